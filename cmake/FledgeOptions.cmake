@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: Apache-2.0
+# Compile options for flight code (strict C99) and for C++, and the two that carry the promise
+# of the same bits on every machine.
+
+# Include paths are relative to the repository's root: #include "flight/math/vec.h".
+#
+# The floating-point options are PUBLIC, because headers hold inline arithmetic:
+#   -ffp-contract=off  a*b + c is two roundings everywhere, also where the machine has FMA;
+#   -fno-math-errno    sqrt is one instruction. It changes no result.
+# Never -march=native, never -ffast-math (which flight/math refuses to compile with).
+function(fledge_common_options target)
+    target_include_directories(${target} PUBLIC ${PROJECT_SOURCE_DIR})
+    target_compile_options(${target} PUBLIC -ffp-contract=off -fno-math-errno)
+endfunction()
+
+# fledge_flight_options(<target>): C that flies. Strict C99, also clean as C11.
+function(fledge_flight_options target)
+    fledge_common_options(${target})
+    target_compile_options(${target} PRIVATE
+        $<$<COMPILE_LANGUAGE:C>:-pedantic -Wall -Wextra -Wconversion -Wstrict-prototypes -Werror>
+        $<$<COMPILE_LANG_AND_ID:C,GNU>:-Wcast-align=strict>)
+endfunction()
+
+# fledge_cxx_options(<target>): C++ of the kernel, the world and the tools. Not -pedantic: the flight
+# headers it includes use C99's compound literals.
+function(fledge_cxx_options target)
+    fledge_common_options(${target})
+    target_compile_options(${target} PRIVATE
+        $<$<COMPILE_LANGUAGE:CXX>:-Wall -Wextra -Wshadow -Wnon-virtual-dtor -Werror>)
+endfunction()
