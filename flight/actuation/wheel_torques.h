@@ -1,0 +1,32 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#ifndef FLIGHT_ACTUATION_WHEEL_TORQUES_H
+#define FLIGHT_ACTUATION_WHEEL_TORQUES_H
+
+#include "flight/msg/vehicle.h"
+#include "flight/msg/wheels.h"
+
+/** Map a wanted body torque to motor torques of the available wheels, with minimum norm.
+ *  Where a motor would saturate, all are scaled alike, so the torque keeps its direction.
+ *  Where the wheels cannot span the controlled axes, the nearest torque is given, degraded.
+ *  Source: thesis Eq. (A.2); the pseudo-inverse is the minimum-norm least-squares solution. */
+typedef struct WheelTorques {
+    struct {
+        BodyTorque torque;
+        WheelSet wheels;
+        WheelAvailability availability; ///< optional: without it all wheels may be used
+    } in;
+    struct {
+        WheelCommand command;
+        BodyTorque achieved; ///< the torque on the body that the command will give
+    } out;
+    struct {
+        uint32_t n_axes; ///< [-] in [0, 3]: number of controlled axes; 0: all three
+        uint32_t spare;
+        Vec3 axes_B[3]; ///< [-] count n_axes: controlled axes, linearly independent
+    } par;
+} WheelTorques;
+
+void wheel_torques_reset(WheelTorques *m);
+void wheel_torques_update(WheelTorques *m, Tick t);
+
+#endif

@@ -1,0 +1,39 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#ifndef FLIGHT_CONTROL_MRP_FEEDBACK_H
+#define FLIGHT_CONTROL_MRP_FEEDBACK_H
+
+#include "flight/msg/attitude.h"
+#include "flight/msg/vehicle.h"
+#include "flight/msg/wheels.h"
+
+/** Track a moving attitude reference with feedback on the MRP and rate errors.
+ *  The output is the torque wanted on the body: the negative of thesis Eq. (A.4), which gives the
+ *  torque of the body on the wheels, with an integral term K_I z added to K sigma_BR.
+ *  Source: thesis Eqs. (A.3), (A.4). */
+typedef struct MrpFeedback {
+    struct {
+        AttError error;
+        VehicleData vehicle; ///< inertia, from the vehicle configuration
+        WheelSet wheels;     ///< optional: the wheels' axes and inertias
+        WheelSpeeds speeds;  ///< optional: without it the wheels' momentum is not compensated
+        BodyTorque external; ///< optional: known external torque, to be compensated
+    } in;
+    struct {
+        BodyTorque torque; ///< wanted control torque on the body
+    } out;
+    struct {
+        double K;       ///< [N m]   required, > 0: gain on the MRP error
+        Mat3 P;         ///< [N m s] required: gain on the rate error
+        double K_I;     ///< [N m / s] >= 0: gain on the integrated error; 0: off
+        double u_I_max; ///< [N m]   >= 0: largest integral torque per axis (anti-windup); 0: no limit
+    } par;
+    struct {
+        Vec3 z;        ///< [s] integral of the MRP error
+        Vec3 sigma_BR; ///< [-] the MRP error at the last update
+    } mem;
+} MrpFeedback;
+
+void mrp_feedback_reset(MrpFeedback *m);
+void mrp_feedback_update(MrpFeedback *m, Tick t);
+
+#endif

@@ -1,0 +1,33 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#ifndef FLIGHT_GUIDANCE_EULER_ROTATION_H
+#define FLIGHT_GUIDANCE_EULER_ROTATION_H
+
+#include "flight/msg/attitude.h"
+
+/** Turn a base reference R0 by 3-2-1 Euler angles that change at constant rates.
+ *  The angles count from the first update after a reset, so the first reference is exact.
+ *  Modules may be chained; three of them make any of the twelve Euler sequences.
+ *  Source: thesis Eqs. (2.13) to (2.20). */
+typedef struct EulerRotation {
+    struct {
+        AttReference base;
+    } in;
+    struct {
+        AttReference reference;
+        EulerAngles euler; ///< the angles of the reference relative to the base
+    } out;
+    struct {
+        Vec3 angles; ///< [rad]   psi, theta, phi of R relative to R0 at the start
+        Vec3 rates;  ///< [rad/s] their constant rates
+    } par;
+    struct {
+        int64_t start;   ///< [ns] when the angles began to count
+        int32_t running; ///< [-]  0 until the first update after a reset
+        int32_t spare;
+    } mem;
+} EulerRotation;
+
+void euler_rotation_reset(EulerRotation *m);
+void euler_rotation_update(EulerRotation *m, Tick t);
+
+#endif

@@ -1,0 +1,26 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#ifndef FLIGHT_GUIDANCE_TRACKING_ERROR_H
+#define FLIGHT_GUIDANCE_TRACKING_ERROR_H
+
+#include "flight/msg/attitude.h"
+
+/** The error of the body's attitude against a reference that the control frame Bc shall follow.
+ *  B follows R with [RN] = [BcB]^T [RiN], so that Bc follows Ri.
+ *  Source: thesis Eqs. (2.21), (2.22). */
+typedef struct TrackingError {
+    struct {
+        NavAttitude attitude;
+        AttReference reference; ///< Ri: what the control frame shall follow
+    } in;
+    struct {
+        AttError error;
+    } out;
+    struct {
+        Vec3 sigma_BcB; ///< [-] attitude of the control frame Bc relative to B
+    } par;
+} TrackingError;
+
+void tracking_error_reset(TrackingError *m);
+void tracking_error_update(TrackingError *m, Tick t);
+
+#endif

@@ -1,0 +1,120 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Vectors and matrices of three, by value, so that expressions read as the equations do.
+ * A Mat3 is stored by rows: m[i][j] is row i, column j. */
+#ifndef FLIGHT_MATH_VEC_H
+#define FLIGHT_MATH_VEC_H
+
+#include "flight/math/elementary.h"
+
+typedef struct Vec3 {
+    double v[3];
+} Vec3;
+
+typedef struct Mat3 {
+    double m[3][3];
+} Mat3;
+
+static inline Vec3 vec3(double x, double y, double z)
+{
+    return (Vec3){{x, y, z}};
+}
+
+static inline Vec3 vec_add(Vec3 a, Vec3 b)
+{
+    return vec3(a.v[0] + b.v[0], a.v[1] + b.v[1], a.v[2] + b.v[2]);
+}
+
+static inline Vec3 vec_sub(Vec3 a, Vec3 b)
+{
+    return vec3(a.v[0] - b.v[0], a.v[1] - b.v[1], a.v[2] - b.v[2]);
+}
+
+static inline Vec3 vec_scale(double s, Vec3 a)
+{
+    return vec3(s * a.v[0], s * a.v[1], s * a.v[2]);
+}
+
+static inline Vec3 vec_neg(Vec3 a)
+{
+    return vec3(-a.v[0], -a.v[1], -a.v[2]);
+}
+
+static inline double vec_dot(Vec3 a, Vec3 b)
+{
+    return a.v[0] * b.v[0] + a.v[1] * b.v[1] + a.v[2] * b.v[2];
+}
+
+static inline Vec3 vec_cross(Vec3 a, Vec3 b)
+{
+    return vec3(a.v[1] * b.v[2] - a.v[2] * b.v[1],
+                a.v[2] * b.v[0] - a.v[0] * b.v[2],
+                a.v[0] * b.v[1] - a.v[1] * b.v[0]);
+}
+
+static inline double vec_norm2(Vec3 a)
+{
+    return vec_dot(a, a);
+}
+
+static inline double vec_norm(Vec3 a)
+{
+    return fm_sqrt(vec_dot(a, a));
+}
+
+static inline Mat3 mat_identity(void)
+{
+    return (Mat3){{{1.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {0.0, 0.0, 1.0}}};
+}
+
+/** The matrix whose rows are a, b, c. */
+static inline Mat3 mat_rows(Vec3 a, Vec3 b, Vec3 c)
+{
+    return (Mat3){{{a.v[0], a.v[1], a.v[2]}, {b.v[0], b.v[1], b.v[2]}, {c.v[0], c.v[1], c.v[2]}}};
+}
+
+static inline Mat3 mat_transpose(Mat3 a)
+{
+    return (Mat3){{{a.m[0][0], a.m[1][0], a.m[2][0]},
+                   {a.m[0][1], a.m[1][1], a.m[2][1]},
+                   {a.m[0][2], a.m[1][2], a.m[2][2]}}};
+}
+
+/** A x */
+static inline Vec3 mat_vec(Mat3 a, Vec3 x)
+{
+    return vec3(a.m[0][0] * x.v[0] + a.m[0][1] * x.v[1] + a.m[0][2] * x.v[2],
+                a.m[1][0] * x.v[0] + a.m[1][1] * x.v[1] + a.m[1][2] * x.v[2],
+                a.m[2][0] * x.v[0] + a.m[2][1] * x.v[1] + a.m[2][2] * x.v[2]);
+}
+
+/** A^T x */
+static inline Vec3 mat_tvec(Mat3 a, Vec3 x)
+{
+    return mat_vec(mat_transpose(a), x);
+}
+
+/** A B */
+static inline Mat3 mat_mul(Mat3 a, Mat3 b)
+{
+    Mat3 c;
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++) {
+            c.m[i][j] = a.m[i][0] * b.m[0][j] + a.m[i][1] * b.m[1][j] + a.m[i][2] * b.m[2][j];
+        }
+    }
+    return c;
+}
+
+/** A^T B */
+static inline Mat3 mat_tmul(Mat3 a, Mat3 b)
+{
+    return mat_mul(mat_transpose(a), b);
+}
+
+/** A B^T */
+static inline Mat3 mat_mult(Mat3 a, Mat3 b)
+{
+    return mat_mul(a, mat_transpose(b));
+}
+
+#endif

@@ -1,0 +1,57 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What every message begins with, and the time that a module is given. */
+#ifndef FLIGHT_MSG_HEAD_H
+#define FLIGHT_MSG_HEAD_H
+
+#include <stdint.h>
+
+/** How far a message may be trusted, in rising order. */
+typedef enum Quality {
+    QUALITY_NONE = 0,     ///< never written
+    QUALITY_STALE = 1,    ///< older than its wire allows
+    QUALITY_DEGRADED = 2, ///< made from stale, missing or incomplete data
+    QUALITY_GOOD = 3      ///< as intended
+} Quality;
+
+/** The first 16 bytes of every message. All zero: the message was never written. */
+typedef struct Head {
+    int64_t t;         ///< [ns] time of validity, since the start of the run
+    Quality quality;   ///< [-]  how far the content may be trusted
+    uint32_t sequence; ///< [-]  counts the writings, from 1
+} Head;
+
+/** The time that a module's update is called for. */
+typedef struct Tick {
+    int64_t t;  ///< [ns] now, since the start of the run
+    int64_t dt; ///< [ns] since this module's last update; 0 at the first after a reset
+} Tick;
+
+/** The time in seconds between two instants in nanoseconds. */
+static inline double tick_seconds(int64_t ns)
+{
+    return 1e-9 * (double)ns;
+}
+
+static inline Quality quality_min(Quality a, Quality b)
+{
+    return a < b ? a : b;
+}
+
+/** The quality of what is computed from an input: stale data degrade a result, missing data void it. */
+static inline Quality quality_through(Head input)
+{
+    return input.quality == QUALITY_STALE ? QUALITY_DEGRADED : input.quality;
+}
+
+static inline int head_written(Head h)
+{
+    return h.quality != QUALITY_NONE;
+}
+
+/** The head of the next writing of an output whose last head was `last`. */
+static inline Head head_next(Head last, int64_t t, Quality quality)
+{
+    return (Head){t, quality, last.sequence + 1u};
+}
+
+#endif

@@ -1,0 +1,20 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#ifndef FLIGHT_VEHICLE_VEHICLE_CONFIG_H
+#define FLIGHT_VEHICLE_VEHICLE_CONFIG_H
+
+#include "flight/msg/vehicle.h"
+
+/** The vehicle's data, given once and wired to every module that needs them. */
+typedef struct VehicleConfig {
+    struct {
+        VehicleData vehicle;
+    } out;
+    struct {
+        Mat3 I_B; ///< [kg m^2] required, inertia: inertia about the centre of mass
+    } par;
+} VehicleConfig;
+
+void vehicle_config_reset(VehicleConfig *m);
+void vehicle_config_update(VehicleConfig *m, Tick t);
+
+#endif
