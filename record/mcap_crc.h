@@ -1,0 +1,32 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/** CRC-32 as MCAP, zlib and Ethernet have it: polynomial 0x04C11DB7, reflected, inverted at both
+ *  ends. A buffer is hashed eight bytes a step (slicing-by-8), a long one in three lanes at once.
+ *
+ *  The tables live in the caller's memory, so that there is no static data and no generated text.
+ *  Source: ISO 3309; slicing by Kounavis and Berry, IEEE Trans. Computers 57 (2008) 1550. */
+#ifndef RECORD_MCAP_CRC_H
+#define RECORD_MCAP_CRC_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct McapCrc {
+    uint32_t table[8][256]; ///< table[k][b]: the remainder of byte b followed by k zero bytes
+} McapCrc;
+
+void mcap_crc_init(McapCrc *c);
+
+/** The CRC of (what `crc` covers, then these n bytes). The CRC of nothing is 0. */
+uint32_t mcap_crc_update(const McapCrc *c, uint32_t crc, const void *bytes, size_t n);
+
+/** The CRC of A followed by B from crc(A), crc(B) and the length of B [bytes]: no byte is read. */
+uint32_t mcap_crc_join(uint32_t crc_a, uint32_t crc_b, uint64_t length_b);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
