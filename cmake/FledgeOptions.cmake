@@ -21,8 +21,8 @@ function(fledge_flight_options target)
         $<$<COMPILE_LANG_AND_ID:C,GNU>:-Wcast-align=strict>)
 endfunction()
 
-# fledge_cxx_options(<target>): C++ of the kernel, the world and the tools. Not -pedantic: the flight
-# headers it includes use C99's compound literals.
+# fledge_cxx_options(<target>): C++ of the kernel, the world and the tools. Not -pedantic, for the
+# flight headers that it includes use C99's compound literals.
 function(fledge_cxx_options target)
     fledge_common_options(${target})
     target_compile_options(${target} PRIVATE

@@ -25,7 +25,7 @@ trap 'umount -R "$fresh"/{proc,data} 2>/dev/null || :; rm -rf --one-file-system 
 
 mirror=$(apt-get indextargets --format '$(SITE) $(CODENAME) $(COMPONENT)' 'Created-By: Packages' |
     awk '$2 == "bookworm" && $3 == "main" { print $1; exit }')
-[ -n "$mirror" ] || { echo "fresh_debian: this machine's apt knows no bookworm mirror" >&2; exit 1; }
+[ -n "$mirror" ] || { echo "fresh_debian: apt knows no mirror of bookworm" >&2; exit 1; }
 
 table=()
 
@@ -70,7 +70,7 @@ if [ -n "${FLEDGE_TEST_DATA:-}" ]; then
 fi
 git clone -q "file://$root" "$fresh/home/fledge"
 for tool in python3 git sudo; do
-    ! inside "command -v $tool" || { echo "fresh_debian: it is not empty, it has $tool" >&2; exit 1; }
+    ! inside "command -v $tool" || { echo "fresh_debian: it has $tool already" >&2; exit 1; }
 done
 
 # Without root and without sudo it must say what to type, and touch nothing.
