@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The launcher, run in a copy with stand-ins for the tools that change the machine."""
+
+import os
+import shutil
+import subprocess
+
+import pytest
+
+from tests.tree import ROOT
+
+# What the launcher may find on the PATH besides the stand-ins: no sudo, no compiler.
+TOOLS = ("cat cksum cut date dirname find getconf grep head ls mkdir rm sed sleep tail tr "
+         "env").split()
+
+STAND_INS = {
+    "id": 'echo "${FAKE_UID:-0}"',
+    "dpkg-query": 'cat "$FAKE/installed" 2>/dev/null; exit 1',
+    # The first install of each run of the test fails, as it does when the lists are outdated.
+    "apt-get": 'echo "$*" >> "$FAKE/apt"\n'
+               'case "$*" in *install*) [ -e "$FAKE/updated" ] || { echo "E: no"; exit 100; } ;;\n'
+               '*) : > "$FAKE/updated" ;; esac\n'
+               'echo "Need to get 12.3 MB of archives."',
+    "cmake": 'echo "$*" >> "$FAKE/cmake"; mkdir -p build/$2\n'
+             'echo "BUILD_TESTING:BOOL=${3#*=}" > build/$2/CMakeCache.txt; : > build/$2/build.ninja',
+    "ninja": 'echo "$*" >> "$FAKE/ninja"; [ ! -e "$FAKE/broken" ] || {\n'
+             'echo "a.c:7:1: error: it is broken"; exit 1; }; echo "ninja: no work to do."',
+    "ctest": 'while [ $# -gt 0 ]; do [ "$1" != --output-junit ] || report=$2; shift; done\n'
+             '[ ! -e "$FAKE/report" ] || cat "$FAKE/report" > "$report"\n'
+             'exit "$(cat "$FAKE/status")"',
+}
+
+REPORT = ('<?xml version="1.0"?>\n<testsuite name="x"\n\ttests="5"\n\tfailures="{}"\n'
+          '\tdisabled="0"\n\tskipped="1"\n>\n</testsuite>')
+
+
+@pytest.fixture
+def launch(tmp_path):
+    """launch(*arguments, **environment) runs the copy; launch.said(name) is what a tool got."""
+    (tmp_path / "cmake").mkdir()
+    (tmp_path / "bin").mkdir()
+    (tmp_path / "fake").mkdir()
+    shutil.copy(ROOT / "fledge", tmp_path)
+    shutil.copy(ROOT / "cmake/packages.txt", tmp_path / "cmake")
+    (tmp_path / "a_test.py").write_text("def test_one():\n    pass\n")
+    (tmp_path / "pytest.ini").write_text("[pytest]\npython_files = *_test.py\n")
+    for tool in TOOLS:
+        (tmp_path / "bin" / tool).symlink_to(shutil.which(tool))
+    for name, script in STAND_INS.items():
+        (tmp_path / "bin" / name).write_text(f"#!/bin/sh\n{script}\n")
+        (tmp_path / "bin" / name).chmod(0o755)
+
+    def run(*arguments, **environment):
+        return subprocess.run(
+            ["/bin/sh", tmp_path / "fledge", *arguments], capture_output=True, text=True,
+            cwd=tmp_path, env={"PATH": str(tmp_path / "bin"), "FAKE": str(tmp_path / "fake"),
+                               **environment})
+
+    def said(name):
+        path = tmp_path / "fake" / name
+        return path.read_text().splitlines() if path.exists() else []
+
+    run.said = said
+    run.fake = tmp_path / "fake"
+    return run
+
+
+def packages(purpose):
+    """The names in that section of the list."""
+    section = (ROOT / "cmake/packages.txt").read_text().split(f"[{purpose}]")[1].split("[")[0]
+    return [line.split("#")[0].strip() for line in section.splitlines() if line.split("#")[0].strip()]
+
+
+def test_setup_installs_what_is_missing_and_only_that(launch):
+    (launch.fake / "installed").write_text("installed cmake\nconfig-files ninja-build\n")
+    (launch.fake / "updated").touch()
+    done = launch("setup")
+    assert done.returncode == 0, done.stderr
+    (command,) = [line for line in launch.said("apt") if " install " in line]
+    wanted = command.split("--no-install-recommends ")[1].split()
+    assert wanted == [name for name in packages("run") if name != "cmake"]
+    assert "12.3 MB" in done.stderr
+
+
+def test_setup_does_nothing_the_second_time(launch):
+    (launch.fake / "updated").touch()
+    launch("setup")
+    before = launch.said("apt")
+    again = launch("setup")
+    assert launch.said("apt") == before
+    assert len(launch.said("cmake")) == 1
+    assert again.stderr == "fledge: ready\n"
+
+
+def test_package_lists_are_fetched_only_when_an_install_fails(launch):
+    done = launch("setup")
+    assert done.returncode == 0, done.stderr
+    words = [word for line in launch.said("apt") for word in line.split()
+             if word in ("install", "update")]
+    assert words[-2:] == ["update", "install"]
+    assert words.count("update") == 1
+
+
+def test_without_root_or_sudo_it_says_what_to_type_and_touches_nothing(launch):
+    done = launch("setup", FAKE_UID="1000")
+    assert done.returncode == 1
+    assert "apt-get install --no-install-recommends " + " ".join(packages("run")) in done.stderr
+    assert launch.said("apt") == launch.said("cmake") == []
+
+
+def test_a_broken_build_shows_its_error_and_fails(launch):
+    (launch.fake / "updated").touch()
+    (launch.fake / "broken").touch()
+    done = launch("demo")
+    assert done.returncode == 1
+    assert "the build failed" in done.stderr and "a.c:7:1: error: it is broken" in done.stderr
+
+
+def test_demo_installs_no_test_packages(launch):
+    (launch.fake / "updated").touch()
+    launch("demo")
+    assert not any("pytest" in line for line in launch.said("apt"))
+    assert launch.said("cmake") == ["--preset release -DBUILD_TESTING=OFF"]
+
+
+@pytest.mark.parametrize("failures, status, line", [
+    (0, 0, "5 passed, 0 failed, 1 skipped"),
+    (2, 8, "3 passed, 2 failed, 1 skipped"),
+    (0, 8, "5 passed, 1 failed, 1 skipped"),     # it failed, but no test did
+    (None, 8, "1 passed, 1 failed, 0 skipped"),  # it left no report
+])
+def test_the_closing_line_adds_up_and_the_status_is_honest(launch, failures, status, line):
+    (launch.fake / "updated").touch()
+    (launch.fake / "status").write_text(str(status))
+    if failures is not None:
+        (launch.fake / "report").write_text(REPORT.format(failures))
+    done = launch("test")
+    assert done.stdout.splitlines()[-1] == line, done.stdout + done.stderr
+    assert done.returncode == (status != 0)
+
+
+def test_a_pattern_that_matches_nothing_fails(launch):
+    (launch.fake / "updated").touch()
+    (launch.fake / "status").write_text("0")
+    (launch.fake / "report").write_text('<testsuite name="x" tests="0" failures="0" skipped="0">')
+    done = launch("test", "-k", "nothing_has_this_name")
+    assert done.returncode == 1
+    assert "no test matches 'nothing_has_this_name'" in done.stderr
+
+
+@pytest.mark.parametrize("command", "setup demo test run list plot convert bench".split())
+def test_every_command_has_help_with_an_example(command):
+    done = subprocess.run([ROOT / "fledge", command, "--help"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert f"fledge {command}" in done.stdout and "example" in done.stdout.lower()
+
+
+def test_an_unknown_command_is_refused(launch):
+    done = launch("fly")
+    assert done.returncode == 2
+    assert "unknown command 'fly'" in done.stderr and "usage:" in done.stderr
+
+
+def test_the_launcher_is_plain_posix():
+    assert os.access(ROOT / "fledge", os.X_OK)
+    assert subprocess.run(["/bin/sh", "-n", ROOT / "fledge"]).returncode == 0
