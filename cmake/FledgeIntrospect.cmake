@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+# Tables and layout checks from headers, by the reader in introspect/.
+
+get_filename_component(FLEDGE_ROOT ${CMAKE_CURRENT_LIST_DIR}/.. ABSOLUTE)
+
+# fledge_introspect(<target> LIBRARY <name> [ROOT <dir>] [MODULES <dir>...] [MODELS <dir>...]
+#                   [INCLUDE <dir>...])
+#
+# Adds to a target the tables of a library (`fledge_library_<name>`, see sim/table.h), and a file that
+# compiles only where structs lie in memory as the tables say. Folders are relative to ROOT (default:
+# the project); INCLUDE names further roots that headers include from, besides Fledge itself.
+#
+# The reader walks the folders, so that a new header costs no line here. It runs again when a header
+# or folder changes, and rewrites only what reads differently.
+function(fledge_introspect target)
+    cmake_parse_arguments(PARSE_ARGV 1 arg "" "LIBRARY;ROOT" "MODULES;MODELS;INCLUDE")
+    if(NOT arg_LIBRARY OR arg_UNPARSED_ARGUMENTS)
+        message(FATAL_ERROR "fledge_introspect(${target}): give LIBRARY <name>, and only what it takes")
+    endif()
+    if(NOT arg_ROOT)
+        set(arg_ROOT ${PROJECT_SOURCE_DIR})
+    endif()
+
+    set(options --library ${arg_LIBRARY} --root ${arg_ROOT})
+    foreach(folder IN LISTS arg_MODULES)
+        list(APPEND options --modules ${folder})
+    endforeach()
+    foreach(folder IN LISTS arg_MODELS)
+        list(APPEND options --models ${folder})
+    endforeach()
+    foreach(folder IN LISTS arg_INCLUDE ITEMS ${FLEDGE_ROOT})
+        list(APPEND options --include ${folder})
+    endforeach()
+
+    set(out ${CMAKE_CURRENT_BINARY_DIR})
+    set(tables ${out}/${arg_LIBRARY}_tables.c)
+    set(layout ${out}/${arg_LIBRARY}_layout.c)
+    add_custom_command(
+        OUTPUT ${tables} ${layout}
+        COMMAND ${CMAKE_COMMAND} -E env PYTHONPATH=${FLEDGE_ROOT}
+            ${Python_EXECUTABLE} -m introspect ${options} --out ${out} --depfile ${tables}.d
+        DEPFILE ${tables}.d
+        COMMENT "Reading the headers of ${arg_LIBRARY}"
+        VERBATIM)
+    target_sources(${target} PRIVATE ${tables} ${layout})
+    target_include_directories(${target} PRIVATE ${arg_ROOT} ${arg_INCLUDE} ${FLEDGE_ROOT})
+endfunction()

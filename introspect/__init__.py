@@ -1,0 +1,7 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The reader: C headers become one typed model, and everything else is written from that model.
+
+    reader.py   headers -> model, by libclang       rules.py    what a header may not do
+    comment.py  the grammar of field comments       units.py    the grammar of units
+    model.py    the typed model                     emit/       model -> text
+"""

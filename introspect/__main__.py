@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command line: `python3 -m introspect --help`."""
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+from pathlib import Path
+
+from introspect.emit import EMITTERS
+from introspect.errors import HeaderError
+from introspect.model import Kind, Model
+from introspect.reader import Source, read
+
+_HELP = """\
+Read C headers of modules, models and messages, and write what is made from them.
+
+example:
+  python3 -m introspect --library flight --modules flight --library world --models world --out build
+
+Options are read in order: --root holds for the folders after it, --library for its folders. With a
+single library its place does not matter. Files are written only where their text changes."""
+
+
+class _InOrder(argparse.Action):
+    """Keep (option, value) pairs in the order of the command line."""
+
+    def __call__(self, parser, namespace, value, option=None):
+        namespace.ordered = [*(getattr(namespace, "ordered", None) or []), (self.dest, value)]
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="introspect", description=_HELP,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--root", action=_InOrder, metavar="DIR",
+                        help="what folders and #include are relative to (default: .)")
+    parser.add_argument("--library", action=_InOrder, metavar="NAME", help="to which folders belong")
+    parser.add_argument("--modules", action=_InOrder, metavar="DIR",
+                        help="folder of flight modules and messages")
+    parser.add_argument("--models", action=_InOrder, metavar="DIR",
+                        help="folder of world models and messages")
+    parser.add_argument("--include", action="append", default=[], metavar="DIR", type=Path,
+                        help="further folder for #include, of other libraries")
+    parser.add_argument("--emit", action="append", choices=EMITTERS, metavar="EMITTER",
+                        help=f"what to write, of {', '.join(EMITTERS)} (default: tables, layout)")
+    parser.add_argument("--out", required=True, type=Path, metavar="DIR", help="where to write")
+    parser.add_argument("--depfile", type=Path, metavar="FILE",
+                        help="write for Ninja or make on what the first file depends")
+    parser.add_argument("--time", action="store_true", help="print how long reading took")
+    parser.add_argument("-v", "--verbose", action="store_true", help="name unchanged files too")
+    return parser
+
+
+def _sources(ordered: list[tuple[str, str]]) -> list[Source]:
+    """The folders, each with the root and library that hold where it stands."""
+    libraries = [value for option, value in ordered if option == "library"]
+    root, library = Path("."), libraries[0] if len(libraries) == 1 else None
+    sources = []
+    for option, value in ordered:
+        if option == "root":
+            root = Path(value)
+        elif option == "library":
+            library = value
+        elif library is None:
+            raise ValueError(f"--{option} {value}: give its --library before")
+        else:
+            kind = Kind.MODULE if option == "modules" else Kind.MODEL
+            sources.append(Source(root, value, kind, library))
+    for name in libraries:
+        if not name.isidentifier():
+            raise ValueError(f"--library {name}: a name is letters, digits and _")
+    if not sources:
+        raise ValueError("give at least one folder with --modules or --models")
+    return sources
+
+
+def _write(path: Path, text: str) -> bool:
+    """Whether the file's text was another one, or there was none. Readers never see half a file."""
+    data = text.encode()
+    if path.is_file() and path.read_bytes() == data:
+        return False
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(path.name + ".part")
+    part.write_bytes(data)
+    part.replace(path)
+    return True
+
+
+def _depfile(target: Path, model: Model) -> str:
+    """Depends on headers, on folders (whose time changes when a header comes or goes), and on us."""
+    here = Path(__file__).parent
+    ours = [str(path) for path in [*here.glob("*.py"), *here.glob("emit/*.py")]
+            if not path.name.endswith("_test.py")]
+    needed = sorted({os.path.abspath(path) for path in [*model.files, *model.folders, *ours]})
+    escaped = [path.replace(" ", "\\ ").replace("#", "\\#").replace("$", "$$") for path in needed]
+    return f"{target}: \\\n  " + " \\\n  ".join(escaped) + "\n"
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    try:
+        sources = _sources(getattr(options, "ordered", []))
+        started = time.perf_counter()
+        model = read(sources, options.include)
+        if options.time:
+            print(f"read {len(model.structs)} structs in {len(model.files)} files in "
+                  f"{1e3 * (time.perf_counter() - started):.0f} ms")
+        files: dict[str, str] = {}
+        for name in model.library_names:
+            for emitter in options.emit or ["tables", "layout"]:
+                files |= EMITTERS[emitter](model.library(name))
+        for name, text in files.items():
+            if _write(options.out / name, text):
+                print(f"wrote {options.out / name}")
+            elif options.verbose:
+                print(f"unchanged {options.out / name}")
+        if options.depfile:
+            _write(options.depfile, _depfile(options.out / next(iter(files)), model))
+    except (HeaderError, OSError, ValueError) as error:
+        print(error, file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The comment beside a field: what the C type cannot say.
+
+    comment = "///<" [ "[" unit "]" ] [ clause { "," clause } ":" ] meaning
+    clause  = "required" | "optional" | "assumed" | "non-zero" | "inertia"
+            | (">" | ">=" | "<" | "<=") number | "in [" number "," number "]" | "count" field
+
+What stands before the first colon is clauses if its first part is one; else all is meaning, so that
+`///< Ri: what the control frame shall follow` may be written. Continuation lines keep their `///<`.
+"""
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, replace
+
+from introspect import units
+from introspect.errors import Refusal
+from introspect.model import Bounds, Unit
+
+WORDS = ("required", "optional", "assumed", "non-zero", "inertia")
+CLAUSES = ", ".join(WORDS) + ", > x, >= x, < x, <= x, in [a, b], count FIELD"
+
+_NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+
+
+@dataclass(frozen=True)
+class Comment:
+    unit: Unit | None = None
+    clauses: frozenset[str] = frozenset()
+    bounds: Bounds | None = None
+    count: str | None = None
+    meaning: str = ""
+
+
+def field_text(raw: str | None) -> str | None:
+    """The words of a comment that stands after its field, in one line; None if it is no such one."""
+    if not raw:
+        return None
+    if raw.startswith("/**<"):
+        lines = re.sub(r"^\s*\*", "", raw[4:-2], flags=re.M).splitlines()
+    else:
+        lines = raw.splitlines()
+        if not all(line.lstrip().startswith("///<") for line in lines):
+            return None
+        lines = [line.lstrip()[4:] for line in lines]
+    return " ".join(" ".join(lines).split())
+
+
+def doc_text(raw: str | None) -> str:
+    """The words of the comment before a declaration, its lines kept; empty if there is none."""
+    if not raw:
+        return ""
+    if raw.startswith("/**") and not raw.startswith("/**<"):
+        lines = [re.sub(r"^\s*\*? ?", "", line) for line in raw[3:-2].splitlines()]
+    elif raw.startswith("///") and not raw.startswith("///<"):
+        lines = [re.sub(r"^\s*///? ?", "", line) for line in raw.splitlines()]
+    else:
+        return ""
+    return "\n".join(line.strip() for line in lines).strip()
+
+
+def parse(text: str) -> Comment:
+    """What the words of a field's comment say. Raises Refusal."""
+    unit = None
+    if bracket := re.match(r"\[([^\]]*)\]\s*", text):
+        unit = units.parse(bracket[1])
+        text = text[bracket.end():]
+    before, colon, after = text.partition(":")
+    parts = [part.strip() for part in re.split(r",(?![^\[(]*[\])])", before)]
+    if not colon:
+        if _are_clauses(parts) and parts != ["inertia"]:
+            raise Refusal("a clause ends with a colon, before the meaning", f"`{text}`",
+                          f"write `{text}: ` and what the field is")
+        return Comment(unit, meaning=text)
+    if not _is_clause(parts[0]):
+        return Comment(unit, meaning=text)
+    comment = Comment(unit, meaning=after.strip())
+    for part in parts:
+        comment = _with_clause(comment, part)
+    return comment
+
+
+def _is_clause(part: str) -> bool:
+    return (part in WORDS or part.startswith((">", "<")) or bool(re.match(r"in\s*[\[(]", part))
+            or bool(re.fullmatch(r"count\s+\w+", part)))
+
+
+def _are_clauses(parts: list[str]) -> bool:
+    try:
+        for part in parts:
+            _with_clause(Comment(), part)
+    except Refusal:
+        return False
+    return True
+
+
+def _with_clause(comment: Comment, part: str) -> Comment:
+    if part in WORDS:
+        return replace(comment, clauses=comment.clauses | {part})
+    if counted := re.fullmatch(r"count\s+(\w+)", part):
+        return replace(comment, count=counted[1])
+    if compared := re.fullmatch(r"(>=|<=|>|<)(.*)", part):
+        sign, value = compared[1], _number(compared[2], part)
+        open_ = "=" not in sign
+        new = Bounds(lo=value, lo_open=open_) if sign[0] == ">" else Bounds(hi=value, hi_open=open_)
+    elif interval := re.fullmatch(r"in\s*\[([^,\[\]]*),([^,\[\]]*)\]", part):
+        new = Bounds(_number(interval[1], part), _number(interval[2], part))
+    elif re.match(r"in\s*[\[(]", part):
+        raise _malformed(part)
+    else:
+        raise Refusal(f"a clause is one of: {CLAUSES}", f"`{part}` between other clauses",
+                      "correct it, or word the meaning so that it does not begin with a clause")
+    return replace(comment, bounds=_both(comment.bounds or Bounds(), new, part))
+
+
+def _both(old: Bounds, new: Bounds, part: str) -> Bounds:
+    if (None not in (old.lo, new.lo)) or (None not in (old.hi, new.hi)):
+        raise Refusal("a bound is given once", f"`{part}` after another bound of that side",
+                      "leave one of them")
+    both = Bounds(old.lo if new.lo is None else new.lo, old.hi if new.hi is None else new.hi,
+                  old.lo_open or new.lo_open, old.hi_open or new.hi_open)
+    if None not in (both.lo, both.hi):
+        if both.lo > both.hi or (both.lo == both.hi and (both.lo_open or both.hi_open)):
+            raise Refusal("bounds leave room for a value", f"`{part}`, so nothing is allowed",
+                          "exchange or correct them")
+    return both
+
+
+def _number(text: str, part: str) -> float:
+    if not _NUMBER.fullmatch(text.strip()) or math.isinf(float(text)):
+        raise _malformed(part)
+    return float(text)
+
+
+def _malformed(part: str) -> Refusal:
+    return Refusal("a bound is `> x`, `>= x`, `< x`, `<= x` or `in [a, b]`, with numbers",
+                   f"`{part}`", "write numbers, also where C has a name for them")

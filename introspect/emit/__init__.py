@@ -1,0 +1,13 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Emitters: each turns one library of a model into files.
+
+An emitter is a function `emit(library) -> {file name: text}`. Its text depends on the model alone, in
+a fixed order, so that equal headers give equal files. A new one costs its module and a line here.
+"""
+from introspect.emit import layout, schema, tables
+
+EMITTERS = {
+    "tables": tables.emit,
+    "layout": layout.emit,
+    "schema": schema.emit,
+}

@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a struct may not do, whatever its C types: names, padding, clauses, ports.
+
+Each rule takes a Struct and yields (line, Refusal); `check` runs them all.
+"""
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from introspect.errors import Problem, Refusal
+from introspect.model import Field, Group, Kind, Struct, Type
+
+Finding = tuple[int, Refusal]
+
+_C = """auto break case char const continue default do double else enum extern float for goto if inline
+int long register restrict return short signed sizeof static struct switch typedef union unsigned void
+volatile while"""
+_CPP = """alignas alignof and and_eq asm bitand bitor bool catch char16_t char32_t char8_t class co_await
+co_return co_yield compl concept const_cast consteval constexpr constinit decltype delete dynamic_cast
+explicit export false friend mutable namespace new noexcept not not_eq nullptr operator or or_eq
+private protected public reinterpret_cast requires static_assert static_cast template this
+thread_local throw true try typeid typename using virtual wchar_t xor xor_eq"""
+_PYTHON = """False None True and as assert async await break class continue def del elif else except
+finally for from global if import in is lambda nonlocal not or pass raise return try while with
+yield"""
+_CSHARP = """abstract as base bool break byte case catch char checked class const continue decimal
+default delegate do double else enum event explicit extern false finally fixed float for foreach goto
+if implicit in int interface internal is lock long namespace new null object operator out override
+params private protected public readonly ref return sbyte sealed short sizeof stackalloc static string
+struct switch this throw true try typeof uint ulong unchecked unsafe ushort using virtual void volatile
+while"""
+_KEYWORDS = [("C", set(_C.split())), ("C++", set(_CPP.split())), ("Python", set(_PYTHON.split()))]
+_MESSAGE_KEYWORDS = _KEYWORDS + [("C#", set(_CSHARP.split()))]
+
+
+def check(struct: Struct) -> Iterator[Problem]:
+    """All that is wrong with a struct."""
+    rules = [names, unique_names, padding, head, clauses, counts, bounds, units]
+    if struct.kind.is_face:
+        rules += [documented, ports]
+    elif struct.kind is Kind.MESSAGE:
+        rules += [documented]
+    for rule in rules:
+        for line, refusal in rule(struct):
+            yield refusal.at(struct.path, line)
+
+
+def names(struct: Struct) -> Iterator[Finding]:
+    """A name works in C, C++, Python, and, where it travels, in a ROS 2 schema and in C#. Faces do
+    not travel: only messages and what they are made of reach C#."""
+    languages = _KEYWORDS if struct.kind.is_face else _MESSAGE_KEYWORDS
+    if not re.fullmatch(r"[A-Z][A-Za-z0-9]*", struct.name):
+        yield struct.line, Refusal("a struct's name is CamelCase: letters and digits, a capital first",
+                                   f"`{struct.name}`", "rename it")
+    for f in struct.fields:
+        keyword_of = [language for language, words in languages if f.name in words]
+        if keyword_of:
+            yield f.line, Refusal("a name is no keyword",
+                                  f"`{f.name}` is one in {' and '.join(keyword_of)}", "rename it")
+        elif f.name.endswith("_") or "__" in f.name or not f.name[0].isalpha():
+            yield f.line, Refusal("a name begins with a letter, has no `__` and no `_` at its end",
+                                  f"`{f.name}`", "rename it")
+
+
+def unique_names(struct: Struct) -> Iterator[Finding]:
+    """ROS 2 schemas are lower case; Python flattens in, out, par and mem into one object."""
+    first: dict[str, Field] = {}
+    for f in struct.fields:
+        if f.is_spare and struct.kind.is_face:
+            continue
+        other = first.setdefault(f.name.lower(), f)
+        if other is f:
+            continue
+        if other.name == f.name:
+            yield f.line, Refusal("names are unique across in, out, par and mem",
+                                  f"`{f.path}` and `{other.path}` in line {other.line}",
+                                  "rename one of them")
+        else:
+            yield f.line, Refusal("names differ in more than case",
+                                  f"`{f.name}` and `{other.name}` in line {other.line}",
+                                  "rename one of them")
+
+
+def padding(struct: Struct) -> Iterator[Finding]:
+    """Padding is bytes that nobody sets: they would leak into archives, wires and snapshots, and CDR
+    has none of it."""
+    following = [(f.offset, f"before `{f.path}`") for f in struct.fields[1:]]
+    following.append((struct.size, "at the end of the struct"))
+    for f, (end, where) in zip(struct.fields, following):
+        gap = end - (f.offset + f.size)
+        if gap <= 0:
+            continue
+        taken = {g.name for g in struct.fields if g.group is f.group}
+        spare = next(n for n in ["spare"] + [f"spare{i}" for i in range(2, 99)] if n not in taken)
+        declared = {1: f"uint8_t {spare};", 2: f"uint16_t {spare};", 4: f"uint32_t {spare};"}
+        yield f.line, Refusal(
+            "a struct holds no padding", f"{gap} byte{'s' * (gap > 1)} {where}, after `{f.path}`",
+            f"add `{declared.get(gap, f'uint8_t {spare}[{gap}];')}` after `{f.name}`")
+    for f in struct.fields:
+        align = _alignment(f)
+        if f.offset % align:
+            yield f.line, Refusal("a member stands at a multiple of its own size",
+                                  f"`{f.path}` at byte {f.offset}, needing a multiple of {align}",
+                                  "do not pack, and order by size")
+
+
+def _alignment(f: Field) -> int:
+    return f.struct.align if f.struct else f.element_size
+
+
+def head(struct: Struct) -> Iterator[Finding]:
+    """A Head elsewhere than in front is a message gone wrong."""
+    for f in struct.fields:
+        stray = f.struct and f.struct.name == "Head" and struct.kind is Kind.PLAIN
+        if stray or (struct.kind is Kind.MESSAGE and f.name == "head" and f.shape):
+            yield f.line, Refusal("a message begins with `Head head;`", f"`{f.ctype} {f.name}`",
+                                  "make it the first member, named head")
+
+
+def documented(struct: Struct) -> Iterator[Finding]:
+    if not struct.doc:
+        yield struct.line, Refusal(
+            "a module, model or message has a doc comment", f"`{struct.name}` has none",
+            "write /** what it is, and its source */ before `typedef`")
+
+
+def units(struct: Struct) -> Iterator[Finding]:
+    for f in struct.fields:
+        if f.type.is_number and f.unit is None and not f.is_spare:
+            yield f.line, Refusal("a number has a unit", f"`{f.name}` has none",
+                                  "write `///< [unit] meaning` after it, [-] if it has no dimension")
+        if f.unit and f.unit.text == "ns" and not f.type.is_integer:
+            yield f.line, Refusal("ns is for integer times", f"`{f.ctype} {f.name}` in [ns]",
+                                  "use s, or int64_t")
+
+
+def clauses(struct: Struct) -> Iterator[Finding]:
+    """A clause means something only in its group, and on its type."""
+    for f in struct.fields:
+        for clause, group in (("required", Group.PAR), ("optional", Group.IN),
+                              ("assumed", Group.PAR)):
+            if clause in f.clauses and f.group is not group:
+                yield f.line, Refusal(f"only a member of `{group.value}` is {clause}",
+                                      f"`{f.path}` {_in_group(f)}", f"leave out `{clause}`")
+        if "inertia" in f.clauses and not (f.type is Type.F64 and f.shape[-2:] == (3, 3)):
+            yield f.line, Refusal("an inertia is a Mat3", f"`{f.ctype} {f.name}`",
+                                  "leave out `inertia`, or write what it means after a colon")
+        if "non-zero" in f.clauses and not f.type.is_number:
+            yield f.line, Refusal("only numbers are non-zero", f"`{f.ctype} {f.name}`",
+                                  "leave out `non-zero`")
+
+
+def _in_group(f: Field) -> str:
+    return f"is in `{f.group.value}`" if f.group is not Group.NONE else "is in no group"
+
+
+def bounds(struct: Struct) -> Iterator[Finding]:
+    for f in struct.fields:
+        if f.bounds and not f.type.is_number:
+            yield f.line, Refusal("only numbers have bounds", f"`{f.ctype} {f.name}`",
+                                  "leave them out")
+
+
+def counts(struct: Struct) -> Iterator[Finding]:
+    for f in struct.fields:
+        if f.count is None:
+            continue
+        if not f.shape:
+            yield f.line, Refusal("`count` is for arrays", f"`{f.ctype} {f.name}`",
+                                  "leave out `count`")
+        candidates = [g.name for g in struct.fields
+                      if g.group is f.group and g.type.is_unsigned and not g.shape and not g.is_spare]
+        if f.count not in candidates:
+            valid = ", ".join(candidates) or "none here"
+            yield f.line, Refusal(
+                "`count` names an unsigned integer of the same group or struct",
+                f"`count {f.count}`", f"name one of: {valid}")
+
+
+def ports(struct: Struct) -> Iterator[Finding]:
+    """Inputs and outputs are single messages, so that every wire copies one message."""
+    for f in struct.fields:
+        if f.group not in (Group.IN, Group.OUT) or f.is_spare:
+            continue
+        if not f.struct:
+            yield f.line, Refusal("`in` and `out` hold messages", f"`{f.path}` is a {f.ctype}",
+                                  "put it into a message, or into `par` or `mem`")
+        elif f.struct.kind is not Kind.MESSAGE:
+            yield f.line, Refusal("`in` and `out` hold messages",
+                                  f"`{f.path}` is a {f.ctype}, which does not begin with a Head",
+                                  f"make `Head head;` the first member of {f.ctype}")
+        elif f.shape:
+            yield f.line, Refusal("a port is one message", f"`{f.path}` is an array",
+                                  "name its elements, or put the array into the message")
