@@ -61,9 +61,32 @@ static inline double vec_norm(Vec3 a)
     return fm_sqrt(vec_dot(a, a));
 }
 
+/** a / |a|, or zero where a has no direction that could be told. */
+static inline Vec3 vec_unit(Vec3 a)
+{
+    double n = vec_norm(a);
+    return n > 0.0 ? vec_scale(1.0 / n, a) : vec3(0.0, 0.0, 0.0);
+}
+
+/** 1 if no component is a NaN or an infinity. */
+static inline int vec_finite(Vec3 a)
+{
+    return isfinite(a.v[0]) && isfinite(a.v[1]) && isfinite(a.v[2]);
+}
+
 static inline Mat3 mat_identity(void)
 {
     return (Mat3){{{1.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {0.0, 0.0, 1.0}}};
+}
+
+/** 1 if no element is a NaN or an infinity. */
+static inline int mat_finite(Mat3 a)
+{
+    int finite = 1;
+    for (int i = 0; i < 3; i++) {
+        finite = finite && isfinite(a.m[i][0]) && isfinite(a.m[i][1]) && isfinite(a.m[i][2]);
+    }
+    return finite;
 }
 
 /** The matrix whose rows are a, b, c. */

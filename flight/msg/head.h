@@ -1,5 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What every message begins with, and the time that a module is given. */
+/* What every message begins with, the time that a module is given, and the rules that all modules
+ * follow where data are missing, old or not finite:
+ * - an output is as good as the worst input it was made from (quality_through, quality_optional);
+ * - where a required input was never written, or no finite result exists, the output is not written
+ *   again: what it held stays, lowered to QUALITY_DEGRADED, with its old time and sequence
+ *   (head_held). An output that was never written stays all zero;
+ * - a NaN or an infinity in an input is not looked for: it reaches the result, which is looked at;
+ * - a module changes what it remembers only together with what it writes. */
 #ifndef FLIGHT_MSG_HEAD_H
 #define FLIGHT_MSG_HEAD_H
 
@@ -29,7 +36,7 @@ typedef struct Tick {
 /** The time in seconds between two instants in nanoseconds. */
 static inline double tick_seconds(int64_t ns)
 {
-    return 1e-9 * (double)ns;
+    return (double)ns / 1e9; /* 1e9 is exact, 1e-9 is not: half a second is 0.5 */
 }
 
 static inline Quality quality_min(Quality a, Quality b)
@@ -48,10 +55,22 @@ static inline int head_written(Head h)
     return h.quality != QUALITY_NONE;
 }
 
+/** As quality_through, for an input without which the result is whole. */
+static inline Quality quality_optional(Head input)
+{
+    return head_written(input) ? quality_through(input) : QUALITY_GOOD;
+}
+
 /** The head of the next writing of an output whose last head was `last`. */
 static inline Head head_next(Head last, int64_t t, Quality quality)
 {
     return (Head){t, quality, last.sequence + 1u};
+}
+
+/** The head of an output that could not be computed anew and holds its last value, if it has one. */
+static inline Head head_held(Head last)
+{
+    return (Head){last.t, quality_min(last.quality, QUALITY_DEGRADED), last.sequence};
 }
 
 #endif

@@ -18,6 +18,12 @@ typedef struct WheelSet {
     double u_max[WHEELS_MAX];  ///< [N m]    count n: largest motor torque; 0: unlimited
 } WheelSet;
 
+/** The number of wheels, also where a message holds more than there is room for. */
+static inline uint32_t wheels_count(const WheelSet *wheels)
+{
+    return wheels->n < WHEELS_MAX ? wheels->n : WHEELS_MAX;
+}
+
 /** The measured speeds of the wheels relative to the body. */
 typedef struct WheelSpeeds {
     Head head;
