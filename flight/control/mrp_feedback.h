@@ -9,6 +9,8 @@
 /** Track a moving attitude reference with feedback on the MRP and rate errors.
  *  The output is the torque wanted on the body: the negative of thesis Eq. (A.4), which gives the
  *  torque of the body on the wheels, with an integral term K_I z added to K sigma_BR.
+ *  Wheels whose speeds are unknown are not compensated, and the torque is degraded.
+ *  Nothing is integrated across an update whose error could not be used.
  *  Source: thesis Eqs. (A.3), (A.4). */
 typedef struct MrpFeedback {
     struct {
@@ -28,8 +30,10 @@ typedef struct MrpFeedback {
         double u_I_max; ///< [N m]   >= 0: largest integral torque per axis (anti-windup); 0: no limit
     } par;
     struct {
-        Vec3 z;        ///< [s] integral of the MRP error
-        Vec3 sigma_BR; ///< [-] the MRP error at the last update
+        Vec3 z;          ///< [s] integral of the MRP error
+        Vec3 sigma_BR;   ///< [-] the MRP error at the last update, if running
+        int32_t running; ///< [-] 1 if the last update since a reset could use its error
+        int32_t spare;
     } mem;
 } MrpFeedback;
 

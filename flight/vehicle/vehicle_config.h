@@ -10,7 +10,8 @@ typedef struct VehicleConfig {
         VehicleData vehicle;
     } out;
     struct {
-        Mat3 I_B; ///< [kg m^2] required, inertia: inertia about the centre of mass
+        Mat3 I_B; ///< [kg m^2] required, inertia: inertia about the centre of mass of the vehicle
+                  ///< with its wheels, less the wheels' inertia about their spin axes
     } par;
 } VehicleConfig;
 

@@ -5,7 +5,8 @@
 #include "flight/msg/wheels.h"
 
 /** The wheels' data, given once and wired to every module that needs them.
- *  Axes are normalised on the way out. */
+ *  Axes are normalised on the way out. An axis of length zero stays zero, so that wheel is useless,
+ *  and n is at most WHEELS_MAX; the set is then degraded. */
 typedef struct WheelConfig {
     struct {
         WheelSet wheels;

@@ -1,0 +1,107 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Minimum-norm wheel torques. With A = C G, whose columns are zero for wheels that may not be used,
+ *     u = -A^T (A A^T)^+ C L,
+ * which is -A^+ C L also where the wheels do not span the controlled axes. A A^T is of three however
+ * many the wheels, and inverted in closed form, so nothing is kept between updates. */
+#include "flight/actuation/wheel_torques.h"
+
+#include <string.h>
+
+#include "flight/math/mat.h"
+
+void wheel_torques_reset(WheelTorques *m)
+{
+    memset(&m->out, 0, sizeof m->out);
+}
+
+/* C of unit axes, filled up with rows of zeros, which raise no rank. */
+static Mat3 controlled_axes(const WheelTorques *m, int n_axes)
+{
+    Vec3 rows[3] = {{{0.0}}};
+    for (int i = 0; i < n_axes; i++) {
+        rows[i] = vec_unit(m->par.axes_B[i]);
+    }
+    return mat_rows(rows[0], rows[1], rows[2]);
+}
+
+/* Gives the motor torques before saturation; 1 if the wheels span the controlled axes. */
+static int distribute(const WheelTorques *m, double u[WHEELS_MAX])
+{
+    const WheelSet *wheels = &m->in.wheels;
+    const uint8_t *available = m->in.availability.available;
+    int all = !head_written(m->in.availability.head);
+    uint32_t n = wheels_count(wheels);
+    int subset = m->par.n_axes > 0u && m->par.n_axes < 4u;
+    int n_axes = subset ? (int)m->par.n_axes : 3;
+    Mat3 C = subset ? controlled_axes(m, n_axes) : mat_identity();
+
+    Vec3 A[WHEELS_MAX];
+    double xx = 0.0, yy = 0.0, zz = 0.0, xy = 0.0, xz = 0.0, yz = 0.0;
+    for (uint32_t i = 0; i < n; i++) {
+        Vec3 a = vec3(0.0, 0.0, 0.0);
+        if (all || available[i]) {
+            a = subset ? mat_vec(C, wheels->axes_B[i]) : wheels->axes_B[i];
+        }
+        A[i] = a;
+        xx += a.v[0] * a.v[0];
+        yy += a.v[1] * a.v[1];
+        zz += a.v[2] * a.v[2];
+        xy += a.v[0] * a.v[1];
+        xz += a.v[0] * a.v[2];
+        yz += a.v[1] * a.v[2];
+    }
+    int rank;
+    Mat3 S = {{{xx, xy, xz}, {xy, yy, yz}, {xz, yz, zz}}};
+    Vec3 y = mat_vec(mat_sym_pinv(S, &rank), mat_vec(C, m->in.torque.torque_B));
+    for (uint32_t i = 0; i < n; i++) {
+        u[i] = -vec_dot(A[i], y);
+    }
+    return rank == n_axes;
+}
+
+/* The largest factor <= 1 by which all motors stay within their limits; NaN for a limit that is. */
+static double saturation(const WheelSet *wheels, const double u[WHEELS_MAX])
+{
+    double factor = 1.0;
+    for (uint32_t i = 0; i < wheels_count(wheels); i++) {
+        double limit = wheels->u_max[i];
+        if (isnan(limit)) {
+            return limit;
+        }
+        if (limit > 0.0 && fm_abs(u[i]) * factor > limit) {
+            factor = limit / fm_abs(u[i]);
+        }
+    }
+    return factor;
+}
+
+void wheel_torques_update(WheelTorques *m, Tick t)
+{
+    const WheelSet *wheels = &m->in.wheels;
+    WheelCommand *command = &m->out.command;
+    BodyTorque *achieved = &m->out.achieved;
+
+    double u[WHEELS_MAX] = {0.0};
+    int spanned = distribute(m, u);
+    double factor = saturation(wheels, u);
+    Vec3 torque_B = vec3(0.0, 0.0, 0.0);
+    for (uint32_t i = 0; i < wheels_count(wheels); i++) {
+        u[i] *= factor;
+        torque_B = vec_sub(torque_B, vec_scale(u[i], wheels->axes_B[i]));
+    }
+
+    Quality quality = quality_min(quality_through(m->in.torque.head), quality_through(wheels->head));
+    quality = quality_min(quality, quality_optional(m->in.availability.head));
+    if (quality != QUALITY_NONE && vec_finite(torque_B)) { /* and so every u[i] is */
+        if (!spanned) {
+            quality = QUALITY_DEGRADED;
+        }
+        command->head = head_next(command->head, t.t, quality);
+        memcpy(command->u, u, sizeof command->u);
+        achieved->head = head_next(achieved->head, t.t, quality);
+        achieved->torque_B = torque_B;
+    } else {
+        command->head = head_held(command->head);
+        achieved->head = head_held(achieved->head);
+    }
+}

@@ -1,0 +1,104 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* MRP feedback. The torque on the body, all in B components, is
+ *     -(K sigma_BR + P omega_BR + K_I z - omega_RN x H + I (omega_BN x omega_RN - domega_RN) + L)
+ * with H = I omega_BN + G h,  h_i = J_i (omega_BN . g_i + Omega_i)                  (A.3), (A.4)
+ * Put into (A.1) it leaves  I domega_BR = -omega_BR x H - K sigma_BR - P omega_BR - K_I z,  where
+ * domega_BR is the derivative in B. So V = omega_BR . I omega_BR / 2 + 2 K log(1 + sigma_BR^2)
+ * falls as -omega_BR . P omega_BR while the integral term is off. */
+#include "flight/control/mrp_feedback.h"
+
+#include <string.h>
+
+#include "flight/math/attitude.h"
+
+static Vec3 wheel_momentum(const WheelSet *wheels, const WheelSpeeds *speeds, Vec3 omega_BN_B)
+{
+    Vec3 momentum = vec3(0.0, 0.0, 0.0);
+    for (uint32_t i = 0; i < wheels_count(wheels); i++) {
+        Vec3 axis = wheels->axes_B[i];
+        double h = wheels->J[i] * (vec_dot(omega_BN_B, axis) + speeds->Omega[i]);
+        momentum = vec_add(momentum, vec_scale(h, axis));
+    }
+    return momentum;
+}
+
+static double clamp(double x, double limit)
+{
+    return x > limit ? limit : x < -limit ? -limit : x;
+}
+
+/* z grows by the trapezoid between two errors. Where the MRP changed to the shadow set in between,
+ * the last error is taken in the set that the motion passed through. The limit on z, not on the
+ * torque alone, is the anti-windup. */
+static Vec3 integral(const MrpFeedback *m, Tick t)
+{
+    if (!(m->par.K_I > 0.0)) {
+        return vec3(0.0, 0.0, 0.0);
+    }
+    Vec3 z = m->mem.z;
+    if (m->mem.running) {
+        Vec3 now = m->in.error.sigma_BR;
+        Vec3 last = mrp_nearer(m->mem.sigma_BR, now);
+        z = vec_add(z, vec_scale(0.5 * tick_seconds(t.dt), vec_add(last, now)));
+    }
+    if (m->par.u_I_max > 0.0) {
+        double limit = m->par.u_I_max / m->par.K_I;
+        z = vec3(clamp(z.v[0], limit), clamp(z.v[1], limit), clamp(z.v[2], limit));
+    }
+    return z;
+}
+
+static Vec3 control_torque(const MrpFeedback *m, Vec3 z, int compensate_wheels)
+{
+    const AttError *error = &m->in.error;
+    Mat3 I = m->in.vehicle.I_B;
+    Vec3 omega_RN = error->omega_RN_B;
+    Vec3 omega_BN = vec_add(error->omega_BR_B, omega_RN);
+
+    Vec3 H = mat_vec(I, omega_BN);
+    if (compensate_wheels) {
+        H = vec_add(H, wheel_momentum(&m->in.wheels, &m->in.speeds, omega_BN));
+    }
+    Vec3 u = vec_scale(m->par.K, error->sigma_BR);
+    u = vec_add(u, mat_vec(m->par.P, error->omega_BR_B));
+    u = vec_add(u, vec_scale(m->par.K_I, z));
+    u = vec_sub(u, vec_cross(omega_RN, H));
+    u = vec_add(u, mat_vec(I, vec_sub(vec_cross(omega_BN, omega_RN), error->domega_RN_B)));
+    u = vec_add(u, m->in.external.torque_B); /* zero if never written */
+    return vec_neg(u);
+}
+
+void mrp_feedback_reset(MrpFeedback *m)
+{
+    memset(&m->out, 0, sizeof m->out);
+    memset(&m->mem, 0, sizeof m->mem);
+}
+
+void mrp_feedback_update(MrpFeedback *m, Tick t)
+{
+    BodyTorque *out = &m->out.torque;
+    int wheels = head_written(m->in.wheels.head);
+    int speeds = head_written(m->in.speeds.head);
+
+    Quality quality = quality_min(quality_through(m->in.error.head),
+                                  quality_through(m->in.vehicle.head));
+    quality = quality_min(quality, quality_optional(m->in.external.head));
+    quality = quality_min(quality, quality_optional(m->in.wheels.head));
+    if (wheels) {
+        quality = quality_min(quality, speeds ? quality_through(m->in.speeds.head)
+                                              : QUALITY_DEGRADED);
+    }
+
+    Vec3 z = integral(m, t);
+    Vec3 torque_B = control_torque(m, z, wheels && speeds);
+    if (quality != QUALITY_NONE && vec_finite(torque_B)) {
+        out->head = head_next(out->head, t.t, quality);
+        out->torque_B = torque_B;
+        m->mem.z = z;
+        m->mem.sigma_BR = m->in.error.sigma_BR;
+        m->mem.running = 1;
+    } else {
+        out->head = head_held(out->head);
+        m->mem.running = 0;
+    }
+}
