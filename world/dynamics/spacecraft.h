@@ -6,8 +6,8 @@
 
 /** A rigid spacecraft: translation about any number of gravity bodies, rotation, and its parts.
  *  Assumptions: constant mass and inertia; the parts' centre of mass does not move; gravity acts on
- *  the centre of mass (no gravity-gradient torque). I_B holds the parts' mass, and the wheels'
- *  inertia but for their spin relative to the body.
+ *  the centre of mass (no gravity-gradient torque). I_B is the inertia of the vehicle
+ *  with its wheels, less the wheels' inertia about their spin axes, as in VehicleData.
  *  Source: thesis Eq. (A.1). */
 typedef struct Spacecraft {
     struct {
