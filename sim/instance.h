@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+// An instance: the memory of one module or model, and what is known of it.
+#pragma once
+
+#include "sim/model.h"
+
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace fledge::sim {
+
+/// Owns the C struct of a module or the face of a model. The memory is zeroed, aligned to 64 bytes,
+/// and never moves while the instance lives.
+class Instance {
+public:
+    /// A flight module. Throws SetupError if the type is none.
+    explicit Instance(const FledgeStruct &type);
+    /// A world model.
+    explicit Instance(const ModelType &type);
+    Instance(const Instance &) = delete;
+    Instance &operator=(const Instance &) = delete;
+
+    const FledgeStruct &type() const { return *type_; }
+    std::byte *memory() const { return memory_.get(); }
+    Model *model() const { return model_.get(); } ///< null for a flight module
+    const ModelType *model_type() const { return model_type_; }
+
+    std::string name; ///< "control"; empty until it is given to a process
+    std::string path; ///< "flight.control", or the type's name as long as it has none
+
+    /// Which fields were set by the user, by index in the type's table.
+    std::vector<bool> given;
+
+    /// A new instance of the same type with the same bytes; a model's set-up is not copied.
+    std::shared_ptr<Instance> twin() const;
+
+private:
+    struct Free {
+        void operator()(std::byte *p) const;
+    };
+    const FledgeStruct *type_;
+    const ModelType *model_type_ = nullptr;
+    std::unique_ptr<std::byte[], Free> memory_;
+    std::unique_ptr<Model> model_;
+};
+
+/// The fields of a type, for loops.
+inline std::span<const FledgeField> fields(const FledgeStruct &type)
+{
+    return {type.fields, type.n};
+}
+
+/// The field of that name, or nullptr.
+const FledgeField *find_field(const FledgeStruct &type, std::string_view name);
+
+/// The names of a type's fields in a group (spares left out), for messages.
+std::vector<std::string> field_names(const FledgeStruct &type, FledgeGroup group);
+
+/// The number of elements of a field; of its leading rows that count, given its struct's memory.
+std::size_t field_elements(const FledgeField &field);
+std::size_t field_rows(const FledgeStruct &type, const FledgeField &field, const std::byte *memory);
+
+/// Check one field of a struct at `memory` against its header's rule (bounds, non-zero, inertia,
+/// finite). Throws SetupError: "path.field: rule; found ...".
+void check_field(const FledgeStruct &type, const FledgeField &field, const std::byte *memory,
+                 std::string_view path);
+
+/// Check all parameters, required ones included. Throws SetupError that lists every fault.
+void check_parameters(const Instance &instance);
+
+} // namespace fledge::sim

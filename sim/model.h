@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+// A model: a piece of the simulated world. Its face (inputs, outputs, parameters) is a C struct
+// that the reader knows; its behaviour is a class derived from Model.
+#pragma once
+
+#include "flight/msg/head.h"
+#include "sim/integrator.h"
+#include "sim/table.h"
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace fledge::sim {
+
+/// What a model is told before a run.
+struct Setup {
+    std::string name;             ///< process and instance, as in "world.craft"
+    std::uint64_t seed = 0;       ///< of the run; see Random
+    const Integrator *integrator; ///< the process' method: take a fresh() one
+};
+
+class Model {
+public:
+    virtual ~Model() = default;
+
+    /// Check the parameters and the parts, make all the room that the run needs.
+    /// Throws SetupError that begins with setup.name.
+    virtual void prepare(const Setup &setup) = 0;
+
+    /// Parameters were changed between two runs and were checked: compute anew what was derived from
+    /// them. The state stays as it is.
+    virtual void refresh() {}
+
+    /// Take the initial state from the parameters and publish it for time t. Resets the parts too.
+    virtual void reset(Ns t) = 0;
+
+    /// Advance to tick.t with the inputs held since tick.t - tick.dt, and publish.
+    /// tick.dt is 0 at the first update after a reset.
+    virtual void update(Tick tick) = 0;
+
+    /// The models that this one advances itself. They are in no task; their inputs are read before
+    /// this one's update.
+    virtual std::vector<Model *> parts() const { return {}; }
+
+    /// All that changes during a run besides the face: a snapshot is a copy of these bytes.
+    virtual std::span<std::byte> memory() { return {}; }
+
+    /// Take over what is neither in the face nor in memory (parts, gravity bodies): `counterpart`
+    /// maps a model of the original simulation to that of the clone.
+    virtual void copy_setup(const Model &original,
+                            const std::function<Model *(const Model *)> &counterpart)
+    {
+        (void)original;
+        (void)counterpart;
+    }
+};
+
+/// How models come into being: a table of these per library.
+struct ModelType {
+    const FledgeStruct *face;
+    std::unique_ptr<Model> (*create)(void *face);
+};
+
+} // namespace fledge::sim
