@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+// Records of messages: kept in memory for the user's plots, written to an archive, or both.
+#pragma once
+
+#include "sim/instance.h"
+
+#include <cstddef>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace fledge::sim {
+
+/// The samples of one port, taken at the first instant at or after each multiple of `every`.
+struct Log {
+    std::shared_ptr<Instance> instance;
+    const FledgeField *field = nullptr;
+    Ns every = 0;                 ///< 0: at each instant
+    bool keep = true;             ///< in memory
+
+    std::vector<Ns> times;
+    std::vector<std::byte> bytes; ///< times.size() samples of field->size bytes
+
+    std::string topic() const;    ///< "/flight/control/torque"
+
+private:
+    friend class Recorder;
+    Ns due_ = 0;
+    std::uint16_t channel_ = 0; ///< in the archive
+    bool archived_ = false;
+};
+
+using Pairs = std::vector<std::pair<std::string, std::string>>;
+
+class Recorder {
+public:
+    Recorder();
+    ~Recorder(); ///< an archive still open is left as NAME.part
+
+    /// Record a port from now on. A port that is recorded already keeps its log, at the shorter period.
+    /// Throws SetupError if the field is no port, `every` is negative, or an archive is open.
+    std::shared_ptr<Log> record(std::shared_ptr<Instance> instance, const FledgeField &field,
+                                Ns every, bool keep = true);
+    const std::vector<std::shared_ptr<Log>> &logs() const { return logs_; }
+
+    /// Write all logs to an MCAP file from now on, with this metadata under the name "run". Until it
+    /// is closed, the file is NAME.part. Throws RunError if it cannot be written.
+    void open_archive(const std::string &path, const Pairs &run);
+    /// Finish the file, with this metadata under the name "end". Throws RunError with the reason and
+    /// where the readable part lies.
+    void close_archive(const Pairs &end = {});
+    bool archiving() const { return archive_ != nullptr; }
+
+    /// Room for the samples after the instant `now` up to t, so that the loop does not allocate.
+    /// `step` is the shortest time between instants.
+    void reserve(Ns now, Ns t, Ns step);
+
+    /// Take the records that are due at t. Throws RunError once, if the archive cannot be written;
+    /// its readable part stays, and the logs go on.
+    void take(Ns t)
+    {
+        if (t >= next_due_) {
+            take_due(t);
+        }
+    }
+
+    /// Empty the logs and start anew at 0.
+    void reset();
+
+    /// The simulation went to the instant `now`: drop the samples after it.
+    void rewind(Ns now);
+
+private:
+    struct Archive;
+    void take_due(Ns t);
+    void find_next_due();
+    [[noreturn]] void abandon_archive();
+
+    std::vector<std::shared_ptr<Log>> logs_;
+    std::unique_ptr<Archive> archive_;
+    Ns next_due_;
+};
+
+} // namespace fledge::sim
