@@ -1,0 +1,195 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sim/simulation.h"
+#include "sim/text.h"
+
+#include <algorithm>
+#include <cctype>
+
+namespace fledge::sim {
+
+namespace {
+
+bool is_identifier(const std::string &name)
+{
+    const auto letter = [](unsigned char c) { return std::isalpha(c) || c == '_'; };
+    const auto rest = [&](unsigned char c) { return letter(c) || std::isdigit(c); };
+    return !name.empty() && letter(static_cast<unsigned char>(name[0])) &&
+           std::all_of(name.begin(), name.end(), rest);
+}
+
+template <class Items> std::vector<std::string> names_of(const Items &items)
+{
+    std::vector<std::string> names;
+    for (const auto &item : items) {
+        if constexpr (requires { item->name; }) {
+            names.push_back(item->name);
+        } else {
+            names.push_back(item.name);
+        }
+    }
+    return names;
+}
+
+template <class Items> bool has(const Items &items, const std::string &name)
+{
+    const auto names = names_of(items);
+    return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+} // namespace
+
+Process::Process(Simulation &owner, std::string process_name)
+    : name(std::move(process_name)), owner_(&owner), integrator_(make_rk4())
+{
+}
+
+void Process::add(const std::string &instance_name, std::shared_ptr<Instance> instance)
+{
+    const std::string wanted = name + "." + instance_name;
+    if (!is_identifier(instance_name)) {
+        throw SetupError(wanted + ": an instance's name must be an identifier");
+    }
+    if (!instance->name.empty()) {
+        throw SetupError(wanted + ": this " + instance->type().name + " already is " + instance->path +
+                         "; make another one");
+    }
+    if (has(instances_, instance_name)) {
+        throw SetupError(wanted + " is already there, a " + find(instance_name)->type().name);
+    }
+    owner_->set_up_again();
+    instance->name = instance_name;
+    instance->path = wanted;
+    instances_.push_back(std::move(instance));
+}
+
+void Process::add_task(Task task)
+{
+    const std::string path = name + "." + task.name;
+    if (task.period <= 0) {
+        throw SetupError("task " + path + ": its period must be > 0, found " + format_time(task.period));
+    }
+    if (task.offset < 0) {
+        throw SetupError("task " + path + ": its offset must be >= 0, found " + format_time(task.offset));
+    }
+    if (has(tasks_, task.name)) {
+        throw SetupError("task " + path + " is already there");
+    }
+    if (task.run.empty()) {
+        throw SetupError("task " + path + " runs nothing");
+    }
+    for (auto it = task.run.begin(); it != task.run.end(); ++it) {
+        if (std::find(instances_.begin(), instances_.end(), *it) == instances_.end()) {
+            throw SetupError("task " + path + " runs " + (*it)->path + ", which is not in the process " +
+                             name + "; it has " + format_list(names_of(instances_)));
+        }
+        const auto runs = [&](const Task &other) {
+            return std::find(other.run.begin(), other.run.end(), *it) != other.run.end();
+        };
+        const auto other = std::find_if(tasks_.begin(), tasks_.end(), runs);
+        if (other != tasks_.end() || std::find(task.run.begin(), it, *it) != it) {
+            throw SetupError("task " + path + " runs " + (*it)->path + ", which is already in task " +
+                             name + "." + (other != tasks_.end() ? other->name : task.name));
+        }
+    }
+    owner_->set_up_again();
+    tasks_.push_back(std::move(task));
+}
+
+void Process::add_mode(Mode mode)
+{
+    if (has(modes_, mode.name)) {
+        throw SetupError("mode " + name + "." + mode.name + " is already there");
+    }
+    for (const std::string &task : mode.tasks) {
+        if (!has(tasks_, task)) {
+            throw SetupError("mode " + name + "." + mode.name + " names the task " + task +
+                             "; the process has " + format_list(names_of(tasks_)));
+        }
+    }
+    owner_->set_up_again();
+    modes_.push_back(std::move(mode));
+    initial_ = std::max(initial_, 0);
+    mode_ = initial_;
+}
+
+std::shared_ptr<Event> Process::add_event(Event event)
+{
+    const std::string path = "event " + name + "." + event.name;
+    if (has(events_, event.name)) {
+        throw SetupError(path + " is already there");
+    }
+    if (event.condition.has_value() == static_cast<bool>(event.predicate)) {
+        throw SetupError(path + " needs one condition");
+    }
+    if (event.mode.empty() && !event.action) {
+        throw SetupError(path + " does nothing: give it a mode to enter or something to do");
+    }
+    if (event.hold < 0) {
+        throw SetupError(path + ": the time to hold must be >= 0, found " + format_time(event.hold));
+    }
+    if (!event.mode.empty() && !has(modes_, event.mode)) {
+        throw SetupError(path + " enters the mode " + event.mode + "; the process has " +
+                         format_list(names_of(modes_)));
+    }
+    events_.push_back(std::make_shared<Event>(std::move(event)));
+    return events_.back();
+}
+
+int Process::mode_index(const std::string &mode) const
+{
+    const auto it = std::find_if(modes_.begin(), modes_.end(), [&](const Mode &m) { return m.name == mode; });
+    if (it == modes_.end()) {
+        throw SetupError("process " + name + " has no mode " + mode + "; it has " +
+                         format_list(names_of(modes_)));
+    }
+    return static_cast<int>(it - modes_.begin());
+}
+
+void Process::start_in(const std::string &mode)
+{
+    initial_ = mode_index(mode);
+    if (!owner_->prepared()) {
+        mode_ = initial_;
+    }
+}
+
+void Process::enter(const std::string &mode)
+{
+    pending_ = mode_index(mode);
+}
+
+const std::string &Process::mode() const
+{
+    static const std::string none;
+    return mode_ < 0 ? none : modes_[static_cast<std::size_t>(mode_)].name;
+}
+
+bool Process::active(const Task &task, int mode) const
+{
+    bool named = false;
+    for (std::size_t i = 0; i < modes_.size(); i++) {
+        const auto &tasks = modes_[i].tasks;
+        if (std::find(tasks.begin(), tasks.end(), task.name) != tasks.end()) {
+            named = true;
+            if (static_cast<int>(i) == mode) {
+                return true;
+            }
+        }
+    }
+    return !named;
+}
+
+void Process::set_integrator(std::shared_ptr<const Integrator> integrator)
+{
+    owner_->set_up_again();
+    integrator_ = std::move(integrator);
+}
+
+std::shared_ptr<Instance> Process::find(std::string_view instance) const
+{
+    const auto it = std::find_if(instances_.begin(), instances_.end(),
+                                 [&](const auto &i) { return i->name == instance; });
+    return it == instances_.end() ? nullptr : *it;
+}
+
+} // namespace fledge::sim
