@@ -1,0 +1,508 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sim/simulation.h"
+
+#include "sim/testing/allocations.h"
+#include "sim/testing/toys.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cstdio>
+#include <cstring>
+
+using namespace fledge::sim;
+using namespace fledge::sim::toys;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+namespace {
+
+constexpr Ns ms = 1'000'000;
+
+std::shared_ptr<Instance> make(Process &process, const std::string &name, const FledgeStruct &type)
+{
+    auto instance = std::make_shared<Instance>(type);
+    process.add(name, instance);
+    return instance;
+}
+
+std::shared_ptr<Instance> make(Process &process, const std::string &name, const ModelType &type)
+{
+    auto instance = std::make_shared<Instance>(type);
+    process.add(name, instance);
+    return instance;
+}
+
+template <class F> std::string error_of(F &&f)
+{
+    try {
+        f();
+    } catch (const SetupError &error) {
+        return error.what();
+    } catch (const RunError &error) {
+        return error.what();
+    }
+    return "(no error)";
+}
+
+/// A tank at 10 Hz whose level a controller at 2 Hz drives back to zero.
+struct Loop {
+    explicit Loop(WireOptions command = {}, WireOptions level = {})
+    {
+        Process &world = sim.add_process("world");
+        Process &flight = sim.add_process("flight");
+        tank = make(world, "tank", tank_type);
+        control = make(flight, "control", scale_type);
+        face<Tank>(tank).par.initial = 8.0;
+        face<Scale>(control).par.gain = -0.5;
+        world.add_task({"dynamics", 100 * ms, 0, 0, {tank}});
+        flight.add_task({"gnc", 500 * ms, 0, 0, {control}});
+        sim.connect(port(tank, "level"), port(control, "number"), level);
+        sim.connect(port(control, "product"), port(tank, "flow"), command);
+    }
+    double level() const { return face<Tank>(tank).out.level.x; }
+
+    Simulation sim;
+    std::shared_ptr<Instance> tank, control;
+};
+
+} // namespace
+
+TEST(Schedule, AdvancesTheWorldFirstThenFlight)
+{
+    Loop loop;
+    std::vector<Update> seen;
+    updates = &seen;
+    loop.sim.run_until(500 * ms);
+    updates = nullptr;
+    ASSERT_EQ(seen.size(), 8u); // the tank at 0, 100, ... 500 ms and the controller at 0 and 500 ms
+    EXPECT_EQ(seen[0].memory, loop.tank->memory());
+    EXPECT_EQ(seen[1].memory, loop.control->memory());
+    EXPECT_EQ(seen[1].t, 0);
+    EXPECT_EQ(seen[6].memory, loop.tank->memory());
+    EXPECT_EQ(seen[7].memory, loop.control->memory());
+    EXPECT_EQ(seen[7].t, 500 * ms);
+}
+
+TEST(Schedule, HoldsACommandOverTheFollowingInterval)
+{
+    // With h = 0.5 s, x' = -0.5 x(k) gives x(k+1) = 0.75 x(k).
+    Loop loop;
+    double expected = 8.0;
+    for (int k = 0; k <= 10; k++) {
+        loop.sim.run_until(k * 500 * ms);
+        EXPECT_NEAR(loop.level(), expected, 1e-12);
+        expected *= 0.75;
+    }
+}
+
+TEST(Schedule, OrdersEqualTimesByPriorityThenDeclaration)
+{
+    Simulation sim;
+    Process &flight = sim.add_process("flight");
+    std::vector<std::shared_ptr<Instance>> module;
+    const int priority[] = {0, 5, 0, 5};
+    for (int i = 0; i < 4; i++) {
+        const std::string name = std::string("m") + std::to_string(i);
+        module.push_back(make(flight, name, source_type));
+        face<Source>(module.back()).par.value = 1.0;
+        flight.add_task({name, 10 * ms, 0, priority[i], {module.back()}});
+    }
+    std::vector<Update> seen;
+    updates = &seen;
+    sim.step();
+    updates = nullptr;
+    std::vector<const void *> order;
+    for (const Update &update : seen) {
+        order.push_back(update.memory);
+    }
+    EXPECT_THAT(order, ElementsAre(module[1]->memory(), module[3]->memory(), module[0]->memory(), module[2]->memory()));
+}
+
+TEST(Schedule, GivesTheTimeSinceTheLastUpdate)
+{
+    Simulation sim;
+    Process &flight = sim.add_process("flight");
+    auto source = make(flight, "source", source_type);
+    auto scale = make(flight, "scale", scale_type);
+    face<Source>(source).par.value = 1.0;
+    flight.add_task({"late", 30 * ms, 20 * ms, 0, {scale}});
+    sim.connect(port(source, "number"), port(scale, "number"));
+    sim.step();
+    EXPECT_EQ(sim.now(), 20 * ms);
+    EXPECT_EQ(face<Scale>(scale).mem.t, 20 * ms);
+    EXPECT_EQ(face<Scale>(scale).mem.dt, 0);
+    sim.step();
+    EXPECT_EQ(sim.now(), 50 * ms);
+    EXPECT_EQ(face<Scale>(scale).mem.dt, 30 * ms);
+}
+
+TEST(Configuration, IsPublishedAtTheStartAndWhenItsParametersChange)
+{
+    Simulation sim;
+    Process &flight = sim.add_process("flight");
+    auto source = make(flight, "source", source_type); // in no task
+    auto scale = make(flight, "scale", scale_type);
+    face<Source>(source).par.value = 3.0;
+    face<Scale>(scale).par.gain = 1.0;
+    flight.add_task({"gnc", 10 * ms, 0, 0, {scale}});
+    sim.connect(port(source, "number"), port(scale, "number"));
+    sim.run_until(1000 * ms);
+    EXPECT_EQ(face<Scale>(scale).out.number.x, 3.0);
+    EXPECT_EQ(face<Source>(source).out.number.head.sequence, 1u);
+    face<Source>(source).par.value = 4.0;
+    sim.step();
+    EXPECT_EQ(face<Scale>(scale).out.number.x, 4.0);
+    EXPECT_EQ(face<Source>(source).out.number.head.sequence, 2u);
+    face<Source>(source).par.value = -1.0; // forbidden, and found although no setter saw it
+    EXPECT_THAT(error_of([&] { sim.step(); }), HasSubstr("flight.source.value must be > 0, found -1"));
+    face<Source>(source).par.value = 5.0; // mended: the run goes on
+    sim.step();
+    EXPECT_EQ(face<Scale>(scale).out.number.x, 5.0);
+}
+
+TEST(Wires, WithLatencyCarryThePreviousExchange)
+{
+    // The controller at k sees the level of k-1, and at 0 the initial one.
+    Loop loop({}, {.latency = 1});
+    double previous = 8.0, level = 8.0;
+    for (int k = 0; k < 10; k++) {
+        loop.sim.run_until(k * 500 * ms);
+        EXPECT_NEAR(loop.level(), level, 1e-12) << "exchange " << k;
+        const double next = level - 0.25 * previous;
+        previous = level;
+        level = next;
+    }
+}
+
+TEST(Wires, WithLatencyFromFlightToTheWorldChangeNothing)
+{
+    // The world runs first, so a command given at k acts from k on, with latency or without.
+    Loop with({.latency = 1}), without;
+    for (int i = 0; i < 100; i++) {
+        with.sim.step();
+        without.sim.step();
+        EXPECT_EQ(with.level(), without.level()) << i;
+    }
+}
+
+TEST(Wires, MarkWhatIsStale)
+{
+    Simulation sim;
+    Process &flight = sim.add_process("flight");
+    auto slow = make(flight, "slow", scale_type);
+    auto fast = make(flight, "fast", scale_type);
+    auto source = make(flight, "source", source_type);
+    face<Source>(source).par.value = 1.0;
+    flight.add_task({"slow", 1000 * ms, 0, 1, {slow}});
+    flight.add_task({"fast", 100 * ms, 0, 0, {fast}});
+    sim.connect(port(source, "number"), port(slow, "number"));
+    sim.connect(port(slow, "product"), port(fast, "number"), {.stale_after = 300 * ms});
+    for (int i = 0; i <= 20; i++) {
+        sim.run_until(i * 100 * ms);
+        const Quality expected = i % 10 > 3 ? QUALITY_STALE : QUALITY_GOOD;
+        EXPECT_EQ(face<Scale>(fast).in.number.head.quality, expected) << i;
+        EXPECT_EQ(face<Scale>(slow).out.number.head.quality, QUALITY_GOOD) << "the producer's own is untouched";
+    }
+}
+
+TEST(Parts, AreFedByTheirOwnWiresAndAdvancedByTheirOwner)
+{
+    Simulation sim;
+    Process &world = sim.add_process("world");
+    Process &flight = sim.add_process("flight");
+    auto tank = make(world, "tank", tank_type);
+    auto leak = make(world, "leak", leak_type);
+    auto source = make(flight, "source", source_type);
+    attach(*tank, *leak);
+    face<Tank>(tank).par.initial = 5.0;
+    face<Source>(source).par.value = 2.0;
+    world.add_task({"dynamics", 100 * ms, 0, 0, {tank}});
+    flight.add_task({"gnc", 500 * ms, 0, 0, {source}});
+    sim.connect(port(source, "number"), port(leak, "command"));
+    sim.run_until(1000 * ms);
+    EXPECT_NEAR(face<Tank>(tank).out.level.x, 5.0 - 2.0 * 1.0, 1e-12);
+    world.find("leak");
+    EXPECT_THAT(error_of([&] {
+                    Simulation other;
+                    Process &w = other.add_process("world");
+                    make(w, "leak", leak_type);
+                    other.prepare();
+                }),
+                HasSubstr("world.leak is in no task"));
+}
+
+TEST(Modes, TakeEffectAtTheNextInstantAndResetWhatBecomesActive)
+{
+    Simulation sim;
+    Process &flight = sim.add_process("flight");
+    auto source = make(flight, "source", source_type);
+    auto a = make(flight, "a", scale_type);
+    auto b = make(flight, "b", scale_type);
+    face<Source>(source).par.value = 1.0;
+    flight.add_task({"always", 10 * ms, 0, 0, {source}});
+    flight.add_task({"a", 10 * ms, 0, 0, {a}});
+    flight.add_task({"b", 20 * ms, 0, 0, {b}});
+    flight.add_mode({"first", {"a"}});
+    flight.add_mode({"second", {"b"}});
+    sim.connect(port(source, "number"), port(a, "number"));
+    sim.connect(port(source, "number"), port(b, "number"));
+    sim.run_until(50 * ms);
+    EXPECT_EQ(flight.mode(), "first");
+    EXPECT_EQ(face<Scale>(a).mem.updates, 6);
+    EXPECT_EQ(face<Scale>(b).mem.updates, 0);
+    flight.enter("second");
+    EXPECT_EQ(flight.mode(), "first") << "not before the next instant";
+    sim.run_until(80 * ms);
+    EXPECT_EQ(flight.mode(), "second");
+    EXPECT_EQ(face<Scale>(a).mem.updates, 6) << "no longer active";
+    EXPECT_EQ(face<Scale>(b).mem.updates, 2) << "at 60 and 80 ms, on its own grid";
+    flight.enter("first");
+    sim.run_until(90 * ms);
+    EXPECT_EQ(face<Scale>(a).mem.updates, 1) << "reset when it became active";
+    EXPECT_EQ(face<Scale>(a).mem.dt, 0);
+    sim.reset();
+    EXPECT_EQ(flight.mode(), "first");
+    EXPECT_THAT(error_of([&] { flight.enter("third"); }),
+                HasSubstr("process flight has no mode third; it has first and second"));
+}
+
+namespace {
+
+Condition below(const std::shared_ptr<Instance> &tank, double x)
+{
+    Condition condition;
+    condition.instance = tank;
+    condition.offset = offsetof(Tank, out.level.x);
+    condition.comparison = Condition::Comparison::less;
+    condition.constant = x;
+    condition.text = "world.tank.level.x < " + std::to_string(x);
+    return condition;
+}
+
+} // namespace
+
+TEST(Events, FireOnceTheirConditionHeldAndArmAgainWhenItNoLongerHolds)
+{
+    Loop loop;
+    std::vector<Ns> fired;
+    Event event;
+    event.name = "low";
+    event.condition = below(loop.tank, 4.0);
+    event.hold = 200 * ms;
+    event.action = [&] { fired.push_back(loop.sim.now()); };
+    loop.sim.process("world").add_event(std::move(event));
+    loop.sim.run_until(5000 * ms);
+    // x = 8, 6, 4.5, 3.375 at 0, 0.5, 1, 1.5 s: below 4 from 1.3 s on (4.5 - 0.225 n).
+    EXPECT_THAT(fired, ElementsAre(1500 * ms));
+    loop.sim.reset();
+    loop.sim.run_until(5000 * ms);
+    EXPECT_THAT(fired, ElementsAre(1500 * ms, 1500 * ms));
+}
+
+TEST(Events, ThatRearmThemselvesAtTheSameInstantAreAnError)
+{
+    Loop loop;
+    Event event;
+    event.name = "restless";
+    event.condition = below(loop.tank, 4.0);
+    std::shared_ptr<Event> handle;
+    event.action = [&] { handle->armed = true; };
+    handle = loop.sim.process("world").add_event(std::move(event));
+    const std::string error = error_of([&] { loop.sim.run_until(5000 * ms); });
+    EXPECT_THAT(error, HasSubstr("event world.restless fires again at 1.3 s"));
+    EXPECT_THAT(error, HasSubstr("world.tank.level.x < 4"));
+    EXPECT_THAT(error_of([&] { loop.sim.step(); }), HasSubstr("the run ended: event world.restless"));
+    loop.sim.reset();
+    loop.sim.run_until(1000 * ms); // a reset heals
+}
+
+TEST(Events, ChangeTheMode)
+{
+    Loop loop;
+    Process &flight = loop.sim.process("flight");
+    flight.add_mode({"active", {"gnc"}});
+    flight.add_mode({"idle", {}});
+    Event event;
+    event.name = "done";
+    event.condition = below(loop.tank, 4.0);
+    event.mode = "idle";
+    flight.add_event(std::move(event));
+    loop.sim.run_until(5000 * ms);
+    EXPECT_EQ(flight.mode(), "idle");
+    EXPECT_EQ(face<Scale>(loop.control).mem.t, 1000 * ms);
+}
+
+TEST(Snapshot, RestoresARunToTheBit)
+{
+    for (int latency : {0, 1}) {
+        Loop loop({.latency = latency}, {.stale_after = 1});
+        loop.sim.run_until(700 * ms);
+        const auto bytes = loop.sim.snapshot();
+        loop.sim.run_until(3000 * ms);
+        const auto end = loop.sim.snapshot();
+        loop.sim.restore(bytes);
+        EXPECT_EQ(loop.sim.now(), 700 * ms);
+        loop.sim.run_until(3000 * ms);
+        EXPECT_EQ(loop.sim.snapshot(), end);
+
+        loop.sim.restore(bytes);
+        const auto clone = loop.sim.clone();
+        loop.sim.run_until(3000 * ms);
+        EXPECT_EQ(clone->now(), 700 * ms);
+        EXPECT_EQ(clone->snapshot(), bytes) << "the clone did not move with the original";
+        clone->run_until(3000 * ms);
+        EXPECT_EQ(clone->snapshot(), end);
+    }
+}
+
+TEST(Snapshot, OfAnotherSimulationIsRefused)
+{
+    Loop loop;
+    loop.sim.run_until(0);
+    auto bytes = loop.sim.snapshot();
+    bytes.pop_back();
+    EXPECT_THAT(error_of([&] { loop.sim.restore(bytes); }), HasSubstr("other modules, tasks or events"));
+    Simulation empty;
+    empty.prepare();
+    EXPECT_THAT(error_of([&] { empty.restore(loop.sim.snapshot()); }), HasSubstr("other modules"));
+}
+
+TEST(Loop, DoesNotAllocate)
+{
+    Loop loop({.latency = 1}, {.stale_after = 50 * ms});
+    Event event;
+    event.name = "low";
+    event.condition = below(loop.tank, 4.0);
+    event.action = [] {};
+    loop.sim.process("world").add_event(std::move(event));
+    loop.sim.recorder().record(loop.tank, *find_field(loop.tank->type(), "level"), 0);
+    const std::string path = ::testing::TempDir() + "no_heap.mcap";
+    loop.sim.recorder().open_archive(path, {});
+    loop.sim.run_until(0);
+    // What run_until does before its loop may allocate (room for the records); ten times as many
+    // instants must not cost one allocation more.
+    const auto allocations_of = [&](Ns until) {
+        const fledge::sim::testing::Allocations allocations;
+        loop.sim.run_until(until);
+        return allocations.count();
+    };
+    const long few = allocations_of(1'000 * ms);
+    const long many = allocations_of(10'000'000 * ms);
+    EXPECT_LE(many, few) << "100,000 instants more";
+    EXPECT_EQ(loop.sim.recorder().logs()[0]->times.size(), 100'001u);
+    loop.sim.recorder().close_archive();
+    std::remove(path.c_str());
+}
+
+TEST(Recorder, TakesSamplesOnItsGridAndForgetsThemOnReset)
+{
+    Loop loop;
+    auto log = loop.sim.recorder().record(loop.tank, *find_field(loop.tank->type(), "level"), 250 * ms);
+    loop.sim.run_until(1000 * ms);
+    // 250 and 750 ms are no instants: the sample comes with the next one. Recording adds none.
+    EXPECT_THAT(log->times, ElementsAre(0, 300 * ms, 500 * ms, 800 * ms, 1000 * ms));
+    Number sample;
+    std::memcpy(&sample, log->bytes.data() + 2 * sizeof sample, sizeof sample);
+    EXPECT_NEAR(sample.x, 6.0, 1e-12);
+    EXPECT_EQ(log->topic(), "/world/tank/level");
+    const auto half = loop.sim.snapshot();
+    loop.sim.run_until(2000 * ms);
+    loop.sim.restore(half);
+    EXPECT_EQ(log->times.size(), 5u);
+    loop.sim.run_until(1500 * ms);
+    EXPECT_EQ(log->times.back(), 1500 * ms);
+    loop.sim.reset();
+    EXPECT_TRUE(log->times.empty());
+    loop.sim.run_until(0);
+    EXPECT_THAT(log->times, ElementsAre(0));
+}
+
+TEST(Recorder, SaysWhenTheDiskIsFullAndKeepsWhatIsReadable)
+{
+    Loop loop;
+    for (const char *name : {"number", "product"}) {
+        loop.sim.recorder().record(loop.control, *find_field(loop.control->type(), name), 0);
+    }
+    EXPECT_THAT(error_of([&] { loop.sim.recorder().open_archive("/nowhere/at/all.mcap", {}); }),
+                HasSubstr("cannot write /nowhere/at/all.mcap: No such file or directory"));
+    loop.sim.run_until(1000 * ms); // not the worse for it
+}
+
+TEST(Setup, NamesWhatIsWrong)
+{
+    Simulation sim;
+    Process &flight = sim.add_process("flight");
+    auto source = make(flight, "source", source_type);
+    auto scale = make(flight, "scale", scale_type);
+    auto tank = make(sim.add_process("world"), "tank", tank_type);
+    const auto connect = [&](const Port &from, const Port &to) {
+        return error_of([&] { sim.connect(from, to); });
+    };
+    EXPECT_THAT(connect(port(scale, "number"), port(tank, "flow")),
+                HasSubstr("flight.scale.number is not an output; flight.scale has product"));
+    EXPECT_THAT(connect(port(source, "number"), port(scale, "product")),
+                HasSubstr("flight.scale.product is not an input; flight.scale has number and offset"));
+    sim.connect(port(source, "number"), port(scale, "offset"));
+    EXPECT_THAT(connect(port(tank, "level"), port(scale, "offset")),
+                HasSubstr("flight.scale.offset is already written by flight.source.number"));
+    EXPECT_THAT(error_of([&] { flight.add_task({"gnc", 0, 0, 0, {scale}}); }),
+                HasSubstr("task flight.gnc: its period must be > 0, found 0 s"));
+    EXPECT_THAT(error_of([&] { flight.add_task({"gnc", 10, -3 * ms, 0, {scale}}); }),
+                HasSubstr("its offset must be >= 0, found -0.003 s"));
+    EXPECT_THAT(error_of([&] { flight.add_task({"gnc", 10, 0, 0, {tank}}); }),
+                HasSubstr("world.tank, which is not in the process flight; it has source and scale"));
+    EXPECT_THAT(error_of([&] { flight.add("source", std::make_shared<Instance>(source_type)); }),
+                HasSubstr("flight.source is already there, a Source"));
+    EXPECT_THAT(error_of([&] { flight.add("twice", source); }), HasSubstr("already is flight.source"));
+    EXPECT_THAT(error_of([&] { flight.add("2nd", std::make_shared<Instance>(source_type)); }),
+                HasSubstr("must be an identifier"));
+    EXPECT_THAT(error_of([&] { sim.process("fligth"); }),
+                HasSubstr("no process fligth; there are flight and world"));
+    const std::string all = error_of([&] { sim.prepare(); });
+    EXPECT_THAT(all, HasSubstr("flight.source.value is required: what is put out"));
+    EXPECT_THAT(all, HasSubstr("flight.scale is in no task"));
+    EXPECT_THAT(all, HasSubstr("flight.scale.number is not wired; outputs of its type Number: "
+                               "flight.source.number, flight.scale.product and world.tank.level"));
+    EXPECT_THAT(all, HasSubstr("world.tank is in no task"));
+}
+
+TEST(Setup, CannotChangeARunningSimulation)
+{
+    Loop loop;
+    loop.sim.run_until(0);
+    EXPECT_THAT(error_of([&] { make(loop.sim.process("flight"), "late", source_type); }),
+                HasSubstr("the simulation has run until 0 s; reset it before"));
+    loop.sim.reset();
+    auto late = make(loop.sim.process("flight"), "late", source_type);
+    face<Source>(late).par.value = 1.0;
+    loop.sim.connect(port(late, "number"), port(loop.control, "offset"));
+    loop.sim.run_until(0);
+    EXPECT_EQ(face<Scale>(loop.control).out.number.x, -0.5 * 8.0 + 1.0);
+}
+
+TEST(Setup, StatesAssumptions)
+{
+    Loop loop;
+    EXPECT_TRUE(loop.sim.assumptions().empty());
+    face<Tank>(loop.tank).par.initial = 0.0;
+    EXPECT_THAT(loop.sim.assumptions(), ElementsAre("world.tank.initial was left at 0: level at the start"));
+    loop.tank->given[2] = true;
+    EXPECT_TRUE(loop.sim.assumptions().empty());
+}
+
+TEST(Pace, FollowsTheWallClockAndStopsWhenAsked)
+{
+    Loop loop;
+    loop.sim.run_until(0);
+    const auto start = std::chrono::steady_clock::now();
+    EXPECT_TRUE(loop.sim.run_until(2000 * ms, {.pace = 10.0, .poll = {}}));
+    EXPECT_GE(std::chrono::steady_clock::now() - start, std::chrono::milliseconds(200));
+    EXPECT_EQ(loop.sim.pace_report().instants, 20u);
+    int polls = 0;
+    const auto poll = [&](Ns) { return ++polls < 3; };
+    EXPECT_FALSE(loop.sim.run_until(3600'000 * ms, {.pace = 1.0, .poll = poll})) << "asked to stop";
+    EXPECT_LT(loop.sim.now(), 3000 * ms);
+    EXPECT_TRUE(loop.sim.run_until(4000 * ms)) << "and can go on";
+}

@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+// A few modules and a model with hand-written tables, to test the kernel without the real ones.
+#pragma once
+
+#include "flight/msg/head.h"
+#include "sim/instance.h"
+#include "sim/simulation.h"
+
+#include <vector>
+
+namespace fledge::sim::toys {
+
+/// A message of one number.
+struct Number {
+    Head head;
+    double x;
+};
+
+/// Puts out `value`, or a count of its updates from there if `ramp` is set. Has no input.
+struct Source {
+    struct {
+        Number number;
+    } out;
+    struct {
+        double value; // required, > 0
+        double ramp;
+    } par;
+};
+
+/// Puts out its input times `gain`, and remembers when it ran.
+struct Scale {
+    struct {
+        Number number;
+        Number offset; // optional
+    } in;
+    struct {
+        Number number;
+    } out;
+    struct {
+        double gain;
+    } par;
+    struct {
+        std::int64_t t, dt;
+        std::int64_t updates;
+    } mem;
+};
+
+/// A model: integrates its input over time exactly, as a sum of rectangles.
+struct Tank {
+    struct {
+        Number flow; // optional
+    } in;
+    struct {
+        Number level;
+    } out;
+    struct {
+        double initial; // assumed
+    } par;
+};
+
+/// Takes a flow from inside a Tank; is advanced by it.
+struct Leak {
+    struct {
+        Number command; // optional
+    } in;
+    struct {
+        Number flow;
+    } out;
+};
+
+extern const FledgeStruct number_type, source_type, scale_type, tank_face, leak_face;
+extern const ModelType tank_type, leak_type;
+
+/// Let a Tank advance a Leak.
+void attach(const Instance &tank, const Instance &leak);
+
+/// Every update of a Source, Scale or Tank, in order, as (instance memory, time): for order tests.
+struct Update {
+    const void *memory;
+    Ns t;
+};
+extern std::vector<Update> *updates; ///< null: not noted
+
+template <class T> T &face(const std::shared_ptr<Instance> &instance)
+{
+    return *reinterpret_cast<T *>(instance->memory());
+}
+
+inline Port port(const std::shared_ptr<Instance> &instance, std::string_view name)
+{
+    return {instance, find_field(instance->type(), name)};
+}
+
+} // namespace fledge::sim::toys
