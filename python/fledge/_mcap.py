@@ -1,0 +1,334 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The container: finds every message in the bytes of an MCAP file (https://mcap.dev/spec).
+
+The file is read from its beginning, whether or not it has a summary: one way for whole, truncated
+and unindexed files, and every checksum is seen. Reading stops at the first thing that is wrong;
+what was found before stands, and `problem` says what, where, and what the data are still worth.
+
+Only the bytes that tell where messages begin are looked at here, one step per message; decoding is
+numpy's, later, and only for the topics that are asked for.
+"""
+
+import struct
+import zlib
+from array import array
+
+from fledge import _rosmsg
+
+MAGIC = b"\x89MCAP0\r\n"
+HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)
+ATTACHMENT, ATTACHMENT_INDEX, STATISTICS, METADATA, METADATA_INDEX, SUMMARY_OFFSET, DATA_END = \
+    range(9, 16)
+NAMES = {HEADER: "Header", FOOTER: "Footer", SCHEMA: "Schema", CHANNEL: "Channel",
+         MESSAGE: "Message", CHUNK: "Chunk", MESSAGE_INDEX: "MessageIndex",
+         CHUNK_INDEX: "ChunkIndex", ATTACHMENT: "Attachment",
+         ATTACHMENT_INDEX: "AttachmentIndex", STATISTICS: "Statistics", METADATA: "Metadata",
+         METADATA_INDEX: "MetadataIndex", SUMMARY_OFFSET: "SummaryOffset", DATA_END: "DataEnd"}
+IN_DATA = {SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, ATTACHMENT, METADATA, DATA_END}
+IN_SUMMARY = {SCHEMA, CHANNEL, CHUNK_INDEX, ATTACHMENT_INDEX, STATISTICS, METADATA_INDEX,
+              SUMMARY_OFFSET, FOOTER}
+
+# Offsets within a Message record: the length of what follows byte 9, log_time, the CDR header, the
+# message struct.
+LENGTH_AT, TIME_AT, CDR_AT, PAYLOAD_AT = 1, 15, 31, 35
+
+_PREFIX = 9
+_prefix = struct.Struct("<BQ").unpack_from
+_message = struct.Struct("<BQHIQ").unpack_from  # up to log_time
+
+
+class Damage(Exception):
+    """Something is wrong at a byte of the file."""
+
+    def __init__(self, offset, what):
+        super().__init__(what)
+        self.offset = offset
+        self.what = what
+
+
+class Unsupported(Exception):
+    """The file is in order, but uses what is not read here."""
+
+
+class RawChannel:
+    """A Channel record, its Schema, and where its messages are."""
+
+    def __init__(self, key, topic, schema, encoding, metadata):
+        self.key = key            # what identical records have in common
+        self.topic = topic
+        self.schema_name, self.schema_encoding, self.schema_text = schema
+        self.encoding = encoding
+        self.metadata = metadata
+        self.offsets = array("Q")  # of its Message records in the file
+        try:
+            self.struct = self._parse()
+            self.why_not = None
+        except _rosmsg.DefinitionError as error:
+            self.struct = None
+            self.why_not = str(error)
+        # The length that every Message record of a fixed-size type must state.
+        self.length = self.struct and PAYLOAD_AT - _PREFIX + self.struct.size
+
+    def _parse(self):
+        if (self.schema_encoding, self.encoding) != ("ros2msg", "cdr"):
+            raise _rosmsg.DefinitionError(
+                f'schema encoding "{self.schema_encoding}" and message encoding "{self.encoding}"; '
+                'only "ros2msg" and "cdr" are read')
+        return _rosmsg.parse(self.schema_text)
+
+
+class _Fields:
+    """The fields of one record, in order."""
+
+    def __init__(self, data, start, begin, end):
+        self.data, self.start, self.at, self.end = data, start, begin, end
+
+    def take(self, n):
+        if n > self.end - self.at:
+            raise Damage(self.start, "a field reaches beyond its record")
+        self.at += n
+        return self.data[self.at - n:self.at]
+
+    def number(self, n):
+        return int.from_bytes(self.take(n), "little")
+
+    def text(self):
+        try:
+            return bytes(self.take(self.number(4))).decode()
+        except UnicodeDecodeError:
+            raise Damage(self.start, "a text is not UTF-8") from None
+
+    def pairs(self):
+        size = self.number(4)
+        inner = _Fields(self.data, self.start, self.at, self.at + len(self.take(size)))
+        found = {}
+        while inner.at < inner.end:
+            key = inner.text()
+            found[key] = inner.text()
+        return found
+
+
+class Scan:
+    """What was found in the bytes of a file.
+
+    channels: id -> RawChannel; metadata: name -> {key: value}; problem: None, or what is wrong;
+    problem_at: the byte; t_good: [ns] the time before which all messages are there and right, or
+    None where that cannot be told.
+    """
+
+    def __init__(self, data):
+        self.data = data
+        self.size = len(data)
+        self.channels = {}
+        self.metadata = {}
+        self.profile = self.library = ""
+        self.problem = self.problem_at = None
+        self.t_good = None
+        self._schemas = {}
+        self._statistics = None
+        self._t_last = None
+        self._loose = False         # messages outside of chunks: no checksum of their own
+        self._passed_over = False   # records that are not, or not wholly, understood
+        self._data_end_at = None    # the DataEnd record, once it is reached
+        self._data_is_right = None  # what its checksum says; None: it has none
+        try:
+            self._summary(self._data_section(len(MAGIC)))
+        except Damage as damage:
+            self.problem, self.problem_at = damage.what, damage.offset
+        self._judge()
+
+    @property
+    def count(self):
+        return sum(len(c.offsets) for c in self.channels.values())
+
+    def _judge(self):
+        """Set t_good, and put into words what the found data are worth."""
+        self.t_good = self._t_last
+        if self._data_is_right is False:
+            if self.problem is None:
+                self.problem = "the checksum of the data section is wrong"
+                self.problem_at = self._data_end_at
+            if self._loose or self._statistics != self._counts():
+                self.t_good = None
+                self.problem += "; which record is damaged cannot be told, any value may be wrong"
+            else:
+                self.problem += "; all messages are there and agree with their chunks' checksums"
+        elif self.problem and self._passed_over and self._data_is_right is None:
+            self.t_good = None
+            self.problem += "; records before it were passed over, which may have held messages"
+        elif self.problem and self._data_end_at is not None:
+            self.problem += "; all messages are there"
+        elif self.problem and self._loose:
+            self.problem += "; the messages before it have no checksum of their own"
+
+    def _counts(self):
+        return {id: len(c.offsets) for id, c in self.channels.items()}
+
+    # ---- records ----
+
+    def _record(self, at, end):
+        """Operation code, beginning and end of the content of the record at a byte."""
+        if end - at < _PREFIX:
+            raise Damage(at, f"the file ends within a record ({end - at} bytes of it are there)"
+                         if end == self.size else "a record reaches beyond its chunk")
+        op, length = _prefix(self.data, at)
+        if length > end - at - _PREFIX:
+            name = NAMES.get(op, f"0x{op:02x}")
+            raise Damage(at, f"the {name} record states {length} bytes, {end - at - _PREFIX} are there")
+        return op, at + _PREFIX, at + _PREFIX + length
+
+    def _data_section(self, at):
+        op, begin, end = self._record(at, self.size)
+        if op != HEADER:
+            raise Damage(at, f"expected the Header, found record 0x{op:02x}")
+        fields = _Fields(self.data, at, begin, end)
+        self.profile, self.library = fields.text(), fields.text()
+        at = self._contents(end, self.size, in_chunk=False)
+        _, begin, end = self._record(at, self.size)
+        crc = _Fields(self.data, at, begin, end).number(4)
+        self._data_end_at = at
+        if crc:
+            self._data_is_right = crc == self._crc(0, at)
+        return end
+
+    def _crc(self, begin, end):
+        with memoryview(self.data) as view, view[begin:end] as part:
+            return zlib.crc32(part)
+
+    def _contents(self, at, end, in_chunk):
+        """Read the records of a chunk to its end, or of the data section to its DataEnd."""
+        data, channels = self.data, self.channels
+        t_last = -1
+        try:
+            while at < end:
+                # Nearly all records are messages: they get the short way.
+                if end - at >= CDR_AT:
+                    op, length, id, _, t = _message(data, at)
+                    if op == MESSAGE and CDR_AT - _PREFIX <= length <= end - at - _PREFIX:
+                        channel = channels.get(id)
+                        if channel is None:
+                            raise Damage(at, f"a message of channel {id}, which is not declared")
+                        if length != channel.length and channel.length is not None:
+                            raise Damage(at, f"a message on {channel.topic} has {length} bytes, "
+                                         f"by its definition it has {channel.length}")
+                        channel.offsets.append(at)
+                        if t > t_last:
+                            t_last = t
+                        at += _PREFIX + length
+                        continue
+                op, begin, stop = self._record(at, end)
+                if op == DATA_END and not in_chunk:
+                    return at
+                self._other(op, at, begin, stop, in_chunk)
+                at = stop
+        finally:
+            if t_last >= 0:
+                self._t_last = max(t_last, self._t_last or 0)
+                self._loose = self._loose or not in_chunk
+        if not in_chunk:
+            raise Damage(at, "the file ends before its DataEnd record")
+        return at
+
+    def _other(self, op, at, begin, end, in_chunk):
+        fields = _Fields(self.data, at, begin, end)
+        if op == SCHEMA:
+            self._schema(fields)
+        elif op == CHANNEL:
+            self._channel(fields)
+        elif op == CHUNK and not in_chunk:
+            self._chunk(fields)
+        elif op == MESSAGE:
+            raise Damage(at, "a Message record shorter than its head")
+        elif op == METADATA and not in_chunk:
+            name = fields.text()
+            self.metadata.setdefault(name, {}).update(fields.pairs())
+        elif op == MESSAGE_INDEX and not in_chunk:
+            fields.number(2)
+            fields.take(fields.number(4))
+        elif in_chunk or (op not in IN_DATA and op < 0x80):
+            raise Damage(at, f"record {NAMES.get(op, f'0x{op:02x}')} has no place here")
+        # Attachments, private records, fields that a later MCAP may add: no harm, unless one is
+        # what damage has made of something else.
+        self._passed_over = self._passed_over or fields.at != end
+
+    def _schema(self, fields):
+        id = fields.number(2)
+        schema = (fields.text(), fields.text(), fields.text())
+        if self._data_end_at is not None and id not in self._schemas:
+            raise Damage(fields.start, f"schema {id} is declared in the summary alone")
+        if self._schemas.setdefault(id, schema) != schema:
+            raise Damage(fields.start, f"schema {id} is declared twice, differently")
+
+    def _channel(self, fields):
+        id, schema = fields.number(2), fields.number(2)
+        if schema and schema not in self._schemas:
+            raise Damage(fields.start, f"channel {id} has the schema {schema}, which is not declared")
+        topic, encoding, metadata = fields.text(), fields.text(), fields.pairs()
+        key = (schema, topic, encoding, metadata)
+        if self._data_end_at is not None and id not in self.channels:
+            raise Damage(fields.start, f"channel {id} is declared in the summary alone")
+        if id not in self.channels:
+            definition = self._schemas.get(schema, ("", "", ""))
+            self.channels[id] = RawChannel(key, topic, definition, encoding, metadata)
+        elif self.channels[id].key != key:
+            raise Damage(fields.start, f"channel {id} is declared twice, differently")
+
+    def _chunk(self, fields):
+        fields.take(16)  # earliest and latest time
+        size, crc, compression = fields.number(8), fields.number(4), fields.text()
+        if compression in ("lz4", "zstd"):
+            raise Unsupported(f"its chunks are compressed ({compression}), which is not read here")
+        if compression:
+            raise Damage(fields.start, f'the chunk states an unknown compression, "{compression}"')
+        length = fields.number(8)
+        begin = fields.at
+        if length != size or length != fields.end - begin:
+            raise Damage(fields.start, "the lengths that the Chunk record states do not agree")
+        fields.at = fields.end
+        found = self._crc(begin, fields.end)
+        if crc and crc != found:
+            raise Damage(fields.start, f"the checksum of this chunk is 0x{found:08x}, "
+                         f"0x{crc:08x} was written")
+        self._contents(begin, fields.end, in_chunk=True)
+
+    def _summary(self, start):
+        at = start
+        while True:
+            op, begin, end = self._record(at, self.size)
+            fields = _Fields(self.data, at, begin, end)
+            if op == SCHEMA:
+                self._schema(fields)
+            elif op == CHANNEL:
+                self._channel(fields)
+            elif op == STATISTICS:
+                self._read_statistics(fields)
+            elif op == FOOTER:
+                break
+            elif op not in IN_SUMMARY and op < 0x80:
+                raise Damage(at, f"record {NAMES.get(op, f'0x{op:02x}')} has no place in the summary")
+            at = end
+        stated, _, crc = fields.number(8), fields.number(8), fields.number(4)
+        if fields.at != end or stated != (start if at > start else 0):
+            raise Damage(at, "the Footer does not fit the file")
+        if crc and crc != self._crc(start, end - 4):
+            raise Damage(at, "the checksum of the summary is wrong")
+        if self.data[end:] != MAGIC:
+            raise Damage(end, "expected the closing magic bytes and then the end of the file")
+        if self._statistics is not None and self._statistics != self._counts():
+            raise Damage(start, f"the Statistics count {sum(self._statistics.values())} messages, "
+                         f"{self.count} were found")
+
+    def _read_statistics(self, fields):
+        total = fields.number(8)
+        fields.take(2 + 4 * 4 + 2 * 8)
+        size = fields.number(4)
+        counts = _Fields(self.data, fields.start, fields.at, fields.at + len(fields.take(size)))
+        found = {}
+        while counts.at < counts.end:
+            id = counts.number(2)
+            found[id] = counts.number(8)
+        if found:
+            # Other writers leave out channels without messages.
+            self._statistics = {id: 0 for id in self.channels} | found
+            if total != sum(found.values()):
+                raise Damage(fields.start, "the counts of the Statistics do not add up")

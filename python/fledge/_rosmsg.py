@@ -1,0 +1,203 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Message definitions as the archive holds them: ROS 2 text that also carries the true names.
+
+    fledge/Head head
+    float64[3] sigma_br  # sigma_BR [-] (3) MRP of B relative to R
+    uint32 mode  # mode [-] what the unit does {OFF=0, ON=1}
+    ================================================================================
+    MSG: fledge/Head
+    int64 t  # t [ns] time of validity
+
+A line is `<type> <lower-case name>  # <true name> [<unit>] (<shape>) <meaning> {<NAME=value, ...>}`.
+ROS 2 wants lower-case names and one-dimensional arrays; the comment gives back what that lost. A
+definition of other origin, without such comments, has its ROS names, and no units.
+
+Only messages of fixed size without padding are understood: they are C structs, byte for byte.
+"""
+
+import re
+from dataclasses import dataclass, field
+from math import prod
+
+PRIMITIVES = {  # ROS 2 name -> numpy's code
+    "bool": "?", "byte": "u1", "char": "u1",
+    "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2",
+    "int32": "i4", "uint32": "u4", "int64": "i8", "uint64": "u8",
+    "float32": "f4", "float64": "f8",
+}
+
+_FIELD = re.compile(r"(?P<type>[A-Za-z]\w*(?:/\w+)*)(?:\[(?P<count>\d+)\])?\s+(?P<name>[A-Za-z]\w*)")
+_COMMENT = re.compile(r"(?P<name>[A-Za-z_]\w*)\s+\[(?P<unit>[^\]]*)\]\s*(?P<meaning>.*)")
+_SHAPE = re.compile(r"\((\d+(?:\s*,\s*\d+)*),?\)\s*")
+_VALUES = re.compile(r"\s*\{(\w+\s*=\s*-?\d+(?:\s*,\s*\w+\s*=\s*-?\d+)*)\}\s*$")
+
+
+class DefinitionError(ValueError):
+    """A definition that cannot be decoded: the text says which line and why."""
+
+
+@dataclass(frozen=True)
+class Field:
+    """A number, or an array of numbers, in a message.
+
+    name: its true name from the message down, e.g. "sigma_BR", "head.t", "wheels.axis_B"
+    unit: "" where the definition has none, "-" for dimensionless
+    shape: () for a scalar; of nested arrays, all dimensions from the outside in
+    dtype: numpy's code without byte order, e.g. "f8"
+    values: the names of an enumeration's values
+    """
+
+    name: str
+    unit: str
+    shape: tuple
+    meaning: str
+    dtype: str
+    values: dict = field(default_factory=dict, compare=False)
+    parts: tuple = field(default=(), compare=False, repr=False)  # (name, shape) from the outside in
+
+    def columns(self):
+        """The names of its elements in memory order: "sigma_BR[0]", "wheels[2].axis_B[0]"."""
+        names = [""]
+        for part, shape in self.parts:
+            elements = [""]
+            for n in shape:
+                elements = [f"{e}[{i}]" for e in elements for i in range(n)]
+            dot = "." if names != [""] else ""
+            names = [f"{prefix}{dot}{part}{e}" for prefix in names for e in elements]
+        return names
+
+
+@dataclass(frozen=True)
+class Member:
+    """One line of a definition. type: a code of PRIMITIVES or a Struct."""
+
+    name: str
+    type: object
+    shape: tuple
+    unit: str
+    meaning: str
+    values: dict
+
+    @property
+    def item(self):
+        """Bytes of one element."""
+        if isinstance(self.type, Struct):
+            return self.type.size
+        return 1 if self.type == "?" else int(self.type[1])
+
+    @property
+    def size(self):
+        return self.item * prod(self.shape)
+
+
+@dataclass(frozen=True)
+class Struct:
+    """A message type: its members in order, without padding."""
+
+    members: tuple
+    size: int
+
+    def fields(self, parts=()):
+        """Its Fields in memory order, those of nested messages included."""
+        for m in self.members:
+            path = parts + ((m.name, m.shape),)
+            if isinstance(m.type, Struct):
+                yield from m.type.fields(path)
+            else:
+                shape = tuple(n for _, s in path for n in s)
+                name = ".".join(part for part, _ in path)
+                yield Field(name, m.unit, shape, m.meaning, m.type, m.values, path)
+
+    def dtype(self, order):
+        """The numpy dtype; order: "<" or ">"."""
+        import numpy
+        return numpy.dtype([
+            (m.name, m.type.dtype(order) if isinstance(m.type, Struct) else order + m.type, m.shape)
+            for m in self.members])
+
+    def misaligned(self, start=0):
+        """The first member that CDR would pad for, where the struct begins at byte `start`."""
+        at = start
+        for m in self.members:
+            if isinstance(m.type, Struct):
+                for i in range(min(prod(m.shape), 8)):  # alignments repeat after at most 8 elements
+                    inner = m.type.misaligned(at + i * m.type.size)
+                    if inner:
+                        return f"{m.name}.{inner}"
+            elif at % m.item:
+                return m.name
+            at += m.size
+        return None
+
+
+def parse(text):
+    """The Struct that a definition's text describes. Raises DefinitionError."""
+    sections, name = {None: []}, None
+    lines = iter(enumerate(text.splitlines(), start=1))
+    for number, line in lines:
+        if len(line) == 80 and not line.strip("="):
+            number, line = next(lines, (number, ""))
+            head, _, name = line.partition(":")
+            name = _short(name.strip())
+            if head != "MSG" or not name or name in sections:
+                raise DefinitionError(f'line {number}: expected "MSG: <a new type>", found "{line}"')
+            sections[name] = []
+        else:
+            sections[name].append((number, line))
+    struct = _struct(None, sections, {}, ())
+    padded = struct.misaligned()
+    if padded:
+        raise DefinitionError(f"{padded} needs padding before it; only structs without are read")
+    return struct
+
+
+def _short(name):
+    """fledge/msg/Head and Head are both fledge/Head's; packages do not matter to us."""
+    return name.rpartition("/")[2]
+
+
+def _struct(name, sections, known, inside):
+    if name not in known:
+        members = []
+        for number, line in sections[name]:
+            code, _, comment = line.partition("#")
+            if code.strip():
+                members.append(_member(number, code.strip(), comment.strip(), sections, known,
+                                       inside + (name,)))
+        names = [m.name for m in members]
+        for n in names:
+            if names.count(n) > 1:
+                raise DefinitionError(f"{name or 'the message'} has two members named {n}")
+        known[name] = Struct(tuple(members), sum(m.size for m in members))
+    return known[name]
+
+
+def _member(number, code, comment, sections, known, inside):
+    match = _FIELD.fullmatch(code)
+    if not match:
+        raise DefinitionError(f'line {number}: expected "<type> <name>" of fixed size, found "{code}"')
+    kind, name = match["type"], match["name"]
+    if kind in PRIMITIVES:
+        of = PRIMITIVES[kind]
+    elif _short(kind) not in sections:
+        raise DefinitionError(f"line {number}: {name} has the type {kind}, which is not of fixed size "
+                              "or not defined here")
+    elif _short(kind) in inside:
+        raise DefinitionError(f"line {number}: {kind} contains itself")
+    else:
+        of = _struct(_short(kind), sections, known, inside)
+    shape = () if match["count"] is None else (int(match["count"]),)
+    unit, meaning, values = "", comment, {}
+    told = _COMMENT.fullmatch(comment)
+    if told:
+        name, unit, meaning = told["name"], told["unit"], told["meaning"]
+        dims = _SHAPE.match(meaning)
+        if dims and shape:
+            told_shape = tuple(int(n) for n in dims[1].split(","))
+            if prod(told_shape) == prod(shape):
+                shape, meaning = told_shape, meaning[dims.end():]
+        enum = _VALUES.search(meaning)
+        if enum:
+            meaning = meaning[:enum.start()]
+            values = {k.strip(): int(v) for k, v in (pair.split("=") for pair in enum[1].split(","))}
+    return Member(name, of, shape, unit, meaning, values)
