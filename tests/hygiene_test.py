@@ -6,7 +6,8 @@ import re
 from tests.tree import ROOT, files
 
 CODE = {".c", ".h", ".cpp", ".hpp", ".py", ".sh", ".cmake"}
-LARGEST = 1_000_000
+LARGEST = 1_000_000     # bytes
+WIDEST = 120            # columns; 100 is the aim, and this is where reading side by side ends
 
 # A path of somebody's machine, and the words that promise work instead of doing it.
 MACHINE_PATH = re.compile(r"(?<![\w.~-])/(?:work|root|Users)/")
@@ -46,8 +47,8 @@ def test_lines_are_tidy():
     untidy = []
     for path, lines in code():
         for number, line in enumerate(lines, 1):
-            if len(line) > 100:
-                untidy.append(f"{path}:{number}: {len(line)} columns; 100 is the most")
+            if len(line) > WIDEST:
+                untidy.append(f"{path}:{number}: {len(line)} columns; {WIDEST} is the most")
             if line != line.rstrip() or "\t" in line:
                 untidy.append(f"{path}:{number}: a tab, or a space at the end")
         if any(lines) and (lines[-1] != "" or lines[-2:] == ["", ""]):

@@ -69,7 +69,14 @@ def may_include(folder: str, other: str) -> bool:
 
 
 def is_test(path: Path) -> bool:
-    return path.stem.endswith("_test") or path.name == "conftest.py"
+    """Whether it is a test, or what tests share in a folder named testing/."""
+    return path.stem.endswith("_test") or path.name == "conftest.py" or "testing" in path.parts
+
+
+def may_include_helper(folder: str, helper: str) -> bool:
+    """Whether a test in `folder` may include a test helper: its own, or of a folder it may use."""
+    tops = {name.split("/")[0] for name in [folder, *MAY_INCLUDE.get(folder.split("/")[0], [])]}
+    return helper.split("/")[0] in tops
 
 
 def check_c(path: Path, text: str) -> list[str]:
@@ -81,7 +88,11 @@ def check_c(path: Path, text: str) -> list[str]:
         if not match:
             continue
         ours, library = match.groups()
-        if ours and not may_include(folder, folder_of(ours)):
+        if ours and "testing" in Path(ours).parts:
+            if not is_test(path) or not may_include_helper(folder, ours):
+                complaints.append(f'{path}:{number}: "{ours}" is for the tests of its folder and of '
+                                  f"those that may use it")
+        elif ours and not may_include(folder, folder_of(ours)):
             complaints.append(f'{path}:{number}: {folder} may not include "{ours}"; '
                               f"it may include {allowed_text(folder)}")
         if library and folder.startswith("flight") and not is_test(path) \
@@ -166,6 +177,9 @@ def test_every_quoted_include_is_found_from_the_root():
     ("flight/msg/a.h", '#include "flight/control/b.h"', "flight/msg may not include"),
     ("flight/math/a.h", '#include "flight/msg/head.h"', "flight/math may not include"),
     ("flight/control/a.c", "#  include <stdlib.h>", "<stdlib.h> is not for flight code"),
+    ("flight/control/a.c", '#include "flight/testing/b.h"', "is for the tests"),
+    ("sim/a.cpp", '#include "sim/testing/toys.h"', "is for the tests"),
+    ("sim/a_test.cpp", '#include "world/testing/b.h"', "is for the tests"),
     ("record/mcap.c", '#include "flight/math/vec.h"', "record may not include"),
     ("sim/a.cpp", '#include "world/models.h"', "sim may not include"),
     ("sim/a_test.cpp", '#include "world/models.h"', "sim may not include"),
@@ -188,6 +202,9 @@ def test_a_shortcut_is_refused_with_its_place_and_rule(path, line, complaint):
     ("flight/control/a.c", '#include "flight/control/a.h"'),
     ("flight/control/a.h", '#include "flight/msg/head.h"'),
     ("flight/control/a_test.cpp", "#include <gtest/gtest.h>"),
+    ("flight/math/a_test.cpp", '#include "flight/testing/eigen.h"'),
+    ("flight/testing/eigen.h", "#include <random>"),
+    ("world/dynamics/a_test.cpp", '#include "flight/testing/kepler.h"'),
     ("world/dynamics/a.cpp", '#include "sim/model.h"'),
     ("python/fledge/core.cpp", '#include "world/models.h"'),
     ("python/fledge/a.py", "from . import units"),

@@ -2,6 +2,7 @@
 """The launcher, run in a copy with stand-ins for the tools that change the machine."""
 
 import os
+import re
 import shutil
 import subprocess
 
@@ -21,8 +22,8 @@ STAND_INS = {
                'case "$*" in *install*) [ -e "$FAKE/updated" ] || { echo "E: no"; exit 100; } ;;\n'
                '*) : > "$FAKE/updated" ;; esac\n'
                'echo "Need to get 12.3 MB of archives."',
-    "cmake": 'echo "$*" >> "$FAKE/cmake"; mkdir -p build/$2\n'
-             'echo "BUILD_TESTING:BOOL=${3#*=}" > build/$2/CMakeCache.txt; : > build/$2/build.ninja',
+    "cmake": 'echo "$*" >> "$FAKE/cmake"; mkdir -p build/$2; : > build/$2/build.ninja\n'
+             'echo "BUILD_TESTING:BOOL=${3#*=}" > build/$2/CMakeCache.txt',
     "ninja": 'echo "$*" >> "$FAKE/ninja"; [ ! -e "$FAKE/broken" ] || {\n'
              'echo "a.c:7:1: error: it is broken"; exit 1; }; echo "ninja: no work to do."',
     "ctest": 'while [ $# -gt 0 ]; do [ "$1" != --output-junit ] || report=$2; shift; done\n'
@@ -68,7 +69,7 @@ def launch(tmp_path):
 def packages(purpose):
     """The names in that section of the list."""
     section = (ROOT / "cmake/packages.txt").read_text().split(f"[{purpose}]")[1].split("[")[0]
-    return [line.split("#")[0].strip() for line in section.splitlines() if line.split("#")[0].strip()]
+    return re.findall(r"^[^#\s]+", section, re.MULTILINE)
 
 
 def test_setup_installs_what_is_missing_and_only_that(launch):
