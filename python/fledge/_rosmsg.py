@@ -17,6 +17,7 @@ Only messages of fixed size without padding are understood: they are C structs, 
 
 import re
 from dataclasses import dataclass, field
+from functools import lru_cache
 from math import prod
 
 PRIMITIVES = {  # ROS 2 name -> numpy's code
@@ -130,6 +131,7 @@ class Struct:
         return None
 
 
+@lru_cache(maxsize=256)
 def parse(text):
     """The Struct that a definition's text describes. Raises DefinitionError."""
     sections, name = {None: []}, None
