@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The reader: C headers become one typed model, and everything else is written from that model.
 
-    reader.py   headers -> model, by libclang       rules.py    what a header may not do
+    sources.py  which headers                       model.py    the typed model
+    reader.py   headers -> model, by libclang.py    rules.py    what a header may not do
     comment.py  the grammar of field comments       units.py    the grammar of units
-    model.py    the typed model                     emit/       model -> text
+    emit/       model -> text                       errors.py   how a header is refused
 """

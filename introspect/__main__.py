@@ -11,7 +11,8 @@ from pathlib import Path
 from introspect.emit import EMITTERS
 from introspect.errors import HeaderError
 from introspect.model import Kind, Model
-from introspect.reader import Source, read
+from introspect.reader import read
+from introspect.sources import Source
 
 _HELP = """\
 Read C headers of modules, models and messages, and write what is made from them.
@@ -35,7 +36,8 @@ def _parser() -> argparse.ArgumentParser:
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--root", action=_InOrder, metavar="DIR",
                         help="what folders and #include are relative to (default: .)")
-    parser.add_argument("--library", action=_InOrder, metavar="NAME", help="to which folders belong")
+    parser.add_argument("--library", action=_InOrder, metavar="NAME",
+                        help="to which folders belong")
     parser.add_argument("--modules", action=_InOrder, metavar="DIR",
                         help="folder of flight modules and messages")
     parser.add_argument("--models", action=_InOrder, metavar="DIR",
@@ -88,7 +90,7 @@ def _write(path: Path, text: str) -> bool:
 
 
 def _depfile(target: Path, model: Model) -> str:
-    """Depends on headers, on folders (whose time changes when a header comes or goes), and on us."""
+    """Headers, folders (whose time changes when a header comes or goes), and this program."""
     here = Path(__file__).parent
     ours = [str(path) for path in [*here.glob("*.py"), *here.glob("emit/*.py")]
             if not path.name.endswith("_test.py")]
@@ -109,6 +111,8 @@ def main(arguments: list[str] | None = None) -> int:
                   f"{1e3 * (time.perf_counter() - started):.0f} ms")
         files: dict[str, str] = {}
         for name in model.library_names:
+            if not model.library(name).structs:
+                raise ValueError(f"library `{name}`: no module, model or message in its folders")
             for emitter in options.emit or ["tables", "layout"]:
                 files |= EMITTERS[emitter](model.library(name))
         for name, text in files.items():

@@ -34,7 +34,7 @@ class Comment:
 
 
 def field_text(raw: str | None) -> str | None:
-    """The words of a comment that stands after its field, in one line; None if it is no such one."""
+    """The words of a comment after its field, in one line; None if it does not stand there."""
     if not raw:
         return None
     if raw.startswith("/**<"):

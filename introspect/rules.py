@@ -13,30 +13,36 @@ from introspect.model import Field, Group, Kind, Struct, Type
 
 Finding = tuple[int, Refusal]
 
-_C = """auto break case char const continue default do double else enum extern float for goto if inline
-int long register restrict return short signed sizeof static struct switch typedef union unsigned void
-volatile while"""
-_CPP = """alignas alignof and and_eq asm bitand bitor bool catch char16_t char32_t char8_t class co_await
-co_return co_yield compl concept const_cast consteval constexpr constinit decltype delete dynamic_cast
-explicit export false friend mutable namespace new noexcept not not_eq nullptr operator or or_eq
-private protected public reinterpret_cast requires static_assert static_cast template this
-thread_local throw true try typeid typename using virtual wchar_t xor xor_eq"""
-_PYTHON = """False None True and as assert async await break class continue def del elif else except
-finally for from global if import in is lambda nonlocal not or pass raise return try while with
-yield"""
-_CSHARP = """abstract as base bool break byte case catch char checked class const continue decimal
-default delegate do double else enum event explicit extern false finally fixed float for foreach goto
-if implicit in int interface internal is lock long namespace new null object operator out override
-params private protected public readonly ref return sbyte sealed short sizeof stackalloc static string
-struct switch this throw true try typeof uint ulong unchecked unsafe ushort using virtual void volatile
-while"""
+_C = """
+auto break case char const continue default do double else enum extern float for goto if inline
+int long register restrict return short signed sizeof static struct switch typedef union
+unsigned void volatile while"""
+_CPP = """
+alignas alignof and and_eq asm bitand bitor bool catch char16_t char32_t char8_t class co_await
+co_return co_yield compl concept const_cast consteval constexpr constinit decltype delete
+dynamic_cast explicit export false friend mutable namespace new noexcept not not_eq nullptr
+operator or or_eq private protected public reinterpret_cast requires static_assert static_cast
+template this thread_local throw true try typeid typename using virtual wchar_t xor xor_eq"""
+_PYTHON = """
+False None True and as assert async await break class continue def del elif else except finally
+for from global if import in is lambda nonlocal not or pass raise return try while with yield"""
+_CSHARP = """
+abstract as base bool break byte case catch char checked class const continue decimal default
+delegate do double else enum event explicit extern false finally fixed float for foreach goto if
+implicit in int interface internal is lock long namespace new null object operator out override
+params private protected public readonly ref return sbyte sealed short sizeof stackalloc static
+string struct switch this throw true try typeof uint ulong unchecked unsafe ushort using virtual
+void volatile while"""
 _KEYWORDS = [("C", set(_C.split())), ("C++", set(_CPP.split())), ("Python", set(_PYTHON.split()))]
 _MESSAGE_KEYWORDS = _KEYWORDS + [("C#", set(_CSHARP.split()))]
 
 
-def check(struct: Struct) -> Iterator[Problem]:
-    """All that is wrong with a struct."""
-    rules = [names, unique_names, padding, head, clauses, counts, bounds, units]
+def check(struct: Struct, complete: bool = True) -> Iterator[Problem]:
+    """All that is wrong with a struct. If it is not complete, because a member was refused already,
+    the rules about what stands beside what say nothing."""
+    rules = [names, unique_names, head, clauses, bounds, units]
+    if complete:
+        rules += [padding, counts]
     if struct.kind.is_face:
         rules += [documented, ports]
     elif struct.kind is Kind.MESSAGE:
@@ -51,7 +57,7 @@ def names(struct: Struct) -> Iterator[Finding]:
     not travel: only messages and what they are made of reach C#."""
     languages = _KEYWORDS if struct.kind.is_face else _MESSAGE_KEYWORDS
     if not re.fullmatch(r"[A-Z][A-Za-z0-9]*", struct.name):
-        yield struct.line, Refusal("a struct's name is CamelCase: letters and digits, a capital first",
+        yield struct.line, Refusal("a struct's name is CamelCase, of letters and digits",
                                    f"`{struct.name}`", "rename it")
     for f in struct.fields:
         keyword_of = [language for language, words in languages if f.name in words]
@@ -83,8 +89,8 @@ def unique_names(struct: Struct) -> Iterator[Finding]:
 
 
 def padding(struct: Struct) -> Iterator[Finding]:
-    """Padding is bytes that nobody sets: they would leak into archives, wires and snapshots, and CDR
-    has none of it."""
+    """Padding is bytes that nobody sets: they would leak into archives, wires and snapshots, and
+    CDR has none."""
     following = [(f.offset, f"before `{f.path}`") for f in struct.fields[1:]]
     following.append((struct.size, "at the end of the struct"))
     for f, (end, where) in zip(struct.fields, following):
@@ -129,7 +135,7 @@ def units(struct: Struct) -> Iterator[Finding]:
     for f in struct.fields:
         if f.type.is_number and f.unit is None and not f.is_spare:
             yield f.line, Refusal("a number has a unit", f"`{f.name}` has none",
-                                  "write `///< [unit] meaning` after it, [-] if it has no dimension")
+                                  "write `///< [unit] meaning` after it, [-] for none")
         if f.unit and f.unit.text == "ns" and not f.type.is_integer:
             yield f.line, Refusal("ns is for integer times", f"`{f.ctype} {f.name}` in [ns]",
                                   "use s, or int64_t")
@@ -169,8 +175,8 @@ def counts(struct: Struct) -> Iterator[Finding]:
         if not f.shape:
             yield f.line, Refusal("`count` is for arrays", f"`{f.ctype} {f.name}`",
                                   "leave out `count`")
-        candidates = [g.name for g in struct.fields
-                      if g.group is f.group and g.type.is_unsigned and not g.shape and not g.is_spare]
+        candidates = [g.name for g in struct.fields if g.group is f.group
+                      and g.type.is_unsigned and not g.shape and not g.is_spare]
         if f.count not in candidates:
             valid = ", ".join(candidates) or "none here"
             yield f.line, Refusal(
@@ -184,11 +190,12 @@ def ports(struct: Struct) -> Iterator[Finding]:
         if f.group not in (Group.IN, Group.OUT) or f.is_spare:
             continue
         if not f.struct:
-            yield f.line, Refusal("`in` and `out` hold messages", f"`{f.path}` is a {f.ctype}",
+            yield f.line, Refusal("`in` and `out` hold messages",
+                                  f"`{f.path}` is of type {f.ctype}",
                                   "put it into a message, or into `par` or `mem`")
         elif f.struct.kind is not Kind.MESSAGE:
             yield f.line, Refusal("`in` and `out` hold messages",
-                                  f"`{f.path}` is a {f.ctype}, which does not begin with a Head",
+                                  f"`{f.path}` is of type {f.ctype}, which has no Head",
                                   f"make `Head head;` the first member of {f.ctype}")
         elif f.shape:
             yield f.line, Refusal("a port is one message", f"`{f.path}` is an array",

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Emitters: each turns one library of a model into files.
 
-An emitter is a function `emit(library) -> {file name: text}`. Its text depends on the model alone, in
-a fixed order, so that equal headers give equal files. A new one costs its module and a line here.
+An emitter is a function `emit(library) -> {file name: text}`. Its text depends on the model alone,
+in a fixed order, so that equal headers give equal files. A new one costs its module and a line.
 """
 from introspect.emit import layout, schema, tables
 

@@ -5,9 +5,9 @@ One line per field, whose comment keeps what ROS 2 cannot say, its true name fir
 
     <ros type> <lower-cased name>  # <true name> [<unit>] (<shape>) <meaning> {<NAME>=<value>, ...}
 
-Unit, shape (of arrays), meaning and values (of enums) stand there only if there are any. Arrays have
-one dimension; the shape tells the others. A text is uint8[n]. Nested structs follow, each after a
-line of 80 `=` and `MSG: fledge/<name>`.
+Unit, shape (of arrays), meaning and values (of enums) stand there only if there are any. Arrays
+have one dimension; the shape tells the others. A text is uint8[n]. Nested structs follow, each
+after a line of 80 `=` and `MSG: fledge/<name>`.
 
 A payload is the struct's bytes, which are its CDR exactly if there is no padding and every number
 stands at a multiple of its size from the start. The reader has made sure; the proof is here.

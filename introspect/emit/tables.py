@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tables of sim/table.h, in C99: a library's structs and enums as constant data.
 
-A struct's table is `fledge_struct_<name>`, an enum's `fledge_enum_<name>`, both defined by the library
-that owns the header and by no other, so that a table's address stands for its type also between
-libraries. All structs of a library: `fledge_library_<name>`.
+A struct's table is `fledge_struct_<name>`, an enum's `fledge_enum_<name>`, both defined by the
+library that owns the header and by no other, so that a table's address stands for its type also
+between libraries. All structs of a library: `fledge_library_<name>`.
 """
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from introspect.emit import ctext, schema
 from introspect.emit.ctext import string
 from introspect.model import Bounds, Enumeration, Field, Kind, Library, Struct
 
-# C99 compilers need only take literals up to 4095 characters; those that matter take any, but say so
-# under -pedantic. Schemas of large messages are longer.
+# A C99 compiler need take literals of up to 4095 characters only; those that matter take any, but
+# say so under -pedantic. Schemas of large messages are longer.
 _PROLOGUE = """#include <stddef.h>
 
 #include "sim/table.h"
@@ -65,7 +65,8 @@ def _struct(s: Struct) -> str:
     if s.kind is Kind.MESSAGE:
         members.append(("schema", string(schema.text(s))))
     if s.kind is Kind.MODULE:
-        members += [(verb, f"(void (*)(void)){s.snake_name}_{verb}") for verb in ("reset", "update")]
+        members += [(verb, f"(void (*)(void)){s.snake_name}_{verb}")
+                    for verb in ("reset", "update")]
     return (f"\nstatic const FledgeField fields_{s.name}[] = {{\n"
             + "".join(_field(f) for f in s.fields) + "};\n"
             f"\nconst FledgeStruct fledge_struct_{s.name} = {{\n"
