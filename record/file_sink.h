@@ -28,7 +28,7 @@ int file_sink_open(FileSink *s, const char *name);
 /** McapConfig.write, with the FileSink as its user. Returns 0 or errno. */
 int file_sink_write(void *sink, const void *bytes, size_t n);
 
-/** Close; `whole` gives the file its name, unless something failed. Returns the first errno or 0. */
+/** Close; `whole` gives the file its name, unless something failed. Returns the first errno. */
 int file_sink_close(FileSink *s, bool whole);
 
 #ifdef __cplusplus

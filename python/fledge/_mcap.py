@@ -174,7 +174,8 @@ class Scan:
         op, length = _prefix(self.data, at)
         if length > end - at - _PREFIX:
             name = NAMES.get(op, f"0x{op:02x}")
-            raise Damage(at, f"the {name} record states {length} bytes, {end - at - _PREFIX} are there")
+            there = end - at - _PREFIX
+            raise Damage(at, f"the {name} record states {length} bytes, {there} are there")
         return op, at + _PREFIX, at + _PREFIX + length
 
     def _data_section(self, at):
@@ -262,7 +263,7 @@ class Scan:
     def _channel(self, fields):
         id, schema = fields.number(2), fields.number(2)
         if schema and schema not in self._schemas:
-            raise Damage(fields.start, f"channel {id} has the schema {schema}, which is not declared")
+            raise Damage(fields.start, f"channel {id} has schema {schema}, which is not declared")
         topic, encoding, metadata = fields.text(), fields.text(), fields.pairs()
         key = (schema, topic, encoding, metadata)
         if self._data_end_at is not None and id not in self.channels:
@@ -305,7 +306,7 @@ class Scan:
             elif op == FOOTER:
                 break
             elif op not in IN_SUMMARY and op < 0x80:
-                raise Damage(at, f"record {NAMES.get(op, f'0x{op:02x}')} has no place in the summary")
+                raise Damage(at, f"record {NAMES.get(op, f'0x{op:02x}')} has no place in a summary")
             at = end
         stated, _, crc = fields.number(8), fields.number(8), fields.number(4)
         if fields.at != end or stated != (start if at > start else 0):

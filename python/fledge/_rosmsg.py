@@ -8,9 +8,10 @@
     MSG: fledge/Head
     int64 t  # t [ns] time of validity
 
-A line is `<type> <lower-case name>  # <true name> [<unit>] (<shape>) <meaning> {<NAME=value, ...>}`.
-ROS 2 wants lower-case names and one-dimensional arrays; the comment gives back what that lost. A
-definition of other origin, without such comments, has its ROS names, and no units.
+A line is `<type> <lower-case name>  # <true name> [<unit>] (<shape>) <meaning> {<NAME>=<n>, ...}`,
+of which unit, shape, meaning and values stand there only if there are any. ROS 2 wants lower-case
+names and one-dimensional arrays; the comment gives back what that lost. A definition of other
+origin, without such comments, has its ROS names, and no units.
 
 Only messages of fixed size without padding are understood: they are C structs, byte for byte.
 """
@@ -27,8 +28,10 @@ PRIMITIVES = {  # ROS 2 name -> numpy's code
     "float32": "f4", "float64": "f8",
 }
 
-_FIELD = re.compile(r"(?P<type>[A-Za-z]\w*(?:/\w+)*)(?:\[(?P<count>\d+)\])?\s+(?P<name>[A-Za-z]\w*)")
-_COMMENT = re.compile(r"(?P<name>[A-Za-z_]\w*)\s+\[(?P<unit>[^\]]*)\]\s*(?P<meaning>.*)")
+_FIELD = re.compile(r"(?P<type>[A-Za-z]\w*(?:/\w+)*)(?:\[(?P<count>\d+)\])?"
+                    r"\s+(?P<name>[A-Za-z]\w*)")
+_COMMENT = re.compile(r"(?P<name>[A-Za-z_]\w*)(?:\s+\[(?P<unit>[^\]]*)\])?"
+                      r"(?:\s+(?P<meaning>.*))?")
 _SHAPE = re.compile(r"\((\d+(?:\s*,\s*\d+)*),?\)\s*")
 _VALUES = re.compile(r"\s*\{(\w+\s*=\s*-?\d+(?:\s*,\s*\w+\s*=\s*-?\d+)*)\}\s*$")
 
@@ -142,7 +145,8 @@ def parse(text):
             head, _, name = line.partition(":")
             name = _short(name.strip())
             if head != "MSG" or not name or name in sections:
-                raise DefinitionError(f'line {number}: expected "MSG: <a new type>", found "{line}"')
+                raise DefinitionError(f'line {number}: expected "MSG: <a new type>", '
+                                      f'found "{line}"')
             sections[name] = []
         else:
             sections[name].append((number, line))
@@ -177,13 +181,14 @@ def _struct(name, sections, known, inside):
 def _member(number, code, comment, sections, known, inside):
     match = _FIELD.fullmatch(code)
     if not match:
-        raise DefinitionError(f'line {number}: expected "<type> <name>" of fixed size, found "{code}"')
+        raise DefinitionError(f'line {number}: expected "<type> <name>" of fixed size, '
+                              f'found "{code}"')
     kind, name = match["type"], match["name"]
     if kind in PRIMITIVES:
         of = PRIMITIVES[kind]
     elif _short(kind) not in sections:
-        raise DefinitionError(f"line {number}: {name} has the type {kind}, which is not of fixed size "
-                              "or not defined here")
+        raise DefinitionError(f"line {number}: {name} has the type {kind}, which is not of fixed "
+                              "size or not defined here")
     elif _short(kind) in inside:
         raise DefinitionError(f"line {number}: {kind} contains itself")
     else:
@@ -191,8 +196,8 @@ def _member(number, code, comment, sections, known, inside):
     shape = () if match["count"] is None else (int(match["count"]),)
     unit, meaning, values = "", comment, {}
     told = _COMMENT.fullmatch(comment)
-    if told:
-        name, unit, meaning = told["name"], told["unit"], told["meaning"]
+    if told and (told["unit"] is not None or told["name"].lower() == name):
+        name, unit, meaning = told["name"], told["unit"] or "", told["meaning"] or ""
         dims = _SHAPE.match(meaning)
         if dims and shape:
             told_shape = tuple(int(n) for n in dims[1].split(","))
@@ -201,5 +206,6 @@ def _member(number, code, comment, sections, known, inside):
         enum = _VALUES.search(meaning)
         if enum:
             meaning = meaning[:enum.start()]
-            values = {k.strip(): int(v) for k, v in (pair.split("=") for pair in enum[1].split(","))}
+            pairs = (pair.split("=") for pair in enum[1].split(","))
+            values = {name.strip(): int(value) for name, value in pairs}
     return Member(name, of, shape, unit, meaning, values)

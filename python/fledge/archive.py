@@ -3,7 +3,7 @@
 
     a = Archive("nadir_spin.mcap")
     a.topics                          # topic -> Channel, with its fields, units and count
-    a["error.sigma_BR"]               # an (n, 3) array; also "/flight/tracking/error", "tracking.error"
+    a["error.sigma_BR"]               # an (n, 3) array; a["/flight/tracking/error"] has all fields
     a.time("error")                   # [s]
     a.frame("error")                  # a pandas DataFrame by time, columns "error.sigma_BR[0]", ...
     a.to_csv("run/"), a.to_hdf5("run.h5")
@@ -29,6 +29,7 @@ from fledge._rosmsg import Field
 __all__ = ["Archive", "ArchiveError", "Channel", "Field"]
 
 _HEAD = "head"  # the member that every message begins with: time, quality, sequence
+_SPARE = re.compile(r"(.*\.)?spare\w*")  # members that stand in for padding
 
 
 class ArchiveError(Exception):
@@ -182,10 +183,12 @@ class Archive:
             else:
                 hits = [self._find(key)]
             for channel, name in hits:
-                wanted.setdefault(channel, set()).update(
-                    f for f in channel.fields
-                    if (name is None and (head or not f.startswith(_HEAD + ".")))
-                    or f == name or (name is not None and f.startswith(name + ".")))
+                if name is None:
+                    names = [f for f in channel.fields if not _SPARE.fullmatch(f)
+                             and (head or not f.startswith(_HEAD + "."))]
+                else:
+                    names = [f for f in channel.fields if f"{f}.".startswith(f"{name}.")]
+                wanted.setdefault(channel, set()).update(names)
         return {c: [f for f in c.fields.values() if f.name in wanted[c]]
                 for c in self.topics.values() if c in wanted}
 
@@ -205,8 +208,8 @@ class Archive:
     def __getitem__(self, key):
         """All values of a topic or a field, by a name from the end on as long as it is unique.
 
-        A topic gives an (n,) structured array whose fields have their true names and shapes; a field
-        an (n, ...) array; an element, "error.sigma_BR[0]", an (n,) array. All are read-only.
+        A topic gives an (n,) structured array whose fields have their true names and shapes; a
+        field an (n, ...) array; an element, "error.sigma_BR[0]", an (n,) array. All are read-only.
         ArchiveError lists the candidates where the name is unknown or ambiguous.
         """
         indices = tuple(int(i) for i in re.findall(r"\[(\d+)\]", key))
@@ -255,8 +258,8 @@ class Archive:
         if strange.any():
             i = int(strange.argmax())
             raise ArchiveError(f"{self.path}: {channel.topic}: message {i} at byte "
-                               f"{channel._raw.offsets[i]} begins with {bytes(header[i]).hex(' ')}, "
-                               "expected plain CDR: 00 00 or 00 01")
+                               f"{channel._raw.offsets[i]} begins with "
+                               f"{bytes(header[i]).hex(' ')}, expected plain CDR: 00 00 or 00 01")
         raw = self._gather(channel, _mcap.PAYLOAD_AT, f"V{struct.size}") if struct.size else \
             np.empty(channel.count, "V0")
         if is_little.all():
@@ -273,7 +276,8 @@ class Archive:
 
         topics: names (as for []) or patterns ("/flight/*") of topics or fields, one or several;
             None: all. Topics of different rates share the index, with NaN where one has no value.
-        head: with the columns of the messages' heads, "error.head.quality" and so on
+        head: with the columns of the messages' heads, "error.head.quality" and so on; members
+            named spare are left out
         Columns have the shortest names that are unique, "error.sigma_BR[0]"; `attrs["units"]` and
         `attrs["meanings"]` map them to text.
         """
@@ -318,10 +322,11 @@ class Archive:
     def to_csv(self, path, topics=None, head=False):
         """Write CSV; returns the paths written.
 
-        Rates differ, so every topic is a file of its own, `<path>/flight.tracking.error.csv`; a path
-        that ends in .csv takes exactly one topic. The first column is the time in seconds, exact
-        to the nanosecond; numbers are written such that reading them gives the same bits; headings
-        carry the units: "sigma_BR[0] [-]". topics, head: as for `frame`. Metadata are left out.
+        Rates differ, so every topic is a file of its own, `<path>/flight.tracking.error.csv`; a
+        path that ends in .csv takes exactly one topic. The first column is the time in seconds,
+        exact to the nanosecond; numbers are written such that reading them gives the same bits;
+        headings carry the units: "sigma_BR[0] [-]". topics, head: as for `frame`. Metadata are
+        left out.
         """
         path = Path(path)
         selected = self._select(topics, head)
@@ -353,8 +358,9 @@ class Archive:
     def to_hdf5(self, path, topics=None, head=False):
         """Write HDF5: a group per topic, in it a dataset (n, ...) per field; returns the path.
 
-        Datasets have the attributes `unit`, `meaning` and, for an enumeration, `values`; `_time` [s]
-        and `_time_ns` hold the times. The run's metadata are attributes of `/_metadata/<name>`.
+        Datasets have the attributes `unit`, `meaning` and, for an enumeration, `values`; `_time`
+        [s] and `_time_ns` hold the times. The run's metadata are attributes of
+        `/_metadata/<name>`.
         topics, head: as for `frame`.
         """
         import h5py
@@ -376,7 +382,8 @@ class Archive:
                     data.attrs["unit"] = field.unit
                     data.attrs["meaning"] = field.meaning
                     if field.values:
-                        data.attrs["values"] = ", ".join(f"{k}={v}" for k, v in field.values.items())
+                        data.attrs["values"] = ", ".join(
+                            f"{k}={v}" for k, v in field.values.items())
         return Path(path)
 
 
