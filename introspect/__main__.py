@@ -72,8 +72,10 @@ def _sources(ordered: list[tuple[str, str]]) -> list[Source]:
     for name in libraries:
         if not name.isidentifier():
             raise ValueError(f"--library {name}: a name is letters, digits and _")
+        if not any(source.library == name for source in sources):
+            raise ValueError(f"--library {name}: give it a folder, with --modules or --models")
     if not sources:
-        raise ValueError("give at least one folder with --modules or --models")
+        raise ValueError("give a --library, and a folder with --modules or --models")
     return sources
 
 
