@@ -230,6 +230,15 @@ typedef struct Model {
     assert model.kind is Kind.MODEL and model.fields[0].name == "base"
 
 
+def test_the_example_in_the_readme_keeps_the_rules(tmp_path):
+    example = re.search(r"```c\n(.*?)```", (ROOT / "introspect/README.md").read_text(), re.S)[1]
+    messages = "".join(f'#include "flight/msg/{name}.h"\n'
+                       for name in ("attitude", "vehicle", "wheels"))
+    write_header(tmp_path, "m/rate_hold.h", messages + example)
+    hold = read_tree(tmp_path).structs["RateHold"]
+    assert member(hold, "rates").doc == "the first n of them count; a comment may go on"
+
+
 def test_no_such_folder():
     with pytest.raises(FileNotFoundError, match="nowhere: no such folder or header"):
         read([Source(ROOT, "nowhere", Kind.MODULE, "x")])
