@@ -66,14 +66,19 @@ Copy copy_of(const Wire &wire, const Word *from)
     return {from, words(wire.to.bytes()), wire.to.field->size / 8, wire.options.stale_after};
 }
 
+void append(std::vector<std::byte> &bytes, const void *from, std::size_t n)
+{
+    bytes.resize(bytes.size() + n);
+    std::memcpy(bytes.data() + bytes.size() - n, from, n);
+}
+
 /// The bytes of an instance's parameters.
 std::vector<std::byte> parameters(const Instance &instance)
 {
     std::vector<std::byte> bytes;
     for (const FledgeField &field : fields(instance.type())) {
         if (field.group == FLEDGE_PAR) {
-            const std::byte *p = instance.memory() + field.offset;
-            bytes.insert(bytes.end(), p, p + field.size);
+            append(bytes, instance.memory() + field.offset, field.size);
         }
     }
     return bytes;
@@ -507,12 +512,8 @@ std::vector<std::byte> Simulation::Runtime::save() const
 {
     const std::uint64_t hash = shape_hash();
     std::vector<std::byte> bytes;
-    const auto append = [&](const void *p, std::size_t n) {
-        const auto *first = static_cast<const std::byte *>(p);
-        bytes.insert(bytes.end(), first, first + n);
-    };
-    append(&hash, sizeof hash);
-    shape([&](void *p, std::size_t n) { append(p, n); });
+    append(bytes, &hash, sizeof hash);
+    shape([&](void *p, std::size_t n) { append(bytes, p, n); });
     return bytes;
 }
 

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+// Dispersed runs of one simulation: each differs in its parameters and in its random streams.
+//
+// A run is fixed by (seed, index) alone: which thread flies it, how many there are and in what order
+// they finish changes no bit of it. Each thread flies a clone of its own, so nothing is shared.
+#pragma once
+
+#include "sim/simulation.h"
+
+#include <atomic>
+#include <functional>
+#include <string>
+#include <vector>
+
+namespace fledge::sim {
+
+/// What a parameter is drawn from. Numbers are SI.
+struct Distribution {
+    enum class Kind {
+        uniform,  ///< between a and b
+        normal,   ///< mean a, standard deviation b; cut to [lo, hi]
+        attitude, ///< of an MRP vector: uniform over all attitudes
+    };
+    Kind kind = Kind::uniform;
+    double a = 0.0, b = 0.0;
+    double lo, hi;        ///< of a normal one: draws outside are drawn again
+    bool relative = false; ///< a and b (lo, hi) are factors of the nominal value
+    bool about = false;    ///< a and b (lo, hi) are added to the nominal value
+
+    Distribution();
+};
+
+/// A parameter that differs from run to run, with all its elements or some: each is drawn by itself.
+struct Dispersion {
+    std::string path; ///< "world.craft.I_B"
+    std::vector<std::size_t> elements;
+    Distribution distribution;
+};
+
+/// A field of a recorded message that is kept of every run.
+struct Retained {
+    std::string port;         ///< "flight.tracking.error"
+    std::uint32_t offset = 0; ///< of the field, bytes from the start of the message
+    std::size_t elements = 1; ///< doubles
+};
+
+struct CampaignPlan {
+    std::uint64_t seed = 0;
+    std::size_t first = 0, runs = 0; ///< indices first, first + 1, ...
+    Ns duration = 0;
+    Ns every = 0; ///< between the samples of what is retained, > 0
+    std::vector<Dispersion> dispersions;
+    std::vector<Retained> retained;
+};
+
+struct CampaignResult {
+    std::size_t samples = 0;
+    std::vector<std::string> failures;          ///< by run; "" if it flew to its end
+    std::vector<double> draws;                  ///< by run, then by dispersed element
+    std::vector<std::vector<double>> retained;  ///< by variable: run, sample, element; NaN where there is none
+    std::size_t finished = 0;                   ///< runs, fewer if it was stopped
+};
+
+/// Whether runs may be flown by threads: an event with a callable may share anything.
+bool has_callables(const Simulation &simulation);
+
+/// Throws SetupError on a path that is no dispersible parameter (with the valid ones), elements
+/// outside it, or impossible bounds.
+void check_plan(const Simulation &nominal, const CampaignPlan &plan);
+
+/// Set the parameters and the seed of one run in a simulation that stands before its first instant.
+/// `nominal` has the nominal values and is left alone. Returns the draws.
+std::vector<double> disperse(const Simulation &nominal, Simulation &simulation, const CampaignPlan &plan,
+                             std::size_t index);
+
+/// Fly all runs on this many threads. `progress` is called now and then on the calling thread with
+/// the number of finished runs; false stops the campaign. A run that throws is a failure of its own.
+CampaignResult fly(const Simulation &nominal, const CampaignPlan &plan, unsigned threads,
+                   const std::function<bool(std::size_t finished)> &progress = {});
+
+} // namespace fledge::sim

@@ -1,0 +1,192 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sim/campaign.h"
+
+#include "sim/testing/toys.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+using namespace fledge::sim;
+using namespace fledge::sim::toys;
+using ::testing::HasSubstr;
+
+namespace {
+
+constexpr Ns second = 1'000'000'000;
+
+/// x' = gain x, from a dispersed level, with a dispersed gain.
+struct Nominal {
+    Nominal()
+    {
+        Process &world = sim.add_process("world");
+        Process &flight = sim.add_process("flight");
+        tank = std::make_shared<Instance>(tank_type);
+        control = std::make_shared<Instance>(scale_type);
+        world.add("tank", tank);
+        flight.add("control", control);
+        face<Tank>(tank).par.initial = 8.0;
+        face<Scale>(control).par.gain = -0.5;
+        world.add_task({"dynamics", second / 10, 0, 0, {tank}});
+        flight.add_task({"gnc", second / 2, 0, 0, {control}});
+        sim.connect(port(tank, "level"), port(control, "number"));
+        sim.connect(port(control, "product"), port(tank, "flow"));
+
+        plan.seed = 7;
+        plan.runs = 200;
+        plan.duration = 5 * second;
+        plan.every = second / 2;
+        Dispersion level{"world.tank.initial", {0}, {}};
+        level.distribution.a = 2.0;
+        level.distribution.b = 10.0;
+        Dispersion gain{"flight.control.gain", {0}, {}};
+        gain.distribution.kind = Distribution::Kind::normal;
+        gain.distribution.a = 1.0;
+        gain.distribution.b = 0.1;
+        gain.distribution.relative = true;
+        plan.dispersions = {level, gain};
+        plan.retained = {{"world.tank.level", offsetof(Number, x), 1}};
+    }
+
+    Simulation sim;
+    std::shared_ptr<Instance> tank, control;
+    CampaignPlan plan;
+};
+
+std::string error_of(const std::function<void()> &f)
+{
+    try {
+        f();
+    } catch (const SetupError &error) {
+        return error.what();
+    }
+    return "(no error)";
+}
+
+} // namespace
+
+TEST(Campaign, RunsFollowFromTheirDraws)
+{
+    Nominal nominal;
+    const CampaignResult result = fly(nominal.sim, nominal.plan, 2);
+    ASSERT_EQ(result.finished, 200u);
+    ASSERT_EQ(result.samples, 11u);
+    for (std::size_t run = 0; run < 200; run++) {
+        EXPECT_EQ(result.failures[run], "");
+        const double level = result.draws[2 * run], gain = result.draws[2 * run + 1];
+        EXPECT_TRUE(level >= 2.0 && level < 10.0);
+        for (std::size_t k = 0; k < 11; k++) {
+            const double expected = level * std::pow(1.0 + 0.5 * gain, static_cast<double>(k));
+            EXPECT_NEAR(result.retained[0][run * 11 + k], expected, 1e-12) << run;
+        }
+    }
+    EXPECT_EQ(face<Tank>(nominal.tank).par.initial, 8.0) << "the nominal simulation is left alone";
+    EXPECT_EQ(nominal.sim.now(), -1);
+}
+
+TEST(Campaign, NeitherThreadsNorOrderChangeABit)
+{
+    Nominal nominal;
+    const CampaignResult one = fly(nominal.sim, nominal.plan, 1);
+    for (unsigned threads : {2u, 5u}) {
+        const CampaignResult many = fly(nominal.sim, nominal.plan, threads);
+        EXPECT_EQ(one.draws, many.draws);
+        EXPECT_EQ(one.retained, many.retained);
+    }
+    // A part of the campaign is that part.
+    CampaignPlan part = nominal.plan;
+    part.first = 150;
+    part.runs = 3;
+    const CampaignResult some = fly(nominal.sim, part, 2);
+    EXPECT_TRUE(std::equal(some.draws.begin(), some.draws.end(), one.draws.begin() + 300));
+    // And one run, flown by hand.
+    const auto draws = disperse(nominal.sim, nominal.sim, nominal.plan, 151);
+    EXPECT_EQ(draws[0], one.draws[302]);
+    nominal.sim.run_until(nominal.plan.duration);
+    EXPECT_EQ(face<Tank>(nominal.tank).out.level.x, one.retained[0][151 * 11 + 10]);
+}
+
+TEST(Campaign, OneDispersionMoreChangesNoOthersDraws)
+{
+    Nominal nominal;
+    const auto both = disperse(nominal.sim, nominal.sim, nominal.plan, 3);
+    nominal.plan.dispersions.erase(nominal.plan.dispersions.begin());
+    Nominal fresh;
+    EXPECT_EQ(disperse(fresh.sim, fresh.sim, nominal.plan, 3)[0], both[1]);
+}
+
+TEST(Campaign, AFailedRunIsNoneOfTheOthersBusiness)
+{
+    Nominal nominal;
+    nominal.plan.dispersions[0].distribution.a = -1.0; // a level below 0 is refused by the model
+    nominal.plan.dispersions[0].distribution.b = 1.0;
+    const CampaignResult result = fly(nominal.sim, nominal.plan, 2);
+    std::size_t failed = 0;
+    for (std::size_t run = 0; run < 200; run++) {
+        const bool bad = result.draws[2 * run] < 0.0;
+        EXPECT_EQ(!result.failures[run].empty(), bad);
+        if (bad) {
+            failed++;
+            EXPECT_THAT(result.failures[run], HasSubstr("world.tank.initial must be >= 0"));
+        }
+        EXPECT_EQ(std::isnan(result.retained[0][run * 11]), bad);
+    }
+    EXPECT_GT(failed, 50u);
+    EXPECT_LT(failed, 150u);
+}
+
+TEST(Campaign, DrawsWhatWasAskedFor)
+{
+    Nominal nominal;
+    auto &distribution = nominal.plan.dispersions[0].distribution;
+    distribution.kind = Distribution::Kind::normal;
+    distribution.a = 5.0;
+    distribution.b = 2.0;
+    distribution.lo = 4.0;
+    distribution.hi = 8.0;
+    const int n = 4000;
+    double sum = 0.0;
+    for (int i = 0; i < n; i++) {
+        const double x = disperse(nominal.sim, nominal.sim, nominal.plan, static_cast<std::size_t>(i))[0];
+        EXPECT_TRUE(x >= 4.0 && x <= 8.0);
+        sum += x;
+    }
+    // The mean of the cut distribution, m + s (phi(l) - phi(h)) / (Phi(h) - Phi(l)), l = -1/2, h = 3/2.
+    const auto phi = [](double z) { return std::exp(-0.5 * z * z) / std::sqrt(2.0 * M_PI); };
+    const auto Phi = [](double z) { return 0.5 * std::erfc(-z / std::sqrt(2.0)); };
+    const double mean = 5.0 + 2.0 * (phi(-0.5) - phi(1.5)) / (Phi(1.5) - Phi(-0.5));
+    EXPECT_NEAR(sum / n, mean, 4.0 * 1.1 / std::sqrt(n));
+}
+
+TEST(Campaign, RefusesImpossiblePlans)
+{
+    Nominal nominal;
+    const auto error = [&](const std::function<void(CampaignPlan &)> &spoil) {
+        CampaignPlan plan = nominal.plan;
+        spoil(plan);
+        return error_of([&] { check_plan(nominal.sim, plan); });
+    };
+    EXPECT_THAT(error([](auto &p) { p.dispersions[0].path = "world.tnak.initial"; }),
+                HasSubstr("there is no instance world.tnak; there are world.tank and flight.control"));
+    EXPECT_THAT(error([](auto &p) { p.dispersions[0].path = "world.tank.level"; }),
+                HasSubstr("world.tank.level is no parameter that can be dispersed; world.tank has initial"));
+    EXPECT_THAT(error([](auto &p) { p.dispersions[0].elements = {1}; }), HasSubstr("has 1 elements"));
+    EXPECT_THAT(error([](auto &p) { p.dispersions[0].distribution.a = 11.0; }),
+                HasSubstr("the lower bound is above the upper one"));
+    EXPECT_THAT(error([](auto &p) { p.dispersions[1].distribution.b = -1.0; }),
+                HasSubstr("a standard deviation must be >= 0, found -1"));
+    EXPECT_THAT(error([](auto &p) { p.dispersions[1].distribution.lo = 50.0; }), HasSubstr("never falls between"));
+    EXPECT_THAT(error([](auto &p) { p.dispersions[0].distribution.kind = Distribution::Kind::attitude; }),
+                HasSubstr("three elements of an MRP"));
+    EXPECT_THAT(error([](auto &p) { p.retained[0].port = "world.tank.initial"; }), HasSubstr("is no input or output"));
+    EXPECT_THAT(error([](auto &p) { p.every = 0; }), HasSubstr("must be > 0"));
+}
+
+TEST(Campaign, StopsWhenAsked)
+{
+    Nominal nominal;
+    nominal.plan.runs = 1'000'000;
+    const CampaignResult result = fly(nominal.sim, nominal.plan, 2, [](std::size_t) { return false; });
+    EXPECT_LT(result.finished, nominal.plan.runs);
+}
