@@ -156,7 +156,7 @@ static inline double log_of_normal(double x, int32_t extra)
     const uint64_t m_bits = (above & FM_FRACTION) + LOG_START;
     const double m1 = fm_from_bits(m_bits & ~(uint64_t)0x1ff);
     const double m2 = fm_from_bits(m_bits) - m1;
-    const FmSum r_sum = fm_sum(m1 * row.c - 1.0, m2 * row.c);
+    const FmSum r_sum = fm_sum_ordered(m1 * row.c - 1.0, m2 * row.c);
     const double r = r_sum.hi;
 
     const double rr = r * r;
@@ -165,7 +165,7 @@ static inline double log_of_normal(double x, int32_t extra)
                 + rr * ((-0x1.5555538f02dcdp-3 + r * 0x1.24b36649868c9p-3)
                         + rr * -0x1.00216bacb2c18p-3));
 
-    const FmSum sum = fm_sum(k * LN2_1 + row.minus_log.hi, r);
+    const FmSum sum = fm_sum_ordered(k * LN2_1 + row.minus_log.hi, r);
     return sum.hi + (sum.lo + (r_sum.lo + (k * LN2_2 + row.minus_log.lo) + rr * L));
 }
 

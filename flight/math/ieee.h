@@ -2,8 +2,8 @@
 /* Private to flight/math: the bits of a double, and arithmetic on unevaluated sums hi + lo.
  *
  * An integer and a double of 64 bits share their byte order on all our machines, so memcpy makes
- * the sign bit 63 everywhere. Sums follow Dekker, "A floating-point technique for extending the
- * available precision", 1971, with the halves of a double made by masking. */
+ * the sign bit 63 everywhere. Sums and products are those of Knuth, and of Dekker, "A floating-point
+ * technique for extending the available precision", 1971, with a double halved by masking. */
 #ifndef FLIGHT_MATH_IEEE_H
 #define FLIGHT_MATH_IEEE_H
 
@@ -60,8 +60,17 @@ static inline double fm_head(double x)
     return fm_from_bits(fm_bits(x) & ~(uint64_t)0x7ffffff);
 }
 
-/* a + b exactly, if |a| >= |b| or a == 0. */
+/* a + b exactly. */
 static inline FmSum fm_sum(double a, double b)
+{
+    const double hi = a + b;
+    const double b_in_hi = hi - a;
+    const FmSum sum = {hi, (a - (hi - b_in_hi)) + (b - b_in_hi)};
+    return sum;
+}
+
+/* The same, if |a| >= |b| or a == 0. */
+static inline FmSum fm_sum_ordered(double a, double b)
 {
     const double hi = a + b;
     const FmSum sum = {hi, (a - hi) + b};

@@ -4,32 +4,27 @@
 #include "flight/math/ieee.h"
 
 static const FmSum PI_OVER_2 = {0x1.921fb54442d18p+0, 0x1.1a62633145c07p-54};
-static const FmSum PI = {0x1.921fb54442d18p+1, 0x1.1a62633145c07p-53};
+static const double PI = 0x1.921fb54442d18p+1;
 
 /* ---- arc tangent --------------------------------------------------------------------------------
- * A point (x, y) of the upper half plane is turned and mirrored, by multiples of pi/4, into the
- * sector from -pi/8 to pi/8 about the x axis:
+ * A point (x, y) of the upper half plane is turned back by k pi/4 into the sector from -pi/8 to
+ * pi/8 about the x axis. But for a factor sqrt 2, which cancels, that takes only sums:
  *
- *     angle = base + sign atan(n/d),   |n/d| <= tan(pi/8),   atan u = u + u^3 A(u^2).
+ *     n = c y - s x,   d = c x + s y,   angle = k pi/4 + atan(n/d),   atan u = u + u^3 A(u^2).
  *
- * Only n, d and base decide the accuracy, and all three are unevaluated sums. */
+ * Only n, d and k pi/4 decide the accuracy, and all three are unevaluated sums. */
 
 typedef struct Sector {
-    FmSum  base;
-    double sign;
+    double c, s;
+    FmSum  middle;  /* k pi/4 */
 } Sector;
 
-enum { DIAGONAL = 1, STEEP = 2, LEFT = 4 };
-
-static const Sector SECTORS[8] = {
-    /* .                       */ {{0.0, 0.0}, 1.0},
-    /* DIAGONAL                */ {{0x1.921fb54442d18p-1, 0x1.1a62633145c07p-55}, 1.0},
-    /* STEEP                   */ {{0x1.921fb54442d18p+0, 0x1.1a62633145c07p-54}, -1.0},
-    /* STEEP | DIAGONAL        */ {{0x1.921fb54442d18p-1, 0x1.1a62633145c07p-55}, -1.0},
-    /* LEFT                    */ {{0x1.921fb54442d18p+1, 0x1.1a62633145c07p-53}, -1.0},
-    /* LEFT | DIAGONAL         */ {{0x1.2d97c7f3321d2p+1, 0x1.a79394c9e8a0ap-54}, -1.0},
-    /* LEFT | STEEP            */ {{0x1.921fb54442d18p+0, 0x1.1a62633145c07p-54}, 1.0},
-    /* LEFT | STEEP | DIAGONAL */ {{0x1.2d97c7f3321d2p+1, 0x1.a79394c9e8a0ap-54}, 1.0},
+static const Sector SECTORS[5] = {
+    {1.0, 0.0, {0.0, 0.0}},
+    {1.0, 1.0, {0x1.921fb54442d18p-1, 0x1.1a62633145c07p-55}},
+    {0.0, 1.0, {0x1.921fb54442d18p+0, 0x1.1a62633145c07p-54}},
+    {-1.0, 1.0, {0x1.2d97c7f3321d2p+1, 0x1.a79394c9e8a0ap-54}},
+    {-1.0, 0.0, {0x1.921fb54442d18p+1, 0x1.1a62633145c07p-53}},
 };
 
 /* u^3 A(u^2), for |u| <= tan(pi/8). */
@@ -47,24 +42,23 @@ static inline double arctangent_minus(double u)
     return u * z * (A0 + z4 * (A4 + z4 * A8));
 }
 
-/* The angle of (+-x, y) for x, y >= 0 whose exponents are moderate. */
-static inline double angle(double y, double x, uint32_t left)
+/* The angle of (x, y) for y > 0, whose exponents are moderate. */
+static inline double angle(double y, double x)
 {
     const double TAN_PI_8 = 0x1.a827999fcef32p-2;
 
-    const double large = y > x ? y : x;
-    const double small = y > x ? x : y;
-    const int diagonal = small > TAN_PI_8 * large;
-    const Sector sector = SECTORS[(diagonal ? DIAGONAL : 0) | (y > x ? STEEP : 0) | left];
+    /* Count the limits passed, without branches: which way a point lies is hard to predict. */
+    const double limit_x = TAN_PI_8 * x, limit_y = TAN_PI_8 * y;
+    const int k = (y > limit_x) + (limit_y > x) + (-x > limit_y) + (-limit_x > y);
+    const Sector sector = SECTORS[k];
 
-    const FmSum minus_n = fm_sum(diagonal ? large : 0.0, -small);
-    const FmSum n = {-minus_n.hi, -minus_n.lo};
-    const FmSum d = fm_sum(large, diagonal ? small : 0.0);
+    const FmSum n = fm_sum(sector.c * y, -(sector.s * x));
+    const FmSum d = fm_sum(sector.c * x, sector.s * y);
     const FmSum u = fm_quotient(n, d);
     const double correction = u.lo + arctangent_minus(u.hi + u.lo);
 
-    const FmSum result = fm_sum(sector.base.hi, sector.sign * u.hi);
-    return result.hi + (result.lo + (sector.base.lo + sector.sign * correction));
+    const FmSum result = fm_sum_ordered(sector.middle.hi, u.hi);
+    return result.hi + (result.lo + (sector.middle.lo + correction));
 }
 
 static inline int is_moderate(double magnitude)
@@ -72,34 +66,36 @@ static inline int is_moderate(double magnitude)
     return 0x1p-500 < magnitude && magnitude < 0x1p500;
 }
 
-/* The same for any x, y >= 0 that are not NaN. */
-static double angle_of_extremes(double y, double x, uint32_t left)
+/* The same for any x and y >= 0 that are not NaN. */
+static double angle_of_extremes(double y, double x)
 {
-    if (y == x && (y == 0.0 || y > DBL_MAX)) {
-        /* Both zero, or both infinite: the axis, or the diagonal. */
-        return y == 0.0 ? (left ? PI.hi : 0.0) : SECTORS[DIAGONAL | left].base.hi;
+    const double size = fabs(x);
+    const int left = (fm_sign(x) != 0);
+    if (y == 0.0 && size == 0.0) {
+        return left ? PI : 0.0;
+    }
+    if (y > DBL_MAX && size > DBL_MAX) {
+        return SECTORS[left ? 3 : 1].middle.hi;
     }
     /* Scaling is exact here, except that it may flush what is negligible beside the other. */
-    const double scale = (y > x ? y : x) > 1.0 ? 0x1p-600 : 0x1p600;
-    const double scaled_y = y * scale, scaled_x = x * scale;
-    if (is_moderate(scaled_y) && is_moderate(scaled_x)) {
-        return angle(scaled_y, scaled_x, left);
+    const double scale = (y > size ? y : size) > 1.0 ? 0x1p-600 : 0x1p600;
+    if (is_moderate(y * scale) && is_moderate(size * scale)) {
+        return angle(y * scale, x * scale);
     }
-    if (y > x) {
+    if (y > size) {
         return PI_OVER_2.hi;
     }
-    return left ? PI.hi : y / x;
+    return left ? PI : y / x;
 }
 
 double fm_atan2(double y, double x)
 {
-    const double size_y = fabs(y), size_x = fabs(x);
-    const uint32_t left = (uint32_t)(fm_bits(x) >> 63) * LEFT;
+    const double height = fabs(y), size = fabs(x);
     double result;
-    if (is_moderate(size_y) && is_moderate(size_x)) {
-        result = angle(size_y, size_x, left);
-    } else if (size_y <= INFINITY && size_x <= INFINITY) {
-        result = angle_of_extremes(size_y, size_x, left);
+    if (is_moderate(height) && is_moderate(size)) {
+        result = angle(height, x);
+    } else if (height <= INFINITY && size <= INFINITY) {
+        result = angle_of_extremes(height, x);
     } else {
         return NAN;
     }
@@ -111,7 +107,7 @@ double fm_atan(double x)
     const double size = fabs(x);
     double result;
     if (is_moderate(size)) {
-        result = angle(size, 1.0, 0);
+        result = angle(size, 1.0);
     } else if (size < 1.0) {
         result = size;
     } else if (size <= INFINITY) {
@@ -161,7 +157,7 @@ double fm_asin(double x)
         result = size + size * (size * size) * arcsine_factor(size * size);
     } else if (size < 1.0) {
         const FmSum a = arccosine_near_one(size);
-        const FmSum difference = fm_sum(PI_OVER_2.hi, -a.hi);
+        const FmSum difference = fm_sum_ordered(PI_OVER_2.hi, -a.hi);
         result = difference.hi + (difference.lo + (PI_OVER_2.lo - a.lo));
     } else if (size == 1.0) {
         result = PI_OVER_2.hi;
@@ -171,21 +167,32 @@ double fm_asin(double x)
     return fm_flip(result, fm_sign(x));
 }
 
+typedef struct Supplement {
+    FmSum  start;
+    double sign;
+} Supplement;
+
 double fm_acos(double x)
 {
     const double size = fabs(x);
     if (size < 0.5) {
-        const FmSum difference = fm_sum(PI_OVER_2.hi, -x);
+        const FmSum difference = fm_sum_ordered(PI_OVER_2.hi, -x);
         return difference.hi
             + (difference.lo + (PI_OVER_2.lo - x * (x * x) * arcsine_factor(x * x)));
     }
     if (size < 1.0) {
+        /* Of a negative x, pi - acos |x|; again without a branch. */
+        static const Supplement SUPPLEMENTS[2] = {
+            {{0.0, 0.0}, 1.0},
+            {{0x1.921fb54442d18p+1, 0x1.1a62633145c07p-53}, -1.0},
+        };
+        const Supplement from = SUPPLEMENTS[x < 0.0];
         const FmSum a = arccosine_near_one(size);
-        const FmSum supplement = fm_sum(PI.hi, -a.hi);
-        return x > 0.0 ? a.hi + a.lo : supplement.hi + (supplement.lo + (PI.lo - a.lo));
+        const FmSum result = fm_sum_ordered(from.start.hi, from.sign * a.hi);
+        return result.hi + (result.lo + (from.start.lo + from.sign * a.lo));
     }
     if (size == 1.0) {
-        return x > 0.0 ? 0.0 : PI.hi;
+        return x > 0.0 ? 0.0 : PI;
     }
     return NAN;
 }

@@ -32,24 +32,22 @@ static void window_at(uint32_t window[WINDOW], uint32_t bit)
     }
 }
 
-/* a *= m modulo 2^192. */
-static void multiply(uint32_t a[WINDOW], uint64_t m)
+/* product = a m modulo 2^192. */
+static void multiply(uint32_t product[WINDOW], const uint32_t a[WINDOW], uint64_t m)
 {
     const uint32_t m_low = (uint32_t)m, m_high = (uint32_t)(m >> 32);
-    uint32_t low_product[WINDOW];
     uint32_t carry = 0;
     for (int i = WINDOW - 1; i >= 0; --i) {
         const uint64_t t = (uint64_t)a[i] * m_low + carry;
-        low_product[i] = (uint32_t)t;
+        product[i] = (uint32_t)t;
         carry = (uint32_t)(t >> 32);
     }
     carry = 0;
     for (int i = WINDOW - 1; i >= 1; --i) {
-        const uint64_t t = (uint64_t)a[i] * m_high + low_product[i - 1] + carry;
-        low_product[i - 1] = (uint32_t)t;
+        const uint64_t t = (uint64_t)a[i] * m_high + product[i - 1] + carry;
+        product[i - 1] = (uint32_t)t;
         carry = (uint32_t)(t >> 32);
     }
-    memcpy(a, low_product, sizeof low_product);
 }
 
 FmAngle fm_reduce_far(double x)
@@ -58,9 +56,9 @@ FmAngle fm_reduce_far(double x)
     static const double UNIT[3] = {0x1p-32, 0x1p-64, 0x1p-96};
 
     const int32_t e = (int32_t)(fm_bits(x) >> 52) - (1023 + 52);
-    uint32_t f[WINDOW];
-    window_at(f, (uint32_t)(LEADING_ZEROS + e - 2));
-    multiply(f, (fm_bits(x) & FM_FRACTION) | FM_HIDDEN_BIT);
+    uint32_t window[WINDOW], f[WINDOW];
+    window_at(window, (uint32_t)(LEADING_ZEROS + e - 2));
+    multiply(f, window, (fm_bits(x) & FM_FRACTION) | FM_HIDDEN_BIT);
 
     /* Split quadrant and fraction; a fraction above one half belongs to the next quadrant. */
     uint32_t quadrant = f[0] >> 30;
@@ -79,12 +77,12 @@ FmAngle fm_reduce_far(double x)
     while (top < 2 && f[top] == 0) {
         ++top;
     }
-    FmSum fraction = fm_sum((double)f[top], (double)f[top + 1] * 0x1p-32);
+    FmSum fraction = fm_sum_ordered((double)f[top], (double)f[top + 1] * 0x1p-32);
     fraction.lo += (double)f[top + 2] * 0x1p-64 + (double)f[top + 3] * 0x1p-96;
 
     FmSum rest = fm_product(fraction.hi, PI_OVER_2.hi);
     rest.lo += fraction.hi * PI_OVER_2.lo + fraction.lo * PI_OVER_2.hi;
-    rest = fm_sum(rest.hi, rest.lo);
+    rest = fm_sum_ordered(rest.hi, rest.lo);
 
     const double unit = above_half ? -UNIT[top] : UNIT[top];
     const FmAngle angle = {{rest.hi * unit, rest.lo * unit}, quadrant};

@@ -27,9 +27,10 @@ static inline FmAngle fm_reduce(double x)
         const double shifted = x * TWO_OVER_PI + FM_ROUND_TO_INTEGER;
         const double n = shifted - FM_ROUND_TO_INTEGER;
 
-        /* Both subtractions of the first line cancel, or round an amount that the second keeps. */
-        const FmSum first = fm_sum(x - n * PI1, -(n * PI2));
-        const FmAngle near = {fm_sum(first.hi, first.lo - n * PI3), (uint32_t)fm_bits(shifted)};
+        /* x - n PI1 cancels exactly; what the next subtractions round off is kept. */
+        const FmSum first = fm_sum_ordered(x - n * PI1, -(n * PI2));
+        const FmAngle near = {fm_sum_ordered(first.hi, first.lo - n * PI3),
+                              (uint32_t)fm_bits(shifted)};
 
         /* PI3 leaves an error below n 2^-120: too much only next to a multiple of pi/2. */
         if (fabs(near.rest.hi) >= n * 0x1p-60) {

@@ -7,23 +7,27 @@
  *     sin r = r.hi + [r.hi z S(z) + r.lo (1 - z/2)]
  *     cos r = h    + [z^2 C(z) + ((1 - h) - z/2) - r.hi r.lo],   h = 1 - z/2 rounded,
  *
- * in which the bracket is small, so that only the last addition rounds visibly. Both are computed
- * always: choosing one by the quadrant would cost more in mispredicted branches. */
+ * in which the bracket is small, so that little but the last addition rounds visibly. Both are
+ * computed always: choosing one by the quadrant would cost more in mispredicted branches. */
 #include "flight/math/elementary.h"
 #include "flight/math/reduction.h"
 
-static inline FmSum sine(FmSum r)
+typedef struct Terms {
+    double leading, polynomial, tail;
+} Terms;
+
+static inline Terms sine(FmSum r)
 {
     const double z = r.hi * r.hi;
     const double z2 = z * z;
     const double S = (-0x1.5555555555548p-3 + z * 0x1.111111110f731p-7)
         + z2 * ((-0x1.a01a019be95f9p-13 + z * 0x1.71de35557bfbep-19)
                 + z2 * (-0x1.ae5e4bd9ce657p-26 + z * 0x1.5d8b75dea5524p-33));
-    const FmSum s = {r.hi, r.hi * z * S + r.lo * (1.0 - 0.5 * z)};
+    const Terms s = {r.hi, r.hi * z * S, r.lo * (1.0 - 0.5 * z)};
     return s;
 }
 
-static inline FmSum cosine(FmSum r)
+static inline Terms cosine(FmSum r)
 {
     const double z = r.hi * r.hi;
     const double z2 = z * z;
@@ -31,16 +35,8 @@ static inline FmSum cosine(FmSum r)
         + z2 * ((0x1.a01a019c8efa9p-16 + z * -0x1.27e4f7f168e5bp-22)
                 + z2 * (0x1.1ee9dbae72b11p-29 + z * -0x1.8fa671892b7e8p-37));
     const double h = 1.0 - 0.5 * z;
-    const FmSum c = {h, z2 * C + (((1.0 - h) - 0.5 * z) - r.hi * r.lo)};
+    const Terms c = {h, z2 * C, ((1.0 - h) - 0.5 * z) - r.hi * r.lo};
     return c;
-}
-
-/* Exchange a and b if the lowest bit of `odd` is set. */
-static inline void exchange_if(uint32_t odd, double *a, double *b)
-{
-    const uint64_t difference = (fm_bits(*a) ^ fm_bits(*b)) & (0u - (uint64_t)(odd & 1));
-    *a = fm_flip(*a, difference);
-    *b = fm_flip(*b, difference);
 }
 
 static inline int is_finite(double x)
@@ -54,35 +50,47 @@ static inline uint64_t half_turn_sign(uint32_t quadrant)
     return (uint64_t)(quadrant & 2) << 62;
 }
 
-void fm_sincos(double x, double *s, double *c)
+typedef struct SineCosine {
+    double s, c;
+} SineCosine;
+
+static inline SineCosine sine_cosine(double x)
 {
     if (!is_finite(x)) {
-        *s = *c = NAN;
-        return;
+        const SineCosine none = {NAN, NAN};
+        return none;
     }
     const FmAngle a = fm_reduce(fabs(x));
-    const FmSum sin_r = sine(a.rest), cos_r = cosine(a.rest);
-    double sin_x = sin_r.hi + sin_r.lo, cos_x = cos_r.hi + cos_r.lo;
-    exchange_if(a.quadrant, &sin_x, &cos_x);
-    *s = fm_flip(sin_x, fm_sign(x) ^ half_turn_sign(a.quadrant));
-    *c = fm_flip(cos_x, half_turn_sign(a.quadrant + 1));
+    const Terms s = sine(a.rest), c = cosine(a.rest);
+    const double of_rest[2] = {s.leading + (s.polynomial + s.tail),
+                               c.leading + (c.polynomial + c.tail)};
+    const uint32_t odd = a.quadrant & 1;
+    const SineCosine of_x = {
+        fm_flip(of_rest[odd], fm_sign(x) ^ half_turn_sign(a.quadrant)),
+        fm_flip(of_rest[1 - odd], half_turn_sign(a.quadrant + 1)),
+    };
+    return of_x;
+}
+
+void fm_sincos(double x, double *s, double *c)
+{
+    const SineCosine both = sine_cosine(x);
+    *s = both.s;
+    *c = both.c;
 }
 
 double fm_sin(double x)
 {
-    double s, c;
-    fm_sincos(x, &s, &c);
-    return s;
+    return sine_cosine(x).s;
 }
 
 double fm_cos(double x)
 {
-    double s, c;
-    fm_sincos(x, &s, &c);
-    return c;
+    return sine_cosine(x).c;
 }
 
-/* tan r = sin r / cos r, and -cos r / sin r in the odd quadrants. */
+/* tan r = sin r / cos r, and -cos r / sin r in the odd quadrants. For the quotient to be within
+ * 1 ulp, both are corrected for the rounding of z. */
 double fm_tan(double x)
 {
     if (!is_finite(x)) {
@@ -93,11 +101,15 @@ double fm_tan(double x)
         return x;  /* x^3/3 is below 0.1 ulp; a quotient of subnormals would lose bits */
     }
     const FmAngle a = fm_reduce(magnitude);
-    FmSum n = sine(a.rest), d = cosine(a.rest);
-    n = fm_sum(n.hi, n.lo);
-    d = fm_sum(d.hi, d.lo);
-    exchange_if(a.quadrant, &n.hi, &d.hi);
-    exchange_if(a.quadrant, &n.lo, &d.lo);
-    const FmSum t = fm_quotient(n, d);
+    const double rest_of_z = fm_product(a.rest.hi, a.rest.hi).lo;
+    const Terms s = sine(a.rest), c = cosine(a.rest);
+    const double s_tail = s.tail - a.rest.hi * rest_of_z * 0x1.5555555555555p-3;
+    const double c_tail = c.tail - 0.5 * rest_of_z;
+    const FmSum of_rest[2] = {
+        fm_sum_ordered(s.leading, s.polynomial + s_tail),
+        fm_sum_ordered(c.leading, c.polynomial + c_tail),
+    };
+    const uint32_t odd = a.quadrant & 1;
+    const FmSum t = fm_quotient(of_rest[odd], of_rest[1 - odd]);
     return fm_flip(t.hi + t.lo, fm_sign(x) ^ (uint64_t)a.quadrant << 63);
 }

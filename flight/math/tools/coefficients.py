@@ -17,7 +17,11 @@ import re
 import struct
 import sys
 
-from mpmath import mp, mpf
+try:
+    from mpmath import mp, mpf
+except ImportError:
+    print("skipped: python3-mpmath is not installed", file=sys.stderr)
+    sys.exit(77)
 
 mp.dps = 60
 
@@ -221,6 +225,7 @@ def constants():
         "64/LN2": [double(64 / mp.log(2))],
         "LN2 (multiple of 2^-42 + rest)":
             [on_grid(mp.log(2), LN2_LSB), double(mp.log(2) - on_grid(mp.log(2), LN2_LSB))],
+        "1/6": [double(mpf(1) / 6)],
         "TAN_PI_8": [double(EIGHTH)],
         "PI/4 k": [p for k in range(5) for p in split_nearest(mp.pi / 4 * k)],
         "EXP2": [p for row in exp_table() for p in row],
