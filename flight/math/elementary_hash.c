@@ -90,7 +90,7 @@ static double argument(uint64_t *state, uint32_t i)
 
 /* ---- hashes ---------------------------------------------------------------------------- */
 
-/* Byte by byte from the least significant on, whatever the machine's order; all NaN count as one. */
+/* Byte by byte from the least significant on, whatever the byte order; all NaN count as one. */
 static uint64_t hash_double(uint64_t hash, double x)
 {
     uint64_t bits = x == x ? fm_bits(x) : 0x7ff8000000000000u;

@@ -2,8 +2,9 @@
 /* Private to flight/math: the bits of a double, and arithmetic on unevaluated sums hi + lo.
  *
  * An integer and a double of 64 bits share their byte order on all our machines, so memcpy makes
- * the sign bit 63 everywhere. Sums and products are those of Knuth, and of Dekker, "A floating-point
- * technique for extending the available precision", 1971, with a double halved by masking. */
+ * the sign bit 63 everywhere. Sums and products are those of Knuth, and of Dekker, "A
+ * floating-point technique for extending the available precision", 1971, with a double halved by
+ * masking. */
 #ifndef FLIGHT_MATH_IEEE_H
 #define FLIGHT_MATH_IEEE_H
 

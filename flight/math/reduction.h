@@ -27,7 +27,8 @@ static inline FmAngle fm_reduce(double x)
         const double shifted = x * TWO_OVER_PI + FM_ROUND_TO_INTEGER;
         const double n = shifted - FM_ROUND_TO_INTEGER;
 
-        /* x - n PI1 cancels exactly; what the next subtractions round off is kept. */
+        /* x - n PI1 cancels exactly, and what the next subtractions round off is kept. (Where
+         * x - n PI1 is the smaller one, the difference is exact.) */
         const FmSum first = fm_sum_ordered(x - n * PI1, -(n * PI2));
         const FmAngle near = {fm_sum_ordered(first.hi, first.lo - n * PI3),
                               (uint32_t)fm_bits(shifted)};
