@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What flies: the Hill frame, turned about nadir, tracked with a pyramid of four wheels."""
+from math import sqrt
+
+from fledge import flight as fsw
+from fledge.units import N, deg, kg, m, s
+
+# Spin axes of the wheels in body axes. Thesis, table 2.2.
+TILT = sqrt(2) / 2
+PYRAMID = [[-0.5, 0.5, -TILT], [0.5, 0.5, -TILT], [0.5, -0.5, -TILT], [-0.5, -0.5, -TILT]]
+
+
+def build(f):
+    # The vehicle, said once.
+    f.vehicle  = fsw.VehicleConfig(I_B=[700, 700, 800] * kg * m**2)
+    f.wheels   = fsw.WheelConfig(axes_B=PYRAMID, J=0.1591549 * kg * m**2, u_max=0.2 * N * m)
+
+    # Guidance: Hill frame R0, turned about its radial axis at a constant rate (table 2.3). The
+    # control frame is turned by 180 degrees about b3, so that b1 looks down, not up (Eq. 2.23).
+    f.guidance = fsw.HillPointing()
+    f.spin     = fsw.EulerRotation(angles=[0, 0, 0] * deg, rates=[0, 0, 0.3] * deg / s)
+    f.tracking = fsw.TrackingError(sigma_BcB=[0, 0, 1])
+
+    # Control: gains of table 2.2; with P = 45 N m s the rate error decays in about 30 s.
+    f.control  = fsw.MrpFeedback(K=2.531 * N * m, P=45.0 * N * m * s)
+    f.motor    = fsw.WheelTorques()
+
+    f.connect(
+        # from where to point to what the wheels do
+        f.guidance.reference >> f.spin.base,
+        f.spin.reference     >> f.tracking.reference,
+        f.tracking.error     >> f.control.error,
+        f.control.torque     >> f.motor.torque,
+
+        # what the control law knows of the vehicle
+        f.vehicle.vehicle    >> f.control.vehicle,
+        f.wheels.wheels      >> [f.control.wheels, f.motor.wheels],
+    )
+    f.task("gnc", every=0.5 * s, run=[f.guidance, f.spin, f.tracking, f.control, f.motor])

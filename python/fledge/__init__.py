@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fledge: flight software in C, composed and flown in closed loop from Python.
+
+    import fledge
+    sim = fledge.load("nadir_spin")
+    sim.run(10 * minute)
+
+    from fledge import flight as fsw, world, Orbit
+    from fledge.units import N, deg, kg, m, s
+
+Everything is imported when it is first used: numpy by the first array that is read, pandas and
+matplotlib by the first frame or plot.
+"""
+
+__version__ = "0.1.0"
+
+# Name -> where it is. A module of the package, or an attribute of one.
+_LAZY = {
+    "Archive": ("archive", "Archive"),
+    "ArchiveError": ("archive", "ArchiveError"),
+    "MissionError": ("mission", "MissionError"),
+    "Orbit": ("world", "Orbit"),
+    "Quantity": ("units", "Quantity"),
+    "RunError": ("_core", "RunError"),
+    "SetupError": ("_core", "SetupError"),
+    "Simulation": ("simulation", "Simulation"),
+    "archive": ("archive", None),
+    "attitude": ("attitude", None),
+    "flight": ("flight", None),
+    "load": ("mission", "load"),
+    "missions": ("mission", "missions"),
+    "plot": ("plot", None),
+    "sim": ("mission", None),
+    "_core": ("_core", None),
+    "units": ("units", None),
+    "world": ("world", None),
+}
+__all__ = sorted(n for n in _LAZY if not n.startswith("_"))
+
+
+def __getattr__(name):
+    if name not in _LAZY:
+        raise AttributeError(f"fledge has no '{name}'; there are {', '.join(__all__)}")
+    from importlib import import_module
+
+    module, attribute = _LAZY[name]
+    try:
+        found = import_module("_core" if module == "_core" else f"fledge.{module}")
+    except ModuleNotFoundError as error:
+        if error.name != "_core":
+            raise
+        raise ImportError("the extension _core is not built, or not on PYTHONPATH; ./fledge setup builds it"
+                          ) from None
+    value = found if attribute is None else getattr(found, attribute)
+    globals()[name] = value
+    return value
+
+
+def __dir__():
+    return sorted([*globals(), *_LAZY])

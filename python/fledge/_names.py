@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Attributes of a module from a dictionary of types, with an answer to names that are not there."""
+
+from fledge import _core
+
+
+def lookup(module, types, extra):
+    """The __getattr__ and __dir__ of a Python module that shows `types` besides its own `extra`."""
+    def __getattr__(name):
+        if name in types:
+            return types[name]
+        if name.startswith("__"):
+            raise AttributeError(name)
+        from difflib import get_close_matches
+
+        known = [n for n in __dir__() if not n.startswith("_")]
+        near = get_close_matches(name, known, 1)
+        main = [n for n in types if _core.struct(types[n]).kind in ("module", "model")]
+        own = [n for n in known if n not in types and n[:1].isupper() and not isinstance(extra.get(n), dict)]
+        raise AttributeError(f"{module} has no '{name}'" + (f"; did you mean '{near[0]}'?" if near else ";")
+                             + f" there are {', '.join(sorted(main + own))}")
+
+    def __dir__():
+        return sorted([*types, *extra])
+
+    return __getattr__, __dir__

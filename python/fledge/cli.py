@@ -1,0 +1,333 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command line: `./fledge run | list | plot | convert | bench`.
+
+Exit codes: 0 all went well; 1 a check of the scenario failed, or the run did; 2 the command line or
+the mission is wrong; 130 Ctrl-C.
+"""
+
+import argparse
+import os
+import sys
+import time
+from pathlib import Path
+
+
+class Failure(Exception):
+    """What ends a command: a text for the user, and the exit code."""
+
+    def __init__(self, text, code=2):
+        super().__init__(text)
+        self.code = code
+
+
+def say(text=""):
+    print(text, flush=True)
+
+
+# --- run -------------------------------------------------------------------------------------------
+
+def run(options):
+    import fledge
+    from fledge import mission as missions
+
+    sim = fledge.load(options.mission, options.seed)
+    name, fly = _scenario(sim, options)
+    folder = Path(options.out) if options.out else Path("runs") / sim.name / name
+    folder.mkdir(parents=True, exist_ok=True)
+    sim.pace = options.pace
+    sim.plots = _Plots(folder) if not options.no_plots else False
+    sim.archive(folder / "run.mcap", mission=sim.name, scenario=name, fledge=fledge.__version__)
+
+    title = f"{sim.name}, {name}"
+    about = sim.mission.summaries().get(name)
+    say(title + (f": {about}" if about else ""))
+    begun = time.perf_counter()
+    problem, code = None, 0
+    try:
+        fly(sim)
+    except KeyboardInterrupt:
+        problem, code = "interrupted", 130
+    except AssertionError as error:
+        problem, code = "failed: " + missions.explain(error, sim.mission.folder), 1
+        _debug(options)
+    except Exception as error:
+        problem, code = missions.explain(error, sim.mission.folder), 1
+        _debug(options)
+    wall = time.perf_counter() - begun
+    plots = sim.plots.saved if sim.plots else []
+    say(f"  flown    {sim.time:g} s in {wall:.2f} s" + (f", {sim.time / wall:.3g} times real time" if wall > 0 else ""))
+    if sim.pace and sim.pace_report["overruns"]:
+        report = sim.pace_report
+        say(f"  pace     {report['overruns']} of {report['instants']} instants were late, by up to "
+            f"{1e3 * report['worst']:.1f} ms")
+    path = sim.close_archive(outcome=problem or "passed", ended=f"{sim.time:g} s")
+    say(f"  record   {path} ({_size(path)})" if path else "  record   none: nothing was recorded")
+    for plot in plots:
+        say(f"  plot     {plot}")
+    for line in sim.assumptions:
+        say(f"  assumed  {line}")
+    if problem:
+        raise Failure(f"{title} {problem}" if code == 130 else f"{title}: {problem}", code)
+    if not options.duration:
+        say("  passed")
+    return 0
+
+
+def _scenario(sim, options):
+    """(name, function of a simulation) to fly."""
+    if options.duration is not None:
+        if options.scenario:
+            raise Failure("run: give a scenario, or --for a duration to fly freely; not both")
+        duration = parse_duration(options.duration)
+
+        def free(sim):
+            sim.record(*sim.world, *sim.flight, every=min(1.0, duration / 10))
+            sim.run(duration)
+
+        return "free", free
+    known = sim.mission.scenarios
+    if not known:
+        raise Failure(f"the mission {sim.name} has no scenarios: write one in scenarios.py, or fly it with --for 10min")
+    name = options.scenario or next(iter(known))
+    if name not in known:
+        raise Failure(f"the mission {sim.name} has no scenario '{name}'; it has {', '.join(known)}")
+    return name, known[name]
+
+
+def parse_duration(text):
+    """Seconds of "90", "90s", "10min", "2.5 h"."""
+    import re
+
+    match = re.fullmatch(r"\s*([0-9.]+(?:e[0-9]+)?)\s*([a-z]*)\s*", text)
+    factors = {"": 1.0, "s": 1.0, "ms": 1e-3, "min": 60.0, "minute": 60.0, "h": 3600.0, "hour": 3600.0, "d": 86400.0,
+               "day": 86400.0}
+    try:
+        return float(match[1]) * factors[match[2]]
+    except (TypeError, KeyError, ValueError):
+        raise Failure(f"--for: expected a duration such as 90s, 10min or 2h; found '{text}'") from None
+
+
+class _Plots:
+    """Saves what a scenario plots, and remembers it."""
+
+    def __init__(self, folder):
+        self.folder = folder
+        self.saved = []
+
+    def add(self, figure):
+        from fledge.plot import save
+
+        self.saved.append(save(figure, self.folder))
+
+
+def _size(path):
+    size = os.path.getsize(path)
+    return f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{size / 1e3:.1f} kB"
+
+
+# --- list ------------------------------------------------------------------------------------------
+
+def list_(options):
+    from fledge import _core, flight, mission, world
+
+    say("missions")
+    found = mission.missions()
+    for name, one in found.items():
+        about = one.summaries()
+        say(f"  {name:16} {about.pop('')}")
+        for scenario, text in about.items():
+            say(f"    {scenario:14} {text}")
+    if not found:
+        say("  none")
+    for title, types, kind in (("flight modules (from fledge import flight as fsw)", flight.TYPES, "module"),
+                               ("world models (from fledge import world)", world.TYPES, "model")):
+        say("\n" + title)
+        for name in sorted(types):
+            struct = _core.struct(types[name])
+            if struct.kind == kind:
+                say(f"  {name:16} {_sentence(struct.doc)}")
+                if options.ports:
+                    for group, arrow in (("in", "<<"), ("out", ">>")):
+                        for f in struct.fields:
+                            if f.group == group:
+                                note = "  (optional)" if f.optional else ""
+                                say(f"    {arrow} {f.name:13} {f.struct.name}{note}")
+    say("\nbodies\n  " + ", ".join(f"world.{name}" for name in world.BODIES))
+    return 0
+
+
+def _sentence(doc):
+    text = " ".join(doc.split())
+    return text.split(". ")[0].rstrip(".") + "."
+
+
+# --- plot, convert ---------------------------------------------------------------------------------
+
+def find_run(name):
+    """The archive meant by a file, a folder, or the name of a mission flown before."""
+    for path in (Path(name), Path("runs") / name):
+        if path.is_file():
+            return path
+        if path.is_dir():
+            found = sorted([*path.glob("*.mcap"), *path.glob("*/*.mcap")])
+            if len(found) == 1:
+                return found[0]
+            if found:
+                raise Failure(f"there are several records in {path}; name one of {', '.join(map(str, found))}")
+    known = sorted(map(str, Path("runs").glob("*/*/*.mcap")))
+    raise Failure(f"there is no record '{name}'; " + (f"there are {', '.join(known)}" if known
+                                                    else "none has been made yet: ./fledge run MISSION"))
+
+
+def open_run(name):
+    from fledge.archive import Archive
+
+    archive = Archive(find_run(name))
+    if archive.problem:
+        print(archive.problem, file=sys.stderr)
+    return archive
+
+
+def plot(options):
+    from fledge.plot import plot as draw, save
+
+    archive = open_run(options.run)
+    folder = options.out or archive.path.parent
+    if options.fields:
+        figures = [draw(archive, *options.fields)]
+    else:  # a figure per topic, a panel per field
+        figures = []
+        for channel in archive.topics.values():
+            names = [f"{channel.name}.{n}" for n, f in channel.fields.items() if not n.startswith("head.")]
+            if channel.count and names:
+                figures.append(draw(archive, *names, name=channel.name, title=channel.name))
+    if not figures:
+        raise Failure(f"{archive.path}: there is nothing to plot", 1)
+    for figure in figures:
+        say(str(save(figure, folder)))
+    return 0
+
+
+def convert(options):
+    archive = open_run(options.run)
+    if options.hdf5:
+        say(str(archive.to_hdf5(options.out or archive.path.with_suffix(".h5"))))
+    else:
+        for path in archive.to_csv(options.out or archive.path.parent):
+            say(str(path))
+    return 0
+
+
+# --- bench -----------------------------------------------------------------------------------------
+
+def bench(options):
+    from importlib import import_module
+
+    folder = next((p / "bench" for p in Path(__file__).resolve().parents if (p / "bench").is_dir()), None)
+    known = sorted(p.stem for p in folder.glob("*.py") if "def main(" in p.read_text(encoding="utf-8")) if folder else []
+    if not options.name:
+        say("benches: " + (", ".join(known) or "none"))
+        return 0
+    if options.name not in known:
+        raise Failure(f"there is no bench '{options.name}'; there are {', '.join(known) or 'none'}")
+    sys.path.insert(0, str(folder.parent))
+    arguments = ["--json", options.json] if options.json else []
+    return import_module(f"bench.{options.name}").main(arguments) or 0
+
+
+# --- the parser ------------------------------------------------------------------------------------
+
+class Parser(argparse.ArgumentParser):
+    """argparse with errors of one line that name the command."""
+
+    def error(self, message):
+        self.exit(2, f"{self.prog}: {message}\n{self.format_usage()}")
+
+
+def parser():
+    top = Parser(prog="fledge", description="Fly flight software in closed loop.",
+                 epilog="example: ./fledge run nadir_spin")
+    top.add_argument("--debug", action="store_true", help="show tracebacks")
+    commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True, parser_class=Parser)
+
+    def command(name, function, text, example):
+        one = commands.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".",
+                                  epilog=f"example: ./fledge {example}")
+        one.add_argument("--debug", action="store_true", default=argparse.SUPPRESS, help="show tracebacks")
+        one.set_defaults(function=function)
+        return one
+
+    one = command("run", run, "fly a mission's scenario", "run nadir_spin --pace 10")
+    one.add_argument("mission", help="the name of a mission, or its folder")
+    one.add_argument("scenario", nargs="?", help="default: the mission's first")
+    one.add_argument("--out", metavar="DIR", help="for the record and plots; default: runs/MISSION/SCENARIO")
+    one.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
+    one.add_argument("--pace", type=float, default=0.0, metavar="X",
+                     help="X simulated seconds per second; default: as fast as possible")
+    one.add_argument("--no-plots", action="store_true", help="leave out the scenario's plots")
+    one.add_argument("--for", dest="duration", metavar="DURATION",
+                     help="fly without a scenario for this long (90s, 10min, 2h), recording all outputs")
+
+    one = command("list", list_, "list missions, modules and models", "list --ports")
+    one.add_argument("--ports", action="store_true", help="with the inputs and outputs of each")
+
+    one = command("plot", plot, "plot a record", "plot nadir_spin error.sigma_BR command.u")
+    one.add_argument("run", metavar="RUN", help="a .mcap file, its folder, or the name of a mission flown before")
+    one.add_argument("fields", nargs="*", metavar="FIELD", help="default: everything, a figure per topic")
+    one.add_argument("--out", metavar="DIR", help="default: beside the record")
+
+    one = command("convert", convert, "write a record as CSV or HDF5", "convert nadir_spin --csv --out tables")
+    one.add_argument("run", metavar="RUN", help="a .mcap file, its folder, or the name of a mission flown before")
+    kind = one.add_mutually_exclusive_group(required=True)
+    kind.add_argument("--csv", action="store_true", help="a file per topic")
+    kind.add_argument("--hdf5", action="store_true", help="one file")
+    one.add_argument("--out", metavar="PATH", help="a folder for --csv, a file for --hdf5; default: beside the record")
+
+    one = command("bench", bench, "measure; without a name, list the benches", "bench sim --json sim.json")
+    one.add_argument("name", nargs="?", metavar="NAME")
+    one.add_argument("--json", metavar="FILE", help="write the figures there too")
+    return top
+
+
+def _debug(options):
+    if options.debug:
+        import traceback
+
+        traceback.print_exc()
+
+
+def main(arguments=None):
+    options = parser().parse_args(arguments)
+    try:
+        return options.function(options)
+    except Failure as error:
+        print(f"fledge: {error}", file=sys.stderr)
+        return error.code
+    except KeyboardInterrupt:
+        print("fledge: interrupted", file=sys.stderr)
+        return 130
+    except BrokenPipeError:  # the reader of our output has gone
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        return 1
+    except Exception as error:
+        _debug(options)
+        if _expected(error):
+            print(f"fledge: {error}", file=sys.stderr)
+            return 2
+        if options.debug:
+            return 70
+        print(f"fledge: {type(error).__name__}: {error}\nThis is a defect of fledge; --debug shows where.",
+              file=sys.stderr)
+        return 70
+
+
+def _expected(error):
+    """Errors that are about what the user gave, not about this program."""
+    from fledge import _core
+    from fledge.archive import ArchiveError
+
+    return isinstance(error, (_core.SetupError, _core.RunError, ArchiveError, OSError, ImportError))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+// The module `_core`: the libraries of flight modules and world models that it holds, and the simulation.
+#include "core/extension.h"
+
+#include "core/errors.h"
+#include "sim/error.h"
+
+
+namespace py = pybind11;
+
+PYBIND11_MODULE(_core, m)
+{
+    using namespace fledge::core;
+    m.doc() = "Objects on C memory and the simulation's kernel. Use the package fledge instead.";
+    if (!add_exceptions(m.ptr()) || !add_base_types(m.ptr())) {
+        throw py::error_already_set();
+    }
+    py::register_exception_translator([](std::exception_ptr error) {
+        try {
+            std::rethrow_exception(error);
+        } catch (const fledge::sim::SetupError &e) {
+            PyErr_SetString(setup_error(), e.what());
+        } catch (const fledge::sim::RunError &e) {
+            PyErr_SetString(run_error(), e.what());
+        }
+    });
+    bind_tables(m);
+    bind_simulation(m);
+    bind_world(m);
+}

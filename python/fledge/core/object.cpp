@@ -1,0 +1,460 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/object.h"
+
+#include "core/doc.h"
+#include "core/errors.h"
+#include "core/value.h"
+#include "sim/error.h"
+
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <map>
+#include <new>
+#include <structmember.h>
+#include <unordered_map>
+
+namespace fledge::core {
+
+namespace {
+
+// The extension's state. Types live until the interpreter ends.
+PyTypeObject *module_base, *model_base, *message_base;
+std::deque<Type> all_types;
+std::unordered_map<const FledgeStruct *, Type *> by_table;
+std::unordered_map<PyTypeObject *, Type *> by_python;
+std::map<std::pair<std::string, std::uint64_t>, Type *> by_content;
+
+// --- attributes ------------------------------------------------------------------------------------
+
+/// Replace a plain AttributeError by one that names the instance and the valid names. Names with a
+/// leading underscore are what tools probe for: they are left alone.
+void explain_attribute(PyObject *self, PyObject *name)
+{
+    if (!PyErr_ExceptionMatches(PyExc_AttributeError) || PyUnicode_READ_CHAR(name, 0) == '_') {
+        return;
+    }
+    PyErr_Clear();
+    if (PyObject *explain = hook("unknown_attribute")) {
+        if (PyObject *text = PyObject_CallFunctionObjArgs(explain, self, name, nullptr)) {
+            PyErr_SetObject(PyExc_AttributeError, text);
+            Py_DECREF(text);
+        }
+    }
+}
+
+PyObject *get_attribute(PyObject *self, PyObject *name)
+{
+    PyObject *value = PyObject_GenericGetAttr(self, name);
+    if (!value) {
+        explain_attribute(self, name);
+    }
+    return value;
+}
+
+int set_attribute(PyObject *self, PyObject *name, PyObject *value)
+{
+    const int failed = PyObject_GenericSetAttr(self, name, value);
+    if (failed && PyErr_ExceptionMatches(PyExc_AttributeError)) {
+        // A name that exists but cannot be assigned (a method, a read-only property) says so itself.
+        PyObject *there = PyObject_GetAttr(reinterpret_cast<PyObject *>(Py_TYPE(self)), name);
+        if (there) {
+            Py_DECREF(there);
+            PyErr_Format(PyExc_AttributeError, "%s: '%U' cannot be assigned", path_of(self).c_str(), name);
+        } else {
+            explain_attribute(self, name);
+        }
+    }
+    return failed;
+}
+
+PyObject *represent(PyObject *self)
+{
+    PyObject *show = hook("show");
+    return show ? PyObject_CallOneArg(show, self) : nullptr;
+}
+
+// --- making ----------------------------------------------------------------------------------------
+
+/// Set fields from keywords: in the order of the table, so that the array that sets a count comes
+/// before a number that fills it; then the properties that Python has added to the type.
+bool set_keywords(PyObject *self, const Type &type, PyObject *arguments, PyObject *keywords)
+{
+    if (PyTuple_GET_SIZE(arguments) > 0) {
+        PyErr_Format(PyExc_TypeError, "%s takes keywords only, as in %s(%s=...)", type.table->name,
+                     type.table->name, type.members.empty() ? "name" : type.members.front().field->name);
+        return false;
+    }
+    if (!keywords) {
+        return true;
+    }
+    Py_ssize_t found = 0;
+    std::vector<std::pair<const Member *, PyObject *>> waiting;
+    for (const Member &member : type.members) {
+        PyObject *value = PyDict_GetItemString(keywords, member.field->name);
+        if (!value) {
+            continue;
+        }
+        found++;
+        switch (store(self, member, value)) {
+        case Stored::yes: break;
+        case Stored::no: return false;
+        case Stored::needs_count: waiting.emplace_back(&member, value);
+        }
+    }
+    for (const auto &[member, value] : waiting) {
+        switch (store(self, *member, value)) {
+        case Stored::yes: break;
+        case Stored::needs_count: complain_of_count(self, *member); [[fallthrough]];
+        case Stored::no: return false;
+        }
+    }
+    if (found == PyDict_GET_SIZE(keywords)) {
+        return true;
+    }
+    PyObject *name, *value;
+    for (Py_ssize_t i = 0; PyDict_Next(keywords, &i, &name, &value);) {
+        if (type.find(PyUnicode_AsUTF8(name))) {
+            continue;
+        }
+        PyObject *there = PyObject_GetAttr(reinterpret_cast<PyObject *>(Py_TYPE(self)), name);
+        const bool property = there && PyObject_TypeCheck(there, &PyProperty_Type);
+        Py_XDECREF(there);
+        PyErr_Clear();
+        if (property) {
+            if (PyObject_SetAttr(self, name, value)) {
+                return false;
+            }
+        } else {
+            if (PyObject *explain = hook("unknown_attribute")) {
+                if (PyObject *text = PyObject_CallFunctionObjArgs(explain, self, name, nullptr)) {
+                    PyErr_SetObject(PyExc_TypeError, text);
+                    Py_DECREF(text);
+                }
+            }
+            return false;
+        }
+    }
+    return true;
+}
+
+Root *allocate_root(const Type &type, std::shared_ptr<sim::Instance> instance)
+{
+    Root *self = PyObject_New(Root, type.python);
+    if (self) {
+        self->memory = instance->memory();
+        self->type = &type;
+        self->weak = self->parts = self->context = nullptr;
+        new (&self->instance) std::shared_ptr<sim::Instance>(std::move(instance));
+    }
+    return self;
+}
+
+PyObject *new_root(PyTypeObject *python, PyObject *arguments, PyObject *keywords)
+{
+    const Type &type = *by_python.at(python);
+    Root *self = nullptr;
+    try {
+        self = allocate_root(type, type.model ? std::make_shared<sim::Instance>(*type.model)
+                                              : std::make_shared<sim::Instance>(*type.table));
+    } catch (...) {
+        translate_exception();
+    }
+    if (self && !set_keywords(reinterpret_cast<PyObject *>(self), type, arguments, keywords)) {
+        Py_CLEAR(self);
+    }
+    return reinterpret_cast<PyObject *>(self);
+}
+
+PyObject *new_message(PyTypeObject *python, PyObject *arguments, PyObject *keywords)
+{
+    const Type &type = *by_python.at(python);
+    View *self = PyObject_New(View, python);
+    if (!self) {
+        return nullptr;
+    }
+    self->type = &type;
+    self->weak = self->owner = nullptr;
+    self->member = nullptr;
+    self->memory = static_cast<std::byte *>(std::calloc(1, type.table->size));
+    if (!self->memory) {
+        Py_DECREF(self);
+        return PyErr_NoMemory();
+    }
+    if (!set_keywords(reinterpret_cast<PyObject *>(self), type, arguments, keywords)) {
+        Py_CLEAR(self);
+    }
+    return reinterpret_cast<PyObject *>(self);
+}
+
+PyObject *no_new(PyTypeObject *python, PyObject *, PyObject *)
+{
+    PyErr_Format(PyExc_TypeError, "%s is what its kind has in common; make one of a kind instead",
+                 python->tp_name);
+    return nullptr;
+}
+
+void delete_root(PyObject *object)
+{
+    Root *self = as_root(object);
+    PyTypeObject *python = Py_TYPE(object);
+    if (self->weak) {
+        PyObject_ClearWeakRefs(object);
+    }
+    Py_XDECREF(self->parts);
+    Py_XDECREF(self->context);
+    self->instance.~shared_ptr();
+    PyObject_Free(object);
+    Py_DECREF(python);
+}
+
+void delete_view(PyObject *object)
+{
+    View *self = as_view(object);
+    PyTypeObject *python = Py_TYPE(object);
+    if (self->weak) {
+        PyObject_ClearWeakRefs(object);
+    }
+    if (self->owner) {
+        Py_DECREF(self->owner);
+    } else {
+        std::free(self->memory);
+    }
+    PyObject_Free(object);
+    Py_DECREF(python);
+}
+
+// --- methods ---------------------------------------------------------------------------------------
+
+/// a.out >> b.in, or >> [b.in, c.in]
+PyObject *wire(PyObject *from, PyObject *to)
+{
+    if (!is_view(from)) {
+        Py_RETURN_NOTIMPLEMENTED;
+    }
+    PyObject *join = hook("wire");
+    return join ? PyObject_CallFunctionObjArgs(join, from, to, nullptr) : nullptr;
+}
+
+PyObject *reset(PyObject *self, PyObject *)
+{
+    try {
+        Root *root = as_root(self);
+        sim::check_parameters(*root->instance);
+        reinterpret_cast<void (*)(void *)>(root->type->table->reset)(root->memory);
+    } catch (...) {
+        translate_exception();
+        return nullptr;
+    }
+    Py_RETURN_NONE;
+}
+
+PyObject *update(PyObject *self, PyObject *arguments, PyObject *keywords)
+{
+    static const char *names[] = {"t", "dt", "t_ns", "dt_ns", nullptr};
+    double t = 0.0, dt = 0.0;
+    PyObject *t_ns = Py_None, *dt_ns = Py_None;
+    if (!PyArg_ParseTupleAndKeywords(arguments, keywords, "|dd$OO:update", const_cast<char **>(names), &t,
+                                     &dt, &t_ns, &dt_ns)) {
+        return nullptr;
+    }
+    const auto ns = [](double seconds, PyObject *exact) -> std::int64_t {
+        return exact == Py_None ? std::llround(seconds * 1e9) : PyLong_AsLongLong(exact);
+    };
+    const Tick tick{ns(t, t_ns), ns(dt, dt_ns)};
+    if (PyErr_Occurred()) {
+        return nullptr;
+    }
+    Root *root = as_root(self);
+    reinterpret_cast<void (*)(void *, Tick)>(root->type->table->update)(root->memory, tick);
+    Py_RETURN_NONE;
+}
+
+PyMethodDef module_methods[] = {
+    {"reset", reset, METH_NOARGS,
+     "reset($self, /)\n--\n\nForget what was learnt from earlier updates, as at the start of a run.\n"
+     "The parameters are checked first: SetupError lists every fault."},
+    {"update", reinterpret_cast<PyCFunction>(reinterpret_cast<void (*)()>(update)),
+     METH_VARARGS | METH_KEYWORDS,
+     "update($self, /, t=0.0, dt=0.0, *, t_ns=None, dt_ns=None)\n--\n\n"
+     "Run the algorithm once, by itself: read the inputs, write the outputs.\n\n"
+     "t is the time [s], dt the time since the last update [s], 0 at the first after a reset. Give t_ns\n"
+     "and dt_ns instead for exact nanoseconds."},
+    {}};
+
+PyMemberDef object_members[] = {
+    {"__weaklistoffset__", T_PYSSIZET, static_cast<Py_ssize_t>(offsetof(Object, weak)), READONLY, nullptr},
+    {}};
+
+PyTypeObject *make_base(const char *name, const char *doc, std::size_t size, PyMethodDef *methods,
+                        bool wires)
+{
+    std::vector<PyType_Slot> slots{{Py_tp_new, reinterpret_cast<void *>(no_new)},
+                                   {Py_tp_doc, const_cast<char *>(doc)},
+                                   {Py_tp_members, object_members}};
+    if (methods) {
+        slots.push_back({Py_tp_methods, methods});
+    }
+    if (wires) {
+        slots.push_back({Py_nb_rshift, reinterpret_cast<void *>(wire)});
+    }
+    slots.push_back({0, nullptr});
+    PyType_Spec spec{name, static_cast<int>(size), 0, Py_TPFLAGS_DEFAULT | Py_TPFLAGS_BASETYPE, slots.data()};
+    return reinterpret_cast<PyTypeObject *>(PyType_FromSpec(&spec));
+}
+
+} // namespace
+
+const Member *Type::find(std::string_view name) const
+{
+    for (const Member &member : members) {
+        if (name == member.field->name) {
+            return &member;
+        }
+    }
+    return nullptr;
+}
+
+bool is_root(PyObject *p)
+{
+    return PyObject_TypeCheck(p, module_base) || PyObject_TypeCheck(p, model_base);
+}
+
+bool is_view(PyObject *p)
+{
+    return PyObject_TypeCheck(p, message_base);
+}
+
+bool is_object(PyObject *p)
+{
+    return is_view(p) || is_root(p);
+}
+
+std::string path_of(PyObject *object)
+{
+    if (is_root(object)) {
+        return as_root(object)->instance->path;
+    }
+    const View *view = as_view(object);
+    return view->owner ? path_of(view->owner) + "." + view->member->field->name : view->type->table->name;
+}
+
+PyObject *root_of(PyObject *object)
+{
+    while (object && is_view(object)) {
+        object = as_view(object)->owner;
+    }
+    return object;
+}
+
+PyObject *wrap(std::shared_ptr<sim::Instance> instance)
+{
+    const Type *type = find_type(instance->type());
+    if (!type) {
+        PyErr_Format(PyExc_TypeError, "no library with the type %s is loaded", instance->type().name);
+        return nullptr;
+    }
+    return reinterpret_cast<PyObject *>(allocate_root(*type, std::move(instance)));
+}
+
+PyObject *hook(const char *name)
+{
+    static PyObject *hooks;
+    if (!hooks) {
+        hooks = PyImport_ImportModule("fledge._hooks");
+    }
+    PyObject *function = hooks ? PyObject_GetAttrString(hooks, name) : nullptr;
+    Py_XDECREF(function); // the module holds it
+    return function;
+}
+
+bool add_base_types(PyObject *module)
+{
+    module_base = make_base("fledge.Module", "A flight algorithm: its inputs, outputs, parameters and memory.",
+                            sizeof(Root), module_methods, false);
+    model_base = make_base("fledge.Model", "A piece of the simulated world.", sizeof(Root), nullptr, false);
+    message_base = make_base("fledge.Message",
+                             "What modules and models exchange. `a.output >> b.input` makes a wire.",
+                             sizeof(View), nullptr, true);
+    return module_base && model_base && message_base && !PyModule_AddType(module, module_base) &&
+           !PyModule_AddType(module, model_base) && !PyModule_AddType(module, message_base);
+}
+
+const Type *find_type(const FledgeStruct &table)
+{
+    const auto known = by_table.find(&table);
+    if (known != by_table.end()) {
+        return known->second;
+    }
+    const auto same = by_content.find({table.name, table.hash});
+    return same == by_content.end() ? nullptr : same->second;
+}
+
+const Type *find_type(PyTypeObject *python)
+{
+    const auto known = by_python.find(python);
+    return known == by_python.end() ? nullptr : known->second;
+}
+
+const Type *type_of(const FledgeStruct &table, const char *library, const sim::ModelType *model)
+{
+    if (const Type *known = find_type(table)) {
+        return known;
+    }
+    Type &type = all_types.emplace_back();
+    type.table = &table;
+    type.model = model;
+    for (std::uint32_t i = 0; i < table.n; i++) {
+        const FledgeField &field = table.fields[i];
+        if (field.flags & FLEDGE_SPARE) {
+            continue;
+        }
+        Member &member = type.members.emplace_back();
+        member.field = &field;
+        member.owner = &type;
+        member.index = i;
+        member.checked = field.group == FLEDGE_PAR;
+        member.doc = field_doc(field);
+        if (field.sub && !(member.sub = type_of(*field.sub, library))) {
+            return nullptr;
+        }
+    }
+    for (Member &member : type.members) {
+        if (member.field->count) {
+            member.count = type.find(member.field->count);
+        }
+        type.getset.push_back({member.field->name, getter_for(*member.field), setter_for(*member.field),
+                               member.doc.c_str(), &member});
+    }
+    type.getset.push_back({});
+
+    const bool root = table.kind == FLEDGE_MODULE || table.kind == FLEDGE_MODEL;
+    const std::string name = "fledge." + std::string(library) + "." + table.name;
+    const std::string doc = type_doc(table);
+    PyType_Slot slots[] = {
+        {Py_tp_new, reinterpret_cast<void *>(root ? new_root : new_message)},
+        {Py_tp_dealloc, reinterpret_cast<void *>(root ? delete_root : delete_view)},
+        {Py_tp_getattro, reinterpret_cast<void *>(get_attribute)},
+        {Py_tp_setattro, reinterpret_cast<void *>(set_attribute)},
+        {Py_tp_repr, reinterpret_cast<void *>(represent)},
+        {Py_tp_getset, type.getset.data()},
+        {Py_tp_doc, const_cast<char *>(doc.c_str())},
+        {0, nullptr}};
+    // Not a base type: an attribute misspelt in a subclass would become one of the instance.
+    PyType_Spec spec{name.c_str(), static_cast<int>(root ? sizeof(Root) : sizeof(View)), 0,
+                     Py_TPFLAGS_DEFAULT, slots};
+    PyTypeObject *base = table.kind == FLEDGE_MODULE  ? module_base
+                         : table.kind == FLEDGE_MODEL ? model_base
+                                                      : message_base;
+    type.python = reinterpret_cast<PyTypeObject *>(
+        PyType_FromSpecWithBases(&spec, reinterpret_cast<PyObject *>(base)));
+    if (!type.python) {
+        return nullptr;
+    }
+    by_table[&table] = &type;
+    by_python[type.python] = &type;
+    by_content[{table.name, table.hash}] = &type;
+    return &type;
+}
+
+} // namespace fledge::core

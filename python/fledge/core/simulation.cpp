@@ -1,0 +1,305 @@
+// SPDX-License-Identifier: Apache-2.0
+// The kernel, as fledge/simulation.py and fledge/process.py use it. Times are integer nanoseconds here.
+#include "core/extension.h"
+
+#include "sim/simulation.h"
+
+#include <pybind11/functional.h>
+#include <pybind11/stl.h>
+
+namespace py = pybind11;
+
+namespace fledge::core {
+
+namespace {
+
+using sim::Condition;
+using sim::Ns;
+
+sim::Port port_of(py::handle view)
+{
+    if (!is_view(view.ptr()) || !as_view(view.ptr())->owner || !is_root(as_view(view.ptr())->owner)) {
+        throw py::type_error("expected an input or output, as in flight.control.error; found " +
+                             std::string(py::repr(view)));
+    }
+    return {as_root(as_view(view.ptr())->owner)->instance, as_view(view.ptr())->member->field};
+}
+
+std::vector<std::shared_ptr<sim::Instance>> instances_of(const py::iterable &objects)
+{
+    std::vector<std::shared_ptr<sim::Instance>> instances;
+    for (py::handle object : objects) {
+        instances.push_back(instance_of(object));
+    }
+    return instances;
+}
+
+py::bytes bytes_of(const std::vector<std::byte> &bytes)
+{
+    return {reinterpret_cast<const char *>(bytes.data()), bytes.size()};
+}
+
+template <class T> T named(const char *const *names, const std::string &name)
+{
+    int i = 0;
+    while (names[i] != name) {
+        if (!names[++i]) {
+            throw py::value_error("unknown measure or comparison " + name);
+        }
+    }
+    return static_cast<T>(i);
+}
+
+/// A comparison of a field of a message or module with a constant. `index` picks an element; the
+/// measures "norm" and "max_abs" take them all.
+Condition make_condition(py::handle object, const FledgeField &field, std::uint32_t index,
+                         const std::string &measure, const std::string &comparison, double constant,
+                         const std::string &text)
+{
+    static const char *const measures[] = {"element", "norm", "max_abs", nullptr};
+    static const char *const comparisons[] = {"<", "<=", ">", ">=", "==", "!=", nullptr};
+    Condition condition;
+    PyObject *root = root_of(object.ptr());
+    condition.instance = instance_of(root ? py::handle(root) : object);
+    const std::uint32_t elements = static_cast<std::uint32_t>(sim::field_elements(field));
+    condition.measure = named<Condition::Measure>(measures, measure);
+    condition.comparison = named<Condition::Comparison>(comparisons, comparison);
+    condition.elements = condition.measure == Condition::Measure::element ? 1 : elements;
+    condition.offset = static_cast<std::uint32_t>(as_object(object.ptr())->memory - condition.instance->memory()) +
+                       field.offset + index * (field.size / elements);
+    condition.type = field.type;
+    condition.constant = constant;
+    condition.text = text;
+    return condition;
+}
+
+std::shared_ptr<sim::Event> add_event(sim::Process &process, const std::string &name, py::object when, Ns hold,
+                                      bool once, const std::string &mode, std::function<void()> action)
+{
+    sim::Event event;
+    event.name = name;
+    if (py::isinstance<Condition>(when)) {
+        event.condition = when.cast<Condition>();
+    } else {
+        event.predicate = when.cast<std::function<bool()>>();
+    }
+    event.hold = hold;
+    event.once = once;
+    event.mode = mode;
+    event.action = std::move(action);
+    return process.add_event(std::move(event));
+}
+
+/// What the loop calls now and then: Python's signals, then the user's progress. A Python exception
+/// ends the run after the current instant, where everything is consistent.
+class Poll {
+public:
+    explicit Poll(py::object progress) : progress_(std::move(progress)) {}
+
+    bool operator()(Ns now)
+    {
+        py::gil_scoped_acquire gil;
+        try {
+            if (PyErr_CheckSignals() != 0) {
+                throw py::error_already_set();
+            }
+            if (!progress_.is_none()) {
+                progress_(now);
+            }
+        } catch (py::error_already_set &error) {
+            error_ = std::current_exception();
+            return false;
+        }
+        return true;
+    }
+
+    void rethrow() const
+    {
+        if (error_) {
+            std::rethrow_exception(error_);
+        }
+    }
+
+private:
+    py::object progress_;
+    std::exception_ptr error_;
+};
+
+bool run_until(sim::Simulation &simulation, Ns t, double pace, py::object progress)
+{
+    Poll poll(std::move(progress));
+    bool finished;
+    {
+        py::gil_scoped_release release;
+        finished = simulation.run_until(t, {pace, std::ref(poll)});
+    }
+    poll.rethrow();
+    return finished;
+}
+
+void step(sim::Simulation &simulation, std::uint64_t n)
+{
+    for (std::uint64_t i = 0; i < n; i++) {
+        simulation.step();
+        if (i % 256 == 255 && PyErr_CheckSignals() != 0) {
+            throw py::error_already_set();
+        }
+    }
+}
+
+/// New objects for the instances of a process, by name, each with its parts.
+py::dict wrap_instances(const sim::Process &process)
+{
+    py::dict objects;
+    std::vector<std::pair<sim::Model *, py::object>> models;
+    for (const auto &instance : process.instances()) {
+        py::object object = object_of(instance);
+        if (instance->model()) {
+            models.emplace_back(instance->model(), object);
+        }
+        objects[py::str(instance->name)] = object;
+    }
+    for (const auto &[model, object] : models) {
+        py::list parts;
+        for (const sim::Model *part : model->parts()) {
+            for (const auto &[other, other_object] : models) {
+                if (other == part) {
+                    parts.append(other_object);
+                }
+            }
+        }
+        Py_XSETREF(as_root(object.ptr())->parts, py::tuple(parts).release().ptr());
+    }
+    return objects;
+}
+
+} // namespace
+
+void bind_simulation(py::module_ &m)
+{
+    py::class_<sim::Integrator, std::shared_ptr<sim::Integrator>>(m, "Integrator", "A method of integration.")
+        .def("__repr__", &sim::Integrator::describe);
+    m.def("rk4", [] { return std::shared_ptr<sim::Integrator>(sim::make_rk4()); });
+    m.def("adaptive", [](double relative, double absolute) {
+        return std::shared_ptr<sim::Integrator>(sim::make_adaptive(relative, absolute));
+    });
+
+    py::class_<Condition>(m, "Condition", "A comparison of a field with a constant.")
+        .def("__repr__", [](const Condition &c) { return c.text; })
+        .def("__bool__", &Condition::holds);
+    m.def("condition", make_condition);
+
+    py::class_<sim::Event, std::shared_ptr<sim::Event>>(m, "Event")
+        .def_readonly("name", &sim::Event::name)
+        .def_readwrite("armed", &sim::Event::armed)
+        .def_readonly("fired_at", &sim::Event::fired_at)
+        .def_readonly("condition", &sim::Event::condition)
+        .def_readonly("hold", &sim::Event::hold)
+        .def_readonly("once", &sim::Event::once)
+        .def_readonly("mode", &sim::Event::mode)
+        .def_readwrite("predicate", &sim::Event::predicate)
+        .def_readwrite("action", &sim::Event::action);
+
+    py::class_<sim::Log, std::shared_ptr<sim::Log>>(m, "Log", "The samples of one port.")
+        .def_property_readonly("path", [](const sim::Log &log) { return log.instance->path + "." + log.field->name; })
+        .def_property_readonly("struct", [](const sim::Log &log) { return log.field->sub; },
+                               py::return_value_policy::reference)
+        .def_readonly("every", &sim::Log::every)
+        .def("__len__", [](const sim::Log &log) { return log.times.size(); })
+        .def("times", [](const sim::Log &log) {
+            return py::bytes(reinterpret_cast<const char *>(log.times.data()), log.times.size() * sizeof(Ns));
+        })
+        .def("bytes", [](const sim::Log &log) { return bytes_of(log.bytes); })
+        .def("last", [](const sim::Log &log) {
+            const std::size_t size = log.times.empty() ? 0 : log.field->size;
+            return py::bytes(reinterpret_cast<const char *>(log.bytes.data() + log.bytes.size() - size), size);
+        });
+
+    py::class_<sim::Process>(m, "Process")
+        .def_readonly("name", &sim::Process::name)
+        .def("add", [](sim::Process &p, const std::string &name, py::handle object) {
+            p.add(name, instance_of(object));
+        })
+        .def("add_task", [](sim::Process &p, const std::string &name, Ns period, Ns offset, int priority,
+                            const py::iterable &run) {
+            p.add_task({name, period, offset, priority, instances_of(run)});
+        })
+        .def("add_mode", [](sim::Process &p, const std::string &name, std::vector<std::string> tasks) {
+            p.add_mode({name, std::move(tasks)});
+        })
+        .def("add_event", add_event)
+        .def("start_in", &sim::Process::start_in)
+        .def("enter", &sim::Process::enter)
+        .def_property_readonly("mode", &sim::Process::mode)
+        .def_property("integrator", [](const sim::Process &p) { return p.integrator().describe(); },
+                      [](sim::Process &p, std::shared_ptr<sim::Integrator> i) { p.set_integrator(std::move(i)); })
+        .def("wrap", wrap_instances)
+        .def_property_readonly("tasks", [](const sim::Process &p) {
+            py::list list;
+            for (const sim::Task &task : p.tasks()) {
+                py::list run;
+                for (const auto &instance : task.run) {
+                    run.append(instance->name);
+                }
+                list.append(py::make_tuple(task.name, task.period, task.offset, task.priority, run));
+            }
+            return list;
+        }, "(name, period, offset, priority, names of what it runs) of each")
+        .def_property_readonly("modes", [](const sim::Process &p) {
+            py::list list;
+            for (const sim::Mode &mode : p.modes()) {
+                list.append(py::make_tuple(mode.name, mode.tasks));
+            }
+            return list;
+        }, "(name, names of its tasks) of each")
+        .def_property_readonly("events", &sim::Process::events);
+
+    py::class_<sim::Simulation>(m, "Simulation")
+        .def(py::init<std::uint64_t>(), py::arg("seed") = 0)
+        .def("add_process", &sim::Simulation::add_process, py::return_value_policy::reference_internal)
+        .def("process", [](sim::Simulation &s, const std::string &name) -> sim::Process & { return s.process(name); },
+             py::return_value_policy::reference_internal)
+        .def("connect", [](sim::Simulation &s, py::handle from, py::handle to, int latency, Ns stale_after) {
+            s.connect(port_of(from), port_of(to), {latency, stale_after});
+        })
+        .def_property_readonly("wires", [](const sim::Simulation &s) {
+            py::list list;
+            for (const sim::Wire &wire : s.wires()) {
+                list.append(py::make_tuple(wire.from.path(), wire.to.path(), wire.options.latency,
+                                           wire.options.stale_after));
+            }
+            return list;
+        }, "(from, to, latency, stale_after) of each")
+        .def_property("seed", &sim::Simulation::seed, &sim::Simulation::set_seed)
+        .def("prepare", &sim::Simulation::prepare)
+        .def_property_readonly("prepared", &sim::Simulation::prepared)
+        .def("reset", &sim::Simulation::reset)
+        .def_property_readonly("now", &sim::Simulation::now)
+        .def_property_readonly("next", &sim::Simulation::next)
+        .def("run_until", run_until)
+        .def("step", step)
+        .def_property_readonly("pace_report", [](const sim::Simulation &s) {
+            const sim::PaceReport report = s.pace_report();
+            return py::make_tuple(report.instants, report.overruns, report.worst);
+        }, "(instants, overruns, worst delay in ns of wall time)")
+        .def("record", [](sim::Simulation &s, py::handle view, Ns every, bool keep) {
+            const sim::Port port = port_of(view);
+            return s.recorder().record(port.instance, *port.field, every, keep);
+        })
+        .def_property_readonly("logs", [](sim::Simulation &s) { return s.recorder().logs(); })
+        .def("open_archive", [](sim::Simulation &s, const std::string &path, const sim::Pairs &run) {
+            s.recorder().open_archive(path, run);
+        })
+        .def("close_archive", [](sim::Simulation &s, const sim::Pairs &end) { s.recorder().close_archive(end); },
+             py::arg("end") = sim::Pairs{})
+        .def_property_readonly("archiving", [](sim::Simulation &s) { return s.recorder().archiving(); })
+        .def("snapshot", [](const sim::Simulation &s) { return bytes_of(s.snapshot()); })
+        .def("restore", [](sim::Simulation &s, const py::bytes &bytes) {
+            const std::string_view view = bytes;
+            s.restore({reinterpret_cast<const std::byte *>(view.data()), view.size()});
+        })
+        .def("clone", &sim::Simulation::clone)
+        .def_property_readonly("assumptions", &sim::Simulation::assumptions);
+}
+
+} // namespace fledge::core

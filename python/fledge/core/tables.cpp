@@ -1,0 +1,243 @@
+// SPDX-License-Identifier: Apache-2.0
+// Libraries, their types, and what the tables say of types and objects.
+#include "core/doc.h"
+#include "core/extension.h"
+
+#include "sim/error.h"
+#include "world/models.h"
+
+#include <cstring>
+#include <dlfcn.h>
+
+extern "C" {
+extern const FledgeLibrary fledge_library_flight;
+extern const FledgeLibrary fledge_library_world;
+}
+
+namespace py = pybind11;
+
+namespace fledge::core {
+
+namespace {
+
+const char *type_name(FledgeType type)
+{
+    static const char *const names[] = {"f64", "f32", "i8", "u8", "i16", "u16", "i32",
+                                        "u32", "i64", "u64", "char", "enum", "struct"};
+    return names[type];
+}
+
+const char *group_name(FledgeGroup group)
+{
+    static const char *const names[] = {"", "in", "out", "par", "mem"};
+    return names[group];
+}
+
+const char *kind_name(FledgeKind kind)
+{
+    static const char *const names[] = {"plain", "message", "module", "model"};
+    return names[kind];
+}
+
+const sim::ModelType *model_of(const FledgeStruct &table)
+{
+    for (const sim::ModelType &model : world::models()) {
+        if (model.face == &table) {
+            return &model;
+        }
+    }
+    return nullptr;
+}
+
+/// The types of a library by name.
+py::dict types_of(const FledgeLibrary &library)
+{
+    if (library.version != FLEDGE_TABLE_VERSION) {
+        throw sim::SetupError("the library " + std::string(library.name) + " was built for version " +
+                              std::to_string(library.version) + " of the tables, this is version " +
+                              std::to_string(FLEDGE_TABLE_VERSION) + ": build it again");
+    }
+    py::dict types;
+    for (std::uint32_t i = 0; i < library.n; i++) {
+        const FledgeStruct &table = *library.structs[i];
+        const sim::ModelType *model = model_of(table);
+        if (table.kind == FLEDGE_MODEL && !model) {
+            throw sim::SetupError("the library " + std::string(library.name) + " has no behaviour for the model " +
+                                  table.name);
+        }
+        const Type *type = type_of(table, library.name, model);
+        if (!type) {
+            throw py::error_already_set();
+        }
+        types[table.name] = py::reinterpret_borrow<py::object>(reinterpret_cast<PyObject *>(type->python));
+    }
+    return types;
+}
+
+/// A shared library with modules of one's own: it exports `fledge_library_<name>`.
+py::dict load_library(const std::string &path, const std::string &name)
+{
+    void *handle = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
+    if (!handle) {
+        throw sim::SetupError("cannot load the library " + path + ": " + dlerror());
+    }
+    const std::string symbol = "fledge_library_" + name;
+    const auto *library = static_cast<const FledgeLibrary *>(dlsym(handle, symbol.c_str()));
+    if (!library) {
+        dlclose(handle);
+        throw sim::SetupError("the library " + path + " does not export " + symbol);
+    }
+    return types_of(*library); // the handle stays open: the types live as long as the process
+}
+
+const FledgeStruct &struct_of(py::handle object)
+{
+    const Type *type = PyType_Check(object.ptr()) ? find_type(reinterpret_cast<PyTypeObject *>(object.ptr()))
+                                                  : find_type(Py_TYPE(object.ptr()));
+    if (!type) {
+        throw py::type_error("expected a module, model or message, found " + std::string(py::repr(object)));
+    }
+    return *type->table;
+}
+
+template <class T> T need(T value, const char *what, py::handle found)
+{
+    if (!value) {
+        throw py::type_error("expected " + std::string(what) + ", found " + std::string(py::repr(found)));
+    }
+    return value;
+}
+
+} // namespace
+
+std::shared_ptr<sim::Instance> instance_of(py::handle object)
+{
+    need(is_root(object.ptr()), "a module or model", object);
+    return as_root(object.ptr())->instance;
+}
+
+py::object object_of(std::shared_ptr<sim::Instance> instance)
+{
+    PyObject *object = wrap(std::move(instance));
+    if (!object) {
+        throw py::error_already_set();
+    }
+    return py::reinterpret_steal<py::object>(object);
+}
+
+void bind_tables(py::module_ &m)
+{
+    using Field = FledgeField;
+    const auto flag = [](std::uint32_t bit) {
+        return [bit](const Field &f) { return static_cast<bool>(f.flags & bit); };
+    };
+    py::class_<Field>(m, "Field", "A field of a struct, as declared in its header.")
+        .def_readonly("name", &Field::name)
+        .def_readonly("offset", &Field::offset, "[bytes] from the start of the struct")
+        .def_readonly("size", &Field::size, "[bytes]")
+        .def_readonly("unit", &Field::unit, "as in the header; '-' if dimensionless, '' if none is given")
+        .def_readonly("ctype", &Field::ctype)
+        .def_readonly("doc", &Field::doc)
+        .def_property_readonly("type", [](const Field &f) { return type_name(f.type); }, "f64, i32, ... struct")
+        .def_property_readonly("group", [](const Field &f) { return group_name(f.group); }, "in, out, par, mem or ''")
+        .def_property_readonly("rule", rule_text, "'required, > 0', or ''")
+        .def_property_readonly("count", [](const Field &f) { return f.count ? py::object(py::str(f.count)) : py::none(); },
+                               "the field that says how many rows count, or None")
+        .def_property_readonly("shape",
+                               [](const Field &f) {
+                                   py::tuple shape(f.ndim);
+                                   for (std::uint32_t i = 0; i < f.ndim; i++) {
+                                       shape[i] = f.shape[i];
+                                   }
+                                   return shape;
+                               })
+        .def_property_readonly("dims",
+                               [](const Field &f) {
+                                   py::tuple dims(8);
+                                   for (std::size_t i = 0; i < 8; i++) {
+                                       dims[i] = static_cast<int>(f.dims[i]);
+                                   }
+                                   return dims;
+                               },
+                               "exponents of m, kg, s, A, K, mol, cd, rad")
+        .def_property_readonly("struct", [](const Field &f) { return f.sub; }, py::return_value_policy::reference)
+        .def_property_readonly("required", flag(FLEDGE_REQUIRED))
+        .def_property_readonly("optional", flag(FLEDGE_OPTIONAL))
+        .def_property_readonly("assumed", flag(FLEDGE_ASSUMED))
+        .def_property_readonly("spare", flag(FLEDGE_SPARE));
+
+    py::class_<FledgeStruct>(m, "Struct", "A module, model, message or plain struct, as declared in its header.")
+        .def_readonly("name", &FledgeStruct::name)
+        .def_readonly("doc", &FledgeStruct::doc)
+        .def_readonly("header", &FledgeStruct::header)
+        .def_readonly("folder", &FledgeStruct::folder)
+        .def_readonly("size", &FledgeStruct::size)
+        .def_readonly("hash", &FledgeStruct::hash)
+        .def_property_readonly("kind", [](const FledgeStruct &s) { return kind_name(s.kind); },
+                               "plain, message, module or model")
+        .def_property_readonly("schema", [](const FledgeStruct &s) { return s.schema ? s.schema : ""; })
+        .def_property_readonly("fields", [](py::object self) {
+            const auto &s = self.cast<const FledgeStruct &>();
+            py::list list;
+            for (std::uint32_t i = 0; i < s.n; i++) {
+                list.append(py::cast(s.fields[i], py::return_value_policy::reference));
+            }
+            return list;
+        });
+
+    m.def("library", [](const std::string &name) {
+        return types_of(name == "world" ? fledge_library_world : fledge_library_flight);
+    }, "The types of the library 'flight' or 'world', by name.");
+    m.def("load_library", load_library, py::arg("path"), py::arg("name"),
+          "Load a shared library of modules and return its types by name.");
+    m.def("struct", struct_of, py::return_value_policy::reference, "What the header says of an object or type.");
+    m.def("path", [](py::handle object) {
+        struct_of(object);
+        return path_of(object.ptr());
+    }, "'flight.control.error', or the type's name for what has no name yet.");
+    m.def("name", [](py::handle object) { return instance_of(object)->name; });
+    m.def("root", [](py::handle object) {
+        struct_of(object);
+        PyObject *root = root_of(object.ptr());
+        return root ? py::reinterpret_borrow<py::object>(root) : py::none();
+    }, "The module or model that a message is a part of, or None.");
+    m.def("field", [](py::handle view) -> const Field * {
+        need(is_view(view.ptr()), "a message", view);
+        const View *v = as_view(view.ptr());
+        return v->member ? v->member->field : nullptr;
+    }, py::return_value_policy::reference, "As which field its owner holds a message, or None.");
+    m.def("offset", [](py::handle view) {
+        PyObject *root = need(root_of(view.ptr()), "a part of a module or model", view);
+        return as_object(view.ptr())->memory - as_object(root)->memory;
+    }, "Of a message, [bytes] from the start of its module or model.");
+    m.def("given", [](py::handle object) {
+        const auto instance = instance_of(object);
+        py::list names;
+        for (std::uint32_t i = 0; i < instance->type().n; i++) {
+            if (instance->given[i]) {
+                names.append(instance->type().fields[i].name);
+            }
+        }
+        return names;
+    }, "The parameters that the user gave.");
+    m.def("check", [](py::handle object) { sim::check_parameters(*instance_of(object)); },
+          "Check all parameters; SetupError lists every fault.");
+    m.def("memory", [](py::handle object) {
+        struct_of(object);
+        const Object &o = *as_object(object.ptr());
+        return py::bytes(reinterpret_cast<const char *>(o.memory), o.type->table->size);
+    }, "A copy of an object's bytes.");
+    m.def("context", [](py::handle object) {
+        instance_of(object);
+        PyObject *context = as_root(object.ptr())->context;
+        return context ? py::reinterpret_borrow<py::object>(context) : py::none();
+    }, "The weak reference given to set_context(), or None.");
+    m.def("set_context", [](py::handle object, py::object reference) {
+        instance_of(object);
+        // A plain reference would close a cycle that nobody can collect.
+        need(PyWeakref_Check(reference.ptr()), "a weak reference", reference);
+        Py_XSETREF(as_root(object.ptr())->context, reference.release().ptr());
+    });
+}
+
+} // namespace fledge::core

@@ -1,0 +1,12 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The flight modules and their messages, by name: `from fledge import flight as fsw`.
+
+Each is an object on the memory of its C struct: `help(fsw.MrpFeedback)` shows its inputs, outputs and
+parameters. A name that is not there is answered with those that are.
+"""
+
+from fledge import _core
+from fledge._names import lookup
+
+TYPES = _core.library("flight")
+__getattr__, __dir__ = lookup(__name__, TYPES, globals())

@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Missions: folders with flight.py (what flies), world.py (the truth) and scenarios.py.
+
+    sim = fledge.load("nadir_spin")         # from ./missions, Fledge's own missions, or a path
+    sim.scenarios["scenario"]()             # records, runs, checks and plots
+
+flight.py has build(f), world.py has build(w, f); both are executed afresh at each load, so that two
+simulations share nothing. In scenarios.py every public function that takes a simulation is a
+scenario, and the first line of its docstring says what it shows. The files may import from one
+another: `from .flight import PYRAMID`.
+"""
+
+import ast
+import itertools
+import os
+import sys
+import traceback
+import types
+import weakref
+from pathlib import Path
+
+from fledge import _core
+from fledge.simulation import Simulation
+
+SetupError = _core.SetupError
+_package = itertools.count(1)
+
+
+class MissionError(SetupError):
+    """A mission's file cannot be executed. The text has its line; `cause` is the exception itself."""
+
+    def __init__(self, text, cause):
+        super().__init__(text)
+        self.cause = cause
+
+
+class Mission:
+    """A mission's folder. `name`, `folder`, and `scenarios` by name once it is loaded."""
+
+    def __init__(self, folder):
+        self.folder = folder
+        self.name = folder.name
+        self.scenarios = {}
+
+    def summaries(self):
+        """Name -> first line of the docstring, of the mission (under "") and of each scenario.
+
+        Nothing is executed for it.
+        """
+        found = {"": ""}
+        for file in ("flight.py", "scenarios.py"):
+            path = self.folder / file
+            if not path.exists():
+                continue
+            try:
+                tree = ast.parse(path.read_text(encoding="utf-8"))
+            except SyntaxError as error:
+                return {"": f"{path}, line {error.lineno}: {error.msg}"}
+            if file == "flight.py":
+                found[""] = _first_line(ast.get_docstring(tree))
+            else:
+                found.update((node.name, _first_line(ast.get_docstring(node))) for node in tree.body
+                             if isinstance(node, ast.FunctionDef) and not node.name.startswith("_")
+                             and len(node.args.args) == 1)
+        return found
+
+    def __repr__(self):
+        return f"<mission {self.name} in {self.folder}>"
+
+
+def _first_line(text):
+    return (text or "").strip().split("\n")[0]
+
+
+def _folders():
+    """Where missions are looked for: ./missions, then the one beside this package."""
+    yield Path.cwd() / "missions"
+    for parent in Path(__file__).resolve().parents:
+        if (parent / "missions").is_dir():
+            yield parent / "missions"
+            break
+
+
+def missions():
+    """All missions by name."""
+    found = {}
+    for place in _folders():
+        if place.is_dir():
+            for folder in sorted(place.iterdir()):
+                if (folder / "flight.py").is_file():
+                    found.setdefault(folder.name, Mission(folder))
+    return found
+
+
+def find(name):
+    """The mission of that name, or in that folder. Raises SetupError that lists those found."""
+    folder = Path(name)
+    if (folder / "flight.py").is_file():
+        return Mission(folder.resolve())
+    known = missions()
+    if str(name) in known:
+        return known[str(name)]
+    if folder.is_dir() or os.sep in str(name):
+        raise SetupError(f"there is no mission in {name}: a mission is a folder with a flight.py")
+    places = ", ".join(str(p) for p in dict.fromkeys(_folders()))
+    raise SetupError(f"there is no mission '{name}'; there are {', '.join(known) or 'none'} (looked in {places})")
+
+
+def load(name, seed=0):
+    """A simulation of a mission, ready to run.
+
+    name: of a mission, or the path of its folder; seed: of all random streams.
+    Raises SetupError for an unknown mission, MissionError for an error in its files.
+    """
+    mission = find(name)
+    simulation = Simulation(mission.name, seed)
+    simulation.mission = mission
+    with _Files(mission) as files:
+        flight = files.execute("flight", "build")
+        files.call(flight.build, simulation.flight)
+        if (mission.folder / "world.py").exists():
+            world = files.execute("world", "build")
+            files.call(world.build, simulation.world, simulation.flight)
+        if (mission.folder / "scenarios.py").exists():
+            module = files.execute("scenarios")
+            mission.scenarios = {
+                name: value for name, value in vars(module).items()
+                if isinstance(value, types.FunctionType) and value.__module__ == module.__name__
+                and not name.startswith("_") and value.__code__.co_argcount == 1}
+    weakref.finalize(simulation, files.forget)
+    return simulation
+
+
+class _Files:
+    """A mission's files as the modules of a package of their own, made anew for each load."""
+
+    def __init__(self, mission):
+        self.mission = mission
+        self.package = f"_mission_{mission.name}_{next(_package)}"
+
+    def __enter__(self):
+        package = types.ModuleType(self.package)
+        package.__path__ = [str(self.mission.folder)]
+        sys.modules[self.package] = package
+        return self
+
+    def __exit__(self, kind, *_):
+        if kind:
+            self.forget()
+
+    def forget(self):
+        for name in [n for n in sys.modules if n == self.package or n.startswith(self.package + ".")]:
+            del sys.modules[name]
+
+    def execute(self, name, *functions):
+        """Run a file; it must define the functions."""
+        path = self.mission.folder / f"{name}.py"
+        module = types.ModuleType(f"{self.package}.{name}")
+        module.__file__ = str(path)
+        module.__package__ = self.package
+        sys.modules[module.__name__] = module
+
+        def run():
+            exec(compile(path.read_text(encoding="utf-8"), str(path), "exec"), vars(module))
+
+        self.call(run)
+        for function in functions:
+            if not callable(getattr(module, function, None)):
+                raise MissionError(f"{path}: expected a function {function}({'f' if name == 'flight' else 'w, f'})",
+                                   None)
+        return module
+
+    def call(self, function, *arguments):
+        try:
+            return function(*arguments)
+        except Exception as error:
+            raise MissionError(explain(error, self.mission.folder), error) from None
+
+
+def explain(error, folder):
+    """An exception as a user of the mission should see it: their file, their line, and what was wrong."""
+    if isinstance(error, SyntaxError) and error.filename:
+        line = (error.text or "").strip()
+        return f"{_relative(error.filename)}, line {error.lineno}: {error.msg}" + (f"\n    {line}" if line else "")
+    frames = [f for f in traceback.extract_tb(error.__traceback__) if Path(f.filename).is_relative_to(folder)]
+    kind = "" if isinstance(error, (SetupError, AssertionError)) else f"{type(error).__name__}: "
+    text = f"{kind}{error}" if str(error) else kind.rstrip(": ") or "an assertion does not hold"
+    if not frames:
+        return text
+    last = frames[-1]
+    return f"{_relative(last.filename)}, line {last.lineno}: {text}" + (f"\n    {last.line}" if last.line else "")
+
+
+def _relative(path):
+    try:
+        return Path(path).relative_to(Path.cwd())
+    except ValueError:
+        return path

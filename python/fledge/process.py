@@ -1,0 +1,463 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Processes as a mission builds them: `f`, what flies, and `w`, the world.
+
+    def build(f):
+        f.control = fsw.MrpFeedback(K=2.5 * N * m, P=45 * N * m * s)    # the name is the attribute
+        f.connect(f.tracking.error >> f.control.error)
+        gnc = f.task("gnc", every=0.5 * s, run=[f.tracking, f.control])
+        f.mode("science", [gnc])
+        f.event("settled", when=f.watch(f.tracking.error).sigma_BR.norm() < 1e-3, hold=60 * s,
+                enter=f.science)
+"""
+
+import weakref
+
+from fledge import _core
+from fledge.units import Quantity, UnitError, nanoseconds
+
+SetupError = _core.SetupError
+
+
+# --- wires -----------------------------------------------------------------------------------------
+
+class Wire:
+    """Wires from one output, as `a.output >> b.input` or `a.output >> [b.input, c.input]` makes them.
+
+    They take effect in connect(). `(a >> b).latency(1)` makes the consumer read what the producer had
+    at the end of the previous exchange, so that both may run in parallel; `(a >> b).stale_after(2 * s)`
+    lowers the quality of a message that is older. Both return the wire, so they chain.
+    """
+
+    def __init__(self, source, targets):
+        self.source = source
+        self.targets = targets
+        self.options = {"latency": 0, "stale_after": 0}
+
+    def latency(self, exchanges):
+        """0: the newest message; 1: that of the previous exchange."""
+        self.options["latency"] = exchanges
+        return self
+
+    def stale_after(self, age):
+        """A message older than `age`, a time, reaches the consumer as stale."""
+        self.options["stale_after"] = _time(age, f"{self!r}: stale_after")
+        return self
+
+    def __rshift__(self, target):
+        raise TypeError(f"{self!r} >> ...: a wire ends here; write a >> [b, c] for several")
+
+    def __repr__(self):
+        targets = [_core.path(t) for t in self.targets]
+        return f"{_core.path(self.source)} >> " + (targets[0] if len(targets) == 1 else f"[{', '.join(targets)}]")
+
+
+def wire(source, target):
+    """What `source >> target` means. Raises SetupError on what cannot be joined."""
+    if isinstance(target, list):
+        wires = [wire(source, one) for one in target]
+        return Wire(source, [t for w in wires for t in w.targets])
+    start = f"{_core.path(source)} >> "
+    if not isinstance(target, _core.Message):
+        if isinstance(target, (_core.Module, _core.Model)):
+            raise SetupError(f"{start}{_core.path(target)}: name an input, not the module; it has "
+                             + _ports(target, "in"))
+        raise SetupError(f"{start}{target!r}: expected an input or a list of inputs")
+    start += _core.path(target)
+    for port, group, word in ((source, "out", "output"), (target, "in", "input")):
+        field, root = _core.field(port), _core.root(port)
+        if field is None or root is None or field.group != group:
+            raise SetupError(f"{start}: {_core.path(port)} is no {word}"
+                             + (f"; {_core.path(root)} has {_ports(root, group)}" if root is not None else ""))
+    theirs, ours = _core.struct(source), _core.struct(target)
+    if (theirs.name, theirs.hash) != (ours.name, ours.hash):
+        fitting = [f.name for f in _core.struct(_core.root(target)).fields
+                   if f.group == "in" and f.struct.name == theirs.name]
+        raise SetupError(f"{start}: the output is {theirs.name}, the input takes {ours.name}"
+                         + (f"; {_core.path(_core.root(target))} takes {theirs.name} at {', '.join(fitting)}"
+                            if fitting else ""))
+    return Wire(source, [target])
+
+
+def _ports(obj, group):
+    names = [f.name for f in _core.struct(obj).fields if f.group == group]
+    return ("the inputs " if group == "in" else "the outputs ") + (", ".join(names) or "(none)")
+
+
+# --- conditions ------------------------------------------------------------------------------------
+
+class Watch:
+    """A field of a message or module, by name: `watch(f.tracking.error).sigma_BR[0]`, `.norm()`.
+
+    Comparing it with a constant makes a condition: data, not code, so that it can be exported.
+    """
+
+    def __init__(self, obj, field=None, index=None, measure="element", path=""):
+        self._object, self._field, self._index, self._measure = obj, field, index, measure
+        self._path = path or _core.path(obj)
+
+    def __getattr__(self, name):
+        if name.startswith("_"):
+            raise AttributeError(name)
+        if self._field is None:
+            for field in _core.struct(self._object).fields:
+                if field.name == name and not field.spare:
+                    if field.type == "struct":
+                        return Watch(getattr(self._object, name))
+                    return Watch(self._object, field, path=f"{self._path}.{name}")
+            getattr(self._object, name)  # raises, with the valid names
+        raise AttributeError(f"{self._path} is a number or array; it has norm(), max_abs() and [index]")
+
+    def __getitem__(self, index):
+        shape = self._need_array("[...]")
+        index = index if isinstance(index, tuple) else (index,)
+        if len(index) != len(shape) or not all(isinstance(i, int) and 0 <= i < n for i, n in zip(index, shape)):
+            raise SetupError(f"{self._path}{list(index)}: expected {len(shape)} whole numbers below {shape}")
+        flat = 0
+        for i, n in zip(index, shape):
+            flat = flat * n + i
+        return Watch(self._object, self._field, flat, path=f"{self._path}[{', '.join(map(str, index))}]")
+
+    def norm(self):
+        """The root of the sum of the elements' squares."""
+        self._need_array("norm()")
+        return Watch(self._object, self._field, 0, "norm", f"norm({self._path})")
+
+    def max_abs(self):
+        """The largest magnitude of the elements."""
+        self._need_array("max_abs()")
+        return Watch(self._object, self._field, 0, "max_abs", f"max_abs({self._path})")
+
+    def _need_array(self, what):
+        if self._field is None or not self._field.shape or self._index is not None:
+            raise SetupError(f"{self._path}: {what} is for arrays")
+        return self._field.shape
+
+    def _compare(self, comparison, constant):
+        if self._field is None:
+            names = ", ".join(f.name for f in _core.struct(self._object).fields if not f.spare)
+            raise SetupError(f"{self._path}: compare one of its fields: {names}")
+        if self._field.shape and self._index is None:
+            raise SetupError(f"{self._path} has shape {self._field.shape}: compare an element, norm() or max_abs()")
+        from fledge._hooks import strip
+
+        field = self._field
+        value = strip(constant, self._path, field.unit, field.dims, "a number")
+        if not isinstance(value, (int, float)):
+            raise SetupError(f"{self._path} {comparison} {constant!r}: expected a number")
+        unit = f" {field.unit}" if field.unit not in ("", "-") else ""
+        return _core.condition(self._object, field, self._index or 0, self._measure, comparison, float(value),
+                               f"{self._path} {comparison} {value:g}{unit}")
+
+    def __lt__(self, constant):
+        return self._compare("<", constant)
+
+    def __le__(self, constant):
+        return self._compare("<=", constant)
+
+    def __gt__(self, constant):
+        return self._compare(">", constant)
+
+    def __ge__(self, constant):
+        return self._compare(">=", constant)
+
+    def __eq__(self, constant):
+        return self._compare("==", constant)
+
+    def __ne__(self, constant):
+        return self._compare("!=", constant)
+
+    __hash__ = None
+
+    def __bool__(self):
+        raise TypeError(f"{self._path} is only known when the mission runs; compare it, as in x < 1")
+
+    def __repr__(self):
+        return self._path
+
+
+# --- handles ---------------------------------------------------------------------------------------
+
+class Task:
+    """A task that was declared, for mode()."""
+
+    def __init__(self, name):
+        self.name = name
+
+    def __repr__(self):
+        return f"<task {self.name}>"
+
+
+class Mode:
+    """A mode that was declared, for events."""
+
+    def __init__(self, process, name):
+        self._process, self.name = weakref.ref(process), name
+
+    def enter(self):
+        """Enter it at the next instant."""
+        self._process()._core_process.enter(self.name)
+
+    def __repr__(self):
+        return f"<mode {self.name}>"
+
+
+class Event:
+    """An event that was declared. `armed` may be read and set; `fired_at` is the time [s], or None."""
+
+    def __init__(self, name, when, do):
+        self.name, self._when, self._do = name, when, do
+        self._core = None
+
+    @property
+    def armed(self):
+        return self._core.armed
+
+    @armed.setter
+    def armed(self, value):
+        self._core.armed = bool(value)
+
+    @property
+    def fired_at(self):
+        return None if self._core.fired_at < 0 else self._core.fired_at / 1e9
+
+    # The kernel holds these two, which hold the event weakly: a callable that refers to its own
+    # simulation would otherwise keep it alive for ever.
+    def _predicate(self):
+        me = weakref.ref(self)
+        return lambda: bool(me()._when())
+
+    def _action(self):
+        me = weakref.ref(self)
+        return lambda: me()._do()
+
+    def __repr__(self):
+        at = self.fired_at
+        return f"<event {self.name}, " + ("armed" if self.armed else "not armed") + (
+            f", fired at {at:g} s>" if at is not None else ">")
+
+
+def _time(value, what, positive=False):
+    try:
+        return nanoseconds(value)
+    except (UnitError, ValueError, TypeError) as error:
+        raise SetupError(f"{what}: {error}") from None
+
+
+# --- processes -------------------------------------------------------------------------------------
+
+class Process:
+    """Instances by name, and the tasks, modes and events of a process.
+
+    Assign a module or model to an attribute to give it its name; read it back the same way.
+    """
+
+    def __init__(self, core_simulation, core_process):
+        put = object.__setattr__
+        put(self, "_core_simulation", core_simulation)
+        put(self, "_core_process", core_process)
+        put(self, "_instances", {})
+        put(self, "_handles", {})
+
+    @property
+    def name(self):
+        return self._core_process.name
+
+    # --- attributes are instances ---
+
+    def __setattr__(self, name, value):
+        if name in dir(type(self)):
+            found = getattr(type(self), name)
+            if isinstance(found, property) and found.fset:
+                return found.fset(self, value)
+            raise SetupError(f"{self.name}.{name}: this name is taken by the process itself; choose another")
+        if name in self._handles:
+            raise SetupError(f"{self.name}.{name} is already {self._handles[name]!r}")
+        if not isinstance(value, (_core.Module, _core.Model)):
+            raise SetupError(f"{self.name}.{name}: expected a module or model; found {value!r}")
+        self._accept(name, value)
+        self._core_process.add(name, value)
+        self._instances[name] = value
+        _core.set_context(value, weakref.ref(self))
+
+    def _accept(self, name, value):
+        """Refuse what does not belong into this process."""
+
+    def __getattr__(self, name):
+        if name.startswith("__"):
+            raise AttributeError(name)
+        for names in (self._instances, self._handles):
+            if name in names:
+                return names[name]
+        raise AttributeError(self._unknown(name))
+
+    def _unknown(self, name):
+        from difflib import get_close_matches
+
+        known = [*self._instances, *self._handles]
+        near = get_close_matches(name, known, 1)
+        return (f"the process {self.name} has no '{name}'"
+                + (f"; did you mean '{near[0]}'?" if near else ";") + " it has " + (", ".join(known) or "nothing yet"))
+
+    def __dir__(self):
+        return [*super().__dir__(), *self._instances, *self._handles]
+
+    def __iter__(self):
+        """The instances, in the order in which they were given."""
+        return iter(self._instances.values())
+
+    # --- what they do ---
+
+    def connect(self, *wires):
+        """Join outputs to inputs: `connect(a.output >> b.input, ...)`.
+
+        Raises SetupError if an input already has a writer, or a module has no name yet.
+        """
+        for one in wires:
+            if not isinstance(one, Wire):
+                raise SetupError(f"{self.name}.connect: expected wires, as in a.output >> b.input; found {one!r}")
+            for target in one.targets:
+                self._core_simulation.connect(one.source, target, one.options["latency"], one.options["stale_after"])
+
+    def task(self, name, *, every, run, offset=0, priority=0):
+        """Run modules or models in order, at one rate. Returns a handle for mode().
+
+        every, offset: times. At equal times, tasks of higher priority run first, then those declared
+        first. Modules in no task only publish their parameters.
+        """
+        what = f"task {self.name}.{name}"
+        for one in run:
+            if not isinstance(one, (_core.Module, _core.Model)):
+                raise SetupError(f"{what}: run takes modules or models; found {one!r}")
+        self._new_name(name, what)
+        self._core_process.add_task(name, _time(every, f"{what}: every"), _time(offset, f"{what}: offset"),
+                                    priority, run)
+        self._handles[name] = Task(name)
+        return self._handles[name]
+
+    def mode(self, name, tasks):
+        """A named set of tasks that are active in it. Tasks that no mode names are always active.
+
+        The first mode declared is the one to begin with. Returns a handle, also found as an attribute.
+        """
+        self._new_name(name, f"mode {self.name}.{name}")
+        names = [t.name if isinstance(t, Task) else t for t in tasks]
+        self._core_process.add_mode(name, names)
+        self._handles[name] = Mode(self, name)
+        return self._handles[name]
+
+    def start_in(self, mode):
+        """Begin in this mode."""
+        self._core_process.start_in(getattr(mode, "name", mode))
+
+    def enter(self, mode):
+        """Enter a mode at the next instant."""
+        self._core_process.enter(getattr(mode, "name", mode))
+
+    @staticmethod
+    def watch(port):
+        """A symbolic reference to a message, for conditions: `watch(f.tracking.error).sigma_BR.norm()`."""
+        if not isinstance(port, (_core.Message, _core.Module, _core.Model)):
+            raise SetupError(f"watch: expected a port or module; found {port!r}")
+        return Watch(port)
+
+    def event(self, name, *, when, hold=0, once=False, enter=None, do=None):
+        """Something that happens when a condition has held for a time; it arms itself again when the
+        condition no longer holds, unless `once`.
+
+        when: a condition made with watch(); hold: a time; enter: a mode of this process; do: a function
+        without arguments. Returns a handle, also found as an attribute.
+        """
+        what = f"event {self.name}.{name}"
+        self._new_name(name, what)
+        self._accept_event(what, when, do)
+        if not isinstance(when, _core.Condition) and not callable(when):
+            raise SetupError(f"{what}: when takes a condition, as in watch(port).field < 1; found {when!r}")
+        event = Event(name, when, do)
+        event._core = self._core_process.add_event(
+            name, when if isinstance(when, _core.Condition) else event._predicate(), _time(hold, f"{what}: hold"),
+            once, "" if enter is None else getattr(enter, "name", enter), event._action() if do else None)
+        self._handles[name] = event
+        return event
+
+    def _accept_event(self, what, when, do):
+        """Refuse what this process' events may not have."""
+
+    def _new_name(self, name, what):
+        if name in self._instances or name in self._handles:
+            raise SetupError(f"{what}: {self.name}.{name} is already there")
+        if name in dir(type(self)):
+            raise SetupError(f"{what}: this name is taken by the process itself; choose another")
+
+    def __repr__(self):
+        lines = [f"process {self.name}" + (f", in mode {self._core_process.mode}" if self._core_process.mode else "")]
+        width = max(map(len, self._instances), default=0)
+        lines += [f"  {name.ljust(width)}  {_core.struct(one).name}" for name, one in self._instances.items()]
+        for name, period, offset, priority, run in self._core_process.tasks:
+            lines.append(f"  task {name}, every {period / 1e9:g} s: {', '.join(run)}")
+        for name, tasks in self._core_process.modes:
+            lines.append(f"  mode {name}: {', '.join(tasks)}")
+        return "\n".join(lines)
+
+    # --- clones ---
+
+    def _clone(self, core_simulation):
+        """The same process of a cloned simulation, its objects made anew."""
+        other = type(self)(core_simulation, core_simulation.process(self.name))
+        other._instances.update(other._core_process.wrap())
+        for one in other._instances.values():
+            _core.set_context(one, weakref.ref(other))
+        events = {e.name: e for e in other._core_process.events}
+        for name, handle in self._handles.items():
+            if isinstance(handle, Mode):
+                other._handles[name] = Mode(other, name)
+            elif isinstance(handle, Event):
+                event = Event(name, handle._when, handle._do)
+                event._core = events[name]
+                if callable(handle._when):
+                    event._core.predicate = event._predicate()
+                if handle._do:
+                    event._core.action = event._action()
+                other._handles[name] = event
+            else:
+                other._handles[name] = handle
+        return other
+
+
+class Flight(Process):
+    """What flies. Its events are data: a condition and a mode."""
+
+    def _accept(self, name, value):
+        if isinstance(value, _core.Model):
+            raise SetupError(f"{self.name}.{name}: a {_core.struct(value).name} is a model of the world and cannot "
+                             "fly; assign it in world.py")
+
+    def _accept_event(self, what, when, do):
+        if do is not None or not isinstance(when, _core.Condition):
+            raise SetupError(f"{what}: flight's events are data, so that they can be exported: a condition made "
+                             "with watch(), and a mode to enter; Python belongs into the world's events")
+
+
+class World(Process):
+    """The truth. Its events may call Python."""
+
+    @property
+    def integrator(self):
+        """The method for the world's differential equations: world.RK4() or world.Adaptive(...)."""
+        return self._core_process.integrator
+
+    @integrator.setter
+    def integrator(self, method):
+        if not isinstance(method, _core.Integrator):
+            raise SetupError(f"{self.name}.integrator: expected world.RK4() or world.Adaptive(...); found {method!r}")
+        self._core_process.integrator = method
+
+    def at(self, t, do, name=None):
+        """Call `do()` once, at the first instant at or after the time t."""
+        ns = _time(t, f"{self.name}.at")
+        name = name or f"at_{ns}_ns" + (f"_{len(self._handles)}" if f"at_{ns}_ns" in self._handles else "")
+        core = weakref.ref(self)
+
+        def due():
+            return core()._core_simulation.now >= ns
+
+        return self.event(name, when=due, do=do, once=True)

@@ -1,0 +1,216 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A simulation as the user holds it: the flight process, the world, their common time, and records.
+
+    sim = fledge.load("nadir_spin")
+    log = sim.record(sim.flight.tracking.error, every=1 * s)
+    sim.run(160 * minute)
+    sim.flight.control.K = 3 * N * m          # change a gain, and go on
+    sim.run(10 * minute)
+    log.plot("error.sigma_BR")
+"""
+
+from fledge import _core
+from fledge.process import Flight, World, _time
+
+SetupError = _core.SetupError
+
+
+class Simulation:
+    """A world and what flies in it.
+
+    `flight` and `world` are the processes; their instances are attributes: `sim.flight.control`.
+    Two simulations share nothing. Made by fledge.load(), or empty, to be filled by hand.
+    """
+
+    def __init__(self, name="simulation", seed=0):
+        core = _core.Simulation(seed)
+        core.add_process("world")  # at each instant the world advances before flight looks at it
+        core.add_process("flight")
+        self._adopt(core, name)
+        self._world = World(core, core.process("world"))
+        self._flight = Flight(core, core.process("flight"))
+
+    def _adopt(self, core, name):
+        self._core = core
+        self.name = name
+        self.mission = None    # the Mission it was loaded from
+        self.pace = 0.0        # what run() takes unless told; 0: as fast as possible
+        self.plots = None      # what collects the figures of Log.plot(); None: they are shown; False: none
+        self._archive = None   # (path, metadata) of the archive that the next run opens
+
+    # --- its parts ---
+
+    @property
+    def flight(self):
+        """The flight process: its modules, tasks, modes and events."""
+        return self._flight
+
+    @property
+    def world(self):
+        """The world: its models, tasks and events."""
+        return self._world
+
+    @property
+    def seed(self):
+        """The seed of all random streams; setting it is possible before the first run or after reset()."""
+        return self._core.seed
+
+    @seed.setter
+    def seed(self, seed):
+        self._core.seed = seed
+
+    @property
+    def time(self):
+        """The last instant that ran [s]; 0 before the first."""
+        return max(self._core.now, 0) / 1e9
+
+    @property
+    def mode(self):
+        """The mode that flight is in; "" if it has none."""
+        return self._core.process("flight").mode
+
+    @property
+    def scenarios(self):
+        """The mission's scenarios by name, each a function without arguments."""
+        from functools import partial
+
+        return {n: partial(f, self) for n, f in self.mission.scenarios.items()} if self.mission else {}
+
+    @property
+    def assumptions(self):
+        """One line for each parameter that matters and was left at its default."""
+        return self._core.assumptions
+
+    # --- running ---
+
+    def run(self, duration=None, *, until=None, pace=None, progress=None):
+        """Run for a duration, or until a time, both included; the first run begins with the instant 0.
+
+        pace: simulated seconds per second, 1 for real time; 0 or not given: as fast as possible.
+        progress: show a bar on stderr; not given: on a terminal, for runs of more than about 2 s.
+
+        Ctrl-C ends it after the current instant: all is consistent, and run() goes on from there.
+        Raises SetupError if something is missing, RunError if the state is no longer finite; an
+        exception in a Python event ends the run at that instant.
+        """
+        if (duration is None) == (until is None):
+            raise TypeError("run() takes a duration, or until=a time")
+        start = max(self._core.now, 0)
+        end = start + _time(duration, "run") if until is None else _time(until, "run: until")
+        if end < start:
+            raise SetupError(f"run: {end / 1e9:g} s lies before the present, {start / 1e9:g} s")
+        pace = self.pace if pace is None else pace
+        if pace < 0:
+            raise SetupError(f"run: pace must be >= 0, found {pace:g}")
+        self._core.prepare()
+        self._open_archive()
+        from fledge._progress import Progress
+
+        with Progress(self.name, start, end, progress) as bar:
+            self._core.run_until(end, float(pace), bar.at if bar.wanted else None)
+
+    def step(self, n=1):
+        """Run the next instant, or the next n."""
+        self._core.prepare()
+        self._open_archive()
+        self._core.step(n)
+
+    def reset(self):
+        """Back to time 0: modules and models are reset, records emptied. Parameters stay."""
+        if self._core.archiving:
+            # A second run must not be written behind the first: it gets a file of its own.
+            path, metadata = self._archive
+            self._core.close_archive([])
+            self._archive = (_next_name(path), metadata)
+        self._core.reset()
+
+    @property
+    def pace_report(self):
+        """How paced runs kept up: {"instants", "overruns" (later than 1 ms), "worst" [s]}."""
+        instants, overruns, worst = self._core.pace_report
+        return {"instants": instants, "overruns": overruns, "worst": worst / 1e9}
+
+    # --- states ---
+
+    def snapshot(self):
+        """The whole dynamic state as bytes, for restore() here or in a clone."""
+        self._core.prepare()
+        return self._core.snapshot()
+
+    def restore(self, snapshot):
+        """Go back, or on, to a snapshot. Records after it are dropped."""
+        self._core.restore(snapshot)
+
+    def clone(self):
+        """A simulation that shares nothing with this one and stands at the same time.
+
+        Python events are the same functions: one that refers to a simulation still refers to this one.
+        """
+        other = object.__new__(type(self))
+        core = self._core.clone()
+        other._adopt(core, self.name)
+        other.mission, other.pace = self.mission, self.pace
+        other._world = self._world._clone(core)
+        other._flight = self._flight._clone(core)
+        return other
+
+    # --- records ---
+
+    def record(self, *ports, every=0):
+        """Record inputs and outputs: `record(f.tracking.error, f.motor.command, every=1 * s)`.
+
+        A module or model stands for all its outputs. every: a time; 0 records each instant. Returns a
+        Log, which fills as the simulation runs.
+        """
+        from fledge.log import Log
+
+        period = _time(every, "record: every")
+        if not ports:
+            raise SetupError("record: name at least one port, as in sim.record(f.tracking.error)")
+        logs = []
+        for port in ports:
+            if isinstance(port, (_core.Module, _core.Model)):
+                outputs = [f.name for f in _core.struct(port).fields if f.group == "out"]
+                logs += [self._core.record(getattr(port, name), period, True) for name in outputs]
+            elif isinstance(port, _core.Message):
+                logs.append(self._core.record(port, period, True))
+            else:
+                raise SetupError(f"record: expected an input, output or module; found {port!r}")
+        return Log(self, logs)
+
+    def archive(self, path, **metadata):
+        """Write all records to an MCAP file too, from the next run on; close_archive() finishes it.
+
+        metadata: texts kept in the file. Until it is finished its name ends in .part.
+        """
+        if self._core.archiving:
+            raise SetupError(f"archive: {self._archive[0]} is still being written; close_archive() first")
+        self._archive = (str(path), {str(k): str(v) for k, v in metadata.items()})
+
+    def _open_archive(self):
+        if self._archive and not self._core.archiving:
+            path, metadata = self._archive
+            lines = {**metadata, "seed": str(self.seed), "assumptions": "\n".join(self.assumptions)}
+            self._core.open_archive(path, list(lines.items()))
+
+    def close_archive(self, **metadata):
+        """Finish the archive, if one is being written; returns its path, or None."""
+        if not self._core.archiving:
+            self._archive = None
+            return None
+        path = self._archive[0]
+        self._archive = None
+        self._core.close_archive([(str(k), str(v)) for k, v in metadata.items()])
+        return path
+
+    def __repr__(self):
+        at = f"at t = {self.time:g} s" if self._core.now >= 0 else "not yet run"
+        return f"{self.name}, {at}, seed {self.seed}\n{self.world!r}\n{self.flight!r}"
+
+
+def _next_name(path):
+    """run.mcap -> run-2.mcap -> run-3.mcap"""
+    import re
+
+    stem, number, suffix = re.fullmatch(r"(.*?)(?:-(\d+))?(\.\w+)?", path).groups()
+    return f"{stem}-{int(number or 1) + 1}{suffix or ''}"
