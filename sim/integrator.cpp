@@ -27,33 +27,31 @@ void check_padding(std::size_t n)
 }
 
 // k1 = f(t, x), k2 = f(t + h/2, x + h/2 k1), k3 = f(t + h/2, x + h/2 k2), k4 = f(t + h, x + h k3),
-// x += h/6 (k1 + 2 k2 + 2 k3 + k4).
+// x += h/6 (k1 + 2 k2 + 2 k3 + k4). k1 is the caller's.
 class Rk4 final : public Integrator {
 public:
     void resize(std::size_t n) override
     {
         check_padding(n);
         n_ = n;
-        work_.assign(3 * n, 0.0);
+        work_.assign(4 * n, 0.0);
     }
 
-    void advance(System &system, Ns start, Ns dt, double *x) override
+    void advance(System &system, Ns start, Ns dt, double *x, const double *dx) override
     {
         const double h = tick_seconds(dt);
-        // `sum` gathers k1 + 2 k2 + 2 k3, so that one k at a time needs to be kept.
-        double *const k = work_.data(), *const sum = k + n_, *const probe = sum + n_;
-
-        system.derive(start, 0.0, x, sum);
-        shift(x, 0.5 * h, sum, probe);
-        system.derive(start, 0.5 * h, probe, k);
-        add_twice_and_shift(k, sum, x, 0.5 * h, probe);
-        system.derive(start, 0.5 * h, probe, k);
-        add_twice_and_shift(k, sum, x, h, probe);
-        system.derive(start, h, probe, k);
+        double *const k2 = work_.data(), *const k3 = k2 + n_, *const k4 = k3 + n_;
+        double *const probe = k4 + n_;
+        shift(x, 0.5 * h, dx, probe);
+        system.derive(start, 0.5 * h, probe, k2);
+        shift(x, 0.5 * h, k2, probe);
+        system.derive(start, 0.5 * h, probe, k3);
+        shift(x, h, k3, probe);
+        system.derive(start, h, probe, k4);
         const double sixth = h / 6.0;
         for (std::size_t i = 0; i < n_; i += state_block) {
             for (std::size_t j = i; j < i + state_block; j++) {
-                x[j] += sixth * (sum[j] + k[j]);
+                x[j] += sixth * ((dx[j] + k4[j]) + 2.0 * (k2[j] + k3[j]));
             }
         }
         system.settle(x);
@@ -67,22 +65,11 @@ public:
     }
 
 private:
-    void shift(const double *__restrict x, double h, const double *__restrict k,
-               double *__restrict probe) const
+    /// probe = x + h k
+    void shift(const double *x, double h, const double *k, double *__restrict probe) const
     {
         for (std::size_t i = 0; i < n_; i += state_block) {
             for (std::size_t j = i; j < i + state_block; j++) {
-                probe[j] = x[j] + h * k[j];
-            }
-        }
-    }
-
-    void add_twice_and_shift(const double *__restrict k, double *__restrict sum,
-                             const double *__restrict x, double h, double *__restrict probe) const
-    {
-        for (std::size_t i = 0; i < n_; i += state_block) {
-            for (std::size_t j = i; j < i + state_block; j++) {
-                sum[j] += 2.0 * k[j];
                 probe[j] = x[j] + h * k[j];
             }
         }
@@ -130,13 +117,13 @@ public:
 
     std::size_t carried() const override { return 2; }
 
-    void advance(System &system, Ns start, Ns dt, double *x) override
+    void advance(System &system, Ns start, Ns dt, double *x, const double *dx) override
     {
         const double length = tick_seconds(dt);
         double &carried_step = x[n_], &carried_error = x[n_ + 1]; // 0: none yet
         double tau = 0.0;
         int steps = 0;
-        system.derive(start, tau, x, k(0));
+        std::copy(dx, dx + n_, k(0));
         double wanted = carried_step > 0.0 ? carried_step : first_step(system, start, length, x);
         bool rejected = false;
 

@@ -47,9 +47,10 @@ public:
     /// in the caller's memory, so that a snapshot of that is complete; all are 0 at the beginning.
     virtual std::size_t carried() const { return 0; }
 
-    /// Advance the n states at x from `start` by `dt` > 0 ns, in place; x has n + carried() elements.
-    /// Throws RunError if the method cannot keep its tolerance.
-    virtual void advance(System &system, Ns start, Ns dt, double *x) = 0;
+    /// Advance the states from `start` by `dt` > 0 ns, in place; x has n + carried() elements.
+    /// dx is the derivative of x at `start`: the caller often has it from the last update, so it is
+    /// not evaluated again. Throws RunError if the method cannot keep its tolerance.
+    virtual void advance(System &system, Ns start, Ns dt, double *x, const double *dx) = 0;
 
     /// A fresh one with the same settings.
     virtual std::unique_ptr<Integrator> fresh() const = 0;

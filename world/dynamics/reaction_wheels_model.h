@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+// The behaviour behind world/dynamics/reaction_wheels.h.
+//
+// The state of a wheel is its inertial angular momentum about its axis, h = J (g . omega + Omega):
+//
+//   dh = u + friction - c Omega,   Omega = h / J - g . omega,
+//
+// and the body feels the opposite torque about g. The motor's torque u and the Coulomb friction are
+// chosen at the start of each update and hold through it:
+//
+// - friction is what would bring the wheel to rest at the update's end, but at most F. A sliding
+//   wheel thus feels F against its motion, a stopping one stops instead of turning around, and a
+//   resting one is held until the motor overcomes F;
+// - near its speed limit the motor gives what reaches the limit at the update's end, so it never
+//   chatters between full torque and none. It never brakes by itself.
+//
+// What the body does meanwhile is taken from its last angular acceleration. The equations are thus
+// smooth within an update, as integrators of high order need, and the branch taken converges with
+// the update's length: choose the period so that a wheel's speed changes little in one.
+#pragma once
+
+#include "world/dynamics/effector.h"
+#include "world/dynamics/reaction_wheels.h"
+
+namespace fledge::world {
+
+class ReactionWheelsModel final : public Effector {
+public:
+    explicit ReactionWheelsModel(ReactionWheels &face) : face_(face) {}
+
+    void prepare(const sim::Setup &setup) override;
+
+    std::span<std::byte> memory() override
+    {
+        return std::as_writable_bytes(std::span(&wheels_, 1));
+    }
+
+    std::size_t states() const override;
+    void start(const Vec3 &omega, double *x) override;
+    bool hold(const double *x, const BodyRate &rate, double dt) override;
+    void derive(const double *x, const Vec3 &omega, double *dx, Loads &loads) const override;
+    void publish(sim::Ns t, const double *x, const Vec3 &omega) override;
+
+private:
+    /// The wheels in the order of computation; those that pad a block have no axis and no torque.
+    struct Wheels {
+        double gx[WHEELS_MAX], gy[WHEELS_MAX], gz[WHEELS_MAX]; ///< unit spin axes, in B
+        double J[WHEELS_MAX], J_inverse[WHEELS_MAX];
+        double torque[WHEELS_MAX];    ///< [N m] on the wheel, but for viscous friction
+        double viscosity[WHEELS_MAX]; ///< [N m s]
+        Vec3 reaction;                ///< [N m] of `torque` on the body
+        double viscous;               ///< the largest viscosity
+    };
+
+    double along(std::size_t i, const Vec3 &a) const
+    {
+        return wheels_.gx[i] * a.v[0] + wheels_.gy[i] * a.v[1] + wheels_.gz[i] * a.v[2];
+    }
+    double speed(std::size_t i, const double *x, const Vec3 &omega) const
+    {
+        return x[i] * wheels_.J_inverse[i] - along(i, omega);
+    }
+
+    ReactionWheels &face_;
+    std::size_t n_ = 0, padded_ = 0;
+    Wheels wheels_{};
+};
+
+} // namespace fledge::world

@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+// The behaviour behind world/dynamics/spacecraft.h: one state vector for the craft and its parts,
+// advanced by the process' integrator.
+//
+//   dr = v                     dv = gravity + force / mass
+//   dsigma = 1/4 ((1 - sigma.sigma) omega + 2 sigma x omega + 2 (sigma.omega) sigma)
+//   I_B domega = -omega x (I_B omega + sum of parts' momenta) + sum of parts' torques + torque
+//
+// Attitudes are Modified Rodrigues Parameters; a step that ends with |sigma| > 1 goes over to the
+// shadow set.
+#pragma once
+
+#include "sim/model.h"
+#include "world/dynamics/effector.h"
+#include "world/dynamics/spacecraft.h"
+#include "world/environment/gravity.h"
+
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace fledge::world {
+
+class SpacecraftModel final : private sim::System, public sim::Model {
+public:
+    explicit SpacecraftModel(Spacecraft &face) : face_(face) {}
+
+    /// Parts act in the order in which they are attached. A part must live as long as the spacecraft.
+    /// Throws SetupError if one is attached twice.
+    void attach(Effector &part);
+
+    /// Throws SetupError on what `checked` refuses, and if a name is listed twice.
+    void add_gravity(const GravityBody &body);
+    const std::vector<GravityBody> &gravity() const { return gravity_; }
+
+    void prepare(const sim::Setup &setup) override;
+    void reset(sim::Ns t) override;
+
+    /// Throws RunError if the state is no longer finite, or a force arrives and the mass is 0.
+    void update(Tick tick) override;
+
+    std::vector<sim::Model *> parts() const override;
+    std::span<std::byte> memory() override { return std::as_writable_bytes(std::span(memory_)); }
+    void copy_setup(const sim::Model &original,
+                    const std::function<sim::Model *(const sim::Model *)> &counterpart) override;
+
+private:
+    void derive(sim::Ns start, double tau, const double *x, double *dx) override;
+    void settle(double *x) override;
+
+    bool hold(Tick tick);
+    bool hold_external(Tick tick);
+    void advance(Tick tick);
+    void publish(sim::Ns t);
+    Vec3 gravity_of_all(sim::Ns start, double tau, Vec3 r_BN_N) const;
+    std::string last_good_state() const;
+
+    struct Part {
+        Effector *effector;
+        std::size_t at; ///< where its states begin
+    };
+
+    Spacecraft &face_;
+    std::vector<Part> parts_;
+    std::vector<GravityBody> gravity_;
+    double central_mu_ = 0.0; ///< of the only gravity body, if it is a point at rest in the origin
+
+    std::string name_;
+    std::unique_ptr<sim::Integrator> integrator_;
+    Mat3 I_B_{}, I_B_inverse_{};
+
+    // All that changes during a run: the states (r, v, sigma, omega, then the parts') and what the
+    // integrator carries, their derivatives as last published, and what the external inputs gave
+    // in the last update (force_N, force_B, torque_B).
+    std::vector<double> memory_;
+    std::size_t n_ = 0;
+    double *x_ = nullptr, *dx_ = nullptr, *held_ = nullptr;
+    bool pushed_ = false; ///< whether there is a force
+};
+
+} // namespace fledge::world

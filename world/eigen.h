@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+// Messages hold Vec3 and Mat3, the world computes with Eigen: views of the one as the other.
+#pragma once
+
+#include "flight/math/vec.h"
+
+#include <Eigen/Core>
+
+namespace fledge::world {
+
+inline Eigen::Map<const Eigen::Vector3d> view(const Vec3 &a)
+{
+    return Eigen::Map<const Eigen::Vector3d>(a.v);
+}
+
+inline Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> view(const Mat3 &a)
+{
+    return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(a.m[0]);
+}
+
+inline Vec3 vec(const Eigen::Vector3d &a)
+{
+    return vec3(a[0], a[1], a[2]);
+}
+
+} // namespace fledge::world

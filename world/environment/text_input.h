@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+// Reading the text files of others: whole, line by line, numbers as Fortran writes them.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace fledge::world {
+
+/// The bytes of a file. Throws SetupError that names it and says why it cannot be read.
+std::string read_whole(const std::string &path);
+
+/// The lines of a text, without their ends ("\n" or "\r\n").
+std::vector<std::string_view> lines_of(std::string_view text);
+
+/// The parts between blanks, tabs and commas.
+std::vector<std::string_view> words_of(std::string_view line);
+
+/// A finite number, its exponent marked by e, E, d or D; nothing if the text is anything else.
+std::optional<double> parse_number(std::string_view text);
+
+/// A decimal integer; nothing if the text is anything else.
+std::optional<int> parse_integer(std::string_view text);
+
+/// Throws SetupError "file:line: what".
+[[noreturn]] void refuse_line(const std::string &file, std::size_t line, const std::string &what);
+
+} // namespace fledge::world

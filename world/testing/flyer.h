@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: Apache-2.0
+// A spacecraft, with wheels if there are any, flown without the kernel; and what tests ask of it.
+#pragma once
+
+#include "flight/math/attitude.h"
+#include "world/dynamics/reaction_wheels_model.h"
+#include "world/dynamics/spacecraft_model.h"
+#include "world/eigen.h"
+
+#include <Eigen/Dense>
+
+#include <cmath>
+#include <functional>
+#include <memory>
+#include <string>
+
+namespace fledge::world::testing {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+using sim::Ns;
+
+inline constexpr Ns ms = 1'000'000, second = 1000 * ms;
+
+struct Flyer {
+    Spacecraft face{};
+    ReactionWheels wheel_face{};
+    SpacecraftModel craft{face};
+    ReactionWheelsModel wheels{wheel_face};
+    std::unique_ptr<sim::Integrator> method = sim::make_rk4();
+    Ns t = 0;
+
+    void set_inertia(const Matrix3d &I)
+    {
+        for (int i = 0; i < 3; i++) {
+            for (int j = 0; j < 3; j++) {
+                face.par.I_B.m[i][j] = I(i, j);
+            }
+        }
+    }
+
+    /// Returns the wheel's index. Wheels must be added before prepare().
+    std::size_t add_wheel(const Vector3d &axis, double J, double Omega = 0.0)
+    {
+        const std::size_t i = wheel_face.par.n++;
+        wheel_face.par.axes_B[i] = vec(axis);
+        wheel_face.par.J[i] = J;
+        wheel_face.par.Omega[i] = Omega;
+        return i;
+    }
+
+    /// Four wheels in a pyramid.
+    void add_pyramid(double J)
+    {
+        for (int i = 0; i < 4; i++) {
+            const double x = i == 0 || i == 3 ? -0.5 : 0.5, y = i < 2 ? 0.5 : -0.5;
+            add_wheel({x, y, -std::sqrt(0.5)}, J);
+        }
+    }
+
+    void prepare()
+    {
+        if (wheel_face.par.n > 0) {
+            craft.attach(wheels);
+            wheels.prepare({"world.wheels", 1, method.get()});
+        }
+        craft.prepare({"world.craft", 1, method.get()});
+        reset();
+    }
+
+    void reset()
+    {
+        t = 0;
+        craft.reset(0);
+        craft.update({0, 0});
+    }
+
+    void command(std::size_t i, double u)
+    {
+        wheel_face.in.command.head.quality = QUALITY_GOOD;
+        wheel_face.in.command.u[i] = u;
+    }
+
+    ForceTorque &push()
+    {
+        face.in.external.head.quality = QUALITY_GOOD;
+        return face.in.external;
+    }
+
+    void step(Ns dt)
+    {
+        t += dt;
+        craft.update({t, dt});
+    }
+
+    void fly(Ns duration, Ns dt, const std::function<void()> &after_each = {})
+    {
+        for (const Ns end = t + duration; t < end;) {
+            step(dt);
+            if (after_each) {
+                after_each();
+            }
+        }
+    }
+
+    const CraftState &state() const { return face.out.state; }
+    Vector3d r() const { return view(state().r_BN_N); }
+    Vector3d v() const { return view(state().v_BN_N); }
+    Vector3d omega() const { return view(state().omega_BN_B); }
+    Matrix3d dcm_BN() const
+    {
+        const Mat3 dcm = mrp_to_dcm(state().sigma_BN);
+        return view(dcm);
+    }
+    Matrix3d inertia() const { return view(face.par.I_B); }
+    double Omega(std::size_t i) const { return wheel_face.out.speeds.Omega[i]; }
+    double applied(std::size_t i) const { return wheel_face.out.applied.u[i]; }
+
+    /// The inertial angular momentum of a wheel about its axis.
+    double wheel_momentum(std::size_t i) const
+    {
+        return wheel_face.par.J[i] * (axis(i).dot(omega()) + Omega(i));
+    }
+
+    Vector3d axis(std::size_t i) const { return view(wheel_face.par.axes_B[i]).normalized(); }
+
+    /// The total angular momentum about the centre of mass, N components.
+    Vector3d momentum_N() const
+    {
+        Vector3d h = inertia() * omega();
+        for (std::size_t i = 0; i < wheel_face.par.n; i++) {
+            h += wheel_momentum(i) * axis(i);
+        }
+        return dcm_BN().transpose() * h;
+    }
+
+    /// The kinetic energy of rotation, wheels included.
+    double rotational_energy() const
+    {
+        double energy = 0.5 * omega().dot(inertia() * omega());
+        for (std::size_t i = 0; i < wheel_face.par.n; i++) {
+            energy += 0.5 * wheel_momentum(i) * wheel_momentum(i) / wheel_face.par.J[i];
+        }
+        return energy;
+    }
+};
+
+/// The rotation about the direction of `turn` by its length.
+inline Matrix3d rotation(const Vector3d &turn)
+{
+    const double angle = turn.norm();
+    return angle > 0.0 ? Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix()
+                       : Matrix3d::Identity();
+}
+
+inline std::string message_of(const std::function<void()> &action)
+{
+    try {
+        action();
+    } catch (const std::exception &error) {
+        return error.what();
+    }
+    return "(nothing was thrown)";
+}
+
+} // namespace fledge::world::testing
