@@ -125,7 +125,8 @@ public:
                 own_->reset();
             }
             const auto draws = disperse(nominal_, *own_, plan_, plan_.first + run);
-            std::copy(draws.begin(), draws.end(), result.draws.begin() + static_cast<std::ptrdiff_t>(run * draws.size()));
+            std::copy(draws.begin(), draws.end(),
+                      result.draws.begin() + static_cast<std::ptrdiff_t>(run * draws.size()));
             RunControl control;
             control.poll = [&](Ns) { return !stop; };
             own_->run_until(plan_.duration, control);

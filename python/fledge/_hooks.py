@@ -212,5 +212,3 @@ def _wiring(obj, field):
         return "<< " + sources[0] if sources else "not wired, optional" if field.optional else "not wired"
     targets = [target for source, target, *_ in wires if source == path]
     return ">> " + ", ".join(targets) if targets else ""
-
-

@@ -224,7 +224,8 @@ def bench(options):
     from importlib import import_module
 
     folder = next((p / "bench" for p in Path(__file__).resolve().parents if (p / "bench").is_dir()), None)
-    known = sorted(p.stem for p in folder.glob("*.py") if "def main(" in p.read_text(encoding="utf-8")) if folder else []
+    known = sorted(p.stem for p in folder.glob("*.py")
+                   if "def main(" in p.read_text(encoding="utf-8")) if folder else []
     if not options.name:
         say("benches: " + (", ".join(known) or "none"))
         return 0
