@@ -1,0 +1,220 @@
+// SPDX-License-Identifier: Apache-2.0
+// Hill pointing on conics of every kind, against numerical derivatives of Keplerian motion.
+#include "flight/testing/kepler.h"
+#include "flight/testing/kinematics.h"
+#include "flight/testing/poison.h"
+
+extern "C" {
+#include "flight/guidance/hill_pointing.h"
+}
+
+#include <gtest/gtest.h>
+
+namespace flight::testing {
+namespace {
+
+constexpr double mu = 4.2828314e13; // Mars, m^3/s^2
+
+struct Planet {
+    Vector3d r = Vector3d::Zero(), v = Vector3d::Zero(), a = Vector3d::Zero();
+    Vector3d position(double t) const { return r + t * v + t * t / 2 * a; }
+    Vector3d velocity(double t) const { return v + t * a; }
+};
+
+/// A state somewhere on a conic of eccentricity e, in a random orientation.
+Motion on_conic(Random &random, double e)
+{
+    double q = random.real(3.5e6, 5e7); // periapsis radius
+    Matrix3d c = random.attitude();
+    Motion periapsis{c.row(0).transpose() * q, c.row(1).transpose() * std::sqrt(mu * (1 + e) / q)};
+    double passage = std::sqrt(q * q * q / mu); // the time scale of the passage
+    return kepler(periapsis, mu, random.real(-5, 5) * passage);
+}
+
+HillPointing hill(const Motion &motion)
+{
+    HillPointing m{};
+    m.in.orbit = {good(), vec(motion.r), vec(motion.v), {}};
+    return m;
+}
+
+AttReference reference_of(const Motion &motion, const Planet *planet = nullptr, double t = 0)
+{
+    HillPointing m = hill(motion);
+    if (planet) {
+        m.in.planet = {good(), vec(planet->position(t)), vec(planet->velocity(t)), {}};
+        m.in.orbit.r_BN_N = vec(motion.r + planet->position(t));
+        m.in.orbit.v_BN_N = vec(motion.v + planet->velocity(t));
+    }
+    hill_pointing_update(&m, {0, 0});
+    return m.out.reference;
+}
+
+void check_conic(Random &random, double e, double tolerance, const Planet *planet = nullptr)
+{
+    Motion now = on_conic(random, e);
+    double rate = now.r.cross(now.v).norm() / now.r.squaredNorm();
+    auto at = [&](double t) { return reference_of(kepler(now, mu, t), planet, t); };
+    KinematicErrors errors = kinematic_errors(at, rate);
+    EXPECT_LT(errors.rate, tolerance) << "e = " << e;
+    EXPECT_LT(errors.acceleration, tolerance) << "e = " << e;
+}
+
+TEST(Kepler, moves_under_gravity_on_every_conic) // the oracle itself
+{
+    Random random{1};
+    for (double e : {0.0, 0.4, 0.95, 1 - 1e-9, 1.0, 1 + 1e-9, 1.5, 4.0}) {
+        for (int i = 0; i < 20; i++) {
+            Motion now = on_conic(random, e);
+            double h = 0.02 * std::sqrt(std::pow(now.r.norm(), 3) / mu);
+            auto r_at = [&](double t) -> Vector3d { return kepler(now, mu, t).r; };
+            auto v_at = [&](double t) -> Vector3d { return kepler(now, mu, t).v; };
+            Vector3d g = -mu / std::pow(now.r.norm(), 3) * now.r;
+            EXPECT_LT((derivative<Vector3d>(r_at, h) - now.v).norm(), 1e-11 * now.v.norm()) << e;
+            EXPECT_LT((derivative<Vector3d>(v_at, h) - g).norm(), 1e-10 * g.norm()) << e;
+        }
+    }
+}
+
+TEST(HillPointing, frame_is_radial_transverse_normal)
+{
+    Random random{2};
+    for (int i = 0; i < 1000; i++) {
+        Motion motion = on_conic(random, random.real(0, 2));
+        AttReference reference = reference_of(motion);
+        Matrix3d c = dcm(reference.sigma_RN);
+        Vector3d h = motion.r.cross(motion.v);
+        EXPECT_LT((c.row(0).transpose() - motion.r.normalized()).norm(), 3e-15);
+        EXPECT_LT((c.row(2).transpose() - h.normalized()).norm(), 3e-15);
+        EXPECT_LE(vec_norm(reference.sigma_RN), 1 + 1e-15);
+    }
+}
+
+TEST(HillPointing, rate_and_acceleration_are_derivatives_on_every_conic)
+{
+    Random random{3};
+    for (int i = 0; i < 300; i++) {
+        check_conic(random, random.real(0, 0.95), 1e-8);
+        check_conic(random, random.real(1.05, 4), 1e-8);
+        check_conic(random, 1 + random.real(-1e-6, 1e-6), 1e-8);
+    }
+    for (double e : {0.0, 1 - 1e-15, 1.0, 1 + 1e-15}) {
+        check_conic(random, e, 1e-8);
+    }
+}
+
+TEST(HillPointing, follows_a_planet_that_moves)
+{
+    Random random{4};
+    for (int i = 0; i < 300; i++) {
+        Planet planet{random.vector(1e8), random.vector(3e4), random.vector(1)};
+        check_conic(random, random.real(0, 2), 1e-8, &planet);
+    }
+}
+
+TEST(HillPointing, mission_orbit_at_periapsis)
+{
+    double a = 7471.618e3, e = 0.4, q = a * (1 - e), v = std::sqrt(mu * (1 + e) / q);
+    AttReference reference = reference_of({{q, 0, 0}, {0, v, 0}});
+    EXPECT_EQ(eigen(reference.sigma_RN), Vector3d::Zero());
+    EXPECT_DOUBLE_EQ(reference.omega_RN_N.v[2], v / q);
+    EXPECT_EQ(eigen(reference.domega_RN_N), Vector3d::Zero());
+}
+
+TEST(HillPointing, quality_is_the_worst_of_what_it_used)
+{
+    Motion motion{{7e6, 0, 0}, {0, 3e3, 1e3}};
+    HillPointing m = hill(motion);
+    hill_pointing_update(&m, {500, 0});
+    EXPECT_EQ(m.out.reference.head.quality, QUALITY_GOOD) << "a planet at the origin is no lack";
+    EXPECT_EQ(m.out.reference.head.t, 500);
+    EXPECT_EQ(m.out.reference.head.sequence, 1u);
+
+    m.in.planet.head = with(QUALITY_STALE);
+    hill_pointing_update(&m, {1000, 500});
+    EXPECT_EQ(m.out.reference.head.quality, QUALITY_DEGRADED);
+    EXPECT_EQ(m.out.reference.head.sequence, 2u);
+
+    m.in.planet.head = with(QUALITY_GOOD);
+    m.in.orbit.head = with(QUALITY_STALE);
+    hill_pointing_update(&m, {1500, 500});
+    EXPECT_EQ(m.out.reference.head.quality, QUALITY_DEGRADED);
+}
+
+TEST(HillPointing, without_an_orbit_nothing_is_written)
+{
+    HillPointing m{};
+    hill_pointing_update(&m, {500, 0});
+    EXPECT_TRUE(all_zero(m));
+}
+
+TEST(HillPointing, holds_the_last_reference_where_the_frame_is_undefined)
+{
+    Motion motion{{7e6, 1e5, -3e6}, {500, 3e3, 1e3}};
+    const Motion undefined[] = {{Vector3d::Zero(), motion.v},
+                                {motion.r, Vector3d::Zero()},
+                                {motion.r, 1e-4 * motion.r},
+                                {motion.r, -1e-4 * motion.r},
+                                {motion.r, 1e-4 * motion.r + Vector3d(0, 0, 1e-13)},
+                                {motion.r * 1e-170, motion.v},
+                                {motion.r * 1e200, motion.v}};
+    for (const Motion &bad : undefined) {
+        HillPointing m = hill(bad);
+        hill_pointing_update(&m, {0, 0});
+        EXPECT_TRUE(all_zero(m.out)) << "there was none to hold";
+
+        m = hill(motion);
+        hill_pointing_update(&m, {0, 0});
+        AttReference last = m.out.reference;
+        m.in.orbit.r_BN_N = vec(bad.r);
+        m.in.orbit.v_BN_N = vec(bad.v);
+        hill_pointing_update(&m, {500, 500});
+        EXPECT_TRUE(same_content(m.out.reference, last));
+        EXPECT_EQ(m.out.reference.head.quality, QUALITY_DEGRADED);
+        EXPECT_EQ(m.out.reference.head.t, 0) << "its age can be seen";
+
+        m.in.orbit.r_BN_N = vec(motion.r);
+        m.in.orbit.v_BN_N = vec(motion.v);
+        hill_pointing_update(&m, {1000, 500});
+        EXPECT_EQ(m.out.reference.head.quality, QUALITY_GOOD);
+        EXPECT_EQ(m.out.reference.head.sequence, 2u);
+    }
+}
+
+TEST(HillPointing, holds_the_last_reference_against_numbers_that_are_not_finite)
+{
+    HillPointing m = hill({{7e6, 1e5, -3e6}, {500, 3e3, 1e3}});
+    m.in.planet.head = good();
+    hill_pointing_update(&m, {0, 0});
+    auto &[orbit, planet] = m.in;
+    expect_held(m, doubles(orbit.r_BN_N, orbit.v_BN_N, planet.r_PN_N, planet.v_PN_N),
+                [](HillPointing &x) { hill_pointing_update(&x, {500, 500}); },
+                [](HillPointing &x) { return std::vector{&x.out.reference.head}; });
+}
+
+TEST(HillPointing, gives_finite_numbers_whatever_it_is_given)
+{
+    Random random{5};
+    HillPointing m{};
+    auto &[orbit, planet] = m.in;
+    AttReference &out = m.out.reference;
+    Doubles in = doubles(orbit.r_BN_N, orbit.v_BN_N, planet.r_PN_N, planet.v_PN_N);
+    for (int round = 0; round < 20000; round++) {
+        throw_numbers(in, random, round);
+        orbit.head.quality = any_quality(random);
+        planet.head.quality = any_quality(random);
+        hill_pointing_update(&m, {round, 1});
+        expect_finite(doubles(out.sigma_RN, out.omega_RN_N, out.domega_RN_N), round);
+    }
+}
+
+TEST(HillPointing, reset_forgets)
+{
+    HillPointing m = hill({{7e6, 0, 0}, {0, 3e3, 0}});
+    hill_pointing_update(&m, {0, 0});
+    hill_pointing_reset(&m);
+    EXPECT_TRUE(all_zero(m.out));
+}
+
+} // namespace
+} // namespace flight::testing
