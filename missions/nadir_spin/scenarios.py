@@ -17,9 +17,9 @@ def spin(sim):
         "euler.angles",                "error.omega_BR_B",
         "spin.reference.sigma_RN",     "command.u",
         titles=[
-            "(a) base: the Hill frame R0",          "(d) attitude error",
-            "(b) Euler angles of R relative to R0", "(e) rate error",
-            "(c) reference R",                      "(f) wheel torques",
+            "(a) base: the Hill frame $R_0$",          "(d) attitude error",
+            "(b) Euler angles of $R$ relative to $R_0$", "(e) rate error",
+            "(c) reference $R$",                       "(f) wheel torques",
         ],
         columns=2, units={"euler.angles": "deg"}, name="nadir_spin", title="Nadir spinning at Mars")
 
@@ -30,10 +30,10 @@ def spin(sim):
     assert abs(log["command.u"][late]).max() < 0.2, "the wheels saturate after the first 150 s"
 
     # b1 points down: with it in N from the attitude, and the way down from the position.
-    assert off_nadir(sim) < 4e-4, "the boresight is off nadir"
+    assert _off_nadir(sim) < 4e-4, "the boresight is off nadir"
 
 
-def off_nadir(sim):
+def _off_nadir(sim):
     """The angle between b1 and nadir now [rad]."""
     from fledge.attitude import mrp_to_dcm
     from numpy import arctan2, cross, dot

@@ -16,7 +16,8 @@ def lookup(module, types, extra):
         known = [n for n in __dir__() if not n.startswith("_")]
         near = get_close_matches(name, known, 1)
         main = [n for n in types if _core.struct(types[n]).kind in ("module", "model")]
-        own = [n for n in known if n not in types and n[:1].isupper() and not isinstance(extra.get(n), dict)]
+        own = [n for n in known if n not in types and n[:1].isupper()
+               and not isinstance(extra.get(n), dict) and not n.endswith("Error")]
         raise AttributeError(f"{module} has no '{name}'" + (f"; did you mean '{near[0]}'?" if near else ";")
                              + f" there are {', '.join(sorted(main + own))}")
 

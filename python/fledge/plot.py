@@ -156,12 +156,14 @@ def plot(source, *panels, titles=None, columns=1, units=None, title=None, name=N
                 axis.tick_params(labelbottom=True)
         figure.align_ylabels()
         if title:
-            figure.suptitle(title, x=0.01, ha="left", fontsize=11)
+            figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold", color="#222222")
     figure.fledge_name = name or _file_name(groups)
     return figure
 
 
 def _panel(axis, group, factor, units, title):
+    import numpy as np
+
     labels = []
     for one in group:
         values, shown_unit = _in_unit(one, units)
@@ -169,9 +171,11 @@ def _panel(axis, group, factor, units, title):
         used = _used(values, one.shape)
         names = component_labels(one.name, one.meaning, one.shape) if one.shape else [
             f"${symbol(one.name.split('[')[0])}$"]
+        shown = np.array(values, dtype=float)
+        shown[1:][_jumps(shown, one, shown_unit)] = np.nan
         for k in range(used):
             text = names[k] if len(group) == 1 else f"{names[k]} ({one.port.rpartition('.')[2]})"
-            axis.plot(one.time / factor, _broken(values[:, k], one, shown_unit), label=text)
+            axis.plot(one.time / factor, shown[:, k], label=text)
         label = f"${symbol(one.name.split('[')[0])}$"
         unit = unit_label(shown_unit)
         labels.append(f"{label}  [{unit}]" if unit else label)
@@ -206,19 +210,16 @@ def _used(values, shape):
     return n
 
 
-def _broken(y, one, unit):
-    """A line without the strokes of a jump to the shadow set (MRPs) or across half a turn (angles)."""
+def _jumps(values, one, unit):
+    """Where not to draw a line: at a jump to the shadow set (MRPs) or across half a turn (angles)."""
     import numpy as np
 
-    half = {"rad": np.pi, "deg": 180.0}.get(unit)
-    name = one.name.split("_")[0]
-    limit = half if half and one.unit == "rad" else 0.7 if name == "sigma" else None
-    if limit is None or len(y) < 3:
-        return y
-    jumps = np.abs(np.diff(y)) > limit
-    out = np.array(y, dtype=float)
-    out[1:][jumps] = np.nan
-    return out
+    steps = np.abs(np.diff(values, axis=0))
+    if one.name.startswith("sigma"):
+        return np.linalg.norm(steps, axis=1) > 0.5
+    if unit in ("rad", "deg"):
+        return steps.max(axis=1) > (np.pi if unit == "rad" else 180.0)
+    return np.zeros(len(steps), bool)
 
 
 def _title(group):

@@ -201,11 +201,18 @@ class Mode:
         return f"<mode {self.name}>"
 
 
+class _At:
+    """The condition that a time has come."""
+
+    def __init__(self, ns):
+        self.ns = ns
+
+
 class Event:
     """An event that was declared. `armed` may be read and set; `fired_at` is the time [s], or None."""
 
-    def __init__(self, name, when, do):
-        self.name, self._when, self._do = name, when, do
+    def __init__(self, process, name, when, do):
+        self._process, self.name, self._when, self._do = weakref.ref(process), name, when, do
         self._core = None
 
     @property
@@ -224,6 +231,8 @@ class Event:
     # simulation would otherwise keep it alive for ever.
     def _predicate(self):
         me = weakref.ref(self)
+        if isinstance(self._when, _At):
+            return lambda: me()._process()._core_simulation.now >= me()._when.ns
         return lambda: bool(me()._when())
 
     def _action(self):
@@ -328,11 +337,9 @@ class Process:
         for one in run:
             if not isinstance(one, (_core.Module, _core.Model)):
                 raise SetupError(f"{what}: run takes modules or models; found {one!r}")
-        self._new_name(name, what)
         self._core_process.add_task(name, _time(every, f"{what}: every"), _time(offset, f"{what}: offset"),
                                     priority, run)
-        self._handles[name] = Task(name)
-        return self._handles[name]
+        return Task(name)
 
     def mode(self, name, tasks):
         """A named set of tasks that are active in it. Tasks that no mode names are always active.
@@ -370,9 +377,9 @@ class Process:
         what = f"event {self.name}.{name}"
         self._new_name(name, what)
         self._accept_event(what, when, do)
-        if not isinstance(when, _core.Condition) and not callable(when):
+        if not isinstance(when, (_core.Condition, _At)) and not callable(when):
             raise SetupError(f"{what}: when takes a condition, as in watch(port).field < 1; found {when!r}")
-        event = Event(name, when, do)
+        event = Event(self, name, when, do)
         event._core = self._core_process.add_event(
             name, when if isinstance(when, _core.Condition) else event._predicate(), _time(hold, f"{what}: hold"),
             once, "" if enter is None else getattr(enter, "name", enter), event._action() if do else None)
@@ -411,9 +418,9 @@ class Process:
             if isinstance(handle, Mode):
                 other._handles[name] = Mode(other, name)
             elif isinstance(handle, Event):
-                event = Event(name, handle._when, handle._do)
+                event = Event(other, name, handle._when, handle._do)
                 event._core = events[name]
-                if callable(handle._when):
+                if not isinstance(handle._when, _core.Condition):
                     event._core.predicate = event._predicate()
                 if handle._do:
                     event._core.action = event._action()
@@ -455,9 +462,4 @@ class World(Process):
         """Call `do()` once, at the first instant at or after the time t."""
         ns = _time(t, f"{self.name}.at")
         name = name or f"at_{ns}_ns" + (f"_{len(self._handles)}" if f"at_{ns}_ns" in self._handles else "")
-        core = weakref.ref(self)
-
-        def due():
-            return core()._core_simulation.now >= ns
-
-        return self.event(name, when=due, do=do, once=True)
+        return self.event(name, when=_At(ns), do=do, once=True)

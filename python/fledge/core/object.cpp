@@ -55,7 +55,7 @@ PyObject *get_attribute(PyObject *self, PyObject *name)
 int set_attribute(PyObject *self, PyObject *name, PyObject *value)
 {
     const int failed = PyObject_GenericSetAttr(self, name, value);
-    if (failed && PyErr_ExceptionMatches(PyExc_AttributeError)) {
+    if (failed && value && PyErr_ExceptionMatches(PyExc_AttributeError)) {
         // A name that exists but cannot be assigned (a method, a read-only property) says so itself.
         PyObject *there = PyObject_GetAttr(reinterpret_cast<PyObject *>(Py_TYPE(self)), name);
         if (there) {
@@ -81,8 +81,14 @@ PyObject *represent(PyObject *self)
 bool set_keywords(PyObject *self, const Type &type, PyObject *arguments, PyObject *keywords)
 {
     if (PyTuple_GET_SIZE(arguments) > 0) {
-        PyErr_Format(PyExc_TypeError, "%s takes keywords only, as in %s(%s=...)", type.table->name,
-                     type.table->name, type.members.empty() ? "name" : type.members.front().field->name);
+        const Member *example = nullptr;
+        for (const Member &member : type.members) {
+            if (!example || (member.checked && !example->checked)) {
+                example = &member;
+            }
+        }
+        PyErr_Format(PyExc_TypeError, "%s takes keywords only%s%s%s", type.table->name,
+                     example ? ", as in " : "", example ? example->field->name : "", example ? "=..." : "");
         return false;
     }
     if (!keywords) {
@@ -91,7 +97,7 @@ bool set_keywords(PyObject *self, const Type &type, PyObject *arguments, PyObjec
     Py_ssize_t found = 0;
     std::vector<std::pair<const Member *, PyObject *>> waiting;
     for (const Member &member : type.members) {
-        PyObject *value = PyDict_GetItemString(keywords, member.field->name);
+        PyObject *value = PyDict_GetItemWithError(keywords, member.name);
         if (!value) {
             continue;
         }
@@ -415,6 +421,9 @@ const Type *type_of(const FledgeStruct &table, const char *library, const sim::M
         member.index = i;
         member.checked = field.group == FLEDGE_PAR;
         member.doc = field_doc(field);
+        if (!(member.name = PyUnicode_InternFromString(field.name))) {
+            return nullptr;
+        }
         if (field.sub && !(member.sub = type_of(*field.sub, library))) {
             return nullptr;
         }

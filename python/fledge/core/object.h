@@ -30,6 +30,7 @@ struct Member {
     std::size_t index;               ///< in the struct's table
     const Member *count = nullptr;   ///< the field that says how many rows count
     const Type *sub = nullptr;       ///< of a struct
+    PyObject *name = nullptr;        ///< interned, for keywords
     PyObject *enumeration = nullptr; ///< of an enum; made at the first use
     bool checked = false;            ///< a parameter: the header's rule holds at each assignment
     std::string doc;

@@ -222,7 +222,7 @@ std::string expectation(const Member &member)
         return "a text of up to " + std::to_string(field.size - 1) + " bytes";
     }
     if (field.type == FLEDGE_STRUCT) {
-        return "a " + std::string(field.ctype);
+        return field.ctype;
     }
     if (field.type == FLEDGE_ENUM) {
         text = "one of ";
@@ -681,7 +681,7 @@ Stored store_struct(PyObject *object, const Member &member, PyObject *value)
 {
     if (member.field->ndim || !is_view(value) || as_view(value)->type != member.sub) {
         return refuse(object, member, value,
-                      is_object(value) ? "a " + std::string(as_object(value)->type->table->name) : "");
+                      is_object(value) ? as_object(value)->type->table->name : "");
     }
     std::memmove(as_object(object)->memory + member.field->offset, as_view(value)->memory, member.field->size);
     return Stored::yes;

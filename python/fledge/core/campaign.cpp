@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: Apache-2.0
+// Dispersed runs, as fledge/montecarlo.py uses them.
+#include "core/extension.h"
+
+#include "sim/campaign.h"
+
+#include <pybind11/numpy.h>
+#include <pybind11/stl.h>
+
+namespace py = pybind11;
+
+namespace fledge::core {
+
+namespace {
+
+using sim::Distribution;
+using sim::Ns;
+
+Distribution::Kind kind_of(const std::string &name)
+{
+    if (name == "uniform") {
+        return Distribution::Kind::uniform;
+    }
+    if (name == "normal") {
+        return Distribution::Kind::normal;
+    }
+    if (name == "attitude") {
+        return Distribution::Kind::attitude;
+    }
+    throw py::value_error("unknown distribution " + name);
+}
+
+void add_dispersion(sim::CampaignPlan &plan, const sim::Simulation &nominal, const std::string &path,
+                    std::vector<std::size_t> elements, const std::string &kind, double a, double b, double lo,
+                    double hi, const std::string &scale)
+{
+    sim::Dispersion dispersion{path, std::move(elements), {}};
+    Distribution &d = dispersion.distribution;
+    d.kind = kind_of(kind);
+    d.a = a;
+    d.b = b;
+    d.lo = lo;
+    d.hi = hi;
+    d.relative = scale == "relative";
+    d.about = scale == "about";
+    sim::check_dispersion(nominal, dispersion);
+    plan.dispersions.push_back(std::move(dispersion));
+}
+
+void add_retained(sim::CampaignPlan &plan, const sim::Simulation &nominal, const std::string &port,
+                  std::uint32_t offset, std::size_t elements)
+{
+    sim::Retained variable{port, offset, elements};
+    sim::check_retained(nominal, variable);
+    plan.retained.push_back(std::move(variable));
+}
+
+/// Python's signals, then the user's progress, while the threads fly. Ctrl-C stops the campaign,
+/// which keeps what is finished; any other exception is thrown when the threads have ended.
+class Poll {
+public:
+    explicit Poll(py::object progress) : progress_(std::move(progress)) {}
+
+    bool operator()(sim::CampaignProgress at)
+    {
+        py::gil_scoped_acquire gil;
+        try {
+            if (PyErr_CheckSignals() != 0) {
+                throw py::error_already_set();
+            }
+            if (!progress_.is_none()) {
+                progress_(at.finished, at.failed);
+            }
+        } catch (py::error_already_set &error) {
+            interrupted_ = error.matches(PyExc_KeyboardInterrupt);
+            if (!interrupted_) {
+                error_ = std::current_exception();
+            }
+            return false;
+        }
+        return true;
+    }
+
+    /// Whether it was Ctrl-C; throws what else it was.
+    bool interrupted() const
+    {
+        if (error_) {
+            std::rethrow_exception(error_);
+        }
+        return interrupted_;
+    }
+
+private:
+    py::object progress_;
+    std::exception_ptr error_;
+    bool interrupted_ = false;
+};
+
+/// A numpy array on the result's own memory, which it keeps alive.
+py::array view(py::handle owner, std::vector<double> &values, std::vector<std::size_t> shape)
+{
+    return py::array_t<double>(std::move(shape), values.data(), owner);
+}
+
+std::pair<std::unique_ptr<sim::CampaignResult>, bool> fly(const sim::Simulation &nominal,
+                                                          const sim::CampaignPlan &plan, unsigned threads,
+                                                          py::object progress)
+{
+    if (sim::has_callables(nominal)) {
+        throw sim::SetupError("a mission whose events call Python cannot be flown by threads");
+    }
+    Poll poll(std::move(progress));
+    std::unique_ptr<sim::CampaignResult> result;
+    {
+        py::gil_scoped_release release;
+        result = std::make_unique<sim::CampaignResult>(sim::fly(nominal, plan, threads, std::ref(poll)));
+    }
+    return {std::move(result), poll.interrupted()};
+}
+
+} // namespace
+
+void bind_campaign(py::module_ &m)
+{
+    using Plan = sim::CampaignPlan;
+    py::class_<Plan>(m, "CampaignPlan")
+        .def(py::init<>())
+        .def_readwrite("seed", &Plan::seed)
+        .def_readwrite("first", &Plan::first)
+        .def_readwrite("runs", &Plan::runs)
+        .def_readwrite("duration", &Plan::duration)
+        .def_readwrite("every", &Plan::every)
+        .def("disperse", add_dispersion, py::arg("nominal"), py::arg("path"), py::arg("elements"), py::arg("kind"),
+             py::arg("a"), py::arg("b"), py::arg("lo"), py::arg("hi"), py::arg("scale"),
+             "scale: '' (values), 'about' (added to the nominal value) or 'relative' (factors of it).")
+        .def("retain", add_retained)
+        .def("check", [](const Plan &plan, const sim::Simulation &nominal) { sim::check_plan(nominal, plan); });
+
+    py::class_<sim::CampaignResult>(m, "CampaignResult")
+        .def_readonly("samples", &sim::CampaignResult::samples)
+        .def_readonly("failures", &sim::CampaignResult::failures)
+        .def_property_readonly("flown", [](const sim::CampaignResult &r) {
+            py::list list;
+            for (const std::uint8_t flown : r.flown) {
+                list.append(py::bool_(flown != 0));
+            }
+            return list;
+        })
+        .def_property_readonly("draws", [](py::object self) {
+            auto &r = self.cast<sim::CampaignResult &>();
+            const std::size_t runs = r.flown.size();
+            return view(self, r.draws, {runs, r.draws.size() / runs});
+        }, "(runs, elements)")
+        .def_property_readonly("retained", [](py::object self) {
+            auto &r = self.cast<sim::CampaignResult &>();
+            const std::size_t runs = r.flown.size();
+            py::list list;
+            for (auto &variable : r.retained) {
+                list.append(view(self, variable, {runs, r.samples, variable.size() / runs / r.samples}));
+            }
+            return list;
+        }, "an array (runs, samples, elements) of each variable");
+
+    m.def("has_callables", sim::has_callables);
+    m.def("disperse", sim::disperse, "Set seed and parameters of one run; returns the draws.");
+    m.def("fly", fly, py::arg("nominal"), py::arg("plan"), py::arg("threads"), py::arg("progress") = py::none(),
+          "(result, whether Ctrl-C stopped it); progress(finished, failed) is called now and then.");
+}
+
+} // namespace fledge::core

@@ -1,0 +1,230 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What people read when something is wrong: the instance, the rule, what was found, the choices."""
+
+import pytest
+
+import fledge
+from fledge import Orbit, RunError, SetupError, flight as fsw, world
+from fledge.units import kg, km, m, ms, s
+
+AXES = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+
+
+@pytest.fixture
+def sim():
+    sim = fledge.Simulation()
+    f, w = sim.flight, sim.world
+    f.control = fsw.MrpFeedback(K=1, P=2)
+    f.tracking = fsw.TrackingError()
+    w.nav = world.Navigation()
+    return sim
+
+
+def says(text, function, kind=SetupError):
+    with pytest.raises(kind) as error:
+        function()
+    assert str(error.value) == text
+
+
+# --- values ----------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize(
+    "name, value, text",
+    [
+        ("K", -1, "flight.control.K must be > 0 N m, found -1 N m"),
+        ("K", "high", "flight.control.K: expected a number, in N m; found 'high'"),
+        ("K", None, "flight.control.K: expected a number, in N m; found None"),
+        ("K", True, "flight.control.K: expected a number, in N m; found True"),
+        ("K", [1, 2], "flight.control.K: expected a number, in N m; found [1, 2]"),
+        ("K", 3 * kg, "flight.control.K: expected a quantity in N m; found 3.0 kg"),
+        ("P", [1, 2], "flight.control.P: expected shape (3, 3), or 3 numbers for the diagonal, or one for a "
+                      "multiple of the identity, in N m s; found shape (2)"),
+        ("P", [[1, 2], [3]], "flight.control.P: expected shape (3, 3), or 3 numbers for the diagonal, or one for a "
+                             "multiple of the identity, in N m s; found rows of unequal length"),
+        ("error", 3, "flight.control.error: expected AttError; found 3"),
+        ("error", fsw.BodyTorque(), "flight.control.error: expected AttError; found BodyTorque"),
+    ],
+)
+def test_a_wrong_value(sim, name, value, text):
+    before = repr(sim.flight.control)
+    says(text, lambda: setattr(sim.flight.control, name, value))
+    assert repr(sim.flight.control) == before
+
+
+def test_a_wrong_value_inside_a_message(sim):
+    says("flight.control.error.sigma_BR: expected shape (3); found shape (2)",
+         lambda: setattr(sim.flight.control.error, "sigma_BR", [1, 2]))
+    says("flight.control.error.head.quality: expected one of QUALITY_NONE, QUALITY_STALE, QUALITY_DEGRADED, "
+         "QUALITY_GOOD; found 'BAD'", lambda: setattr(sim.flight.control.error.head, "quality", "BAD"))
+
+
+def test_counts():
+    make = fsw.WheelConfig
+    says("WheelConfig.J: expected 3 rows, for n is 3, as in axes_B; found 2. Set n first to change it",
+         lambda: make(axes_B=AXES, J=[1, 2]))
+    says("WheelConfig.J: one number fills the rows that count, and there are none yet; set n, or give an array with "
+         "rows, such as axes_B, u_max", lambda: make(J=1))
+    says("WheelConfig.axes_B: expected 2 rows, for n is 2, as given; found 3. Set n first to change it",
+         lambda: make(n=2, axes_B=AXES))
+    says("WheelConfig.axes_B: expected shape (n <= 8, 3); found shape (9, 3)", lambda: make(axes_B=AXES * 3))
+    says("WheelConfig.axes_B must have a length, found zero at [1]", lambda: make(axes_B=[[1, 0, 0], [0, 0, 0]]))
+
+
+def test_bodies_that_do_not_exist():
+    with pytest.raises(SetupError, match="VehicleConfig.I_B must be symmetric"):
+        fsw.VehicleConfig(I_B=[[1, 0.5, 0], [0, 1, 0], [0, 0, 1]])
+    with pytest.raises(SetupError, match="VehicleConfig.I_B "):
+        fsw.VehicleConfig(I_B=[1, 1, 3])
+    with pytest.raises(SetupError, match="VehicleConfig.I_B "):
+        fsw.VehicleConfig(I_B=[1, 1, 0])
+    with pytest.raises(SetupError, match=r"Spacecraft.mass must be >= 0 kg, found -3 kg"):
+        world.Spacecraft(mass=-3)
+
+
+# --- names -----------------------------------------------------------------------------------------
+
+def test_a_misspelt_attribute(sim):
+    text = ("flight.control (MrpFeedback) has no attribute 'k'; did you mean 'K'? parameters: K, P, K_I, u_I_max; "
+            "inputs: error, vehicle, wheels, speeds, external; outputs: torque; memory: ")
+    for act in (lambda: sim.flight.control.k, lambda: setattr(sim.flight.control, "k", 1)):
+        with pytest.raises(AttributeError) as error:
+            act()
+        assert str(error.value).startswith(text)
+    with pytest.raises(TypeError, match="MrpFeedback has no attribute 'gain'; parameters: K, P"):
+        fsw.MrpFeedback(gain=1)
+    with pytest.raises(TypeError, match=r"MrpFeedback takes keywords only, as in K=\.\.\."):
+        fsw.MrpFeedback(1)
+    with pytest.raises(AttributeError, match="flight.control: 'update' cannot be assigned"):
+        sim.flight.control.update = 3
+    with pytest.raises(AttributeError, match="flight.control.K cannot be deleted"):
+        del sim.flight.control.K
+
+
+def test_unknown_types_and_bodies_list_the_known():
+    with pytest.raises(AttributeError, match="no 'MrpFeedbak'; did you mean 'MrpFeedback'. there are .*EulerRotation"):
+        fsw.MrpFeedbak
+    with pytest.raises(AttributeError, match="fledge.world has no 'PLUTO'; .*MARS.*Spacecraft"):
+        world.PLUTO
+    says("Orbit: expected a body, such as world.MARS; found 'PLUTO'. The bodies are SUN, MERCURY, VENUS, EARTH, MOON, "
+         "MARS, JUPITER, SATURN, URANUS, NEPTUNE", lambda: Orbit("PLUTO", a=1))
+
+
+def test_processes(sim):
+    f = sim.flight
+    says("the process flight has no 'controll'; did you mean 'control'? it has control, tracking",
+         lambda: f.controll, AttributeError)
+    says("flight.x: expected a module or model; found 3", lambda: setattr(f, "x", 3))
+    says("flight.task: this name is taken by the process itself; choose another",
+         lambda: setattr(f, "task", fsw.HillPointing()))
+    says("flight.control is already there, a MrpFeedback", lambda: setattr(f, "control", fsw.HillPointing()))
+    says("flight.other: this MrpFeedback already is flight.control; make another one",
+         lambda: setattr(f, "other", f.control))
+    says("flight.wheels: a ReactionWheels is a model of the world and cannot fly; assign it in world.py",
+         lambda: setattr(f, "wheels", world.ReactionWheels()))
+
+
+# --- wires -----------------------------------------------------------------------------------------
+
+def test_wires(sim):
+    f, w = sim.flight, sim.world
+    says("flight.control.torque >> flight.control.error: the output is BodyTorque, the input takes AttError; "
+         "flight.control takes BodyTorque at external", lambda: f.control.torque >> f.control.error)
+    says("flight.control.error >> flight.control.error: flight.control.error is no output; flight.control has the "
+         "outputs torque", lambda: f.control.error >> f.control.error)
+    says("flight.tracking.error >> flight.control: name an input, not the module; it has the inputs error, vehicle, "
+         "wheels, speeds, external", lambda: f.tracking.error >> f.control)
+    says("flight.tracking.error >> 3: expected an input or a list of inputs", lambda: f.tracking.error >> 3)
+    f.connect(f.tracking.error >> f.control.error)
+    other = f.second = fsw.TrackingError()
+    says("flight.second.error >> flight.control.error: flight.control.error is already written by "
+         "flight.tracking.error", lambda: f.connect(other.error >> f.control.error))
+    with pytest.raises(SetupError, match="has no name yet; assign it to a process first"):
+        f.connect(fsw.TrackingError().error >> f.control.error)
+    says("flight.connect: expected wires, as in a.output >> b.input; found 1", lambda: f.connect(1))
+    with pytest.raises(SetupError, match="latency must be 0 or 1, found 2"):
+        w.connect((w.nav.attitude >> f.tracking.attitude).latency(2))
+    with pytest.raises(TypeError, match="a wire ends here"):
+        f.tracking.error >> f.control.error >> f.control.error
+
+
+def test_what_is_missing_is_listed_as_a_whole(sim):
+    f = sim.flight
+    f.wheels = fsw.WheelConfig()
+    f.task("gnc", every=1 * s, run=[f.tracking, f.control])
+    with pytest.raises(SetupError) as error:
+        sim.run(1 * s)
+    for part in ("flight.wheels.axes_B is required", "flight.wheels.J is required", "flight.control.error",
+                 "flight.control.vehicle", "flight.tracking.attitude"):
+        assert part in str(error.value)
+
+
+def test_times(sim):
+    f = sim.flight
+    run = [f.control]
+    says("task flight.a: its period must be > 0, found 0 s", lambda: f.task("a", every=0, run=run))
+    says("task flight.a: its period must be > 0, found -0.1 s", lambda: f.task("a", every=-100 * ms, run=run))
+    says("task flight.a: every: expected a time, found 1.0 m", lambda: f.task("a", every=1 * m, run=run))
+    says("run: until: expected a time, found 1.0 m", lambda: sim.run(until=1 * m))
+    with pytest.raises(TypeError, match="takes a duration, or until"):
+        sim.run()
+
+
+# --- orbits ----------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize(
+    "elements, text",
+    [
+        (dict(a=7000 * km, e=1.2), "a hyperbola .* needs a semi-major axis < 0"),
+        (dict(a=-7000 * km, e=0.2), "semi-major axis"),
+        (dict(a=7000 * km, e=-0.1), "e"),
+        (dict(p=-1), "Orbit: p must be > 0, found -1 m"),
+        (dict(a=7000 * s), "Orbit: a: expected a quantity in m; found 7000.0 s"),
+        (dict(a=7000 * km, rp=1), "expected a and e, p and e, rp and ra, rp and e, or altitude; found a, rp"),
+        (dict(), "found none"),
+        (dict(rp=8000 * km, ra=7000 * km), "periapsis, 8e[+]06 m, is above that of apoapsis, 7e[+]06 m"),
+        (dict(p=1e7, e=2.0, f=3.0), "f"),
+    ],
+)
+def test_orbits_that_are_none(elements, text):
+    with pytest.raises(SetupError, match=text):
+        Orbit(world.MARS, **elements)
+
+
+def test_a_spacecraft_takes_parts_and_bodies():
+    with pytest.raises(SetupError, match="Spacecraft.parts: expected a part of a spacecraft, such as ReactionWheels; "
+                                         "found HillPointing"):
+        world.Spacecraft(parts=[fsw.HillPointing()])
+    with pytest.raises(SetupError, match="Spacecraft.gravity: expected a body, such as world.MARS; found 'PLUTO'"):
+        world.Spacecraft(gravity=["PLUTO"])
+    with pytest.raises(SetupError, match=r"Spacecraft.orbit: expected Orbit\(body, ...\); found 7"):
+        world.Spacecraft(orbit=7)
+
+
+# --- events ----------------------------------------------------------------------------------------
+
+def test_events(sim):
+    f = sim.flight
+    sigma = f.watch(f.tracking.error).sigma_BR
+    says("norm(flight.tracking.error.sigma_BR): expected a number without unit; found 3.0 m",
+         lambda: sigma.norm() < 3 * m)
+    says("flight.tracking.error.sigma_BR has shape (3,): compare an element, norm() or max_abs()", lambda: sigma < 3)
+    with pytest.raises(SetupError, match="compare one of its fields: head, sigma_BR"):
+        f.watch(f.tracking.error) < 3
+    with pytest.raises(AttributeError, match="has no attribute 'sigma'; did you mean 'sigma_BR'"):
+        f.watch(f.tracking.error).sigma
+    with pytest.raises(TypeError, match="only known when the mission runs"):
+        bool(sigma)
+    with pytest.raises(SetupError, match="flight's events are data"):
+        f.event("e", when=lambda: True, do=print)
+    with pytest.raises(SetupError, match="event flight.e enters the mode science; the process has"):
+        f.event("e", when=sigma.norm() < 1, enter="science")
+
+
+def test_an_event_that_arms_itself_ends_the_run():
+    sim = fledge.Simulation()
+    w = sim.world
+    w.craft = world.Spacecraft(I_B=1)
+    w.task("all", every=1 * s, run=[w.craft])
+    again = w.event("again", when=lambda: sim.time >= 2, do=lambda: setattr(again, "armed", True))
+    with pytest.raises(RunError, match="event world.again fires again at 2 s"):
+        sim.run(10 * s)

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Plots: their words, and what is drawn."""
+
+import numpy as np
+import pytest
+
+from fledge import SetupError
+from fledge.plot import component_labels, plot, save, symbol, time_unit, unit_label
+from fledge.simulation_test import spinner
+from fledge.units import s
+
+
+@pytest.mark.parametrize(
+    "name, text",
+    [
+        ("sigma_BR", r"\sigma_{B/R}"),
+        ("omega_BN_B", r"{}^{B}\omega_{B/N}"),
+        ("domega_RN_N", r"{}^{N}\dot{\omega}_{R/N}"),
+        ("sigma_BcB", r"\sigma_{B_{c}/B}"),
+        ("r_BN_N", r"{}^{N}r_{B/N}"),
+        ("Omega", r"\Omega"),
+        ("u", "u"),
+        ("u_max", r"u_{\mathrm{max}}"),
+        ("torque_B", r"\mathrm{torque\ B}"),
+        ("delta", r"\delta"),
+    ],
+)
+def test_symbols(name, text):
+    assert symbol(name) == text
+
+
+def test_units_and_components():
+    assert unit_label("N m") == "N·m" and unit_label("rad/s^2") == "rad/s$^{2}$" and unit_label("-") == ""
+    assert unit_label("N m / s") == "N·m/s"
+    assert component_labels("angles", "psi, theta, phi", (3,)) == [r"$\psi$", r"$\theta$", r"$\phi$"]
+    assert component_labels("sigma_BR", "attitude of B relative to R", (3,))[2] == r"$\sigma_{3}$"
+    assert [time_unit(t)[0] for t in (100, 600, 9600, 1e6)] == ["s", "min", "h", "d"]
+
+
+@pytest.fixture(scope="module")
+def log():
+    sim = spinner(rate=0.2)
+    log = sim.record(sim.flight.tracking, sim.world.craft.state, sim.flight.target.reference, every=1 * s)
+    sim.run(300 * s)
+    return log
+
+
+def test_what_is_drawn(log, tmp_path):
+    figure = plot(log, "craft.state.sigma_BN", ["omega_BN_B[2]", "error.omega_BR_B[2]"], titles=["attitude"],
+                  units={"omega_BN_B[2]": "rpm"})
+    first, second = figure.axes
+    assert first.get_title(loc="left") == "attitude" and first.get_ylabel() == r"$\sigma_{B/N}$"
+    assert second.get_xlabel() == "time [min]" and len(first.lines) == 3 and len(second.lines) == 2
+    np.testing.assert_allclose(second.lines[0].get_ydata(), 0.2 * 30 / np.pi, rtol=1e-9)
+    np.testing.assert_allclose(first.lines[0].get_xdata()[-1], 5.0)
+    # The body turns: no stroke is drawn where its MRPs go over to the shadow set.
+    third = first.lines[2].get_ydata()
+    assert 8 <= np.isnan(third).sum() <= 12
+    path = save(figure, tmp_path / "new")
+    assert path.name == "craft_state_sigma_BN-omega_BN_B_2-error_omega_BR_B_2.png"
+    assert path.read_bytes()[:4] == b"\x89PNG" and path.stat().st_size > 10000
+
+
+def test_names_that_cannot_be_drawn(log):
+    with pytest.raises(SetupError, match="'error' is a whole message; name one of its fields: sigma_BR"):
+        plot(log, "error")
+    with pytest.raises(SetupError, match="did you mean 'omega_BN_B'"):
+        plot(log, "omega_BNB")
+    with pytest.raises(SetupError, match="name at least one field"):
+        plot(log)

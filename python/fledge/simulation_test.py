@@ -1,0 +1,414 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Simulations: running, stopping, copying, recording; modes and events."""
+
+import gc
+import os
+import signal
+import subprocess
+import sys
+import time
+import weakref
+
+import numpy as np
+import pytest
+
+import fledge
+from fledge import SetupError, flight as fsw, world
+from fledge.units import N, m, minute, ms, rad, s
+
+
+def spinner(rate=0.1, seed=0):
+    """A body that turns about its third axis, with navigation, and a module that looks at it."""
+    sim = fledge.Simulation("spinner", seed)
+    f, w = sim.flight, sim.world
+    f.target = fsw.HillPointing()
+    f.tracking = fsw.TrackingError()
+    w.craft = world.Spacecraft(I_B=[1, 2, 3], omega_BN_B=[0, 0, rate] * rad / s, gravity=[world.MARS],
+                               orbit=fledge.Orbit(world.MARS, altitude=4e5))
+    w.nav = world.Navigation(rate_noise=[1e-3] * 3)
+    w.connect(w.craft.state >> w.nav.truth, w.nav.attitude >> f.tracking.attitude, w.nav.orbit >> f.target.orbit)
+    f.connect(f.target.reference >> f.tracking.reference)
+    w.task("dynamics", every=100 * ms, run=[w.craft, w.nav])
+    f.task("gnc", every=1 * s, run=[f.target, f.tracking])
+    return sim
+
+
+def state(sim):
+    return sim.snapshot()
+
+
+# --- running ---------------------------------------------------------------------------------------
+
+def test_time_goes_on_where_it_stood():
+    sim = spinner()
+    assert sim.time == 0
+    sim.run(1 * s)
+    assert sim.time == 1.0
+    sim.run(0.5)
+    sim.step()
+    assert sim.time == 1.6
+    sim.step(4)
+    sim.run(until=3 * s)
+    assert sim.time == 3.0
+    with pytest.raises(SetupError, match="run: 1 s lies before the present, 3 s"):
+        sim.run(until=1 * s)
+    whole = spinner()
+    whole.run(3 * s)
+    assert state(whole) == state(sim)
+
+
+def test_the_first_step_is_the_instant_zero():
+    sim = spinner()
+    sim.step()
+    assert sim.time == 0 and sim.flight.tracking.error.head.sequence == 1
+    sim.step()
+    assert sim.time == 0.1
+
+
+def test_reset_starts_anew_with_the_parameters_of_now():
+    sim = spinner()
+    sim.run(2 * s)
+    first = state(sim)
+    sim.reset()
+    assert sim.time == 0
+    sim.run(2 * s)
+    assert state(sim) == first
+    sim.world.craft.omega_BN_B = [0, 0, 0.2]
+    sim.reset()
+    sim.run(2 * s)
+    assert sim.world.craft.state.omega_BN_B[2] == pytest.approx(0.2)
+
+
+def test_a_gain_changed_between_runs_counts():
+    sim = spinner()
+    sim.run(1 * s)
+    sim.flight.tracking.sigma_BcB = [0, 0, 0.5]
+    before = sim.flight.tracking.error.sigma_BR.copy()
+    sim.run(1 * s)
+    assert np.linalg.norm(sim.flight.tracking.error.sigma_BR - before) > 0.1
+    sim.flight.tracking.sigma_BcB[0] = np.nan  # a view passes no check: the next run makes it
+    with pytest.raises(SetupError, match="flight.tracking.sigma_BcB must be finite"):
+        sim.run(1 * s)
+
+
+def test_the_seed_decides_the_noise():
+    rates = []
+    for seed in (1, 1, 2):
+        sim = spinner(seed=seed)
+        sim.run(1 * s)
+        rates.append(sim.world.nav.attitude.omega_BN_B.copy())
+    assert (rates[0] == rates[1]).all() and (rates[0] != rates[2]).any()
+
+
+# --- copies ----------------------------------------------------------------------------------------
+
+def test_snapshot_and_restore():
+    sim = spinner()
+    sim.run(1 * s)
+    saved = state(sim)
+    sim.run(1 * s)
+    later = state(sim)
+    sim.restore(saved)
+    assert sim.time == 1.0 and state(sim) == saved
+    sim.run(1 * s)
+    assert state(sim) == later
+    with pytest.raises(SetupError, match="snapshot"):
+        sim.restore(saved[:-8])
+
+
+def test_a_clone_shares_nothing():
+    sim = spinner()
+    sim.run(1 * s)
+    other = sim.clone()
+    assert other.time == 1.0 and state(other) == state(sim)
+    assert other.world.craft is not sim.world.craft
+    assert not np.shares_memory(other.world.craft.I_B, sim.world.craft.I_B)
+    assert [b.name for b in other.world.craft.gravity] == ["MARS"]
+    sim.run(1 * s)
+    assert other.time == 1.0
+    other.run(1 * s)
+    assert state(other) == state(sim)  # the noise goes on alike, too
+    alive = sim.flight.tracking
+    del sim
+    gc.collect()
+    other.run(1 * s)
+    assert alive.error.head.sequence == 3  # objects outlive their simulation
+
+
+def test_a_simulation_is_let_go():
+    sim = spinner()
+    # A callable that refers to its own simulation must not keep it.
+    sim.world.at(1 * s, do=lambda: sim.flight)
+    sim.run(2 * s)
+    alive, module = weakref.ref(sim), weakref.ref(sim.world.craft)
+    del sim
+    gc.collect()
+    assert alive() is None and module() is None
+
+
+# --- records ---------------------------------------------------------------------------------------
+
+def test_records_by_name():
+    sim = spinner()
+    log = sim.record(sim.flight.tracking, sim.world.craft.state, every=1 * s)
+    sim.run(10 * s)
+    np.testing.assert_array_equal(log.time, np.arange(11.0))
+    assert log["error.sigma_BR"].shape == (11, 3) and log["sigma_BR"].dtype == float
+    np.testing.assert_array_equal(log["craft.state.omega_BN_B[2]"], log["omega_BN_B"][:, 2])
+    np.testing.assert_array_equal(log["tracking.error.head.t"], np.arange(11) * 10**9)
+    assert log["error"]["head"]["sequence"][-1] == 11
+    np.testing.assert_array_equal(log.last("omega_BN_B"), sim.world.craft.state.omega_BN_B)
+    assert log.last("omega_BN_B").norm() == pytest.approx(0.1)
+    assert isinstance(log.last("omega_BN_B[2]"), float)
+
+
+def test_names_that_are_not_there_or_not_unique():
+    sim = spinner()
+    log = sim.record(sim.flight.target.reference, sim.flight.tracking.reference)
+    with pytest.raises(SetupError, match="nothing was recorded of 'target.reference.sigma_RN' yet"):
+        log.last("target.reference.sigma_RN")
+    sim.run(1 * s)
+    with pytest.raises(SetupError, match="'sigma_RN' may be flight.target.reference.sigma_RN or "
+                                         "flight.tracking.reference.sigma_RN; write more of the name"):
+        log["sigma_RN"]
+    with pytest.raises(SetupError, match="no 'target.reference.sigma_RM'; did you mean 'target.reference.sigma_RN'"):
+        log["target.reference.sigma_RM"]
+    with pytest.raises(SetupError, match=r"sigma_RN has shape \(3,\)"):
+        log["target.reference.sigma_RN[3]"]
+
+
+def test_records_of_different_rates():
+    sim = spinner()
+    slow = sim.record(sim.flight.tracking.error, every=2 * s)
+    fast = sim.record(sim.world.craft.state)
+    sim.run(4 * s)
+    assert len(slow.time) == 3 and len(fast.time) == 41
+    first = slow["sigma_BR"]
+    sim.run(4 * s)
+    assert len(first) == 3 and len(slow["sigma_BR"]) == 5  # what was read stays; asked again, it is all
+    sim.reset()
+    assert len(slow.time) == 0
+
+
+def test_a_frame_has_names_and_units():
+    sim = spinner()
+    log = sim.record(sim.flight.tracking.error, sim.world.nav.attitude, every=1 * s)
+    sim.run(3 * s)
+    frame = log.frame()
+    assert list(frame.columns[:4]) == ["error.sigma_BR[0]", "error.sigma_BR[1]", "error.sigma_BR[2]",
+                                       "error.omega_BR_B[0]"]
+    assert frame.attrs["units"]["error.omega_BR_B[0]"] == "rad/s"
+    assert list(frame.index) == [0, 1, 2, 3] and frame.index.name == "time [s]"
+    assert list(log.frame("error.sigma_BR").columns) == [f"error.sigma_BR[{i}]" for i in range(3)]
+
+
+def test_a_log_and_its_archive_agree(tmp_path):
+    sim = spinner()
+    log = sim.record(sim.flight.tracking.error, every=1 * s)
+    sim.archive(tmp_path / "run.mcap", note="a test")
+    sim.run(5 * s)
+    assert sim.close_archive() == str(tmp_path / "run.mcap")
+    archive = fledge.Archive(tmp_path / "run.mcap")
+    np.testing.assert_array_equal(archive["error.sigma_BR"], log["error.sigma_BR"])
+    np.testing.assert_array_equal(archive.frame().to_numpy(), log.frame().to_numpy())
+    assert list(archive.frame().columns) == list(log.frame().columns)
+    assert archive.metadata["run"]["note"] == "a test" and archive.metadata["run"]["seed"] == "0"
+
+
+def test_a_reset_begins_a_new_archive(tmp_path):
+    sim = spinner()
+    sim.record(sim.flight.tracking.error, every=1 * s)
+    sim.archive(tmp_path / "run.mcap")
+    for _ in range(3):
+        sim.run(2 * s)
+        sim.reset()
+    sim.run(1 * s)
+    sim.close_archive()
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["run-2.mcap", "run-3.mcap", "run-4.mcap", "run.mcap"]
+    assert fledge.Archive(tmp_path / "run-4.mcap")["error"].shape == (2,)
+
+
+# --- modes and events ------------------------------------------------------------------------------
+
+def modal():
+    sim = spinner()
+    f = sim.flight
+    f.extra = fsw.EulerRotation()
+    f.connect(f.target.reference >> f.extra.base)
+    more = f.task("more", every=1 * s, run=[f.extra])
+    f.mode("safe", [])
+    f.mode("science", [more])
+    return sim
+
+
+def test_a_flight_event_enters_a_mode():
+    sim = modal()
+    f = sim.flight
+    event = f.event("turned", when=f.watch(f.tracking.attitude).sigma_BN[2] > 0.05, hold=1 * s, enter=f.science)
+    assert sim.mode == "safe" and f.turned is event and event.armed
+    sim.run(1 * s)
+    assert f.extra.reference.head.sequence == 0 and event.fired_at is None
+    sim.run(9 * s)
+    # The angle is 0.1 t, so sigma is tan(0.1 t / 4): above 0.05 from 2.0 s on, seen by flight at 2 s or 3 s.
+    assert sim.mode == "science" and event.fired_at in (3.0, 4.0)
+    assert f.extra.reference.head.sequence == 10 - int(event.fired_at)
+    f.enter(f.safe)
+    sim.run(1 * s)
+    assert sim.mode == "safe"
+    f.science.enter()
+    sim.run(1 * s)
+    assert sim.mode == "science"
+
+
+def test_world_events_call_python():
+    sim = spinner()
+    seen = []
+    sim.world.at(1.55 * s, do=lambda: seen.append(sim.time))
+    sim.world.event("fast", when=lambda: sim.world.craft.state.omega_BN_B[2] > 0.2, do=lambda: seen.append("fast"))
+    sim.run(3 * s)
+    assert seen == [1.6]
+    sim.world.craft.omega_BN_B = [0, 0, 0.3]
+    sim.reset()
+    sim.run(3 * s)
+    assert seen == [1.6, "fast", 1.6]
+
+
+def test_the_events_of_a_clone_live_on():
+    seen = []
+    sim = modal()
+    sim.world.at(2 * s, do=lambda: seen.append("at"))
+    other = sim.clone()
+    del sim
+    gc.collect()
+    other.run(3 * s)
+    other.flight.enter(other.flight.science)
+    other.run(1 * s)
+    assert seen == ["at"] and other.mode == "science"
+
+
+def test_an_exception_in_an_event_ends_the_run_with_its_traceback():
+    sim = spinner()
+
+    def broken():
+        raise KeyError("nothing there")
+
+    sim.world.at(1 * s, do=broken)
+    with pytest.raises(KeyError, match="nothing there") as error:
+        sim.run(10 * s)
+    assert error.traceback[-1].name == "broken" and sim.time == 1.0
+    with pytest.raises(fledge.RunError, match="reset it, or restore a snapshot"):
+        sim.run(1 * s)
+    sim.world.at_1000000000_ns.armed = False
+    sim.reset()
+    assert sim.time == 0
+
+
+def test_wires_with_latency_and_age():
+    sim = spinner()
+    f, w = sim.flight, sim.world
+    f.late = fsw.TrackingError()
+    f.connect((f.target.reference >> f.late.reference).latency(1),
+              (w.nav.attitude >> f.late.attitude).stale_after(50 * ms))
+    w.task("never", every=1000 * s, offset=1000 * s, run=[spare(w)])
+    f.task("late", every=1 * s, offset=0.5 * s, run=[f.late])
+    sim.run(2.6 * s)
+    # Exchanged at whole seconds: at 2.5 s the reference is that of 2 s.
+    assert f.late.reference.head.t == 2_000_000_000
+    assert f.late.attitude.head.quality.name == "GOOD"
+
+
+def spare(w):
+    w.spare = world.Spacecraft(I_B=1)
+    return w.spare
+
+
+# --- pace, progress, Ctrl-C ------------------------------------------------------------------------
+
+def test_pace():
+    sim = spinner()
+    sim.run(0.1)
+    begun = time.perf_counter()
+    sim.run(2 * s, pace=10)
+    assert 0.15 < time.perf_counter() - begun < 3.0
+    assert sim.pace_report["instants"] == 20 and sim.pace_report["worst"] >= 0
+    with pytest.raises(SetupError, match="pace must be >= 0, found -1"):
+        sim.run(1 * s, pace=-1)
+
+
+def test_progress_is_for_long_runs_on_a_terminal_only(capfd):
+    spinner().run(5 * s)
+    assert capfd.readouterr().err == ""
+    spinner().run(10 * s, pace=10, progress=True)
+    shown = capfd.readouterr().err
+    assert "spinner [###" in shown and "of 10 s" in shown and shown.endswith("\r")
+
+
+INTERRUPTED = """
+import sys, time
+sys.path[:0] = {path!r}
+from fledge.simulation_test import spinner
+sim = spinner()
+print("ready", flush=True)
+try:
+    sim.run(1e6, pace={pace})
+except KeyboardInterrupt:
+    print("stopped", flush=True)
+t = sim.time
+assert 0 < t < 1e6, t
+whole = spinner()
+whole.run(t)
+assert whole.snapshot() == sim.snapshot()
+sim.run(1)
+assert abs(sim.time - t - 1) < 0.11
+print("went on")
+"""
+
+
+@pytest.mark.parametrize("pace", [0, 5])
+def test_ctrl_c_stops_after_an_instant_and_the_run_goes_on(pace):
+    process = subprocess.Popen([sys.executable, "-c", INTERRUPTED.format(path=sys.path, pace=pace)],
+                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "ready\n"
+    time.sleep(0.5)
+    os.kill(process.pid, signal.SIGINT)
+    begun = time.perf_counter()
+    assert process.stdout.readline() == "stopped\n", process.stderr.read()
+    assert time.perf_counter() - begun < 2.0
+    out, error = process.stdout.read(), process.stderr.read()
+    assert (process.wait(), out, error) == (0, "went on\n", "")
+
+
+# --- the shell -------------------------------------------------------------------------------------
+
+def test_repr_shows_what_is_there():
+    text = repr(spinner())
+    assert text.startswith("spinner, not yet run, seed 0\nprocess world\n  craft  Spacecraft\n")
+    assert "task gnc, every 1 s: target, tracking" in text
+
+
+def test_completion():
+    sim = spinner()
+    assert {"target", "tracking", "connect", "task"} <= set(dir(sim.flight))
+    assert {"run", "step", "clone"} <= set(dir(sim))
+
+
+def test_in_ipython(tmp_path):
+    import shutil
+
+    if not shutil.which("ipython3"):
+        pytest.skip("ipython3 is not installed")
+    script = ("from fledge.simulation_test import spinner\nsim = spinner()\nsim.run(1)\nsim.flight.tracking\n"
+              "sim.flight.tracking?\nsim.flight.tracking.sigma_BcB\n")
+    (tmp_path / "try.ipy").write_text("import sys\nsys.path[:0] = %r\n" % sys.path + script)
+    out = subprocess.run(["/usr/bin/python3", "-m", "IPython", "--no-banner", "--colors=NoColor", "--no-confirm-exit"],
+                         input=(tmp_path / "try.ipy").read_text(), capture_output=True, text=True, timeout=60,
+                         env={**os.environ, "IPYTHONDIR": str(tmp_path), "TERM": "dumb"}).stdout
+    assert "flight.tracking (TrackingError)" in out and "<< world.nav.attitude" in out
+    assert "attitude of the control frame" in out and "array([0., 0., 0.])" in out
+
+
+def test_units_of_a_changed_gain():
+    sim = spinner()
+    sim.flight.feedback = fsw.MrpFeedback(K=1 * N * m, P=1)
+    sim.flight.feedback.K = 3 * N * m
+    assert sim.flight.feedback.K == 3 and (2 * minute).to(s) == 120
