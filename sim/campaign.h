@@ -30,7 +30,8 @@ struct Distribution {
     Distribution();
 };
 
-/// A parameter that differs from run to run, with all its elements or some: each is drawn by itself.
+/// A parameter that differs from run to run, with all its elements or some: each is drawn by itself,
+/// from a stream of its own. An inertia stays symmetric: an element takes its mirror image along.
 struct Dispersion {
     std::string path; ///< "world.craft.I_B"
     std::vector<std::size_t> elements;
@@ -54,18 +55,31 @@ struct CampaignPlan {
 };
 
 struct CampaignResult {
-    std::size_t samples = 0;
-    std::vector<std::string> failures;          ///< by run; "" if it flew to its end
-    std::vector<double> draws;                  ///< by run, then by dispersed element
-    std::vector<std::vector<double>> retained;  ///< by variable: run, sample, element; NaN where there is none
-    std::size_t finished = 0;                   ///< runs, fewer if it was stopped
+    std::size_t samples = 0;                   ///< at 0, every, 2 every, ...
+    std::vector<std::uint8_t> flown;           ///< by run: 0 if the campaign was stopped before its end
+    std::vector<std::string> failures;         ///< by run; "" if it flew to its end
+    std::vector<double> draws;                 ///< by run, then by dispersed element; NaN if not flown
+    std::vector<std::vector<double>> retained; ///< by variable: run, sample, element; NaN where there is none
+};
+
+/// How far a campaign is.
+struct CampaignProgress {
+    std::size_t finished = 0; ///< runs, failed ones included
+    std::size_t failed = 0;
 };
 
 /// Whether runs may be flown by threads: an event with a callable may share anything.
 bool has_callables(const Simulation &simulation);
 
 /// Throws SetupError on a path that is no dispersible parameter (with the valid ones), elements
-/// outside it, or impossible bounds.
+/// outside it, or a distribution that cannot keep the parameter's own rule: a bounded one must lie
+/// within it, any other must reach into it.
+void check_dispersion(const Simulation &nominal, const Dispersion &dispersion);
+
+/// Throws SetupError on a port that is not there, or a field outside its message.
+void check_retained(const Simulation &nominal, const Retained &variable);
+
+/// Both for all of a plan, which must have runs and disperse no element twice.
 void check_plan(const Simulation &nominal, const CampaignPlan &plan);
 
 /// Set the parameters and the seed of one run in a simulation that stands before its first instant.
@@ -73,9 +87,10 @@ void check_plan(const Simulation &nominal, const CampaignPlan &plan);
 std::vector<double> disperse(const Simulation &nominal, Simulation &simulation, const CampaignPlan &plan,
                              std::size_t index);
 
-/// Fly all runs on this many threads. `progress` is called now and then on the calling thread with
-/// the number of finished runs; false stops the campaign. A run that throws is a failure of its own.
+/// Fly all runs on this many threads. `progress` is called about ten times a second on the calling
+/// thread, and must not throw; false stops the campaign, which keeps the runs that are finished. A run
+/// that throws is a failure of its own.
 CampaignResult fly(const Simulation &nominal, const CampaignPlan &plan, unsigned threads,
-                   const std::function<bool(std::size_t finished)> &progress = {});
+                   const std::function<bool(CampaignProgress)> &progress = {});
 
 } // namespace fledge::sim

@@ -6,7 +6,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 
 using namespace fledge::sim;
 using namespace fledge::sim::toys;
@@ -70,9 +72,9 @@ TEST(Campaign, RunsFollowFromTheirDraws)
 {
     Nominal nominal;
     const CampaignResult result = fly(nominal.sim, nominal.plan, 2);
-    ASSERT_EQ(result.finished, 200u);
     ASSERT_EQ(result.samples, 11u);
     for (std::size_t run = 0; run < 200; run++) {
+        EXPECT_EQ(result.flown[run], 1);
         EXPECT_EQ(result.failures[run], "");
         const double level = result.draws[2 * run], gain = result.draws[2 * run + 1];
         EXPECT_TRUE(level >= 2.0 && level < 10.0);
@@ -126,6 +128,7 @@ TEST(Campaign, AFailedRunIsNoneOfTheOthersBusiness)
     for (std::size_t run = 0; run < 200; run++) {
         const bool bad = result.draws[2 * run] < 0.0;
         EXPECT_EQ(!result.failures[run].empty(), bad);
+        EXPECT_EQ(result.flown[run], 1);
         if (bad) {
             failed++;
             EXPECT_THAT(result.failures[run], HasSubstr("world.tank.initial must be >= 0"));
@@ -183,10 +186,77 @@ TEST(Campaign, RefusesImpossiblePlans)
     EXPECT_THAT(error([](auto &p) { p.every = 0; }), HasSubstr("must be > 0"));
 }
 
-TEST(Campaign, StopsWhenAsked)
+TEST(Campaign, ADistributionCanKeepTheParametersRule)
 {
     Nominal nominal;
-    nominal.plan.runs = 1'000'000;
-    const CampaignResult result = fly(nominal.sim, nominal.plan, 2, [](std::size_t) { return false; });
-    EXPECT_LT(result.finished, nominal.plan.runs);
+    const auto source = std::make_shared<Instance>(source_type); // value: required, > 0
+    face<Source>(source).par.value = 2.0;
+    nominal.sim.process("flight").add("source", source);
+    const auto error = [&](Distribution::Kind kind, double a, double b, double lo, double hi, bool relative = false) {
+        Dispersion value{"flight.source.value", {0}, {}};
+        Distribution &d = value.distribution;
+        d.kind = kind;
+        d.a = a;
+        d.b = b;
+        d.lo = lo;
+        d.hi = hi;
+        d.relative = relative;
+        return error_of([&] { check_dispersion(nominal.sim, value); });
+    };
+    const double none = std::numeric_limits<double>::infinity();
+    using enum Distribution::Kind;
+    EXPECT_EQ(error(uniform, 0.5, 3.0, -none, none), "(no error)");
+    EXPECT_THAT(error(uniform, -1.0, 3.0, -none, none),
+                HasSubstr("flight.source.value must be > 0, found -1, of draws between -1 and 3"));
+    EXPECT_THAT(error(uniform, -0.5, 1.5, -none, none, true), HasSubstr("of draws between -1 and 3"));
+    // A normal one may reach outside, where its draws are failures, unless it is cut there or never inside.
+    EXPECT_EQ(error(normal, 1.0, 1.0, -none, none), "(no error)");
+    EXPECT_EQ(error(normal, -1.0, 1.0, -none, none), "(no error)");
+    EXPECT_THAT(error(normal, 1.0, 1.0, -2.0, none), HasSubstr("found -2"));
+    EXPECT_THAT(error(normal, -9.0, 1.0, -none, none), HasSubstr("must be > 0"));
+    face<Source>(source).par.value = 0.0;
+    EXPECT_THAT(error(uniform, 0.5, 1.5, -none, none, true), HasSubstr("its nominal value is 0, which no factor changes"));
+}
+
+TEST(Campaign, NoElementIsDispersedTwice)
+{
+    Nominal nominal;
+    nominal.plan.dispersions.push_back(nominal.plan.dispersions[0]);
+    EXPECT_THAT(error_of([&] { check_plan(nominal.sim, nominal.plan); }),
+                HasSubstr("world.tank.initial is dispersed twice"));
+}
+
+TEST(Campaign, SamplesStandAtTheirTimes)
+{
+    // Retained four times as often as there are instants: three of four have no sample.
+    Nominal nominal;
+    nominal.plan.runs = 1;
+    nominal.plan.every = second / 40;
+    const CampaignResult often = fly(nominal.sim, nominal.plan, 1);
+    nominal.plan.every = second / 10;
+    const CampaignResult each = fly(nominal.sim, nominal.plan, 1);
+    ASSERT_EQ(often.samples, 201u);
+    ASSERT_EQ(each.samples, 51u);
+    for (std::size_t k = 0; k < often.samples; k++) {
+        if (k % 4) {
+            EXPECT_TRUE(std::isnan(often.retained[0][k])) << k;
+        } else {
+            EXPECT_EQ(often.retained[0][k], each.retained[0][k / 4]) << k;
+        }
+    }
+}
+
+TEST(Campaign, StopsWhenAskedAndKeepsWhatIsFinished)
+{
+    Nominal nominal;
+    nominal.plan.runs = 100'000;
+    const CampaignResult result = fly(nominal.sim, nominal.plan, 2,
+                                      [](CampaignProgress progress) { return progress.finished < 10; });
+    const auto flown = std::count(result.flown.begin(), result.flown.end(), 1);
+    EXPECT_GE(flown, 10);
+    EXPECT_LT(flown, 100'000);
+    for (std::size_t run = 0; run < result.flown.size(); run++) {
+        ASSERT_EQ(std::isnan(result.draws[2 * run]), !result.flown[run]);
+        ASSERT_EQ(std::isnan(result.retained[0][run * 11 + 10]), !result.flown[run]);
+    }
 }
