@@ -25,8 +25,8 @@ struct OrbitState {
     Eigen::Vector3d v; ///< [m/s]
 };
 
-/// p [m] of an orbit of semi-major axis a [m] and eccentricity e. Throws SetupError unless a > 0 and
-/// 0 <= e < 1, or a < 0 and e > 1; a parabola has no semi-major axis.
+/// p [m] of an orbit of semi-major axis a [m] and eccentricity e. Throws SetupError unless a > 0
+/// and 0 <= e < 1, or a < 0 and e > 1; a parabola has no semi-major axis.
 double semi_latus_rectum(double a, double e);
 
 /// Throws SetupError on elements that describe no orbit: mu <= 0, p <= 0, e < 0, f at or beyond an

@@ -17,7 +17,7 @@ typedef struct Spacecraft {
         CraftState state;
     } out;
     struct {
-        double mass;     ///< [kg]     >= 0: mass; matters only where forces act; 0: forces are refused
+        double mass;     ///< [kg]     >= 0: mass; needed where forces act; 0: forces are refused
         Mat3 I_B;        ///< [kg m^2] required, inertia: inertia about the centre of mass
         Vec3 r_BN_N;     ///< [m]      initial position relative to the origin of N
         Vec3 v_BN_N;     ///< [m/s]    initial velocity

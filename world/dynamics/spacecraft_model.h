@@ -27,7 +27,7 @@ class SpacecraftModel final : private sim::System, public sim::Model {
 public:
     explicit SpacecraftModel(Spacecraft &face) : face_(face) {}
 
-    /// Parts act in the order in which they are attached. A part must live as long as the spacecraft.
+    /// Parts act in the order in which they are attached, and live as long as the spacecraft.
     /// Throws SetupError if one is attached twice.
     void attach(Effector &part);
 

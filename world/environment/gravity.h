@@ -26,8 +26,8 @@ struct GravityBody {
     bool has_zonals() const;
 };
 
-/// The acceleration [m/s^2] at a position r_N [m] relative to a point mass: -mu r / |r|^3, written so
-/// that the processor divides while it takes the root.
+/// The acceleration [m/s^2] at a position r_N [m] relative to a point mass: -mu r / |r|^3, written
+/// so that the processor divides while it takes the root.
 inline Vec3 point_mass_gravity(double mu, Vec3 r_N)
 {
     const double r2 = vec_norm2(r_N);

@@ -7,7 +7,7 @@
 #include "world/msg/craft.h"
 
 /** The navigation solution: the truth, with constant bias and seeded white noise where given.
- *  Attitude errors are small rotations about the body axes.
+ *  Attitude errors are rotations about the body axes. The acceleration is the true one.
  *  Assumptions: no delay; noise is drawn anew at each update, independent between axes. */
 typedef struct Navigation {
     struct {

@@ -71,6 +71,7 @@ void NavigationModel::update(Tick tick)
     orbit.r_BN_N = vec_add(truth.r_BN_N, position);
     orbit.v_BN_N = vec_add(truth.v_BN_N, velocity);
     orbit.a_BN_N = truth.a_BN_N;
+    orbit.a_BN_N = truth.a_BN_N;
 }
 
 } // namespace fledge::world

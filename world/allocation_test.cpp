@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+// The world's loop takes nothing from the heap.
+#include "sim/testing/allocations.h"
+#include "world/sensors/navigation_model.h"
+#include "world/testing/flyer.h"
+
+#include <gtest/gtest.h>
+
+#include <memory>
+
+namespace {
+
+using namespace fledge;
+using namespace fledge::world;
+using namespace fledge::world::testing;
+
+TEST(World, UpdatesDoNotAllocate)
+{
+    for (const bool adaptive : {false, true}) {
+        Flyer f;
+        if (adaptive) {
+            f.method = sim::make_adaptive(1e-9, 1e-9);
+        }
+        f.set_inertia(Vector3d(50.0, 60.0, 80.0).asDiagonal());
+        f.face.par.mass = 100.0;
+        f.face.par.r_BN_N = vec3(7e6, 0, 0);
+        f.face.par.v_BN_N = vec3(0, 2500, 1000);
+        f.add_pyramid(0.16);
+        f.wheel_face.par.friction[0] = 0.01;
+        f.wheel_face.par.viscosity[1] = 0.01;
+        f.wheel_face.par.Omega_max[2] = 1.0;
+        GravityBody body;
+        body.mu = 4.2828314e13;
+        body.radius = 3.4e6;
+        body.J[0] = 2e-3;
+        f.craft.add_gravity(body);
+        f.prepare();
+        for (std::size_t i = 0; i < 4; i++) {
+            f.command(i, 0.1);
+        }
+        f.push().force_B = vec3(1, 2, 3);
+        Navigation nav_face{};
+        nav_face.par.attitude_noise = vec3(0.01, 0.01, 0.01);
+        NavigationModel nav(nav_face);
+        nav.prepare({"world.nav", 1, f.method.get()});
+        nav.reset(0);
+
+        const sim::testing::Allocations allocations;
+        for (int i = 0; i < 1000; i++) {
+            f.step(100 * ms);
+            nav_face.in.truth = f.state();
+            nav.update({f.t, 100 * ms});
+        }
+        EXPECT_EQ(allocations.count(), 0);
+    }
+    const sim::testing::Allocations allocations;
+    const auto counted = std::make_unique<int>(1); // the counter does count
+    EXPECT_EQ(allocations.count(), *counted);
+}
+
+} // namespace
