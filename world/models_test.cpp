@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: Apache-2.0
+// The models under the kernel, with the reader's tables of their faces.
+#include "world/models.h"
+
+#include "sim/simulation.h"
+#include "world/dynamics/reaction_wheels_model.h"
+#include "world/dynamics/spacecraft_model.h"
+#include "world/sensors/navigation.h"
+
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <string>
+
+namespace {
+
+using namespace fledge;
+using namespace fledge::world;
+using sim::Ns;
+
+constexpr Ns ms = 1'000'000, second = 1000 * ms;
+
+const sim::ModelType &type_of(const std::string &name)
+{
+    for (const sim::ModelType &type : models()) {
+        if (type.face->name == name) {
+            return type;
+        }
+    }
+    throw sim::SetupError("there is no model " + name);
+}
+
+template <typename Face> Face &face_of(const std::shared_ptr<sim::Instance> &instance)
+{
+    return *reinterpret_cast<Face *>(instance->memory());
+}
+
+/// A spacecraft with a wheel and a noisy navigation, in a world of its own.
+struct World {
+    sim::Simulation sim;
+    std::shared_ptr<sim::Instance> craft, wheels, nav;
+
+    explicit World(std::uint64_t seed, bool adaptive) : sim(seed)
+    {
+        sim::Process &world = sim.add_process("world");
+        if (adaptive) {
+            world.set_integrator(sim::make_adaptive(1e-9, 1e-9));
+        }
+        // The spacecraft stands before its part, so it is prepared first.
+        craft = add(world, "craft", "Spacecraft");
+        wheels = add(world, "wheels", "ReactionWheels");
+        nav = add(world, "nav", "Navigation");
+
+        auto &body = face_of<Spacecraft>(craft).par;
+        body.I_B = mat_rows(vec3(50, 0, 0), vec3(0, 60, 0), vec3(0, 0, 80));
+        body.r_BN_N = vec3(7e6, 0, 0);
+        body.v_BN_N = vec3(0, 2400, 300);
+        body.omega_BN_B = vec3(0.1, -0.2, 0.05);
+        auto &wheel = face_of<ReactionWheels>(wheels).par;
+        wheel.n = 1;
+        wheel.axes_B[0] = vec3(1, 1, 0);
+        wheel.J[0] = 0.1;
+        wheel.Omega[0] = 40.0;
+        wheel.friction[0] = 0.01;
+        face_of<Navigation>(nav).par.attitude_noise = vec3(1e-3, 1e-3, 1e-3);
+
+        auto &model = dynamic_cast<SpacecraftModel &>(*craft->model());
+        model.attach(dynamic_cast<Effector &>(*wheels->model()));
+        GravityBody mars;
+        mars.name = "mars";
+        mars.mu = 4.2828314e13;
+        model.add_gravity(mars);
+
+        world.add_task({"dynamics", 100 * ms, 0, 0, {craft, nav}});
+        sim.connect(port(craft, "state"), port(nav, "truth"));
+    }
+
+    static sim::Port port(const std::shared_ptr<sim::Instance> &instance, const char *field)
+    {
+        return {instance, sim::find_field(instance->type(), field)};
+    }
+
+    static std::shared_ptr<sim::Instance> add(sim::Process &world, const char *name,
+                                              const char *type)
+    {
+        auto instance = std::make_shared<sim::Instance>(type_of(type));
+        instance->given.assign(instance->type().n, true);
+        world.add(name, instance);
+        return instance;
+    }
+
+    Navigation &navigation() { return face_of<Navigation>(nav); }
+};
+
+TEST(Models, FlyUnderTheKernel)
+{
+    World w(1, false);
+    w.sim.run_until(10 * second);
+    const CraftState &state = face_of<Spacecraft>(w.craft).out.state;
+    EXPECT_EQ(state.head.t, 10 * second);
+    EXPECT_EQ(w.navigation().out.attitude.head.t, 10 * second);
+    EXPECT_EQ(w.navigation().out.attitude.head.quality, QUALITY_GOOD);
+    EXPECT_LT(face_of<ReactionWheels>(w.wheels).out.speeds.Omega[0], 40.0); // friction
+    EXPECT_NEAR(state.r_BN_N.v[1], 24000.0, 20.0);
+}
+
+TEST(Models, SnapshotsAndClonesGoOnBitForBit)
+{
+    for (const bool adaptive : {false, true}) {
+        World w(1, adaptive);
+        w.sim.run_until(5 * second);
+        const auto there = w.sim.snapshot();
+        const auto clone = w.sim.clone();
+        w.sim.run_until(10 * second);
+        const auto straight = w.sim.snapshot();
+        clone->run_until(10 * second);
+        EXPECT_EQ(clone->snapshot(), straight);
+        w.sim.restore(there);
+        w.sim.run_until(10 * second);
+        EXPECT_EQ(w.sim.snapshot(), straight);
+    }
+}
+
+TEST(Models, ResetRepeatsTheRunAndTheSeedChangesIt)
+{
+    World w(1, false), other(2, false);
+    w.sim.run_until(second);
+    other.sim.run_until(second);
+    const Vec3 first = w.navigation().out.attitude.sigma_BN;
+    EXPECT_NE(std::memcmp(&first, &other.navigation().out.attitude.sigma_BN, sizeof first), 0);
+    w.sim.reset();
+    w.sim.run_until(second);
+    EXPECT_EQ(std::memcmp(&first, &w.navigation().out.attitude.sigma_BN, sizeof first), 0);
+}
+
+} // namespace
