@@ -131,6 +131,7 @@ std::shared_ptr<Event> Process::add_event(Event event)
         throw SetupError(path + " enters the mode " + event.mode + "; the process has " +
                          format_list(names_of(modes_)));
     }
+    owner_->has_events_ = true;
     events_.push_back(std::make_shared<Event>(std::move(event)));
     return events_.back();
 }
@@ -156,6 +157,7 @@ void Process::start_in(const std::string &mode)
 void Process::enter(const std::string &mode)
 {
     pending_ = mode_index(mode);
+    owner_->mode_asked_ = true;
 }
 
 const std::string &Process::mode() const

@@ -19,8 +19,7 @@ Word *words(std::byte *p)
 }
 
 /// A loop of words: for the few dozen bytes of a message it beats a call of memcpy, which gcc would
-/// make of it.
-[[gnu::optimize("no-tree-loop-distribute-patterns")]]
+/// make of it but for an option in CMakeLists.txt.
 inline void copy_words(const Word *from, Word *to, std::uint32_t n)
 {
     for (std::uint32_t i = 0; i < n; i++) {
@@ -299,7 +298,8 @@ Ns Simulation::Runtime::next_instant() const
         const Process &process = *task.process;
         if (task.active) {
             t = std::min(t, task.next);
-        } else if (process.pending_ >= 0 && process.active(*task.task, process.pending_)) {
+        } else if (simulation.mode_asked_ && process.pending_ >= 0 &&
+                   process.active(*task.task, process.pending_)) {
             t = std::min(t, on_grid(task, now + 1));
         }
     }
@@ -308,6 +308,7 @@ Ns Simulation::Runtime::next_instant() const
 
 void Simulation::Runtime::enter_modes(Ns t)
 {
+    simulation.mode_asked_ = false;
     for (const auto &process : simulation.processes_) {
         if (process->pending_ < 0) {
             continue;
@@ -392,7 +393,9 @@ void Simulation::Runtime::run_events(Ns t)
 void Simulation::Runtime::instant()
 {
     const Ns t = next;
-    enter_modes(t);
+    if (simulation.mode_asked_) {
+        enter_modes(t);
+    }
     for (RunTask &task : tasks) {
         if (task.active && task.next == t) {
             run_task(task, t);
@@ -404,7 +407,9 @@ void Simulation::Runtime::instant()
         }
     }
     now = t;
-    run_events(t);
+    if (simulation.has_events_) {
+        run_events(t);
+    }
     simulation.recorder_.take(t);
     next = next_instant();
 }
@@ -537,6 +542,7 @@ void Simulation::Runtime::restore(std::span<const std::byte> bytes)
         from += n;
     });
     failure.clear();
+    simulation.mode_asked_ = true; // perhaps: the processes know
     // What models derive from their parameters follows the restored ones.
     for (auto &[instance, seen] : known) {
         if (instance->model() && !unchanged(*instance, seen)) {

@@ -264,6 +264,8 @@ std::unique_ptr<Simulation> Simulation::clone() const
         other.pending_ = process->pending_;
         other.initial_ = process->initial_;
     }
+    copy->mode_asked_ = mode_asked_;
+    copy->has_events_ = has_events_;
     // Events may watch the instances of any process, so all twins must be there.
     for (std::size_t i = 0; i < processes_.size(); i++) {
         for (const auto &event : processes_[i]->events_) {

@@ -226,6 +226,8 @@ private:
     std::vector<std::unique_ptr<Process>> processes_;
     std::vector<Wire> wires_;
     Recorder recorder_;
+    bool mode_asked_ = false; ///< by some process, and not yet entered
+    bool has_events_ = false;
     std::unique_ptr<Runtime> runtime_;
 };
 
