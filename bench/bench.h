@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+// What bench/*.py measures in C++, as plain functions for ctypes.
+#pragma once
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/// Fly the nadir spin for `steps` steps of 0.1 s; `end` takes r, v, sigma, omega and the four
+/// wheels' speeds, 16 numbers.
+__attribute__((visibility("default"))) void hand_written_loop(long steps, double *end);
+
+/// Call one flight module's update n times on inputs of the nadir spin; seconds per call, or a
+/// negative number if there is no module of that name.
+__attribute__((visibility("default"))) double time_flight_update(const char *module, long n);
+
+#ifdef __cplusplus
+}
+#endif

@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What every bench reports: a table for people, and the same as a list of rows for `--json`."""
+import argparse
+import json
+import statistics
+
+
+class Rows:
+    """The figures of one bench.
+
+    A figure is the median of its samples; `spread` is their range over the median. A ratio is this
+    median over that of the case it is held against.
+    """
+
+    def __init__(self):
+        self._rows = []
+
+    def add(self, case, figure, samples, unit, ratio_to=None, ratio=None, note=""):
+        """Add a figure from its samples (or one number). `ratio_to` names a case with the same figure,
+        added before; `ratio` gives the ratio where it was measured pair by pair."""
+        samples = samples if isinstance(samples, (list, tuple)) else [samples]
+        value = statistics.median(samples)
+        spread = (max(samples) - min(samples)) / value if len(samples) > 1 and value else None
+        if ratio_to is not None and ratio is None:
+            other = [r for r in self._rows if r["case"] == ratio_to and r["figure"] == figure]
+            if not other:
+                raise KeyError(f"no case {ratio_to!r} with the figure {figure!r} to compare with")
+            ratio = value / other[0]["value"]
+        self._rows.append(dict(case=case, figure=figure, value=value, unit=unit, ratio_to=ratio_to,
+                               ratio=ratio, spread=spread, note=note))
+        return value
+
+    def print(self):
+        table = [("case", "figure", "median", "unit", "spread", "ratio", "")]
+        for r in self._rows:
+            table.append((
+                r["case"], r["figure"], f"{r['value']:.4g}", r["unit"],
+                "" if r["spread"] is None else f"{100 * r['spread']:.0f} %",
+                "" if r["ratio"] is None else f"{r['ratio']:.3g} x {r['ratio_to']}",
+                r["note"]))
+        widths = [max(len(row[i]) for row in table) for i in range(7)]
+        right = {2, 4}
+        for row in table:
+            cells = (c.rjust(w) if i in right else c.ljust(w)
+                     for i, (c, w) in enumerate(zip(row, widths)))
+            print("  ".join(cells).rstrip())
+
+    def write(self, path):
+        keys = ("case", "figure", "value", "unit", "ratio_to", "ratio")
+        with open(path, "w") as file:
+            json.dump([{k: r[k] for k in keys} for r in self._rows], file, indent=1)
+            file.write("\n")
+
+
+def options(name, arguments, runs):
+    """What every bench takes on the command line."""
+    parser = argparse.ArgumentParser(prog=f"fledge bench {name}")
+    parser.add_argument("--json", metavar="FILE", help="write the figures as a list of rows, too")
+    parser.add_argument("--runs", type=int, default=runs, help="samples of each figure (default %(default)s)")
+    return parser.parse_args(arguments)
+
+
+def report(rows, chosen):
+    rows.print()
+    if chosen.json:
+        rows.write(chosen.json)

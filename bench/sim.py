@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How fast the nadir spin flies: 9,600 s at 0.1 s (RK4) with flight at 2 Hz.
+
+The simulator runs against a loop of the same equations written by hand for this one mission, in
+turn, in this process, with the same compiler flags; their end states must agree.
+Best-known open peer on this kind of machine, measured once: 16.7 us per step, 1.6 s for the run,
+0.65 to 1.2 s to import, 125 to 230 MB.
+"""
+import ctypes
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+import time
+
+import fledge
+from fledge.units import s
+
+from bench.rows import Rows, options, report
+
+SECONDS = 9600
+STEPS = 10 * SECONDS
+PEER_NS_PER_STEP = 16700.0
+UPDATES = ["HillPointing", "EulerRotation", "TrackingError", "MrpFeedback", "WheelTorques"]
+
+
+def library():
+    from fledge import _core
+    path = pathlib.Path(_core.__file__).with_name("libfledge_bench.so")
+    lib = ctypes.CDLL(str(path))
+    lib.hand_written_loop.argtypes = [ctypes.c_long, ctypes.POINTER(ctypes.c_double)]
+    lib.time_flight_update.argtypes = [ctypes.c_char_p, ctypes.c_long]
+    lib.time_flight_update.restype = ctypes.c_double
+    return lib
+
+
+def wall(work):
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
+
+
+def simulator_state(sim):
+    state = sim.world.craft.state
+    speeds = sim.world.wheels.speeds.Omega[:4]
+    return [*state.r_BN_N, *state.v_BN_N, *state.sigma_BN, *state.omega_BN_B, *speeds]
+
+
+def compare(ours, theirs):
+    """The largest relative difference of the end states, each vector by its own length."""
+    worst = 0.0
+    for first, last in ((0, 3), (3, 6), (6, 9), (9, 12), (12, 16)):
+        a, b = ours[first:last], theirs[first:last]
+        length = sum(x * x for x in b) ** 0.5
+        worst = max(worst, sum((x - y) ** 2 for x, y in zip(a, b)) ** 0.5 / length)
+    return worst
+
+
+def prepared(record=None):
+    """The mission before its first instant, recording every so often."""
+    sim = fledge.load("nadir_spin")
+    if record:
+        sim.record(sim.flight.tracking.error, sim.flight.motor.command, every=record)
+    sim.reset()
+    return sim
+
+
+def start_up(rows, runs):
+    """Import and build in fresh interpreters, which report their own peak."""
+    code = ("import time; start = time.perf_counter(); import fledge\n"
+            "sim = fledge.load('nadir_spin'); sim.reset(); built = time.perf_counter() - start\n"
+            "import resource; print(built, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)\n")
+    built, peak = [], []
+    for _ in range(runs):
+        out = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout
+        built.append(float(out.split()[0]))
+        peak.append(float(out.split()[1]))
+    rows.add("nadir_spin", "import and build", built, "s")
+    rows.add("nadir_spin", "peak memory built", peak, "MB")
+    code += f"sim.run({SECONDS}); print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)\n"
+    peak = [float(subprocess.run([sys.executable, "-c", code], check=True, capture_output=True,
+                                 text=True).stdout.split()[2]) for _ in range(3)]
+    rows.add("nadir_spin", "peak memory flown", peak, "MB")
+
+
+def main(arguments):
+    chosen = options("sim", arguments, runs=15)
+    runs = chosen.runs
+    rows = Rows()
+    lib = library()
+    end = (ctypes.c_double * 16)()
+    sim = prepared()
+    recorded = prepared(record=10 * s)
+    archived = prepared(record=10 * s)
+
+    def fly(one):
+        one.run(SECONDS * s)
+
+    # In turn, so that a slow spell of the machine meets all alike; the ratio is that of each pair.
+    times = {"hand": [], "sim": [], "recorded": [], "archived": []}
+    with tempfile.TemporaryDirectory() as folder:
+        for i in range(runs + 1):
+            for one in (sim, recorded, archived):
+                one.reset()
+            archived.archive(os.path.join(folder, "run.mcap"))
+            sample = dict(
+                hand=wall(lambda: lib.hand_written_loop(STEPS, end)), sim=wall(lambda: fly(sim)),
+                recorded=wall(lambda: fly(recorded)), archived=wall(lambda: fly(archived)))
+            archived.close_archive()
+            if i:  # the first warms up
+                for name, value in sample.items():
+                    times[name].append(value)
+    difference = compare(simulator_state(sim), list(end))
+    if not difference < 1e-9:
+        raise SystemExit(f"the end states differ by {difference:.3g} (relative): the comparison is void")
+
+    def paired(name, other):
+        ratios = sorted(a / b for a, b in zip(times[name], times[other]))
+        return ratios[len(ratios) // 2]
+
+    per_step = {name: [1e9 * t / STEPS for t in values] for name, values in times.items()}
+    rows.add("hand_written_loop", "wall", times["hand"], "s")
+    rows.add("nadir_spin", "wall", times["sim"], "s", "hand_written_loop", paired("sim", "hand"))
+    rows.add("hand_written_loop", "step", per_step["hand"], "ns")
+    step = rows.add("nadir_spin", "step", per_step["sim"], "ns", "hand_written_loop", paired("sim", "hand"),
+                    note=f"{PEER_NS_PER_STEP / (1e9 * sorted(times['sim'])[runs // 2] / STEPS):.0f} times the peer")
+    rows.add("recorded every 10 s", "wall", times["recorded"], "s", "nadir_spin", paired("recorded", "sim"))
+    rows.add("and archived", "wall", times["archived"], "s", "nadir_spin", paired("archived", "sim"))
+    rows.add("end state", "difference", difference, "relative", note="simulator against hand-written loop")
+
+    # Where a step's time goes: what is not the world's nor an update's is schedule and wires.
+    world = []
+    for _ in range(5):
+        alone = fledge.load("nadir_spin")
+        alone.flight.mode("on", [alone.flight.gnc])
+        alone.flight.start_in(alone.flight.mode("off", []))
+        alone.reset()
+        world.append(1e9 * wall(lambda: fly(alone)) / STEPS)
+    flight = 0.0
+    for module in UPDATES:
+        samples = [1e9 * lib.time_flight_update(module.encode(), 200_000) for _ in range(7)]
+        flight += rows.add(module, "update", samples, "ns") / 5
+    alone = rows.add("world alone", "step", world, "ns")
+    rows.add("flight updates", "share of a step", flight, "ns", note="a fifth of their sum: 2 Hz against 10 Hz")
+    rows.add("schedule and wires", "share of a step", step - alone - flight, "ns", note="the rest")
+
+    start_up(rows, runs)
+    report(rows, chosen)
