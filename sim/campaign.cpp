@@ -153,14 +153,15 @@ void check_reach(const Instance &instance, const FledgeField &field, std::size_t
     }
 }
 
-/// The simulation of one thread, and where its results go.
+/// A simulation that flies one run after the other, and where their results go.
 class Worker {
 public:
-    Worker(const Simulation &nominal, const CampaignPlan &plan) : nominal_(nominal), plan_(plan), own_(nominal.clone())
+    Worker(const Simulation &nominal, Simulation &own, const CampaignPlan &plan)
+        : nominal_(nominal), own_(own), plan_(plan)
     {
         for (const Retained &variable : plan.retained) {
-            const auto [instance, field] = find_path(*own_, variable.port);
-            logs_.push_back(own_->recorder().record(instance, *field, plan.every));
+            const auto [instance, field] = find_path(own, variable.port);
+            logs_.push_back(own.recorder().record(instance, *field, plan.every));
         }
     }
 
@@ -168,13 +169,13 @@ public:
     {
         std::vector<double> draws;
         try {
-            if (own_->prepared()) { // not after a run whose draws were refused
-                own_->reset();
+            if (own_.prepared()) { // not after a run whose draws were refused
+                own_.reset();
             }
-            draws = disperse(nominal_, *own_, plan_, plan_.first + run);
+            draws = disperse(nominal_, own_, plan_, plan_.first + run);
             RunControl control;
             control.poll = [&](Ns) { return !stop; };
-            if (!own_->run_until(plan_.duration, control)) {
+            if (!own_.run_until(plan_.duration, control)) {
                 return;
             }
         } catch (const std::exception &error) {
@@ -183,27 +184,30 @@ public:
         result.flown[run] = 1;
         std::copy(draws.begin(), draws.end(), result.draws.begin() + static_cast<std::ptrdiff_t>(run * draws.size()));
         for (std::size_t i = 0; i < logs_.size(); i++) {
-            keep(*logs_[i], plan_.retained[i], result.samples,
+            keep(*logs_[i], plan_.retained[i], result.samples, result.failures[run].empty(),
                  result.retained[i].data() + run * result.samples * plan_.retained[i].elements);
         }
     }
 
 private:
-    /// A sample belongs to the last multiple of its period: instants may be rarer than those.
-    static void keep(const Log &log, const Retained &variable, std::size_t samples, double *to)
+    /// Where instants are rarer than samples, a message holds until it is written again.
+    static void keep(const Log &log, const Retained &variable, std::size_t samples, bool complete, double *to)
     {
+        const auto index = [&](Ns t) { return static_cast<std::size_t>(t / log.every); };
+        std::size_t k = 0;
         for (std::size_t i = 0; i < log.times.size(); i++) {
-            const auto k = static_cast<std::size_t>(log.times[i] / log.every);
-            if (k < samples) {
-                std::memcpy(to + k * variable.elements, log.bytes.data() + i * log.field->size + variable.offset,
-                            variable.elements * sizeof(double));
+            const std::byte *from = log.bytes.data() + i * log.field->size + variable.offset;
+            const bool last = i + 1 == log.times.size();
+            const std::size_t end = complete && last ? samples : index(last ? log.times[i] + log.every : log.times[i + 1]);
+            for (; k < std::min(samples, end); k++) {
+                std::memcpy(to + k * variable.elements, from, variable.elements * sizeof(double));
             }
         }
     }
 
     const Simulation &nominal_;
+    Simulation &own_;
     const CampaignPlan &plan_;
-    std::unique_ptr<Simulation> own_;
     std::vector<std::shared_ptr<Log>> logs_;
 };
 
@@ -214,6 +218,21 @@ std::size_t dispersed_elements(const CampaignPlan &plan)
         n += dispersion.elements.size();
     }
     return n;
+}
+
+/// Room for what the runs leave behind.
+CampaignResult room_for(const CampaignPlan &plan)
+{
+    const double none = std::numeric_limits<double>::quiet_NaN();
+    CampaignResult result;
+    result.samples = static_cast<std::size_t>(plan.duration / plan.every) + 1;
+    result.flown.resize(plan.runs);
+    result.failures.resize(plan.runs);
+    result.draws.assign(plan.runs * dispersed_elements(plan), none);
+    for (const Retained &variable : plan.retained) {
+        result.retained.emplace_back(plan.runs * result.samples * variable.elements, none);
+    }
+    return result;
 }
 
 } // namespace
@@ -357,24 +376,28 @@ std::vector<double> disperse(const Simulation &nominal, Simulation &simulation, 
     return draws;
 }
 
+CampaignResult fly_one(Simulation &simulation, CampaignPlan plan, std::size_t index)
+{
+    plan.first = index;
+    plan.runs = 1;
+    check_plan(simulation, plan);
+    CampaignResult result = room_for(plan);
+    Worker(simulation, simulation, plan).fly(0, result, false);
+    return result;
+}
+
 CampaignResult fly(const Simulation &nominal, const CampaignPlan &plan, unsigned threads,
                    const std::function<bool(CampaignProgress)> &progress)
 {
     check_plan(nominal, plan);
-    const double none = std::numeric_limits<double>::quiet_NaN();
-    CampaignResult result;
-    result.samples = static_cast<std::size_t>(plan.duration / plan.every) + 1;
-    result.flown.resize(plan.runs);
-    result.failures.resize(plan.runs);
-    result.draws.assign(plan.runs * dispersed_elements(plan), none);
-    for (const Retained &variable : plan.retained) {
-        result.retained.emplace_back(plan.runs * result.samples * variable.elements, none);
-    }
+    CampaignResult result = room_for(plan);
 
     // Clones are made here, one after the other: the nominal simulation is touched by one thread only.
+    std::vector<std::unique_ptr<Simulation>> clones;
     std::vector<std::unique_ptr<Worker>> workers;
     for (unsigned i = 0; i < std::clamp<std::size_t>(threads, 1, plan.runs); i++) {
-        workers.push_back(std::make_unique<Worker>(nominal, plan));
+        clones.push_back(nominal.clone());
+        workers.push_back(std::make_unique<Worker>(nominal, *clones.back(), plan));
     }
     std::atomic<std::size_t> next{0}, finished{0}, failed{0};
     std::atomic<bool> stop{false};

@@ -59,7 +59,9 @@ struct CampaignResult {
     std::vector<std::uint8_t> flown;           ///< by run: 0 if the campaign was stopped before its end
     std::vector<std::string> failures;         ///< by run; "" if it flew to its end
     std::vector<double> draws;                 ///< by run, then by dispersed element; NaN if not flown
-    std::vector<std::vector<double>> retained; ///< by variable: run, sample, element; NaN where there is none
+    /// By variable: run, sample, element; NaN if not flown, or after a failure. Between two instants a
+    /// sample is that of the first.
+    std::vector<std::vector<double>> retained;
 };
 
 /// How far a campaign is.
@@ -86,6 +88,10 @@ void check_plan(const Simulation &nominal, const CampaignPlan &plan);
 /// `nominal` has the nominal values and is left alone. Returns the draws.
 std::vector<double> disperse(const Simulation &nominal, Simulation &simulation, const CampaignPlan &plan,
                              std::size_t index);
+
+/// Fly one run in a simulation that stands before its first instant, with its nominal values. They
+/// are lost: this is for a simulation that cannot be cloned and is made anew for each run.
+CampaignResult fly_one(Simulation &simulation, CampaignPlan plan, std::size_t index);
 
 /// Fly all runs on this many threads. `progress` is called about ten times a second on the calling
 /// thread, and must not throw; false stops the campaign, which keeps the runs that are finished. A run

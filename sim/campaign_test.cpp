@@ -228,7 +228,7 @@ TEST(Campaign, NoElementIsDispersedTwice)
 
 TEST(Campaign, SamplesStandAtTheirTimes)
 {
-    // Retained four times as often as there are instants: three of four have no sample.
+    // Retained four times as often as there are instants: a message holds until the next.
     Nominal nominal;
     nominal.plan.runs = 1;
     nominal.plan.every = second / 40;
@@ -238,11 +238,26 @@ TEST(Campaign, SamplesStandAtTheirTimes)
     ASSERT_EQ(often.samples, 201u);
     ASSERT_EQ(each.samples, 51u);
     for (std::size_t k = 0; k < often.samples; k++) {
-        if (k % 4) {
-            EXPECT_TRUE(std::isnan(often.retained[0][k])) << k;
-        } else {
-            EXPECT_EQ(often.retained[0][k], each.retained[0][k / 4]) << k;
-        }
+        EXPECT_EQ(often.retained[0][k], each.retained[0][k / 4]) << k;
+    }
+    // Retained at times that are no instants: the first instant at or after each.
+    nominal.plan.every = second / 4;
+    const CampaignResult between = fly(nominal.sim, nominal.plan, 1);
+    EXPECT_EQ(between.retained[0][1], each.retained[0][3]); // 0.25 s: the instant 0.3 s
+    EXPECT_EQ(between.retained[0][2], each.retained[0][5]);
+}
+
+TEST(Campaign, ARunFlownInASimulationOfItsOwnIsTheSame)
+{
+    Nominal nominal;
+    const CampaignResult many = fly(nominal.sim, nominal.plan, 2);
+    for (std::size_t index : {0u, 17u, 199u}) {
+        Nominal fresh;
+        const CampaignResult one = fly_one(fresh.sim, fresh.plan, index);
+        EXPECT_EQ(one.flown, std::vector<std::uint8_t>{1});
+        EXPECT_TRUE(std::equal(one.draws.begin(), one.draws.end(), many.draws.begin() + 2 * static_cast<long>(index)));
+        EXPECT_TRUE(std::equal(one.retained[0].begin(), one.retained[0].end(),
+                               many.retained[0].begin() + 11 * static_cast<long>(index)));
     }
 }
 

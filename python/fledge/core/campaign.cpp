@@ -162,6 +162,10 @@ void bind_campaign(py::module_ &m)
         }, "an array (runs, samples, elements) of each variable");
 
     m.def("has_callables", sim::has_callables);
+    m.def("fly_one", [](sim::Simulation &simulation, const Plan &plan, std::size_t index) {
+        py::gil_scoped_release release;
+        return std::make_unique<sim::CampaignResult>(sim::fly_one(simulation, plan, index));
+    }, "The result of one run, flown in a simulation made for it.");
     m.def("disperse", sim::disperse, "Set seed and parameters of one run; returns the draws.");
     m.def("fly", fly, py::arg("nominal"), py::arg("plan"), py::arg("threads"), py::arg("progress") = py::none(),
           "(result, whether Ctrl-C stopped it); progress(finished, failed) is called now and then.");

@@ -1,0 +1,269 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Dispersed runs of a mission: `fledge montecarlo MISSION`, or from Python
+
+    from fledge.montecarlo import Campaign
+
+    campaign = Campaign("nadir_spin")        # as its dispersions.py declares it; see fledge.dispersions
+    result = campaign.fly(2000, seed=1)
+    result.retained["flight.tracking.error.sigma_BR"]     # (2000, samples, 3)
+    result.draws["world.craft.I_B[0, 0]"]                 # (2000,)
+    result.failures                                       # index -> text
+    sim = campaign.simulation(17, seed=1)                 # that run, ready to be flown by hand
+
+A run is fixed by (seed, index): neither threads nor processes nor their order change a bit of it.
+"""
+
+import os
+import types
+
+from fledge import _core, mission as missions
+from fledge.dispersions import Dispersions
+
+SetupError = _core.SetupError
+
+
+class Campaign:
+    """A mission and what differs between its runs.
+
+    mission: a name, or the path of a folder; name: of a function in its dispersions.py (default: the
+    first), or a function that takes `d`; `known` lists those of the file, with the first lines of their
+    docstrings.
+    Raises SetupError, or MissionError with the line of the mission's file.
+    """
+
+    def __init__(self, mission, name=None):
+        self._mission, self._function = mission, name
+        self.nominal, self.dispersions, self.known, self.name = _declare(mission, name)
+        self.plan = self.dispersions._finished()
+        self.summary = self.known.get(self.name, "")
+
+    @property
+    def has_callables(self):
+        """Whether the mission's events call Python: such runs are flown by processes, each run in a
+        mission loaded afresh, for nothing else keeps the runs apart."""
+        return _core.has_callables(self.nominal._core)
+
+    def simulation(self, index, seed=0):
+        """The simulation of one run, its parameters and seed set, not yet run.
+
+        Fly it for `campaign.dispersions.duration`; its records are as long as you like.
+        """
+        if index < 0:
+            raise SetupError(f"a run's index must be >= 0, found {index}")
+        sim, dispersions, *_ = _declare(self._mission, self._function)
+        plan = dispersions._finished()
+        plan.seed = seed
+        _core.disperse(sim._core, sim._core, plan, index)
+        return sim
+
+    def fly(self, runs, seed=0, threads=None, processes=False, progress=None):
+        """Fly the runs 0 to runs - 1; returns a Result.
+
+        threads: default: all cores; processes: fly by processes even where threads would do;
+        progress(finished, failed) is called about ten times a second. Ctrl-C stops the campaign: the
+        result has the runs that were finished, and `interrupted` is set.
+        Raises SetupError before the first run if something is wrong with all of them.
+        """
+        threads = threads or cores()
+        for value, what in ((runs, "runs"), (threads, "threads")):
+            if value < 1:
+                raise SetupError(f"{what} must be >= 1, found {value}")
+        if not 0 <= seed < 2**64:
+            raise SetupError(f"seed must be a whole number from 0 to 2^64 - 1, found {seed}")
+        plan = self.plan
+        plan.seed, plan.runs = seed, runs
+        self._check_room(runs)
+        self.nominal._core.prepare()  # what is wrong with the nominal run is wrong with all
+        if processes or self.has_callables:
+            return _fly_in_processes(self, runs, seed, min(threads, runs), progress)
+        flown, interrupted = _core.fly(self.nominal._core, plan, threads, progress)
+        return Result(self, seed, flown.flown, flown.failures, flown.draws, flown.retained, interrupted)
+
+    def _check_room(self, runs):
+        numbers = sum(len(s._place.elements) for s in self.dispersions.retained.values())
+        wanted = 8 * runs * len(self.dispersions.ns) * numbers
+        room = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+        if wanted > room / 2:
+            raise SetupError(f"{runs} runs would retain {wanted / 1e9:.1f} GB, more than half of this machine's memory: "
+                             "fly fewer, retain less, or set a longer d.every")
+
+    def __repr__(self):
+        return f"<campaign {self.name} of {self.nominal.name}: {len(self.dispersions.columns)} numbers dispersed>"
+
+
+def cores():
+    """The cores that this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
+def campaigns(mission):
+    """The campaigns of a mission's dispersions.py: name -> first line of the docstring. Nothing is executed."""
+    import ast
+
+    path = mission.folder / "dispersions.py"
+    if not path.exists():
+        return {}
+    tree = ast.parse(path.read_text(encoding="utf-8"), str(path))
+    return {node.name: (ast.get_docstring(node) or "").strip().split("\n")[0] for node in tree.body
+            if isinstance(node, ast.FunctionDef) and not node.name.startswith("_") and len(node.args.args) == 1}
+
+
+def _declare(mission, wanted):
+    """A fresh simulation, its Dispersions, and the campaigns there are, for Campaign."""
+    sim = missions.load(mission)
+    dispersions = Dispersions(sim)
+    if callable(wanted):
+        wanted(dispersions)
+        return sim, dispersions, {wanted.__name__: _first_line(wanted)}, wanted.__name__
+    path = sim.mission.folder / "dispersions.py"
+    if not path.exists():
+        raise SetupError(f"the mission {sim.name} declares no dispersions: say in {path} what differs from run to run")
+    with missions._Files(sim.mission) as files:
+        module = files.execute("dispersions")
+        known = {name: f for name, f in vars(module).items()
+                 if isinstance(f, types.FunctionType) and f.__module__ == module.__name__
+                 and not name.startswith("_") and f.__code__.co_argcount == 1}
+        if not known:
+            raise SetupError(f"{path}: expected a function that takes d, as in def release(d)")
+        name = wanted or next(iter(known))
+        if name not in known:
+            raise SetupError(f"the mission {sim.name} has no campaign '{name}'; it has {', '.join(known)}")
+        files.call(known[name], dispersions)
+        files.forget()
+    return sim, dispersions, {n: _first_line(f) for n, f in known.items()}, name
+
+
+def _first_line(function):
+    return (function.__doc__ or "").strip().split("\n")[0]
+
+
+# --- results ---------------------------------------------------------------------------------------
+
+class Result:
+    """What the runs left behind.
+
+    flown: (runs,) whether a run came to its end, or failed; False after Ctrl-C for those not finished
+    passed: (runs,) flown without an error and with every requirement fulfilled
+    failures: index -> text of each run that failed
+    draws: path of each dispersed element -> (runs,), NaN where not flown
+    retained: path -> (runs, samples, ...), NaN where not flown or after an error; read-only
+    ns: (samples,) times of the samples [ns]; time: the same [s]
+    """
+
+    def __init__(self, campaign, seed, flown, errors, draws, retained, interrupted):
+        import numpy as np
+
+        d = campaign.dispersions
+        self.campaign, self.seed, self.interrupted = campaign, seed, interrupted
+        self.ns = d.ns
+        self.time = self.ns / 1e9
+        self.flown = np.array(flown, bool)
+        self.draws = {path: draws[:, i] for i, path in enumerate(d.columns)}
+        self.retained = {}
+        for (path, series), values in zip(d.retained.items(), retained):
+            self.retained[path] = values.reshape(*values.shape[:2], *series._place.shape)
+            self.retained[path].flags.writeable = False
+        self.errors = {i: text for i, text in enumerate(errors) if text}
+        self.complete = self.flown.copy()
+        self.complete[list(self.errors)] = False
+        self.failures = dict(self.errors)
+        for requirement in d.requirements:
+            values, times, holds = requirement.worst(self)
+            for i in np.flatnonzero(self.complete & ~holds):
+                text = requirement.failure(values[i], times[i])
+                self.failures[int(i)] = f"{self.failures[i]}; {text}" if i in self.failures else text
+        self.failures = dict(sorted(self.failures.items()))
+        self.passed = self.flown.copy()
+        self.passed[list(self.failures)] = False
+
+    def __len__(self):
+        return len(self.flown)
+
+    def __repr__(self):
+        return (f"<{len(self)} runs of {self.campaign.nominal.name}, {self.campaign.name}, seed {self.seed}: "
+                f"{self.passed.sum()} passed, {len(self.failures)} failed"
+                + (f", {(~self.flown).sum()} not flown" if not self.flown.all() else "") + ">")
+
+
+# --- processes -------------------------------------------------------------------------------------
+
+def _fly_in_processes(campaign, runs, seed, n, progress):
+    """The same as threads give, by processes, each run in a mission loaded afresh."""
+    import multiprocessing
+    from multiprocessing import connection
+
+    import numpy as np
+
+    d = campaign.dispersions
+    draws = np.full((runs, len(d.columns)), np.nan)
+    retained = [np.full((runs, len(d.ns), len(s._place.elements)), np.nan) for s in d.retained.values()]
+    flown, errors = [False] * runs, [""] * runs
+    fork = multiprocessing.get_context("fork")
+    following = fork.Value("q", 0)
+    children, interrupted = {}, False
+
+    def start():
+        ours, theirs = fork.Pipe()
+        child = fork.Process(target=_fly_share, args=(campaign, runs, seed, following, theirs), daemon=True)
+        child.start()
+        theirs.close()
+        children[ours] = [child, None]
+
+    try:
+        for _ in range(n):
+            start()
+        while children:
+            for pipe in connection.wait(list(children), 0.1):
+                child, index = children[pipe]
+                try:
+                    index, *rest = pipe.recv()
+                except EOFError:  # it has come to its end, or died in a run
+                    child.join()
+                    del children[pipe]
+                    if index is not None:
+                        flown[index], errors[index] = True, _death(child.exitcode)
+                        start()
+                    continue
+                children[pipe][1] = None if rest else index
+                if rest:
+                    errors[index], own_draws, own_retained = rest
+                    flown[index] = True
+                    draws[index] = own_draws
+                    for to, values in zip(retained, own_retained):
+                        to[index] = values
+            if progress:
+                progress(sum(flown), sum(map(bool, errors)))
+    except KeyboardInterrupt:
+        interrupted = True
+    finally:
+        for child, _ in children.values():
+            child.terminate()
+            child.join()
+    return Result(campaign, seed, flown, errors, draws, retained, interrupted)
+
+
+def _fly_share(campaign, runs, seed, following, pipe):
+    """What a child does: fly the next run until there is none. Sends (index,), then the run's results."""
+    import signal
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent hears it, and ends the children
+    while True:
+        with following.get_lock():
+            index = following.value
+            following.value += 1
+        if index >= runs:
+            return
+        pipe.send((index,))
+        sim, dispersions, *_ = _declare(campaign._mission, campaign._function)
+        plan = dispersions._finished()
+        plan.seed = seed
+        result = _core.fly_one(sim._core, plan, index)
+        pipe.send((index, result.failures[0], result.draws[0], [values[0] for values in result.retained]))
+
+
+def _death(code):
+    import signal
+
+    if code is not None and code < 0:
+        return f"the process that flew it was ended by {signal.Signals(-code).name}"
+    return f"the process that flew it ended with code {code}"
