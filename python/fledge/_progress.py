@@ -36,7 +36,7 @@ class Progress:
         filled = int(done * _WIDTH)
         speed = (now - self._start) / 1e9 / spent
         line = (f"{self._title} [{'#' * filled}{'.' * (_WIDTH - filled)}] {done:4.0%}  "
-                f"{clock(now / 1e9)} of {clock(self._end / 1e9)}, {speed:.3g}x, {clock(spent / done - spent)} left")
+                f"{clock(now / 1e9)} of {clock(self._end / 1e9)}, {speed:.4g}x, {clock(spent / done - spent)} left")
         sys.stderr.write("\r" + line.ljust(self._drawn))
         sys.stderr.flush()
         self._drawn = max(self._drawn, len(line))

@@ -8,7 +8,6 @@ the mission is wrong; 130 Ctrl-C.
 import argparse
 import os
 import sys
-import time
 from pathlib import Path
 
 
@@ -41,7 +40,6 @@ def run(options):
     title = f"{sim.name}, {name}"
     about = sim.mission.summaries().get(name)
     say(title + (f": {about}" if about else ""))
-    begun = time.perf_counter()
     problem, code = None, 0
     try:
         fly(sim)
@@ -53,9 +51,9 @@ def run(options):
     except Exception as error:
         problem, code = missions.explain(error, sim.mission.folder), 1
         _debug(options)
-    wall = time.perf_counter() - begun
     plots = sim.plots.saved if sim.plots else []
-    say(f"  flown    {sim.time:g} s in {wall:.2f} s" + (f", {sim.time / wall:.3g} times real time" if wall > 0 else ""))
+    say(f"  flown    {sim.time:g} s in {sim.wall:.3g} s"
+        + (f", {sim.time / sim.wall:,.3g} times real time" if sim.wall > 0 else ""))
     if sim.pace and sim.pace_report["overruns"]:
         report = sim.pace_report
         say(f"  pace     {report['overruns']} of {report['instants']} instants were late, by up to "
@@ -198,9 +196,10 @@ def plot(options):
     else:  # a figure per topic, a panel per field
         figures = []
         for channel in archive.topics.values():
-            names = [f"{channel.name}.{n}" for n, f in channel.fields.items() if not n.startswith("head.")]
-            if channel.count and names:
-                figures.append(draw(archive, *names, name=channel.name, title=channel.name))
+            fields = {f"{channel.name}.{n}": f for n, f in channel.fields.items() if not n.startswith("head.")}
+            if channel.count and fields:
+                figures.append(draw(archive, *fields, name=channel.name, title=channel.name,
+                                    titles=[f.meaning or f.name for f in fields.values()]))
     if not figures:
         raise Failure(f"{archive.path}: there is nothing to plot", 1)
     for figure in figures:
@@ -323,11 +322,13 @@ def main(arguments=None):
 
 
 def _expected(error):
-    """Errors that are about what the user gave, not about this program."""
+    """Errors that are about what the user gave, or what is not installed; not about this program."""
+    if isinstance(error, (OSError, ImportError)):
+        return True
     from fledge import _core
     from fledge.archive import ArchiveError
 
-    return isinstance(error, (_core.SetupError, _core.RunError, ArchiveError, OSError, ImportError))
+    return isinstance(error, (_core.SetupError, _core.RunError, ArchiveError))
 
 
 if __name__ == "__main__":

@@ -9,6 +9,8 @@
     log.plot("error.sigma_BR")
 """
 
+from time import perf_counter
+
 from fledge import _core
 from fledge.process import Flight, World, _time
 
@@ -36,6 +38,7 @@ class Simulation:
         self.mission = None    # the Mission it was loaded from
         self.pace = 0.0        # what run() takes unless told; 0: as fast as possible
         self.plots = None      # what collects the figures of Log.plot(); None: they are shown; False: none
+        self.wall = 0.0        # [s] of wall time that run() took so far
         self._archive = None   # (path, metadata) of the archive that the next run opens
 
     # --- its parts ---
@@ -106,8 +109,12 @@ class Simulation:
         self._open_archive()
         from fledge._progress import Progress
 
-        with Progress(self.name, start, end, progress) as bar:
-            self._core.run_until(end, float(pace), bar.at if bar.wanted else None)
+        begun = perf_counter()
+        try:
+            with Progress(self.name, start, end, progress) as bar:
+                self._core.run_until(end, float(pace), bar.at if bar.wanted else None)
+        finally:
+            self.wall += perf_counter() - begun
 
     def step(self, n=1):
         """Run the next instant, or the next n."""

@@ -74,9 +74,15 @@ py::dict types_of(const FledgeLibrary &library)
     return types;
 }
 
-/// A shared library with modules of one's own: it exports `fledge_library_<name>`.
+/// A shared library with modules of one's own: it exports `fledge_library_<name>`. The tables of the
+/// messages that it shares with Fledge are found here.
 py::dict load_library(const std::string &path, const std::string &name)
 {
+    Dl_info self;
+    if (dladdr(reinterpret_cast<const void *>(&fledge_library_flight), &self)) {
+        // Python loads extensions with their symbols to themselves; from now on ours are for all.
+        dlopen(self.dli_fname, RTLD_NOW | RTLD_NOLOAD | RTLD_GLOBAL);
+    }
     void *handle = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
     if (!handle) {
         throw sim::SetupError("cannot load the library " + path + ": " + dlerror());
