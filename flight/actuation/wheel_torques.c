@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Minimum-norm wheel torques. With A = C G, whose columns are zero for wheels that may not be used,
  *     u = -A^T (A A^T)^+ C L,
- * which is -A^+ C L also where the wheels do not span the controlled axes. A A^T is of three however
- * many the wheels, and inverted in closed form, so nothing is kept between updates. */
+ * which is -A^+ C L also where the wheels do not span the controlled axes. A A^T is of three,
+ * however many the wheels, and inverted in closed form, so nothing is kept between updates. */
 #include "flight/actuation/wheel_torques.h"
 
 #include <string.h>
@@ -90,7 +90,8 @@ void wheel_torques_update(WheelTorques *m, Tick t)
         torque_B = vec_sub(torque_B, vec_scale(u[i], wheels->axes_B[i]));
     }
 
-    Quality quality = quality_min(quality_through(m->in.torque.head), quality_through(wheels->head));
+    Quality quality = quality_min(quality_through(m->in.torque.head),
+                                  quality_through(wheels->head));
     quality = quality_min(quality, quality_optional(m->in.availability.head));
     if (quality != QUALITY_NONE && vec_finite(torque_B)) { /* and so every u[i] is */
         if (!spanned) {

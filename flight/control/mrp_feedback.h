@@ -27,7 +27,7 @@ typedef struct MrpFeedback {
         double K;       ///< [N m]   required, > 0: gain on the MRP error
         Mat3 P;         ///< [N m s] required: gain on the rate error
         double K_I;     ///< [N m / s] >= 0: gain on the integrated error; 0: off
-        double u_I_max; ///< [N m]   >= 0: largest integral torque per axis (anti-windup); 0: no limit
+        double u_I_max; ///< [N m]   >= 0: largest integral torque per axis, anti-windup; 0: none
     } par;
     struct {
         Vec3 z;          ///< [s] integral of the MRP error

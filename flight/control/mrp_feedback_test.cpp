@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// MRP feedback in closed loop with the equations of motion (A.1), wheels included: the Lyapunov rate,
-// convergence, the integral term, and the quality of the torque.
+// MRP feedback in closed loop with the equations of motion (A.1), wheels included: the Lyapunov
+// rate, convergence, the integral term, and the quality of the torque.
 #include "flight/testing/eigen.h"
 #include "flight/testing/poison.h"
 
@@ -266,7 +266,7 @@ TEST(MrpFeedback, integral_of_a_ramp_is_exact)
 
 TEST(MrpFeedback, integral_crosses_the_change_of_sets_smoothly)
 {
-    // Turning on about one axis through 180 degrees: from angle to angle, sigma jumps from +1 to -1.
+    // Turning on about one axis through 180 degrees, where sigma jumps from +1 to -1.
     MrpFeedback m = integrating(vec3(0, 0, 0));
     double z = 0, last = 0;
     for (int k = 0; k <= 40; k++) {
@@ -353,7 +353,7 @@ TEST(MrpFeedback, removes_the_offset_of_an_unknown_torque)
         loop.m.par.K_I = gain;
         mrp_feedback_reset(&loop.m);
         Vector3d sigma = Vector3d::Zero(), omega = Vector3d::Zero();
-        for (int k = 0; k < 4000; k++) { // sampled at 10 Hz, the body by the symplectic Euler method
+        for (int k = 0; k < 4000; k++) { // at 10 Hz, the body by the symplectic Euler method
             loop.m.in.error.sigma_BR = vec(sigma);
             loop.m.in.error.omega_BR_B = vec(omega);
             mrp_feedback_update(&loop.m, {k * tenth, k ? tenth : 0});

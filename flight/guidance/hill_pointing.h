@@ -7,8 +7,8 @@
 
 /** Point at the Hill frame: r1 radially outward, r3 along the orbit's angular momentum.
  *  Rates and accelerations assume Keplerian motion about the planet.
- *  On a radial trajectory (r and v within 1e-12 of parallel) and at the planet's centre the frame is
- *  undefined: the last good reference is held, degraded.
+ *  On a radial trajectory (r and v within 1e-12 of parallel) and at the planet's centre the frame
+ *  is undefined: the last good reference is held, degraded.
  *  Source: thesis Eqs. (A.6) to (A.11). */
 typedef struct HillPointing {
     struct {

@@ -87,7 +87,8 @@ TEST(TrackingError, rate_is_the_derivative_of_the_attitude)
     for (int i = 0; i < 500; i++) {
         TrackingError m = any(random);
         Matrix3d BN = dcm(m.in.attitude.sigma_BN), RiN = dcm(m.in.reference.sigma_RN);
-        Vector3d omega_BN = eigen(m.in.attitude.omega_BN_B), omega = eigen(m.in.reference.omega_RN_N);
+        Vector3d omega_BN = eigen(m.in.attitude.omega_BN_B);
+        Vector3d omega = eigen(m.in.reference.omega_RN_N);
         auto at = [&](double t) -> Matrix3d {
             TrackingError later = m;
             later.in.attitude.sigma_BN = dcm_to_mrp(mat(turn(omega_BN, omega_BN.norm() * t) * BN));
@@ -147,7 +148,8 @@ TEST(TrackingError, gives_finite_numbers_whatever_it_is_given)
         attitude.head.quality = any_quality(random);
         reference.head.quality = any_quality(random);
         tracking_error_update(&m, {round, 1});
-        expect_finite(doubles(out.sigma_BR, out.omega_BR_B, out.omega_RN_B, out.domega_RN_B), round);
+        expect_finite(doubles(out.sigma_BR, out.omega_BR_B, out.omega_RN_B, out.domega_RN_B),
+                      round);
     }
 }
 

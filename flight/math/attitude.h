@@ -36,8 +36,8 @@ static inline Vec3 mrp_short(Vec3 sigma)
     return vec_norm2(sigma) > 1.0 ? mrp_shadow(sigma) : sigma;
 }
 
-/** The set of sigma's attitude that is nearer to `to`: what sigma must be for a motion from sigma to
- *  `to` to be continuous. |shadow - to| < |sigma - to| is, multiplied out, what is tested here. */
+/** The set of sigma's attitude that is nearer to `to`: what sigma must be for a motion from sigma
+ *  to `to` to be continuous. |shadow - to| < |sigma - to| is, multiplied out, what is tested here. */
 static inline Vec3 mrp_nearer(Vec3 sigma, Vec3 to)
 {
     return vec_norm2(sigma) - 2.0 * vec_dot(sigma, to) > 1.0 ? mrp_shadow(sigma) : sigma;

@@ -10,10 +10,10 @@
 #define MAT_RANK_TOLERANCE 1e-6
 
 /** S^+ of a symmetric positive-semidefinite S, with its numerical rank.
- *  T = S / tr S has the invariants 1, e2 = tr adj T, e3 = det T. By the theorem of Cayley and Hamilton
+ *  T = S / tr S has the invariants 1, e2 = tr adj T, e3 = det T. By Cayley and Hamilton
  *      rank 3: T^+ = adj T / e3;   rank 2: T^+ = (I - T) / e2 - adj T / e2^2;   rank 1: T^+ = T.
- *  With eigenvalues 1 >= a >= b the ratios tested, e2 / 1 and e3 / e2, are a and b to within a small
- *  factor. */
+ *  With eigenvalues 1 >= a >= b, the ratios tested, e2 / 1 and e3 / e2, are a and b to within a
+ *  small factor. */
 static inline Mat3 mat_sym_pinv(Mat3 S, int *rank)
 {
     double trace = S.m[0][0] + S.m[1][1] + S.m[2][2];

@@ -44,7 +44,7 @@ static inline Quality quality_min(Quality a, Quality b)
     return a < b ? a : b;
 }
 
-/** The quality of what is computed from an input: stale data degrade a result, missing data void it. */
+/** The quality of what is computed from an input: stale data degrade, missing data void it. */
 static inline Quality quality_through(Head input)
 {
     return input.quality == QUALITY_STALE ? QUALITY_DEGRADED : input.quality;
@@ -67,7 +67,7 @@ static inline Head head_next(Head last, int64_t t, Quality quality)
     return (Head){t, quality, last.sequence + 1u};
 }
 
-/** The head of an output that could not be computed anew and holds its last value, if it has one. */
+/** The head of an output that could not be computed anew and holds its last value, if any. */
 static inline Head head_held(Head last)
 {
     return (Head){last.t, quality_min(last.quality, QUALITY_DEGRADED), last.sequence};

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The derivative of a smooth function, by central differences extrapolated to step zero (Richardson).
+// The derivative of a smooth function, by central differences extrapolated to step zero
+// (Richardson).
 #pragma once
 
 #include <array>

@@ -48,7 +48,7 @@ inline Matrix3d skew(const Vector3d &a)
     return s;
 }
 
-/// The DCM of a turn by `angle` about `axis`: it maps components, so it turns them back (Rodrigues).
+/// The DCM of a turn by `angle` about `axis` (Rodrigues): mapping components, it turns them back.
 inline Matrix3d turn(const Vector3d &axis, double angle)
 {
     Vector3d e = axis.normalized();

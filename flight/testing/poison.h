@@ -57,9 +57,10 @@ void expect_held(Module &m, const Doubles &inputs, Update update, Heads heads)
 /// A number of any kind: ordinary, zero of either sign, tiny, huge, not finite.
 inline double any_number(Random &random)
 {
-    static constexpr double special[] = {0.0,     -0.0,     1.0,      -1.0,    DBL_MIN, 5e-324,
-                                         1e-170,  -1e-170,  1e160,    -1e160,  DBL_MAX, -DBL_MAX,
-                                         HUGE_VAL, -HUGE_VAL, std::numeric_limits<double>::quiet_NaN()};
+    using limits = std::numeric_limits<double>;
+    static constexpr double special[] = {
+        0.0,     -0.0,    1.0,     -1.0,     DBL_MIN,  5e-324,    1e-170,             -1e-170,
+        1e160,   -1e160,  DBL_MAX, -DBL_MAX, HUGE_VAL, -HUGE_VAL, limits::quiet_NaN()};
     constexpr int n = sizeof special / sizeof special[0];
     return random.below(2) ? random.real(-10, 10) : special[random.below(n)];
 }
@@ -71,8 +72,9 @@ inline void throw_numbers(const Doubles &at, Random &random, int round)
     for (double *p : at) {
         *p = round % 9 == 0 ? any_number(random) : random.real(-10, 10);
     }
+    auto n = static_cast<int>(at.size());
     for (int i = 0; round % 3 == 0 && i < 3; i++) {
-        *at[static_cast<std::size_t>(random.below(static_cast<int>(at.size())))] = any_number(random);
+        *at[static_cast<std::size_t>(random.below(n))] = any_number(random);
     }
 }
 
