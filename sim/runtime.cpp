@@ -257,6 +257,12 @@ void Simulation::Runtime::publish(const Configuration &module, Ns t)
     }
 }
 
+bool Simulation::Runtime::parameters_changed() const
+{
+    return std::any_of(known.begin(), known.end(),
+                       [](const auto &entry) { return !unchanged(*entry.first, entry.second); });
+}
+
 void Simulation::Runtime::take_parameters()
 {
     std::string faults;
@@ -557,12 +563,9 @@ void Simulation::Runtime::restore(std::span<const std::byte> bytes)
 
 void Simulation::reset()
 {
-    if (!runtime_) {
-        return prepare();
-    }
-    runtime_->take_parameters();
-    runtime_->reset();
-    recorder_.reset();
+    // Anew from the parameters as they are now: they may have changed what models make room for.
+    runtime_.reset();
+    prepare();
 }
 
 Ns Simulation::now() const
@@ -577,6 +580,9 @@ Ns Simulation::next() const
 
 bool Simulation::run_until(Ns t, const RunControl &control)
 {
+    if (runtime_ && runtime_->now < 0 && runtime_->parameters_changed()) {
+        reset(); // initial states are parameters too
+    }
     prepare();
     Ns shortest = Runtime::never;
     for (const RunTask &task : runtime_->tasks) {

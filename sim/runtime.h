@@ -59,6 +59,7 @@ struct Simulation::Runtime {
 
     /// Take over what the user changed between two runs: checked, derived and published anew.
     void take_parameters();
+    bool parameters_changed() const;
 
     std::vector<std::byte> save() const;
     void restore(std::span<const std::byte> bytes);

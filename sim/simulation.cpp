@@ -235,7 +235,8 @@ void Simulation::prepare()
         throw SetupError(faults);
     }
     runtime_ = std::make_unique<Runtime>(*this);
-    reset();
+    runtime_->reset();
+    recorder_.reset();
 }
 
 std::unique_ptr<Simulation> Simulation::clone() const

@@ -185,7 +185,8 @@ public:
     void prepare();
     bool prepared() const { return runtime_ != nullptr; }
 
-    /// Back to time 0: all modules and models are reset, the logs are emptied.
+    /// Back to time 0: everything is checked and prepared anew, and the logs are emptied. Throws
+    /// SetupError as prepare() does.
     void reset();
 
     Ns now() const;  ///< the last instant that has run; -1 before the first

@@ -162,6 +162,20 @@ TEST(Configuration, IsPublishedAtTheStartAndWhenItsParametersChange)
     EXPECT_EQ(face<Scale>(scale).out.number.x, 5.0);
 }
 
+TEST(Parameters, OfTheInitialStateCountUntilTheFirstInstant)
+{
+    Loop loop;
+    loop.sim.reset();
+    face<Tank>(loop.tank).par.initial = 3.0;
+    loop.sim.step();
+    EXPECT_EQ(loop.level(), 3.0);
+    face<Tank>(loop.tank).par.initial = 5.0; // too late for this run
+    loop.sim.step();
+    EXPECT_LT(loop.level(), 3.0);
+    loop.sim.reset();
+    EXPECT_EQ(loop.level(), 5.0);
+}
+
 TEST(Wires, WithLatencyCarryThePreviousExchange)
 {
     // The controller at k sees the level of k-1, and at 0 the initial one.

@@ -133,4 +133,28 @@ TEST(Models, ResetRepeatsTheRunAndTheSeedChangesIt)
     EXPECT_EQ(std::memcmp(&first, &w.navigation().out.attitude.sigma_BN, sizeof first), 0);
 }
 
+TEST(Models, ANewInertiaTakesEffectAtOnceAndTheStateStays)
+{
+    World w(1, false);
+    w.sim.run_until(second);
+    auto &craft = face_of<Spacecraft>(w.craft);
+    const Vec3 omega = craft.out.state.omega_BN_B;
+    craft.par.I_B = mat_rows(vec3(100, 0, 0), vec3(0, 120, 0), vec3(0, 0, 160)); // twice
+    w.sim.step();
+    const Vec3 after = craft.out.state.omega_BN_B;
+    EXPECT_LT(vec_norm(vec_sub(after, omega)), 0.01);
+
+    // Against a simulation that began with it, from the same state.
+    World fresh(1, false);
+    auto &other = face_of<Spacecraft>(fresh.craft);
+    other.par.I_B = craft.par.I_B;
+    fresh.sim.reset();
+    w.sim.step();
+    const auto bytes = w.sim.snapshot();
+    fresh.sim.restore(bytes);
+    w.sim.run_until(10 * second);
+    fresh.sim.run_until(10 * second);
+    EXPECT_EQ(w.sim.snapshot(), fresh.sim.snapshot());
+}
+
 } // namespace

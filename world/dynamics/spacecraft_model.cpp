@@ -140,13 +140,7 @@ void SpacecraftModel::prepare(const sim::Setup &setup)
 void SpacecraftModel::reset(Ns t)
 {
     const auto &par = face_.par;
-    I_B_ = par.I_B;
-    const Eigen::Matrix3d inverse = view(I_B_).inverse();
-    for (int i = 0; i < 3; i++) {
-        for (int j = 0; j < 3; j++) {
-            I_B_inverse_.m[i][j] = inverse(i, j);
-        }
-    }
+    take_inertia();
     std::fill(memory_.begin(), memory_.end(), 0.0);
     put(x_, at_r, par.r_BN_N);
     put(x_, at_v, par.v_BN_N);
@@ -158,6 +152,23 @@ void SpacecraftModel::reset(Ns t)
     face_.out = {};
     hold({t, 0});
     publish(t);
+}
+
+void SpacecraftModel::refresh()
+{
+    take_inertia();
+    derive(face_.out.state.head.t, 0.0, x_, dx_);
+}
+
+void SpacecraftModel::take_inertia()
+{
+    I_B_ = face_.par.I_B;
+    const Eigen::Matrix3d inverse = view(I_B_).inverse();
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++) {
+            I_B_inverse_.m[i][j] = inverse(i, j);
+        }
+    }
 }
 
 void SpacecraftModel::update(Tick tick)

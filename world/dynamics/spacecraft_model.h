@@ -38,6 +38,9 @@ public:
     void prepare(const sim::Setup &setup) override;
     void reset(sim::Ns t) override;
 
+    /// A new inertia takes effect at once; the parts' own parameters say when they do.
+    void refresh() override;
+
     /// Throws RunError if the state is no longer finite, or a force arrives and the mass is 0.
     void update(Tick tick) override;
 
@@ -53,6 +56,7 @@ private:
     bool hold(Tick tick);
     bool hold_external(Tick tick);
     void advance(Tick tick);
+    void take_inertia();
     void publish(sim::Ns t);
     Vec3 gravity_of_all(sim::Ns start, double tau, Vec3 r_BN_N) const;
     std::string last_good_state() const;
