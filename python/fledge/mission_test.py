@@ -134,7 +134,7 @@ def test_an_error_in_a_file_shows_its_line(here, old, new, text):
 
 def test_an_error_in_world_names_the_line_that_called(here):
     write(here, world=WORLD.replace("altitude=500e3", "altitude=500e3, e=2"))
-    with pytest.raises(MissionError, match=r"world.py, line 6: Orbit: expected a and e.*found altitude, e\n    w.craft ="):
+    with pytest.raises(MissionError, match=r"world.py, line 6: Orbit: expected a and e.*found altitude, e\n +w.craft ="):
         fledge.load("looker")
 
 
@@ -185,7 +185,7 @@ def test_flying_freely(here, tmp_path):
     "arguments, text",
     [
         (["run", "loker"], "fledge: there is no mission 'loker'; there are looker, "),
-        (["run", "looker", "obrit"], "fledge: the mission looker has no scenario 'obrit'; it has orbit, helper, failing"),
+        (["run", "looker", "obrit"], "the mission looker has no scenario 'obrit'; it has orbit, helper, failing"),
         (["run", "looker", "--for", "soon"], "--for: expected a duration such as 90s, 10min or 2h; found 'soon'"),
         (["plot", "nothing"], "fledge: there is no record 'nothing'; none has been made yet: ./fledge run MISSION"),
         (["fly"], "invalid choice: 'fly' (choose from 'run', 'list', 'plot', 'convert', 'bench')"),
@@ -206,8 +206,8 @@ def test_a_file_that_is_no_archive(here, tmp_path):
 
 def test_list_plot_and_convert(here, tmp_path):
     shown = cli("list", "--ports", cwd=tmp_path).stdout
-    for part in ("looker           A body that looks down.", "    orbit          Once around.", "MrpFeedback      Track a",
-                 ">> reference     AttReference", "Spacecraft       A rigid spacecraft", "world.MARS"):
+    for part in ("looker           A body that looks down.", "    orbit          Once around.",
+                 "MrpFeedback      Track a", ">> reference     AttReference", "Spacecraft       A rigid spacecraft", "world.MARS"):
         assert part in shown
     assert cli("run", "looker", "--no-plots", cwd=tmp_path).returncode == 0
     folder = tmp_path / "runs" / "looker" / "orbit"

@@ -18,11 +18,16 @@ const char *kind_text(const FledgeField &field)
 {
     switch (field.type) {
     case FLEDGE_F64:
-    case FLEDGE_F32: return "float";
-    case FLEDGE_CHAR: return "str";
-    case FLEDGE_ENUM: return field.values ? field.values->name : "int";
-    case FLEDGE_STRUCT: return field.ctype;
-    default: return "int";
+    case FLEDGE_F32:
+        return "float";
+    case FLEDGE_CHAR:
+        return "str";
+    case FLEDGE_ENUM:
+        return field.values ? field.values->name : "int";
+    case FLEDGE_STRUCT:
+        return field.ctype;
+    default:
+        return "int";
     }
 }
 
@@ -86,7 +91,9 @@ std::string signature(const FledgeStruct &table)
 std::string rule_text(const FledgeField &field)
 {
     std::string text;
-    const auto add = [&](const std::string &clause) { text += (text.empty() ? "" : ", ") + clause; };
+    const auto add = [&](const std::string &clause) {
+        text += (text.empty() ? "" : ", ") + clause;
+    };
     if (field.flags & FLEDGE_REQUIRED) {
         add("required");
     }

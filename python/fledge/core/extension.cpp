@@ -5,7 +5,6 @@
 #include "core/errors.h"
 #include "sim/error.h"
 
-
 namespace py = pybind11;
 
 PYBIND11_MODULE(_core, m)

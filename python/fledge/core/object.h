@@ -49,8 +49,7 @@ struct Type {
 
 /// What all objects begin with.
 struct Object {
-    PyObject_HEAD
-    std::byte *memory;
+    PyObject_HEAD std::byte *memory;
     const Type *type;
     PyObject *weak;
 };
@@ -68,9 +67,18 @@ struct Root : Object {
     PyObject *context; ///< a weak reference to the process it was given to, or null
 };
 
-inline Object *as_object(PyObject *p) { return reinterpret_cast<Object *>(p); }
-inline View *as_view(PyObject *p) { return static_cast<View *>(as_object(p)); }
-inline Root *as_root(PyObject *p) { return static_cast<Root *>(as_object(p)); }
+inline Object *as_object(PyObject *p)
+{
+    return reinterpret_cast<Object *>(p);
+}
+inline View *as_view(PyObject *p)
+{
+    return static_cast<View *>(as_object(p));
+}
+inline Root *as_root(PyObject *p)
+{
+    return static_cast<Root *>(as_object(p));
+}
 
 bool is_object(PyObject *p); ///< any of ours
 bool is_root(PyObject *p);

@@ -18,7 +18,8 @@ using sim::Ns;
 
 sim::Port port_of(py::handle view)
 {
-    if (!is_view(view.ptr()) || !as_view(view.ptr())->owner || !is_root(as_view(view.ptr())->owner)) {
+    if (!is_view(view.ptr()) || !as_view(view.ptr())->owner ||
+        !is_root(as_view(view.ptr())->owner)) {
         throw py::type_error("expected an input or output, as in flight.control.error; found " +
                              std::string(py::repr(view)));
     }
@@ -65,16 +66,18 @@ Condition make_condition(py::handle object, const FledgeField &field, std::uint3
     condition.measure = named<Condition::Measure>(measures, measure);
     condition.comparison = named<Condition::Comparison>(comparisons, comparison);
     condition.elements = condition.measure == Condition::Measure::element ? 1 : elements;
-    condition.offset = static_cast<std::uint32_t>(as_object(object.ptr())->memory - condition.instance->memory()) +
-                       field.offset + index * (field.size / elements);
+    condition.offset =
+        static_cast<std::uint32_t>(as_object(object.ptr())->memory - condition.instance->memory()) +
+        field.offset + index * (field.size / elements);
     condition.type = field.type;
     condition.constant = constant;
     condition.text = text;
     return condition;
 }
 
-std::shared_ptr<sim::Event> add_event(sim::Process &process, const std::string &name, py::object when, Ns hold,
-                                      bool once, const std::string &mode, std::function<void()> action)
+std::shared_ptr<sim::Event> add_event(sim::Process &process, const std::string &name,
+                                      py::object when, Ns hold, bool once, const std::string &mode,
+                                      std::function<void()> action)
 {
     sim::Event event;
     event.name = name;
@@ -177,7 +180,8 @@ py::dict wrap_instances(const sim::Process &process)
 
 void bind_simulation(py::module_ &m)
 {
-    py::class_<sim::Integrator, std::shared_ptr<sim::Integrator>>(m, "Integrator", "A method of integration.")
+    py::class_<sim::Integrator, std::shared_ptr<sim::Integrator>>(m, "Integrator",
+                                                                  "A method of integration.")
         .def("__repr__", &sim::Integrator::describe);
     m.def("rk4", [] { return std::shared_ptr<sim::Integrator>(sim::make_rk4()); });
     m.def("adaptive", [](double relative, double absolute) {
@@ -201,75 +205,100 @@ void bind_simulation(py::module_ &m)
         .def_readwrite("action", &sim::Event::action);
 
     py::class_<sim::Log, std::shared_ptr<sim::Log>>(m, "Log", "The samples of one port.")
-        .def_property_readonly("path", [](const sim::Log &log) { return log.instance->path + "." + log.field->name; })
-        .def_property_readonly("struct", [](const sim::Log &log) { return log.field->sub; },
-                               py::return_value_policy::reference)
+        .def_property_readonly(
+            "path", [](const sim::Log &log) { return log.instance->path + "." + log.field->name; })
+        .def_property_readonly(
+            "struct", [](const sim::Log &log) { return log.field->sub; },
+            py::return_value_policy::reference)
         .def_readonly("every", &sim::Log::every)
         .def("__len__", [](const sim::Log &log) { return log.times.size(); })
-        .def("times", [](const sim::Log &log) {
-            return py::bytes(reinterpret_cast<const char *>(log.times.data()), log.times.size() * sizeof(Ns));
-        })
+        .def("times",
+             [](const sim::Log &log) {
+                 return py::bytes(reinterpret_cast<const char *>(log.times.data()),
+                                  log.times.size() * sizeof(Ns));
+             })
         .def("bytes", [](const sim::Log &log) { return bytes_of(log.bytes); })
         .def("last", [](const sim::Log &log) {
             const std::size_t size = log.times.empty() ? 0 : log.field->size;
-            return py::bytes(reinterpret_cast<const char *>(log.bytes.data() + log.bytes.size() - size), size);
+            return py::bytes(
+                reinterpret_cast<const char *>(log.bytes.data() + log.bytes.size() - size), size);
         });
 
     py::class_<sim::Process>(m, "Process")
         .def_readonly("name", &sim::Process::name)
-        .def("add", [](sim::Process &p, const std::string &name, py::handle object) {
-            p.add(name, instance_of(object));
-        })
-        .def("add_task", [](sim::Process &p, const std::string &name, Ns period, Ns offset, int priority,
-                            const py::iterable &run) {
-            p.add_task({name, period, offset, priority, instances_of(run)});
-        })
-        .def("add_mode", [](sim::Process &p, const std::string &name, std::vector<std::string> tasks) {
-            p.add_mode({name, std::move(tasks)});
-        })
+        .def("add", [](sim::Process &p, const std::string &name,
+                       py::handle object) { p.add(name, instance_of(object)); })
+        .def("add_task",
+             [](sim::Process &p, const std::string &name, Ns period, Ns offset, int priority,
+                const py::iterable &run) {
+                 p.add_task({name, period, offset, priority, instances_of(run)});
+             })
+        .def("add_mode",
+             [](sim::Process &p, const std::string &name, std::vector<std::string> tasks) {
+                 p.add_mode({name, std::move(tasks)});
+             })
         .def("add_event", add_event)
         .def("start_in", &sim::Process::start_in)
         .def("enter", &sim::Process::enter)
         .def_property_readonly("mode", &sim::Process::mode)
-        .def_property("integrator", [](const sim::Process &p) { return p.integrator().describe(); },
-                      [](sim::Process &p, std::shared_ptr<sim::Integrator> i) { p.set_integrator(std::move(i)); })
+        .def_property(
+            "integrator", [](const sim::Process &p) { return p.integrator().describe(); },
+            [](sim::Process &p, std::shared_ptr<sim::Integrator> i) {
+                p.set_integrator(std::move(i));
+            })
         .def("wrap", wrap_instances)
-        .def_property_readonly("tasks", [](const sim::Process &p) {
-            py::list list;
-            for (const sim::Task &task : p.tasks()) {
-                py::list run;
-                for (const auto &instance : task.run) {
-                    run.append(instance->name);
+        .def_property_readonly(
+            "tasks",
+            [](const sim::Process &p) {
+                py::list list;
+                for (const sim::Task &task : p.tasks()) {
+                    py::list run;
+                    for (const auto &instance : task.run) {
+                        run.append(instance->name);
+                    }
+                    list.append(
+                        py::make_tuple(task.name, task.period, task.offset, task.priority, run));
                 }
-                list.append(py::make_tuple(task.name, task.period, task.offset, task.priority, run));
-            }
-            return list;
-        }, "(name, period, offset, priority, names of what it runs) of each")
-        .def_property_readonly("modes", [](const sim::Process &p) {
-            py::list list;
-            for (const sim::Mode &mode : p.modes()) {
-                list.append(py::make_tuple(mode.name, mode.tasks));
-            }
-            return list;
-        }, "(name, names of its tasks) of each")
+                return list;
+            },
+            "(name, period, offset, priority, names of what it runs) of each")
+        .def_property_readonly(
+            "modes",
+            [](const sim::Process &p) {
+                py::list list;
+                for (const sim::Mode &mode : p.modes()) {
+                    list.append(py::make_tuple(mode.name, mode.tasks));
+                }
+                return list;
+            },
+            "(name, names of its tasks) of each")
         .def_property_readonly("events", &sim::Process::events);
 
     py::class_<sim::Simulation>(m, "Simulation")
         .def(py::init<std::uint64_t>(), py::arg("seed") = 0)
-        .def("add_process", &sim::Simulation::add_process, py::return_value_policy::reference_internal)
-        .def("process", [](sim::Simulation &s, const std::string &name) -> sim::Process & { return s.process(name); },
+        .def("add_process", &sim::Simulation::add_process,
              py::return_value_policy::reference_internal)
-        .def("connect", [](sim::Simulation &s, py::handle from, py::handle to, int latency, Ns stale_after) {
-            s.connect(port_of(from), port_of(to), {latency, stale_after});
-        })
-        .def_property_readonly("wires", [](const sim::Simulation &s) {
-            py::list list;
-            for (const sim::Wire &wire : s.wires()) {
-                list.append(py::make_tuple(wire.from.path(), wire.to.path(), wire.options.latency,
-                                           wire.options.stale_after));
-            }
-            return list;
-        }, "(from, to, latency, stale_after) of each")
+        .def(
+            "process",
+            [](sim::Simulation &s, const std::string &name) -> sim::Process & {
+                return s.process(name);
+            },
+            py::return_value_policy::reference_internal)
+        .def("connect",
+             [](sim::Simulation &s, py::handle from, py::handle to, int latency, Ns stale_after) {
+                 s.connect(port_of(from), port_of(to), {latency, stale_after});
+             })
+        .def_property_readonly(
+            "wires",
+            [](const sim::Simulation &s) {
+                py::list list;
+                for (const sim::Wire &wire : s.wires()) {
+                    list.append(py::make_tuple(wire.from.path(), wire.to.path(),
+                                               wire.options.latency, wire.options.stale_after));
+                }
+                return list;
+            },
+            "(from, to, latency, stale_after) of each")
         .def_property("seed", &sim::Simulation::seed, &sim::Simulation::set_seed)
         .def("prepare", &sim::Simulation::prepare)
         .def_property_readonly("prepared", &sim::Simulation::prepared)
@@ -278,26 +307,33 @@ void bind_simulation(py::module_ &m)
         .def_property_readonly("next", &sim::Simulation::next)
         .def("run_until", run_until)
         .def("step", step)
-        .def_property_readonly("pace_report", [](const sim::Simulation &s) {
-            const sim::PaceReport report = s.pace_report();
-            return py::make_tuple(report.instants, report.overruns, report.worst);
-        }, "(instants, overruns, worst delay in ns of wall time)")
-        .def("record", [](sim::Simulation &s, py::handle view, Ns every, bool keep) {
-            const sim::Port port = port_of(view);
-            return s.recorder().record(port.instance, *port.field, every, keep);
-        })
+        .def_property_readonly(
+            "pace_report",
+            [](const sim::Simulation &s) {
+                const sim::PaceReport report = s.pace_report();
+                return py::make_tuple(report.instants, report.overruns, report.worst);
+            },
+            "(instants, overruns, worst delay in ns of wall time)")
+        .def("record",
+             [](sim::Simulation &s, py::handle view, Ns every, bool keep) {
+                 const sim::Port port = port_of(view);
+                 return s.recorder().record(port.instance, *port.field, every, keep);
+             })
         .def_property_readonly("logs", [](sim::Simulation &s) { return s.recorder().logs(); })
-        .def("open_archive", [](sim::Simulation &s, const std::string &path, const sim::Pairs &run) {
-            s.recorder().open_archive(path, run);
-        })
-        .def("close_archive", [](sim::Simulation &s, const sim::Pairs &end) { s.recorder().close_archive(end); },
-             py::arg("end") = sim::Pairs{})
-        .def_property_readonly("archiving", [](sim::Simulation &s) { return s.recorder().archiving(); })
+        .def("open_archive", [](sim::Simulation &s, const std::string &path,
+                                const sim::Pairs &run) { s.recorder().open_archive(path, run); })
+        .def(
+            "close_archive",
+            [](sim::Simulation &s, const sim::Pairs &end) { s.recorder().close_archive(end); },
+            py::arg("end") = sim::Pairs{})
+        .def_property_readonly("archiving",
+                               [](sim::Simulation &s) { return s.recorder().archiving(); })
         .def("snapshot", [](const sim::Simulation &s) { return bytes_of(s.snapshot()); })
-        .def("restore", [](sim::Simulation &s, const py::bytes &bytes) {
-            const std::string_view view = bytes;
-            s.restore({reinterpret_cast<const std::byte *>(view.data()), view.size()});
-        })
+        .def("restore",
+             [](sim::Simulation &s, const py::bytes &bytes) {
+                 const std::string_view view = bytes;
+                 s.restore({reinterpret_cast<const std::byte *>(view.data()), view.size()});
+             })
         .def("clone", &sim::Simulation::clone)
         .def_property_readonly("assumptions", &sim::Simulation::assumptions);
 }

@@ -22,7 +22,7 @@ namespace {
 
 const char *type_name(FledgeType type)
 {
-    static const char *const names[] = {"f64", "f32", "i8", "u8", "i16", "u16", "i32",
+    static const char *const names[] = {"f64", "f32", "i8",  "u8",   "i16",  "u16",   "i32",
                                         "u32", "i64", "u64", "char", "enum", "struct"};
     return names[type];
 }
@@ -53,8 +53,9 @@ const sim::ModelType *model_of(const FledgeStruct &table)
 py::dict types_of(const FledgeLibrary &library)
 {
     if (library.version != FLEDGE_TABLE_VERSION) {
-        throw sim::SetupError("the library " + std::string(library.name) + " was built for version " +
-                              std::to_string(library.version) + " of the tables, this is version " +
+        throw sim::SetupError("the library " + std::string(library.name) +
+                              " was built for version " + std::to_string(library.version) +
+                              " of the tables, this is version " +
                               std::to_string(FLEDGE_TABLE_VERSION) + ": build it again");
     }
     py::dict types;
@@ -62,14 +63,15 @@ py::dict types_of(const FledgeLibrary &library)
         const FledgeStruct &table = *library.structs[i];
         const sim::ModelType *model = model_of(table);
         if (table.kind == FLEDGE_MODEL && !model) {
-            throw sim::SetupError("the library " + std::string(library.name) + " has no behaviour for the model " +
-                                  table.name);
+            throw sim::SetupError("the library " + std::string(library.name) +
+                                  " has no behaviour for the model " + table.name);
         }
         const Type *type = type_of(table, library.name, model);
         if (!type) {
             throw py::error_already_set();
         }
-        types[table.name] = py::reinterpret_borrow<py::object>(reinterpret_cast<PyObject *>(type->python));
+        types[table.name] =
+            py::reinterpret_borrow<py::object>(reinterpret_cast<PyObject *>(type->python));
     }
     return types;
 }
@@ -98,10 +100,12 @@ py::dict load_library(const std::string &path, const std::string &name)
 
 const FledgeStruct &struct_of(py::handle object)
 {
-    const Type *type = PyType_Check(object.ptr()) ? find_type(reinterpret_cast<PyTypeObject *>(object.ptr()))
-                                                  : find_type(Py_TYPE(object.ptr()));
+    const Type *type = PyType_Check(object.ptr())
+                           ? find_type(reinterpret_cast<PyTypeObject *>(object.ptr()))
+                           : find_type(Py_TYPE(object.ptr()));
     if (!type) {
-        throw py::type_error("expected a module, model or message, found " + std::string(py::repr(object)));
+        throw py::type_error("expected a module, model or message, found " +
+                             std::string(py::repr(object)));
     }
     return *type->table;
 }
@@ -109,7 +113,8 @@ const FledgeStruct &struct_of(py::handle object)
 template <class T> T need(T value, const char *what, py::handle found)
 {
     if (!value) {
-        throw py::type_error("expected " + std::string(what) + ", found " + std::string(py::repr(found)));
+        throw py::type_error("expected " + std::string(what) + ", found " +
+                             std::string(py::repr(found)));
     }
     return value;
 }
@@ -141,14 +146,19 @@ void bind_tables(py::module_ &m)
         .def_readonly("name", &Field::name)
         .def_readonly("offset", &Field::offset, "[bytes] from the start of the struct")
         .def_readonly("size", &Field::size, "[bytes]")
-        .def_readonly("unit", &Field::unit, "as in the header; '-' if dimensionless, '' if none is given")
+        .def_readonly("unit", &Field::unit,
+                      "as in the header; '-' if dimensionless, '' if none is given")
         .def_readonly("ctype", &Field::ctype)
         .def_readonly("doc", &Field::doc)
-        .def_property_readonly("type", [](const Field &f) { return type_name(f.type); }, "f64, i32, ... struct")
-        .def_property_readonly("group", [](const Field &f) { return group_name(f.group); }, "in, out, par, mem or ''")
+        .def_property_readonly(
+            "type", [](const Field &f) { return type_name(f.type); }, "f64, i32, ... struct")
+        .def_property_readonly(
+            "group", [](const Field &f) { return group_name(f.group); }, "in, out, par, mem or ''")
         .def_property_readonly("rule", rule_text, "'required, > 0', or ''")
-        .def_property_readonly("count", [](const Field &f) { return f.count ? py::object(py::str(f.count)) : py::none(); },
-                               "the field that says how many rows count, or None")
+        .def_property_readonly(
+            "count",
+            [](const Field &f) { return f.count ? py::object(py::str(f.count)) : py::none(); },
+            "the field that says how many rows count, or None")
         .def_property_readonly("shape",
                                [](const Field &f) {
                                    py::tuple shape(f.ndim);
@@ -157,31 +167,36 @@ void bind_tables(py::module_ &m)
                                    }
                                    return shape;
                                })
-        .def_property_readonly("dims",
-                               [](const Field &f) {
-                                   py::tuple dims(8);
-                                   for (std::size_t i = 0; i < 8; i++) {
-                                       dims[i] = static_cast<int>(f.dims[i]);
-                                   }
-                                   return dims;
-                               },
-                               "exponents of m, kg, s, A, K, mol, cd, rad")
-        .def_property_readonly("struct", [](const Field &f) { return f.sub; }, py::return_value_policy::reference)
+        .def_property_readonly(
+            "dims",
+            [](const Field &f) {
+                py::tuple dims(8);
+                for (std::size_t i = 0; i < 8; i++) {
+                    dims[i] = static_cast<int>(f.dims[i]);
+                }
+                return dims;
+            },
+            "exponents of m, kg, s, A, K, mol, cd, rad")
+        .def_property_readonly(
+            "struct", [](const Field &f) { return f.sub; }, py::return_value_policy::reference)
         .def_property_readonly("required", flag(FLEDGE_REQUIRED))
         .def_property_readonly("optional", flag(FLEDGE_OPTIONAL))
         .def_property_readonly("assumed", flag(FLEDGE_ASSUMED))
         .def_property_readonly("spare", flag(FLEDGE_SPARE));
 
-    py::class_<FledgeStruct>(m, "Struct", "A module, model, message or plain struct, as declared in its header.")
+    py::class_<FledgeStruct>(m, "Struct",
+                             "A module, model, message or plain struct, as declared in its header.")
         .def_readonly("name", &FledgeStruct::name)
         .def_readonly("doc", &FledgeStruct::doc)
         .def_readonly("header", &FledgeStruct::header)
         .def_readonly("folder", &FledgeStruct::folder)
         .def_readonly("size", &FledgeStruct::size)
         .def_readonly("hash", &FledgeStruct::hash)
-        .def_property_readonly("kind", [](const FledgeStruct &s) { return kind_name(s.kind); },
-                               "plain, message, module or model")
-        .def_property_readonly("schema", [](const FledgeStruct &s) { return s.schema ? s.schema : ""; })
+        .def_property_readonly(
+            "kind", [](const FledgeStruct &s) { return kind_name(s.kind); },
+            "plain, message, module or model")
+        .def_property_readonly("schema",
+                               [](const FledgeStruct &s) { return s.schema ? s.schema : ""; })
         .def_property_readonly("fields", [](py::object self) {
             const auto &s = self.cast<const FledgeStruct &>();
             py::list list;
@@ -191,53 +206,79 @@ void bind_tables(py::module_ &m)
             return list;
         });
 
-    m.def("library", [](const std::string &name) {
-        return types_of(name == "world" ? fledge_library_world : fledge_library_flight);
-    }, "The types of the library 'flight' or 'world', by name.");
+    m.def(
+        "library",
+        [](const std::string &name) {
+            return types_of(name == "world" ? fledge_library_world : fledge_library_flight);
+        },
+        "The types of the library 'flight' or 'world', by name.");
     m.def("load_library", load_library, py::arg("path"), py::arg("name"),
           "Load a shared library of modules and return its types by name.");
-    m.def("struct", struct_of, py::return_value_policy::reference, "What the header says of an object or type.");
-    m.def("path", [](py::handle object) {
-        struct_of(object);
-        return path_of(object.ptr());
-    }, "'flight.control.error', or the type's name for what has no name yet.");
+    m.def("struct", struct_of, py::return_value_policy::reference,
+          "What the header says of an object or type.");
+    m.def(
+        "path",
+        [](py::handle object) {
+            struct_of(object);
+            return path_of(object.ptr());
+        },
+        "'flight.control.error', or the type's name for what has no name yet.");
     m.def("name", [](py::handle object) { return instance_of(object)->name; });
-    m.def("root", [](py::handle object) {
-        struct_of(object);
-        PyObject *root = root_of(object.ptr());
-        return root ? py::reinterpret_borrow<py::object>(root) : py::none();
-    }, "The module or model that a message is a part of, or None.");
-    m.def("field", [](py::handle view) -> const Field * {
-        need(is_view(view.ptr()), "a message", view);
-        const View *v = as_view(view.ptr());
-        return v->member ? v->member->field : nullptr;
-    }, py::return_value_policy::reference, "As which field its owner holds a message, or None.");
-    m.def("offset", [](py::handle view) {
-        PyObject *root = need(root_of(view.ptr()), "a part of a module or model", view);
-        return as_object(view.ptr())->memory - as_object(root)->memory;
-    }, "Of a message, [bytes] from the start of its module or model.");
-    m.def("given", [](py::handle object) {
-        const auto instance = instance_of(object);
-        py::list names;
-        for (std::uint32_t i = 0; i < instance->type().n; i++) {
-            if (instance->given[i]) {
-                names.append(instance->type().fields[i].name);
+    m.def(
+        "root",
+        [](py::handle object) {
+            struct_of(object);
+            PyObject *root = root_of(object.ptr());
+            return root ? py::reinterpret_borrow<py::object>(root) : py::none();
+        },
+        "The module or model that a message is a part of, or None.");
+    m.def(
+        "field",
+        [](py::handle view) -> const Field * {
+            need(is_view(view.ptr()), "a message", view);
+            const View *v = as_view(view.ptr());
+            return v->member ? v->member->field : nullptr;
+        },
+        py::return_value_policy::reference, "As which field its owner holds a message, or None.");
+    m.def(
+        "offset",
+        [](py::handle view) {
+            PyObject *root = need(root_of(view.ptr()), "a part of a module or model", view);
+            return as_object(view.ptr())->memory - as_object(root)->memory;
+        },
+        "Of a message, [bytes] from the start of its module or model.");
+    m.def(
+        "given",
+        [](py::handle object) {
+            const auto instance = instance_of(object);
+            py::list names;
+            for (std::uint32_t i = 0; i < instance->type().n; i++) {
+                if (instance->given[i]) {
+                    names.append(instance->type().fields[i].name);
+                }
             }
-        }
-        return names;
-    }, "The parameters that the user gave.");
-    m.def("check", [](py::handle object) { sim::check_parameters(*instance_of(object)); },
-          "Check all parameters; SetupError lists every fault.");
-    m.def("memory", [](py::handle object) {
-        struct_of(object);
-        const Object &o = *as_object(object.ptr());
-        return py::bytes(reinterpret_cast<const char *>(o.memory), o.type->table->size);
-    }, "A copy of an object's bytes.");
-    m.def("context", [](py::handle object) {
-        instance_of(object);
-        PyObject *context = as_root(object.ptr())->context;
-        return context ? py::reinterpret_borrow<py::object>(context) : py::none();
-    }, "The weak reference given to set_context(), or None.");
+            return names;
+        },
+        "The parameters that the user gave.");
+    m.def(
+        "check", [](py::handle object) { sim::check_parameters(*instance_of(object)); },
+        "Check all parameters; SetupError lists every fault.");
+    m.def(
+        "memory",
+        [](py::handle object) {
+            struct_of(object);
+            const Object &o = *as_object(object.ptr());
+            return py::bytes(reinterpret_cast<const char *>(o.memory), o.type->table->size);
+        },
+        "A copy of an object's bytes.");
+    m.def(
+        "context",
+        [](py::handle object) {
+            instance_of(object);
+            PyObject *context = as_root(object.ptr())->context;
+            return context ? py::reinterpret_borrow<py::object>(context) : py::none();
+        },
+        "The weak reference given to set_context(), or None.");
     m.def("set_context", [](py::handle object, py::object reference) {
         instance_of(object);
         // A plain reference would close a cycle that nobody can collect.

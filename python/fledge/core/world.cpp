@@ -16,8 +16,14 @@ namespace {
 
 using Triple = std::array<double, 3>;
 
-Eigen::Vector3d vector(const Triple &x) { return {x[0], x[1], x[2]}; }
-Triple triple(const Eigen::Vector3d &x) { return {x[0], x[1], x[2]}; }
+Eigen::Vector3d vector(const Triple &x)
+{
+    return {x[0], x[1], x[2]};
+}
+Triple triple(const Eigen::Vector3d &x)
+{
+    return {x[0], x[1], x[2]};
+}
 
 world::SpacecraftModel &craft_of(py::handle object)
 {
@@ -31,11 +37,13 @@ world::SpacecraftModel &craft_of(py::handle object)
 void attach(py::handle object, py::handle part)
 {
     auto &craft = craft_of(object);
-    auto *effector = is_root(part.ptr()) ? dynamic_cast<world::Effector *>(instance_of(part)->model()) : nullptr;
+    auto *effector =
+        is_root(part.ptr()) ? dynamic_cast<world::Effector *>(instance_of(part)->model()) : nullptr;
     if (!effector) {
-        throw sim::SetupError(path_of(object.ptr()) + ".parts: expected a part of a spacecraft, such as " +
-                              "ReactionWheels; found " +
-                              (is_object(part.ptr()) ? path_of(part.ptr()) : std::string(py::repr(part))));
+        throw sim::SetupError(
+            path_of(object.ptr()) + ".parts: expected a part of a spacecraft, such as " +
+            "ReactionWheels; found " +
+            (is_object(part.ptr()) ? path_of(part.ptr()) : std::string(py::repr(part))));
     }
     craft.attach(*effector);
     // The craft holds its parts, for the model only points at them.
@@ -49,9 +57,11 @@ void attach(py::handle object, py::handle part)
 }
 
 void add_gravity(py::handle object, const std::string &name, double mu, double radius,
-                 const std::array<double, 5> &J, const Triple &pole_N, const Triple &r_PN_N, const Triple &v_PN_N)
+                 const std::array<double, 5> &J, const Triple &pole_N, const Triple &r_PN_N,
+                 const Triple &v_PN_N)
 {
-    craft_of(object).add_gravity({name, mu, radius, J, vector(pole_N), vector(r_PN_N), vector(v_PN_N)});
+    craft_of(object).add_gravity(
+        {name, mu, radius, J, vector(pole_N), vector(r_PN_N), vector(v_PN_N)});
 }
 
 } // namespace
@@ -65,24 +75,33 @@ void bind_world(py::module_ &m)
         return parts ? py::reinterpret_borrow<py::object>(parts) : py::tuple();
     });
     m.def("add_gravity", add_gravity);
-    m.def("gravity", [](py::handle object) {
-        py::list bodies;
-        for (const world::GravityBody &b : craft_of(object).gravity()) {
-            bodies.append(py::make_tuple(b.name, b.mu, b.radius, b.J, triple(b.pole_N), triple(b.r_PN_N),
-                                         triple(b.v_PN_N)));
-        }
-        return bodies;
-    }, "(name, mu, radius, J, pole_N, r_PN_N, v_PN_N) of each body");
+    m.def(
+        "gravity",
+        [](py::handle object) {
+            py::list bodies;
+            for (const world::GravityBody &b : craft_of(object).gravity()) {
+                bodies.append(py::make_tuple(b.name, b.mu, b.radius, b.J, triple(b.pole_N),
+                                             triple(b.r_PN_N), triple(b.v_PN_N)));
+            }
+            return bodies;
+        },
+        "(name, mu, radius, J, pole_N, r_PN_N, v_PN_N) of each body");
 
     m.def("semi_latus_rectum", world::semi_latus_rectum, "p [m] from a [m] and e.");
-    m.def("orbit_state", [](double mu, double p, double e, double i, double Omega, double omega, double f) {
-        const world::OrbitState state = world::orbit_state(mu, {p, e, i, Omega, omega, f});
-        return std::make_pair(triple(state.r), triple(state.v));
-    }, "Position [m] and velocity [m/s] from classical elements; SI, radians.");
-    m.def("orbit_elements", [](double mu, const Triple &r, const Triple &v) {
-        const world::OrbitElements o = world::orbit_elements(mu, {vector(r), vector(v)});
-        return py::make_tuple(o.p, o.e, o.i, o.Omega, o.omega, o.f);
-    }, "(p, e, i, Omega, omega, f) from position [m] and velocity [m/s].");
+    m.def(
+        "orbit_state",
+        [](double mu, double p, double e, double i, double Omega, double omega, double f) {
+            const world::OrbitState state = world::orbit_state(mu, {p, e, i, Omega, omega, f});
+            return std::make_pair(triple(state.r), triple(state.v));
+        },
+        "Position [m] and velocity [m/s] from classical elements; SI, radians.");
+    m.def(
+        "orbit_elements",
+        [](double mu, const Triple &r, const Triple &v) {
+            const world::OrbitElements o = world::orbit_elements(mu, {vector(r), vector(v)});
+            return py::make_tuple(o.p, o.e, o.i, o.Omega, o.omega, o.f);
+        },
+        "(p, e, i, Omega, omega, f) from position [m] and velocity [m/s].");
 }
 
 } // namespace fledge::core

@@ -1,215 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "core/value.h"
-
+// From Python's values to a field's bytes: converted, checked, and taken back if refused.
 #include "core/doc.h"
+#include "core/element.h"
 #include "core/errors.h"
+#include "core/numbers.h"
+#include "core/value.h"
 #include "sim/error.h"
 
-#include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstring>
 #include <limits>
-
-#define NPY_NO_DEPRECATED_API NPY_1_7_API_VERSION
-#include <numpy/arrayobject.h>
 
 namespace fledge::core {
 
 namespace {
-
-const Member &member_of(void *closure) { return *static_cast<const Member *>(closure); }
-
-template <class T> T load(const std::byte *bytes)
-{
-    T value;
-    std::memcpy(&value, bytes, sizeof value);
-    return value;
-}
-
-template <class T> void save(std::byte *bytes, T value)
-{
-    std::memcpy(bytes, &value, sizeof value);
-}
-
-/// Call f with a value of the field's C type.
-template <class F> auto with_type(FledgeType type, F &&f)
-{
-    switch (type) {
-    case FLEDGE_F32: return f(float{});
-    case FLEDGE_I8: return f(std::int8_t{});
-    case FLEDGE_U8: return f(std::uint8_t{});
-    case FLEDGE_I16: return f(std::int16_t{});
-    case FLEDGE_U16: return f(std::uint16_t{});
-    case FLEDGE_I32:
-    case FLEDGE_ENUM: return f(std::int32_t{});
-    case FLEDGE_U32: return f(std::uint32_t{});
-    case FLEDGE_I64: return f(std::int64_t{});
-    case FLEDGE_U64: return f(std::uint64_t{});
-    case FLEDGE_F64:
-    case FLEDGE_CHAR:
-    case FLEDGE_STRUCT: break;
-    }
-    return f(double{});
-}
-
-bool is_float(FledgeType type) { return type == FLEDGE_F64 || type == FLEDGE_F32; }
-
-std::uint32_t read_count(const Object &object, const Member &count)
-{
-    return with_type(count.field->type, [&]<class T>(T) {
-        return static_cast<std::uint32_t>(load<T>(object.memory + count.field->offset));
-    });
-}
-
-void write_count(const Object &object, const Member &count, std::uint32_t n)
-{
-    with_type(count.field->type,
-              [&]<class T>(T) { save(object.memory + count.field->offset, static_cast<T>(n)); });
-}
-
-/// Rows that count, of an array.
-std::uint32_t rows_of(const Object &object, const Member &member)
-{
-    const std::uint32_t capacity = member.field->shape[0];
-    return member.count ? std::min(read_count(object, *member.count), capacity) : capacity;
-}
-
-// --- reading ---------------------------------------------------------------------------------------
-
-PyObject *get_f64(PyObject *self, void *closure)
-{
-    return PyFloat_FromDouble(load<double>(as_object(self)->memory + member_of(closure).field->offset));
-}
-
-PyObject *get_number(PyObject *self, void *closure)
-{
-    const FledgeField &field = *member_of(closure).field;
-    return with_type(field.type, [&]<class T>(T) -> PyObject * {
-        const T value = load<T>(as_object(self)->memory + field.offset);
-        if constexpr (std::is_floating_point_v<T>) {
-            return PyFloat_FromDouble(value);
-        } else if constexpr (std::is_unsigned_v<T>) {
-            return PyLong_FromUnsignedLongLong(value);
-        } else {
-            return PyLong_FromLongLong(value);
-        }
-    });
-}
-
-/// The Python class of an enum, made once.
-PyObject *enumeration_of(Member &member)
-{
-    if (!member.enumeration) {
-        const FledgeEnum &values = *member.field->values;
-        PyObject *make = hook("enumeration");
-        PyObject *list = PyList_New(0);
-        for (std::uint32_t i = 0; make && list && i < values.n; i++) {
-            PyObject *item = Py_BuildValue("(sLs)", values.values[i].name,
-                                           static_cast<long long>(values.values[i].value),
-                                           values.values[i].doc);
-            if (!item || PyList_Append(list, item)) {
-                Py_CLEAR(list);
-            }
-            Py_XDECREF(item);
-        }
-        if (make && list) {
-            member.enumeration = PyObject_CallFunction(make, "ssO", values.name, values.doc, list);
-        }
-        Py_XDECREF(list);
-    }
-    return member.enumeration;
-}
-
-PyObject *get_enum(PyObject *self, void *closure)
-{
-    PyObject *number = get_number(self, closure);
-    PyObject *type = number ? enumeration_of(*static_cast<Member *>(closure)) : nullptr;
-    PyObject *value = type ? PyObject_CallOneArg(type, number) : nullptr;
-    if (type && !value) { // a value without a name is shown as it is
-        PyErr_Clear();
-        return number;
-    }
-    Py_XDECREF(number);
-    return value;
-}
-
-PyObject *get_text(PyObject *self, void *closure)
-{
-    const FledgeField &field = *member_of(closure).field;
-    const char *text = reinterpret_cast<const char *>(as_object(self)->memory + field.offset);
-    return PyUnicode_DecodeUTF8(text, static_cast<Py_ssize_t>(strnlen(text, field.size)), "replace");
-}
-
-PyObject *make_view(PyObject *owner, const Member &member, std::byte *memory)
-{
-    View *view = PyObject_New(View, member.sub->python);
-    if (view) {
-        view->memory = memory;
-        view->type = member.sub;
-        view->weak = nullptr;
-        view->owner = Py_NewRef(owner);
-        view->member = &member;
-    }
-    return reinterpret_cast<PyObject *>(view);
-}
-
-PyObject *get_struct(PyObject *self, void *closure)
-{
-    const Member &member = member_of(closure);
-    std::byte *memory = as_object(self)->memory + member.field->offset;
-    if (!member.field->ndim) {
-        return make_view(self, member, memory);
-    }
-    const std::uint32_t rows = rows_of(*as_object(self), member);
-    PyObject *tuple = PyTuple_New(rows);
-    for (std::uint32_t i = 0; tuple && i < rows; i++) {
-        PyObject *view = make_view(self, member, memory + i * member.sub->table->size);
-        if (!view) {
-            Py_CLEAR(tuple);
-        } else {
-            PyTuple_SET_ITEM(tuple, i, view);
-        }
-    }
-    return tuple;
-}
-
-int numpy_type(FledgeType type)
-{
-    switch (type) {
-    case FLEDGE_F32: return NPY_FLOAT32;
-    case FLEDGE_I8: return NPY_INT8;
-    case FLEDGE_U8: return NPY_UINT8;
-    case FLEDGE_I16: return NPY_INT16;
-    case FLEDGE_U16: return NPY_UINT16;
-    case FLEDGE_I32:
-    case FLEDGE_ENUM: return NPY_INT32;
-    case FLEDGE_U32: return NPY_UINT32;
-    case FLEDGE_I64: return NPY_INT64;
-    case FLEDGE_U64: return NPY_UINT64;
-    default: return NPY_FLOAT64;
-    }
-}
-
-/// A numpy view of the rows that count. numpy is imported by the first of them.
-PyObject *get_array(PyObject *self, void *closure)
-{
-    if (!PyArray_API && _import_array() < 0) {
-        return nullptr;
-    }
-    const Member &member = member_of(closure);
-    const FledgeField &field = *member.field;
-    npy_intp shape[FLEDGE_DIMS_MAX];
-    std::copy_n(field.shape, field.ndim, shape);
-    shape[0] = rows_of(*as_object(self), member);
-    PyObject *array = PyArray_NewFromDescr(&PyArray_Type, PyArray_DescrFromType(numpy_type(field.type)),
-                                           static_cast<int>(field.ndim), shape, nullptr,
-                                           as_object(self)->memory + field.offset, NPY_ARRAY_CARRAY, nullptr);
-    if (array && PyArray_SetBaseObject(reinterpret_cast<PyArrayObject *>(array), Py_NewRef(self)) < 0) {
-        Py_CLEAR(array);
-    }
-    return array;
-}
 
 // --- complaining -----------------------------------------------------------------------------------
 
@@ -249,7 +52,8 @@ std::string expectation(const Member &member)
 }
 
 /// Set SetupError: "flight.control.K: expected a number, in N m; found 'high'".
-Stored refuse(PyObject *object, const Member &member, PyObject *value, const std::string &found = "")
+Stored refuse(PyObject *object, const Member &member, PyObject *value,
+              const std::string &found = "")
 {
     std::string text = found;
     if (text.empty()) {
@@ -270,98 +74,7 @@ Stored refuse(PyObject *object, const Member &member, PyObject *value, const std
     return Stored::no;
 }
 
-// --- numbers from Python's values ------------------------------------------------------------------
-
-/// A nested sequence of numbers, flattened by rows.
-struct Numbers {
-    int ndim = 0;
-    std::array<std::size_t, FLEDGE_DIMS_MAX> shape{};
-    std::vector<double> values;
-};
-
-enum class Read {
-    yes,
-    foreign, ///< holds something that only the Python helper understands
-    ragged,
-    error ///< an exception is set
-};
-
-bool is_plain_number(PyObject *value)
-{
-    return PyFloat_Check(value) || (PyLong_Check(value) && !PyBool_Check(value));
-}
-
-Read read_sequence(PyObject *value, Numbers &out, int depth)
-{
-    const Py_ssize_t n = PySequence_Fast_GET_SIZE(value);
-    PyObject **items = PySequence_Fast_ITEMS(value);
-    if (depth == FLEDGE_DIMS_MAX) {
-        return Read::ragged;
-    }
-    const auto size = static_cast<std::size_t>(n);
-    if (out.values.empty() && depth == out.ndim) { // the first of this depth
-        out.ndim = depth + 1;
-        out.shape[static_cast<std::size_t>(depth)] = size;
-    } else if (depth >= out.ndim || out.shape[static_cast<std::size_t>(depth)] != size) {
-        return Read::ragged;
-    }
-    for (Py_ssize_t i = 0; i < n; i++) {
-        PyObject *item = items[i];
-        if (PyFloat_CheckExact(item)) {
-            if (depth + 1 != out.ndim) {
-                return Read::ragged;
-            }
-            out.values.push_back(PyFloat_AS_DOUBLE(item));
-        } else if (PyList_CheckExact(item) || PyTuple_CheckExact(item)) {
-            if (const Read read = read_sequence(item, out, depth + 1); read != Read::yes) {
-                return read;
-            }
-        } else if (is_plain_number(item) || PyBool_Check(item)) {
-            if (depth + 1 != out.ndim) {
-                return Read::ragged;
-            }
-            const double x = PyFloat_AsDouble(item);
-            if (x == -1.0 && PyErr_Occurred()) {
-                return Read::error;
-            }
-            out.values.push_back(x);
-        } else {
-            return Read::foreign;
-        }
-    }
-    return Read::yes;
-}
-
-/// From whatever offers its memory as doubles, numpy's arrays above all.
-Read read_buffer(PyObject *value, Numbers &out)
-{
-    Py_buffer buffer;
-    if (PyObject_GetBuffer(value, &buffer, PyBUF_FULL_RO)) {
-        PyErr_Clear();
-        return Read::foreign;
-    }
-    Read read = Read::foreign;
-    if (buffer.format && !std::strcmp(buffer.format, "d") && buffer.ndim <= FLEDGE_DIMS_MAX) {
-        out.ndim = buffer.ndim;
-        std::copy_n(buffer.shape, buffer.ndim, out.shape.begin());
-        out.values.resize(static_cast<std::size_t>(buffer.len) / sizeof(double));
-        read = PyBuffer_ToContiguous(out.values.data(), &buffer, buffer.len, 'C') ? Read::error : Read::yes;
-    }
-    PyBuffer_Release(&buffer);
-    return read;
-}
-
-Read read_numbers(PyObject *value, Numbers &out)
-{
-    if (is_plain_number(value)) {
-        out.values.push_back(PyFloat_AsDouble(value));
-        return PyErr_Occurred() ? Read::error : Read::yes;
-    }
-    if (PyList_Check(value) || PyTuple_Check(value)) {
-        return read_sequence(value, out, 0);
-    }
-    return PyObject_CheckBuffer(value) ? read_buffer(value, out) : Read::foreign;
-}
+// --- writing ---------------------------------------------------------------------------------------
 
 /// Have the Python helper take off the units, or refuse: a new reference to plain numbers.
 PyObject *strip(PyObject *object, const Member &member, PyObject *value)
@@ -376,12 +89,10 @@ PyObject *strip(PyObject *object, const Member &member, PyObject *value)
         PyTuple_SET_ITEM(dims, i, PyLong_FromLong(field.dims[i]));
     }
     const std::string path = path_of(object) + "." + field.name, expected = expectation(member);
-    PyObject *plain = PyObject_CallFunction(function, "OssNs", value, path.c_str(), field.unit, dims,
-                                            expected.c_str());
+    PyObject *plain = PyObject_CallFunction(function, "OssNs", value, path.c_str(), field.unit,
+                                            dims, expected.c_str());
     return plain;
 }
-
-// --- writing ---------------------------------------------------------------------------------------
 
 /// Remember that the user gave a parameter; inside a struct, the parameter that holds it.
 void mark_given(PyObject *object, const Member &member)
@@ -445,7 +156,8 @@ bool obeys(PyObject *object, const Member &member)
         return true;
     }
     try {
-        sim::check_field(*member.owner->table, *member.field, as_object(object)->memory, path_of(object));
+        sim::check_field(*member.owner->table, *member.field, as_object(object)->memory,
+                         path_of(object));
     } catch (...) {
         translate_exception();
         return false;
@@ -460,7 +172,8 @@ bool write_number(std::byte *to, FledgeType type, double x)
         if constexpr (!std::is_floating_point_v<T>) {
             // The upper limit as a double may be one beyond the type's: hence "<".
             const double beyond = std::ldexp(1.0, std::numeric_limits<T>::digits);
-            if (!(x >= static_cast<double>(std::numeric_limits<T>::min()) && x < beyond) || x != std::floor(x)) {
+            if (!(x >= static_cast<double>(std::numeric_limits<T>::min()) && x < beyond) ||
+                x != std::floor(x)) {
                 return false;
             }
         }
@@ -487,9 +200,11 @@ bool settle_count(PyObject *object, const Member &member, std::uint32_t rows)
         }
     }
     if (!holder.empty()) {
-        PyErr_Format(setup_error(), "%s.%s: expected %u rows, for %s is %u, %s; found %u. Set %s first to change it",
-                     path_of(object).c_str(), member.field->name, n, member.field->count, n, holder.c_str(),
-                     rows, member.field->count);
+        PyErr_Format(
+            setup_error(),
+            "%s.%s: expected %u rows, for %s is %u, %s; found %u. Set %s first to change it",
+            path_of(object).c_str(), member.field->name, n, member.field->count, n, holder.c_str(),
+            rows, member.field->count);
         return false;
     }
     write_count(*as_object(object), *member.count, rows);
@@ -531,7 +246,8 @@ Stored spread(PyObject *object, const Member &member, PyObject *value, const Num
     } else if (same_from(0)) {
         out = in.values;
         return Stored::yes;
-    } else if (field.ndim == 2 && row == field.shape[0] && (in.ndim == 0 || (in.ndim == 1 && in.shape[0] == row))) {
+    } else if (field.ndim == 2 && row == field.shape[0] &&
+               (in.ndim == 0 || (in.ndim == 1 && in.shape[0] == row))) {
         for (std::size_t i = 0; i < row; i++) {
             out[i * row + i] = in.values[in.ndim ? i : 0];
         }
@@ -560,14 +276,18 @@ Stored store_array(PyObject *object, const Member &member, PyObject *value)
         Py_DECREF(plain);
     }
     switch (read) {
-    case Read::yes: break;
-    case Read::ragged: return refuse(object, member, value, "rows of unequal length");
+    case Read::yes:
+        break;
+    case Read::ragged:
+        return refuse(object, member, value, "rows of unequal length");
     case Read::foreign:
-    case Read::error: return refuse(object, member, value);
+    case Read::error:
+        return refuse(object, member, value);
     }
     Undo undo(*as_object(object), member);
     std::vector<double> values;
-    if (const Stored stored = spread(object, member, value, numbers, values); stored != Stored::yes) {
+    if (const Stored stored = spread(object, member, value, numbers, values);
+        stored != Stored::yes) {
         return stored;
     }
     std::byte *to = as_object(object)->memory + field.offset;
@@ -683,7 +403,8 @@ Stored store_struct(PyObject *object, const Member &member, PyObject *value)
         return refuse(object, member, value,
                       is_object(value) ? as_object(value)->type->table->name : "");
     }
-    std::memmove(as_object(object)->memory + member.field->offset, as_view(value)->memory, member.field->size);
+    std::memmove(as_object(object)->memory + member.field->offset, as_view(value)->memory,
+                 member.field->size);
     return Stored::yes;
 }
 
@@ -691,7 +412,8 @@ int set_any(PyObject *self, PyObject *value, void *closure)
 {
     const Member &member = member_of(closure);
     if (!value) {
-        PyErr_Format(PyExc_AttributeError, "%s.%s cannot be deleted", path_of(self).c_str(), member.field->name);
+        PyErr_Format(PyExc_AttributeError, "%s.%s cannot be deleted", path_of(self).c_str(),
+                     member.field->name);
         return -1;
     }
     const Stored stored = store(self, member, value);
@@ -726,16 +448,6 @@ int set_f64(PyObject *self, PyObject *value, void *closure)
 
 } // namespace
 
-getter getter_for(const FledgeField &field)
-{
-    switch (field.type) {
-    case FLEDGE_STRUCT: return get_struct;
-    case FLEDGE_CHAR: return get_text;
-    case FLEDGE_ENUM: return field.ndim ? get_array : get_enum;
-    default: return field.ndim ? get_array : field.type == FLEDGE_F64 ? get_f64 : get_number;
-    }
-}
-
 setter setter_for(const FledgeField &field)
 {
     return field.type == FLEDGE_F64 && !field.ndim ? set_f64 : set_any;
@@ -745,15 +457,21 @@ Stored store(PyObject *object, const Member &member, PyObject *value)
 {
     Stored stored;
     switch (member.field->type) {
-    case FLEDGE_STRUCT: stored = store_struct(object, member, value); break;
-    case FLEDGE_CHAR: stored = store_text(object, member, value); break;
+    case FLEDGE_STRUCT:
+        stored = store_struct(object, member, value);
+        break;
+    case FLEDGE_CHAR:
+        stored = store_text(object, member, value);
+        break;
     case FLEDGE_ENUM:
         if (!member.field->ndim) {
             stored = store_enum(object, member, value);
             break;
         }
         [[fallthrough]];
-    default: stored = member.field->ndim ? store_array(object, member, value) : store_scalar(object, member, value);
+    default:
+        stored = member.field->ndim ? store_array(object, member, value)
+                                    : store_scalar(object, member, value);
     }
     if (stored == Stored::yes && member.checked) {
         mark_given(object, member);
@@ -769,7 +487,9 @@ void complain_of_count(PyObject *object, const Member &member)
             others += std::string(others.empty() ? "" : ", ") + other.field->name;
         }
     }
-    PyErr_Format(setup_error(), "%s.%s: one number fills the rows that count, and there are none yet; set %s, or give an array with rows%s%s",
+    PyErr_Format(setup_error(),
+                 "%s.%s: one number fills the rows that count, and there are none yet; set %s, or "
+                 "give an array with rows%s%s",
                  path_of(object).c_str(), member.field->name, member.field->count,
                  others.empty() ? "" : ", such as ", others.c_str());
 }

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/numbers.h"
+
+#include <algorithm>
+#include <cstring>
+
+namespace fledge::core {
+
+bool is_plain_number(PyObject *value)
+{
+    return PyFloat_Check(value) || (PyLong_Check(value) && !PyBool_Check(value));
+}
+
+namespace {
+
+Read read_sequence(PyObject *value, Numbers &out, int depth)
+{
+    const Py_ssize_t n = PySequence_Fast_GET_SIZE(value);
+    PyObject **items = PySequence_Fast_ITEMS(value);
+    if (depth == FLEDGE_DIMS_MAX) {
+        return Read::ragged;
+    }
+    const auto size = static_cast<std::size_t>(n);
+    if (out.values.empty() && depth == out.ndim) { // the first of this depth
+        out.ndim = depth + 1;
+        out.shape[static_cast<std::size_t>(depth)] = size;
+    } else if (depth >= out.ndim || out.shape[static_cast<std::size_t>(depth)] != size) {
+        return Read::ragged;
+    }
+    for (Py_ssize_t i = 0; i < n; i++) {
+        PyObject *item = items[i];
+        if (PyFloat_CheckExact(item)) {
+            if (depth + 1 != out.ndim) {
+                return Read::ragged;
+            }
+            out.values.push_back(PyFloat_AS_DOUBLE(item));
+        } else if (PyList_CheckExact(item) || PyTuple_CheckExact(item)) {
+            if (const Read read = read_sequence(item, out, depth + 1); read != Read::yes) {
+                return read;
+            }
+        } else if (is_plain_number(item) || PyBool_Check(item)) {
+            if (depth + 1 != out.ndim) {
+                return Read::ragged;
+            }
+            const double x = PyFloat_AsDouble(item);
+            if (x == -1.0 && PyErr_Occurred()) {
+                return Read::error;
+            }
+            out.values.push_back(x);
+        } else {
+            return Read::foreign;
+        }
+    }
+    return Read::yes;
+}
+
+/// From whatever offers its memory as doubles, numpy's arrays above all.
+Read read_buffer(PyObject *value, Numbers &out)
+{
+    Py_buffer buffer;
+    if (PyObject_GetBuffer(value, &buffer, PyBUF_FULL_RO)) {
+        PyErr_Clear();
+        return Read::foreign;
+    }
+    Read read = Read::foreign;
+    if (buffer.format && !std::strcmp(buffer.format, "d") && buffer.ndim <= FLEDGE_DIMS_MAX) {
+        out.ndim = buffer.ndim;
+        std::copy_n(buffer.shape, buffer.ndim, out.shape.begin());
+        out.values.resize(static_cast<std::size_t>(buffer.len) / sizeof(double));
+        read = PyBuffer_ToContiguous(out.values.data(), &buffer, buffer.len, 'C') ? Read::error
+                                                                                  : Read::yes;
+    }
+    PyBuffer_Release(&buffer);
+    return read;
+}
+
+} // namespace
+
+Read read_numbers(PyObject *value, Numbers &out)
+{
+    if (is_plain_number(value)) {
+        out.values.push_back(PyFloat_AsDouble(value));
+        return PyErr_Occurred() ? Read::error : Read::yes;
+    }
+    if (PyList_Check(value) || PyTuple_Check(value)) {
+        return read_sequence(value, out, 0);
+    }
+    return PyObject_CheckBuffer(value) ? read_buffer(value, out) : Read::foreign;
+}
+
+} // namespace fledge::core

@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: Apache-2.0
+// From a field's bytes to Python's values.
+#include "core/element.h"
+#include "core/value.h"
+
+#define NPY_NO_DEPRECATED_API NPY_1_7_API_VERSION
+#include <numpy/arrayobject.h>
+
+namespace fledge::core {
+
+namespace {
+
+PyObject *get_f64(PyObject *self, void *closure)
+{
+    return PyFloat_FromDouble(
+        load<double>(as_object(self)->memory + member_of(closure).field->offset));
+}
+
+PyObject *get_number(PyObject *self, void *closure)
+{
+    const FledgeField &field = *member_of(closure).field;
+    return with_type(field.type, [&]<class T>(T) -> PyObject * {
+        const T value = load<T>(as_object(self)->memory + field.offset);
+        if constexpr (std::is_floating_point_v<T>) {
+            return PyFloat_FromDouble(value);
+        } else if constexpr (std::is_unsigned_v<T>) {
+            return PyLong_FromUnsignedLongLong(value);
+        } else {
+            return PyLong_FromLongLong(value);
+        }
+    });
+}
+
+/// The Python class of an enum, made once.
+PyObject *enumeration_of(Member &member)
+{
+    if (!member.enumeration) {
+        const FledgeEnum &values = *member.field->values;
+        PyObject *make = hook("enumeration");
+        PyObject *list = PyList_New(0);
+        for (std::uint32_t i = 0; make && list && i < values.n; i++) {
+            PyObject *item =
+                Py_BuildValue("(sLs)", values.values[i].name,
+                              static_cast<long long>(values.values[i].value), values.values[i].doc);
+            if (!item || PyList_Append(list, item)) {
+                Py_CLEAR(list);
+            }
+            Py_XDECREF(item);
+        }
+        if (make && list) {
+            member.enumeration = PyObject_CallFunction(make, "ssO", values.name, values.doc, list);
+        }
+        Py_XDECREF(list);
+    }
+    return member.enumeration;
+}
+
+PyObject *get_enum(PyObject *self, void *closure)
+{
+    PyObject *number = get_number(self, closure);
+    PyObject *type = number ? enumeration_of(*static_cast<Member *>(closure)) : nullptr;
+    PyObject *value = type ? PyObject_CallOneArg(type, number) : nullptr;
+    if (type && !value) { // a value without a name is shown as it is
+        PyErr_Clear();
+        return number;
+    }
+    Py_XDECREF(number);
+    return value;
+}
+
+PyObject *get_text(PyObject *self, void *closure)
+{
+    const FledgeField &field = *member_of(closure).field;
+    const char *text = reinterpret_cast<const char *>(as_object(self)->memory + field.offset);
+    return PyUnicode_DecodeUTF8(text, static_cast<Py_ssize_t>(strnlen(text, field.size)),
+                                "replace");
+}
+
+PyObject *make_view(PyObject *owner, const Member &member, std::byte *memory)
+{
+    View *view = PyObject_New(View, member.sub->python);
+    if (view) {
+        view->memory = memory;
+        view->type = member.sub;
+        view->weak = nullptr;
+        view->owner = Py_NewRef(owner);
+        view->member = &member;
+    }
+    return reinterpret_cast<PyObject *>(view);
+}
+
+PyObject *get_struct(PyObject *self, void *closure)
+{
+    const Member &member = member_of(closure);
+    std::byte *memory = as_object(self)->memory + member.field->offset;
+    if (!member.field->ndim) {
+        return make_view(self, member, memory);
+    }
+    const std::uint32_t rows = rows_of(*as_object(self), member);
+    PyObject *tuple = PyTuple_New(rows);
+    for (std::uint32_t i = 0; tuple && i < rows; i++) {
+        PyObject *view = make_view(self, member, memory + i * member.sub->table->size);
+        if (!view) {
+            Py_CLEAR(tuple);
+        } else {
+            PyTuple_SET_ITEM(tuple, i, view);
+        }
+    }
+    return tuple;
+}
+
+int numpy_type(FledgeType type)
+{
+    switch (type) {
+    case FLEDGE_F32:
+        return NPY_FLOAT32;
+    case FLEDGE_I8:
+        return NPY_INT8;
+    case FLEDGE_U8:
+        return NPY_UINT8;
+    case FLEDGE_I16:
+        return NPY_INT16;
+    case FLEDGE_U16:
+        return NPY_UINT16;
+    case FLEDGE_I32:
+    case FLEDGE_ENUM:
+        return NPY_INT32;
+    case FLEDGE_U32:
+        return NPY_UINT32;
+    case FLEDGE_I64:
+        return NPY_INT64;
+    case FLEDGE_U64:
+        return NPY_UINT64;
+    default:
+        return NPY_FLOAT64;
+    }
+}
+
+/// A numpy view of the rows that count. numpy is imported by the first of them.
+PyObject *get_array(PyObject *self, void *closure)
+{
+    if (!PyArray_API && _import_array() < 0) {
+        return nullptr;
+    }
+    const Member &member = member_of(closure);
+    const FledgeField &field = *member.field;
+    npy_intp shape[FLEDGE_DIMS_MAX];
+    std::copy_n(field.shape, field.ndim, shape);
+    shape[0] = rows_of(*as_object(self), member);
+    PyObject *array = PyArray_NewFromDescr(
+        &PyArray_Type, PyArray_DescrFromType(numpy_type(field.type)), static_cast<int>(field.ndim),
+        shape, nullptr, as_object(self)->memory + field.offset, NPY_ARRAY_CARRAY, nullptr);
+    if (array &&
+        PyArray_SetBaseObject(reinterpret_cast<PyArrayObject *>(array), Py_NewRef(self)) < 0) {
+        Py_CLEAR(array);
+    }
+    return array;
+}
+
+} // namespace
+
+getter getter_for(const FledgeField &field)
+{
+    switch (field.type) {
+    case FLEDGE_STRUCT:
+        return get_struct;
+    case FLEDGE_CHAR:
+        return get_text;
+    case FLEDGE_ENUM:
+        return field.ndim ? get_array : get_enum;
+    default:
+        return field.ndim ? get_array : field.type == FLEDGE_F64 ? get_f64 : get_number;
+    }
+}
+
+} // namespace fledge::core
