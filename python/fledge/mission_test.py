@@ -134,7 +134,7 @@ def test_an_error_in_a_file_shows_its_line(here, old, new, text):
 
 def test_an_error_in_world_names_the_line_that_called(here):
     write(here, world=WORLD.replace("altitude=500e3", "altitude=500e3, e=2"))
-    with pytest.raises(MissionError, match=r"world.py, line 6: Orbit: expected a and e.*found altitude, e\n +w.craft ="):
+    with pytest.raises(MissionError, match=r"world.py, line 6: Orbit: expected a and e.*altitude, e\n +w.craft ="):
         fledge.load("looker")
 
 
@@ -207,7 +207,8 @@ def test_a_file_that_is_no_archive(here, tmp_path):
 def test_list_plot_and_convert(here, tmp_path):
     shown = cli("list", "--ports", cwd=tmp_path).stdout
     for part in ("looker           A body that looks down.", "    orbit          Once around.",
-                 "MrpFeedback      Track a", ">> reference     AttReference", "Spacecraft       A rigid spacecraft", "world.MARS"):
+                 "MrpFeedback      Track a", ">> reference     AttReference", "Spacecraft       A rigid spacecraft",
+                 "world.MARS"):
         assert part in shown
     assert cli("run", "looker", "--no-plots", cwd=tmp_path).returncode == 0
     folder = tmp_path / "runs" / "looker" / "orbit"
