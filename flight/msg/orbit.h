@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The motion of the spacecraft and of celestial bodies. Accelerations are those of all forces; where
- * none is known they are zero, and each module that uses them says what it loses. */
+/* The motion of the spacecraft and of celestial bodies. An acceleration is that by all forces;
+ * where it is not known it is zero, and each module that uses it says what is lost. */
 #ifndef FLIGHT_MSG_ORBIT_H
 #define FLIGHT_MSG_ORBIT_H
 

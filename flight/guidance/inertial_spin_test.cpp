@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: Apache-2.0
+// Spins against their definition by a matrix, and against numerical derivatives, also in chains.
+#include "flight/testing/kinematics.h"
+#include "flight/testing/poison.h"
+
+extern "C" {
+#include "flight/guidance/inertial_spin.h"
+}
+
+#include <gtest/gtest.h>
+
+#include <vector>
+
+namespace flight::testing {
+namespace {
+
+std::int64_t ns(double t) { return std::llround(t * 1e9); }
+
+/// A base that turns about an axis fixed in N, faster and faster: [R0N] = C turn(axis, angle).
+struct Base {
+    Matrix3d c = Matrix3d::Identity();
+    Vector3d axis_N = Vector3d::UnitX();
+    double rate = 0, acceleration = 0;
+
+    AttReference at(double t) const
+    {
+        double angle = rate * t + acceleration * t * t / 2;
+        Vector3d omega = axis_N * (rate + acceleration * t), domega = axis_N * acceleration;
+        return {good(ns(t)), dcm_to_mrp(mat(c * turn(axis_N, angle))), vec(omega), vec(domega)};
+    }
+};
+
+Base any_base(Random &random, double rate)
+{
+    return {random.attitude(), random.direction(), random.real(-rate, rate),
+            random.real(-rate, rate) * rate};
+}
+
+InertialSpin spinning(const Vector3d &omega_RR0_R0)
+{
+    InertialSpin m{};
+    m.par.omega_RR0_R0 = vec(omega_RR0_R0);
+    return m;
+}
+
+/// The reference of a chain of spins at time t, all of which began at time 0.
+AttReference run(std::vector<InertialSpin> chain, const Base &base, double t)
+{
+    AttReference reference = base.at(t);
+    for (InertialSpin &m : chain) {
+        m.in.base = base.at(0);
+        inertial_spin_update(&m, {0, 0});
+        m.in.base = reference;
+        inertial_spin_update(&m, {ns(t), ns(t)});
+        reference = m.out.reference;
+    }
+    return reference;
+}
+
+TEST(InertialSpin, rate_and_acceleration_are_derivatives)
+{
+    Random random{1};
+    for (int i = 0; i < 1000; i++) {
+        // The widest difference is a power of two in ns, so that all differences are exact times.
+        double h = std::ldexp(1e-9, 26 + i % 12), rate = 0.05 / h;
+        Base base = any_base(random, rate);
+        std::vector<InertialSpin> chain;
+        for (int k = 0; k <= i % 3; k++) {
+            chain.push_back(spinning(random.vector(rate)));
+        }
+        double now = h * (1 + random.below(20));
+        auto at = [&](double t) { return run(chain, base, now + t); };
+        KinematicErrors errors = kinematic_errors(at, rate);
+        EXPECT_LT(errors.rate, 1e-8);
+        EXPECT_LT(errors.acceleration, 1e-8);
+    }
+}
+
+TEST(InertialSpin, is_a_turn_about_an_axis_of_the_base)
+{
+    Random random{2};
+    for (int i = 0; i < 1000; i++) {
+        Base base = any_base(random, 0.1);
+        Vector3d w = random.vector(0.1);
+        double t = 0.5 * random.below(2000);
+        AttReference reference = run({spinning(w)}, base, t), at = base.at(t);
+        Matrix3d c = turn(w, w.norm() * t) * dcm(at.sigma_RN);
+        EXPECT_LT(difference(dcm(reference.sigma_RN), c), 1e-13);
+        EXPECT_LE(vec_norm(reference.sigma_RN), 1 + 1e-15);
+        EXPECT_LT((eigen(reference.omega_RN_N) - eigen(at.omega_RN_N) - c.transpose() * w).norm(),
+                  1e-15) << "the rate has the same components in R as in R0";
+    }
+}
+
+TEST(InertialSpin, over_a_base_at_rest_the_rate_is_constant_to_the_bit)
+{
+    Random random{3};
+    Base base{random.attitude()};
+    InertialSpin m = spinning({0.01, 0.005236, -0.02});
+    m.in.base = base.at(0);
+    std::int64_t start = 123'456'789'012'345, period = 100'000'000; // 0.1 s is no double
+    inertial_spin_update(&m, {start, 0});
+    AttReference first = m.out.reference;
+    EXPECT_LT((eigen(first.sigma_RN) - eigen(m.in.base.sigma_RN)).norm(), 3e-16)
+        << "the spin begins at the base";
+    for (int k = 1; k <= 100000; k++) {
+        inertial_spin_update(&m, {start + k * period, period});
+        ASSERT_EQ(std::memcmp(&m.out.reference.omega_RN_N, &first.omega_RN_N, sizeof(Vec3)), 0);
+        ASSERT_EQ(eigen(m.out.reference.domega_RN_N), Vector3d::Zero());
+    }
+    Vector3d w = eigen(m.par.omega_RR0_R0);
+    EXPECT_LT(difference(dcm(m.out.reference.sigma_RN), turn(w, w.norm() * 1e4) * base.c), 1e-13)
+        << "after 37 turns nothing has accumulated";
+}
+
+TEST(InertialSpin, without_a_rate_it_is_the_base)
+{
+    Random random{4};
+    for (const Vector3d &w : {Vector3d(0, 0, 0), Vector3d(1e-200, 0, -1e-300)}) {
+        AttReference reference = run({spinning(w)}, {random.attitude()}, 1000);
+        EXPECT_EQ(reference.head.quality, QUALITY_GOOD);
+    }
+    Base base = any_base(random, 0.1);
+    AttReference reference = run({spinning(Vector3d::Zero())}, base, 1000), at = base.at(1000);
+    EXPECT_LT(difference(dcm(reference.sigma_RN), dcm(at.sigma_RN)), 1e-14);
+    EXPECT_EQ(eigen(reference.omega_RN_N), eigen(at.omega_RN_N));
+    EXPECT_EQ(eigen(reference.domega_RN_N), eigen(at.domega_RN_N));
+}
+
+TEST(InertialSpin, after_a_reset_the_spin_begins_anew)
+{
+    InertialSpin m = spinning({1, 1, 1}), fresh = m;
+    m.in.base.head = good();
+    inertial_spin_update(&m, {0, 0});
+    inertial_spin_update(&m, {500, 500});
+    inertial_spin_reset(&m);
+    m.in.base.head = Head{};
+    EXPECT_EQ(std::memcmp(&m, &fresh, sizeof m), 0) << "parameters stay, the rest is zero";
+    m.in.base.head = good();
+    inertial_spin_update(&m, {1'000'000'000, 0});
+    EXPECT_EQ(eigen(m.out.reference.sigma_RN), Vector3d::Zero());
+}
+
+TEST(InertialSpin, counts_from_the_first_update_even_without_a_base)
+{
+    InertialSpin m = spinning({0, 0, 0.5});
+    inertial_spin_update(&m, {0, 0});
+    EXPECT_TRUE(all_zero(m.out));
+    m.in.base.head = good();
+    inertial_spin_update(&m, {2'000'000'000, 2'000'000'000});
+    EXPECT_NEAR(m.out.reference.sigma_RN.v[2], std::tan(0.25), 1e-15);
+    EXPECT_EQ(m.out.reference.head.sequence, 1u);
+}
+
+TEST(InertialSpin, quality_follows_the_base)
+{
+    InertialSpin m = spinning({0.5, 0, 0});
+    for (auto [in, out] : {std::pair{QUALITY_STALE, QUALITY_DEGRADED},
+                           {QUALITY_DEGRADED, QUALITY_DEGRADED},
+                           {QUALITY_GOOD, QUALITY_GOOD}}) {
+        m.in.base.head = with(in);
+        inertial_spin_update(&m, {0, 0});
+        EXPECT_EQ(m.out.reference.head.quality, out);
+    }
+}
+
+TEST(InertialSpin, holds_the_last_reference_against_numbers_that_are_not_finite)
+{
+    Random random{5};
+    InertialSpin m = spinning(random.vector());
+    m.in.base = any_base(random, 0.1).at(1);
+    inertial_spin_update(&m, {0, 0});
+    AttReference &base = m.in.base;
+    expect_held(m, doubles(base.sigma_RN, base.omega_RN_N, base.domega_RN_N, m.par),
+                [](InertialSpin &x) { inertial_spin_update(&x, {500, 500}); },
+                [](InertialSpin &x) { return std::vector{&x.out.reference.head}; });
+}
+
+TEST(InertialSpin, gives_finite_numbers_whatever_it_is_given)
+{
+    Random random{6};
+    InertialSpin m{};
+    AttReference &base = m.in.base, &out = m.out.reference;
+    Doubles in = doubles(base.sigma_RN, base.omega_RN_N, base.domega_RN_N, m.par);
+    for (int round = 0; round < 20000; round++) {
+        throw_numbers(in, random, round);
+        base.head.quality = any_quality(random);
+        inertial_spin_update(&m, {round * 1'000'000'000'000, 1});
+        expect_finite(doubles(out.sigma_RN, out.omega_RN_N, out.domega_RN_N), round);
+    }
+}
+
+} // namespace
+} // namespace flight::testing

@@ -1,0 +1,41 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#ifndef FLIGHT_GUIDANCE_TWO_BODY_POINTING_H
+#define FLIGHT_GUIDANCE_TWO_BODY_POINTING_H
+
+#include "flight/msg/attitude.h"
+#include "flight/msg/guidance.h"
+#include "flight/msg/orbit.h"
+
+/** Point r1 at a primary body, exactly, and r2 at a secondary one as nearly as that allows: r3 is
+ *  normal to the plane of the spacecraft and the bodies, with the secondary on the side of r2.
+ *  Where the bodies are collinear, or there is no secondary, r1 still points at the primary, with
+ *  its exact rate and acceleration, and nothing turns about it: the last r2 is carried along (at
+ *  first, the axis of N farthest from r1). The reference is then degraded, and the status says why.
+ *  It jumps where the secondary can be used again.
+ *  The accelerations in the messages enter domega_RN_N only. What is missing there (zero) leaves an
+ *  error of about its size over the body's distance, for the primary's direction, and as much over
+ *  the sine of the separation about it.
+ *  Source: thesis Eqs. (2.2) to (2.12). */
+typedef struct TwoBodyPointing {
+    struct {
+        NavOrbit orbit;
+        BodyState primary;
+        BodyState secondary; ///< optional: without it only the primary is pointed at, degraded
+    } in;
+    struct {
+        AttReference reference;
+        TwoBodyStatus status;
+    } out;
+    struct {
+        double separation_min; ///< [rad] required, in [1e-6, 1.5]: below this angle between the
+                               ///< bodies' directions, or its complement to pi, they are collinear
+    } par;
+    struct {
+        Vec3 r2_N; ///< [-] r2 of the last reference; 0 until there was one
+    } mem;
+} TwoBodyPointing;
+
+void two_body_pointing_reset(TwoBodyPointing *m);
+void two_body_pointing_update(TwoBodyPointing *m, Tick t);
+
+#endif

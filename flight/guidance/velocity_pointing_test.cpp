@@ -1,0 +1,250 @@
+// SPDX-License-Identifier: Apache-2.0
+// Velocity pointing on conics of every kind, against numerical derivatives of Keplerian motion and
+// against the thesis' equations in elements.
+#include "flight/testing/conics.h"
+#include "flight/testing/kinematics.h"
+#include "flight/testing/poison.h"
+
+extern "C" {
+#include "flight/guidance/velocity_pointing.h"
+}
+
+#include <gtest/gtest.h>
+
+namespace flight::testing {
+namespace {
+
+constexpr double mu = mu_mars;
+
+struct Planet {
+    Vector3d r = Vector3d::Zero(), v = Vector3d::Zero();
+    Vector3d position(double t) const { return r + t * v; }
+};
+
+VelocityPointing pointing(const Motion &motion)
+{
+    VelocityPointing m{};
+    m.in.orbit = {good(), vec(motion.r), vec(motion.v), {}};
+    m.par.mu = mu;
+    return m;
+}
+
+AttReference reference_of(const Motion &motion, const Planet *planet = nullptr, double t = 0)
+{
+    VelocityPointing m = pointing(motion);
+    if (planet) {
+        m.in.planet = {good(), vec(planet->position(t)), vec(planet->v), {}};
+        m.in.orbit.r_BN_N = vec(motion.r + planet->position(t));
+        m.in.orbit.v_BN_N = vec(motion.v + planet->v);
+    }
+    velocity_pointing_update(&m, {0, 0});
+    return m.out.reference;
+}
+
+/// Errors are relative to the rate, and to what it changes by in the time scale of the motion,
+/// beyond those of rounding, which turns the orbit's normal as r and v become parallel.
+void check(const Motion &now, double tolerance, const Planet *planet = nullptr)
+{
+    double r = now.r.norm(), v = now.v.norm();
+    double scale = v / r + mu / (r * r * v); // how fast position and velocity change
+    auto at = [&](double t) { return reference_of(kepler(now, mu, t), planet, t); };
+    double omega = vec_norm(at(0).omega_RN_N);
+    KinematicErrors errors = kinematic_errors(at, scale);
+    double limit = tolerance * omega + 1e-13 * scale * r * v / now.r.cross(now.v).norm();
+    EXPECT_LT(errors.rate * scale, limit) << "r = " << r << ", v = " << v;
+    EXPECT_LT(errors.acceleration * scale, limit) << "r = " << r << ", v = " << v;
+}
+
+TEST(VelocityPointing, frame_is_outward_along_normal)
+{
+    Random random{1};
+    for (int i = 0; i < 1000; i++) {
+        Motion motion = about_mars(random, random.real(0, 2));
+        AttReference reference = reference_of(motion);
+        Matrix3d c = dcm(reference.sigma_RN);
+        Vector3d h = motion.r.cross(motion.v);
+        EXPECT_LT((c.row(1).transpose() - motion.v.normalized()).norm(), 3e-15);
+        EXPECT_LT((c.row(2).transpose() - h.normalized()).norm(), 3e-15);
+        EXPECT_GT(c.row(0).dot(motion.r), 0);
+        EXPECT_LE(vec_norm(reference.sigma_RN), 1 + 1e-15);
+    }
+}
+
+TEST(VelocityPointing, rate_and_acceleration_are_derivatives_on_every_conic)
+{
+    Random random{2};
+    for (int i = 0; i < 300; i++) {
+        check(about_mars(random, random.real(0, 0.95)), 1e-8);
+        check(about_mars(random, random.real(1.05, 4)), 1e-8);
+        check(about_mars(random, 1 + random.real(-1e-6, 1e-6)), 1e-8);
+    }
+    for (double e : {0.0, 1 - 1e-15, 1.0, 1 + 1e-15}) {
+        check(about_mars(random, e), 1e-8);
+    }
+}
+
+TEST(VelocityPointing, through_periapsis_and_out_along_the_asymptotes)
+{
+    Random random{3};
+    for (double e : {0.99, 1.0, 1.01, 1.5, 4.0, 30.0}) {
+        for (double reach : {1.0, 1e1, 1e2, 1e3, 1e4}) {
+            for (int i = 0; i < 20; i++) {
+                check(about_mars(random, e, reach), 1e-6);
+            }
+        }
+    }
+}
+
+TEST(VelocityPointing, follows_a_planet_that_moves)
+{
+    Random random{4};
+    for (int i = 0; i < 300; i++) {
+        Planet planet{random.vector(1e8), random.vector(3e4)};
+        check(about_mars(random, random.real(0, 2)), 1e-7, &planet);
+    }
+}
+
+/// (A.10) to (A.17), which need a true anomaly, and so an eccentricity.
+TEST(VelocityPointing, is_what_the_elements_say)
+{
+    Random random{5};
+    for (int i = 0; i < 1000; i++) {
+        Motion now = about_mars(random, random.real(0.05, 3), 1e4);
+        Vector3d h = now.r.cross(now.v);
+        Vector3d evec = now.v.cross(h) / mu - now.r.normalized();
+        double e = evec.norm(), r2 = now.r.squaredNorm();
+        double f = std::atan2(h.normalized().dot(evec.cross(now.r)), evec.dot(now.r));
+        double df = h.norm() / r2, ddf = -2 * now.r.dot(now.v) / r2 * df;
+        double d = 1 + e * e + 2 * e * std::cos(f), k = e * (e + std::cos(f)) / d;
+        double dbeta = k * df;
+        double ddbeta = k * ddf + e * (e * e - 1) * std::sin(f) / (d * d) * df * df;
+        double beta = std::atan2(e * std::sin(f), 1 + e * std::cos(f));
+
+        Matrix3d HN;
+        HN << now.r.normalized().transpose(), h.cross(now.r).normalized().transpose(),
+            h.normalized().transpose();
+        AttReference reference = reference_of(now);
+        EXPECT_LT(difference(dcm(reference.sigma_RN), turn(2, -beta) * HN), 1e-11);
+        Vector3d i_h = h.normalized();
+        EXPECT_LT((eigen(reference.omega_RN_N) - (df - dbeta) * i_h).norm(), 1e-12 * df);
+        EXPECT_LT((eigen(reference.domega_RN_N) - (ddf - ddbeta) * i_h).norm(),
+                  1e-11 * (std::abs(ddf) + df * df));
+    }
+}
+
+TEST(VelocityPointing, on_a_circle_it_is_the_hill_frame)
+{
+    double r = 7e6, v = std::sqrt(mu / r);
+    AttReference reference = reference_of({{r, 0, 0}, {0, v, 0}});
+    EXPECT_EQ(eigen(reference.sigma_RN), Vector3d::Zero());
+    EXPECT_NEAR(reference.omega_RN_N.v[2], v / r, 1e-15 * v / r);
+    EXPECT_EQ(eigen(reference.domega_RN_N), Vector3d::Zero());
+}
+
+TEST(VelocityPointing, quality_is_the_worst_of_what_it_used)
+{
+    VelocityPointing m = pointing({{7e6, 0, 0}, {0, 3e3, 1e3}});
+    velocity_pointing_update(&m, {500, 0});
+    EXPECT_EQ(m.out.reference.head.quality, QUALITY_GOOD) << "a planet at the origin is no lack";
+    EXPECT_EQ(m.out.reference.head.t, 500);
+    EXPECT_EQ(m.out.reference.head.sequence, 1u);
+
+    m.in.planet.head = with(QUALITY_STALE);
+    velocity_pointing_update(&m, {1000, 500});
+    EXPECT_EQ(m.out.reference.head.quality, QUALITY_DEGRADED);
+    EXPECT_EQ(m.out.reference.head.sequence, 2u);
+
+    m.in.planet.head = with(QUALITY_GOOD);
+    m.in.orbit.head = with(QUALITY_STALE);
+    velocity_pointing_update(&m, {1500, 500});
+    EXPECT_EQ(m.out.reference.head.quality, QUALITY_DEGRADED);
+}
+
+TEST(VelocityPointing, without_an_orbit_nothing_is_written)
+{
+    VelocityPointing m{};
+    m.par.mu = mu;
+    velocity_pointing_update(&m, {500, 0});
+    EXPECT_TRUE(all_zero(m.out));
+}
+
+TEST(VelocityPointing, holds_the_last_reference_where_the_frame_is_undefined)
+{
+    Motion motion{{7e6, 1e5, -3e6}, {500, 3e3, 1e3}};
+    const Motion undefined[] = {{Vector3d::Zero(), motion.v},
+                                {motion.r, Vector3d::Zero()},
+                                {motion.r, 1e-4 * motion.r},
+                                {motion.r, -1e-4 * motion.r},
+                                {motion.r, 1e-4 * motion.r + Vector3d(0, 0, 1e-13)},
+                                {motion.r * 1e-170, motion.v},
+                                {motion.r * 1e200, motion.v}};
+    for (const Motion &bad : undefined) {
+        VelocityPointing m = pointing(bad);
+        velocity_pointing_update(&m, {0, 0});
+        EXPECT_TRUE(all_zero(m.out)) << "there was none to hold";
+
+        m = pointing(motion);
+        velocity_pointing_update(&m, {0, 0});
+        AttReference last = m.out.reference;
+        m.in.orbit.r_BN_N = vec(bad.r);
+        m.in.orbit.v_BN_N = vec(bad.v);
+        velocity_pointing_update(&m, {500, 500});
+        EXPECT_TRUE(same_content(m.out.reference, last));
+        EXPECT_EQ(m.out.reference.head.quality, QUALITY_DEGRADED);
+        EXPECT_EQ(m.out.reference.head.t, 0) << "its age can be seen";
+
+        m.in.orbit.r_BN_N = vec(motion.r);
+        m.in.orbit.v_BN_N = vec(motion.v);
+        velocity_pointing_update(&m, {1000, 500});
+        EXPECT_EQ(m.out.reference.head.quality, QUALITY_GOOD);
+        EXPECT_EQ(m.out.reference.head.sequence, 2u);
+    }
+}
+
+TEST(VelocityPointing, needs_a_planet_that_attracts)
+{
+    for (double none : {0.0, -mu}) {
+        VelocityPointing m = pointing({{7e6, 0, 0}, {0, 3e3, 1e3}});
+        m.par.mu = none;
+        velocity_pointing_update(&m, {0, 0});
+        EXPECT_TRUE(all_zero(m.out));
+    }
+}
+
+TEST(VelocityPointing, holds_the_last_reference_against_numbers_that_are_not_finite)
+{
+    VelocityPointing m = pointing({{7e6, 1e5, -3e6}, {500, 3e3, 1e3}});
+    m.in.planet.head = good();
+    velocity_pointing_update(&m, {0, 0});
+    auto &[orbit, planet] = m.in;
+    expect_held(m, doubles(orbit.r_BN_N, orbit.v_BN_N, planet.r_PN_N, planet.v_PN_N, m.par.mu),
+                [](VelocityPointing &x) { velocity_pointing_update(&x, {500, 500}); },
+                [](VelocityPointing &x) { return std::vector{&x.out.reference.head}; });
+}
+
+TEST(VelocityPointing, gives_finite_numbers_whatever_it_is_given)
+{
+    Random random{6};
+    VelocityPointing m{};
+    auto &[orbit, planet] = m.in;
+    AttReference &out = m.out.reference;
+    Doubles in = doubles(orbit.r_BN_N, orbit.v_BN_N, planet.r_PN_N, planet.v_PN_N, m.par.mu);
+    for (int round = 0; round < 20000; round++) {
+        throw_numbers(in, random, round);
+        orbit.head.quality = any_quality(random);
+        planet.head.quality = any_quality(random);
+        velocity_pointing_update(&m, {round, 1});
+        expect_finite(doubles(out.sigma_RN, out.omega_RN_N, out.domega_RN_N), round);
+    }
+}
+
+TEST(VelocityPointing, reset_forgets)
+{
+    VelocityPointing m = pointing({{7e6, 0, 0}, {0, 3e3, 0}});
+    velocity_pointing_update(&m, {0, 0});
+    velocity_pointing_reset(&m);
+    EXPECT_TRUE(all_zero(m.out));
+}
+
+} // namespace
+} // namespace flight::testing
