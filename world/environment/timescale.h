@@ -5,9 +5,10 @@
 //   TT  = TAI + 32.184 s
 //   TDB = TT + K sin E,  E = M + e sin M,  M = M0 + M1 t        (t: TT past J2000)
 //
-// The last is the model of SPICE's leap-seconds kernels: within 30 us of the full theory (Moyer 1981),
-// 0.9 m of the Earth's way around the Sun. All else is exact in integer nanoseconds. Rounding TDB - TT
-// to a nanosecond makes a round trip through TDB exact but for 1 ns at one instant in 3e9.
+// The last is the model of SPICE's leap-seconds kernels: within 30 us of the full theory (Moyer
+// 1981), 0.9 m of the Earth's way around the Sun. All else is exact in integer nanoseconds.
+// Rounding TDB - TT to a nanosecond makes a round trip through TDB exact but for 1 ns at one
+// instant in 3e9.
 #pragma once
 
 #include <cstdint>
@@ -46,15 +47,16 @@ std::string format_tdb(double seconds);
 /// Leap seconds, and what relates TDB to TT.
 class TimeSystem {
 public:
-    /// Leap seconds from IERS Bulletin C: 1972 to the one at the end of 2016, TAI - UTC = 37 s. None
-    /// has been announced since.
+    /// Leap seconds from IERS Bulletin C: 1972 to the one at the end of 2016, TAI - UTC = 37 s.
+    /// None has been announced since.
     TimeSystem();
 
-    /// From a SPICE leap-seconds kernel (.tls). Throws SetupError with file and line if it is damaged.
+    /// From a SPICE leap-seconds kernel (.tls). Throws SetupError with file and line if it is
+    /// damaged.
     static TimeSystem read(const std::string &path);
 
-    /// From "2015-03-02T12:00:00", "2015-03-02 12:00:00.5 TDB", "2016-12-31T23:59:60Z", "2015-03-02".
-    /// The scale is UTC (also "Z", " UTC") unless " TAI", " TT" or " TDB" follows.
+    /// From "2015-03-02T12:00:00", "2015-03-02 12:00:00.5 TDB", "2016-12-31T23:59:60Z",
+    /// "2015-03-02". The scale is UTC (also "Z", " UTC") unless " TAI", " TT" or " TDB" follows.
     /// Throws SetupError on a time that is none, on UTC before 1972, on years outside 1709 to 2291.
     Epoch epoch(std::string_view text) const;
     Epoch epoch(const CalendarTime &time, TimeScale scale) const;
