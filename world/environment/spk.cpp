@@ -1,0 +1,274 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "world/environment/spk.h"
+
+#include "sim/error.h"
+#include "sim/text.h"
+#include "world/environment/bodies.h"
+#include "world/environment/bytes.h"
+
+#include <cerrno>
+#include <cmath>
+#include <string_view>
+
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+namespace fledge::world {
+
+namespace {
+
+constexpr std::size_t record_bytes = 1024, record_words = 128;
+constexpr std::size_t summary_words = 5; // ND + (NI + 1) / 2
+constexpr int icrf = 1;                  // NAIF's number of the frame J2000
+constexpr std::string_view transfer_check("FTPSTR:\r:\n:\r\n:\r\0:\x81:\x10\xce:ENDFTP", 28);
+
+[[noreturn]] void refuse(const std::string &path, const std::string &what)
+{
+    throw sim::SetupError(path + ": " + what);
+}
+
+[[noreturn]] void refuse_system(const std::string &path, const char *what)
+{
+    refuse(path, std::string(what) + ": " + std::strerror(errno));
+}
+
+/// The whole of a file in memory, until it is destroyed.
+class MappedFile {
+public:
+    explicit MappedFile(const std::string &path)
+    {
+        const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+        if (file < 0) {
+            refuse_system(path, "cannot be opened");
+        }
+        struct stat status = {};
+        if (::fstat(file, &status) == 0 && S_ISREG(status.st_mode) && status.st_size > 0) {
+            size_ = static_cast<std::size_t>(status.st_size);
+            bytes_ = ::mmap(nullptr, size_, PROT_READ, MAP_PRIVATE, file, 0);
+        }
+        ::close(file);
+        if (size_ == 0) {
+            refuse(path, "is empty or no file; expected a SPICE SPK kernel");
+        }
+        if (bytes_ == MAP_FAILED) {
+            refuse_system(path, "cannot be mapped into memory");
+        }
+    }
+    ~MappedFile() { ::munmap(bytes_, size_); }
+    MappedFile(const MappedFile &) = delete;
+    MappedFile &operator=(const MappedFile &) = delete;
+
+    const char *bytes() const { return static_cast<const char *>(bytes_); }
+    std::size_t size() const { return size_; }
+
+private:
+    void *bytes_ = nullptr;
+    std::size_t size_ = 0;
+};
+
+class Reader {
+public:
+    explicit Reader(const std::string &path)
+        : path_(path), file_(std::make_shared<const MappedFile>(path))
+    {
+    }
+
+    SegmentFile read()
+    {
+        const std::size_t first = check_head();
+        place_words();
+        SegmentFile result;
+        std::size_t record = first;
+        for (std::size_t visited = 0; record != 0; visited++) {
+            if (record > file_->size() / record_bytes || visited > file_->size() / record_bytes) {
+                refuse(path_, "is damaged or cut short: summary record " + std::to_string(record) +
+                                  " is beyond its end or was met before");
+            }
+            const double *summaries = words_ + (record - 1) * record_words;
+            const std::size_t next = index(summaries[0], "the next summary record");
+            const std::size_t count = index(summaries[2], "the number of summaries");
+            if (count > (record_words - 3) / summary_words) {
+                refuse(path_, "is damaged: a summary record holds " + std::to_string(count) +
+                                  " summaries; there is room for 25");
+            }
+            for (std::size_t i = 0; i < count; i++) {
+                const std::size_t at = (record - 1) * record_bytes + 8 * (3 + i * summary_words);
+                result.segments.push_back(segment(at, result.segments.size() + 1));
+            }
+            record = next;
+        }
+        if (result.segments.empty()) {
+            refuse(path_, "holds no segments");
+        }
+        result.memory = turned_ ? std::shared_ptr<const void>(turned_) : file_;
+        return result;
+    }
+
+private:
+    /// The first summary record.
+    std::size_t check_head()
+    {
+        const char *bytes = file_->bytes();
+        const std::string_view magic(bytes, std::min<std::size_t>(8, file_->size()));
+        if (magic.starts_with("DAFETF")) {
+            refuse(path_, "is a transfer file (.xsp); turn it into a binary kernel first, with "
+                          "NAIF's tobin");
+        }
+        if (magic.starts_with("DAF/") && magic != "DAF/SPK ") {
+            refuse(path_,
+                   "is a kernel of kind \"" + std::string(magic) + "\"; expected \"DAF/SPK \"");
+        }
+        if (magic != "DAF/SPK " && magic != "NAIF/DAF") {
+            refuse(path_, "is no SPICE SPK kernel: it does not begin with \"DAF/SPK \"");
+        }
+        if (file_->size() < record_bytes) {
+            refuse(path_, "is cut short: it has " + std::to_string(file_->size()) +
+                              " bytes, less than the first record");
+        }
+        const std::string_view order(bytes + 88, 8);
+        if (order == "LTL-IEEE") {
+            order_ = std::endian::little;
+        } else if (order == "BIG-IEEE") {
+            order_ = std::endian::big;
+        } else if (magic == "NAIF/DAF") { // older than the mark: ND tells
+            order_ = load<std::int32_t>(bytes + 8, std::endian::little) == 2 ? std::endian::little
+                                                                             : std::endian::big;
+        } else {
+            refuse(path_, "is damaged: its byte order is marked neither LTL-IEEE nor BIG-IEEE");
+        }
+        const auto nd = load<std::int32_t>(bytes + 8, order_);
+        const auto ni = load<std::int32_t>(bytes + 12, order_);
+        if (nd != 2 || ni != 6) {
+            refuse(path_, "is damaged: summaries of " + std::to_string(nd) + " doubles and " +
+                              std::to_string(ni) + " integers; SPK kernels have 2 and 6");
+        }
+        const std::string_view check(bytes + 699, transfer_check.size());
+        if (check.starts_with("FTPSTR") && check != transfer_check) {
+            refuse(path_, "was damaged by a transfer as text; transfer it as binary");
+        }
+        const auto first = load<std::int32_t>(bytes + 76, order_);
+        if (first < 1) {
+            refuse(path_, "is damaged: its first summary record is " + std::to_string(first));
+        }
+        return static_cast<std::size_t>(first);
+    }
+
+    /// The file as words of this machine.
+    void place_words()
+    {
+        word_count_ = file_->size() / 8;
+        if (order_ == std::endian::native) {
+            words_ = reinterpret_cast<const double *>(file_->bytes()); // a page boundary
+            return;
+        }
+        auto words = std::make_shared<std::vector<double>>(word_count_);
+        for (std::size_t i = 0; i < word_count_; i++) {
+            (*words)[i] = load<double>(file_->bytes() + 8 * i, order_);
+        }
+        words_ = words->data();
+        turned_ = std::move(words);
+    }
+
+    std::size_t index(double value, const char *what) const
+    {
+        if (!(value >= 0.0 && value < 1e15 && value == std::floor(value))) {
+            refuse(path_, std::string("is damaged: ") + what + " is " + sim::format_number(value) +
+                              "; expected a whole number");
+        }
+        return static_cast<std::size_t>(value);
+    }
+
+    ChebyshevSegment segment(std::size_t at, std::size_t number) const
+    {
+        const char *summary = file_->bytes() + at;
+        std::int32_t integers[6];
+        for (std::size_t i = 0; i < 6; i++) {
+            integers[i] = load<std::int32_t>(summary + 16 + 4 * i, order_);
+        }
+        ChebyshevSegment s;
+        s.file = path_;
+        s.first = load<double>(summary, order_);
+        s.last = load<double>(summary + 8, order_);
+        s.target = integers[0];
+        s.center = integers[1];
+        const int frame = integers[2], type = integers[3];
+        const std::string name = "segment " + std::to_string(number) + ", " + body_name(s.target) +
+                                 " relative to " + body_name(s.center) + ", ";
+        const auto refuse_segment = [&](const std::string &what) { refuse(path_, name + what); };
+
+        if (type != 2 && type != 3) {
+            refuse_segment("is of type " + std::to_string(type) +
+                           "; types 2 and 3 (Chebyshev polynomials) are read");
+        }
+        if (frame != icrf) {
+            refuse_segment("is given in the frame " + std::to_string(frame) +
+                           "; frame 1 (J2000) is read");
+        }
+        if (!(s.first <= s.last && std::isfinite(s.first) && std::isfinite(s.last))) {
+            refuse_segment("is damaged: it holds from " + sim::format_number(s.first) + " s to " +
+                           sim::format_number(s.last) + " s");
+        }
+        if (s.target == s.center) {
+            refuse_segment("is damaged: a body relative to itself");
+        }
+        if (integers[4] < 1 || integers[5] < integers[4] + 4 ||
+            static_cast<std::size_t>(integers[5]) > word_count_) {
+            refuse_segment("is damaged or cut short: it is said to occupy the words " +
+                           std::to_string(integers[4]) + " to " + std::to_string(integers[5]) +
+                           "; the file has " + std::to_string(word_count_));
+        }
+        s.records = words_ + integers[4] - 1;
+        const double *tail = words_ + integers[5] - 4;
+        const auto words = static_cast<std::size_t>(tail - s.records);
+        s.start = tail[0];
+        s.length = tail[1];
+        s.record_words = index(tail[2], "the length of a record");
+        s.count = index(tail[3], "the number of records");
+        s.has_velocity = type == 3;
+        const std::size_t components = s.has_velocity ? 6 : 3;
+        if (s.record_words < 2 + components || (s.record_words - 2) % components != 0 ||
+            s.count < 1 || words / s.record_words != s.count || words % s.record_words != 0) {
+            refuse_segment("is damaged: " + std::to_string(words) + " words for " +
+                           std::to_string(s.count) + " records of " +
+                           std::to_string(s.record_words) + ", each 2 and " +
+                           std::to_string(components) + " times the number of coefficients");
+        }
+        s.coefficients = static_cast<int>((s.record_words - 2) / components);
+
+        const double slack = 1e-6 * s.length;
+        if (!(s.length > 0.0 && std::isfinite(s.start) && s.start <= s.first + slack &&
+              s.last <= s.start + s.length * static_cast<double>(s.count) + slack)) {
+            refuse_segment("is damaged: its records begin at " + sim::format_number(s.start) +
+                           " s and last " + sim::format_number(s.length) +
+                           " s each, which is not the span it is said to hold");
+        }
+        for (std::size_t i = 0; i < s.count; i++) {
+            const double *record = s.records + i * s.record_words;
+            const double middle = s.start + s.length * (static_cast<double>(i) + 0.5);
+            if (!(std::fabs(record[0] - middle) <= slack &&
+                  std::fabs(record[1] - 0.5 * s.length) <= slack)) {
+                refuse_segment("is damaged: record " + std::to_string(i + 1) +
+                               " is not for its interval");
+            }
+        }
+        return s;
+    }
+
+    std::string path_;
+    std::shared_ptr<const MappedFile> file_;
+    std::shared_ptr<const std::vector<double>> turned_;
+    const double *words_ = nullptr;
+    std::size_t word_count_ = 0;
+    std::endian order_ = std::endian::native;
+};
+
+} // namespace
+
+SegmentFile read_spk(const std::string &path)
+{
+    return Reader(path).read();
+}
+
+} // namespace fledge::world

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPICE SPK kernels (.bsp): the ephemerides of JPL and of missions.
+//
+// The container, DAF, is a file of 1024-byte records of 8-byte words, counted from 1:
+//
+//   record 1        "DAF/SPK ", ND = 2, NI = 6, ..., FWARD: the first summary record, ...,
+//                   "LTL-IEEE" or "BIG-IEEE", and a string that shows damage by text-mode transfer
+//   summary record  NEXT, PREVIOUS, NSUM as doubles, then NSUM summaries of ND doubles and NI
+//                   integers: from, to, target, centre, frame, type, first word, last word
+//
+// A segment of type 2 (position) or 3 (position and velocity) is a sequence of records as in
+// ChebyshevSegment, then START, LENGTH, words per record, number of records.
+// Source: NAIF, "DAF Required Reading" and "SPK Required Reading".
+#pragma once
+
+#include "world/environment/ephemeris.h"
+
+namespace fledge::world {
+
+struct SegmentFile {
+    std::vector<ChebyshevSegment> segments; ///< in the order of the file
+    std::shared_ptr<const void> memory;     ///< where their records lie
+};
+
+/// A kernel in this machine's byte order is mapped, so that only what is used occupies memory;
+/// another is read and turned. Throws SetupError that says what is damaged, or which type of
+/// segment, frame or file is not read.
+SegmentFile read_spk(const std::string &path);
+
+} // namespace fledge::world
