@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+// How planets stand and turn, by the IAU's model: the right ascension and declination of the pole
+// and the prime meridian W as polynomials and sines of time,
+//
+//   ra  = a0 + a1 T + a2 T^2 + sum_i ra_i  sin E_i         T: centuries of TDB past J2000
+//   dec = d0 + d1 T + d2 T^2 + sum_i dec_i cos E_i         d: days of it
+//   W   = w0 + w1 d + w2 d^2 + sum_i w_i   sin E_i         E_i = e0_i + e1_i T + ...
+//
+//   [PN] = R3(W) R1(90 deg - dec) R3(90 deg + ra)
+//
+// N is the ICRF, P is fixed in the body: p3 along its pole, p1 through its prime meridian.
+//
+// Built in are the Sun, Mercury to Neptune and the Moon, of the IAU's report of 2000 (Seidelmann et
+// al. 2002), as in NAIF's pck00008.tpc. The Moon has all
+// 13 periodic terms: within about 0.01 deg of its libration. The Earth has precession only, neither
+// nutation nor the true length of day: within about 0.2 deg of the terrestrial frame.
+#pragma once
+
+#include "world/environment/text_kernel.h"
+#include "world/environment/timescale.h"
+
+#include <Eigen/Core>
+
+#include <string>
+#include <vector>
+
+namespace fledge::world {
+
+struct BodyAttitude {
+    Eigen::Matrix3d dcm_PN;     ///< maps N (ICRF) to P (fixed in the body)
+    Eigen::Vector3d omega_PN_P; ///< [rad/s] of P relative to N, P components
+};
+
+class Orientation {
+public:
+    /// From the built-in constants. Throws SetupError that lists the bodies it knows.
+    static Orientation built_in(int body);
+
+    /// From BODYnnn_POLE_RA, _POLE_DEC, _PM and their periodic terms in a text kernel (.tpc).
+    /// Throws SetupError if one is missing or not of the right shape.
+    static Orientation from(const TextKernel &pck, int body);
+
+    int body() const { return body_; }
+
+    /// At tau [s] after an epoch.
+    BodyAttitude at(Epoch epoch, double tau = 0.0) const;
+
+private:
+    struct Term {
+        double E[3];        ///< [rad], per century, per century^2
+        double ra, dec, pm; ///< [rad] amplitudes
+    };
+
+    int body_ = 0;
+    double ra_[3] = {}, dec_[3] = {}; ///< [rad], per century, per century^2
+    double pm_[3] = {};               ///< [rad], per day, per day^2
+    std::vector<Term> terms_;
+};
+
+/// [m] The mean of BODYnnn_RADII's first two, and the third. Throws SetupError if they are missing.
+double equatorial_radius(const TextKernel &pck, int body);
+double polar_radius(const TextKernel &pck, int body);
+
+/// [m^3/s^2] BODYnnn_GM. Throws SetupError if it is missing.
+double gravitational_parameter(const TextKernel &pck, int body);
+
+} // namespace fledge::world
