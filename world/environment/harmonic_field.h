@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+// Spherical-harmonic gravity fields from files.
+//
+//   SHADR  PDS: a header line (radius, mu, sigma of mu, degree, order, normalised?, reference
+//          longitude, latitude), then a row per coefficient: n, m, C, S, sigma of C, sigma of S.
+//          Separated by commas or blanks.
+//   ICGEM  .gfc: lines of a keyword and its value up to end_of_head, then rows: gfc n m C S ...
+//
+// Source: PDS, SHADR software interface specification; ICGEM, "Format of the gravity field files".
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+namespace fledge::world {
+
+/// Coefficients are fully normalised (4 pi), without the Condon-Shortley phase.
+struct HarmonicField {
+    std::string name;          ///< of the model, or of the file
+    double mu = 0.0;           ///< [m^3/s^2]
+    double radius = 0.0;       ///< [m] of reference
+    int degree = 0, order = 0; ///< the highest
+    std::string tide_system;  ///< tide_free, zero_tide, mean_tide or unknown: as stated, used as is
+    bool varies = false;      ///< the file also has drifts and periods, which are left out
+    std::vector<double> C, S; ///< at index(n, m)
+
+    static std::size_t index(int n, int m)
+    {
+        return static_cast<std::size_t>(n) * static_cast<std::size_t>(n + 1) / 2 +
+               static_cast<std::size_t>(m);
+    }
+
+    /// A field of zeros but C00 = 1. Throws SetupError on mu or radius <= 0, degree < 0.
+    static HarmonicField zero(double mu, double radius, int degree);
+
+    /// The zonal harmonic J_n = -sqrt(2 n + 1) C_n0.
+    double J(int n) const;
+};
+
+/// The unit of length in a SHADR file, which does not tell. The standard has km; files in m are
+/// about. `by_radius`: a radius below 100,000 is in km, which is wrong only for bodies of less
+/// than 100 km in files in m.
+enum class LengthUnit { by_radius, metre, kilometre };
+
+/// Throws SetupError with file and line where the file is damaged, foreign, or ends too early.
+/// Coefficients of the degrees 0 and 1 may be left out: then C00 = 1 and the rest 0.
+HarmonicField read_shadr(const std::string &path, LengthUnit unit = LengthUnit::by_radius);
+HarmonicField read_icgem(const std::string &path);
+
+/// ICGEM if the name ends in .gfc, else SHADR.
+HarmonicField read_gravity_field(const std::string &path);
+
+} // namespace fledge::world

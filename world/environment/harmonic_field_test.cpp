@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "world/environment/harmonic_field.h"
+
+#include "sim/error.h"
+#include "world/environment/testing/files.h"
+
+#include <cmath>
+
+namespace fledge::world {
+namespace {
+
+using testing::error_of;
+using ::testing::HasSubstr;
+using testing::real_file;
+using testing::TemporaryFile;
+
+const std::string icgem_head = "A comment.\n\nproduct_type gravity_field\nmodelname TEST\n"
+                               "earth_gravity_constant 0.3986004415E+15\nradius 0.6378136300D+07\n"
+                               "max_degree 2\nerrors formal\n";
+const std::string icgem_rows = "gfc 2 0 -0.48e-3 0.0 1e-10 0\ngfc 2 1 1d-10 2d-10\n"
+                               "gfc 2 2 2.4e-6 -1.4e-6\n";
+
+HarmonicField shadr(const std::string &text, LengthUnit unit = LengthUnit::by_radius)
+{
+    const TemporaryFile file("a.tab", text);
+    return read_shadr(file.path(), unit);
+}
+
+HarmonicField icgem(const std::string &text)
+{
+    const TemporaryFile file("a.gfc", text);
+    return read_gravity_field(file.path());
+}
+
+TEST(HarmonicField, RealFieldsHaveTheirKnownFlattening)
+{
+    const std::string earth = real_file("earth-ggm03s.shadr.csv");
+    const std::string mars = real_file("mars-ggm2bc80.shadr.csv");
+    SKIP_WITHOUT(earth);
+    SKIP_WITHOUT(mars);
+    const HarmonicField e = read_gravity_field(earth), m = read_gravity_field(mars);
+    EXPECT_EQ(e.degree, 180);
+    EXPECT_EQ(e.radius, 6378136.3);
+    EXPECT_EQ(e.mu, 3.986004415e14);
+    EXPECT_NEAR(e.J(2), 1.08263e-3, 1e-8);
+    EXPECT_NEAR(e.J(3), -2.5327e-6, 1e-9);
+    EXPECT_EQ(m.degree, 80);
+    EXPECT_EQ(m.C[0], 1.0); // the file begins at degree 2
+    EXPECT_NEAR(m.J(2), 1.9555e-3, 1e-7);
+    EXPECT_EQ(m.S[HarmonicField::index(80, 80)], -5.3860308941804763e-08);
+}
+
+TEST(HarmonicField, ShadrInKilometresAndWithoutNormalisation)
+{
+    const std::string rows = "2 0 -3.0 0\n2 1 0 0\n2,2,0.5,0.25,0,0\n";
+    const HarmonicField km = shadr("3397 42828.5 0 2 2 0 0 0\n" + rows);
+    EXPECT_EQ(km.radius, 3.397e6);
+    EXPECT_EQ(km.mu, 4.28285e13);
+    // N_20 = sqrt(5), N_22 = sqrt(5/12).
+    EXPECT_NEAR(km.C[HarmonicField::index(2, 0)], -3.0 / std::sqrt(5.0), 1e-15);
+    EXPECT_NEAR(km.S[HarmonicField::index(2, 2)], 0.25 / std::sqrt(5.0 / 12.0), 1e-15);
+    EXPECT_NEAR(km.J(2), 3.0, 1e-15);
+    EXPECT_EQ(shadr("16000 4.5e5 0 2 2 1\n" + rows, LengthUnit::metre).radius, 16000.0);
+    EXPECT_EQ(shadr("3397000 4.28285e13 0 2 2 1\n" + rows).radius, 3.397e6);
+}
+
+TEST(HarmonicField, DamagedShadrIsRefusedWithItsLine)
+{
+    const auto error = [](const std::string &text) { return error_of([&] { shadr(text); }); };
+    const std::string head = "3397 42828.5 0 2 2 1 0 0\n";
+    EXPECT_THROW(shadr(""), sim::SetupError);
+    EXPECT_THAT(error(""), HasSubstr(":1: expected the header of a SHADR file"));
+    EXPECT_THAT(error("DAF/SPK x"), HasSubstr(":1: expected the header"));
+    EXPECT_THAT(error("3397 -1 0 2 2 1\n"), HasSubstr(":1: expected the header"));
+    EXPECT_THAT(error("3397 42828.5 0 2 3 1\n"), HasSubstr(":1: expected the header"));
+    EXPECT_THAT(error("3397 42828.5 0 2 2 2\n"), HasSubstr("1: fully normalised, or 0"));
+    EXPECT_THAT(error(head + "2 0 1 0\n2 1 1\n"), HasSubstr(":3: expected n, m, C, S, found 3"));
+    EXPECT_THAT(error(head + "2 0 1 0\n2 1 1 x\n"),
+                HasSubstr(":3: expected a number, found \"x\""));
+    EXPECT_THAT(error(head + "2.5 0 1 0\n"), HasSubstr(":2: expected a number, found \"2.5\""));
+    EXPECT_THAT(error(head + "3 0 1 0\n"),
+                HasSubstr("degree 3, order 0; the header promises up to 2, 2"));
+    EXPECT_THAT(error(head + "1 2 1 0\n"), HasSubstr("degree 1, order 2"));
+    EXPECT_THAT(error(head + "2 0 1 0\n2 0 1 0\n"),
+                HasSubstr(":3: degree 2, order 0 is given twice"));
+    EXPECT_THAT(
+        error(head + "2 0 1 0\n2 1 1 0\n"),
+        HasSubstr("degree 2, order 2 is missing; the header promises all up to 2, 2. Is the "
+                  "file cut short?"));
+}
+
+TEST(HarmonicField, EveryCutOfARealFieldIsRefused)
+{
+    const std::string path = real_file("mars-ggm2bc80.shadr.csv");
+    SKIP_WITHOUT(path);
+    const std::string text = read_whole(path);
+    // The end of the last row is blank and holds what is not read.
+    for (std::size_t size = 0; size < text.size() - 122; size += 40'009) {
+        EXPECT_NE(error_of([&] { shadr(text.substr(0, size)); }), "") << size;
+    }
+}
+
+TEST(HarmonicField, IcgemStatesItsTidesAndWhatVaries)
+{
+    HarmonicField field =
+        icgem(icgem_head + "tide_system zero_tide\nend_of_head ======\n" + icgem_rows);
+    EXPECT_EQ(field.name, "TEST");
+    EXPECT_EQ(field.tide_system, "zero_tide");
+    EXPECT_EQ(field.mu, 3.986004415e14);
+    EXPECT_EQ(field.radius, 6378136.3);
+    EXPECT_EQ(field.S[HarmonicField::index(2, 1)], 2e-10);
+    EXPECT_FALSE(field.varies);
+
+    field = icgem(icgem_head + "end_of_head\n" +
+                  "gfct 2 0 -0.48e-3 0 0 0 20050101\n"
+                  "trnd 2 0 1e-11 0\nasin 2 0 1e-11 0 0 0 1.0\ngfc 2 1 0 0\ngfc 2 2 0 0\n");
+    EXPECT_EQ(field.tide_system, "unknown");
+    EXPECT_TRUE(field.varies);
+    EXPECT_EQ(field.C[HarmonicField::index(2, 0)], -0.48e-3);
+
+    field = icgem(icgem_head + "norm unnormalized\nend_of_head\n" + icgem_rows);
+    EXPECT_NEAR(field.C[HarmonicField::index(2, 0)], -0.48e-3 / std::sqrt(5.0), 1e-18);
+}
+
+TEST(HarmonicField, DamagedIcgemIsRefusedWithItsLine)
+{
+    const auto error = [](const std::string &text) { return error_of([&] { icgem(text); }); };
+    EXPECT_EQ(error(icgem_head + "end_of_head\n" + icgem_rows), "");
+    EXPECT_THAT(error(icgem_head + icgem_rows), HasSubstr("has no line end_of_head"));
+    EXPECT_THAT(error("radius 1\nmax_degree 2\nend_of_head\n"),
+                HasSubstr("lacks earth_gravity_constant"));
+    EXPECT_THAT(error("radius x\n"), HasSubstr(":1: the value \"x\" of radius is not understood"));
+    EXPECT_THAT(error("product_type topography\n"),
+                HasSubstr(":1: expected product_type gravity_field"));
+    EXPECT_THAT(error("norm half\n"), HasSubstr(":1: the value \"half\" of norm"));
+    const std::string head = icgem_head + "end_of_head\n";
+    EXPECT_THAT(error(head + "gfc 2 0 1 0\ngfc 2 1 1 0\n"),
+                HasSubstr("degree 2, order 2 is missing"));
+    EXPECT_THAT(error(head + "gfx 2 0 1 0\n"), HasSubstr(":10: expected gfc, gfct, trnd"));
+    EXPECT_THAT(error(head + "gfc 2 0 1\n"), HasSubstr(":10: expected n, m, C, S, found 3 values"));
+    EXPECT_THAT(error("earth_gravity_constant -1\nradius 1\nmax_degree 2\nend_of_head\n"),
+                HasSubstr("must be > 0"));
+}
+
+} // namespace
+} // namespace fledge::world

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+// The gravity of a spherical-harmonic field of any degree, fast, and without loss at the poles.
+//
+//   U = mu / r sum_n (R / r)^n sum_m P_nm(sin lat) (C_nm cos m lon + S_nm sin m lon)
+//
+// The gradient is taken in Cartesian components (Pines 1973), so that nothing is divided by cos
+// lat. How the sums are arranged stands in harmonics.cpp.
+#pragma once
+
+#include "world/environment/harmonic_field.h"
+
+#include <Eigen/Core>
+
+#include <vector>
+
+namespace fledge::world {
+
+class Harmonics {
+public:
+    /// Of the whole field, or up to a degree. Throws SetupError if the field has less.
+    explicit Harmonics(const HarmonicField &field);
+    Harmonics(const HarmonicField &field, int degree);
+
+    int degree() const { return degree_; }
+    double mu() const { return mu_; }
+    double radius() const { return radius_; }
+
+    /// The acceleration [m/s^2] at r_P [m] relative to the body's centre, both in axes fixed in
+    /// the body (P). `potential`: if not null, receives U [m^2/s^2]. Outside the body; NaN at the
+    /// centre.
+    Eigen::Vector3d gravity(const Eigen::Vector3d &r_P, double *potential = nullptr) const;
+
+    /// The same in inertial axes: dcm_PN from Orientation.
+    Eigen::Vector3d gravity_N(const Eigen::Matrix3d &dcm_PN, const Eigen::Vector3d &r_N) const
+    {
+        return dcm_PN.transpose() * gravity(dcm_PN * r_N);
+    }
+
+private:
+    /// Two orders side by side.
+    typedef double Pair __attribute__((vector_size(16)));
+
+    /// What one degree of two neighbouring orders m needs.
+    struct Terms {
+        Pair beta;   ///< of the recursion
+        Pair C, S;   ///< the order's own coefficients
+        Pair dC, dS; ///< those of the order before, for the derivative by s
+    };
+
+    double mu_, radius_;
+    int degree_;
+    std::vector<Terms> terms_;
+};
+
+} // namespace fledge::world
