@@ -34,6 +34,13 @@ void *operator new(std::size_t size, std::align_val_t alignment)
     return allocate(size, static_cast<std::size_t>(alignment));
 }
 
+// std::stable_sort takes its buffer with this one.
+void *operator new(std::size_t size, const std::nothrow_t &) noexcept
+{
+    made++;
+    return std::malloc(size);
+}
+
 void operator delete(void *p) noexcept
 {
     std::free(p);
