@@ -13,7 +13,7 @@
 import weakref
 
 from fledge import _core
-from fledge.units import Quantity, UnitError, nanoseconds
+from fledge.units import UnitError, nanoseconds
 
 SetupError = _core.SetupError
 
@@ -265,7 +265,8 @@ class Process:
         put(self, "_core_simulation", core_simulation)
         put(self, "_core_process", core_process)
         put(self, "_instances", {})
-        put(self, "_handles", {})
+        put(self, "_handles", {})  # modes and events
+        put(self, "_tasks", {})    # apart, because a task may have the name of an instance
 
     @property
     def name(self):
@@ -294,7 +295,7 @@ class Process:
     def __getattr__(self, name):
         if name.startswith("__"):
             raise AttributeError(name)
-        for names in (self._instances, self._handles):
+        for names in (self._instances, self._handles, self._tasks):
             if name in names:
                 return names[name]
         raise AttributeError(self._unknown(name))
@@ -308,7 +309,7 @@ class Process:
                 + (f"; did you mean '{near[0]}'?" if near else ";") + " it has " + (", ".join(known) or "nothing yet"))
 
     def __dir__(self):
-        return [*super().__dir__(), *self._instances, *self._handles]
+        return [*super().__dir__(), *self._instances, *self._handles, *self._tasks]
 
     def __iter__(self):
         """The instances, in the order in which they were given."""
@@ -331,7 +332,8 @@ class Process:
         """Run modules or models in order, at one rate. Returns a handle for mode().
 
         every, offset: times. At equal times, tasks of higher priority run first, then those declared
-        first. Modules in no task only publish their parameters.
+        first. Modules in no task only publish their parameters. The handle is also found as an
+        attribute, unless an instance has the same name.
         """
         what = f"task {self.name}.{name}"
         for one in run:
@@ -339,7 +341,8 @@ class Process:
                 raise SetupError(f"{what}: run takes modules or models; found {one!r}")
         self._core_process.add_task(name, _time(every, f"{what}: every"), _time(offset, f"{what}: offset"),
                                     priority, run)
-        return Task(name)
+        self._tasks[name] = Task(name)
+        return self._tasks[name]
 
     def mode(self, name, tasks):
         """A named set of tasks that are active in it. Tasks that no mode names are always active.
@@ -411,13 +414,14 @@ class Process:
         """The same process of a cloned simulation, its objects made anew."""
         other = type(self)(core_simulation, core_simulation.process(self.name))
         other._instances.update(other._core_process.wrap())
+        other._tasks.update(self._tasks)
         for one in other._instances.values():
             _core.set_context(one, weakref.ref(other))
         events = {e.name: e for e in other._core_process.events}
         for name, handle in self._handles.items():
             if isinstance(handle, Mode):
                 other._handles[name] = Mode(other, name)
-            elif isinstance(handle, Event):
+            else:
                 event = Event(other, name, handle._when, handle._do)
                 event._core = events[name]
                 if not isinstance(handle._when, _core.Condition):
@@ -425,8 +429,6 @@ class Process:
                 if handle._do:
                     event._core.action = event._action()
                 other._handles[name] = event
-            else:
-                other._handles[name] = handle
         return other
 
 

@@ -136,10 +136,14 @@ def test_a_clone_shares_nothing():
 
 
 def test_a_simulation_is_let_go():
-    sim = spinner()
-    # A callable that refers to its own simulation must not keep it.
-    sim.world.at(1 * s, do=lambda: sim.flight)
-    sim.run(2 * s)
+    def looped():  # a callable that refers to its own simulation must not keep it for ever
+        sim = spinner()
+        sim.world.at(1 * s, do=lambda: sim.flight)
+        sim.world.event("never", when=lambda: sim.time < 0, do=print)
+        sim.run(2 * s)
+        return sim
+
+    sim = looped()
     alive, module = weakref.ref(sim), weakref.ref(sim.world.craft)
     del sim
     gc.collect()
