@@ -17,9 +17,8 @@ def release(d):
     d["world.wheels.J"]         = d.nominal * d.uniform(0.95, 1.05)
     d["world.wheels.axes_B"]    = d.nominal + d.normal(0, 0.5 * deg)
 
-    # what the attitude sensor believes
-    d["world.nav.attitude_bias"]  = d.normal(0, 0.01 * deg)
-    d["world.nav.attitude_noise"] = d.uniform(0 * deg, 0.005 * deg)
+    # how the attitude sensor is mounted
+    d["world.nav.attitude_bias"] = d.normal(0, 0.01 * deg)
 
     error, rate, torque = d.retain(
         "flight.tracking.error.sigma_BR",

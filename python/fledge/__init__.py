@@ -29,6 +29,7 @@ _LAZY = {
     "flight": ("flight", None),
     "load": ("mission", "load"),
     "missions": ("mission", "missions"),
+    "montecarlo": ("montecarlo", None),
     "plot": ("plot", None),
     "sim": ("mission", None),
     "_core": ("_core", None),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command line: `./fledge run | list | plot | convert | bench`.
+"""The command line: `./fledge run | montecarlo | list | plot | convert | bench`.
 
 Exit codes: 0 all went well; 1 a check of the scenario failed, or the run did; 2 the command line or
 the mission is wrong; 130 Ctrl-C.
@@ -268,6 +268,10 @@ def parser():
     one.add_argument("--for", dest="duration", metavar="DURATION",
                      help="fly without a scenario for this long (90s, 10min, 2h), recording all outputs")
 
+    from fledge import cli_montecarlo
+
+    cli_montecarlo.add(command)
+
     one = command("list", list_, "list missions, modules and models", "list --ports")
     one.add_argument("--ports", action="store_true", help="with the inputs and outputs of each")
 
@@ -332,4 +336,6 @@ def _expected(error):
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    from fledge import cli  # by its own name, so that other files raise the Failure that it catches
+
+    sys.exit(cli.main())

@@ -128,6 +128,11 @@ def _member(struct, name, owner, path):
                      + f" it has {', '.join(_names(struct))}")
 
 
+def _port(simulation, path):
+    process, instance, port = path.split(".")
+    return getattr(getattr(getattr(simulation, process), instance), port)
+
+
 # --- what is drawn ---------------------------------------------------------------------------------
 
 class Draw:
@@ -282,6 +287,10 @@ class Series:
     @property
     def unit(self):
         return self._place.unit
+
+    def port(self, simulation):
+        """The input or output that holds it, in this simulation or another of the same mission."""
+        return _port(simulation, self._place.port)
 
     @property
     def measure_text(self):

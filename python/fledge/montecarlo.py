@@ -64,7 +64,7 @@ class Campaign:
         result has the runs that were finished, and `interrupted` is set.
         Raises SetupError before the first run if something is wrong with all of them.
         """
-        threads = threads or cores()
+        threads = cores() if threads is None else threads
         for value, what in ((runs, "runs"), (threads, "threads")):
             if value < 1:
                 raise SetupError(f"{what} must be >= 1, found {value}")
@@ -78,6 +78,30 @@ class Campaign:
             return _fly_in_processes(self, runs, seed, min(threads, runs), progress)
         flown, interrupted = _core.fly(self.nominal._core, plan, threads, progress)
         return Result(self, seed, flown.flown, flown.failures, flown.draws, flown.retained, interrupted)
+
+    def drawn(self, simulation):
+        """The values that a simulation of this mission has for what is dispersed: path -> number."""
+        values = {}
+        for path in self.dispersions.columns:
+            name, _, index = path.partition("[")
+            process, instance, field = name.split(".")
+            value = getattr(getattr(getattr(simulation, process), instance), field)
+            values[path] = float(value[tuple(map(int, index.rstrip("]").split(",")))] if index else value)
+        return values
+
+    def judge(self, log, seed=0):
+        """The Result of one run that was flown by hand, from its records every `every`."""
+        import numpy as np
+
+        d = self.dispersions
+        every = d.ns[1] if len(d.ns) > 1 else d.ns[0] + 1
+        retained = []
+        for path in d.retained:
+            # As the kernel keeps them: between two instants a sample is that of the first.
+            taken = np.rint(log.time_of(path) * 1e9).astype(np.int64) // every
+            at = np.searchsorted(taken, np.arange(len(d.ns)), "right") - 1
+            retained.append(log[path][np.maximum(at, 0)][None])
+        return Result(self, seed, [True], [""], np.full((1, len(d.columns)), np.nan), retained, False)
 
     def _check_room(self, runs):
         numbers = sum(len(s._place.elements) for s in self.dispersions.retained.values())

@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`fledge montecarlo MISSION [CAMPAIGN] --runs N`: dispersed runs, or with --only one of them.
+
+Exit codes as of all commands: 0 every run passed; 1 some did not; 2 the command line, the mission or
+its dispersions are wrong; 130 Ctrl-C, with a report on what was finished.
+"""
+
+import sys
+import time
+from pathlib import Path
+
+FAILURES_SHOWN = 8
+
+
+def add(command):
+    """Add the subcommand, by the function of cli.parser() that adds one."""
+    one = command("montecarlo", montecarlo, "fly dispersed runs of a mission", "montecarlo nadir_spin --runs 2000")
+    one.add_argument("mission", help="the name of a mission, or its folder; its dispersions.py says what differs")
+    one.add_argument("campaign", nargs="?", help="a function of dispersions.py; default: the first")
+    one.add_argument("--runs", type=int, metavar="N", help="how many")
+    one.add_argument("--seed", type=int, default=0, metavar="S", help="of all draws and random streams; default: 0")
+    one.add_argument("--threads", type=int, metavar="T", help="default: all cores")
+    one.add_argument("--only", type=int, metavar="INDEX",
+                     help="fly this one run, as an ordinary simulation with a record and plots")
+    one.add_argument("--out", metavar="DIR", help="default: runs/MISSION/montecarlo/CAMPAIGN, with /INDEX for --only")
+    one.add_argument("--json", action="store_true", help="print the summary as JSON, and nothing else")
+
+
+def montecarlo(options):
+    from fledge.cli import Failure
+    from fledge.montecarlo import Campaign
+
+    if (options.runs is None) == (options.only is None):
+        raise Failure("montecarlo: give --runs N, or --only INDEX to fly one of them")
+    if options.only is not None and options.json:
+        raise Failure("montecarlo: --json is for --runs")
+    campaign = Campaign(options.mission, options.campaign)
+    folder = Path(options.out) if options.out else Path("runs") / campaign.nominal.name / "montecarlo" / campaign.name
+    if options.only is None:
+        return _all(campaign, options, folder)
+    return _one(campaign, options, folder if options.out else folder / str(options.only))
+
+
+def _command(campaign, options):
+    """index -> the command that flies it alone."""
+    import shlex
+
+    first = next(iter(campaign.known))
+    words = ["./fledge", "montecarlo", options.mission, *([campaign.name] if campaign.name != first else []),
+             "--seed", str(options.seed), "--only"]
+    return lambda index: shlex.join([*words, str(index)])
+
+
+# --- a campaign ------------------------------------------------------------------------------------
+
+def _all(campaign, options, folder):
+    import json
+
+    from fledge import campaign_report as report
+    from fledge.montecarlo import cores
+
+    say = (lambda line="": None) if options.json else (lambda line="": print(line, flush=True))
+    workers = min(cores() if options.threads is None else options.threads, options.runs)
+    if campaign.has_callables and workers > 0:
+        print(f"fledge: the world's events call Python, so {workers} processes fly the runs instead of threads, each "
+              "run in a mission loaded afresh", file=sys.stderr)
+    begun = time.perf_counter()
+    with _Live(f"{campaign.nominal.name}, {campaign.name}", options.runs) as line:
+        result = campaign.fly(options.runs, options.seed, options.threads, progress=line.at)
+    wall = time.perf_counter() - begun
+    data, paths = report.write(result, folder, _command(campaign, options))
+    if options.json:
+        print(json.dumps(data, indent=1))
+    else:
+        say(report.text(data, FAILURES_SHOWN))
+        say()
+        say(f"  flown    {data['flown']} runs in {wall:.3g} s, {data['flown'] / wall:,.4g} a second, on {workers} "
+            + ("processes" if campaign.has_callables else "threads" if workers > 1 else "thread"))
+        for path in paths:
+            say(f"  {'plot' if path.suffix == '.png' else 'report':8} {path}")
+    if result.interrupted:
+        print(f"fledge: interrupted; the report is about the {data['flown']} runs that were finished", file=sys.stderr)
+        return 130
+    return 1 if data["failed"] else 0
+
+
+class _Live:
+    """One line on a terminal while the runs are flown: finished, rate, time left, failures."""
+
+    WIDTH = 28
+
+    def __init__(self, title, runs):
+        self._title, self._runs = title, runs
+        self._begun, self._drawn = time.monotonic(), 0
+        self._wanted = sys.stderr.isatty()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        if self._drawn:
+            sys.stderr.write("\r" + " " * self._drawn + "\r")
+            sys.stderr.flush()
+
+    def at(self, finished, failed):
+        if not self._wanted:
+            return
+        from fledge._progress import clock
+
+        spent = time.monotonic() - self._begun
+        done = finished / self._runs
+        filled = int(done * self.WIDTH)
+        line = f"{self._title} [{'#' * filled}{'.' * (self.WIDTH - filled)}] {done:4.0%}  {finished} of {self._runs}"
+        if finished:
+            line += f", {finished / spent:,.3g} a second, {clock(spent / done - spent)} left"
+        if failed:
+            line += f", {failed} failed"
+        sys.stderr.write("\r" + line.ljust(self._drawn))
+        sys.stderr.flush()
+        self._drawn = max(self._drawn, len(line))
+
+
+# --- one run of it ---------------------------------------------------------------------------------
+
+def _one(campaign, options, folder):
+    import fledge
+    from fledge import _core
+    from fledge.cli import Failure, _Plots, _size, say
+
+    index, d = options.only, campaign.dispersions
+    sim = campaign.simulation(index, options.seed)
+    title = f"{sim.name}, {campaign.name}, run {index} of seed {options.seed}"
+    say(title)
+    folder.mkdir(parents=True, exist_ok=True)
+    sim.plots = _Plots(folder)
+    sim.archive(folder / "run.mcap", mission=sim.name, campaign=campaign.name, campaign_seed=options.seed, run=index,
+                fledge=fledge.__version__)
+    log = sim.record(*sim.world, *sim.flight, *(series.port(sim) for series in d.retained.values()), every=d.every)
+    problem, code = "", 0
+    try:
+        sim.run(d.duration)
+    except KeyboardInterrupt:
+        problem, code = "interrupted", 130
+    except (_core.SetupError, _core.RunError) as error:
+        problem, code = str(error), 1
+    except Exception as error:  # of Python in the world's events
+        from fledge import mission as missions
+
+        problem, code = missions.explain(error, sim.mission.folder), 1
+    say(f"  flown    {sim.time:g} s")
+    drawn = campaign.drawn(sim)
+    width = max(map(len, drawn))
+    for path, value in drawn.items():
+        nominal = campaign.drawn(campaign.nominal)[path]
+        unit = f" {d.columns[path]}" if d.columns[path] else ""
+        say(f"  drawn    {path.ljust(width)}  {value:.7g}{unit}, nominal {nominal:.7g}{unit}")
+    if not problem:
+        result = campaign.judge(log, options.seed)
+        for requirement in d.requirements:
+            values, times, holds = requirement.worst(result)
+            unit = f" {requirement.series.unit}" if requirement.series.unit else ""
+            say(f"  {'holds' if holds[0] else 'FAILS':8} {requirement!r}: {values[0]:.4g}{unit} at {times[0]:g} s")
+        if result.failures:
+            problem, code = next(iter(result.failures.values())), 1
+    if d.retained and len(log):
+        log.plot(*d.retained, columns=1 if len(d.retained) < 4 else 2, name="retained", title=title)
+    path = sim.close_archive(outcome=problem or "passed", ended=f"{sim.time:g} s")
+    if path:
+        say(f"  record   {path} ({_size(path)})")
+    for plot in sim.plots.saved:
+        say(f"  plot     {plot}")
+    if problem:
+        raise Failure(f"{title}: {problem}", code)
+    say("  passed")
+    return 0
