@@ -14,6 +14,13 @@ __attribute__((visibility("default"))) void hand_written_loop(long steps, double
 /// negative number if there is no module of that name.
 __attribute__((visibility("default"))) double time_flight_update(const char *module, long n);
 
+/// Gravity of a field of a degree along a low orbit, n times; seconds of processor time
+/// per evaluation. Plain: by the textbook's recursion, else by the world's.
+__attribute__((visibility("default"))) double time_harmonics(int plain, int degree, long n);
+
+/// The largest relative difference of the two along the orbit.
+__attribute__((visibility("default"))) double harmonics_difference(int degree);
+
 #ifdef __cplusplus
 }
 #endif

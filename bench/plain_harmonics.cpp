@@ -24,8 +24,9 @@ PlainHarmonics::PlainHarmonics(const HarmonicField &field, int degree)
             const double n_m = n - m, nm = n + m, n2 = 2.0 * n;
             Terms t;
             t.a = std::sqrt((n2 - 1.0) * (n2 + 1.0) / (n_m * nm));
-            t.b = n == m + 1 ? 0.0
-                             : std::sqrt((n2 + 1.0) * (nm - 1.0) * (n_m - 1.0) / (n_m * nm * (n2 - 3.0)));
+            t.b = n == m + 1
+                      ? 0.0
+                      : std::sqrt((n2 + 1.0) * (nm - 1.0) * (n_m - 1.0) / (n_m * nm * (n2 - 3.0)));
             t.f = std::sqrt((double(n) * n - double(m) * m) * (n2 + 1.0) / (n2 - 1.0));
             t.C = field.C[HarmonicField::index(n, m)];
             t.S = field.S[HarmonicField::index(n, m)];
@@ -57,16 +58,17 @@ Vector3d PlainHarmonics::gravity(const Vector3d &r_P) const
         double C = x * C_mm_[i], S = x * S_mm_[i];
         double rC = (m + 1) * C, rS = (m + 1) * S;
         double dC = dx * C_mm_[i], dS = dx * S_mm_[i];
-        for (int n = m + 1; n <= degree_; n++, t++) {
+        double degree = m;
+        for (std::size_t n = i + 1; n < power_.size(); n++, t++) {
+            degree += 1.0;
             const double next = t->a * s * p - t->b * before;
-            const double power = power_[static_cast<std::size_t>(n)];
-            x = power * next;
-            dx = power * (t->f * p - n * s * next);
+            x = power_[n] * next;
+            dx = power_[n] * (t->f * p - degree * s * next);
             const double xC = x * t->C, xS = x * t->S;
             C += xC;
             S += xS;
-            rC += (n + 1) * xC;
-            rS += (n + 1) * xS;
+            rC += (degree + 1.0) * xC;
+            rS += (degree + 1.0) * xS;
             dC += dx * t->C;
             dS += dx * t->S;
             before = p;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Spherical-harmonic gravity as textbooks have it, for comparison: fully normalised Legendre functions
-// by the forward-column recursion (Holmes and Featherstone 2002, "standard") with factors computed in
-// advance, partial derivatives by radius, latitude and longitude.
+// Spherical-harmonic gravity as textbooks have it, for comparison: fully normalised Legendre
+// functions by the forward-column recursion (Holmes and Featherstone 2002, "standard") with
+// factors computed in advance, partial derivatives by radius, latitude and longitude.
 #pragma once
 
 #include "world/environment/harmonic_field.h"
@@ -27,8 +27,8 @@ private:
 
     double mu_, radius_;
     int degree_;
-    std::vector<Terms> terms_;         ///< order by order, degrees m + 1 to the highest
-    std::vector<double> sectoral_;     ///< P_mm / cos(lat)^m
+    std::vector<Terms> terms_;     ///< order by order, degrees m + 1 to the highest
+    std::vector<double> sectoral_; ///< P_mm / cos(lat)^m
     std::vector<double> C_mm_, S_mm_;
     mutable std::vector<double> power_; ///< (R / r)^n
 };

@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How fast spherical-harmonic gravity is, per coefficient, at degree 20, 80 and 180.
+
+The world's `Harmonics` runs against a plain evaluation (bench/plain_harmonics.cpp: fully normalised
+forward columns, factors computed in advance), in turn, in this process, with the same compiler
+flags, by processor time; their results must agree. A degree n has (n + 1)^2 coefficients.
+"""
+import ctypes
+import pathlib
+
+from bench.rows import Rows, options, report
+
+DEGREES = [20, 80, 180]
+AGREE = 1e-12
+
+
+def library():
+    from fledge import _core
+    lib = ctypes.CDLL(str(pathlib.Path(_core.__file__).with_name("libfledge_bench.so")))
+    lib.time_harmonics.argtypes = [ctypes.c_int, ctypes.c_int, ctypes.c_long]
+    lib.time_harmonics.restype = ctypes.c_double
+    lib.harmonics_difference.argtypes = [ctypes.c_int]
+    lib.harmonics_difference.restype = ctypes.c_double
+    return lib
+
+
+def main(arguments):
+    chosen = options("gravity", arguments, runs=15)
+    rows = Rows()
+    lib = library()
+    for degree in DEGREES:
+        difference = lib.harmonics_difference(degree)
+        if not difference < AGREE:
+            raise SystemExit(f"at degree {degree} the results differ by {difference:.3g} (relative): "
+                             "the comparison is void")
+        coefficients = (degree + 1) ** 2
+        calls = max(1, 10_000_000 // coefficients)
+        ours, plain = [], []
+        for run in range(chosen.runs + 1):
+            times = [1e9 / coefficients * lib.time_harmonics(which, degree, calls)
+                     for which in (0, 1)]
+            if run:  # the first warms up
+                ours.append(times[0])
+                plain.append(times[1])
+        ratios = sorted(a / b for a, b in zip(ours, plain))
+        ratio = ratios[len(ratios) // 2]
+        rows.add(f"plain, degree {degree}", "per coefficient", plain, "ns")
+        rows.add(f"gravity, degree {degree}", "per coefficient", ours, "ns",
+                 f"plain, degree {degree}", ratio, note=f"{1 / ratio:.2f} times faster")
+        rows.add(f"gravity, degree {degree}", "difference", difference, "relative")
+    report(rows, chosen)
