@@ -38,6 +38,19 @@ static int turn(const AttReference *base, const EulerAngles *euler, AttReference
            vec_finite(reference->domega_RN_N);
 }
 
+/* The newest command that has started; without a head, the parameters. */
+static EulerCommand in_effect(const EulerRotation *m, int64_t t)
+{
+    const EulerCommand *command = &m->in.command;
+    if (head_written(command->head) && command->start >= 0 && command->start <= t) {
+        return *command;
+    }
+    if (head_written(m->mem.commanded.head)) {
+        return m->mem.commanded;
+    }
+    return (EulerCommand){{0, QUALITY_NONE, 0}, m->mem.start, m->par.angles, m->par.rates};
+}
+
 void euler_rotation_reset(EulerRotation *m)
 {
     memset(&m->out, 0, sizeof m->out);
@@ -54,14 +67,18 @@ void euler_rotation_update(EulerRotation *m, Tick t)
 
     EulerAngles euler;
     AttReference reference;
-    Quality quality = quality_through(base->head);
-    euler.rates = m->par.rates;
-    euler.angles = vec_add(m->par.angles, vec_scale(tick_seconds(t.t - m->mem.start), euler.rates));
+    EulerCommand command = in_effect(m, t.t);
+    Quality quality = quality_min(quality_through(base->head),
+                                  quality_optional(m->in.command.head));
+    double seconds = tick_seconds(t.t - command.start);
+    euler.rates = command.rates;
+    euler.angles = vec_add(command.angles, vec_scale(seconds, command.rates));
     if (quality != QUALITY_NONE && turn(base, &euler, &reference)) {
         euler.head = head_next(m->out.euler.head, t.t, quality);
         reference.head = head_next(m->out.reference.head, t.t, quality);
         m->out.reference = reference;
         m->out.euler = euler;
+        m->mem.commanded = command;
     } else {
         m->out.reference.head = head_held(m->out.reference.head);
         m->out.euler.head = head_held(m->out.euler.head);

@@ -3,14 +3,18 @@
 #define FLIGHT_GUIDANCE_EULER_ROTATION_H
 
 #include "flight/msg/attitude.h"
+#include "flight/msg/guidance.h"
 
 /** Turn a base reference R0 by 3-2-1 Euler angles that change at constant rates.
  *  The angles count from the first update after a reset, so the first reference is exact.
+ *  A command takes the place of the parameters when it starts, exactly then, for its angles count
+ *  from there, and stays in effect until the next one starts.
  *  Modules may be chained; three of them make any of the twelve Euler sequences.
  *  Source: thesis Eqs. (2.13) to (2.20). */
 typedef struct EulerRotation {
     struct {
         AttReference base;
+        EulerCommand command; ///< optional: replaces the parameters when it starts
     } in;
     struct {
         AttReference reference;
@@ -21,8 +25,9 @@ typedef struct EulerRotation {
         Vec3 rates;  ///< [rad/s] their constant rates
     } par;
     struct {
-        int64_t start;   ///< [ns] when the angles began to count
-        int32_t running; ///< [-]  0 until the first update after a reset
+        EulerCommand commanded; ///< the command in effect, if any was
+        int64_t start;          ///< [ns] when the angles of the parameters began to count
+        int32_t running;        ///< [-]  0 until the first update after a reset
         int32_t spare;
     } mem;
 } EulerRotation;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Euler rotations: motion against numerical derivatives, chains against the twelve Euler sequences.
+#include "flight/testing/base.h"
 #include "flight/testing/kinematics.h"
 #include "flight/testing/poison.h"
 
@@ -13,28 +14,6 @@ extern "C" {
 
 namespace flight::testing {
 namespace {
-
-std::int64_t ns(double t) { return std::llround(t * 1e9); }
-
-/// A base that turns about an axis fixed in N, faster and faster: [R0N] = turn(axis, angle) C.
-struct Base {
-    Matrix3d c = Matrix3d::Identity();
-    Vector3d axis_N = Vector3d::UnitX();
-    double rate = 0, acceleration = 0;
-
-    AttReference at(double t) const
-    {
-        double angle = rate * t + acceleration * t * t / 2;
-        Vector3d omega = axis_N * (rate + acceleration * t), domega = axis_N * acceleration;
-        return {good(ns(t)), dcm_to_mrp(mat(c * turn(axis_N, angle))), vec(omega), vec(domega)};
-    }
-};
-
-Base any_base(Random &random, double rate)
-{
-    return {random.attitude(), random.direction(), random.real(-rate, rate),
-            random.real(-rate, rate) * rate};
-}
 
 EulerRotation rotation(const Vector3d &angles, const Vector3d &rates)
 {
@@ -176,6 +155,98 @@ TEST(EulerRotation, angles_count_from_the_first_update_even_without_a_base)
     EXPECT_EQ(m.out.reference.head.sequence, 1u);
 }
 
+EulerCommand command(double start, const Vector3d &angles, const Vector3d &rates)
+{
+    return {good(), ns(start), vec(angles), vec(rates)};
+}
+
+TEST(EulerRotation, a_command_replaces_the_parameters_exactly_when_it_starts)
+{
+    Vector3d angles{0.1, -0.2, 0.3}, rates{0.01, 0.005236, -0.02};
+    for (std::int64_t period : {100'000'000, 700'000'000, 2'000'000'000}) {
+        EulerRotation m = rotation({1, 2, 3}, {0.5, 0.25, 0.125});
+        m.in.base.head = good();
+        m.in.command = command(4.05, angles, rates); // known long before
+        for (std::int64_t t = 0; t < 20'000'000'000; t += period) {
+            euler_rotation_update(&m, {t, period});
+            bool started = t >= 4'050'000'000;
+            double since = tick_seconds(started ? t - 4'050'000'000 : t);
+            const Vec3 &from = started ? m.in.command.angles : m.par.angles;
+            const Vec3 &rate = started ? m.in.command.rates : m.par.rates;
+            for (int i = 0; i < 3; i++) {
+                ASSERT_EQ(m.out.euler.angles.v[i], from.v[i] + since * rate.v[i]) << t;
+                ASSERT_EQ(m.out.euler.rates.v[i], rate.v[i]) << t;
+            }
+        }
+    }
+}
+
+TEST(EulerRotation, a_command_stays_until_the_next_one_starts)
+{
+    EulerRotation m = rotation({0, 0, 0}, {0, 0, 0});
+    m.in.base.head = good();
+    auto yaw_at = [&](double t) {
+        euler_rotation_update(&m, {ns(t), 500'000'000});
+        return m.out.euler.angles.v[0];
+    };
+    m.in.command = command(1, {1, 0, 0}, {0.5, 0, 0});
+    EXPECT_EQ(yaw_at(0.5), 0);
+    EXPECT_EQ(yaw_at(2), 1.5);
+    m.in.command = command(4, {5, 0, 0}, {0.25, 0, 0});
+    EXPECT_EQ(yaw_at(3), 2);
+    m.in.command = command(5, {6, 0, 0}, {0, 0, 0}); // given instead of the one that was to come
+    EXPECT_EQ(yaw_at(4.5), 2.75);
+    EXPECT_EQ(yaw_at(5), 6);
+    m.in.command.head = Head{}; // its sender was reset
+    EXPECT_EQ(yaw_at(6), 6);
+    m.in.command = command(3, {1, 0, 0}, {0.5, 0, 0}); // as if it had been in effect since
+    EXPECT_EQ(yaw_at(7), 3);
+    euler_rotation_reset(&m);
+    m.in.command.head = Head{};
+    EXPECT_EQ(yaw_at(8), 0) << "the parameters again";
+}
+
+TEST(EulerRotation, rate_and_acceleration_are_derivatives_under_a_command)
+{
+    Random random{6};
+    for (int i = 0; i < 300; i++) {
+        double h = std::ldexp(1e-9, 26 + i % 12), rate = 0.05 / h;
+        Base base = any_base(random, rate);
+        EulerRotation m = rotation(random.vector(), random.vector(rate));
+        m.in.command = command(0, random.vector(pi), random.vector(rate));
+        double now = h * (2 + random.below(20));
+        auto at = [&](double t) { return run({m}, base, now + t); };
+        KinematicErrors errors = kinematic_errors(at, rate);
+        EXPECT_LT(errors.rate, 1e-8);
+        EXPECT_LT(errors.acceleration, 1e-8);
+    }
+}
+
+TEST(EulerRotation, a_command_from_before_the_run_is_ignored)
+{
+    EulerRotation m = rotation({0.1, 0.2, 0.3}, {0, 0, 0});
+    m.in.base.head = good();
+    m.in.command = command(0, {1, 1, 1}, {1, 1, 1});
+    for (std::int64_t start : {std::int64_t{-1}, std::numeric_limits<std::int64_t>::min()}) {
+        m.in.command.start = start;
+        euler_rotation_update(&m, {0, 0});
+        EXPECT_EQ(eigen(m.out.euler.angles), Vector3d(0.1, 0.2, 0.3));
+    }
+}
+
+TEST(EulerRotation, quality_follows_the_command)
+{
+    EulerRotation m = rotation({0, 0, 0}, {0.5, 0, 0});
+    m.in.base.head = good();
+    for (auto [in, out] : {std::pair{QUALITY_NONE, QUALITY_GOOD},
+                           {QUALITY_STALE, QUALITY_DEGRADED},
+                           {QUALITY_GOOD, QUALITY_GOOD}}) {
+        m.in.command.head = with(in);
+        euler_rotation_update(&m, {0, 0});
+        EXPECT_EQ(m.out.reference.head.quality, out);
+    }
+}
+
 TEST(EulerRotation, quality_follows_the_base)
 {
     EulerRotation m = rotation({0, 0, 0}, {0.5, 0, 0});
@@ -204,16 +275,37 @@ TEST(EulerRotation, holds_the_last_reference_against_numbers_that_are_not_finite
                 });
 }
 
+TEST(EulerRotation, holds_the_last_reference_against_a_command_that_is_not_finite)
+{
+    EulerRotation m = rotation({0, 0, 0}, {0, 0, 0});
+    m.in.base.head = good();
+    m.in.command = command(0, {1, 2, 3}, {4, 5, 6});
+    euler_rotation_update(&m, {0, 0});
+    const EulerCommand commanded = m.mem.commanded;
+    expect_held(m, doubles(m.in.command.angles, m.in.command.rates),
+                [&](EulerRotation &x) {
+                    euler_rotation_update(&x, {500, 500});
+                    EXPECT_TRUE(same_content(x.mem.commanded, commanded));
+                },
+                [](EulerRotation &x) {
+                    return std::vector{&x.out.reference.head, &x.out.euler.head};
+                });
+}
+
 TEST(EulerRotation, gives_finite_numbers_whatever_it_is_given)
 {
     Random random{5};
     EulerRotation m{};
     AttReference &base = m.in.base, &out = m.out.reference;
     EulerAngles &euler = m.out.euler;
-    Doubles in = doubles(base.sigma_RN, base.omega_RN_N, base.domega_RN_N, m.par);
+    EulerCommand &to = m.in.command;
+    Doubles in = doubles(base.sigma_RN, base.omega_RN_N, base.domega_RN_N, to.angles, to.rates,
+                         m.par);
     for (int round = 0; round < 20000; round++) {
         throw_numbers(in, random, round);
         base.head.quality = any_quality(random);
+        to.head.quality = any_quality(random);
+        to.start = static_cast<std::int64_t>(random.real(-9e18, 9e18));
         euler_rotation_update(&m, {round * 1'000'000'000'000, 1});
         expect_finite(doubles(out.sigma_RN, out.omega_RN_N, out.domega_RN_N, euler.angles,
                               euler.rates), round);
