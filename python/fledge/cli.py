@@ -53,13 +53,16 @@ def run(options):
         _debug(options)
     plots = sim.plots.saved if sim.plots else []
     say(f"  flown    {sim.time:g} s in {sim.wall:.3g} s"
-        + (f", {sim.time / sim.wall:,.3g} times real time" if sim.wall > 0 else ""))
+        + (f", {sim.time / sim.wall:,.0f} times real time" if sim.wall > 0 else ""))
     if sim.pace and sim.pace_report["overruns"]:
         report = sim.pace_report
         say(f"  pace     {report['overruns']} of {report['instants']} instants were late, by up to "
             f"{1e3 * report['worst']:.1f} ms")
     path = sim.close_archive(outcome=problem or "passed", ended=f"{sim.time:g} s")
-    say(f"  record   {path} ({_size(path)})" if path else "  record   none: nothing was recorded")
+    if path:
+        say(f"  record   {path} ({_size(path)})")
+    else:
+        say("  record   none" if problem else "  record   none: the scenario records nothing")
     for plot in plots:
         say(f"  plot     {plot}")
     for line in sim.assumptions:
@@ -317,7 +320,7 @@ def main(arguments=None):
         _debug(options)
         if _expected(error):
             print(f"fledge: {error}", file=sys.stderr)
-            return 2
+            return 1 if type(error).__name__ == "RunError" else 2
         if options.debug:
             return 70
         print(f"fledge: {type(error).__name__}: {error}\nThis is a defect of fledge; --debug shows where.",
