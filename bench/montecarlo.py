@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How fast dispersed runs fly: 2,000 nadir spins of 600 s on all cores, against one simulation flown
+again and again with the same dispersions, records and step.
+
+Campaigns and single runs take turns. The scaling is the campaign's rate over the cores times the
+single rate: the clones' making and the draws are the campaign's own, importing and loading are nobody's.
+An open peer, measured once on this kind of machine: 19 runs a second.
+"""
+import time
+
+from fledge import _core
+from fledge.montecarlo import Campaign, cores
+
+from bench.rows import Rows, options, report
+
+RUNS = 2000
+PEER_RUNS_PER_SECOND = 19.0
+
+
+def measure(work, runs):
+    """(runs a second, processor time of a run in us)"""
+    start, cpu = time.perf_counter(), time.process_time()
+    work()
+    return runs / (time.perf_counter() - start), 1e6 * (time.process_time() - cpu) / runs
+
+
+def main(arguments):
+    chosen = options("montecarlo", arguments, 7)
+    rounds = chosen.runs
+    rows = Rows()
+    campaign = Campaign("nadir_spin")
+    n = cores()
+    single = campaign.simulation(0)
+    single.record(*(series.port(single) for series in campaign.dispersions.retained.values()),
+                  every=campaign.dispersions.every)
+
+    def again(runs=300):
+        for _ in range(runs):
+            single.reset()
+            single.run(campaign.dispersions.duration)
+
+    cases = {"single": (again, 300), "one thread": (lambda: campaign.fly(RUNS // n, threads=1), RUNS // n),
+             "campaign": (lambda: campaign.fly(RUNS), RUNS)}
+    samples = {name: [] for name in cases}
+    for i in range(rounds + 1):
+        for name, case in cases.items():
+            sample = measure(*case)
+            if i:  # the first warms up
+                samples[name].append(sample)
+    rates = {name: [r for r, _ in found] for name, found in samples.items()}
+    cpu = {name: [c for _, c in found] for name, found in samples.items()}
+
+    def scaling(name, threads):
+        ratios = sorted(a / (threads * b) for a, b in zip(rates[name], rates["single"]))
+        return ratios[len(ratios) // 2]
+
+    rows.add("single", "runs", rates["single"], "1/s")
+    rows.add("one thread", "runs", rates["one thread"], "1/s", "single", scaling("one thread", 1))
+    rows.add("campaign", "runs", rates["campaign"], "1/s", "single", n * scaling("campaign", n),
+             note=f"{n} threads; {sorted(rates['campaign'])[rounds // 2] / PEER_RUNS_PER_SECOND:.0f} times the peer")
+    rows.add("campaign", "scaling", scaling("campaign", n), "-", note=f"of {n} cores times the single rate")
+    rows.add("single", "cpu of a run", cpu["single"], "us")
+    rows.add("campaign", "cpu of a run", cpu["campaign"], "us", "single",
+             note="what sharing costs, also on a busy machine")
+    draws = []
+    drawn = campaign.simulation(0)
+    for _ in range(5):
+        start = time.perf_counter()
+        for index in range(1000):
+            _core.disperse(campaign.nominal._core, drawn._core, campaign.plan, index)
+        draws.append((time.perf_counter() - start) * 1e3)
+    rows.add("draws of a run", "wall", draws, "us", note=f"{len(campaign.dispersions.columns)} numbers")
+    report(rows, chosen)
