@@ -1,0 +1,236 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a campaign declares: paths, units, distributions, requirements, and the words for what is wrong."""
+
+import numpy as np
+import pytest
+
+import fledge
+from fledge import _core
+from fledge.attitude import mrp_to_dcm
+from fledge.dispersions import Dispersions
+from fledge.montecarlo import Campaign
+from fledge.units import N, deg, kg, m, s
+
+
+@pytest.fixture
+def d():
+    simulation = fledge.load("nadir_spin")
+    found = Dispersions(simulation)
+    found.duration = 20 * s
+    return found
+
+
+def drawn(d, runs, seed=0):
+    """(runs, columns) of draws, and the simulation with the last of them."""
+    plan = d._finished()
+    plan.seed = seed
+    other = fledge.load("nadir_spin")
+    return np.array([_core.disperse(d._simulation._core, other._core, plan, i) for i in range(runs)]), other
+
+
+# --- what is refused, before anything flies ---------------------------------------------------------
+
+@pytest.mark.parametrize("path, words", [
+    ("craft.I_B", "'craft.I_B': expected process.instance.name, as in world.craft.I_B"),
+    ("world.craft.I_B[a]", "expected process.instance.name"),
+    ("space.craft.I_B", "space.craft.I_B: there is no process 'space'; there are world, flight"),
+    ("world.carft.I_B", "the process world has no 'carft'; did you mean 'craft'?"),
+    ("world.craft.I_b", "world.craft has no 'I_b'; did you mean 'I_B'? it has external, state, mass, I_B,"),
+    ("world.craft.state", "world.craft.state is a whole message; name one of its fields: head, r_BN_N"),
+    ("world.craft.state.sigma_BN", "is no parameter, and only these can be dispersed; world.craft has mass, I_B, r_BN_N"),
+    ("world.craft.I_B[3, 0]", "world.craft.I_B has shape (3, 3); there is no element [3, 0]"),
+    ("world.craft.mass[0]", "world.craft.mass is a single number; there is no element [0]"),
+    ("world.wheels.J[4]", "world.wheels.J has shape (4,); there is no element [4]"),
+    ("world.craft.mass.x", "world.craft.mass is a number or array, and has no 'x'"),
+    ("world.wheels.n", "is of type uint32_t; only floating-point numbers are meant here"),
+])
+def test_unknown_paths_are_answered(d, path, words):
+    with pytest.raises(fledge.SetupError) as error:
+        d[path] = d.normal(0, 1)
+    assert words in str(error.value)
+
+
+@pytest.mark.parametrize("path, draw, words", [
+    ("world.craft.mass", lambda d: 3.0, "expected something drawn, such as d.normal(...)"),
+    ("world.craft.mass", lambda d: d.uniform(1 * m, 2 * m), "expected a quantity in kg; found 1.0 m"),
+    ("world.craft.mass", lambda d: d.nominal * d.uniform(0.9 * kg, 1.1 * kg), "expected a number without unit"),
+    ("world.craft.sigma_BN", lambda d: d.normal(0, [1, 2]), "an array of shape (3,); found one of shape (2,)"),
+    ("world.craft.mass", lambda d: d.uniform(-5 * kg, 5 * kg), "must be >= 0 kg, found -5 kg, of draws between -5 and 5"),
+    ("world.wheels.J", lambda d: d.nominal * d.uniform(-1, 1), "world.wheels.J must be > 0 kg m^2"),
+    ("world.craft.mass", lambda d: d.uniform(5 * kg, 4 * kg), "the lower bound is above the upper one"),
+    ("world.craft.mass", lambda d: d.normal(1 * kg, -1 * kg), "a standard deviation must be >= 0, found -1"),
+    ("world.craft.mass", lambda d: d.normal(1, 1, low=3, high=2), "never falls between 3 and 2"),
+    ("world.craft.mass", lambda d: d.normal(float("nan"), 1), "a distribution needs finite numbers"),
+    ("world.craft.mass", lambda d: d.attitude(), "a random attitude needs the three elements of an MRP"),
+    ("world.wheels.friction", lambda d: d.nominal * d.uniform(0.5, 2), "its nominal value is 0, which no factor changes"),
+    ("world.craft.mass", lambda d: d.nominal + d.attitude(), "cannot be joined with the nominal value"),
+    ("world.craft.mass", lambda d: d.nominal + (d.nominal * d.uniform(1, 2)), "twice"),
+    ("world.craft.mass", lambda d: d.nominal + 3 * kg, "expected something drawn, as in d.nominal + d.normal("),
+])
+def test_impossible_draws_are_refused(d, path, draw, words):
+    with pytest.raises(fledge.SetupError) as error:
+        d[path] = draw(d)
+    assert words in str(error.value) and (path in str(error.value) or "nominal" in str(error.value))
+
+
+def test_nothing_is_dispersed_twice(d):
+    d["world.craft.I_B[0, 1]"] = d.normal(0, 1)
+    for path in ("world.craft.I_B[0, 1]", "world.craft.I_B[1, 0]", "world.craft.I_B", "world.craft.I_B[1]"):
+        with pytest.raises(fledge.SetupError, match="is dispersed twice"):
+            d[path] = d.normal(0, 1)
+
+
+def test_what_is_retained_and_checked_must_be_there(d):
+    with pytest.raises(fledge.SetupError, match="no field of an input or output.*world.craft has external, state"):
+        d.retain("world.craft.mass")
+    with pytest.raises(fledge.SetupError, match="has no 'sigma_BN'; did you mean 'sigma_BR'"):
+        d.retain("flight.tracking.error.sigma_BN")
+    error = d.retain("flight.tracking.error.sigma_BR")
+    with pytest.raises(fledge.SetupError, match=r"has shape \(3,\): compare an element, norm\(\) or max_abs\(\)"):
+        d.check(error < 1)
+    with pytest.raises(fledge.SetupError, match="expected a comparison"):
+        d.check(error.norm())
+    with pytest.raises(fledge.SetupError, match="norm.*expected a number without unit; found 1.0 m"):
+        d.check(error.norm() < 1 * m)
+    with pytest.raises(fledge.SetupError, match=r"after\(30 s\) is not within the run"):
+        error.norm().after(30 * s)
+    with pytest.raises(TypeError, match="only known when the campaign has flown"):
+        bool(error.norm() < 1)
+
+
+def test_a_campaign_without_its_essentials(d):
+    with pytest.raises(fledge.SetupError, match="nothing is dispersed"):
+        d._finished()
+    d["world.craft.mass"] = d.uniform(1, 2)
+    d._duration = None
+    with pytest.raises(fledge.SetupError, match="d.duration is not given"):
+        d._finished()
+    d.duration, d.every = 10 * s, 4 * s
+    speed = d.retain("flight.tracking.error.omega_BR_B")
+    d.check(speed.norm().after(9 * s) < 1 * deg / s)
+    with pytest.raises(fledge.SetupError, match="there is no sample in that time, with one every 4 s for 10 s"):
+        d._finished()
+    for bad in (0 * s, -1 * s, 3 * m):
+        with pytest.raises(fledge.SetupError, match="d.every"):
+            d.every = bad
+
+
+def test_errors_name_file_and_line(tmp_path):
+    mission(tmp_path, "def release(d):\n    d.duration = 10\n    d['world.craft.mas'] = d.uniform(1, 2)\n")
+    with pytest.raises(fledge.SetupError) as error:
+        Campaign(tmp_path)
+    assert "dispersions.py, line 3: world.craft.mas: world.craft has no 'mas'; did you mean 'mass'?" in str(error.value)
+
+
+def test_campaigns_by_name(tmp_path):
+    text = ("from fledge.units import kg\nfrom .flight import PYRAMID\ndef _both(d):\n    d.duration = 10\n"
+            "def heavy(d):\n    'Heavy ones.'\n    _both(d)\n    d['world.craft.mass'] = d.uniform(1 * kg, 2 * kg)\n"
+            "def light(d):\n    _both(d)\n    d['world.craft.mass'] = d.uniform(0, 1)\n")
+    mission(tmp_path, text)
+    assert Campaign(tmp_path).name == "heavy" and Campaign(tmp_path).summary == "Heavy ones."
+    assert Campaign(tmp_path, "light").name == "light"
+    with pytest.raises(fledge.SetupError, match="has no campaign 'heave'; it has heavy, light"):
+        Campaign(tmp_path, "heave")
+    mission(tmp_path, "x = 1\n")
+    with pytest.raises(fledge.SetupError, match="expected a function that takes d"):
+        Campaign(tmp_path)
+    (tmp_path / "dispersions.py").unlink()
+    with pytest.raises(fledge.SetupError, match="declares no dispersions"):
+        Campaign(tmp_path)
+
+
+def mission(folder, dispersions, world=""):
+    """A copy of nadir_spin with dispersions of its own, and something more at the end of its build(w, f)."""
+    home = fledge.mission.find("nadir_spin").folder
+    for name in ("flight.py", "world.py"):
+        (folder / name).write_text((home / name).read_text() + (world if name == "world.py" else ""))
+    (folder / "dispersions.py").write_text(dispersions)
+
+
+# --- what is drawn ---------------------------------------------------------------------------------
+
+def test_draws_are_about_the_nominal_values(d):
+    d["world.craft.I_B[0, 0]"] = d.nominal + d.normal(0, 10 * kg * m**2)
+    d["world.wheels.J"] = d.uniform(0.9, 1.1) * d.nominal
+    d["world.craft.omega_BN_B"] = d.normal([0, 0, 1] * deg / s, [0.1, 0.2, 0] * deg / s, low=[-0.1, -9, 0] * deg / s)
+    d["world.craft.mass"] = d.uniform(100 * kg, 200 * kg)
+    draws, other = drawn(d, 2000)
+    assert list(d.columns) == ["world.craft.I_B[0, 0]", *(f"world.wheels.J[{i}]" for i in range(4)),
+                               *(f"world.craft.omega_BN_B[{i}]" for i in range(3)), "world.craft.mass"]
+    error = 4 / np.sqrt(2000)
+    assert abs(draws[:, 0].mean() - 700) < 10 * error and abs(draws[:, 0].std() / 10 - 1) < error
+    factors = draws[:, 1:5] / d._simulation.world.wheels.J
+    assert factors.min() >= 0.9 and factors.max() <= 1.1 and np.all(abs(factors.mean(axis=0) - 1) < 0.058 * error)
+    rates = np.rad2deg(draws[:, 5:8])
+    assert rates[:, 0].min() >= -0.1 and rates[:, 0].max() > 0.25 and abs(rates[:, 1].std() / 0.2 - 1) < error
+    assert np.all(draws[:, 7] == (1 * deg).value)
+    assert 100 <= draws[:, 8].min() < 101 and 199 < draws[:, 8].max() <= 200
+    # They are where they belong, and nothing else was touched.
+    assert other.world.craft.mass == draws[-1, 8] and list(other.world.wheels.J) == list(draws[-1, 1:5])
+    assert other.world.craft.I_B[1, 1] == 700 and list(other.flight.wheels.J) == list(d._simulation.flight.wheels.J)
+
+
+def test_any_attitude_is_as_likely(d):
+    d["world.craft.sigma_BN"] = d.attitude()
+    draws, _ = drawn(d, 4000)
+    assert np.linalg.norm(draws, axis=1).max() <= 1
+    # Each direction of each body axis is as likely: mean 0 and, on the sphere, mean square 1/3.
+    dcm = mrp_to_dcm(draws)
+    assert abs(dcm.mean(axis=0)).max() < 4 / np.sqrt(3 * 4000)
+    assert abs((dcm**2).mean(axis=0) - 1 / 3).max() < 4 * np.sqrt(4 / 45 / 4000)
+
+
+def test_each_element_has_a_stream_of_its_own(d):
+    d["world.craft.I_B[0, 0]"] = d.normal(700, 10)
+    d["world.craft.I_B[1, 1]"] = d.normal(700, 10)
+    d["world.wheels.J[2]"] = d.uniform(1, 2)
+    few, _ = drawn(d, 50)
+    assert not (few[:, 0] == few[:, 1]).any()
+    more = Dispersions(fledge.load("nadir_spin"))
+    more.duration = 20 * s
+    more["world.craft.mass"] = more.uniform(1, 2)
+    more["world.wheels.J"] = more.uniform(1, 2)
+    more["world.craft.I_B"] = more.normal([[700, 0, 0], [0, 700, 0], [0, 0, 800]], 10)
+    many, other = drawn(more, 50)
+    columns = list(more.columns)
+    for i, path in enumerate(d.columns):
+        assert (few[:, i] == many[:, columns.index(path)]).all(), path
+    assert not (drawn(d, 50, seed=1)[0] == few).any()
+    assert (other.world.craft.I_B == other.world.craft.I_B.T).all() and other.world.craft.I_B[0, 1] != 0
+
+
+# --- requirements ----------------------------------------------------------------------------------
+
+class Flown:
+    """Retained values as if two runs had given them."""
+    ns = np.arange(6) * 4 * 10**9
+    retained = {"flight.tracking.error.sigma_BR": np.array(
+        [[[0, 3, 4]] * 3 + [[1, 2, 2]] * 2 + [[0, 0, 1]], [[0, 0, 1]] * 5 + [[0, np.nan, 0]]], float)}
+
+
+def test_requirements_hold_at_every_sample_of_their_time(d):
+    d.every = 4 * s
+    error = d.retain("flight.tracking.error.sigma_BR")
+    assert d.retain("flight.tracking.error.sigma_BR") is error
+
+    def outcome(requirement):
+        d.check(requirement, "bad")
+        values, times, holds = requirement.worst(Flown)
+        return values[0], times[0], holds.tolist()
+
+    assert outcome(error.norm() < 4) == (5, 0, [False, False])
+    assert outcome(error.norm().before(16 * s) <= 5) == (5, 0, [True, True])
+    assert outcome(error.norm().after(12 * s) < 4) == (3, 12, [True, False])
+    assert outcome(error.norm().final < 2) == (1, 20, [True, False])
+    assert outcome(error.max_abs().after(8 * s).before(16 * s) < 4) == (4, 8, [False, True])
+    assert outcome(error[2].before(16 * s) > 1.5) == (2, 12, [True, False])
+    assert outcome(error[1].final >= 0) == (0, 20, [True, False])
+    assert d.requirements[2].failure(4.5, 12) == (
+        "bad: norm(flight.tracking.error.sigma_BR) is 4.5 at 12 s, not < 4")
+
+
+def test_units_of_limits(d):
+    torque = d.retain("flight.motor.command.u[0]")
+    assert repr(torque.final < 200 * N * m) == "flight.motor.command.u[0] at the end < 200 N m"
+    rate = d.retain("flight.tracking.error.omega_BR_B")
+    assert (rate[2] < 1 * deg / s).limit == pytest.approx(np.pi / 180)
