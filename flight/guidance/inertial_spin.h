@@ -4,8 +4,9 @@
 
 #include "flight/msg/attitude.h"
 
-/** Spin at a constant rate about an axis fixed in a base reference R0, and so in R: the rate has
- *  the same components in both. Over a base that rests in N it is constant in N.
+/** Spin at a constant rate about an axis fixed in a base reference R0.
+ *  The axis is then fixed in R too, with the same components. Over a base that rests in N, the rate
+ *  is constant in N.
  *  The angle counts from the first update after a reset, where R is R0, and is computed anew at
  *  each update, so nothing accumulates. Modules may be chained.
  *  Source: thesis section 2.2.2.2, which names it; Eqs. (2.14), (2.15), (2.20). */

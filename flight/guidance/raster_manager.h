@@ -4,9 +4,9 @@
 
 #include "flight/msg/guidance.h"
 
-/** Command a list of rasters to an Euler rotation, one after the other: each is a set of 3-2-1
- *  angles that change at constant rates for a while. After the last the list begins anew, or its
- *  end is held without rates.
+/** Command a list of rasters to an Euler rotation, one after the other.
+ *  Each is a set of 3-2-1 angles that change at constant rates for a while. After the last the list
+ *  begins anew, or its end is held without rates.
  *  Each raster begins at the list's start plus the durations before it, in whole ns, and the
  *  command says when, so neither the rate of updates nor a command seen late changes the pattern;
  *  but a raster shorter than the time between two updates may pass unseen.

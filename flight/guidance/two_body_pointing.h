@@ -6,8 +6,8 @@
 #include "flight/msg/guidance.h"
 #include "flight/msg/orbit.h"
 
-/** Point r1 at a primary body, exactly, and r2 at a secondary one as nearly as that allows: r3 is
- *  normal to the plane of the spacecraft and the bodies, with the secondary on the side of r2.
+/** Point r1 at a primary body, exactly, and r2 at a secondary one as nearly as that allows.
+ *  r3 is normal to the plane of the spacecraft and the bodies, with the secondary on r2's side.
  *  Where the bodies are collinear, or there is no secondary, r1 still points at the primary, with
  *  its exact rate and acceleration, and nothing turns about it: the last r2 is carried along (at
  *  first, the axis of N farthest from r1). The reference is then degraded, and the status says why.

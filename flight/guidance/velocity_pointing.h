@@ -5,8 +5,8 @@
 #include "flight/msg/attitude.h"
 #include "flight/msg/orbit.h"
 
-/** Point at the velocity frame: r2 along the velocity, r3 along the orbit's angular momentum, r1 in
- *  the plane of the orbit, outward.
+/** Point at the velocity frame: r2 along the velocity, r3 along the orbit's angular momentum.
+ *  r1 lies in the plane of the orbit, outward.
  *  Rates and accelerations assume Keplerian motion about the planet, on any conic.
  *  On a radial trajectory (r and v within 1e-12 of parallel), at rest and at the planet's centre
  *  the frame is undefined: the last good reference is held, degraded.
