@@ -39,22 +39,14 @@ public:
 
     void advance(System &system, Ns start, Ns dt, double *x, const double *dx) override
     {
-        const double h = tick_seconds(dt);
-        double *const k2 = work_.data(), *const k3 = k2 + n_, *const k4 = k3 + n_;
-        double *const probe = k4 + n_;
-        shift(x, 0.5 * h, dx, probe);
-        system.derive(start, 0.5 * h, probe, k2);
-        shift(x, 0.5 * h, k2, probe);
-        system.derive(start, 0.5 * h, probe, k3);
-        shift(x, h, k3, probe);
-        system.derive(start, h, probe, k4);
-        const double sixth = h / 6.0;
-        for (std::size_t i = 0; i < n_; i += state_block) {
-            for (std::size_t j = i; j < i + state_block; j++) {
-                x[j] += sixth * ((dx[j] + k4[j]) + 2.0 * (k2[j] + k3[j]));
-            }
+        // A rigid craft has 16 states, with up to four wheels 20, with eight 24: loops of known
+        // length are a tenth of such a step faster.
+        switch (n_) {
+        case 16: return step<16>(system, start, tick_seconds(dt), x, dx);
+        case 20: return step<20>(system, start, tick_seconds(dt), x, dx);
+        case 24: return step<24>(system, start, tick_seconds(dt), x, dx);
+        default: return step<0>(system, start, tick_seconds(dt), x, dx);
         }
-        system.settle(x);
     }
 
     std::unique_ptr<Integrator> fresh() const override { return make_rk4(); }
@@ -65,10 +57,33 @@ public:
     }
 
 private:
-    /// probe = x + h k
-    void shift(const double *x, double h, const double *k, double *__restrict probe) const
+    /// known: the number of states, 0 if only n_ knows it.
+    template <std::size_t known>
+    void step(System &system, Ns start, double h, double *x, const double *dx)
     {
-        for (std::size_t i = 0; i < n_; i += state_block) {
+        const std::size_t n = known ? known : n_;
+        double *const k2 = work_.data(), *const k3 = k2 + n, *const k4 = k3 + n;
+        double *const probe = k4 + n;
+        shift(n, x, 0.5 * h, dx, probe);
+        system.derive(start, 0.5 * h, probe, k2);
+        shift(n, x, 0.5 * h, k2, probe);
+        system.derive(start, 0.5 * h, probe, k3);
+        shift(n, x, h, k3, probe);
+        system.derive(start, h, probe, k4);
+        const double sixth = h / 6.0;
+        for (std::size_t i = 0; i < n; i += state_block) {
+            for (std::size_t j = i; j < i + state_block; j++) {
+                x[j] += sixth * ((dx[j] + k4[j]) + 2.0 * (k2[j] + k3[j]));
+            }
+        }
+        system.settle(x);
+    }
+
+    /// probe = x + h k
+    [[gnu::always_inline]] static void shift(std::size_t n, const double *x, double h, const double *k,
+                                             double *__restrict probe)
+    {
+        for (std::size_t i = 0; i < n; i += state_block) {
             for (std::size_t j = i; j < i + state_block; j++) {
                 probe[j] = x[j] + h * k[j];
             }

@@ -48,7 +48,23 @@ void ReactionWheelsModel::start(const Vec3 &omega, double *x)
         wheels_.J_inverse[i] = 1.0 / par.J[i];
         x[i] = par.J[i] * (vec_dot(axis, omega) + par.Omega[i]);
     }
+    wheels_.by_speed = 1.0;
     face_.out = {};
+}
+
+void ReactionWheelsModel::refresh()
+{
+    wheels_.by_speed = 1.0; // looked at anew in the next update
+}
+
+/// Whether the motors are asked for what they gave in the last update.
+bool ReactionWheelsModel::as_before(bool commanded) const
+{
+    bool same = true;
+    for (std::size_t i = 0; i < n_; i++) {
+        same &= (commanded ? face_.in.command.u[i] : 0.0) == wheels_.asked[i];
+    }
+    return same;
 }
 
 bool ReactionWheelsModel::hold(const double *x, const BodyRate &rate, double dt)
@@ -56,9 +72,14 @@ bool ReactionWheelsModel::hold(const double *x, const BodyRate &rate, double dt)
     const auto &par = face_.par;
     const bool acts = dt > 0.0;
     const bool commanded = acts && head_written(face_.in.command.head);
+    if (!wheels_.by_speed && as_before(commanded)) {
+        return false;
+    }
     bool changed = false;
+    wheels_.by_speed = 0.0;
     for (std::size_t i = 0; i < n_; i++) {
         double u = commanded ? face_.in.command.u[i] : 0.0;
+        wheels_.asked[i] = u;
         if (par.u_max[i] > 0.0) {
             u = std::clamp(u, -par.u_max[i], par.u_max[i]);
         }
@@ -66,6 +87,7 @@ bool ReactionWheelsModel::hold(const double *x, const BodyRate &rate, double dt)
         const double c = par.viscosity[i];
         const double limit = par.Omega_max[i];
         double friction = 0.0;
+        wheels_.by_speed += par.friction[i] + limit;
         if (F > 0.0 || (limit > 0.0 && u != 0.0)) {
             const double Omega = speed(i, x, rate.omega);
             // The torque with which the wheel turns with the body and ends at rest relative to it.

@@ -30,6 +30,9 @@ public:
 
     void prepare(const sim::Setup &setup) override;
 
+    /// Limits and friction take effect at the next update; axes, inertias and speeds at a reset.
+    void refresh() override;
+
     std::span<std::byte> memory() override
     {
         return std::as_writable_bytes(std::span(&wheels_, 1));
@@ -46,11 +49,15 @@ private:
     struct Wheels {
         double gx[WHEELS_MAX], gy[WHEELS_MAX], gz[WHEELS_MAX]; ///< unit spin axes, in B
         double J[WHEELS_MAX], J_inverse[WHEELS_MAX];
+        double asked[WHEELS_MAX];     ///< [N m] of the motor, in the last update
         double torque[WHEELS_MAX];    ///< [N m] on the wheel, but for viscous friction
         double viscosity[WHEELS_MAX]; ///< [N m s]
         Vec3 reaction;                ///< [N m] of `torque` on the body
         double viscous;               ///< the largest viscosity
+        double by_speed;              ///< 0: what the motors are asked for is all that counts
     };
+
+    bool as_before(bool commanded) const;
 
     double along(std::size_t i, const Vec3 &a) const
     {
