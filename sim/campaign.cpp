@@ -198,7 +198,9 @@ private:
         for (std::size_t i = 0; i < log.times.size(); i++) {
             const std::byte *from = log.bytes.data() + i * log.field->size + variable.offset;
             const bool last = i + 1 == log.times.size();
-            const std::size_t end = complete && last ? samples : index(last ? log.times[i] + log.every : log.times[i + 1]);
+            const std::size_t end = complete && last ? samples
+                                    : last           ? index(log.times[i]) + 1
+                                                     : index(log.times[i + 1]);
             for (; k < std::min(samples, end); k++) {
                 std::memcpy(to + k * variable.elements, from, variable.elements * sizeof(double));
             }

@@ -215,7 +215,8 @@ TEST(Campaign, ADistributionCanKeepTheParametersRule)
     EXPECT_THAT(error(normal, 1.0, 1.0, -2.0, none), HasSubstr("found -2"));
     EXPECT_THAT(error(normal, -9.0, 1.0, -none, none), HasSubstr("must be > 0"));
     face<Source>(source).par.value = 0.0;
-    EXPECT_THAT(error(uniform, 0.5, 1.5, -none, none, true), HasSubstr("its nominal value is 0, which no factor changes"));
+    EXPECT_THAT(error(uniform, 0.5, 1.5, -none, none, true),
+                HasSubstr("its nominal value is 0, which no factor changes"));
 }
 
 TEST(Campaign, NoElementIsDispersedTwice)

@@ -108,8 +108,8 @@ class Campaign:
         wanted = 8 * runs * len(self.dispersions.ns) * numbers
         room = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
         if wanted > room / 2:
-            raise SetupError(f"{runs} runs would retain {wanted / 1e9:.1f} GB, more than half of this machine's memory: "
-                             "fly fewer, retain less, or set a longer d.every")
+            raise SetupError(f"{runs} runs would retain {wanted / 1e9:.1f} GB, more than half of this machine's "
+                             "memory: fly fewer, retain less, or set a longer d.every")
 
     def __repr__(self):
         return f"<campaign {self.name} of {self.nominal.name}: {len(self.dispersions.columns)} numbers dispersed>"

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Paths of numbers: "world.craft.I_B[0, 0]", "flight.tracking.error.sigma_BR"."""
+
+import math
+import re
+
+from fledge import _core
+
+SetupError = _core.SetupError
+
+
+class Place:
+    """The field behind a path, and which of its elements are meant.
+
+    owner: the module or model; port: the input or output that the field is a part of, or None; offset:
+    of the field in it; elements: flat indices; shape: of what they are together.
+    """
+
+    def __init__(self, simulation, path):
+        self.path = " ".join(path.split())
+        match = re.fullmatch(r"(\w+(?:\.\w+)*)((?:\[[\d, ]+\])*)", self.path)
+        names = match[1].split(".") if match else []
+        if len(names) < 3:
+            raise SetupError(f"'{path}': expected process.instance.name, as in world.craft.I_B or "
+                             "world.craft.I_B[0, 0]")
+        processes = {p.name: p for p in (simulation.world, simulation.flight)}
+        if names[0] not in processes:
+            raise SetupError(f"{path}: there is no process '{names[0]}'; there are {', '.join(processes)}")
+        process = processes[names[0]]
+        if names[1] not in process._instances:
+            raise SetupError(f"{path}: {process._unknown(names[1])}")
+        self.owner = process._instances[names[1]]
+        self.port, self.offset = None, 0
+        struct, at = _core.struct(self.owner), ".".join(names[:2])
+        for i, name in enumerate(names[2:], 3):
+            self.field = _member(struct, name, at, path)
+            at = f"{at}.{name}"
+            if self.field.type != "struct":
+                break
+            if self.port is None:
+                self.port = at
+            else:
+                self.offset += self.field.offset
+            struct = self.field.struct
+        else:
+            raise SetupError(f"{path} is a whole message; name one of its fields: {', '.join(names_of(struct))}")
+        if i < len(names):
+            raise SetupError(f"{path}: {at} is a number or array, and has no '{names[i]}'")
+        if self.field.type != "f64":
+            raise SetupError(f"{path} is of type {self.field.ctype}; only floating-point numbers are meant here")
+        if self.port is not None:
+            self.offset += self.field.offset
+        self.full = at
+        self.elements, self.shape = self._select(match[2])
+
+    def _select(self, text):
+        """The flat elements and shape of "[0, 1]" or "[2]" of the rows that count."""
+        shape = self.field.shape
+        if shape and self.field.count and self.port is None:
+            shape = (int(getattr(self.owner, self.field.count)), *shape[1:])
+        indices = [int(i) for i in re.findall(r"\d+", text)]
+        if len(indices) > len(shape) or any(i >= n for i, n in zip(indices, shape)):
+            what = f"has shape {shape}" if shape else "is a single number"
+            raise SetupError(f"{self.path}: {self.full} {what}; there is no element "
+                             f"[{', '.join(map(str, indices))}]")
+        rest = self.field.shape[len(indices):] if indices else shape
+        n = math.prod(rest)
+        first = 0
+        for i, size in zip(indices, self.field.shape):
+            first = first * size + i
+        return list(range(first * n, first * n + n)), tuple(rest)
+
+    def names(self):
+        """The path of each element: "world.craft.I_B[0, 1]"."""
+        sizes = self.field.shape
+        return [self.full + index_text(e, sizes) for e in self.elements]
+
+    @property
+    def unit(self):
+        return "" if self.field.unit in ("", "-") else self.field.unit
+
+
+def index_text(element, shape):
+    index = []
+    for n in reversed(shape):
+        element, i = divmod(element, n)
+        index.append(str(i))
+    return f"[{', '.join(reversed(index))}]" if index else ""
+
+
+def names_of(struct, groups=("", "in", "out", "par")):
+    return [f.name for f in struct.fields if f.group in groups and not f.spare]
+
+
+def _member(struct, name, owner, path):
+    for field in struct.fields:
+        if field.name == name and not field.spare:
+            return field
+    from difflib import get_close_matches
+
+    near = get_close_matches(name, names_of(struct), 1)
+    raise SetupError(f"{path}: {owner} has no '{name}'" + (f"; did you mean '{near[0]}'?" if near else ";")
+                     + f" it has {', '.join(names_of(struct))}")
+
+
+def port(simulation, path):
+    process, instance, port = path.split(".")
+    return getattr(getattr(getattr(simulation, process), instance), port)

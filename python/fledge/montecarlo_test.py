@@ -1,0 +1,359 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Campaigns: the same bits however they are flown, failures that can be flown again, and reports."""
+
+import csv
+import json
+import os
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import fledge
+from fledge import Archive, campaign_plots, campaign_report as report, cli
+from fledge.dispersions_test import mission
+from fledge.montecarlo import Campaign
+from fledge.units import N, deg, kg, m, s
+
+
+def short(d):
+    """Twenty seconds, with noise, so that each run's own random streams matter."""
+    d.duration, d.every = 20 * s, 1 * s
+    d["world.craft.sigma_BN"] = d.attitude()
+    d["world.craft.I_B"] = d.nominal + d.normal(0, 10 * kg * m**2)
+    d["world.nav.attitude_noise"] = d.uniform(0, 0.01 * deg)
+    error = d.retain("flight.tracking.error.sigma_BR")
+    d.retain("flight.motor.command.u[0]", "world.nav.attitude.sigma_BN")
+    d.check(error.norm().final < 0.8, "far away")
+
+
+def same(a, b):
+    return (a.failures == b.failures and (a.flown == b.flown).all()
+            and all(np.array_equal(a.draws[p], b.draws[p], equal_nan=True) for p in a.draws)
+            and all(np.array_equal(a.retained[p], b.retained[p], equal_nan=True) for p in a.retained))
+
+
+@pytest.fixture(scope="module")
+def campaign():
+    return Campaign("nadir_spin", short)
+
+
+@pytest.fixture(scope="module")
+def result(campaign):
+    return campaign.fly(40, seed=5, threads=1)
+
+
+# --- the same bits ---------------------------------------------------------------------------------
+
+@pytest.mark.parametrize("threads", [2, 3, 7])
+def test_threads_change_no_bit(campaign, result, threads):
+    assert same(campaign.fly(40, seed=5, threads=threads), result)
+
+
+def test_processes_give_the_same(campaign, result):
+    assert same(campaign.fly(40, seed=5, threads=2, processes=True), result)
+
+
+def test_a_longer_campaign_begins_with_the_shorter(campaign, result):
+    longer = campaign.fly(60, seed=5)
+    assert all((longer.retained[p][:40] == result.retained[p]).all() for p in result.retained)
+    other = campaign.fly(40, seed=6)
+    assert not any((other.draws[p] == result.draws[p]).all() for p in result.draws)
+
+
+@pytest.mark.parametrize("index", [0, 23, 39])
+def test_one_run_by_hand(campaign, result, index):
+    sim = campaign.simulation(index, seed=5)
+    f = sim.flight
+    log = sim.record(f.tracking.error, f.motor.command, sim.world.nav.attitude, every=1 * s)
+    sim.run(20 * s)
+    assert (log["error.sigma_BR"] == result.retained["flight.tracking.error.sigma_BR"][index]).all()
+    assert (log["command.u[0]"] == result.retained["flight.motor.command.u[0]"][index]).all()
+    assert (log["attitude.sigma_BN"] == result.retained["world.nav.attitude.sigma_BN"][index]).all()
+    assert campaign.drawn(sim) == {path: values[index] for path, values in result.draws.items()}
+
+
+def test_the_nominal_simulation_is_left_alone(campaign, result):
+    assert campaign.drawn(campaign.nominal) == campaign.drawn(fledge.load("nadir_spin"))
+    assert campaign.nominal.seed == 0 and campaign.nominal._core.now == -1
+
+
+def test_the_noise_differs_from_run_to_run(campaign, result):
+    seen = result.retained["world.nav.attitude.sigma_BN"][:, 1]
+    assert len(np.unique(seen[:, 0])) == 40
+    assert campaign.simulation(3, seed=5).seed != campaign.simulation(4, seed=5).seed
+
+
+# --- Python in the world's events ------------------------------------------------------------------
+
+CALLABLES = """
+    kicks = []
+    def kick():
+        kicks.append(w.craft.state.omega_BN_B[0])
+        w.craft.mass = len(kicks)      # what an earlier run left behind would show
+    w.at(3 * s, kick)
+"""
+RELEASE = """
+from fledge.units import deg, s
+def release(d):
+    d.duration, d.every = 10 * s, 1 * s
+    d["world.craft.omega_BN_B"] = d.normal(0, 1 * deg / s)
+    d["world.nav.attitude_noise"] = d.uniform(0, 0.01 * deg)
+    d.retain("world.nav.attitude.sigma_BN")
+"""
+
+
+def test_python_events_fall_back_to_processes(tmp_path, capfd):
+    mission(tmp_path, RELEASE, CALLABLES)
+    campaign = Campaign(tmp_path)
+    assert campaign.has_callables
+    two, one = campaign.fly(9, seed=2, threads=2), campaign.fly(9, seed=2, threads=1)
+    assert same(one, two) and len(one.passed) == 9 and one.passed.all()
+    sim = campaign.simulation(7, seed=2)
+    sim.run(10 * s)
+    assert sim.world.craft.mass == 1
+    assert (sim.world.nav.attitude.sigma_BN == two.retained["world.nav.attitude.sigma_BN"][7, -1]).all()
+    with pytest.raises(fledge.SetupError, match="cannot be flown by threads"):
+        fledge._core.fly(campaign.nominal._core, campaign.plan, 1)
+    # The same without Python, by threads: an event that only looks changes nothing.
+    mission(tmp_path, RELEASE)
+    assert same(Campaign(tmp_path).fly(9, seed=2), two)
+
+    mission(tmp_path, RELEASE, CALLABLES)
+    assert cli.main(["montecarlo", str(tmp_path), "--runs", "3", "--threads", "2", "--out", str(tmp_path / "out")]) == 0
+    out, err = capfd.readouterr()
+    assert "the world's events call Python, so 2 processes fly the runs" in err and err.count("\n") == 1
+    assert "3 of 3" in out and "on 2 processes" in out
+
+
+def test_a_process_that_dies_is_a_failed_run(tmp_path):
+    mission(tmp_path, RELEASE + "    d['world.craft.mass'] = d.uniform(0, 2)\n",
+            "\n    import os\n    w.at(3 * s, lambda: w.craft.mass > 1 and os._exit(3))\n"
+            "    w.at(4 * s, lambda: 1 / 0 if w.craft.mass < 0.3 else None)\n")
+    result = Campaign(tmp_path).fly(16, threads=2)
+    mass = result.draws["world.craft.mass"]
+    died = np.isnan(mass)   # what it had drawn went with it
+    assert 2 < died.sum() < 14 and result.flown.all()
+    for i, text in result.failures.items():
+        assert (text == "the process that flew it ended with code 3") if died[i] else "ZeroDivisionError" in text
+    assert set(result.failures) == set(np.flatnonzero(died | (mass < 0.3)))
+
+
+# --- failures --------------------------------------------------------------------------------------
+
+def test_each_failure_is_a_failure_of_its_own():
+    def heavy(d):
+        d.duration, d.every = 5 * s, 1 * s
+        d["world.craft.mass"] = d.normal(0, 1 * kg)    # half of them are refused by the header's rule
+        d.check(d.retain("flight.tracking.error.sigma_BR").norm() < 0.9)
+
+    campaign = Campaign("nadir_spin", heavy)
+    result = campaign.fly(60)
+    mass = result.draws["world.craft.mass"]
+    assert 15 < (mass < 0).sum() < 45
+    assert set(result.failures) == set(np.flatnonzero(mass < 0)) == set(result.errors)
+    for i, text in result.failures.items():
+        assert text.startswith("world.craft.mass must be >= 0 kg, found -")
+        assert np.isnan(result.retained["flight.tracking.error.sigma_BR"][i]).all()
+    assert (result.passed == (mass >= 0)).all()
+
+
+def test_the_command_of_a_failure_repeats_it(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    text = RELEASE + ("    error = d.retain('flight.tracking.error.sigma_BR')\n"
+                      "    d.check(error.norm().final < 0.9, 'far away')\n")
+    mission(tmp_path, text)
+    assert cli.main(["montecarlo", str(tmp_path), "--runs", "12", "--seed", "3"]) == 1
+    folder = tmp_path / "runs" / tmp_path.name / "montecarlo" / "release"
+    data = json.loads((folder / "summary.json").read_text())
+    assert 0 < data["failed"] < 12
+    one = data["failures"][0]
+    assert one["command"] == f"./fledge montecarlo {tmp_path} --seed 3 --only {one['run']}"
+    assert one["text"] in capsys.readouterr().out
+
+    assert cli.main(shlex.split(one["command"])[1:]) == 1
+    out, err = capsys.readouterr()
+    assert one["text"] in err and "FAILS" in out and (folder / str(one["run"]) / "retained.png").exists()
+    archive = Archive(folder / str(one["run"]) / "run.mcap")
+    campaign = Campaign(tmp_path)
+    retained = campaign.fly(12, seed=3).retained["flight.tracking.error.sigma_BR"][one["run"]]
+    assert (archive["flight.tracking.error.sigma_BR"] == retained).all()
+
+    good = next(i for i in range(12) if i not in {f["run"] for f in data["failures"]})
+    assert cli.main(["montecarlo", str(tmp_path), "--seed", "3", "--only", str(good)]) == 0
+    assert "passed" in capsys.readouterr().out
+
+
+# --- what is wrong with the command ----------------------------------------------------------------
+
+@pytest.mark.parametrize("arguments, words", [
+    ([], "give --runs N, or --only INDEX"),
+    (["--runs", "3", "--only", "1"], "give --runs N, or --only INDEX"),
+    (["--runs", "0"], "runs must be >= 1, found 0"),
+    (["--runs", "2", "--threads", "0"], "threads must be >= 1, found 0"),
+    (["--runs", "2", "--seed", "-1"], "seed must be a whole number from 0 to 2^64 - 1, found -1"),
+    (["--only", "-1"], "a run's index must be >= 0, found -1"),
+    (["--only", "1", "--json"], "--json is for --runs"),
+    (["storm", "--runs", "2"], "has no campaign 'storm'; it has release"),
+    (["--runs", "1000000000"], "more than half of this machine's memory"),
+])
+def test_wrong_commands(arguments, words, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["montecarlo", "nadir_spin", *arguments]) == 2
+    assert words in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_nominal_mission_that_cannot_fly_is_refused_at_once(tmp_path):
+    mission(tmp_path, RELEASE, "    w.craft.r_BN_N = [1, 0, 0]\n")
+    with pytest.raises(fledge.SetupError, match="world.craft.r_BN_N: must lie outside MARS"):
+        Campaign(tmp_path).fly(5)
+
+
+# --- Ctrl-C ----------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize("processes", [False, True])
+def test_ctrl_c_keeps_what_is_finished(campaign, processes):
+    calls = []
+
+    def progress(finished, failed):
+        calls.append(finished)
+        if finished >= 3:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    runs = 3000 if processes else 20000
+    result = campaign.fly(runs, seed=5, threads=2, processes=processes, progress=progress)
+    assert result.interrupted and 3 <= result.flown.sum() < runs
+    i = np.flatnonzero(result.flown)[-1]
+    whole = campaign.fly(int(i) + 1, seed=5)
+    for path, values in result.retained.items():
+        assert (values[i] == whole.retained[path][i]).all()
+        assert np.isnan(values[~result.flown]).all()
+
+
+def test_other_exceptions_end_it(campaign):
+    def progress(finished, failed):
+        raise ValueError("enough")
+
+    with pytest.raises(ValueError, match="enough"):
+        campaign.fly(20000, progress=progress)
+
+
+def test_ctrl_c_on_the_command_line_leaves_a_report(tmp_path):
+    text = RELEASE.replace("10 * s, 1 * s", "1e5 * s, 1e4 * s")
+    mission(tmp_path, text)
+    child = subprocess.Popen([sys.executable, "-m", "fledge.cli", "montecarlo", str(tmp_path), "--runs", "5000",
+                              "--out", str(tmp_path / "out"), "--threads", "1"], stderr=subprocess.PIPE,
+                             stdout=subprocess.PIPE, text=True,
+                             env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))})
+    time.sleep(2.5)
+    child.send_signal(signal.SIGINT)
+    out, err = child.communicate(timeout=60)
+    assert child.returncode == 130 and re.search(r"interrupted; the report is about the \d+ runs", err), err
+    data = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert data["interrupted"] and data["flown"] < 5000 and data["runs"] == 5000
+    assert f"stopped before {5000 - data['flown']} more" in out
+
+
+# --- reports ---------------------------------------------------------------------------------------
+
+def test_the_same_report_however_it_was_flown(campaign, tmp_path):
+    paths = {}
+    for name, options in (("one", dict(threads=1)), ("two", dict(threads=2)), ("three", dict(processes=True))):
+        _, paths[name] = report.write(campaign.fly(40, seed=5, **options), tmp_path / name, lambda i: f"again {i}")
+    assert [p.name for p in paths["one"]] == [
+        "summary.txt", "summary.json", "runs.csv", "runs.h5", "bands-flight_tracking_error_sigma_BR.png",
+        "bands-flight_motor_command_u_0.png", "bands-world_nav_attitude_sigma_BN.png", "requirements.png",
+        *(["drivers.png"] if len(paths["one"]) == 9 else [])]
+    for a, *others in zip(*paths.values()):
+        assert all(a.read_bytes() == b.read_bytes() for b in others), a.name
+
+
+def test_the_figures_in_the_report(campaign, result, tmp_path):
+    import h5py
+
+    data, _ = report.write(result, tmp_path, lambda i: f"again {i}")
+    error = np.linalg.norm(result.retained["flight.tracking.error.sigma_BR"], axis=2)
+    final = {one["measure"]: one for one in data["final"]}["norm(flight.tracking.error.sigma_BR)"]
+    assert final["percentiles"] == {str(p): pytest.approx(np.percentile(error[:, -1], p)) for p in (5, 25, 50, 75, 95)}
+    failed = np.flatnonzero(error[:, -1] >= 0.8)
+    assert 0 < len(failed) < 40 and [f["run"] for f in data["failures"]] == failed.tolist()
+    assert data["requirements"][0]["worst_run"] == int(np.argmax(error[:, -1]))
+    assert data["requirements"][0]["held"] == data["passed"] == 40 - len(failed)
+    text = (tmp_path / "summary.txt").read_text()
+    assert "too few runs for the percentiles 1, 99" in text and f"again {failed[0]}" in text
+
+    rows = list(csv.DictReader((tmp_path / "runs.csv").open()))
+    assert [float(r["world.craft.I_B[0, 0] [kg m^2]"]) for r in rows] == result.draws["world.craft.I_B[0, 0]"].tolist()
+    assert [r["outcome"] for r in rows] == ["passed" if ok else "failed" for ok in result.passed]
+    assert [float(r["norm(flight.tracking.error.sigma_BR) at the end"]) for r in rows] == pytest.approx(error[:, -1])
+    with h5py.File(tmp_path / "runs.h5") as file:
+        assert (file["retained/flight.motor.command.u[0]"][:] == result.retained["flight.motor.command.u[0]"]).all()
+        assert file["retained/flight.motor.command.u[0]"].attrs["unit"] == "N m"
+        assert (file["passed"][:] == result.passed).all() and file["time"][-1] == 20
+
+
+@pytest.mark.parametrize("n, expected", [
+    (1, (50,)), (2, (50,)), (3, (25, 50, 75)), (18, (25, 50, 75)), (19, (5, 25, 50, 75, 95)), (98, (5, 25, 50, 75, 95)),
+    (99, (1, 5, 25, 50, 75, 95, 99))])
+def test_percentiles_that_so_many_runs_can_tell(n, expected):
+    assert campaign_plots.percentiles(n) == expected
+
+
+def test_confidence_of_a_rate():
+    assert report.confidence(5, 10) == (pytest.approx(0.2366, abs=1e-4), pytest.approx(0.7634, abs=1e-4))
+    assert report.confidence(0, 10) == (0, pytest.approx(0.2775, abs=1e-4))
+    assert report.confidence(10, 10) == (pytest.approx(0.7225, abs=1e-4), 1)
+
+
+@pytest.mark.parametrize("runs", [1, 2, 5])
+@pytest.mark.filterwarnings("error")
+def test_few_runs_have_a_report_too(campaign, runs, tmp_path):
+    result = campaign.fly(runs)
+    data, paths = report.write(result, tmp_path, str)
+    assert data["flown"] == runs and sum(p.suffix == ".png" for p in paths) == 4
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_campaign_of_failures_has_a_report_too(tmp_path):
+    def heavy(d):
+        d.duration = 5 * s
+        d["world.craft.mass"] = d.normal(-7, 1)
+        d.check(d.retain("flight.motor.command.u").max_abs() < 1 * N * m)
+
+    data, paths = report.write(Campaign("nadir_spin", heavy).fly(3), tmp_path, str)
+    assert data["passed"] == 0 and data["failed"] == 3 and not data["final"][0]["percentiles"]
+    assert [p.name for p in paths] == ["summary.txt", "summary.json", "runs.csv", "runs.h5"]
+    assert "world.craft.mass must be >= 0" in report.text(data)
+
+
+def test_the_draw_that_matters_is_found():
+    def push(d):
+        d.duration, d.every = 5 * s, 1 * s
+        d["world.craft.I_B[2, 2]"] = d.nominal + d.normal(0, 1)
+        d["world.craft.omega_BN_B[1]"] = d.normal(0, 1 * deg / s)
+        rate = d.retain("world.craft.state.omega_BN_B")
+        d.check(rate[1].final < 1)
+        d.check(rate.norm().final < 1)
+
+    result = Campaign("nadir_spin", push).fly(60)
+    linear, even = (campaign_plots.correlations(result, one) for one in result.campaign.dispersions.requirements)
+    assert linear[0][1:] == ("world.craft.omega_BN_B[1]", False) and linear[0][0] > 0.99
+    assert even[0][1:] == ("world.craft.omega_BN_B[1]", True) and even[0][0] > 0.7
+    assert abs(linear[1][0]) < 0.5
+
+
+def test_a_live_line_on_a_terminal(monkeypatch, capsys):
+    from fledge.cli_montecarlo import _Live
+
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    with _Live("nadir_spin, release", 200) as line:
+        line._begun -= 10
+        line.at(50, 2)
+    assert re.search(r"nadir_spin, release \[#######\.+\]  25%  50 of 200, 5 a second, 30 s left, 2 failed",
+                     capsys.readouterr().err)
