@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Attributes of a module from a dictionary of types, with an answer to names that are not there."""
+"""Attributes of a module from a dictionary of types, with an answer to names that are not there; and words."""
 
 from fledge import _core
 
@@ -25,3 +25,8 @@ def lookup(module, types, extra):
         return sorted([*types, *extra])
 
     return __getattr__, __dir__
+
+
+def first_sentence(doc):
+    """What a docstring or a header's comment says first, as one line that ends in a full stop."""
+    return " ".join(doc.split()).split(". ")[0].rstrip(".") + "."

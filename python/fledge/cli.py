@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command line: `./fledge run | montecarlo | list | plot | convert | bench`.
+"""The command line: `./fledge run | montecarlo | show | list | plot | convert | bench`.
 
 Exit codes: 0 all went well; 1 a check of the scenario failed, or the run did; 2 the command line or
 the mission is wrong; 130 Ctrl-C.
@@ -126,10 +126,27 @@ def _size(path):
     return f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{size / 1e3:.1f} kB"
 
 
+# --- show ------------------------------------------------------------------------------------------
+
+def show(options):
+    import fledge
+    from fledge.wiring import Wiring
+
+    wiring = Wiring(fledge.load(options.mission), options.flight_only)
+    if options.out:
+        say(str(wiring.save(options.out)))
+        return 0
+    say(wiring.outline())
+    if not options.text:
+        say(f"\ndrawn in {wiring.save(Path('runs') / wiring.name / 'wiring.svg')}")
+    return 0
+
+
 # --- list ------------------------------------------------------------------------------------------
 
 def list_(options):
     from fledge import _core, flight, mission, world
+    from fledge._names import first_sentence
 
     say("missions")
     found = mission.missions()
@@ -146,7 +163,7 @@ def list_(options):
         for name in sorted(types):
             struct = _core.struct(types[name])
             if struct.kind == kind:
-                say(f"  {name:16} {_sentence(struct.doc)}")
+                say(f"  {name:16} {first_sentence(struct.doc)}")
                 if options.ports:
                     for group, arrow in (("in", "<<"), ("out", ">>")):
                         for f in struct.fields:
@@ -155,11 +172,6 @@ def list_(options):
                                 say(f"    {arrow} {f.name:13} {f.struct.name}{note}")
     say("\nbodies\n  " + ", ".join(f"world.{name}" for name in world.BODIES))
     return 0
-
-
-def _sentence(doc):
-    text = " ".join(doc.split())
-    return text.split(". ")[0].rstrip(".") + "."
 
 
 # --- plot, convert ---------------------------------------------------------------------------------
@@ -274,6 +286,13 @@ def parser():
     from fledge import cli_montecarlo
 
     cli_montecarlo.add(command)
+
+    one = command("show", show, "draw a mission's wiring", "show nadir_spin --out nadir_spin.png")
+    one.add_argument("mission", help="the name of a mission, or its folder")
+    one.add_argument("--out", metavar="FILE", help="draw only into this .svg, .png, .pdf or .dot; "
+                     "default: an outline, and runs/MISSION/wiring.svg")
+    one.add_argument("--text", action="store_true", help="only the outline")
+    one.add_argument("--flight-only", action="store_true", help="leave out the world")
 
     one = command("list", list_, "list missions, modules and models", "list --ports")
     one.add_argument("--ports", action="store_true", help="with the inputs and outputs of each")

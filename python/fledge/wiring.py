@@ -1,0 +1,257 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a simulation consists of and what is joined to what: the outline in text, and what is drawn.
+
+    wiring = Wiring(fledge.load("nadir_spin"))
+    print(wiring.outline())
+    wiring.save("nadir_spin.svg")          # .svg, .png, .pdf or .dot; see wiring_picture
+"""
+
+from fledge import _core
+from fledge.process import Event
+
+
+class Node:
+    """An instance: where it stands, and what it is."""
+
+    def __init__(self, process, name, instance):
+        struct = _core.struct(instance)
+        self.process, self.name, self.type, self.doc = process, name, struct.name, struct.doc
+        self.path = f"{process}.{name}"
+        self.task = None          # the name of the task that runs it
+        self.place = None         # (task, index in it), of what a task runs; parts take that of their host
+        self.in_stack = False     # whether it is in the longest chain of its task
+        self.host = None          # the path of the model that it is a part of
+        self.notes = _notes(instance)
+        self.inputs = [f for f in struct.fields if f.group == "in"]
+
+
+class Link:
+    """A wire."""
+
+    def __init__(self, source, target, message, latency, stale_after):
+        self.source, self.target, self.message = source, target, message
+        self.latency, self.stale_after = latency, stale_after
+        self.back = False         # whether it is read only at a later instant
+
+    @property
+    def start(self):
+        """The path of the instance that writes it."""
+        return _owner(self.source)
+
+    @property
+    def to(self):
+        """The path of the instance that reads it."""
+        return _owner(self.target)
+
+    @property
+    def crosses(self):
+        """Whether it goes from one process to another."""
+        return self.source.partition(".")[0] != self.target.partition(".")[0]
+
+    @property
+    def ports(self):
+        """The names at its ends, once if they are the same."""
+        a, b = (path.rpartition(".")[2] for path in (self.source, self.target))
+        return a if a == b else f"{a} \N{RIGHTWARDS ARROW} {b}"
+
+    @property
+    def options(self):
+        """What is special about it, in words."""
+        words = []
+        if self.latency:
+            words.append("one exchange late" if self.latency == 1 else f"{self.latency} exchanges late")
+        if self.stale_after:
+            words.append(f"stale after {self.stale_after / 1e9:g} s")
+        return words
+
+
+class Wiring:
+    """What a simulation consists of, and what is joined to what.
+
+    flight_only: leave out the world; the wires between it and flight end at names.
+    """
+
+    def __init__(self, simulation, flight_only=False):
+        self.name = simulation.name
+        shown = [simulation.flight] if flight_only else [simulation.flight, simulation.world]
+        self.processes = [_Process(p) for p in shown]
+        self.nodes = {node.path: node for process in self.processes for node in process.nodes}
+        messages = {f"{_core.path(one)}.{f.name}": f.struct.name
+                    for process in (simulation.flight, simulation.world) for one in process
+                    for f in _core.struct(one).fields if f.group == "out"}
+        links = [Link(source, target, messages[source], latency, stale_after)
+                 for source, target, latency, stale_after in simulation._core.wires]
+        self.links = [link for link in links if link.start in self.nodes or link.to in self.nodes]
+        self.open_ends = list(dict.fromkeys(port for link in self.links for port in (link.source, link.target)
+                                            if _owner(port) not in self.nodes))
+        for link in self.links:
+            link.back = self._goes_back(link)
+        self._find_stacks()
+
+    def _goes_back(self, link):
+        """Whether what it carries is read at a later instant: it is late, or its reader runs first."""
+        a, b = self.nodes.get(link.start), self.nodes.get(link.to)
+        return bool(link.latency) or (a is not None and b is not None and not link.crosses
+                                      and None not in (a.place, b.place) and a.place >= b.place)
+
+    def _find_stacks(self):
+        """Find the stack of each task: its longest chain of wires, the last such one.
+
+        What is not in it, as what commands a module of the stack, stands beside.
+        """
+        order = {f"{n.path}.{f.name}": i for n in self.nodes.values() for i, f in enumerate(n.inputs)}
+        feeding = {}
+        for link in sorted(self.links, key=lambda one: order.get(one.target, 0)):
+            a, b = self.nodes.get(link.start), self.nodes.get(link.to)
+            if a and b and a.task and (a.process, a.task) == (b.process, b.task) and not link.back:
+                feeding.setdefault(b.path, []).append(a.path)
+        for process in self.processes:
+            for task in process.tasks:
+                length, before = {}, {}
+                for node in process.run_by(task.name):
+                    above = max(feeding.get(node.path, ()), key=length.get, default=None)
+                    before[node.path], length[node.path] = above, 1 + length.get(above, 0)
+                last = max(reversed(length), key=length.get, default=None)
+                while last:
+                    self.nodes[last].in_stack = True
+                    last = before[last]
+
+    # --- text ---
+
+    def outline(self):
+        """The wiring as text: what runs in which order, and where each input comes from."""
+        sources = {link.target: link for link in self.links}
+        lines = []
+        for process in self.processes:
+            lines += ["", process.name] if lines else [process.name]
+            width = max((len(n.name) for n in process.nodes), default=0)
+            for task, title in [*((t.name, t.title) for t in process.tasks), (None, "in no task")]:
+                nodes = process.run_by(task)
+                if not nodes:
+                    continue
+                lines.append(f"  {title}")
+                for node in nodes:
+                    lines.append(f"    {node.name.ljust(width)}  {node.type}"
+                                 + "".join(f"; {note}" for note in node.notes)
+                                 + (f"; part of {node.host.partition('.')[2]}" if node.host else ""))
+                    ports = max((len(f.name) for f in node.inputs), default=0)
+                    for port in node.inputs:
+                        link = sources.get(f"{node.path}.{port.name}")
+                        start = f"    {' ' * width}    {port.name.ljust(ports)}  "
+                        if link is None:
+                            lines.append(f"{start}-- not wired" + (", optional" if port.optional else ""))
+                        else:
+                            source = link.source.removeprefix(f"{process.name}.")
+                            lines.append(f"{start}<< " + ", ".join([source, *link.options]))
+            for word, rows in (("mode", process.modes), ("event", process.events)):
+                lines += [f"  {word} {name}: {text}" if name else f"  {word} {text}" for name, text in rows]
+            if process.integrator:
+                lines.append(f"  integrator: {process.integrator}")
+        return "\n".join(lines)
+
+    # --- picture ---
+
+    def save(self, path):
+        """Draw it into a file, whose ending says how: .svg, .png, .pdf or .dot. Returns the path.
+
+        Raises SetupError for another ending, or if graphviz is not installed.
+        """
+        from fledge.wiring_picture import save
+
+        return save(self, path)
+
+
+# --- reading ---------------------------------------------------------------------------------------
+
+class _Task:
+    def __init__(self, name, period, offset, priority, run):
+        self.name, self.run = name, run
+        self.title = f"{name}, every {period / 1e9:g} s" + (f" from {offset / 1e9:g} s" if offset else "") \
+            + (f", priority {priority}" if priority else "")
+
+
+class _Process:
+    def __init__(self, process):
+        core = process._core_process
+        self.name = process.name
+        self.nodes = [Node(self.name, _core.name(one), one) for one in process]
+        # In the order in which they run at equal times.
+        self.tasks = [_Task(*t) for t in sorted(core.tasks, key=lambda t: -t[3])]
+        by_name = {node.name: node for node in self.nodes}
+        for i, task in enumerate(self.tasks):
+            for j, name in enumerate(task.run):
+                if by_name[name].task is None:
+                    by_name[name].task, by_name[name].place = task.name, (i, j)
+        for node, one in zip(self.nodes, process):
+            for k, part in enumerate(parts(one)):
+                child = by_name.get(_core.name(part))
+                if child is not None:
+                    child.host = node.path
+                    if child.place is None and node.place is not None:
+                        child.task, child.place = node.task, (*node.place, k)
+        self.integrator = core.integrator if self.name == "world" else ""
+        self.modes = [(name, ", ".join(tasks) or "no task of its own") for name, tasks in core.modes]
+        self.events = [(event_name(e), event_text(e)) for e in process._handles.values() if isinstance(e, Event)]
+
+    def run_by(self, task):
+        """The nodes of a task in their order; None: those that no task runs."""
+        found = [n for n in self.nodes if n.task == task]
+        return sorted(found, key=lambda n: n.place) if task else found
+
+
+def parts(instance):
+    """The models that are parts of this one."""
+    try:
+        return instance.parts
+    except AttributeError:
+        return ()
+
+
+def event_name(event):
+    """The name of an event; "" for one that World.at() has named."""
+    when = event._when
+    return "" if hasattr(when, "ns") and event.name.startswith(f"at_{when.ns}_ns") else event.name
+
+
+def condition_text(event):
+    """When an event happens, in words."""
+    when = event._when
+    if isinstance(when, _core.Condition):
+        return repr(when)
+    if hasattr(when, "ns"):
+        return f"t >= {when.ns / 1e9:g} s"
+    return _function_text(when)
+
+
+def action_text(event):
+    """What an event does, in words."""
+    words = [f"enter {event._core.mode}"] if event._core.mode else []
+    if event._do:
+        words.append(f"call {_function_text(event._do)}")
+    return ", ".join(words) or "nothing"
+
+
+def event_text(event):
+    hold = f" for {event._core.hold / 1e9:g} s" if event._core.hold else ""
+    once = ", once" if event._core.once else ""
+    return f"{condition_text(event)}{hold}{once}: {action_text(event)}"
+
+
+def _function_text(function):
+    name = getattr(function, "__name__", type(function).__name__)
+    return "a Python function" if name == "<lambda>" else f"{name}()"
+
+
+def _notes(instance):
+    """What is said of it besides its name and type: the bodies that attract a craft."""
+    try:
+        bodies = instance.gravity
+    except AttributeError:
+        return []
+    names = ", ".join(getattr(b, "name", None) or _core.path(b) for b in bodies)
+    return [f"gravity: {names}"] if names else []
+
+
+def _owner(port):
+    """ "flight.control.error" -> "flight.control" """
+    return port.rpartition(".")[0]
