@@ -124,6 +124,16 @@ def test_demo_installs_no_test_packages(launch):
     assert launch.said("cmake") == ["--preset release -DBUILD_TESTING=OFF"]
 
 
+def test_a_bench_builds_what_it_measures_in_c(launch):
+    (launch.fake / "updated").touch()
+    launch("bench")
+    assert launch.said("ninja")[-1].endswith(" all")
+    launch("bench", "sim", "--json", "sim.json")
+    assert launch.said("ninja")[-1].endswith(" all fledge_bench")
+    (command,) = [line for line in launch.said("apt") if "mpmath" in line]
+    assert "pytest" not in command
+
+
 @pytest.mark.parametrize("failures, status, line", [
     (0, 0, "5 passed, 0 failed, 1 skipped"),
     (2, 8, "3 passed, 2 failed, 1 skipped"),

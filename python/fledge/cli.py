@@ -246,8 +246,7 @@ def bench(options):
     if options.name not in known:
         raise Failure(f"there is no bench '{options.name}'; there are {', '.join(known) or 'none'}")
     sys.path.insert(0, str(folder.parent))
-    arguments = ["--json", options.json] if options.json else []
-    return import_module(f"bench.{options.name}").main(arguments) or 0
+    return import_module(f"bench.{options.name}").main(options.options) or 0
 
 
 # --- the parser ------------------------------------------------------------------------------------
@@ -311,7 +310,8 @@ def parser():
 
     one = command("bench", bench, "measure; without a name, list the benches", "bench sim --json sim.json")
     one.add_argument("name", nargs="?", metavar="NAME")
-    one.add_argument("--json", metavar="FILE", help="write the figures there too")
+    one.add_argument("options", nargs=argparse.REMAINDER, metavar="OPTION",
+                     help="the bench's own, such as --json FILE; 'bench NAME --help' tells")
     return top
 
 
