@@ -36,6 +36,10 @@ public:
     /// them. The state stays as it is.
     virtual void refresh() {}
 
+    /// A run up to the time `until` is about to begin. Throws SetupError if the data of the model (an
+    /// ephemeris, say) do not reach that far. The text begins with setup.name.
+    virtual void cover(Ns until) { (void)until; }
+
     /// Take the initial state from the parameters and publish it for time t. Resets the parts too.
     virtual void reset(Ns t) = 0;
 
@@ -49,6 +53,10 @@ public:
 
     /// All that changes during a run besides the face: a snapshot is a copy of these bytes.
     virtual std::span<std::byte> memory() { return {}; }
+
+    /// What the model takes for granted with the data that it was given, a line each; may be asked
+    /// before prepare().
+    virtual std::vector<std::string> assumptions() const { return {}; }
 
     /// Take over what is neither in the face nor in memory (parts, gravity bodies): `counterpart`
     /// maps a model of the original simulation to that of the clone.

@@ -297,6 +297,25 @@ void Simulation::Runtime::take_parameters()
     }
 }
 
+void Simulation::Runtime::cover(Ns t) const
+{
+    std::string faults;
+    for (const auto &process : simulation.processes_) {
+        for (const auto &instance : process->instances_) {
+            if (instance->model()) {
+                try {
+                    instance->model()->cover(t);
+                } catch (const SetupError &error) {
+                    faults += (faults.empty() ? "" : "\n") + std::string(error.what());
+                }
+            }
+        }
+    }
+    if (!faults.empty()) {
+        throw SetupError(faults);
+    }
+}
+
 Ns Simulation::Runtime::next_instant() const
 {
     Ns t = never;
@@ -428,6 +447,7 @@ bool Simulation::Runtime::run_until(Ns t, const RunControl &control)
         throw RunError("the run ended: " + failure + "\nreset it, or restore a snapshot");
     }
     take_parameters();
+    cover(t);
     const auto start = Clock::now();
     const Ns simulated_start = std::max<Ns>(now, 0);
     auto polled = start;

@@ -61,6 +61,9 @@ struct Simulation::Runtime {
     void take_parameters();
     bool parameters_changed() const;
 
+    /// Ask the models whether they can go on until t. Throws SetupError with all that cannot.
+    void cover(Ns t) const;
+
     std::vector<std::byte> save() const;
     void restore(std::span<const std::byte> bytes);
 

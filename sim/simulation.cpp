@@ -297,6 +297,11 @@ std::vector<std::string> Simulation::assumptions() const
     std::vector<std::string> lines;
     for (const auto &process : processes_) {
         for (const auto &instance : process->instances_) {
+            if (instance->model()) {
+                for (const std::string &line : instance->model()->assumptions()) {
+                    lines.push_back(instance->path + "." + line);
+                }
+            }
             const FledgeStruct &type = instance->type();
             for (std::size_t i = 0; i < type.n; i++) {
                 const FledgeField &field = type.fields[i];

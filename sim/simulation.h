@@ -193,7 +193,8 @@ public:
     Ns next() const; ///< the next instant
 
     /// Run all instants up to and including t. Returns false if the control stopped it.
-    /// The first call runs the instant 0.
+    /// The first call runs the instant 0. Throws SetupError before the first instant if a model's
+    /// data do not reach to t.
     bool run_until(Ns t, const RunControl &control = {});
     /// Run one instant.
     void step();
@@ -212,7 +213,8 @@ public:
     /// empty. Events with C++ or Python callables are shared by copy of the callable.
     std::unique_ptr<Simulation> clone() const;
 
-    /// One line per parameter marked `assumed` that was left at zero: "world.wheels.friction: ...".
+    /// One line per parameter marked `assumed` that was left at zero, "world.wheels.friction: ...",
+    /// and what the models say themselves.
     std::vector<std::string> assumptions() const;
 
 private:
