@@ -89,22 +89,6 @@ void SpacecraftModel::attach(Effector &part)
     parts_.push_back({&part, 0});
 }
 
-void SpacecraftModel::add_gravity(const GravityBody &body)
-{
-    GravityBody good = checked(body);
-    for (const GravityBody &other : gravity_) {
-        if (!good.name.empty() && other.name == good.name) {
-            throw sim::SetupError("spacecraft: the gravity of " + good.name + " is listed twice");
-        }
-    }
-    gravity_.push_back(std::move(good));
-    const GravityBody &first = gravity_.front();
-    central_mu_ = gravity_.size() == 1 && !first.has_zonals() && first.r_PN_N.isZero(0.0) &&
-                          first.v_PN_N.isZero(0.0)
-                      ? first.mu
-                      : 0.0;
-}
-
 void SpacecraftModel::prepare(const sim::Setup &setup)
 {
     name_ = setup.name;
@@ -124,19 +108,9 @@ void SpacecraftModel::prepare(const sim::Setup &setup)
     dx_ = x_ + n_ + carried;
     held_ = dx_ + n_;
 
-    const auto r_BN_N = view(face_.par.r_BN_N);
-    for (const GravityBody &body : gravity_) {
-        const double distance = (r_BN_N - body.r_PN_N).norm();
-        if (!(distance > body.radius)) {
-            throw sim::SetupError(name_ + ".r_BN_N: must lie outside " +
-                                  (body.name.empty() ? "the gravity body" : body.name) +
-                                  ", of radius " + sim::format_number(body.radius) +
-                                  " m; found a distance of " + sim::format_number(distance) +
-                                  " m from its centre");
-        }
-    }
+    attraction_.prepare(name_, view(face_.par.r_BN_N));
+    central_mu_ = attraction_.central_mu();
 }
-
 void SpacecraftModel::reset(Ns t)
 {
     const auto &par = face_.par;
@@ -247,23 +221,13 @@ std::string SpacecraftModel::last_good_state() const
            " rad/s";
 }
 
-Vec3 SpacecraftModel::gravity_of_all(Ns start, double tau, Vec3 r_BN_N) const
-{
-    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-    for (const GravityBody &body : gravity_) {
-        const Eigen::Vector3d r_PN_N = body.r_PN_N + (tick_seconds(start) + tau) * body.v_PN_N;
-        sum += world::gravity(body, view(r_BN_N) - r_PN_N);
-    }
-    return vec(sum);
-}
-
 void SpacecraftModel::derive(Ns start, double tau, const double *x, double *dx)
 {
     const Vec3 sigma = get(x, at_sigma), omega = get(x, at_omega);
 
     const Vec3 r = get(x, at_r);
-    Vec3 acceleration =
-        central_mu_ > 0.0 ? point_mass_gravity(central_mu_, r) : gravity_of_all(start, tau, r);
+    Vec3 acceleration = central_mu_ > 0.0 ? point_mass_gravity(central_mu_, r)
+                                          : vec(attraction_.at(start, tau, view(r)));
     if (pushed_) {
         const Vec3 force =
             vec_add(get(held_, at_force_N), mat_tvec(mrp_to_dcm(sigma), get(held_, at_force_B)));
@@ -318,8 +282,7 @@ void SpacecraftModel::copy_setup(const sim::Model &original,
                                  const std::function<sim::Model *(const sim::Model *)> &counterpart)
 {
     const auto &other = dynamic_cast<const SpacecraftModel &>(original);
-    gravity_ = other.gravity_;
-    central_mu_ = other.central_mu_;
+    attraction_ = other.attraction_;
     parts_.clear();
     for (const Part &part : other.parts_) {
         attach(dynamic_cast<Effector &>(*counterpart(part.effector)));

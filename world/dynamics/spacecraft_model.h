@@ -13,7 +13,7 @@
 #include "sim/model.h"
 #include "world/dynamics/effector.h"
 #include "world/dynamics/spacecraft.h"
-#include "world/environment/gravity.h"
+#include "world/environment/attraction.h"
 
 #include <functional>
 #include <memory>
@@ -32,10 +32,15 @@ public:
     void attach(Effector &part);
 
     /// Throws SetupError on what `checked` refuses, and if a name is listed twice.
-    void add_gravity(const GravityBody &body);
-    const std::vector<GravityBody> &gravity() const { return gravity_; }
+    void add_gravity(const GravityBody &body) { attraction_.add(body); }
+    const std::vector<GravityBody> &gravity() const { return attraction_.bodies(); }
+
+    /// From now on the bodies are where the sky has them.
+    void set_sky(std::shared_ptr<const Sky> sky) { attraction_.set_sky(std::move(sky)); }
+    const std::shared_ptr<const Sky> &sky() const { return attraction_.sky(); }
 
     void prepare(const sim::Setup &setup) override;
+    void cover(sim::Ns until) override { attraction_.cover(until); }
     void reset(sim::Ns t) override;
 
     /// A new inertia takes effect at once; the parts' own parameters say when they do.
@@ -45,6 +50,7 @@ public:
     void update(Tick tick) override;
 
     std::vector<sim::Model *> parts() const override;
+    std::vector<std::string> assumptions() const override { return attraction_.assumptions(); }
     std::span<std::byte> memory() override { return std::as_writable_bytes(std::span(memory_)); }
     void copy_setup(const sim::Model &original,
                     const std::function<sim::Model *(const sim::Model *)> &counterpart) override;
@@ -58,7 +64,6 @@ private:
     void advance(Tick tick);
     void take_inertia();
     void publish(sim::Ns t);
-    Vec3 gravity_of_all(sim::Ns start, double tau, Vec3 r_BN_N) const;
     std::string last_good_state() const;
 
     struct Part {
@@ -68,7 +73,7 @@ private:
 
     Spacecraft &face_;
     std::vector<Part> parts_;
-    std::vector<GravityBody> gravity_;
+    Attraction attraction_;
     double central_mu_ = 0.0; ///< of the only gravity body, if it is a point at rest in the origin
 
     std::string name_;

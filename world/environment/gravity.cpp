@@ -10,6 +10,7 @@
 
 #include "sim/error.h"
 #include "sim/text.h"
+#include "world/environment/harmonics.h"
 
 #include <algorithm>
 #include <cmath>
@@ -66,6 +67,13 @@ GravityBody checked(GravityBody body)
         throw sim::SetupError("gravity body " + (body.name.empty() ? "(no name)" : body.name) +
                               ": " + rule + "; found " + sim::format_number(found));
     };
+    if (body.field) {
+        if (body.has_zonals()) {
+            refuse("zonal harmonics and a field exclude one another; J2", body.J[0]);
+        }
+        body.mu = body.field->mu();
+        body.radius = body.field->radius();
+    }
     if (!(body.mu > 0.0 && std::isfinite(body.mu))) {
         refuse("mu must be > 0", body.mu);
     }

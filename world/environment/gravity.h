@@ -2,6 +2,8 @@
 // Gravity of point masses with zonal harmonics J2 to J6, about each body's pole.
 //
 //   U = mu / r (1 - sum_n J_n (R / r)^n P_n(s)),   s = r . pole / |r|
+//
+// How these and whole fields act together on a spacecraft stands in attraction.h.
 #pragma once
 
 #include "flight/math/vec.h"
@@ -9,11 +11,17 @@
 #include <Eigen/Core>
 
 #include <array>
+#include <cmath>
+#include <memory>
+#include <optional>
 #include <string>
 
 namespace fledge::world {
 
-/// A body that attracts. It moves uniformly: r_PN_N + v_PN_N t. N is inertial.
+class Harmonics;
+
+/// A body that attracts. Where there is no sky it moves uniformly, r_PN_N + v_PN_N t, and N is
+/// inertial.
 struct GravityBody {
     std::string name;
     double mu = 0.0;                 ///< [m^3/s^2]
@@ -22,6 +30,9 @@ struct GravityBody {
     Eigen::Vector3d pole_N{0, 0, 1}; ///< unit vector of the axis of symmetry
     Eigen::Vector3d r_PN_N{0, 0, 0}; ///< [m] at time 0
     Eigen::Vector3d v_PN_N{0, 0, 0}; ///< [m/s]
+    std::optional<int> naif;         ///< the number by which a sky finds it
+    /// Its gravity, which replaces mu, radius and J.
+    std::shared_ptr<const Harmonics> field;
 
     bool has_zonals() const;
 };
@@ -34,14 +45,32 @@ inline Vec3 point_mass_gravity(double mu, Vec3 r_N)
     return vec_scale(-mu / (r2 * r2) * fm_sqrt(r2), r_N);
 }
 
-/// The acceleration [m/s^2] at a position r_N [m] relative to the body.
+inline Eigen::Vector3d point_mass_gravity(double mu, const Eigen::Vector3d &r_N)
+{
+    return (-mu / (r_N.squaredNorm() * r_N.norm())) * r_N;
+}
+
+/// What a distant point mass at r_PN_N adds to the acceleration at r_N relative to N's origin,
+/// which it attracts too: mu ((r_PN - r) / |r_PN - r|^3 - r_PN / |r_PN|^3), but without the loss of
+/// digits in the difference. Source: Battin, section 8.4.
+inline Eigen::Vector3d third_body_gravity(double mu, const Eigen::Vector3d &r_N,
+                                          const Eigen::Vector3d &r_PN_N)
+{
+    const Eigen::Vector3d d = r_N - r_PN_N;
+    const double q = r_N.dot(d - r_PN_N) / r_PN_N.squaredNorm(); // |d|^2 / |r_PN|^2 - 1
+    const double f = q * (3.0 + q * (3.0 + q)) / (1.0 + (1.0 + q) * std::sqrt(1.0 + q));
+    return (-mu / (d.squaredNorm() * d.norm())) * (r_N + f * r_PN_N);
+}
+
+/// The acceleration [m/s^2] at a position r_N [m] relative to the body, by mu and J.
 Eigen::Vector3d gravity(const GravityBody &body, const Eigen::Vector3d &r_N);
 
 /// The potential U [m^2/s^2], positive as in mu / r: gravity is its gradient.
 double gravity_potential(const GravityBody &body, const Eigen::Vector3d &r_N);
 
-/// Check a body and make its pole a unit vector. Throws SetupError on mu <= 0, a negative radius,
-/// harmonics without a radius, a pole of length 0, or numbers that are not finite.
+/// Check a body, make its pole a unit vector, and take mu and radius from its field if there is one.
+/// Throws SetupError on mu <= 0, a negative radius, harmonics J without a radius or besides a field,
+/// a pole of length 0, or numbers that are not finite.
 GravityBody checked(GravityBody body);
 
 } // namespace fledge::world

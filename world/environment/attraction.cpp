@@ -1,0 +1,219 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "world/environment/attraction.h"
+
+#include "flight/msg/head.h"
+#include "sim/error.h"
+#include "sim/text.h"
+#include "world/environment/bodies.h"
+#include "world/environment/harmonics.h"
+
+#include <algorithm>
+
+namespace fledge::world {
+
+using Eigen::Vector3d;
+using sim::Ns;
+
+namespace {
+
+/// The number of the barycentre of a body's system; the Sun's is its own.
+int system_of(int body)
+{
+    return body >= 100 && body < 1000 ? body / 100 : body;
+}
+
+bool is_system(int body)
+{
+    return body >= 1 && body <= 9;
+}
+
+std::string name_of(const GravityBody &body)
+{
+    return body.name.empty() ? "the gravity body" : body.name;
+}
+
+} // namespace
+
+void Attraction::add(const GravityBody &body)
+{
+    GravityBody good = checked(body);
+    for (const GravityBody &other : bodies_) {
+        if (!good.name.empty() && other.name == good.name) {
+            throw sim::SetupError("spacecraft: the gravity of " + good.name + " is listed twice");
+        }
+    }
+    bodies_.push_back(std::move(good));
+}
+
+void Attraction::prepare(const std::string &craft, const Vector3d &r_BN_N)
+{
+    craft_ = craft;
+    sources_.clear();
+    covered_ = 0;
+    for (const GravityBody &body : bodies_) {
+        if (sky_) {
+            sources_.push_back(find(body));
+            place(sources_.back(), 0, 0.0);
+        } else if (body.field) {
+            throw sim::SetupError(craft_ + ".gravity: the field of " + name_of(body) +
+                                  " turns with it: a sky is needed, which says how it stands");
+        }
+        const Vector3d &r_PN_N = sky_ ? sources_.back().r_PN_N : body.r_PN_N;
+        const double distance = (r_BN_N - r_PN_N).norm();
+        if (!(distance > body.radius)) {
+            throw sim::SetupError(craft_ + ".r_BN_N: must lie outside " + name_of(body) +
+                                  ", of radius " + sim::format_number(body.radius) +
+                                  " m; found a distance of " + sim::format_number(distance) +
+                                  " m from its centre");
+        }
+    }
+}
+
+Attraction::Source Attraction::find(const GravityBody &body) const
+{
+    const auto refuse = [&](const std::string &text) {
+        throw sim::SetupError(craft_ + ".gravity: " + text);
+    };
+    if (!body.naif) {
+        refuse(name_of(body) + " has no NAIF number, by which the sky would find it");
+    }
+    if (!body.r_PN_N.isZero(0.0) || !body.v_PN_N.isZero(0.0)) {
+        refuse(name_of(body) + " was given a place of its own, but the sky says where it is");
+    }
+    const int id = *body.naif, center = sky_->center();
+    for (const GravityBody &other : bodies_) {
+        if (is_system(id) && other.naif && *other.naif != id && system_of(*other.naif) == id) {
+            refuse(body_name(id) + " holds " + body_name(*other.naif) +
+                   ": name the system or its members, not both");
+        }
+    }
+    if (is_system(id) && id != center && system_of(center) == id) {
+        refuse(body_name(id) + " is the whole system of the centre, " + body_name(center) +
+               ": name the members of the system");
+    }
+
+    Source source;
+    source.mu = body.mu;
+    source.target = id;
+    source.point = !body.has_zonals() && !body.field;
+    if (body.field) {
+        try {
+            source.turning.push_back(sky_->orientation(id));
+        } catch (const sim::SetupError &error) {
+            refuse(error.what());
+        }
+    }
+    if (id == center) {
+        return source;
+    }
+    source.moves = true;
+    source.pulls_origin = center != 0 && !(is_system(center) && system_of(id) == center);
+    source.target = sky_->given_as(id);
+    if (source.target != id) {
+        if (!source.point) {
+            refuse("the shape of " + body_name(id) + " needs its own place; the ephemeris only " +
+                   "has that of " + body_name(source.target));
+        }
+        source.mu = body_mu(source.target);
+    }
+    require(source, 0, 0);
+    return source;
+}
+
+void Attraction::require(const Source &source, Ns from, Ns to) const
+{
+    try {
+        sky_->require(source.target, from, to);
+    } catch (const sim::SetupError &error) {
+        throw sim::SetupError(craft_ + ".gravity: " + error.what());
+    }
+}
+
+void Attraction::cover(Ns until)
+{
+    if (until <= covered_) {
+        return;
+    }
+    for (const Source &source : sources_) {
+        if (source.moves) {
+            require(source, covered_, until);
+        }
+    }
+    covered_ = until;
+}
+
+double Attraction::central_mu() const
+{
+    if (bodies_.size() != 1 || bodies_[0].has_zonals() || bodies_[0].field) {
+        return 0.0;
+    }
+    const GravityBody &body = bodies_[0];
+    const bool central =
+        sky_ ? !sources_[0].moves : body.r_PN_N.isZero(0.0) && body.v_PN_N.isZero(0.0);
+    return central ? body.mu : 0.0;
+}
+
+void Attraction::place(Source &source, Ns start, double tau) const
+{
+    if (source.start == start && source.tau == tau) {
+        return;
+    }
+    if (source.moves) {
+        source.r_PN_N = sky_->position(source.target, start, tau, source.cursor);
+    }
+    if (!source.turning.empty()) {
+        source.dcm_PN = source.turning[0].at(sky_->epoch_at(start), tau).dcm_PN;
+    }
+    source.start = start;
+    source.tau = tau;
+}
+
+Vector3d Attraction::pull(const GravityBody &body, const Source &source,
+                          const Vector3d &r_BN_N) const
+{
+    const Vector3d r_BP_N = r_BN_N - source.r_PN_N;
+    const auto shaped = [&] {
+        return body.field ? body.field->gravity_N(source.dcm_PN, r_BP_N) : gravity(body, r_BP_N);
+    };
+    if (!source.pulls_origin) {
+        return source.point ? point_mass_gravity(source.mu, r_BP_N) : shaped();
+    }
+    Vector3d sum = third_body_gravity(source.mu, r_BN_N, source.r_PN_N);
+    if (!source.point) {
+        sum += shaped() - point_mass_gravity(source.mu, r_BP_N);
+    }
+    return sum;
+}
+
+Vector3d Attraction::at(Ns start, double tau, const Vector3d &r_BN_N)
+{
+    Vector3d sum = Vector3d::Zero();
+    for (std::size_t i = 0; i < bodies_.size(); i++) {
+        const GravityBody &body = bodies_[i];
+        if (sky_) {
+            place(sources_[i], start, tau);
+            sum += pull(body, sources_[i], r_BN_N);
+        } else {
+            const Vector3d r_PN_N = body.r_PN_N + (tick_seconds(start) + tau) * body.v_PN_N;
+            sum += gravity(body, r_BN_N - r_PN_N);
+        }
+    }
+    return sum;
+}
+
+std::vector<std::string> Attraction::assumptions() const
+{
+    std::vector<std::string> lines;
+    for (const GravityBody &body : bodies_) {
+        if (!sky_ || !body.naif || *body.naif == sky_->center()) {
+            continue;
+        }
+        if (const int target = sky_->given_as(*body.naif); target != *body.naif) {
+            lines.push_back("gravity: the ephemeris has no " + body_name(*body.naif) + "; " +
+                            body_name(target) + " stands for it, with the mass of its moons");
+        }
+    }
+    return lines;
+}
+
+} // namespace fledge::world

@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+// All that attracts a spacecraft: its acceleration relative to the origin of N.
+//
+// Without a sky N is inertial, and every body is where GravityBody says. With one, bodies are where
+// the ephemeris has them, and where N's origin is a body, that falls too, towards all the others:
+//
+//   a = sum_P [ gravity_P(r - r_P) - mu_P r_P / |r_P|^3 ]
+//
+// The centre itself is at rest in the origin and has no second term. Nor has anything where the
+// origin is the barycentre of the solar system; where it is that of a planet and its moons, these
+// have none, for they move it by nothing.
+#pragma once
+
+#include "world/environment/gravity.h"
+#include "world/environment/sky.h"
+
+#include <limits>
+#include <string>
+#include <vector>
+
+namespace fledge::world {
+
+class Attraction {
+public:
+    /// Throws SetupError on what `checked` refuses, and if a name is listed twice.
+    void add(const GravityBody &body);
+    const std::vector<GravityBody> &bodies() const { return bodies_; }
+
+    void set_sky(std::shared_ptr<const Sky> sky) { sky_ = std::move(sky); }
+    const std::shared_ptr<const Sky> &sky() const { return sky_; }
+
+    /// Find every body at time 0. `craft` is what errors call the spacecraft. Throws SetupError if
+    /// a body is not in the sky, or if the position r_BN_N lies in one.
+    void prepare(const std::string &craft, const Eigen::Vector3d &r_BN_N);
+
+    /// Throws SetupError if the sky has not all bodies up to `until`.
+    void cover(sim::Ns until);
+
+    /// mu of the only body, if it is a point at rest in the origin; else 0. After prepare().
+    double central_mu() const;
+
+    /// [m/s^2] at r_BN_N [m] and start + tau [s]. Throws RunError where the sky ends.
+    Eigen::Vector3d at(sim::Ns start, double tau, const Eigen::Vector3d &r_BN_N);
+
+    /// One line for each body that another one stands for.
+    std::vector<std::string> assumptions() const;
+
+private:
+    /// A body in the sky.
+    struct Source {
+        double mu = 0.0;                  ///< of the body, or of the system that stands for it
+        int target = 0;                   ///< what the ephemeris is asked for
+        bool moves = false;               ///< relative to the origin
+        bool pulls_origin = false;        ///< so that there is a second term
+        bool point = true;                ///< neither zonals nor a field
+        std::vector<Orientation> turning; ///< of a field: one
+
+        // Where and how it was found last: methods of integration ask for an instant twice.
+        sim::Ns start = 0;
+        double tau = std::numeric_limits<double>::quiet_NaN();
+        Eigen::Vector3d r_PN_N{0, 0, 0};
+        Eigen::Matrix3d dcm_PN;
+        Ephemeris::Cursor cursor;
+    };
+
+    Source find(const GravityBody &body) const;
+    void require(const Source &source, sim::Ns from, sim::Ns to) const;
+    void place(Source &source, sim::Ns start, double tau) const;
+    Eigen::Vector3d pull(const GravityBody &body, const Source &source,
+                         const Eigen::Vector3d &r_BN_N) const;
+
+    std::string craft_;
+    std::vector<GravityBody> bodies_;
+    std::vector<Source> sources_; // in the same order; none without a sky
+    std::shared_ptr<const Sky> sky_;
+    sim::Ns covered_ = 0;
+};
+
+} // namespace fledge::world

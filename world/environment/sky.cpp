@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "world/environment/sky.h"
+
+#include "sim/error.h"
+#include "sim/text.h"
+
+#include <algorithm>
+#include <limits>
+
+namespace fledge::world {
+
+using sim::Ns;
+
+Sky::Sky(Ephemeris ephemeris, TimeSystem time, Epoch epoch, int center,
+         std::optional<TextKernel> pck)
+    : ephemeris_(std::move(ephemeris)), time_(std::move(time)), epoch_(epoch), center_(center),
+      given_center_(given_as(center)), pck_(std::move(pck))
+{
+    require(given_center_, 0, 0);
+}
+
+Epoch Sky::epoch_at(Ns t) const
+{
+    if (t > 0 && epoch_.ns > std::numeric_limits<Ns>::max() - t) {
+        throw sim::SetupError(sim::format_time(t) + " after " + time_.text(epoch_, TimeScale::tdb) +
+                              " lies beyond the year 2291, to which time is counted");
+    }
+    return {epoch_.ns + t};
+}
+
+int Sky::given_as(int body) const
+{
+    const std::vector<int> known = ephemeris_.bodies();
+    const auto has = [&](int id) { return std::binary_search(known.begin(), known.end(), id); };
+    const bool planet = body > 100 && body < 1000 && body % 100 == 99;
+    // Mercury, Venus and Mars are at their barycentres, which the ephemeris itself knows.
+    return planet && body > 500 && !has(body) && has(body / 100) ? body / 100 : body;
+}
+
+Eigen::Vector3d Sky::position(int body, Ns start, double tau, Ephemeris::Cursor &cursor) const
+{
+    try {
+        return ephemeris_.position(body, given_center_, {epoch_.ns + start}, tau, cursor);
+    } catch (const sim::SetupError &error) {
+        throw sim::RunError(error.what());
+    }
+}
+
+BodyState Sky::state(int body, Ns t, Ephemeris::Cursor &cursor) const
+{
+    try {
+        return ephemeris_.state(body, given_center_, {epoch_.ns + t}, 0.0, cursor);
+    } catch (const sim::SetupError &error) {
+        throw sim::RunError(error.what());
+    }
+}
+
+void Sky::require(int body, Ns from, Ns to) const
+{
+    ephemeris_.require(body, given_center_, epoch_at(from), epoch_at(to));
+}
+
+Orientation Sky::orientation(int body) const
+{
+    return pck_ && pck_->has("BODY" + std::to_string(body) + "_PM") ? Orientation::from(*pck_, body)
+                                                                    : Orientation::built_in(body);
+}
+
+} // namespace fledge::world

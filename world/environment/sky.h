@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+// The solar system as a run sees it: where the bodies are and how they stand at the times of the
+// run, which begins at an epoch, in N.
+//
+// N has the axes of the ICRF (J2000) and its origin in a body or barycentre, the centre. The run's
+// clock counts seconds of TDB. Nothing here changes, so clones and threads share one Sky.
+#pragma once
+
+#include "sim/integrator.h"
+#include "world/environment/ephemeris.h"
+#include "world/environment/orientation.h"
+
+#include <memory>
+#include <optional>
+
+namespace fledge::world {
+
+class Sky {
+public:
+    /// The bodies' orientations come from `pck` where it has them, else from built-in constants.
+    Sky(Ephemeris ephemeris, TimeSystem time, Epoch epoch, int center,
+        std::optional<TextKernel> pck = std::nullopt);
+
+    const Ephemeris &ephemeris() const { return ephemeris_; }
+    const TimeSystem &time_system() const { return time_; }
+    int center() const { return center_; }
+
+    /// The instant at which the run has the time t. Throws SetupError after the year 2291.
+    Epoch epoch_at(sim::Ns t) const;
+
+    /// The number under which the ephemeris has a body: that of its system's barycentre for a
+    /// planet that it has only together with its moons.
+    int given_as(int body) const;
+
+    /// Of a body, under the number from given_as(), relative to the centre at start + tau [s].
+    /// Throw RunError where the ephemeris does not have it.
+    Eigen::Vector3d position(int body, sim::Ns start, double tau, Ephemeris::Cursor &cursor) const;
+    BodyState state(int body, sim::Ns t, Ephemeris::Cursor &cursor) const;
+
+    /// Throws SetupError unless the body's position is there at every instant from, to.
+    void require(int body, sim::Ns from, sim::Ns to) const;
+
+    /// Throws SetupError if it is not known.
+    Orientation orientation(int body) const;
+
+private:
+    Ephemeris ephemeris_;
+    TimeSystem time_;
+    Epoch epoch_;
+    int center_, given_center_;
+    std::optional<TextKernel> pck_;
+};
+
+} // namespace fledge::world
