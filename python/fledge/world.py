@@ -6,12 +6,17 @@
         orbit=Orbit(world.MARS, a=7471.618 * km, e=0.4, f=270 * deg))
     w.integrator = world.Adaptive(relative=1e-10, absolute=1e-9)
 
-N is an inertial frame; where a body's pole matters, N is the mean equator and equinox of J2000.
+N is an inertial frame; where a body's pole matters, N is the mean equator and equinox of J2000. With a
+Sky, bodies are where an ephemeris has them, and N has its origin in one of them.
 """
+
+import weakref
+from os import fspath
 
 from fledge import _core
 from fledge._hooks import strip
 from fledge._names import lookup
+from fledge.sky import Sky, number
 
 TYPES = _core.library("world")
 SetupError = _core.SetupError
@@ -42,16 +47,18 @@ class Body:
     """A celestial body: gravity, size and pole.
 
     name; mu [m^3/s^2]; radius [m], equatorial, to which J belongs; J: (J2, ..., J6); pole_N: unit
-    vector; r_PN_N [m], v_PN_N [m/s]: where it is at time 0, and its uniform motion.
+    vector; r_PN_N [m], v_PN_N [m/s]: where it is at time 0, and its uniform motion; naif: the number by
+    which a Sky finds it; field: its gravity in spherical harmonics, or None.
 
-    As it stands, a body attracts as a point mass; `MARS.zonal(6)` adds J2 to J6, `SUN.at(r, v)` is the
-    same body elsewhere.
+    As it stands, a body attracts as a point mass; `MARS.zonal(6)` adds J2 to J6, `MARS.harmonics(file)`
+    is the body with a whole field, `SUN.at(r, v)` the same body elsewhere, where there is no Sky.
     """
 
-    def __init__(self, name, mu, radius, J=(), pole=(0.0, 90.0)):
+    def __init__(self, name, mu, radius, J=(), pole=(0.0, 90.0), naif=None):
         from math import cos, radians, sin
 
-        self.name, self.mu, self.radius = name, mu, radius
+        self.name, self.mu, self.radius, self.naif = name, mu, radius, naif
+        self.field = None
         self._known = tuple(J) + (0.0,) * (5 - len(J))
         self.J = (0.0,) * 5
         alpha, delta = radians(pole[0]), radians(pole[1])
@@ -73,10 +80,29 @@ class Body:
             raise SetupError(f"{self.name}.zonal({degree}): expected a degree from 2 to 6")
         if not any(self._known):
             raise SetupError(f"{self.name}.zonal({degree}): no harmonics are known here")
+        if self.field is not None:
+            raise SetupError(f"{self.name}.zonal({degree}): it has a whole field already")
         other = self._copy()
         other.J = tuple(j if n <= degree else 0.0 for n, j in enumerate(self._known, 2))
         if pole_N is not None:
             other.pole_N = _vector(pole_N, f"{self.name}.zonal: pole_N", "-", _NUMBER)
+        return other
+
+    def harmonics(self, file, degree=None):
+        """The same body with the gravity field of a SHADR or ICGEM (.gfc) file, turning with the body.
+
+        degree: up to which; None: all there is. mu and radius are then the file's. Raises SetupError with
+        the line if the file is damaged or foreign.
+        """
+        path = f"{self.name}.harmonics"
+        if degree is not None and (not isinstance(degree, int) or degree < 0):
+            raise SetupError(f"{path}: degree must be a whole number >= 0; found {degree!r}")
+        other = self._copy()
+        try:
+            other.field = _core.harmonics(fspath(file), degree)
+        except SetupError as error:
+            raise SetupError(f"{path}: {error}") from None
+        other.mu, other.radius, other.J = other.field.mu, other.field.radius, (0.0,) * 5
         return other
 
     def at(self, r_PN_N, v_PN_N=(0.0, 0.0, 0.0)):
@@ -88,7 +114,8 @@ class Body:
 
     def __repr__(self):
         return (f"<{self.name}, mu = {self.mu:.9g} m^3/s^2, radius = {self.radius / 1e3:g} km"
-                + (f", J2..J6 = {self.J}" if any(self.J) else "") + ">")
+                + (f", J2..J6 = {self.J}" if any(self.J) else "")
+                + (f", harmonics to degree {self.field.degree}" if self.field is not None else "") + ">")
 
 
 # mu: Mars as in the thesis; the Sun, Mercury, Venus, Earth and Moon from DE430, the outer planets
@@ -96,22 +123,30 @@ class Body:
 # (IAU 2009). J: Earth GGM03S, Mars GGM2B, Moon GRAIL, Jupiter and Saturn from Juno and Cassini,
 # the others from the NASA planetary fact sheets. Poles: right ascension and declination at J2000
 # in degrees, IAU 2000 to 2009.
-SUN = Body("SUN", 1.32712440041939e20, 695700e3, (2.2e-7,), (286.13, 63.87))
-MERCURY = Body("MERCURY", 2.203178e13, 2439.7e3, (5.03e-5,), (281.01, 61.45))
-VENUS = Body("VENUS", 3.24858592e14, 6051.8e3, (4.458e-6,), (272.76, 67.16))
+SUN = Body("SUN", 1.32712440041939e20, 695700e3, (2.2e-7,), (286.13, 63.87), naif=10)
+MERCURY = Body("MERCURY", 2.203178e13, 2439.7e3, (5.03e-5,), (281.01, 61.45), naif=199)
+VENUS = Body("VENUS", 3.24858592e14, 6051.8e3, (4.458e-6,), (272.76, 67.16), naif=299)
 EARTH = Body("EARTH", 3.986004415e14, 6378.1363e3,
-             (1.0826353865e-3, -2.5325205e-6, -1.6199892e-6, -2.277385e-7, 5.406871e-7), (0.0, 90.0))
-MOON = Body("MOON", 4.902800066e12, 1738.0e3, (2.0323e-4, 8.46e-6, -9.6e-6), (269.9949, 66.5392))
+             (1.0826353865e-3, -2.5325205e-6, -1.6199892e-6, -2.277385e-7, 5.406871e-7),
+             (0.0, 90.0), naif=399)
+MOON = Body("MOON", 4.902800066e12, 1738.0e3, (2.0323e-4, 8.46e-6, -9.6e-6), (269.9949, 66.5392), naif=301)
 MARS = Body("MARS", 4.2828314e13, 3397.0e3,
-            (1.955453679e-3, 3.14498094e-5, -1.53773962e-5, 5.7185472e-6, -4.8488418e-6), (317.68143, 52.88650))
+            (1.955453679e-3, 3.14498094e-5, -1.53773962e-5, 5.7185472e-6, -4.8488418e-6),
+            (317.68143, 52.88650), naif=499)
 JUPITER = Body("JUPITER", 1.26686534e17, 71492e3, (1.469657e-2, -4.2e-8, -5.86609e-4, -6.9e-8, 3.4198e-5),
-               (268.05, 64.49))
+               (268.05, 64.49), naif=599)
 SATURN = Body("SATURN", 3.79312077e16, 60330e3, (1.629057e-2, 6e-8, -9.3531e-4, -2.2e-7, 8.634e-5),
-              (40.589, 83.537))
-URANUS = Body("URANUS", 5.7939513e15, 25559e3, (3.5107e-3, 0.0, -3.42e-5), (257.311, -15.175))
-NEPTUNE = Body("NEPTUNE", 6.8350995e15, 25225e3, (3.4084e-3, 0.0, -3.34e-5), (299.36, 43.46))
+              (40.589, 83.537), naif=699)
+URANUS = Body("URANUS", 5.7939513e15, 25559e3, (3.5107e-3, 0.0, -3.42e-5), (257.311, -15.175), naif=799)
+NEPTUNE = Body("NEPTUNE", 6.8350995e15, 25225e3, (3.4084e-3, 0.0, -3.34e-5), (299.36, 43.46), naif=899)
+PLUTO = Body("PLUTO", 8.6961381776e11, 1195e3, (), (313.02, 9.09), naif=999)
 
-BODIES = {b.name: b for b in (SUN, MERCURY, VENUS, EARTH, MOON, MARS, JUPITER, SATURN, URANUS, NEPTUNE)}
+# Planets together with their moons; without size or shape. mu from JPL's ephemerides.
+EMB, JUPITER_SYSTEM, SATURN_SYSTEM, URANUS_SYSTEM, NEPTUNE_SYSTEM, PLUTO_SYSTEM = (
+    Body(_core.body_name(n).rsplit(" ", 1)[0], _core.body_mu(n), 0.0, naif=n) for n in (3, 5, 6, 7, 8, 9))
+SSB = Body("SOLAR SYSTEM BARYCENTER", 0.0, 0.0, naif=0)  # where N may have its origin; it attracts nothing
+
+BODIES = {b.name: b for b in (SUN, MERCURY, VENUS, EARTH, MOON, MARS, JUPITER, SATURN, URANUS, NEPTUNE, PLUTO)}
 
 
 def _body(value, path):
@@ -237,14 +272,14 @@ def _set_parts(craft, parts):
 def _set_gravity(craft, bodies):
     for one in bodies if isinstance(bodies, (list, tuple)) else [bodies]:
         b = _body(one, f"{_core.path(craft)}.gravity")
-        _core.add_gravity(craft, b.name, b.mu, b.radius, b.J, b.pole_N, b.r_PN_N, b.v_PN_N)
+        _core.add_gravity(craft, b.name, b.mu, b.radius, b.J, b.pole_N, b.r_PN_N, b.v_PN_N, b.naif, b.field)
 
 
 def _get_gravity(craft):
     bodies = []
-    for name, mu, radius, J, pole_N, r_PN_N, v_PN_N in _core.gravity(craft):
-        body = Body(name, mu, radius)
-        body.J, body.pole_N, body.r_PN_N, body.v_PN_N = tuple(J), pole_N, r_PN_N, v_PN_N
+    for name, mu, radius, J, pole_N, r_PN_N, v_PN_N, naif, field in _core.gravity(craft):
+        body = Body(name, mu, radius, naif=naif)
+        body.J, body.pole_N, body.r_PN_N, body.v_PN_N, body.field = tuple(J), pole_N, r_PN_N, v_PN_N, field
         bodies.append(body)
     return bodies
 
@@ -252,17 +287,55 @@ def _get_gravity(craft):
 def _set_orbit(craft, orbit):
     if not isinstance(orbit, Orbit):
         raise SetupError(f"{_core.path(craft)}.orbit: expected Orbit(body, ...); found {orbit!r}")
-    craft.r_BN_N, craft.v_BN_N = orbit.r_BN_N, orbit.v_BN_N
+    _orbits[craft] = orbit
+    r, v = orbit.r_BN_N, orbit.v_BN_N
+    if _core.sky(craft) is not None:
+        at = _get_sky(craft).state(number(orbit.body, f"{_core.path(craft)}.orbit"))
+        r, v = [x + y for x, y in zip(r, at.r_PN_N)], [x + y for x, y in zip(v, at.v_PN_N)]
+    craft.r_BN_N, craft.v_BN_N = r, v
 
 
 def _get_orbit(craft):
     bodies = _get_gravity(craft)
     if not bodies:
         raise SetupError(f"{_core.path(craft)}.orbit: no body attracts it")
+    t = craft.state.head.t
     state, body = craft.state if craft.state.head.sequence else craft, bodies[0]
-    r = [float(x - y) for x, y in zip(state.r_BN_N, body.r_PN_N)]
-    v = [float(x - y) for x, y in zip(state.v_BN_N, body.v_PN_N)]
-    return Orbit.from_state(body, r, v)
+    if _core.sky(craft) is not None:
+        at = _get_sky(craft).state(body, t / 1e9)
+        r_PN_N, v_PN_N = at.r_PN_N, at.v_PN_N
+    else:
+        r_PN_N, v_PN_N = [x + t / 1e9 * y for x, y in zip(body.r_PN_N, body.v_PN_N)], body.v_PN_N
+    r = [float(x - y) for x, y in zip(state.r_BN_N, r_PN_N)]
+    v = [float(x - y) for x, y in zip(state.v_BN_N, v_PN_N)]
+    return Orbit.from_state(body.at([0, 0, 0]), r, v)
+
+
+_orbits = weakref.WeakKeyDictionary()  # as they were set: a sky that comes later says where their body is
+
+
+def _set_sky(model, sky):
+    path = f"{_core.path(model)}.sky"
+    if not isinstance(sky, Sky):
+        raise SetupError(f"{path}: expected world.Sky(epoch, center, ...); found {sky!r}")
+    if _core.sky(model) is not None:
+        raise SetupError(f"{path}: it already has one, {_get_sky(model)!r}")
+    _core.set_sky(model, sky._core)
+    if model in _orbits:
+        _set_orbit(model, _orbits[model])
+
+
+def _get_sky(model):
+    core = _core.sky(model)
+    return None if core is None else Sky._of(core)
+
+
+def _set_body(model, body):
+    model.id = number(body, f"{_core.path(model)}.body")
+
+
+def _get_body(model):
+    return _core.body_name(model.id)
 
 
 _craft = TYPES["Spacecraft"]
@@ -270,5 +343,10 @@ _craft.parts = property(_core.parts, _set_parts, None, "The parts, such as react
 _craft.gravity = property(_get_gravity, _set_gravity, None, "The bodies that attract it; assigning adds.")
 _craft.orbit = property(_get_orbit, _set_orbit, None,
                         "The initial orbit, to be set; read, the present one about the first body.")
+_craft.sky = property(_get_sky, _set_sky, None, "The Sky that says where the bodies of `gravity` are, or None.")
+
+_celestial = TYPES["CelestialBody"]
+_celestial.body = property(_get_body, _set_body, None, "The body: world.MARS, a name or a NAIF number.")
+_celestial.sky = property(_get_sky, _set_sky, None, "The Sky in which it is.")
 
 __getattr__, __dir__ = lookup(__name__, TYPES, globals())

@@ -27,4 +27,5 @@ PYBIND11_MODULE(_core, m)
     bind_simulation(m);
     bind_world(m);
     bind_campaign(m);
+    bind_sky(m);
 }

@@ -12,6 +12,7 @@ void bind_tables(pybind11::module_ &m);     ///< libraries, types and fields, as
 void bind_simulation(pybind11::module_ &m); ///< the kernel
 void bind_world(pybind11::module_ &m);      ///< what models take besides parameters
 void bind_campaign(pybind11::module_ &m);   ///< dispersed runs
+void bind_sky(pybind11::module_ &m);        ///< ephemerides, orientations, gravity fields
 
 /// The instance of a module or model. Throws TypeError for anything else.
 std::shared_ptr<sim::Instance> instance_of(pybind11::handle object);

@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: Apache-2.0
+// The solar system as world.Sky shows it, and gravity fields from files.
+#include "core/extension.h"
+
+#include "world/dynamics/spacecraft_model.h"
+#include "world/environment/bodies.h"
+#include "world/environment/celestial_body_model.h"
+#include "world/environment/harmonics.h"
+#include "world/environment/sky.h"
+
+#include <pybind11/stl.h>
+
+namespace py = pybind11;
+
+namespace fledge::core {
+
+namespace {
+
+using sim::Ns;
+using world::Sky;
+using Triple = std::array<double, 3>;
+
+Triple triple(const Eigen::Vector3d &x)
+{
+    return {x[0], x[1], x[2]};
+}
+
+std::shared_ptr<Sky> make_sky(const std::string &epoch, int center,
+                              const std::vector<std::string> &kernels,
+                              const std::optional<std::string> &leap_seconds,
+                              const std::optional<std::string> &pck)
+{
+    world::TimeSystem time =
+        leap_seconds ? world::TimeSystem::read(*leap_seconds) : world::TimeSystem();
+    const world::Epoch begin = time.epoch(epoch);
+    world::Ephemeris ephemeris;
+    for (const std::string &kernel : kernels) {
+        if (kernel == "DE405") {
+            ephemeris.add_de405();
+        } else {
+            ephemeris.add_spk(kernel);
+        }
+    }
+    std::optional<world::TextKernel> constants;
+    if (pck) {
+        constants = world::TextKernel::read(*pck);
+    }
+    return std::make_shared<Sky>(std::move(ephemeris), std::move(time), begin, center,
+                                 std::move(constants));
+}
+
+/// (r, v, a) of a body relative to another; that stands in for what only has a barycentre.
+py::tuple state(const Sky &sky, int body, int center, Ns t)
+{
+    const world::BodyState state =
+        sky.ephemeris().state(sky.given_as(body), sky.given_as(center), sky.epoch_at(t));
+    return py::make_tuple(triple(state.r), triple(state.v), triple(state.a));
+}
+
+py::tuple orientation(const Sky &sky, int body, Ns t)
+{
+    const world::BodyAttitude attitude = sky.orientation(body).at(sky.epoch_at(t));
+    const Eigen::Matrix3d &dcm = attitude.dcm_PN;
+    return py::make_tuple(std::array<Triple, 3>{triple(dcm.row(0)), triple(dcm.row(1)),
+                                                triple(dcm.row(2))},
+                          triple(attitude.omega_PN_P));
+}
+
+world::TimeScale scale_of(const std::string &name)
+{
+    return name == "UTC"   ? world::TimeScale::utc
+           : name == "TAI" ? world::TimeScale::tai
+           : name == "TT"  ? world::TimeScale::tt
+                           : world::TimeScale::tdb;
+}
+
+template <typename Use> auto with_sky(py::handle object, const Use &use)
+{
+    sim::Model *model = instance_of(object)->model();
+    if (auto *craft = dynamic_cast<world::SpacecraftModel *>(model)) {
+        return use(*craft);
+    }
+    if (auto *body = dynamic_cast<world::CelestialBodyModel *>(model)) {
+        return use(*body);
+    }
+    throw py::type_error("expected a model that has a sky, found " + std::string(py::repr(object)));
+}
+
+} // namespace
+
+void bind_sky(py::module_ &m)
+{
+    py::class_<world::Harmonics, std::shared_ptr<world::Harmonics>>(
+        m, "Harmonics", "A gravity field in spherical harmonics.")
+        .def_property_readonly("degree", &world::Harmonics::degree)
+        .def_property_readonly("mu", &world::Harmonics::mu)
+        .def_property_readonly("radius", &world::Harmonics::radius);
+    m.def(
+        "harmonics",
+        [](const std::string &path, std::optional<int> degree) {
+            const world::HarmonicField field = world::read_gravity_field(path);
+            return std::make_shared<world::Harmonics>(field, degree.value_or(field.degree));
+        },
+        "Of a SHADR or ICGEM file, up to a degree or whole.");
+
+    py::class_<Sky, std::shared_ptr<Sky>>(m, "Sky")
+        .def(py::init(&make_sky))
+        .def_property_readonly("center", &Sky::center)
+        .def_property_readonly("bodies", [](const Sky &sky) { return sky.ephemeris().bodies(); })
+        .def("given_as", &Sky::given_as)
+        .def("state", state)
+        .def("orientation", orientation)
+        .def("seconds", [](const Sky &sky, Ns t) { return sky.epoch_at(t).seconds(); })
+        .def("text",
+             [](const Sky &sky, Ns t, const std::string &scale) {
+                 return sky.time_system().text(sky.epoch_at(t), scale_of(scale));
+             })
+        .def("time_of", [](const Sky &sky, const std::string &text) {
+            return sky.time_system().epoch(text).ns - sky.epoch_at(0).ns;
+        });
+    m.def("set_sky", [](py::handle object, std::shared_ptr<Sky> sky) {
+        with_sky(object, [&](auto &model) { model.set_sky(std::move(sky)); });
+    });
+    m.def("sky", [](py::handle object) {
+        return with_sky(object,
+                        [](auto &model) { return std::const_pointer_cast<Sky>(model.sky()); });
+    });
+
+    m.def("body_name", world::body_name);
+    m.def("body_id", [](const std::string &name) { return world::body_id(name); });
+    m.def("body_mu", world::body_mu);
+}
+
+} // namespace fledge::core

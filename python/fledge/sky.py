@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The solar system on a real date: where the bodies are, how they stand, what time it is.
+
+    sky = world.Sky("2015-03-02T12:00:00", center=world.MARS)
+    w.earth = world.CelestialBody(body=world.EARTH, sky=sky)
+    w.craft = world.Spacecraft(..., sky=sky, gravity=[world.MARS, world.SUN, world.JUPITER])
+
+docs/environment.md says what is modelled, and how exactly.
+"""
+
+from collections import namedtuple
+from os import PathLike, fspath
+
+from fledge import _core
+from fledge.units import UnitError, nanoseconds
+
+SetupError = _core.SetupError
+
+BodyAttitude = namedtuple("BodyAttitude", "dcm_PN omega_PN_P")
+BodyAttitude.__doc__ = """How a body stands: P is fixed in it, with p3 along its pole and p1 in its prime meridian.
+
+dcm_PN (3, 3) maps N to P; omega_PN_P [rad/s] (3,) is the rate of P relative to N, in P.
+"""
+
+
+class Sky:
+    """The solar system from an epoch on, which is the time 0 of the run; the run's clock counts TDB.
+
+    epoch: "2015-03-02T12:00:00", in UTC unless " TDB", " TT" or " TAI" follows.
+    center: the body or barycentre in which N has its origin: world.MARS, "Mars", a NAIF number,
+        world.SSB for the barycentre of the solar system. The axes of N are those of the ICRF (J2000).
+    kernels: SPICE SPK files (.bsp), of which the last is asked first. With none it is DE405: Sun, planets,
+        Moon, 1960 to 2060; "DE405" in the list puts it among kernels.
+    leap_seconds: a SPICE file (.tls). None: those known to be, up to 2016-12-31.
+    pck: a SPICE text file (.tpc) of how bodies stand. None: the constants of the IAU's report of 2000.
+
+    Positions are geometric, without light time. A planet that the ephemeris has only together with its
+    moons (Jupiter in DE405) is taken to be where their barycentre is; `assumptions` say so.
+
+    Raises SetupError on an epoch that is none, an unknown body, files that are missing, damaged or of
+    another kind, and an ephemeris that has not the center at the epoch.
+    """
+
+    def __init__(self, epoch, center, kernels=(), *, leap_seconds=None, pck=None):
+        if not isinstance(epoch, str):
+            raise SetupError(f'Sky: epoch: expected a text like "2015-03-02T12:00:00"; found {epoch!r}')
+        if isinstance(kernels, (str, PathLike)):
+            kernels = [kernels]
+        files = [_path(k, "Sky: kernels") for k in kernels] or ["DE405"]
+        try:
+            self._core = _core.Sky(epoch, number(center, "Sky: center"), files,
+                                   None if leap_seconds is None else _path(leap_seconds, "Sky: leap_seconds"),
+                                   None if pck is None else _path(pck, "Sky: pck"))
+        except SetupError as error:
+            text = str(error)
+            raise SetupError(text if text.startswith("Sky: ") else f"Sky: {text}") from None
+
+    @classmethod
+    def _of(cls, core):
+        sky = object.__new__(cls)
+        sky._core = core
+        return sky
+
+    @property
+    def center(self):
+        """The NAIF number of the body in which N has its origin."""
+        return self._core.center
+
+    @property
+    def bodies(self):
+        """All bodies that the ephemeris has, as texts: "MARS (499)"."""
+        return [_core.body_name(n) for n in self._core.bodies]
+
+    def state(self, body, t=0, center=None):
+        """A body's position, velocity and acceleration at a time of the run, as a BodyState message.
+
+        center: relative to which; None: relative to N's origin. Axes of N. Raises SetupError where the
+        ephemeris does not have it.
+        """
+        from fledge.flight import BodyState
+
+        ns = _time(t, "Sky.state: t")
+        r, v, a = self._core.state(number(body, "Sky.state: body"),
+                                   self.center if center is None else number(center, "Sky.state: center"), ns)
+        state = BodyState(r_PN_N=r, v_PN_N=v, a_PN_N=a)
+        state.head.t, state.head.quality, state.head.sequence = ns, 3, 1
+        return state
+
+    def orientation(self, body, t=0):
+        """How a body stands and turns at a time of the run: BodyAttitude(dcm_PN, omega_PN_P)."""
+        from numpy import array
+
+        dcm_PN, omega_PN_P = self._core.orientation(number(body, "Sky.orientation: body"),
+                                                    _time(t, "Sky.orientation: t"))
+        return BodyAttitude(array(dcm_PN), array(omega_PN_P))
+
+    def utc(self, t=0):
+        """The date and time in UTC at a time of the run, as text."""
+        return self._core.text(_time(t, "Sky.utc: t"), "UTC")
+
+    def tdb(self, t=0):
+        """The date and time in TDB at a time of the run, as text."""
+        return self._core.text(_time(t, "Sky.tdb: t"), "TDB")
+
+    def epoch_at(self, t=0):
+        """Seconds of TDB past J2000 at a time of the run, which SPICE calls ephemeris time."""
+        return self._core.seconds(_time(t, "Sky.epoch_at: t"))
+
+    def time_of(self, date):
+        """The time of the run [s] at a date, written as the epoch is."""
+        return self._core.time_of(date) / 1e9
+
+    def __repr__(self):
+        return f"<Sky from {self.utc()}, N about {_core.body_name(self.center)}>"
+
+
+def number(body, path):
+    """The NAIF number of a Body, a name or a number. Raises SetupError that lists the names."""
+    if isinstance(body, int) and not isinstance(body, bool):
+        return body
+    if isinstance(body, str):
+        try:
+            return _core.body_id(body)
+        except SetupError as error:
+            raise SetupError(f"{path}: {error}") from None
+    naif = getattr(body, "naif", None)
+    if naif is None:
+        raise SetupError(f"{path}: expected a body, such as world.MARS, a name or a NAIF number; found {body!r}")
+    return naif
+
+
+def _path(value, path):
+    if not isinstance(value, (str, PathLike)):
+        raise SetupError(f"{path}: expected the path of a file; found {value!r}")
+    return fspath(value)
+
+
+def _time(t, what):
+    try:
+        return nanoseconds(t)
+    except (UnitError, ValueError, TypeError) as error:
+        raise SetupError(f"{what}: {error}") from None
