@@ -297,8 +297,12 @@ void Simulation::Runtime::take_parameters()
     }
 }
 
-void Simulation::Runtime::cover(Ns t) const
+void Simulation::Runtime::ready_for(Ns t)
 {
+    if (!failure.empty()) {
+        throw RunError("the run ended: " + failure + "\nreset it, or restore a snapshot");
+    }
+    take_parameters();
     std::string faults;
     for (const auto &process : simulation.processes_) {
         for (const auto &instance : process->instances_) {
@@ -443,11 +447,6 @@ bool Simulation::Runtime::run_until(Ns t, const RunControl &control)
 {
     using Clock = std::chrono::steady_clock;
     using namespace std::chrono_literals;
-    if (!failure.empty()) {
-        throw RunError("the run ended: " + failure + "\nreset it, or restore a snapshot");
-    }
-    take_parameters();
-    cover(t);
     const auto start = Clock::now();
     const Ns simulated_start = std::max<Ns>(now, 0);
     auto polled = start;
@@ -598,12 +597,18 @@ Ns Simulation::next() const
     return runtime_ ? runtime_->next : 0;
 }
 
-bool Simulation::run_until(Ns t, const RunControl &control)
+void Simulation::ready_for(Ns t)
 {
     if (runtime_ && runtime_->now < 0 && runtime_->parameters_changed()) {
         reset(); // initial states are parameters too
     }
     prepare();
+    runtime_->ready_for(t);
+}
+
+bool Simulation::run_until(Ns t, const RunControl &control)
+{
+    ready_for(t);
     Ns shortest = Runtime::never;
     for (const RunTask &task : runtime_->tasks) {
         shortest = std::min(shortest, task.period);

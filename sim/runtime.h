@@ -61,8 +61,9 @@ struct Simulation::Runtime {
     void take_parameters();
     bool parameters_changed() const;
 
-    /// Ask the models whether they can go on until t. Throws SetupError with all that cannot.
-    void cover(Ns t) const;
+    /// What comes before a run until t: the parameters are taken over, and the models asked whether
+    /// they can go so far. Throws SetupError with all that cannot, RunError if the run has failed.
+    void ready_for(Ns t);
 
     std::vector<std::byte> save() const;
     void restore(std::span<const std::byte> bytes);

@@ -185,6 +185,10 @@ public:
     void prepare();
     bool prepared() const { return runtime_ != nullptr; }
 
+    /// Prepare, and check that a run until t could begin, as run_until() does itself. Throws
+    /// SetupError also if a model's data do not reach to t, RunError if the run has failed.
+    void ready_for(Ns t);
+
     /// Back to time 0: everything is checked and prepared anew, and the logs are emptied. Throws
     /// SetupError as prepare() does.
     void reset();
@@ -193,8 +197,7 @@ public:
     Ns next() const; ///< the next instant
 
     /// Run all instants up to and including t. Returns false if the control stopped it.
-    /// The first call runs the instant 0. Throws SetupError before the first instant if a model's
-    /// data do not reach to t.
+    /// The first call runs the instant 0. Throws as ready_for() does, before the first instant.
     bool run_until(Ns t, const RunControl &control = {});
     /// Run one instant.
     void step();

@@ -506,6 +506,47 @@ TEST(Setup, StatesAssumptions)
     EXPECT_TRUE(loop.sim.assumptions().empty());
 }
 
+/// A model with data for 5 ms.
+class ShortLived final : public Model {
+public:
+    void prepare(const Setup &setup) override { name_ = setup.name; }
+    void reset(Ns) override {}
+    void update(Tick) override {}
+    void cover(Ns until) override
+    {
+        if (until > 5 * ms) {
+            throw SetupError(name_ + ": data end at 0.005 s, asked for " + std::to_string(until));
+        }
+    }
+    std::vector<std::string> assumptions() const override { return {"data: as good as any"}; }
+
+private:
+    std::string name_;
+};
+
+TEST(Setup, ARunBeyondAModelsDataIsRefusedBeforeItBegins)
+{
+    const ModelType short_lived{&tank_face, [](void *) -> std::unique_ptr<Model> {
+                                    return std::make_unique<ShortLived>();
+                                }};
+    Simulation sim;
+    Process &world = sim.add_process("world");
+    const auto a = make(world, "a", short_lived), b = make(world, "b", short_lived);
+    a->given[2] = b->given[2] = true;
+    world.add_task({"all", ms, 0, 0, {a, b}});
+    EXPECT_EQ(error_of([&] { sim.run_until(6 * ms); }),
+              "world.a: data end at 0.005 s, asked for 6000000\nworld.b: data end at 0.005 s, asked for 6000000");
+    EXPECT_EQ(sim.now(), -1);
+    EXPECT_THROW(sim.ready_for(6 * ms), SetupError);
+    sim.ready_for(5 * ms);
+    EXPECT_EQ(sim.now(), -1);
+    sim.run_until(5 * ms);
+    EXPECT_THROW(sim.step(), SetupError);
+    EXPECT_EQ(sim.now(), 5 * ms);
+    sim.run_until(5 * ms); // a refused run does no harm
+    EXPECT_THAT(sim.assumptions(), ElementsAre("world.a.data: as good as any", "world.b.data: as good as any"));
+}
+
 TEST(Pace, FollowsTheWallClockAndStopsWhenAsked)
 {
     Loop loop;

@@ -73,7 +73,7 @@ class Campaign:
         plan = self.plan
         plan.seed, plan.runs = seed, runs
         self._check_room(runs)
-        self.nominal._core.prepare()  # what is wrong with the nominal run is wrong with all
+        self.nominal._core.ready_for(plan.duration)  # what is wrong with the nominal run is wrong with all
         if processes or self.has_callables:
             return _fly_in_processes(self, runs, seed, min(threads, runs), progress)
         flown, interrupted = _core.fly(self.nominal._core, plan, threads, progress)

@@ -105,7 +105,7 @@ class Simulation:
         pace = self.pace if pace is None else pace
         if pace < 0:
             raise SetupError(f"run: pace must be >= 0, found {pace:g}")
-        self._core.prepare()
+        self._core.ready_for(end)
         self._open_archive()
         from fledge._progress import Progress
 
