@@ -4,21 +4,27 @@
 get_filename_component(FLEDGE_ROOT ${CMAKE_CURRENT_LIST_DIR}/.. ABSOLUTE)
 
 # fledge_introspect(<target> LIBRARY <name> [ROOT <dir>] [MODULES <dir>...] [MODELS <dir>...]
-#                   [INCLUDE <dir>...])
+#                   [INCLUDE <dir>...] [EMIT <what>...])
 #
-# Adds to a target the tables of a library (`fledge_library_<name>`, see sim/table.h), and a file that
-# compiles only where structs lie in memory as the tables say. Folders are relative to ROOT (default:
-# the project); INCLUDE names further roots that headers include from, besides Fledge itself.
+# Adds to a target what follows from the headers of a library:
+#   tables  its structs as data: `fledge_library_<name>`, see sim/table.h
+#   layout  a file that compiles only where structs lie in memory as the tables say
+#   models  what makes its models: `fledge_models_<name>`, see sim/model_library.h
+# Without EMIT: tables and layout. Folders are relative to ROOT (default: the project); INCLUDE names
+# further roots that headers include from, besides Fledge itself.
 #
 # The reader walks the folders, so that a new header costs no line here. It runs again when a header
 # or folder changes, and rewrites only what reads differently.
 function(fledge_introspect target)
-    cmake_parse_arguments(PARSE_ARGV 1 arg "" "LIBRARY;ROOT" "MODULES;MODELS;INCLUDE")
+    cmake_parse_arguments(PARSE_ARGV 1 arg "" "LIBRARY;ROOT" "MODULES;MODELS;INCLUDE;EMIT")
     if(NOT arg_LIBRARY OR arg_UNPARSED_ARGUMENTS)
         message(FATAL_ERROR "fledge_introspect(${target}): give LIBRARY <name>, and only what it takes")
     endif()
     if(NOT arg_ROOT)
         set(arg_ROOT ${PROJECT_SOURCE_DIR})
+    endif()
+    if(NOT arg_EMIT)
+        set(arg_EMIT tables layout)
     endif()
 
     set(options --library ${arg_LIBRARY} --root ${arg_ROOT})
@@ -33,15 +39,21 @@ function(fledge_introspect target)
     endforeach()
 
     set(out ${CMAKE_CURRENT_BINARY_DIR})
-    set(tables ${out}/${arg_LIBRARY}_tables.c)
-    set(layout ${out}/${arg_LIBRARY}_layout.c)
+    set(written "")
+    foreach(what IN LISTS arg_EMIT)
+        list(APPEND options --emit ${what})
+        list(APPEND written ${out}/${arg_LIBRARY}_${what})
+    endforeach()
+    list(TRANSFORM written APPEND .c REGEX "_(tables|layout)$")
+    list(TRANSFORM written APPEND .cpp REGEX "_models$")
+    list(GET written 0 first)
     add_custom_command(
-        OUTPUT ${tables} ${layout}
+        OUTPUT ${written}
         COMMAND ${CMAKE_COMMAND} -E env PYTHONPATH=${FLEDGE_ROOT}
-            ${Python_EXECUTABLE} -m introspect ${options} --out ${out} --depfile ${tables}.d
-        DEPFILE ${tables}.d
+            ${Python_EXECUTABLE} -m introspect ${options} --out ${out} --depfile ${first}.d
+        DEPFILE ${first}.d
         COMMENT "Reading the headers of ${arg_LIBRARY}"
         VERBATIM)
-    target_sources(${target} PRIVATE ${tables} ${layout})
+    target_sources(${target} PRIVATE ${written})
     target_include_directories(${target} PRIVATE ${arg_ROOT} ${arg_INCLUDE} ${FLEDGE_ROOT})
 endfunction()

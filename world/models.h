@@ -1,13 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-// All models of this library, for whoever creates them by name.
+// All models of this library, for whoever creates them by name. The list is written from the faces:
+// introspect/emit/models.py.
 #pragma once
 
-#include "sim/model.h"
+#include "sim/model_library.h"
 
 #include <span>
 
+extern "C" const fledge::sim::ModelLibrary fledge_models_world;
+
 namespace fledge::world {
 
-std::span<const sim::ModelType> models();
+inline std::span<const sim::ModelType> models()
+{
+    return {fledge_models_world.types, fledge_models_world.n};
+}
 
 } // namespace fledge::world
