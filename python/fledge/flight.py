@@ -5,8 +5,8 @@ Each is an object on the memory of its C struct: `help(fsw.MrpFeedback)` shows i
 parameters. A name that is not there is answered with those that are.
 """
 
-from fledge import _core
+from fledge import _core, project as _project
 from fledge._names import lookup
 
-TYPES = _core.library("flight")
+TYPES = {**_core.library("flight"), **_project.types("flight")}
 __getattr__, __dir__ = lookup(__name__, TYPES, globals())

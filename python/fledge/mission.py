@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Missions: folders with flight.py (what flies), world.py (the truth) and scenarios.py.
 
-    sim = fledge.load("nadir_spin")         # from ./missions, Fledge's own missions, or a path
+    sim = fledge.load("nadir_spin")         # from a project, ./missions, Fledge's own missions, or a path
     sim.scenarios["scenario"]()             # records, runs, checks and plots
 
 flight.py has build(f), world.py has build(w, f); both are executed afresh at each load, so that two
@@ -19,7 +19,7 @@ import types
 import weakref
 from pathlib import Path
 
-from fledge import _core
+from fledge import _core, project
 from fledge.simulation import Simulation
 
 SetupError = _core.SetupError
@@ -73,7 +73,9 @@ def _first_line(text):
 
 
 def _folders():
-    """Where missions are looked for: ./missions, then the one beside this package."""
+    """Where missions are looked for: the project's, ./missions, then the one beside this package."""
+    if project.folder():
+        yield project.folder() / "missions"
     yield Path.cwd() / "missions"
     for parent in Path(__file__).resolve().parents:
         if (parent / "missions").is_dir():

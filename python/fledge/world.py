@@ -13,12 +13,12 @@ Sky, bodies are where an ephemeris has them, and N has its origin in one of them
 import weakref
 from os import fspath
 
-from fledge import _core
+from fledge import _core, project as _project
 from fledge._hooks import strip
 from fledge._names import lookup
 from fledge.sky import Sky, number
 
-TYPES = _core.library("world")
+TYPES = {**_core.library("world"), **_project.types("world")}
 SetupError = _core.SetupError
 
 _LENGTH = (1, 0, 0, 0, 0, 0, 0, 0)

@@ -4,10 +4,12 @@
 #include "core/extension.h"
 
 #include "sim/error.h"
+#include "sim/model_library.h"
 #include "world/models.h"
 
 #include <cstring>
 #include <dlfcn.h>
+#include <span>
 
 extern "C" {
 extern const FledgeLibrary fledge_library_flight;
@@ -39,9 +41,11 @@ const char *kind_name(FledgeKind kind)
     return names[kind];
 }
 
-const sim::ModelType *model_of(const FledgeStruct &table)
+using Models = std::span<const sim::ModelType>;
+
+const sim::ModelType *model_of(const FledgeStruct &table, Models models)
 {
-    for (const sim::ModelType &model : world::models()) {
+    for (const sim::ModelType &model : models) {
         if (model.face == &table) {
             return &model;
         }
@@ -49,19 +53,24 @@ const sim::ModelType *model_of(const FledgeStruct &table)
     return nullptr;
 }
 
-/// The types of a library by name.
-py::dict types_of(const FledgeLibrary &library)
+void check_version(const std::string &library, const char *what, std::uint32_t found,
+                   std::uint32_t ours)
 {
-    if (library.version != FLEDGE_TABLE_VERSION) {
-        throw sim::SetupError("the library " + std::string(library.name) +
-                              " was built for version " + std::to_string(library.version) +
-                              " of the tables, this is version " +
-                              std::to_string(FLEDGE_TABLE_VERSION) + ": build it again");
+    if (found != ours) {
+        throw sim::SetupError("the library " + library + " was built for version " +
+                              std::to_string(found) + " of the " + what + ", this is version " +
+                              std::to_string(ours) + ": build it again");
     }
+}
+
+/// The types of a library by name.
+py::dict types_of(const FledgeLibrary &library, Models models)
+{
+    check_version(library.name, "tables", library.version, FLEDGE_TABLE_VERSION);
     py::dict types;
     for (std::uint32_t i = 0; i < library.n; i++) {
         const FledgeStruct &table = *library.structs[i];
-        const sim::ModelType *model = model_of(table);
+        const sim::ModelType *model = model_of(table, models);
         if (table.kind == FLEDGE_MODEL && !model) {
             throw sim::SetupError("the library " + std::string(library.name) +
                                   " has no behaviour for the model " + table.name);
@@ -76,8 +85,8 @@ py::dict types_of(const FledgeLibrary &library)
     return types;
 }
 
-/// A shared library with modules of one's own: it exports `fledge_library_<name>`. The tables of the
-/// messages that it shares with Fledge are found here.
+/// A shared library of one's own: it exports `fledge_library_<name>`, and `fledge_models_<name>` if
+/// it has models. The tables of the messages that it shares with Fledge are found here.
 py::dict load_library(const std::string &path, const std::string &name)
 {
     Dl_info self;
@@ -87,7 +96,10 @@ py::dict load_library(const std::string &path, const std::string &name)
     }
     void *handle = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
     if (!handle) {
-        throw sim::SetupError("cannot load the library " + path + ": " + dlerror());
+        const std::string why = dlerror();
+        const bool missing = why.find("undefined symbol") != std::string::npos;
+        throw sim::SetupError("cannot load the library " + path + ": " + why +
+                              (missing ? "; do its sources, as CMake has them, define it?" : ""));
     }
     const std::string symbol = "fledge_library_" + name;
     const auto *library = static_cast<const FledgeLibrary *>(dlsym(handle, symbol.c_str()));
@@ -95,7 +107,14 @@ py::dict load_library(const std::string &path, const std::string &name)
         dlclose(handle);
         throw sim::SetupError("the library " + path + " does not export " + symbol);
     }
-    return types_of(*library); // the handle stays open: the types live as long as the process
+    Models models;
+    const std::string models_symbol = "fledge_models_" + name;
+    if (const auto *own =
+            static_cast<const sim::ModelLibrary *>(dlsym(handle, models_symbol.c_str()))) {
+        check_version(name, "models", own->version, sim::model_version);
+        models = {own->types, own->n};
+    }
+    return types_of(*library, models); // the handle stays open: the types live as long as we do
 }
 
 const FledgeStruct &struct_of(py::handle object)
@@ -209,11 +228,12 @@ void bind_tables(py::module_ &m)
     m.def(
         "library",
         [](const std::string &name) {
-            return types_of(name == "world" ? fledge_library_world : fledge_library_flight);
+            return types_of(name == "world" ? fledge_library_world : fledge_library_flight,
+                            world::models());
         },
         "The types of the library 'flight' or 'world', by name.");
     m.def("load_library", load_library, py::arg("path"), py::arg("name"),
-          "Load a shared library of modules and return its types by name.");
+          "Load a shared library of modules and models and return its types by name.");
     m.def("struct", struct_of, py::return_value_policy::reference,
           "What the header says of an object or type.");
     m.def(

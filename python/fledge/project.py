@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A project: a folder outside Fledge with modules, models and missions of one's own.
+
+`./fledge --project DIR COMMAND` builds what DIR/CMakeLists.txt names into DIR/build/<preset>, and sets
+FLEDGE_PROJECT to DIR and FLEDGE_PRESET. From then on the project's modules stand beside Fledge's in
+`fledge.flight`, its models in `fledge.world`, and DIR/missions is where missions are looked for first.
+"""
+
+import os
+from functools import cache
+from pathlib import Path
+
+from fledge import _core
+
+SetupError = _core.SetupError
+
+
+def folder():
+    """The project's folder, or None. Raises SetupError if FLEDGE_PROJECT names no folder."""
+    named = os.environ.get("FLEDGE_PROJECT")
+    if not named:
+        return None
+    if not Path(named).is_dir():
+        raise SetupError(f"FLEDGE_PROJECT: there is no folder {named}")
+    return Path(named).resolve()
+
+
+def types(part):
+    """Name -> type of the project's modules, models and messages whose headers are in `part`/, that
+    is in flight/ or world/. Raises SetupError if the project is not built or has a name of Fledge's."""
+    return {name: one for name, one in _types().items() if _core.struct(one).folder.split("/")[0] == part}
+
+
+@cache
+def _types():
+    project = folder()
+    if project is None:
+        return {}
+    build = project / "build" / os.environ.get("FLEDGE_PRESET", "release")
+    try:
+        libraries = (build / "fledge-libraries.txt").read_text(encoding="utf-8").splitlines()
+    except FileNotFoundError:
+        raise SetupError(f"the project {project} is not built ({build}); "
+                         f"./fledge --project {project} setup builds it") from None
+    fledge = {**_core.library("flight"), **_core.library("world")}
+    found = {}
+    for line in libraries:
+        name, path = line.split(" ", 1)
+        theirs = _core.load_library(path, name)
+        for taken in sorted(theirs.keys() & (fledge.keys() | found.keys())):
+            owner = _core.struct({**found, **fledge}[taken]).header
+            raise SetupError(f"the library {name} declares {taken}, and so does {owner} of "
+                             f"{'Fledge' if taken in fledge else 'this project'}: rename it")
+        found.update(theirs)
+    return found
