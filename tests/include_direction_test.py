@@ -52,8 +52,8 @@ THIRD_PARTIES = {
 # flight.py also runs under MicroPython, which has nothing but these. (sqrt is exact in both.)
 FLIGHT_PY_MODULES = {"fledge.flight", "fledge.units", "math.sqrt"}
 
-# Where an #include starts: the root, and within the extension the package.
-INCLUDE_ROOTS = ("", "python/fledge/")
+# Where an #include starts: the root, within the extension the package, within the templates theirs.
+INCLUDE_ROOTS = ("", "python/fledge/", "python/fledge/templates/")
 
 C_SUFFIXES = {".c", ".h", ".cpp", ".hpp"}
 INCLUDE = re.compile(r'^\s*#\s*include\s*(?:"([^"]+)"|<([^>]+)>)')

@@ -249,6 +249,22 @@ def bench(options):
     return import_module(f"bench.{options.name}").main(options.options) or 0
 
 
+# --- new -------------------------------------------------------------------------------------------
+
+def new(options):
+    from fledge import new as scaffold
+
+    make = getattr(scaffold, options.kind)
+    try:
+        files, next_step = make(options.name) if options.kind == "project" else make(options.name, options.project)
+    except scaffold.NewError as error:
+        raise Failure(f"new {options.kind}: {error}") from None
+    for file in files:
+        say(f"  wrote  {os.path.relpath(file)}")
+    say(next_step)
+    return 0
+
+
 # --- the parser ------------------------------------------------------------------------------------
 
 class Parser(argparse.ArgumentParser):
@@ -292,6 +308,13 @@ def parser():
                      "default: an outline, and runs/MISSION/wiring.svg")
     one.add_argument("--text", action="store_true", help="only the outline")
     one.add_argument("--flight-only", action="store_true", help="leave out the world")
+
+    one = command("new", new, "begin a module, model, mission or project of your own", "new module SunSlew")
+    one.add_argument("kind", choices=["module", "model", "mission", "project"])
+    one.add_argument("name", metavar="NAME",
+                     help="SunSlew, or guidance/SunSlew for a subfolder; of a project: its folder")
+    one.add_argument("--project", metavar="DIR", default=os.environ.get("FLEDGE_PROJECT"),
+                     help="the project that it belongs to; default: FLEDGE_PROJECT, else Fledge itself")
 
     one = command("list", list_, "list missions, modules and models", "list --ports")
     one.add_argument("--ports", action="store_true", help="with the inputs and outputs of each")

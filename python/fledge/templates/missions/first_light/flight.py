@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What flies: the body follows the Hill frame, with a wheel on each axis."""
+from fledge import flight as fsw
+from fledge.units import N, kg, m, s
+
+
+def build(f):
+    # The vehicle, said once.
+    f.vehicle  = fsw.VehicleConfig(I_B=[40, 35, 30] * kg * m**2)
+    f.wheels   = fsw.WheelConfig(axes_B=[[1, 0, 0], [0, 1, 0], [0, 0, 1]], J=0.01 * kg * m**2, u_max=0.1 * N * m)
+
+    # From where to point to what the wheels do. A module of your own stands here by its name,
+    #     f.limiter = fsw.TorqueLimiter(rate=0.01 * N * m / s)
+    # is wired in connect(), and takes its turn in the task's list.
+    f.guidance = fsw.HillPointing()
+    f.tracking = fsw.TrackingError()
+    f.control  = fsw.MrpFeedback(K=0.2 * N * m, P=3 * N * m * s)
+    f.motor    = fsw.WheelTorques()
+
+    f.connect(
+        f.guidance.reference >> f.tracking.reference,
+        f.tracking.error     >> f.control.error,
+        f.control.torque     >> f.motor.torque,
+
+        f.vehicle.vehicle    >> f.control.vehicle,
+        f.wheels.wheels      >> [f.control.wheels, f.motor.wheels],
+    )
+    f.task("gnc", every=0.5 * s, run=[f.guidance, f.tracking, f.control, f.motor])

@@ -1,0 +1,23 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#ifndef WORLD_EDDY_DAMPING_H
+#define WORLD_EDDY_DAMPING_H
+
+#include "world/msg/craft.h"
+
+/** A torque against the body's rotation, with noise. This is an example to be replaced: say here
+ *  what the model does, what it assumes, and where the equations come from. The rules are those of
+ *  flight modules; the behaviour is the class in eddy_damping_model.h. */
+typedef struct EddyDamping {
+    struct {
+        CraftState truth;
+    } in;
+    struct {
+        ForceTorque load; ///< for the spacecraft's input `external`
+    } out;
+    struct {
+        double damping; ///< [N m s] >= 0, assumed: torque per angular rate
+        double noise;   ///< [N m]   >= 0: standard deviation on each axis
+    } par;
+} EddyDamping;
+
+#endif

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+// The behaviour behind world/eddy_damping.h.
+#pragma once
+
+#include "sim/model.h"
+#include "sim/random.h"
+#include "world/eddy_damping.h"
+
+namespace my_sat {
+
+class EddyDampingModel final : public fledge::sim::Model {
+public:
+    explicit EddyDampingModel(EddyDamping &face) : face_(face) {}
+
+    void prepare(const fledge::sim::Setup &setup) override;
+    void reset(fledge::sim::Ns t) override;
+    void update(Tick tick) override;
+
+    /// All that changes in a run besides the face, so that snapshots and clones hold it.
+    std::span<std::byte> memory() override
+    {
+        return std::as_writable_bytes(std::span(&random_, 1));
+    }
+
+private:
+    EddyDamping &face_;
+    fledge::sim::Random seeded_; ///< the stream as each run begins it
+    fledge::sim::Random random_;
+};
+
+} // namespace my_sat
