@@ -37,6 +37,8 @@ def run(options):
     sim.plots = _Plots(folder) if not options.no_plots else False
     sim.archive(folder / "run.mcap", mission=sim.name, scenario=name, fledge=fledge.__version__)
 
+    report = _report(sim, name) if options.report else None
+
     title = f"{sim.name}, {name}"
     about = sim.mission.summaries().get(name)
     say(title + (f": {about}" if about else ""))
@@ -67,6 +69,8 @@ def run(options):
         say(f"  plot     {plot}")
     for line in sim.assumptions:
         say(f"  assumed  {line}")
+    if report:
+        say(f"  report   {_write_report(report, folder, options, code, problem, path, plots)}")
     if problem:
         raise Failure(f"{title} {problem}" if code == 130 else f"{title}: {problem}", code)
     if not options.duration:
@@ -93,6 +97,27 @@ def _scenario(sim, options):
     if name not in known:
         raise Failure(f"the mission {sim.name} has no scenario '{name}'; it has {', '.join(known)}")
     return name, known[name]
+
+
+def _report(sim, name):
+    from fledge.report import Report
+
+    return Report(sim, name, sim.mission.scenarios.get(name))
+
+
+def _write_report(report, folder, options, code, problem, record, plots):
+    """The page about a run; returns its path."""
+    import shlex
+
+    from fledge.report import Outcome
+
+    verdict = {0: "flown" if options.duration else "passed", 130: "interrupted"}.get(code, "failed")
+    command = ["./fledge", "run", Path(options.mission).name, *([options.scenario] if options.scenario else []),
+               *(["--for", options.duration] if options.duration else []),
+               *(["--seed", str(options.seed)] if options.seed else [])]
+    message = (problem or "").removeprefix("failed: ") if code != 130 else ""
+    return report.write(folder / "report.html", Outcome(
+        verdict, message, Path(record) if record else None, None if options.no_plots else plots, shlex.join(command)))
 
 
 def parse_duration(text):
@@ -295,6 +320,7 @@ def parser():
     one.add_argument("--pace", type=float, default=0.0, metavar="X",
                      help="X simulated seconds per second; default: as fast as possible")
     one.add_argument("--no-plots", action="store_true", help="leave out the scenario's plots")
+    one.add_argument("--report", action="store_true", help="write all about the run into one page, report.html")
     one.add_argument("--for", dest="duration", metavar="DURATION",
                      help="fly without a scenario for this long (90s, 10min, 2h), recording all outputs")
 
