@@ -4,6 +4,7 @@
     comment = "///<" [ "[" unit "]" ] [ clause { "," clause } ":" ] meaning
     clause  = "required" | "optional" | "assumed" | "non-zero" | "inertia"
             | (">" | ">=" | "<" | "<=") number | "in [" number "," number "]" | "count" field
+            | "distinct" port
 
 What stands before the first colon is clauses if its first part is one; else all is meaning, so that
 `///< Ri: what the control frame shall follow` may be written. Continuation lines keep their `///<`.
@@ -19,7 +20,7 @@ from introspect.errors import Refusal
 from introspect.model import Bounds, Unit
 
 WORDS = ("required", "optional", "assumed", "non-zero", "inertia")
-CLAUSES = ", ".join(WORDS) + ", > x, >= x, < x, <= x, in [a, b], count FIELD"
+CLAUSES = ", ".join(WORDS) + ", > x, >= x, < x, <= x, in [a, b], count FIELD, distinct PORT"
 
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 
@@ -30,6 +31,7 @@ class Comment:
     clauses: frozenset[str] = frozenset()
     bounds: Bounds | None = None
     count: str | None = None
+    distinct: str | None = None
     meaning: str = ""
 
 
@@ -83,7 +85,7 @@ def parse(text: str) -> Comment:
 
 def _is_clause(part: str) -> bool:
     return (part in WORDS or part.startswith((">", "<")) or bool(re.match(r"in\s*[\[(]", part))
-            or bool(re.fullmatch(r"count\s+\w+", part)))
+            or bool(re.fullmatch(r"(count|distinct)\s+\w+", part)))
 
 
 def _are_clauses(parts: list[str]) -> bool:
@@ -100,6 +102,8 @@ def _with_clause(comment: Comment, part: str) -> Comment:
         return replace(comment, clauses=comment.clauses | {part})
     if counted := re.fullmatch(r"count\s+(\w+)", part):
         return replace(comment, count=counted[1])
+    if other := re.fullmatch(r"distinct\s+(\w+)", part):
+        return replace(comment, distinct=other[1])
     if compared := re.fullmatch(r"(>=|<=|>|<)(.*)", part):
         sign, value = compared[1], _number(compared[2], part)
         open_ = "=" not in sign

@@ -244,7 +244,7 @@ class _Reader:
             self._refuse(member, refusal)
             return replace(field, unit=units.DIMENSIONLESS)  # one complaint is enough
         return replace(field, unit=said.unit, clauses=said.clauses, bounds=said.bounds,
-                       count=said.count, doc=said.meaning)
+                       count=said.count, distinct=said.distinct, doc=said.meaning)
 
     def _typed_field(self, member: Cursor, group: Group, start: int) -> Field:
         """The field without what its comment says. Raises Refusal."""

@@ -42,7 +42,7 @@ def check(struct: Struct, complete: bool = True) -> Iterator[Problem]:
     the rules about what stands beside what say nothing."""
     rules = [names, unique_names, head, clauses, bounds, units]
     if complete:
-        rules += [padding, counts]
+        rules += [padding, counts, distincts]
     if struct.kind.is_face:
         rules += [documented, ports]
     elif struct.kind is Kind.MESSAGE:
@@ -182,6 +182,18 @@ def counts(struct: Struct) -> Iterator[Finding]:
             yield f.line, Refusal(
                 "`count` names an unsigned integer of the same group or struct",
                 f"`count {f.count}`", f"name one of: {valid}")
+
+
+def distincts(struct: Struct) -> Iterator[Finding]:
+    for f in struct.fields:
+        if f.distinct is None:
+            continue
+        others = [g.name for g in struct.fields if g.group is f.group is Group.IN and g is not f
+                  and g.ctype == f.ctype]
+        if f.distinct not in others:
+            valid = ", ".join(others) or "none here"
+            yield f.line, Refusal("`distinct` stands at an input and names another of its type",
+                                  f"`distinct {f.distinct}`", f"name one of: {valid}")
 
 
 def ports(struct: Struct) -> Iterator[Finding]:

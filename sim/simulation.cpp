@@ -44,6 +44,37 @@ std::vector<std::string> outputs_of_type(const Simulation &simulation, const Fle
     return paths;
 }
 
+/// Inputs that must differ, such as two bodies to point at, and do not: wired to one output, or to
+/// two that say the same at the start. "" if there are none.
+std::string coincident_inputs(const Simulation &simulation)
+{
+    std::string faults;
+    for (const Wire &wire : simulation.wires()) {
+        const char *distinct = wire.to.field->distinct;
+        if (!distinct) {
+            continue;
+        }
+        for (const Wire &other : simulation.wires()) {
+            if (other.to.instance != wire.to.instance || std::strcmp(other.to.field->name, distinct)) {
+                continue;
+            }
+            const std::byte *one = wire.from.bytes(), *two = other.from.bytes();
+            const auto written = [](const std::byte *message) {
+                return element<Head>(message).quality != QUALITY_NONE;
+            };
+            const bool same = one == two || (written(one) && written(two) &&
+                                             !std::memcmp(one + sizeof(Head), two + sizeof(Head),
+                                                          wire.to.field->size - sizeof(Head)));
+            if (same) {
+                faults += (faults.empty() ? "" : "\n") + wire.to.path() + " must differ from " +
+                          other.to.path() + ": " + wire.from.path() +
+                          (one == two ? " feeds both" : " and " + other.from.path() + " say the same");
+            }
+        }
+    }
+    return faults;
+}
+
 } // namespace
 
 std::string Port::path() const
@@ -237,6 +268,10 @@ void Simulation::prepare()
     runtime_ = std::make_unique<Runtime>(*this);
     runtime_->reset();
     recorder_.reset();
+    if (const std::string coincident = coincident_inputs(*this); !coincident.empty()) {
+        runtime_.reset();
+        throw SetupError(coincident);
+    }
 }
 
 std::unique_ptr<Simulation> Simulation::clone() const

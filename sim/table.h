@@ -12,7 +12,7 @@ extern "C" {
 #endif
 
 /** Changes whenever a struct below does; a library built with another one is refused. */
-#define FLEDGE_TABLE_VERSION 1u
+#define FLEDGE_TABLE_VERSION 2u
 
 #define FLEDGE_DIMS_MAX 4
 
@@ -81,10 +81,11 @@ typedef struct FledgeField {
     FledgeGroup group;
     uint32_t flags;                 /* FLEDGE_REQUIRED ... */
     uint32_t bounds;                /* FLEDGE_HAS_LO ... */
-    double lo, hi;                  /* SI, as in the header's unit; see scale */
+    double lo, hi;                  /* in the header's unit */
     uint32_t ndim;                  /* 0: a scalar */
     uint32_t shape[FLEDGE_DIMS_MAX];
     const char *count;              /* the field that says how many leading rows count, or NULL */
+    const char *distinct;           /* the input that may not hold the same as this one, or NULL */
     const struct FledgeStruct *sub; /* FLEDGE_STRUCT */
     const FledgeEnum *values;       /* FLEDGE_ENUM */
     const char *unit;               /* as in the header, "-" if dimensionless, "" if none is given */

@@ -20,7 +20,7 @@ typedef struct TwoBodyPointing {
     struct {
         NavOrbit orbit;
         BodyState primary;
-        BodyState secondary; ///< optional: without it only the primary is pointed at, degraded
+        BodyState secondary; ///< optional, distinct primary: without it only the primary is pointed at, degraded
     } in;
     struct {
         AttReference reference;

@@ -54,7 +54,7 @@ class CField(ctypes.Structure):
                 ("type", ctypes.c_int), ("group", ctypes.c_int), ("flags", ctypes.c_uint32),
                 ("bounds", ctypes.c_uint32), ("lo", ctypes.c_double), ("hi", ctypes.c_double),
                 ("ndim", ctypes.c_uint32), ("shape", ctypes.c_uint32 * 4),
-                ("count", ctypes.c_char_p), ("sub", ctypes.c_void_p),
+                ("count", ctypes.c_char_p), ("distinct", ctypes.c_char_p), ("sub", ctypes.c_void_p),
                 ("values", ctypes.POINTER(CEnum)), ("unit", ctypes.c_char_p),
                 ("dims", ctypes.c_int8 * 8), ("ctype", ctypes.c_char_p), ("doc", ctypes.c_char_p)]
 
@@ -114,6 +114,7 @@ def compare_field(c, f, so):
     assert (c.lo, c.hi) == (bounds.lo or 0.0, bounds.hi or 0.0)
     assert tuple(c.shape[:c.ndim]) == f.shape and not any(c.shape[c.ndim:])
     assert text(c.count) == f.count
+    assert text(c.distinct) == f.distinct
     assert text(c.unit) == (f.unit.text if f.unit else "")
     assert tuple(c.dims) == (f.unit.dims if f.unit else (0,) * 8)
     assert (text(c.ctype), text(c.doc)) == (f.ctype, f.doc)
@@ -133,7 +134,7 @@ def compare_field(c, f, so):
 
 def compare_library(so, library):
     c_library = CLibrary.in_dll(so, f"fledge_library_{library.name}")
-    assert (c_library.version, text(c_library.name)) == (1, library.name)
+    assert (c_library.version, text(c_library.name)) == (2, library.name)
     assert c_library.n == len(library.structs)
     for pointer, s in zip(c_library.structs[:c_library.n], library.structs):
         c = pointer.contents

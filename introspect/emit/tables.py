@@ -93,6 +93,8 @@ def _field(f: Field) -> str:
                     ("shape", "{" + ", ".join(f"{n}u" for n in f.shape) + "}")]
     if f.count:
         members.append(("count", string(f.count)))
+    if f.distinct:
+        members.append(("distinct", string(f.distinct)))
     if f.struct:
         members.append(("sub", f"&fledge_struct_{f.struct.name}"))
     if f.enum:

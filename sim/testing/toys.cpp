@@ -137,6 +137,12 @@ FledgeField flagged(FledgeField f, std::uint32_t flags)
     return f;
 }
 
+FledgeField distinct(const char *other, FledgeField f)
+{
+    f.distinct = other;
+    return f;
+}
+
 const FledgeField number_fields[] = {
     field("x", offsetof(Number, x), 8, FLEDGE_F64, FLEDGE_NONE, "the number"),
 };
@@ -147,8 +153,9 @@ const FledgeField source_fields[] = {
 };
 const FledgeField scale_fields[] = {
     field("number", offsetof(Scale, in.number), sizeof(Number), FLEDGE_STRUCT, FLEDGE_IN, "what is scaled"),
-    flagged(field("offset", offsetof(Scale, in.offset), sizeof(Number), FLEDGE_STRUCT, FLEDGE_IN, "added"),
-            FLEDGE_OPTIONAL),
+    distinct("number",
+             flagged(field("offset", offsetof(Scale, in.offset), sizeof(Number), FLEDGE_STRUCT, FLEDGE_IN, "added"),
+                     FLEDGE_OPTIONAL)),
     field("product", offsetof(Scale, out.number), sizeof(Number), FLEDGE_STRUCT, FLEDGE_OUT, "the product"),
     field("gain", offsetof(Scale, par.gain), 8, FLEDGE_F64, FLEDGE_PAR, "the factor"),
 };

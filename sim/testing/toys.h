@@ -31,7 +31,7 @@ struct Source {
 struct Scale {
     struct {
         Number number;
-        Number offset; // optional
+        Number offset; // optional, distinct number
     } in;
     struct {
         Number number;

@@ -100,6 +100,9 @@ std::string rule_text(const FledgeField &field)
     if (field.flags & FLEDGE_OPTIONAL) {
         add("optional");
     }
+    if (field.distinct) {
+        add(std::string("distinct from ") + field.distinct);
+    }
     if (field.flags & FLEDGE_NON_ZERO) {
         add("non-zero");
     }
