@@ -31,6 +31,7 @@ _LAZY = {
     "missions": ("mission", "missions"),
     "montecarlo": ("montecarlo", None),
     "plot": ("plot", None),
+    "scan": ("scan", None),
     "sim": ("mission", None),
     "_core": ("_core", None),
     "units": ("units", None),
