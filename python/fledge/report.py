@@ -232,12 +232,27 @@ def _parameters(instance):
             rows += _rows(instance, field, field.name, field.name in given)
     for name, one in vars(type(instance)).items():
         if isinstance(one, property):
-            from fledge._hooks import _property
-
-            shown = _property(instance, name).strip("<>")
+            shown = _property(instance, name)
             meaning = (one.__doc__ or "").partition(";")[0].rstrip(".")  # what follows is about assigning it
-            rows.append(_Parameter(name, shown, meaning=meaning, given=shown != "none", derived=True))
+            rows.append(_Parameter(name, shown, meaning=meaning, given=bool(shown), derived=True))
     return rows
+
+
+def _property(instance, name):
+    """What Python adds to a model, in words: its parts, the bodies that attract it, its orbit. "" for nothing."""
+    try:
+        found = getattr(instance, name)
+    except (_core.SetupError, AttributeError):
+        return ""
+
+    def words(one):
+        if isinstance(one, _core.Model):
+            return _core.path(one)
+        return one if isinstance(one, str) else repr(one).strip("<>")
+
+    if isinstance(found, (list, tuple)):
+        return "; ".join(map(words, found))
+    return "" if found is None else words(found)
 
 
 def _rows(owner, field, name, given):

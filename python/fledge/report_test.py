@@ -152,7 +152,7 @@ def test_it_says_all_of_the_run(here):
                  # parameters: an angle in degrees too, one that changed, defaults, what Python adds
                  "rates [0, 0, 1.570796] = [0, 0, 90] deg/s rad/s their constant rates",
                  "J [0.1, 0.1] at the end [0.25, 0.25] kg m2 inertia about the axis", "attitude_noise 0 rad",
-                 "gravity EARTH", "parts world.wheels", "Orbit about EARTH: a = 6878.1363 km",
+                 "gravity EARTH, mu = 3.986", "parts world.wheels", "Orbit about EARTH: a = 6878.1363 km",
                  # assumptions, final values, versions
                  "world.nav.attitude_noise was left at 0 rad", "51 samples, every 2 s; the last was written at 100 s",
                  "quality good", f"Fledge {fledge.__version__}", "./fledge run looker good --seed 7"):
