@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a message looks like, as a node says it once, at matching: the archive's ros2msg text, in
+// which comments carry true names, units and shapes (see introspect/emit/schema.py).
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace fledge::cosim {
+
+/// A definition that cannot be used. The text says which line and why.
+class SchemaError : public std::runtime_error {
+    using runtime_error::runtime_error;
+};
+
+/// As it travels.
+struct Schema {
+    std::string name;       ///< "AttError"; of a message that only passes through, "" means any
+    std::string text;       ///< "": the node takes the definition of its partner
+    std::uint32_t size = 0; ///< bytes of the struct; 0 without text
+    std::uint64_t hash = 0; ///< schema_hash(text); equal texts need no comparison
+
+    bool given() const { return !text.empty(); }
+    bool operator==(const Schema &) const = default;
+};
+
+/// FNV-1a, 64 bits, over the bytes of the text.
+std::uint64_t schema_hash(std::string_view text);
+
+/// A schema from its name and text. Throws SchemaError.
+Schema make_schema(std::string name, std::string text);
+
+/// A number, or an array of numbers, in memory order.
+struct SchemaField {
+    std::string name;        ///< from the message down: "head.t", "sigma_BR", "wheels[2].axis_B"
+    std::string type;        ///< "float64"
+    std::string unit;        ///< "" if none is given
+    std::string shape;       ///< "", "3", "3, 3"
+    std::uint32_t offset = 0;
+    std::uint32_t item = 0;  ///< bytes of one number
+    std::uint32_t count = 1; ///< numbers
+
+    bool operator==(const SchemaField &) const = default;
+};
+
+/// Largest struct and most fields that a definition may have: it comes from outside.
+inline constexpr std::uint32_t schema_size_max = 1u << 24;
+inline constexpr std::size_t schema_fields_max = 1u << 16;
+
+/// The fields that a text defines. Throws SchemaError, also if the struct would need padding.
+std::vector<SchemaField> parse_schema(std::string_view text);
+
+/// Why a message of `offered` cannot be read as `wanted`, naming the first field that differs;
+/// "" if it can. Meanings (the prose in comments) may differ; names, types, shapes and units may not.
+std::string schema_difference(const Schema &offered, const Schema &wanted);
+
+/// Turn the numbers of a struct round, from one byte order to the other.
+void swap_bytes(std::span<const SchemaField> fields, std::span<std::byte> bytes);
+
+} // namespace fledge::cosim
