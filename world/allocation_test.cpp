@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // The world's loop takes nothing from the heap.
 #include "sim/testing/allocations.h"
+#include "world/environment/celestial_body_model.h"
+#include "world/environment/harmonics.h"
+#include "world/environment/testing/two_circles.h"
 #include "world/sensors/navigation_model.h"
 #include "world/testing/flyer.h"
 
@@ -16,7 +19,8 @@ using namespace fledge::world::testing;
 
 TEST(World, UpdatesDoNotAllocate)
 {
-    for (const bool adaptive : {false, true}) {
+    for (const auto &[adaptive, in_sky] :
+         {std::pair{false, false}, {true, false}, {false, true}, {true, true}}) {
         Flyer f;
         if (adaptive) {
             f.method = sim::make_adaptive(1e-9, 1e-9);
@@ -33,6 +37,25 @@ TEST(World, UpdatesDoNotAllocate)
         body.mu = 4.2828314e13;
         body.radius = 3.4e6;
         body.J[0] = 2e-3;
+        CelestialBody sun_face{};
+        CelestialBodyModel sun(sun_face);
+        if (in_sky) {
+            HarmonicField field = HarmonicField::zero(body.mu, body.radius, 8);
+            field.C[HarmonicField::index(2, 2)] = 1e-4;
+            body = {};
+            body.naif = TwoCircles::jupiter;
+            body.field = std::make_shared<const Harmonics>(field);
+            GravityBody far;
+            far.name = "SUN";
+            far.naif = sun_face.par.id = TwoCircles::sun;
+            far.mu = TwoCircles::mu_sun;
+            f.craft.add_gravity(far);
+            const auto sky = TwoCircles::sky(TwoCircles::jupiter, 2.0 - 50.0 / TwoCircles::day);
+            f.craft.set_sky(sky); // the records change on the way
+            sun.set_sky(sky);
+            sun.prepare({"world.sun", 1, f.method.get()});
+            sun.reset(0);
+        }
         f.craft.add_gravity(body);
         f.prepare();
         for (std::size_t i = 0; i < 4; i++) {
@@ -48,6 +71,9 @@ TEST(World, UpdatesDoNotAllocate)
         const sim::testing::Allocations allocations;
         for (int i = 0; i < 1000; i++) {
             f.step(100 * ms);
+            if (in_sky) {
+                sun.update({f.t, 100 * ms});
+            }
             nav_face.in.truth = f.state();
             nav.update({f.t, 100 * ms});
         }

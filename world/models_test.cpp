@@ -5,18 +5,23 @@
 #include "sim/simulation.h"
 #include "world/dynamics/reaction_wheels_model.h"
 #include "world/dynamics/spacecraft_model.h"
+#include "world/environment/celestial_body_model.h"
+#include "world/environment/harmonics.h"
+#include "world/environment/testing/two_circles.h"
 #include "world/sensors/navigation.h"
 
 #include <gtest/gtest.h>
 
 #include <cstring>
 #include <string>
+#include <thread>
 
 namespace {
 
 using namespace fledge;
 using namespace fledge::world;
 using sim::Ns;
+using fledge::world::testing::TwoCircles;
 
 constexpr Ns ms = 1'000'000, second = 1000 * ms;
 
@@ -38,9 +43,9 @@ template <typename Face> Face &face_of(const std::shared_ptr<sim::Instance> &ins
 /// A spacecraft with a wheel and a noisy navigation, in a world of its own.
 struct World {
     sim::Simulation sim;
-    std::shared_ptr<sim::Instance> craft, wheels, nav;
+    std::shared_ptr<sim::Instance> craft, wheels, nav, sun;
 
-    explicit World(std::uint64_t seed, bool adaptive) : sim(seed)
+    explicit World(std::uint64_t seed, bool adaptive, bool in_sky = false) : sim(seed)
     {
         sim::Process &world = sim.add_process("world");
         if (adaptive) {
@@ -69,10 +74,37 @@ struct World {
         GravityBody mars;
         mars.name = "mars";
         mars.mu = 4.2828314e13;
+        if (in_sky) {
+            HarmonicField field = HarmonicField::zero(mars.mu, 3.4e6, 6);
+            field.C[HarmonicField::index(2, 2)] = 1e-4;
+            mars.field = std::make_shared<const Harmonics>(field);
+            mars.naif = TwoCircles::jupiter;
+        }
         model.add_gravity(mars);
 
-        world.add_task({"dynamics", 100 * ms, 0, 0, {craft, nav}});
+        std::vector<std::shared_ptr<sim::Instance>> run{craft, nav};
+        if (in_sky) {
+            run.push_back(put_in_sky(world));
+        }
+        world.add_task({"dynamics", 100 * ms, 0, 0, run});
         sim.connect(port(craft, "state"), port(nav, "truth"));
+    }
+
+    /// The craft flies about the larger circle; the sun attracts it, and is a model of its own.
+    std::shared_ptr<sim::Instance> put_in_sky(sim::Process &world)
+    {
+        const auto sky = TwoCircles::sky(TwoCircles::jupiter, 2.0 - 6.0 / TwoCircles::day);
+        auto &model = dynamic_cast<SpacecraftModel &>(*craft->model());
+        GravityBody far;
+        far.name = "sun";
+        far.mu = TwoCircles::mu_sun;
+        far.naif = TwoCircles::sun;
+        model.add_gravity(far);
+        model.set_sky(sky);
+        sun = add(world, "sun", "CelestialBody");
+        face_of<CelestialBody>(sun).par.id = TwoCircles::sun;
+        dynamic_cast<CelestialBodyModel &>(*sun->model()).set_sky(sky);
+        return sun;
     }
 
     static sim::Port port(const std::shared_ptr<sim::Instance> &instance, const char *field)
@@ -106,8 +138,9 @@ TEST(Models, FlyUnderTheKernel)
 
 TEST(Models, SnapshotsAndClonesGoOnBitForBit)
 {
-    for (const bool adaptive : {false, true}) {
-        World w(1, adaptive);
+    for (const auto &[adaptive, in_sky] :
+         {std::pair{false, false}, {true, false}, {false, true}, {true, true}}) {
+        World w(1, adaptive, in_sky);
         w.sim.run_until(5 * second);
         const auto there = w.sim.snapshot();
         const auto clone = w.sim.clone();
@@ -119,6 +152,46 @@ TEST(Models, SnapshotsAndClonesGoOnBitForBit)
         w.sim.run_until(10 * second);
         EXPECT_EQ(w.sim.snapshot(), straight);
     }
+}
+
+TEST(Models, ClonesOnThreadsShareTheSkyAndNothingElse)
+{
+    World w(1, true, true);
+    w.sim.run_until(second);
+    std::vector<std::unique_ptr<sim::Simulation>> clones;
+    std::vector<std::thread> threads;
+    for (int i = 0; i < 3; i++) {
+        clones.push_back(w.sim.clone());
+    }
+    for (const auto &clone : clones) {
+        threads.emplace_back([&] { clone->run_until(20 * second); });
+    }
+    for (std::thread &thread : threads) {
+        thread.join();
+    }
+    w.sim.run_until(20 * second);
+    const auto sky_of = [](const sim::Simulation &sim) {
+        const auto craft = sim.processes()[0]->find("craft");
+        return dynamic_cast<SpacecraftModel &>(*craft->model()).sky();
+    };
+    for (const auto &clone : clones) {
+        EXPECT_EQ(clone->snapshot(), w.sim.snapshot());
+        EXPECT_EQ(sky_of(*clone), sky_of(w.sim));
+    }
+}
+
+TEST(Models, ARunBeyondTheSkyIsRefusedBeforeItBegins)
+{
+    World w(1, false, true);
+    std::string error;
+    try {
+        w.sim.run_until(19 * 86400 * second);
+    } catch (const sim::SetupError &e) {
+        error = e.what();
+    }
+    EXPECT_EQ(error.rfind("world.craft.gravity: SUN (10) is given from ", 0), 0u) << error;
+    EXPECT_NE(error.find("\nworld.sun: SUN (10) is given from "), std::string::npos) << error;
+    EXPECT_EQ(w.sim.now(), -1);
 }
 
 TEST(Models, ResetRepeatsTheRunAndTheSeedChangesIt)
