@@ -42,7 +42,7 @@ def test_with_the_lead_every_line_is_flown_on_time_from_end_to_end(scenario, alp
     assert quiet.max() < 1e-3 and [torque[2000 * k:2000 * k + 5].max() > 0.03 for k in range(5)] == [True] * 5
 
 
-@pytest.mark.parametrize("scenario, alpha", [("narrow_without_lead", 8), ("wide_without_lead", 24)])
+@pytest.mark.parametrize("scenario, alpha", [("narrow_no_lead", 8), ("wide_no_lead", 24)])
 def test_without_it_a_quarter_of_each_line_is_missed(scenario, alpha):
     _, time, angles, _ = flown(scenario)
     for k, (a, b) in enumerate(ENDS):

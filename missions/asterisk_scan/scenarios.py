@@ -11,7 +11,7 @@ def narrow(sim):
     _fly(sim, alpha=8 * deg, lead=0.5)
 
 
-def narrow_without_lead(sim):
+def narrow_no_lead(sim):
     """alpha = 8 deg, without a lead: a quarter of each line passes before the body is on it."""
     _fly(sim, alpha=8 * deg, lead=0.0)
 
@@ -21,7 +21,7 @@ def wide(sim):
     _fly(sim, alpha=24 * deg, lead=0.5)
 
 
-def wide_without_lead(sim):
+def wide_no_lead(sim):
     """alpha = 24 deg, without a lead."""
     _fly(sim, alpha=24 * deg, lead=0.0)
 

@@ -32,13 +32,17 @@ TURNS = {1: r"roll $\phi$", 2: r"pitch $\theta$", 3: r"yaw $\psi$"}  # by the ax
 # --- paths -----------------------------------------------------------------------------------------
 
 class Path:
-    """Where a boresight points: `time` [s] (n,), `direction` (n, 3), unit vectors in the base frame."""
+    """Where a boresight points: `time` [s] (n,), `direction` (n, 3), unit vectors in the base frame.
 
-    def __init__(self, time, direction):
+    frame: the letter of that frame's axes in pictures.
+    """
+
+    def __init__(self, time, direction, frame="r"):
         import numpy as np
 
         self.time = np.asarray(time, dtype=float)
         direction = np.asarray(direction, dtype=float)
+        self.frame = frame
         self.direction = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
 
     def angles(self, centre=1):
@@ -54,7 +58,7 @@ class Path:
     def during(self, start, end):
         """The part from a time to another [s], both included."""
         inside = (self.time >= start) & (self.time <= end)
-        return Path(self.time[inside], self.direction[inside])
+        return Path(self.time[inside], self.direction[inside], self.frame)
 
     def off(self, other):
         """The angle to another path, or to one direction (3,), at each instant (n,) [rad]."""
@@ -91,7 +95,7 @@ def path(source, attitude, base=None, boresight=1):
     one = series(source, attitude)
     d_N = np.einsum("nji,j->ni", mrp_to_dcm(one.values), _vector(boresight))
     if base is None:
-        return Path(one.time, d_N)
+        return Path(one.time, d_N, frame="n")
     other = series(source, base)
     if len(other.time) != len(one.time) or (other.time != one.time).any():
         raise SetupError(f"path: {attitude} and {base} were recorded at different times")
@@ -172,10 +176,10 @@ def plane(source, paths, *, centre=1, colors=(DARK, MAGENTA, LIGHT), numbered=No
     return _deliver(source, figure)
 
 
-def _stroke(color, colors, scale=1.0):
+def _stroke(color, colors, widths=(3.2, 1.1, 1.6)):
     """What is drawn first lies below and is broad, so that both are seen where the second follows it."""
     place = min(list(colors).index(color), 2)
-    return {"linewidth": scale * (3.2, 1.1, 1.6)[place], "zorder": (2, 3, 2.5)[place]}
+    return {"linewidth": widths[place], "zorder": (2, 3, 2.5)[place]}
 
 
 def _arrow(axis, xy, color):
@@ -236,6 +240,7 @@ def sphere(source, paths, *, centre=1, colors=(DARK, MAGENTA, LIGHT), rays=None,
     groups = _groups(paths)
     k, sign = _axis(centre)
     reach = max(p.off(sign * np.eye(3)[k]).max() for group in groups.values() for p in group if len(p))
+    letter = next(iter(groups.values()))[0].frame
     screen = _screen(centre, view, np.clip(reach + np.radians(22), np.radians(36), np.radians(55)))
     with _style():
         figure = _figure(size, name)
@@ -253,7 +258,7 @@ def sphere(source, paths, *, centre=1, colors=(DARK, MAGENTA, LIGHT), rays=None,
                       zorder=2)
             axis.annotate("", tip[:2], xytext=inside[:2], zorder=7 if front else 0.5,
                           arrowprops=_head(INK if front else SOFT))
-            axis.annotate(rf"$\hat r_{{{i + 1}}}$", tip[:2] * (1.0 + 0.09 / length), ha="center", va="center",
+            axis.annotate(rf"$\hat {letter}_{{{i + 1}}}$", tip[:2] * (1.0 + 0.09 / length), ha="center", va="center",
                           color=INK if front else SOFT, fontsize=11, zorder=7)
         for one in groups.get(rays, ()):
             for end in (one.direction[0], one.direction[-1]):
@@ -262,7 +267,7 @@ def sphere(source, paths, *, centre=1, colors=(DARK, MAGENTA, LIGHT), rays=None,
         for (label, group), color in zip(groups.items(), colors):
             for i, one in enumerate(group):
                 _on_globe(axis, screen, one.direction, color, label if i == 0 else None,
-                          **_stroke(color, colors, 0.6))
+                          **_stroke(color, colors, (2.0, 1.0, 1.1)))
         for text, direction in (marks or {}).items():
             right, up, near = screen @ _vector(direction)
             axis.plot(right, up, "*", color=GOLD if near > 0 else PALE, markeredgecolor=INK, markeredgewidth=0.6,
@@ -288,7 +293,7 @@ def _screen(centre, view, beside):
         k_hat, side, above = sign * np.eye(3)[k], np.eye(3)[(k + 1) % 3], np.eye(3)[(k + 2) % 3]
         eye = np.cos(beside) * k_hat + np.sin(beside) * (0.9 * side + 0.44 * above)
     else:
-        longitude, latitude = view
+        longitude, latitude = map(float, view)
         eye = np.array([np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude),
                         np.sin(latitude)])
         above = np.array([0.0, 0.0, 1.0])
