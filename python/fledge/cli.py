@@ -177,9 +177,9 @@ def list_(options):
     found = mission.missions()
     for name, one in found.items():
         about = one.summaries()
-        say(f"  {name:16} {about.pop('')}")
+        say(f"  {name:18} {about.pop('')}")
         for scenario, text in about.items():
-            say(f"    {scenario:14} {text}")
+            say(f"    {scenario:16} {text}")
     if not found:
         say("  none")
     for title, types, kind in (("flight modules (from fledge import flight as fsw)", flight.TYPES, "module"),
@@ -188,7 +188,7 @@ def list_(options):
         for name in sorted(types):
             struct = _core.struct(types[name])
             if struct.kind == kind:
-                say(f"  {name:16} {first_sentence(struct.doc)}")
+                say(f"  {name:18} {first_sentence(struct.doc)}")
                 if options.ports:
                     for group, arrow in (("in", "<<"), ("out", ">>")):
                         for f in struct.fields:
