@@ -44,7 +44,7 @@ class Sky:
     def __init__(self, epoch, center, kernels=(), *, leap_seconds=None, pck=None):
         if not isinstance(epoch, str):
             raise SetupError(f'Sky: epoch: expected a text like "2015-03-02T12:00:00"; found {epoch!r}')
-        if isinstance(kernels, (str, PathLike)):
+        if not isinstance(kernels, (list, tuple)):
             kernels = [kernels]
         files = [_path(k, "Sky: kernels") for k in kernels] or ["DE405"]
         try:
@@ -137,6 +137,12 @@ def _path(value, path):
 
 def _time(t, what):
     try:
-        return nanoseconds(t)
+        ns = nanoseconds(t)
     except (UnitError, ValueError, TypeError) as error:
         raise SetupError(f"{what}: {error}") from None
+    if abs(ns) > _LONGEST:
+        raise SetupError(f"{what}: expected at most {_LONGEST // 10**9} s, 290 years; found {ns // 10**9} s")
+    return ns
+
+
+_LONGEST = 9_151_488_000_000_000_000

@@ -12,7 +12,7 @@ typedef struct CelestialBody {
         BodyState state;
     } out;
     struct {
-        int32_t id; ///< [-] required: NAIF number of the body
+        int32_t id; ///< [-] required: NAIF number of the body, which Python's `body` sets
         int32_t spare;
     } par;
 } CelestialBody;

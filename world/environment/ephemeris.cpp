@@ -316,7 +316,9 @@ void Ephemeris::require(int target, int center, Epoch from, Epoch to) const
     if (!std::isnan(gap)) {
         throw sim::SetupError(
             why_not(target, center, gap,
-                    "from " + format_tdb(from.seconds()) + " to " + format_tdb(to.seconds())));
+                    from == to ? "at " + format_tdb(gap)
+                               : "from " + format_tdb(from.seconds()) + " to " +
+                                     format_tdb(to.seconds())));
     }
 }
 

@@ -5,7 +5,6 @@
 #include "sim/text.h"
 
 #include <algorithm>
-#include <limits>
 
 namespace fledge::world {
 
@@ -16,16 +15,20 @@ Sky::Sky(Ephemeris ephemeris, TimeSystem time, Epoch epoch, int center,
     : ephemeris_(std::move(ephemeris)), time_(std::move(time)), epoch_(epoch), center_(center),
       given_center_(given_as(center)), pck_(std::move(pck))
 {
-    require(given_center_, 0, 0);
+    // The lowest number is at the root of the tree: the barycentre of the solar system, mostly.
+    if (const std::vector<int> known = ephemeris_.bodies(); !known.empty()) {
+        ephemeris_.require(given_center_, known.front(), epoch_, epoch_);
+    }
 }
 
 Epoch Sky::epoch_at(Ns t) const
 {
-    if (t > 0 && epoch_.ns > std::numeric_limits<Ns>::max() - t) {
-        throw sim::SetupError(sim::format_time(t) + " after " + time_.text(epoch_, TimeScale::tdb) +
-                              " lies beyond the year 2291, to which time is counted");
+    Epoch epoch;
+    if (__builtin_add_overflow(epoch_.ns, t, &epoch.ns)) {
+        throw sim::SetupError(sim::format_time(t) + " from " + time_.text(epoch_, TimeScale::tdb) +
+                              " lies beyond the years 1708 to 2291, in which time is counted");
     }
-    return {epoch_.ns + t};
+    return epoch;
 }
 
 int Sky::given_as(int body) const

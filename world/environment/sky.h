@@ -18,6 +18,7 @@ namespace fledge::world {
 class Sky {
 public:
     /// The bodies' orientations come from `pck` where it has them, else from built-in constants.
+    /// Throws SetupError if the ephemeris has not the center at the epoch.
     Sky(Ephemeris ephemeris, TimeSystem time, Epoch epoch, int center,
         std::optional<TextKernel> pck = std::nullopt);
 
@@ -25,7 +26,7 @@ public:
     const TimeSystem &time_system() const { return time_; }
     int center() const { return center_; }
 
-    /// The instant at which the run has the time t. Throws SetupError after the year 2291.
+    /// The instant at which the run has the time t. Throws SetupError beyond 1708 to 2291.
     Epoch epoch_at(sim::Ns t) const;
 
     /// The number under which the ephemeris has a body: that of its system's barycentre for a
