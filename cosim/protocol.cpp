@@ -276,6 +276,7 @@ void body(auto &a, Is<Initialize> auto &m)
 {
     a(m.seed);
     a(m.end);
+    a(m.start);
     a(m.frontend, Bound::text);
     a(m.backend, Bound::text);
 }
@@ -357,9 +358,9 @@ Order native_order()
     return std::endian::native == std::endian::little ? Order::little : Order::big;
 }
 
-const char *kind_name(const Message &message)
+const char *kind_name(std::size_t index)
 {
-    return kind_names[message.index()];
+    return kind_names[index];
 }
 
 void encode(const Frame &frame, Bytes &out, Order order)

@@ -129,6 +129,7 @@ struct Refused {
 struct Initialize {
     std::uint64_t seed = 0;         ///< of the run
     Ns end = 0;                     ///< of the run
+    Ns start = -1;                  ///< it begins after this instant; -1: with its reset
     std::string frontend, backend;  ///< of the broker for observers; "" if there is none
     bool operator==(const Initialize &) const = default;
 };
@@ -187,8 +188,12 @@ struct Failed {
 using Message = std::variant<Hello, Welcome, Refused, Initialize, Initialized, ProvideDesired, Desired, Match,
                              Matched, Start, Ready, Tick, Tock, Finish, Finished, Failed>;
 
-/// "Tock", for messages to people.
-const char *kind_name(const Message &message);
+/// "Tock", for messages to people; by place in Message.
+const char *kind_name(std::size_t index);
+inline const char *kind_name(const Message &message)
+{
+    return kind_name(message.index());
+}
 
 struct Frame {
     std::uint32_t number = 0;

@@ -41,7 +41,7 @@ std::vector<Frame> one_of_each()
     return {{1, Hello{1, 2, "spin", "flight"}},
             {2, Welcome{"tcp://127.0.0.1:7000"}},
             {3, Refused{"there is a flight already"}},
-            {4, Initialize{42, 1'000'000'000, "ipc://@f", "ipc://@b"}},
+            {4, Initialize{42, 1'000'000'000, -1, "ipc://@f", "ipc://@b"}},
             {5, Initialized{{{100, 0}, {250, 50}}, true}},
             {6, ProvideDesired{}},
             {7, Desired{{{"/w/a", Latency::next_exchange, true, schema}, {"/w/b", Latency::same_instant, false, {}}}}},

@@ -1,0 +1,732 @@
+// SPDX-License-Identifier: Apache-2.0
+// The controller among nodes that answer in every order. What each node sees is held against a plain
+// look-up in the history of what was written, which knows nothing of grants.
+#include "cosim/controller.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <map>
+#include <random>
+
+namespace fledge::cosim {
+namespace {
+
+using Random = std::mt19937;
+
+constexpr const char *word_text = "uint64 x  # x [-] a word\n";
+
+std::uint64_t mix(std::uint64_t a, std::uint64_t b)
+{
+    a ^= b + 0x9e3779b97f4a7c15u + (a << 6) + (a >> 2);
+    return (a ^ a >> 29) * 0xbf58476d1ce4e5b9u;
+}
+
+Bytes word(std::uint64_t x)
+{
+    return make_payload(std::as_bytes(std::span(&x, 1)));
+}
+
+std::uint64_t word_of(const Bytes &payload)
+{
+    std::uint64_t x = 0;
+    std::memcpy(&x, payload.data() + 4, 8);
+    return x;
+}
+
+/// What a node is: how it steps, what it reads and writes.
+struct Spec {
+    std::string name;
+    std::vector<Rate> rates;
+    bool any_time = false;
+    std::vector<Want> wants;
+    std::vector<std::string> writes;
+    Policy on_loss = Policy::abort;
+
+    /// Its instants up to `end`. One that steps at any time has moments of its own, unknown to others.
+    std::vector<Ns> instants(Ns end) const
+    {
+        std::vector<Ns> all;
+        if (any_time) {
+            for (Ns t = 0, n = 1; t <= end; n++) {
+                all.push_back(t);
+                t += 1 + static_cast<Ns>(mix(name.size() + name.back(), static_cast<std::uint64_t>(n)) % 60);
+            }
+            return all;
+        }
+        for (const Rate &rate : rates) {
+            for (Ns t = rate.offset; rate.period > 0 && t <= end; t += rate.period) {
+                all.push_back(t);
+            }
+        }
+        std::sort(all.begin(), all.end());
+        all.erase(std::unique(all.begin(), all.end()), all.end());
+        return all;
+    }
+
+    std::uint64_t initial(std::size_t output) const { return mix(name.back(), 1000 + output); }
+    bool writes_at(Ns t, std::size_t output) const
+    {
+        return mix(static_cast<std::uint64_t>(t), output + static_cast<unsigned char>(name.back())) % 4 != 0;
+    }
+    static std::uint64_t output(std::uint64_t state, std::size_t output) { return mix(state, output); }
+};
+
+/// Everything that happened, by name of the node: at each instant, what it had seen and done.
+using History = std::map<std::string, std::vector<std::pair<Ns, std::uint64_t>>>;
+
+/// The same run without any controller.
+History expected(const std::vector<Spec> &specs, Ns end)
+{
+    struct Write {
+        Ns t;
+        std::uint64_t x;
+    };
+    struct Source {
+        const Spec *writer;
+        std::vector<Write> writes; // in order of time; the initial value at -1
+    };
+    std::map<std::string, Source> topics;
+    std::vector<std::pair<Ns, std::size_t>> steps; // by time, then in the order of the nodes
+    std::vector<std::uint64_t> state(specs.size(), 7);
+    for (std::size_t i = 0; i < specs.size(); i++) {
+        for (std::size_t k = 0; k < specs[i].writes.size(); k++) {
+            topics[specs[i].writes[k]] = {&specs[i], {{-1, specs[i].initial(k)}}};
+        }
+        for (const Ns t : specs[i].instants(end)) {
+            steps.emplace_back(t, i);
+        }
+    }
+    std::sort(steps.begin(), steps.end());
+    History history;
+    for (const auto &[t, i] : steps) {
+        const Spec &spec = specs[i];
+        for (const Want &want : spec.wants) {
+            const Source &source = topics.at(want.topic);
+            Ns longest = 0;
+            for (const Spec *s : {&spec, source.writer}) {
+                for (const Rate &rate : s->rates) {
+                    longest = std::max(longest, rate.period);
+                }
+            }
+            const Ns latest = want.latency == Latency::same_instant   ? t
+                              : want.latency == Latency::next_instant ? t - 1
+                              : t == 0                                ? -1
+                                                                      : (t - 1) / longest * longest;
+            const auto after = std::find_if(source.writes.begin(), source.writes.end(),
+                                            [&](const Write &w) { return w.t > latest; });
+            state[i] = mix(state[i], (after - 1)->x);
+        }
+        state[i] = mix(state[i], static_cast<std::uint64_t>(t));
+        history[spec.name].emplace_back(t, state[i]);
+        for (std::size_t k = 0; k < spec.writes.size(); k++) {
+            if (spec.writes_at(t, k)) {
+                topics[spec.writes[k]].writes.push_back({t, Spec::output(state[i], k)});
+            }
+        }
+    }
+    return history;
+}
+
+/// A node as a delegate would be.
+struct FakeNode {
+    const Spec *spec = nullptr;
+    Ns reached = -1, start = -1;
+    std::uint64_t state = 7;
+    std::map<std::uint32_t, std::uint32_t> counts; ///< received, by channel
+    std::map<std::string, std::uint64_t> seen;     ///< by topic
+    std::vector<std::pair<Ns, std::pair<std::string, std::uint64_t>>> coming;
+    std::map<std::uint32_t, std::string> wired;
+    std::map<std::string, std::pair<std::uint32_t, std::uint32_t>> written; ///< channel and count
+    std::vector<Ns> instants;
+    std::vector<std::pair<Ns, std::uint64_t>> history;
+
+    Message answer(const Message &request, Random &random, Ns end)
+    {
+        const Schema schema = make_schema("Word", word_text);
+        if (const auto *m = std::get_if<Initialize>(&request)) {
+            reached = start = m->start;
+            instants = spec->instants(end);
+            return Initialized{spec->rates, spec->any_time};
+        }
+        if (std::holds_alternative<ProvideDesired>(request)) {
+            return Desired{spec->wants};
+        }
+        if (const auto *m = std::get_if<Match>(&request)) {
+            Matched matched;
+            for (const Channel &channel : m->asked) {
+                const auto it = std::find(spec->writes.begin(), spec->writes.end(), channel.topic);
+                if (it != spec->writes.end()) {
+                    written[channel.topic] = {channel.channel, 0};
+                    matched.offers.push_back(
+                        {channel.channel, schema, word(spec->initial(static_cast<std::size_t>(it - spec->writes.begin())))});
+                }
+            }
+            return matched;
+        }
+        if (const auto *m = std::get_if<Start>(&request)) {
+            for (const Channel &channel : m->wired) {
+                EXPECT_EQ(channel.schema, schema);
+                wired[channel.channel] = channel.topic;
+            }
+            return Ready{};
+        }
+        if (const auto *m = std::get_if<Tick>(&request)) {
+            return step(*m, random);
+        }
+        EXPECT_TRUE(std::holds_alternative<Finish>(request));
+        return Finished{};
+    }
+
+    Tock step(const Tick &tick, Random &random)
+    {
+        Tock tock;
+        EXPECT_GT(tick.until, reached);
+        for (const Record &record : tick.records) {
+            EXPECT_EQ(record.count, ++counts[record.channel]) << "a gap";
+            EXPECT_TRUE(record.t > reached || (record.t == reached && reached == start)) << "late for " << spec->name;
+            EXPECT_LE(record.t, tick.until);
+            coming.push_back({record.t, {wired.at(record.channel), word_of(record.payload)}});
+        }
+        std::stable_sort(coming.begin(), coming.end(), [](auto &a, auto &b) { return a.first < b.first; });
+        tock.reached = tick.until;
+        for (const Ns t : instants) {
+            if (t <= reached || t > tick.until) {
+                continue;
+            }
+            while (!coming.empty() && coming.front().first <= t) {
+                seen[coming.front().second.first] = coming.front().second.second;
+                coming.erase(coming.begin());
+            }
+            for (const Want &want : spec->wants) {
+                EXPECT_TRUE(want.optional || seen.contains(want.topic)) << "incomplete inputs of " << spec->name;
+                state = mix(state, seen[want.topic]);
+            }
+            state = mix(state, static_cast<std::uint64_t>(t));
+            history.emplace_back(t, state);
+            for (std::size_t k = 0; k < spec->writes.size(); k++) {
+                const auto it = written.find(spec->writes[k]);
+                if (spec->writes_at(t, k) && it != written.end()) {
+                    tock.records.push_back({it->second.first, ++it->second.second, t, word(Spec::output(state, k))});
+                }
+            }
+            if (random() % 8 == 0) {
+                tock.reached = t; // an early return
+                break;
+            }
+        }
+        reached = tock.reached;
+        return tock;
+    }
+};
+
+/// A controller with its nodes, whose replies come in any order.
+struct Bench {
+    Bench(const std::vector<Spec> &all, Ns run_end, unsigned seed, std::uint32_t batch = 1000, std::uint32_t ahead = 4096)
+        : specs(all), end(run_end), random(seed), controller(configured(all, run_end, batch, ahead)), nodes(all.size()),
+          requests(all.size())
+    {
+        for (std::size_t i = 0; i < all.size(); i++) {
+            nodes[i].spec = &specs[i];
+        }
+    }
+
+    static ControllerConfig configured(const std::vector<Spec> &all, Ns end, std::uint32_t batch, std::uint32_t ahead)
+    {
+        ControllerConfig config;
+        config.simulation = "bench";
+        for (const Spec &spec : all) {
+            config.nodes.push_back({spec.name, spec.on_loss});
+        }
+        config.end = end;
+        config.batch = batch;
+        config.ahead = ahead;
+        return config;
+    }
+
+    void arrive(NodeId id) { controller.hello(id, {1, 1, "bench", specs[id].name}); }
+
+    void arrive_all()
+    {
+        std::vector<NodeId> order(nodes.size());
+        for (NodeId i = 0; i < order.size(); i++) {
+            order[i] = i;
+        }
+        std::shuffle(order.begin(), order.end(), random);
+        for (const NodeId id : order) {
+            arrive(id);
+            for (auto n = random() % 6; n; n--) {
+                reply_somewhere();
+            }
+        }
+    }
+
+    void act()
+    {
+        for (Action &a : controller.take_actions()) {
+            if (auto *send = std::get_if<action::Send>(&a)) {
+                EXPECT_TRUE(!requests[send->node] || std::holds_alternative<Finish>(send->frame.message));
+                if (std::holds_alternative<Tick>(send->frame.message)) {
+                    ticks++;
+                }
+                requests[send->node] = std::move(send->frame);
+            } else if (auto *out = std::get_if<action::ShutOut>(&a)) {
+                requests[out->node].reset();
+            } else if (auto *report = std::get_if<action::Report>(&a)) {
+                reports.push_back(report->text);
+            } else if (auto *refuse = std::get_if<action::Refuse>(&a)) {
+                refusals.push_back(refuse->reason);
+            } else if (auto *done = std::get_if<action::Done>(&a)) {
+                EXPECT_FALSE(outcome);
+                outcome = done->reason;
+            }
+        }
+    }
+
+    /// Let one node answer. False if none has to.
+    bool reply_somewhere()
+    {
+        act();
+        std::vector<NodeId> busy;
+        for (NodeId i = 0; i < nodes.size(); i++) {
+            if (requests[i]) {
+                busy.push_back(i);
+            }
+        }
+        if (busy.empty()) {
+            return false;
+        }
+        reply(busy[random() % busy.size()]);
+        return true;
+    }
+
+    void reply(NodeId id)
+    {
+        const Frame request = *std::exchange(requests[id], std::nullopt);
+        // By way of bytes, as it will be.
+        const Frame answer = decode(encode({request.number, nodes[id].answer(request.message, random, end)},
+                                           random() % 2 ? Order::big : Order::little));
+        EXPECT_TRUE(controller.waiting_for(id));
+        controller.received(id, answer);
+    }
+
+    /// To the end. The outcome, or a text that no outcome is.
+    std::string run()
+    {
+        arrive_all();
+        return go_on();
+    }
+
+    std::string go_on()
+    {
+        while (reply_somewhere()) {
+        }
+        return outcome.value_or("the run hangs");
+    }
+
+    History history() const
+    {
+        History all;
+        for (const FakeNode &node : nodes) {
+            all[node.spec->name] = node.history;
+        }
+        return all;
+    }
+
+    std::vector<Spec> specs;
+    Ns end;
+    Random random;
+    Controller controller;
+    std::vector<FakeNode> nodes;
+    std::vector<std::optional<Frame>> requests;
+    std::vector<std::string> reports, refusals;
+    std::optional<std::string> outcome;
+    std::size_t ticks = 0;
+};
+
+Want want(const std::string &topic, Latency latency)
+{
+    return {topic, latency, false, make_schema("Word", word_text)};
+}
+
+/// Nodes with random steps, wires and latencies, that do not wait for one another.
+std::vector<Spec> random_network(Random &random)
+{
+    const Ns periods[] = {7, 10, 20, 30, 50, 100};
+    std::vector<Spec> specs(2 + random() % 4);
+    for (std::size_t i = 0; i < specs.size(); i++) {
+        specs[i].name = std::string("n") + static_cast<char>('a' + i);
+        specs[i].any_time = random() % 5 == 0;
+        for (auto n = 1 + random() % 2; n; n--) {
+            const Ns period = periods[random() % 6];
+            specs[i].rates.push_back({period, random() % 3 ? 0 : static_cast<Ns>(random() % 60)});
+        }
+        for (auto n = random() % 3; n; n--) {
+            specs[i].writes.push_back("/" + specs[i].name + "/" + std::to_string(n));
+        }
+    }
+    for (std::size_t to = 0; to < specs.size(); to++) {
+        for (std::size_t from = 0; from < specs.size(); from++) {
+            for (const std::string &topic : specs[from].writes) {
+                if (from == to || random() % 2) {
+                    continue;
+                }
+                auto latency = static_cast<Latency>(random() % 3);
+                const bool waits = latency == Latency::same_instant ||
+                                   (latency == Latency::next_instant && specs[from].any_time && specs[to].any_time);
+                if (waits && from > to) {
+                    latency = Latency::next_exchange;
+                }
+                specs[to].wants.push_back(want(topic, latency));
+            }
+        }
+    }
+    return specs;
+}
+
+TEST(Controller, WhatNodesSeeFollowsFromTheLatenciesInWhateverOrderTheyAnswer)
+{
+    for (unsigned network = 0; network < 400; network++) {
+        Random random(network);
+        const auto specs = random_network(random);
+        const History wanted = expected(specs, 400);
+        for (unsigned order = 0; order < 8; order++) {
+            const std::uint32_t batch = order % 3 == 0 ? 1 : order % 3 == 1 ? 3 : 1000;
+            Bench bench(specs, 400, 1000 * network + order, batch, order % 2 ? 4 : 4096);
+            ASSERT_EQ(bench.run(), "") << "network " << network << ", order " << order;
+            for (const Spec &spec : specs) {
+                ASSERT_EQ(bench.history()[spec.name], wanted.contains(spec.name) ? wanted.at(spec.name)
+                                                                                : History::mapped_type{})
+                    << spec.name << " in network " << network << ", order " << order;
+            }
+        }
+    }
+}
+
+/// A node that reads and writes one word.
+Spec spec(const std::string &name, Ns period, std::vector<Want> wants, std::vector<std::string> writes)
+{
+    return {name, {{period, 0}}, false, std::move(wants), std::move(writes)};
+}
+
+std::vector<Spec> pair(Latency there = Latency::same_instant, Latency back = Latency::next_instant)
+{
+    return {spec("world", 100, {want("/flight/u", back)}, {"/world/x"}),
+            spec("flight", 500, {want("/world/x", there)}, {"/flight/u"})};
+}
+
+TEST(Controller, FastNodesStepOftenInOneTickWhileTheSlowOneHasNothingToSay)
+{
+    // Ten milliseconds and a second meet once a second: two ticks each, not a hundred.
+    const std::vector<Spec> specs = {spec("control", 10, {want("/thermal/t", Latency::next_instant)}, {"/control/u"}),
+                                     spec("thermal", 1000, {want("/control/u", Latency::same_instant)}, {"/thermal/t"})};
+    Bench bench(specs, 10'000, 1);
+    std::size_t instants = 0;
+    ASSERT_EQ(bench.run(), "");
+    for (const FakeNode &node : bench.nodes) {
+        instants += node.history.size();
+    }
+    EXPECT_EQ(instants, 1001u + 11u);
+    // Without early returns it would be one tick per second and node, and one for the instant 0.
+    EXPECT_LT(bench.ticks, 200u);
+    // And the slow one was told only what it sees.
+    EXPECT_EQ(bench.nodes[1].counts.begin()->second, 11u);
+}
+
+TEST(Controller, NodesJoinedByExchangesStepSideBySide)
+{
+    Bench bench(pair(Latency::next_exchange, Latency::next_exchange), 2000, 1);
+    bench.arrive(0);
+    bench.arrive(1);
+    while (!bench.controller.running() && bench.reply_somewhere()) {
+    }
+    bench.act();
+    ASSERT_TRUE(bench.requests[0] && bench.requests[1]);
+    EXPECT_EQ(std::get<Tick>(bench.requests[0]->message).until, 0);
+    EXPECT_EQ(std::get<Tick>(bench.requests[1]->message).until, 0);
+
+    Bench ordered(pair(), 2000, 1);
+    ordered.arrive(0);
+    ordered.arrive(1);
+    while (!ordered.controller.running() && ordered.reply_somewhere()) {
+    }
+    ordered.act();
+    EXPECT_TRUE(ordered.requests[0] && !ordered.requests[1]); // the world first
+}
+
+TEST(Controller, WhatCannotRunIsRefusedBeforeTheFirstTickWithAllReasons)
+{
+    auto specs = pair(Latency::same_instant, Latency::same_instant);
+    const auto outcome = [&] { return Bench(specs, 1000, 5).run(); };
+    EXPECT_EQ(outcome(), "these wait for one another without end: flight for /world/x of world, world for /flight/u "
+                         "of flight; one of these messages has to be read later, at the next instant or exchange");
+    specs = pair();
+    specs[0].wants.push_back(want("/flight/v", Latency::next_instant));
+    specs[0].wants.push_back(want("/world/x", Latency::next_instant));
+    specs[0].wants.push_back(specs[0].wants[0]);
+    EXPECT_EQ(outcome(), "world wants /flight/v, which no other node writes\n"
+                         "world wants /world/x, which no other node writes\n"
+                         "world wants /flight/u twice");
+    specs[0].wants.resize(2);
+    specs[0].wants[1].optional = true;
+    EXPECT_EQ(outcome(), "");
+    specs = pair();
+    specs.push_back(spec("other", 100, {}, {"/world/x"}));
+    const std::string why = outcome(); // the one that matches first is named first
+    EXPECT_TRUE(why.starts_with("/world/x is written by world and by other; one of them has to leave it") ||
+                why.starts_with("/world/x is written by other and by world; one of them has to leave it"))
+        << why;
+    specs = pair();
+    specs[1].wants[0].schema = make_schema("Word", "uint64 x  # x [m] a word\n");
+    EXPECT_EQ(outcome(), "flight wants /world/x of world, but field x is uint64 [-] where it is offered and "
+                         "uint64 [m] where it is wanted");
+    specs[1].wants[0].schema.hash++;
+    EXPECT_EQ(outcome(), "flight wants /world/x with a bad definition: its hash is not that of its text");
+    specs = pair();
+    specs[1].rates[0].period = 0;
+    EXPECT_EQ(outcome().substr(0, 42), "flight: a step of 0 ns from 0 ns on; a per");
+    specs[1].rates.clear();
+    EXPECT_EQ(outcome(), "flight: it never steps");
+}
+
+TEST(Controller, WhoMayComeInIsSaid)
+{
+    Bench bench(pair(), 1000, 1);
+    bench.controller.hello(9, {2, 3, "bench", "world"});
+    bench.controller.hello(9, {1, 1, "other", "world"});
+    bench.controller.hello(9, {1, 1, "bench", "wrold"});
+    bench.controller.hello(9, {0, 5, "bench", "world"});
+    bench.controller.hello(9, {1, 1, "bench", "world"});
+    bench.controller.stop("enough");
+    bench.controller.hello(9, {1, 1, "bench", "flight"});
+    bench.act();
+    EXPECT_EQ(bench.refusals, (std::vector<std::string>{
+                                  "this controller speaks version 1 of the format, the node versions 2 to 3",
+                                  "this is the simulation bench, not other",
+                                  "bench has no node wrold; it has world and flight",
+                                  "there is a node world already",
+                                  "the run is over: enough",
+                              }));
+    EXPECT_EQ(bench.go_on(), "enough");
+}
+
+/// The outcome when the first Tock of `world` that has a record is changed.
+template <class Change> std::string outcome_of(Change change)
+{
+    Bench bench(pair(), 1000, 3);
+    bench.arrive(0);
+    bench.arrive(1);
+    for (bool changed = false; bench.act(), bench.requests[0] || bench.requests[1];) {
+        if (const NodeId id = bench.requests[0] ? 0 : 1; id == 0 && !changed) {
+            const Frame request = *std::exchange(bench.requests[0], std::nullopt);
+            Frame answer{request.number, bench.nodes[0].answer(request.message, bench.random, bench.end)};
+            if (auto *tock = std::get_if<Tock>(&answer.message); tock && !tock->records.empty()) {
+                change(answer, *tock);
+                changed = true;
+            }
+            bench.controller.received(0, answer);
+        } else {
+            bench.reply(id);
+        }
+    }
+    return bench.outcome.value_or("the run hangs");
+}
+
+TEST(Controller, NothingIsLostSilently)
+{
+    const auto starts = [](const std::string &outcome, const std::string &start) {
+        EXPECT_TRUE(outcome.starts_with("world: " + start)) << outcome;
+    };
+    starts(outcome_of([](Frame &, Tock &m) { m.records[0].count = 0; }), "duplicate: message 0 of /world/x came before");
+    starts(outcome_of([](Frame &, Tock &m) { m.records[0].count++; }), "gap: message 2 of /world/x follows message 0");
+    starts(outcome_of([](Frame &, Tock &m) { m.records[0].t = -1; }), "late: message 1 of /world/x is of the start, and others have passed it");
+    starts(outcome_of([](Frame &, Tock &m) { m.records[0].t = m.reached + 1; }), "early: message 1 of /world/x");
+    starts(outcome_of([](Frame &, Tock &m) {
+               m.reached = std::max<Ns>(m.reached, 0);
+               m.records.push_back(m.records.back());
+               m.records.back().count++;
+           }),
+           "out of order: message ");
+    starts(outcome_of([](Frame &, Tock &m) { m.records[0].payload.pop_back(); }),
+           "incomplete: message 1 of /world/x has 11 bytes");
+    starts(outcome_of([](Frame &, Tock &m) { m.records[0].channel = 0; }),
+           "it wrote on channel 0, which is not its own");
+    starts(outcome_of([](Frame &, Tock &m) { m.records[0].channel = 77; }),
+           "it wrote on channel 77, which is not its own");
+    starts(outcome_of([](Frame &, Tock &m) { m.reached = -1; }), "it says that it reached the start; it may go from the start to 0 s");
+    starts(outcome_of([](Frame &, Tock &m) { m.reached += 1000; }), "it says that it reached ");
+    starts(outcome_of([](Frame &f, Tock &) { f.number++; }), "it sent Tock ");
+    starts(outcome_of([](Frame &f, Tock &) { f.message = Ready{}; }), "it sent Ready ");
+    starts(outcome_of([](Frame &f, Tock &) { f.message = Failed{"a pole"}; }), "it failed: a pole");
+    EXPECT_EQ(outcome_of([](Frame &, Tock &) {}), "");
+}
+
+TEST(Controller, ALaterStepOutOfTheGridIsRefused)
+{
+    auto specs = pair();
+    Bench bench(specs, 1000, 3);
+    bench.arrive(0);
+    bench.arrive(1);
+    while (!bench.controller.running()) {
+        bench.reply_somewhere();
+    }
+    bench.act();
+    const Frame request = *std::exchange(bench.requests[0], std::nullopt);
+    ASSERT_EQ(std::get<Tick>(request.message).until, 0);
+    bench.controller.received(0, {request.number, Tock{0, 0, {}}});
+    bench.act();
+    ASSERT_TRUE(bench.requests[1]);
+    const Frame slow = *std::exchange(bench.requests[1], std::nullopt);
+    bench.controller.received(1, {slow.number, Tock{0, 0, {}}});
+    bench.act();
+    const Frame batch = *std::exchange(bench.requests[0], std::nullopt);
+    ASSERT_EQ(std::get<Tick>(batch.message).until, 500); // flight's command of 0 holds until then
+    const auto channel = bench.nodes[0].written.at("/world/x").first;
+    bench.controller.received(0, {batch.number, Tock{500, 0, {{channel, 1, 150, word(1)}}}});
+    bench.controller.received(0, {batch.number, Tock{500, 0, {}}});
+    EXPECT_EQ(bench.go_on(), "world: out of step: message 1 of /world/x is of 0.00000015 s, when it does not step "
+                             "(it had reached 0 s)");
+}
+
+/// Run until the node owes a reply to some tick later than `t`, which it will never give.
+bool lose(Bench &bench, NodeId id, Ns t)
+{
+    for (;;) {
+        bench.act();
+        if (bench.requests[id] && std::holds_alternative<Tick>(bench.requests[id]->message) &&
+            bench.controller.reached(id) >= t) {
+            bench.controller.lost(id, "it was killed");
+            return true;
+        }
+        if (!bench.reply_somewhere()) {
+            return false;
+        }
+    }
+}
+
+TEST(Controller, ALostNodeEndsTheRunOrNotAsItsPolicySays)
+{
+    for (const Policy policy : {Policy::abort, Policy::hold, Policy::drop}) {
+        auto specs = pair(Latency::next_exchange, Latency::next_exchange);
+        specs[1].on_loss = policy;
+        Bench bench(specs, 5000, 11);
+        bench.arrive_all();
+        ASSERT_TRUE(lose(bench, 1, 1000));
+        const std::string outcome = bench.go_on();
+        if (policy == Policy::abort) {
+            EXPECT_TRUE(outcome.starts_with("flight: it was killed (it had reached ")) << outcome;
+            continue;
+        }
+        EXPECT_EQ(outcome, "");
+        EXPECT_EQ(bench.nodes[0].history.back().first, 5000);
+        ASSERT_EQ(bench.reports.size(), 1u);
+        EXPECT_TRUE(bench.reports[0].starts_with("flight: it was killed")) << bench.reports[0];
+        const std::uint64_t seen = bench.nodes[0].seen.at("/flight/u");
+        EXPECT_EQ(seen == 0, policy == Policy::drop);
+    }
+}
+
+TEST(Controller, ARunThatWaitedForANodeGivesTheSame)
+{
+    std::size_t losses = 0;
+    for (unsigned network = 0; network < 100; network++) {
+        Random random(network);
+        auto specs = random_network(random);
+        for (Spec &spec : specs) {
+            spec.on_loss = Policy::pause;
+        }
+        const History wanted = expected(specs, 400);
+        Bench bench(specs, 400, network);
+        bench.arrive_all();
+        for (int n = 0; n < 4; n++) {
+            const NodeId id = random() % specs.size();
+            if (!lose(bench, id, static_cast<Ns>(random() % 300))) {
+                break;
+            }
+            losses++;
+            while (bench.reply_somewhere()) {
+            }
+            ASSERT_FALSE(bench.outcome); // all wait
+            // It comes back as it was at the end of its last tick, but remembers no message.
+            FakeNode &node = bench.nodes[id];
+            node.counts.clear();
+            node.seen.clear();
+            node.coming.clear();
+            node.wired.clear();
+            bench.arrive(id);
+        }
+        ASSERT_EQ(bench.go_on(), "") << network;
+        for (const Spec &spec : specs) {
+            ASSERT_EQ(bench.history()[spec.name],
+                      wanted.contains(spec.name) ? wanted.at(spec.name) : History::mapped_type{})
+                << spec.name << " in network " << network;
+        }
+        EXPECT_EQ(bench.reports.size() % 2, 0u);
+    }
+    EXPECT_GT(losses, 100u);
+}
+
+TEST(Controller, ANodeThatComesBackOtherwiseIsRefused)
+{
+    auto specs = pair();
+    specs[1].on_loss = Policy::pause;
+    Bench bench(specs, 5000, 11);
+    bench.arrive_all();
+    ASSERT_TRUE(lose(bench, 1, 1000));
+    bench.specs[1].rates[0].period = 250;
+    bench.arrive(1);
+    while (bench.reply_somewhere()) {
+    }
+    ASSERT_FALSE(bench.reports.empty());
+    EXPECT_TRUE(bench.reports.back().starts_with("flight: it came back with other steps")) << bench.reports.back();
+    bench.controller.stop("no flight");
+    EXPECT_EQ(bench.go_on(), "no flight");
+}
+
+TEST(Controller, EveryEndComesWhateverDiesWhen)
+{
+    // Some node dies after any number of replies, others while they finish: the run still ends.
+    for (unsigned seed = 0; seed < 2000; seed++) {
+        Random random(seed);
+        auto specs = random_network(random);
+        for (Spec &spec : specs) {
+            spec.on_loss = std::array{Policy::abort, Policy::hold, Policy::drop}[random() % 3];
+        }
+        Bench bench(specs, 200, seed);
+        bench.arrive_all();
+        for (auto n = random() % 60; n; n--) {
+            bench.reply_somewhere();
+        }
+        for (auto n = 1 + random() % 2; n; n--) {
+            bench.controller.lost(random() % specs.size(), "it was killed");
+            for (auto k = random() % 10; k; k--) {
+                bench.reply_somewhere();
+            }
+        }
+        if (random() % 4 == 0) {
+            bench.controller.stop("asked");
+        }
+        ASSERT_NE(bench.go_on(), "the run hangs") << seed;
+        ASSERT_TRUE(bench.controller.done());
+        for (NodeId id = 0; id < specs.size(); id++) {
+            EXPECT_FALSE(bench.controller.waiting_for(id));
+        }
+    }
+}
+
+TEST(Controller, AConfigurationThatMakesNoSenseIsRefused)
+{
+    const auto configured = [](const std::vector<Spec> &specs, Ns end) {
+        return Controller(Bench::configured(specs, end, 1000, 4096));
+    };
+    const Spec one = spec("one", 1, {}, {});
+    EXPECT_THROW(configured({}, 1), std::invalid_argument);
+    EXPECT_THROW(configured({one, one}, 1), std::invalid_argument);
+    EXPECT_THROW(configured({one}, -1), std::invalid_argument);
+    EXPECT_NO_THROW(configured({one}, 0));
+}
+
+} // namespace
+} // namespace fledge::cosim
