@@ -84,4 +84,4 @@ def test_it_draws_its_figures(tmp_path):
     from fledge.cli import main
 
     assert main(["run", "flyby", "--out", str(tmp_path)]) == 0
-    assert sorted(p.stem for p in tmp_path.glob("*.png")) == ["flyby_errors", "flyby_orbit", "flyby_sphere"]
+    assert sorted(p.stem for p in tmp_path.glob("*.png")) == ["flyby_errors", "flyby_sphere", "flyby_trajectory"]

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Velocity pointing (appendix A of the thesis) past Mars, 80 minutes before and after periapsis."""
-from fledge import scan, world
+from fledge import scan, trajectory, world
 from fledge.units import deg, minute, s
 
 
@@ -40,45 +40,5 @@ def _plot(log, velocity, b2, sky):
               for name, body in (("Sun", world.SUN), ("Jupiter", world.JUPITER_SYSTEM))}
     scan.sphere(log, {"velocity": velocity, "$b_2$": b2}, view=(212 * deg, 25 * deg), marks=bodies,
                 name="flyby_sphere", title=title)
-    _picture(log, title)
-
-
-def _picture(log, title):
-    """The way past Mars in the plane of the orbit, with two of the body's axes every ten minutes."""
-    import matplotlib.style
-    import numpy as np
-    from fledge.attitude import mrp_to_dcm
-    from fledge.plot import STYLE, deliver
-    from matplotlib.figure import Figure
-    from matplotlib.patches import Circle
-
-    if log._simulation.plots is False:
-        return
-    # To the right: the velocity at periapsis. Up: periapsis. In thousands of km.
-    r, v = log["state.r_BN_N"] / 1e6, log["state.v_BN_N"]
-    low = np.linalg.norm(r, axis=1).argmin()
-    plane = np.stack([v[low] / np.linalg.norm(v[low]), r[low] / np.linalg.norm(r[low])], axis=-1)
-    way, axes = r @ plane, mrp_to_dcm(log["state.sigma_BN"]) @ plane
-    outward = (v / np.linalg.norm(v, axis=1, keepdims=True)) @ plane @ [[0, 1], [-1, 0]]
-    with matplotlib.style.context(STYLE):
-        figure = Figure(figsize=(9.4, 4.6), layout="constrained")
-        figure.fledge_name = "flyby_orbit"
-        axis = figure.add_subplot()
-        axis.add_patch(Circle((0, 0), world.MARS.radius / 1e6, facecolor="#d9835f", edgecolor="#a85a3a"))
-        axis.annotate("Mars", (0, 0), ha="center", va="center", color="white", fontweight="bold")
-        axis.plot(*way.T, color="#aab4bf", linewidth=2.5)
-        for k, label, color in ((0, "$b_1$", scan.MAGENTA), (1, "$b_2$, along the velocity", scan.DARK)):
-            axis.quiver(*way[::600].T, *axes[::600, k].T, color=color, label=label, angles="xy", scale_units="xy",
-                        scale=1 / 1.7, width=0.0032, zorder=3)
-        for minutes in range(0, 161, 20):
-            now = 60 * minutes
-            axis.annotate("periapsis" if minutes == 80 else f"{minutes - 80:+d} min", way[now] + 2.7 * outward[now],
-                          ha="center", va="center", fontsize=8, color=scan.SOFT)
-        axis.set_xlim(-22, 22)
-        axis.set_ylim(-7, 8)
-        axis.set_aspect("equal")
-        axis.set_xlabel("along the velocity at periapsis  [1000 km]")
-        axis.set_ylabel("towards periapsis  [1000 km]")
-        axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
-        figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold", color=scan.INK)
-    deliver(figure, log._simulation.plots)
+    trajectory.plot(log, "craft.state", world.MARS, {"$b_1$": 1, "$b_2$, along the velocity": 2},
+                    every=10 * minute, name="flyby_trajectory", title=title)

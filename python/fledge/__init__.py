@@ -34,6 +34,7 @@ _LAZY = {
     "scan": ("scan", None),
     "sim": ("mission", None),
     "_core": ("_core", None),
+    "trajectory": ("trajectory", None),
     "units": ("units", None),
     "world": ("world", None),
 }

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The way of a craft past a body, in the plane of its orbit, with axes of the craft along it.
+
+    log = sim.record(w.craft.state, every=1 * s)
+    sim.run(160 * minute)
+    trajectory.plot(log, "craft.state", world.MARS, {"$b_2$, along the velocity": 2}, every=10 * minute)
+"""
+
+from fledge.plot import STYLE, deliver, series, time_unit
+from fledge.units import nanoseconds
+
+COLORS = ("#d0248f", "#1b2f6e", "#3d8b57")
+INK, SOFT, PALE, GROUND = "#222222", "#6f7780", "#aab4bf", "#d9835f"
+
+
+def plot(source, state, body, axes, *, every, colors=COLORS, title=None, name="trajectory", size=(9.4, 4.4)):
+    """Draw it; returns a matplotlib Figure.
+
+    source: a Log, whose simulation collects plots, or an Archive
+    state: the name of a CraftState in it, as in "craft.state", of a craft whose N has its origin in the body
+    body: a world.Body, drawn by its radius
+    axes: label -> axis of the craft, 1, 2 or 3
+    every: the time from one set of axes to the next
+    colors: one for each label; title, name: of the figure, and of its file; size: (width, height) in inches
+
+    Up is the point nearest to the body, and to the right is the velocity there.
+    """
+    simulation = getattr(source, "_simulation", None)
+    if simulation is not None and simulation.plots is False:
+        return None
+    import matplotlib.style
+    import numpy as np
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Circle
+
+    from fledge.attitude import mrp_to_dcm
+
+    r, v, sigma = (series(source, f"{state}.{field}").values for field in ("r_BN_N", "v_BN_N", "sigma_BN"))
+    time = series(source, f"{state}.r_BN_N").time
+    nearest = np.linalg.norm(r, axis=1).argmin()
+    up = r[nearest] / np.linalg.norm(r[nearest])
+    right = v[nearest] - up * (up @ v[nearest])
+    plane = np.stack([right / np.linalg.norm(right), up], axis=-1)
+    way, drawn = r @ plane / 1e6, mrp_to_dcm(sigma) @ plane
+    heading = v @ plane
+    outward = heading / np.linalg.norm(heading, axis=1, keepdims=True) @ [[0, 1], [-1, 0]]
+    every = nanoseconds(every) / 1e9
+    some = np.searchsorted(time, np.arange(time[0], time[-1] + 1e-9, every))
+    arrow = 0.04 * np.ptp(way, axis=0).max()
+
+    with matplotlib.style.context(STYLE):
+        figure = Figure(figsize=size, layout="constrained")
+        figure.fledge_name = name
+        axis = figure.add_subplot()
+        axis.add_patch(Circle((0, 0), body.radius / 1e6, facecolor=GROUND, edgecolor=SOFT))
+        axis.annotate(body.name.capitalize(), (0, 0), ha="center", va="center", color="white", fontweight="bold")
+        axis.plot(*way.T, color=PALE, linewidth=2.5)
+        for (label, k), color in zip(axes.items(), colors):
+            axis.quiver(*way[some].T, *drawn[some, k - 1].T, color=color, label=label, angles="xy",
+                        scale_units="xy", scale=1 / arrow, width=0.0032, zorder=3)
+        unit, factor = time_unit(2 * every)
+        for i in some[::2]:
+            since = time[i] - time[nearest]
+            text = f"{since / factor:+.0f} {unit}" if abs(since) > every / 2 else "nearest"
+            axis.annotate(text, way[i] + 1.6 * arrow * outward[i], ha="center", va="center", fontsize=8, color=SOFT)
+        # What is drawn beside the way has no say in the limits by itself.
+        low = np.minimum(way.min(axis=0), -body.radius / 1e6) - 2.4 * arrow
+        high = np.maximum(way.max(axis=0), body.radius / 1e6) + 2.4 * arrow
+        axis.set_xlim(low[0], high[0])
+        axis.set_ylim(low[1], high[1])
+        axis.set_aspect("equal")
+        axis.set_xlabel("along the velocity at the nearest point  [1000 km]")
+        axis.set_ylabel("towards that point  [1000 km]")
+        axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(axes))
+        if title:
+            figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold", color=INK)
+    return deliver(figure, simulation.plots) if simulation is not None else figure
