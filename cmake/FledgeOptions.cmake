@@ -13,11 +13,12 @@ function(fledge_common_options target)
     target_compile_options(${target} PUBLIC -ffp-contract=off -fno-math-errno)
 endfunction()
 
-# fledge_flight_options(<target>): C that flies. Strict C99, also clean as C11.
+# fledge_flight_options(<target>): C that flies. Strict C99, also clean as C11. Always with what a
+# debugger needs (docs/debugging.md): it changes no instruction, and costs 0.4 MB and under a second.
 function(fledge_flight_options target)
     fledge_common_options(${target})
     target_compile_options(${target} PRIVATE
-        $<$<COMPILE_LANGUAGE:C>:-pedantic -Wall -Wextra -Wconversion -Wstrict-prototypes -Werror>
+        $<$<COMPILE_LANGUAGE:C>:-pedantic -Wall -Wextra -Wconversion -Wstrict-prototypes -Werror -g>
         $<$<COMPILE_LANG_AND_ID:C,GNU>:-Wcast-align=strict>)
 endfunction()
 
