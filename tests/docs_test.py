@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The documents in docs/ do what they say: their files are written, their commands run.
+
+In a document,
+
+    ```c file=PATH       is a file to be written,
+    ```diff file=PATH    a change of one, with - and + lines, and blank-led ones that stay,
+    ```console           `$ command`s, run in one shell after the other; `(gdb) ` lines are what a
+                         command reads; the other lines must stand in what it prints, in this order,
+                         where ... stands for anything
+    ```sh                for the reader only.
+"""
+
+import os
+import re
+import subprocess
+
+import pytest
+
+from tests.tree import ROOT
+
+BLOCK = re.compile(r"^```(\w+)(?: file=(\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+PROMPT = "(gdb) "
+
+
+class Shell:
+    """Commands one after the other; the folder and the environment stay as each leaves them."""
+
+    def __init__(self, folder):
+        self.folder, self.state = folder, folder / ".state"
+        environment = {name: value for name, value in os.environ.items() if name != "FLEDGE_PROJECT"}
+        environment["PATH"] = f"{ROOT}:{environment['PATH']}"
+        self.environment = environment
+        self.state.write_text(f"cd {folder}\n")
+
+    def run(self, command, typed=""):
+        """(what it printed, exit code)"""
+        script = (f"source {self.state}\n{command}\nstatus=$?\n"
+                  f"{{ declare -px; printf 'cd %q\\n' \"$PWD\"; }} > {self.state}\nexit $status\n")
+        done = subprocess.run(["bash", "-c", script], input=typed, text=True, env=self.environment,
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=300)
+        return done.stdout, done.returncode
+
+    def here(self):
+        return self.run("pwd")[0].strip()
+
+
+def commands(text):
+    """(command, lines that it reads, lines that it must print) of a console block."""
+    found = []
+    for line in text.splitlines():
+        if line.startswith("$ "):
+            found.append((line[2:], [], []))
+        elif line.startswith(PROMPT):
+            found[-1][1].append(line[len(PROMPT):])
+        else:
+            found[-1][2].append(line.strip())
+    return found
+
+
+def missing(expected, printed):
+    """The first line of `expected` that is not in its place in what was printed, or None."""
+    lines = iter(printed.splitlines())
+    for wanted in expected:
+        pattern = ".*".join(re.escape(part.strip()) for part in wanted.split("..."))
+        if not any(re.search(pattern, line) for line in lines):
+            return wanted
+    return None
+
+
+def change(text, diff):
+    """A text after the change of a diff block, whose old lines it must hold once."""
+    lines = diff.splitlines(keepends=True)
+    old = "".join(line[1:] for line in lines if line[0] in " -")
+    new = "".join(line[1:] for line in lines if line[0] in " +")
+    assert text.count(old) == 1, f"is there {text.count(old)} times:\n{old}"
+    return text.replace(old, new)
+
+
+def follow(document, shell):
+    """Do what a document says."""
+    done = 0
+    for kind, file, text in BLOCK.findall((ROOT / "docs" / document).read_text(encoding="utf-8")):
+        if file:
+            path = os.path.join(shell.here(), file)
+            if kind == "diff":
+                with open(path, encoding="utf-8") as there:
+                    text = change(there.read(), text)
+            os.makedirs(os.path.dirname(path), exist_ok=True)
+            with open(path, "w", encoding="utf-8") as there:
+                there.write(text)
+        elif kind == "console":
+            for command, typed, expected in commands(text):
+                printed, status = shell.run(command, "".join(f"{line}\n" for line in typed))
+                assert status == 0, f"$ {command}\n{printed}"
+                absent = missing(expected, printed)
+                assert absent is None, f"$ {command}\n{printed}\n--- has no line, in its place: {absent}"
+                done += 1
+    return done
+
+
+def test_the_tutorial_leads_to_a_module_in_closed_loop(tmp_path):
+    assert follow("tutorial.md", Shell(tmp_path)) >= 10
+    assert (tmp_path / "my_sat/runs/turn/slew/slew.png").stat().st_size > 10_000
+
+
+def test_existing_code_is_wrapped_and_flown(tmp_path):
+    assert follow("existing-code.md", Shell(tmp_path)) >= 7
+
+
+def test_gdb_stops_in_flight_code(tmp_path):
+    shell = Shell(ROOT)
+    shell.state = tmp_path / "state"
+    shell.state.write_text(f"cd {ROOT}\nexport DEBUGINFOD_URLS=\n")
+    assert follow("debugging.md", shell) == 2
+
+
+@pytest.mark.parametrize("expected, printed, absent", [
+    (["a", "c"], "a\nb\nc", None),
+    (["c", "a"], "a\nb\nc", "a"),
+    (["a", "..."], "a", "..."),
+    (["x = 2.5..."], "x = 2.531", None),
+    (["a ... c"], "a\nc", "a ... c"),
+])
+def test_what_is_missing_is_noticed(expected, printed, absent):
+    assert missing(expected, printed) == absent
+
+
+def test_a_change_that_does_not_fit_is_noticed():
+    assert change("a\nb\nc\n", " a\n-b\n+x\n") == "a\nx\nc\n"
+    with pytest.raises(AssertionError, match="0 times"):
+        change("a\nb\n", "-c\n+d\n")
