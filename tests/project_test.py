@@ -1,0 +1,239 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`fledge new` and `fledge --project`: what is begun builds, passes its tests and flies, outside this
+tree and without touching it; what cannot be is refused in words."""
+
+import os
+import re
+import shutil
+import subprocess
+from types import SimpleNamespace
+
+import pytest
+
+from fledge import SetupError, _core, new
+from introspect.model import Struct
+from tests.tree import ROOT, files
+
+
+def fledge(*arguments, cwd, code=0):
+    """What `./fledge ARGUMENTS` prints; it must end with the exit code."""
+    environment = {name: value for name, value in os.environ.items() if name != "FLEDGE_PROJECT"}
+    done = subprocess.run([ROOT / "fledge", *arguments], cwd=cwd, env=environment, text=True,
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    assert done.returncode == code, done.stdout
+    return done.stdout
+
+
+def replace(path, old, new_):
+    text = path.read_text()
+    assert text.count(old) == 1, f"{old!r} is {text.count(old)} times in {path}"
+    path.write_text(text.replace(old, new_))
+
+
+# --- one project, with one of each -----------------------------------------------------------------
+
+@pytest.fixture(scope="module")
+def own(tmp_path_factory):
+    """A project with a module, a model, and a mission that flies both."""
+    place = tmp_path_factory.mktemp("own")
+    fledge("new", "project", "big-bird", cwd=place)
+    for kind, name in (("module", "guidance/JerkLimit"), ("model", "GasLeak"), ("mission", "FirstScan")):
+        fledge("--project", "big-bird", "new", kind, name, cwd=place)
+    mission = place / "big-bird/missions/first_scan"
+    replace(mission / "flight.py", "    f.motor    = ",
+            "    f.limiter  = fsw.JerkLimit(rate=0.05 * N * m / s)\n    f.motor    = ")
+    replace(mission / "flight.py", "f.control.torque     >> f.motor.torque",
+            "f.control.torque >> f.limiter.wanted, f.limiter.torque >> f.motor.torque")
+    replace(mission / "flight.py", "f.control, f.motor]", "f.control, f.limiter, f.motor]")
+    replace(mission / "world.py", "    w.nav    = ",
+            "    w.leak   = world.GasLeak(damping=1e-4 * N * m * s, noise=1e-6 * N * m)\n    w.nav    = ")
+    replace(mission / "world.py", "        # what flight sees\n",
+            "        w.craft.state >> w.leak.truth, w.leak.load >> w.craft.external,\n")
+    replace(mission / "world.py", "[w.craft, w.nav]", "[w.craft, w.leak, w.nav]")
+    return place / "big-bird"
+
+
+def test_its_tests_pass(own):
+    said = fledge("--project", own, "test", cwd=own)
+    assert said.splitlines()[-1] == "7 passed, 0 failed, 0 skipped"
+    assert fledge("--project", own, "test", "-k", "JerkLimit", cwd=own).splitlines()[-1].startswith("3 passed")
+
+
+def test_its_mission_flies_with_its_module_and_its_model(own):
+    said = fledge("--project", own, "run", "first_scan", cwd=own)
+    assert "passed" in said and (own / "runs/first_scan/acquire/run.mcap").exists()
+    said = fledge("--project", own, "list", "--ports", cwd=own)
+    for expected in ("first_scan", "nadir_spin", "JerkLimit", ">> torque        BodyTorque", "GasLeak"):
+        assert expected in said
+
+
+SCRIPT = """
+import fledge
+from fledge import SetupError, flight as fsw, world
+
+sim = fledge.load("first_scan", seed=3)
+sim.run(30)
+there, clone = sim.snapshot(), sim.clone()
+sim.run(60)
+clone.run(60)
+assert clone.snapshot() == sim.snapshot() != there
+sim.restore(there)
+sim.run(60)
+assert clone.snapshot() == sim.snapshot()
+assert abs(sim.world.leak.load.torque_B).max() > 0
+assert "JerkLimit" in dir(fsw) and "JerkLimit" not in dir(world) and "GasLeak" not in dir(fsw)
+try:
+    fsw.JerkLimit(rate=-1)
+except SetupError as error:
+    print(error)
+"""
+
+
+def test_its_objects_are_like_ours(own):
+    """Snapshots and clones hold a model's own memory, and parameters are checked by the header."""
+    said = fledge("--project", own, "exec", "/usr/bin/python3", "-c", SCRIPT, cwd=own)
+    assert said.splitlines()[-1] == "JerkLimit.rate must be > 0 N m / s, found -1 N m / s"
+
+
+def test_by_hand_it_is_a_cmake_package(own, tmp_path):
+    build = ROOT / "build" / os.environ.get("FLEDGE_PRESET", "release")
+    subprocess.run(["cmake", "-S", own, "-B", tmp_path, "-G", "Ninja", f"-DFledge_DIR={build}",
+                    "-DBUILD_TESTING=OFF"], check=True, capture_output=True)
+    flags = (tmp_path / "build.ninja").read_text()
+    assert "-ffp-contract=off" in flags and "-O" in flags
+
+
+def test_nothing_was_built_into_this_tree(own):
+    assert not any("jerk_limit" in str(path) for path in files())
+
+
+# --- what cannot be --------------------------------------------------------------------------------
+
+def test_names_that_are_ours_and_sources_that_are_not_there(tmp_path):
+    fledge("new", "project", "bad", cwd=tmp_path)
+    for name in ("One", "Two"):
+        fledge("--project", "bad", "new", "module", name, cwd=tmp_path)
+    cmake = tmp_path / "bad/CMakeLists.txt"
+    replace(cmake, "        flight/two\n", "")
+    said = fledge("--project", "bad", "list", cwd=tmp_path, code=2)
+    assert re.search(r"cannot load the library .*libbad.so: .*undefined symbol: two_\w+; do its sources", said)
+
+    for path in (tmp_path / "bad/flight").glob("two*"):
+        path.unlink()
+    for path in (tmp_path / "bad/flight").glob("one*"):
+        path.write_text(path.read_text().replace("one_", "hill_pointing_").replace("One", "HillPointing"))
+    said = fledge("--project", "bad", "list", cwd=tmp_path, code=2)
+    assert ("the library bad declares HillPointing, and so does flight/guidance/hill_pointing.h of Fledge: "
+            "rename it") in said
+
+
+def test_a_project_that_is_none(tmp_path):
+    assert "there is no project in nowhere" in fledge("--project", "nowhere", "list", cwd=tmp_path, code=1)
+    said = fledge("--project", tmp_path, "list", cwd=tmp_path, code=1)
+    assert f"(no CMakeLists.txt); './fledge new project {tmp_path}' makes one" in said
+
+
+def test_a_library_of_other_models_is_refused(tmp_path):
+    (tmp_path / "old.c").write_text("""
+        #include "sim/table.h"
+        const FledgeLibrary fledge_library_old = {FLEDGE_TABLE_VERSION, "old", 0, 0};
+        const struct { uint32_t version, n; const void *types; } fledge_models_old = {99, 0, 0};
+        """)
+    subprocess.run(["gcc", "-shared", "-fPIC", "-I", ROOT, "-o", tmp_path / "old.so", tmp_path / "old.c"], check=True)
+    with pytest.raises(SetupError, match="old was built for version 99 of the models, this is version 1"):
+        _core.load_library(str(tmp_path / "old.so"), "old")
+
+
+@pytest.mark.parametrize("kind, name, answer", [
+    ("module", "sun_slew", "a module's name is CamelCase, of letters and digits, such as TorqueLimiter; found"),
+    ("module", "Sun Slew", "a module's name is CamelCase"),
+    ("module", "Class", "'class' is a keyword of C or C\\+\\+"),
+    ("module", "Lambda", "'lambda' is a keyword of Python"),
+    ("module", "MrpFeedback", "MrpFeedback is declared in .*flight/control/mrp_feedback.h already"),
+    ("module", "MRPFeedback", "MrpFeedback is declared in"),
+    ("module", "Here", "Here is declared in .*flight/here.h already"),
+    ("module", "Guidance/SunSlew", "folders in flight/ are in small letters; found 'Guidance'"),
+    ("model", "CraftState", "CraftState is declared in .*world/msg/craft.h already"),
+    ("model", "Here", "Here is declared in"),
+    ("mission", "import", "'import' is a keyword of Python"),
+    ("mission", "3x", "a mission's name is of small letters, digits and _, such as first_light; found '3x'"),
+    ("mission", "there", "missions/there is there already"),
+])
+def test_names_are_checked_before_anything_is_written(tmp_path, kind, name, answer):
+    new.project(tmp_path / "here")
+    new.module("Here", tmp_path / "here")
+    new.mission("There", tmp_path / "here")
+    before = {path: (tmp_path / path).read_bytes() for path in files(tmp_path)}
+    with pytest.raises(new.NewError, match=answer):
+        getattr(new, kind)(name, tmp_path / "here")
+    assert before == {path: (tmp_path / path).read_bytes() for path in files(tmp_path)}
+
+
+@pytest.mark.parametrize("folder, answer", [
+    ("world", "the name world is Fledge's or CMake's own"),
+    ("fledge-mine", "the name fledge_mine is Fledge's or CMake's own"),
+    ("new", "'new' is a keyword of C or C\\+\\+"),
+    ("2nd", "a project's folder is named with letters, digits, _ and -; found '2nd'"),
+    ("there", "CMakeLists.txt is there already, and stays as it is"),
+])
+def test_projects_are_checked_too(tmp_path, folder, answer):
+    new.project(tmp_path / "there")
+    with pytest.raises(new.NewError, match=answer):
+        new.project(tmp_path / folder)
+
+
+def test_files_are_never_overwritten_and_a_list_that_is_not_found_is_told(tmp_path):
+    new.project(tmp_path / "p")
+    (tmp_path / "p/flight/spin.c").write_text("mine\n")
+    with pytest.raises(new.NewError, match="flight/spin.c is there already, and stays as it is"):
+        new.module("Spin", tmp_path / "p")
+    assert (tmp_path / "p/flight/spin.c").read_text() == "mine\n" and not (tmp_path / "p/flight/spin.h").exists()
+
+    replace(tmp_path / "p/CMakeLists.txt", "    FLIGHT\n", "")
+    with pytest.raises(new.NewError, match="cannot find a line FLIGHT in fledge_project.., for flight/turn"):
+        new.module("Turn", tmp_path / "p")
+    with pytest.raises(new.NewError, match="there is no .*CMakeLists.txt; './fledge new project' makes one"):
+        new.module("Turn", tmp_path / "nowhere")
+
+
+# --- Fledge's own ----------------------------------------------------------------------------------
+
+def added(before, after):
+    """The lines that are new; all others must be there, in their order."""
+    new_lines, rest = [], iter(after.splitlines())
+    for line in before.splitlines():
+        for other in rest:
+            if other == line:
+                break
+            new_lines.append(other)
+        else:
+            raise AssertionError(f"lost: {line}")
+    return new_lines + list(rest)
+
+
+def test_within_fledge_lines_go_where_their_neighbours_are(tmp_path, monkeypatch):
+    for file in ("flight/CMakeLists.txt", "world/CMakeLists.txt"):
+        (tmp_path / file).parent.mkdir(parents=True)
+        shutil.copy(ROOT / file, tmp_path / file)
+    monkeypatch.setattr(new, "FLEDGE", tmp_path)
+    before = (tmp_path / "flight/CMakeLists.txt").read_text()
+    new.module("guidance/SunSlew")
+    new.module("payload/Shutter")
+    after = (tmp_path / "flight/CMakeLists.txt").read_text()
+    assert added(before, after) == ["flight_module(guidance/sun_slew)", "flight_module(payload/shutter)"]
+    assert re.search(r"flight_module\(guidance/\w+\)\nflight_module\(guidance/sun_slew\)\n", after)
+    header = (tmp_path / "flight/guidance/sun_slew.h").read_text()
+    assert "#ifndef FLIGHT_GUIDANCE_SUN_SLEW_H" in header and "void sun_slew_update(SunSlew *m, Tick t);" in header
+
+    before = (tmp_path / "world/CMakeLists.txt").read_text()
+    new.model("GasLeak")
+    assert added(before, (tmp_path / "world/CMakeLists.txt").read_text()) == [
+        "    dynamics/gas_leak_model.cpp",
+        "fledge_add_test(world_dynamics_gas_leak_test"
+        " SOURCES dynamics/gas_leak_model_test.cpp LIBRARIES fledge::world)"]
+    assert "namespace fledge::world {" in (tmp_path / "world/dynamics/gas_leak_model.cpp").read_text()
+
+
+@pytest.mark.parametrize("name", ["MrpFeedback", "J2Gravity", "HTTPServer", "X", "SPKFile2", "A1b2C3"])
+def test_functions_are_named_as_the_reader_wants_them(name):
+    assert new.snake(name) == Struct.snake_name.fget(SimpleNamespace(name=name))
