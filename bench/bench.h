@@ -21,6 +21,9 @@ __attribute__((visibility("default"))) double time_harmonics(int plain, int degr
 /// The largest relative difference of the two along the orbit.
 __attribute__((visibility("default"))) double harmonics_difference(int degree);
 
+/// fm_sin(x) for "sin", and so on; NaN if there is no function of one argument of that name.
+__attribute__((visibility("default"))) double elementary(const char *function, double x);
+
 #ifdef __cplusplus
 }
 #endif

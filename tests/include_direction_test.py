@@ -45,7 +45,7 @@ THIRD_PARTIES = {
     "introspect": {"clang"},
     "fledge":     {"_core", "_core_build", "h5py", "matplotlib", "numpy", "pandas"},
     "missions":   {"numpy"},
-    "bench":      {"_core", "numpy"},
+    "bench":      {"_core", "jplephem", "mpmath", "numpy"},
     "tests":      {"_core", "numpy"},
 }
 
