@@ -519,7 +519,9 @@ void Simulation::Runtime::shape(const std::function<void(void *, std::size_t)> &
             block(instance->memory(), instance->type().size);
             if (instance->model()) {
                 const auto memory = instance->model()->memory();
-                block(memory.data(), memory.size());
+                if (!memory.empty()) {
+                    block(memory.data(), memory.size());
+                }
             }
         }
     }
