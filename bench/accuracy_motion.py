@@ -145,8 +145,8 @@ def oblate():
         kept.add(name, *(abs(a / b - 1) for a, b in zip(after, before)))
 
     drift = Table("Secular rates, Adaptive, 1e-12", "J2",
-                  [("node found", "deg/d"), ("theory", "deg/d"), ("difference", "relative"),
-                   ("periapsis found", "deg/d"), ("theory", "deg/d"), ("difference", "relative")])
+                  [(f"{angle}, {what}", unit) for angle in ("node", "periapsis")
+                   for what, unit in (("found", "deg/d"), ("theory", "deg/d"), ("difference", "relative"))])
     for J2 in (1.0826e-3, 1.0826e-4, 1.0826e-5):
         sim = spacecraft(world.Adaptive(1e-12, 1e-9), MINUTE, gravity=[planet(J2)], orbit=start)
         log = sim.record(sim.world.craft.state, every=MINUTE)
