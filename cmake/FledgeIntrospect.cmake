@@ -9,6 +9,7 @@ get_filename_component(FLEDGE_ROOT ${CMAKE_CURRENT_LIST_DIR}/.. ABSOLUTE)
 # Adds to a target what follows from the headers of a library:
 #   tables  its structs as data: `fledge_library_<name>`, see sim/table.h
 #   layout  a file that compiles only where structs lie in memory as the tables say
+#   orders  the byte order of its messages: `fledge_messages_<name>`, see registers/message.h
 #   models  what makes its models: `fledge_models_<name>`, see sim/model_library.h
 # Without EMIT: tables and layout. Folders are relative to ROOT (default: the project); INCLUDE names
 # further roots that headers include from, besides Fledge itself.
@@ -44,7 +45,7 @@ function(fledge_introspect target)
         list(APPEND options --emit ${what})
         list(APPEND written ${out}/${arg_LIBRARY}_${what})
     endforeach()
-    list(TRANSFORM written APPEND .c REGEX "_(tables|layout)$")
+    list(TRANSFORM written APPEND .c REGEX "_(tables|layout|orders)$")
     list(TRANSFORM written APPEND .cpp REGEX "_models$")
     list(GET written 0 first)
     add_custom_command(

@@ -1,0 +1,96 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* A board as data: where its snorkels lie and how they behave. The tables are generated from the
+ * board's TOML file; README.md draws the layouts. Addresses are in bytes from the board's base. */
+#ifndef REGISTERS_BOARD_H
+#define REGISTERS_BOARD_H
+
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define REGISTER_NOWHERE UINT32_MAX
+
+typedef enum RegisterForm {
+    REGISTER_WORD,   ///< 32 bits, of which fields may be parts
+    REGISTER_PACKET, ///< bytes
+    REGISTER_MESSAGE ///< a message as in the archive: 4 bytes of CDR head, then its struct
+} RegisterForm;
+
+enum {
+    REGISTER_FROM_FLIGHT = 1 << 0, ///< flight writes, the outside reads; else the other way round
+    REGISTER_QUEUED = 1 << 1,      ///< kept in order; else only the last one counts
+    REGISTER_VARIABLE = 1 << 2,    ///< 0 to capacity bytes; else exactly capacity
+    REGISTER_OVERWRITE = 1 << 3    ///< a full queue gives up its oldest; else it refuses the newest
+};
+
+/** Where the parts of a packet's describing word stand. A part of 0 bits is not there. */
+typedef struct RegisterDescriptor {
+    uint8_t length_lsb;
+    uint8_t length_bits;
+    uint8_t tag_lsb;
+    uint8_t tag_bits;
+    uint8_t valid_lsb;
+    uint8_t valid_bits; ///< 0 or 1
+} RegisterDescriptor;
+
+/** What the outside's end of a lane does to a packet: drop `remove` bytes in front, reverse the
+ *  bytes of each whole unit if both sides' orders differ, put `add` bytes in front. */
+typedef struct RegisterOutside {
+    uint16_t remove;    ///< [bytes]
+    uint16_t add;       ///< [bytes]
+    const uint8_t *head; ///< the bytes to add
+    uint8_t unit;       ///< [bytes] 1, 2, 4 or 8
+    uint8_t swap;       ///< 1: the orders differ
+} RegisterOutside;
+
+/** A part of a word: value = offset + scale * count, of `bits` bits from `lsb` up. */
+typedef struct RegisterField {
+    const char *name;
+    const char *unit;
+    double scale; ///< never 0
+    double offset;
+    uint8_t lsb;
+    uint8_t bits;
+    uint8_t is_signed; ///< two's complement
+    uint8_t spare;
+} RegisterField;
+
+/** One direction of a snorkel. A snorkel of both directions is two lanes. */
+typedef struct RegisterLane {
+    const char *name;
+    RegisterForm form;
+    uint32_t flags;       ///< REGISTER_QUEUED ...
+    uint32_t address;     ///< the word itself, or the control block
+    uint32_t descriptors; ///< the first describing word; REGISTER_NOWHERE: they stand in the slots
+    uint32_t capacity;    ///< [bytes] of a slot's payload
+    uint32_t stride;      ///< [bytes] from slot to slot
+    uint32_t depth;       ///< slots: of a queue a power of two; 4 of a packet that is not queued
+    uint32_t count;       ///< how many equal words follow one another; 1 for all but plain words
+    int32_t interrupt;    ///< the line that a writing raises, or -1
+    RegisterDescriptor descriptor;
+    RegisterOutside outside;
+    uint32_t n_fields;
+    const RegisterField *fields;
+} RegisterLane;
+
+typedef struct RegisterBoard {
+    const char *name;
+    uint64_t hash;       ///< of all below: both sides must have been made from one file
+    uint64_t base;       ///< where flight's processor finds it
+    uint32_t size;       ///< [bytes]
+    uint32_t big_endian; ///< the order of its words
+    uint32_t clock;      ///< address of the clock block, or REGISTER_NOWHERE
+    int32_t clock_interrupt; ///< the line that a tick raises, or -1
+    uint32_t interrupts; ///< address of the interrupts' counters, or REGISTER_NOWHERE
+    uint32_t n_interrupts;
+    uint32_t n_lanes;
+    const RegisterLane *lanes;
+} RegisterBoard;
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,353 @@
+// SPDX-License-Identifier: Apache-2.0
+// Every kind of lane against a plain model, by random writings and readings; what lies in memory,
+// byte for byte; two threads; and what a damaged memory does.
+#include "registers/lane.h"
+
+#include <algorithm>
+#include <atomic>
+#include <deque>
+#include <random>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "registers/testing/board.h"
+
+namespace {
+
+using namespace fledge::registers::testing;
+using Bytes = std::vector<unsigned char>;
+
+struct Kind {
+    std::uint32_t flags;
+    std::uint32_t capacity;
+    std::uint32_t depth;
+    bool described;
+    bool big_endian;
+};
+
+std::vector<Kind> packet_kinds()
+{
+    std::vector<Kind> kinds;
+    for (std::uint32_t flags = 0; flags < 16; flags += 2) {
+        if ((flags & OVERWRITE) && !(flags & QUEUED)) {
+            continue;
+        }
+        for (std::uint32_t capacity : {1u, 7u, 8u, 61u}) {
+            for (std::uint32_t depth : {1u, 2u, 8u}) {
+                for (int i = 0; i < 4; i++) {
+                    kinds.push_back({flags, capacity, depth, (i & 1) != 0, (i & 2) != 0});
+                }
+            }
+        }
+    }
+    return kinds;
+}
+
+struct Sent {
+    Bytes bytes;
+    std::uint32_t tag;
+    std::uint32_t sequence;
+};
+
+// What a lane promises, in the plainest words.
+class Model {
+public:
+    explicit Model(const Kind &kind) : kind_(kind) {}
+
+    RegisterStatus put(const Bytes &bytes, std::uint32_t tag)
+    {
+        const bool variable = kind_.flags & VARIABLE;
+        if (bytes.size() > kind_.capacity || (!variable && bytes.size() != kind_.capacity)) {
+            return REGISTER_SIZE;
+        }
+        if (!(kind_.flags & QUEUED)) {
+            sent_.assign(1, {bytes, tag, ++written_});
+            fresh_ = true;
+            return REGISTER_OK;
+        }
+        if (sent_.size() == kind_.depth) {
+            lost_++;
+            if (!(kind_.flags & OVERWRITE)) {
+                return REGISTER_FULL;
+            }
+            sent_.pop_front();
+        }
+        sent_.push_back({bytes, tag, ++written_});
+        return REGISTER_OK;
+    }
+
+    RegisterStatus take(std::size_t room, Sent *got)
+    {
+        if (sent_.empty()) {
+            return REGISTER_EMPTY;
+        }
+        *got = sent_.front();
+        if (got->bytes.size() > room) {
+            return REGISTER_SIZE;
+        }
+        if (kind_.flags & QUEUED) {
+            sent_.pop_front();
+            return REGISTER_OK;
+        }
+        return std::exchange(fresh_, false) ? REGISTER_OK : REGISTER_SAME;
+    }
+
+    std::uint32_t waiting() const
+    {
+        return kind_.flags & QUEUED ? static_cast<std::uint32_t>(sent_.size()) : fresh_;
+    }
+    std::uint32_t lost() const { return lost_; }
+
+private:
+    Kind kind_;
+    std::deque<Sent> sent_;
+    std::uint32_t written_ = 0;
+    std::uint32_t lost_ = 0;
+    bool fresh_ = false;
+};
+
+TEST(Lane, AnyPacketKindDoesWhatThePlainModelDoes)
+{
+    std::mt19937 random(5);
+    for (const Kind &kind : packet_kinds()) {
+        Shape shape{REGISTER_PACKET, kind.flags, kind.capacity, kind.depth, kind.described};
+        Bench bench({shape, shape}, kind.big_endian); // the second one must stay untouched
+        const RegisterWindow *w = bench.window();
+        Model model(kind);
+        const bool variable = kind.flags & VARIABLE;
+        for (int step = 0; step < 200; step++) {
+            if (random() % 2) {
+                const std::size_t n = variable ? random() % (kind.capacity + 1)
+                                               : kind.capacity + (random() % 8 == 0);
+                Bytes bytes(n);
+                std::generate(bytes.begin(), bytes.end(), [&] { return random() & 0xff; });
+                const std::uint32_t tag = random() % 128;
+                ASSERT_EQ(register_put(w, bench.lane(), bytes.data(), n, tag), model.put(bytes, tag));
+            } else {
+                const std::uint32_t room = random() % 8 ? kind.capacity : random() % kind.capacity;
+                Bytes bytes(room + 1, 0xA5);
+                RegisterInfo info;
+                Sent expected;
+                const RegisterStatus status = model.take(room, &expected);
+                ASSERT_EQ(register_take(w, bench.lane(), bytes.data(), room, &info), status);
+                ASSERT_EQ(bytes[room], 0xA5);
+                if (status == REGISTER_OK || status == REGISTER_SAME) {
+                    ASSERT_EQ(info.n, expected.bytes.size());
+                    ASSERT_EQ(info.tag, expected.tag);
+                    ASSERT_EQ(info.sequence, expected.sequence);
+                    ASSERT_TRUE(std::equal(expected.bytes.begin(), expected.bytes.end(),
+                                           bytes.begin()));
+                } else if (status == REGISTER_SIZE) {
+                    ASSERT_EQ(info.n, expected.bytes.size());
+                }
+            }
+            ASSERT_EQ(register_waiting(w, bench.lane()), model.waiting());
+        }
+        // An overwriting queue finds its losses when it is read.
+        Bytes bytes(kind.capacity);
+        RegisterInfo info;
+        Sent expected;
+        register_take(w, bench.lane(), bytes.data(), kind.capacity, &info);
+        model.take(kind.capacity, &expected);
+        EXPECT_EQ(register_lost(w, bench.lane()), model.lost());
+        const unsigned char *other = bench.bytes() + bench.lane(1)->address;
+        EXPECT_TRUE(std::all_of(other, bench.bytes() + bench.board().size,
+                                [](unsigned char byte) { return byte == 0; }));
+    }
+}
+
+TEST(Lane, WordsAndQueuesOfWordsDoWhatThePlainModelDoes)
+{
+    std::mt19937 random(6);
+    for (bool big_endian : {false, true}) {
+        for (std::uint32_t flags : {PLAIN, QUEUED, QUEUED | OVERWRITE}) {
+            for (std::uint32_t depth : {1u, 4u}) {
+                Bench bench({{REGISTER_WORD, flags, 4, depth, false, flags ? 1u : 3u}}, big_endian);
+                const RegisterWindow *w = bench.window();
+                std::deque<std::uint32_t> queue;
+                std::uint32_t plain[3] = {};
+                for (int step = 0; step < 300; step++) {
+                    const std::uint32_t index = flags ? 0 : random() % 3;
+                    std::uint32_t value = random();
+                    if (random() % 2) {
+                        const RegisterStatus status =
+                            register_put_word(w, bench.lane(), index, value);
+                        const bool full = flags && queue.size() == depth;
+                        const bool refused = full && !(flags & OVERWRITE);
+                        ASSERT_EQ(status, refused ? REGISTER_FULL : REGISTER_OK);
+                        if (full && !refused) {
+                            queue.pop_front();
+                        }
+                        if (!refused) {
+                            queue.push_back(value);
+                            plain[index] = value;
+                        }
+                    } else {
+                        const RegisterStatus status =
+                            register_take_word(w, bench.lane(), index, &value);
+                        if (!flags) {
+                            ASSERT_EQ(status, REGISTER_OK);
+                            ASSERT_EQ(value, plain[index]);
+                        } else if (queue.empty()) {
+                            ASSERT_EQ(status, REGISTER_EMPTY);
+                        } else {
+                            ASSERT_EQ(status, REGISTER_OK);
+                            ASSERT_EQ(value, queue.front());
+                            queue.pop_front();
+                        }
+                    }
+                }
+                EXPECT_EQ(register_put_word(w, bench.lane(), flags ? 1 : 3, 0), REGISTER_SIZE);
+            }
+        }
+    }
+}
+
+TEST(Lane, CountersMayWrapAround)
+{
+    for (std::uint32_t overwrite : {PLAIN, OVERWRITE}) {
+        Bench bench({{REGISTER_PACKET, QUEUED | overwrite, 4, 4, true}}, false);
+        const RegisterWindow *w = bench.window();
+        const std::uint32_t at = bench.lane()->address;
+        for (std::uint32_t counter : {REGISTER_WRITTEN, REGISTER_TAKEN, REGISTER_BEGUN}) {
+            register_store(w, at + counter, UINT32_MAX - 5);
+        }
+        for (std::uint32_t i = 0; i < 20; i++) {
+            const std::uint32_t pair[2] = {2 * i, 2 * i + 1};
+            for (const std::uint32_t &v : pair) {
+                ASSERT_EQ(register_put(w, bench.lane(), &v, 4, 0), REGISTER_OK);
+            }
+            for (const std::uint32_t &v : pair) {
+                std::uint32_t got = 0;
+                RegisterInfo info;
+                ASSERT_EQ(register_take(w, bench.lane(), &got, 4, &info), REGISTER_OK);
+                ASSERT_EQ(got, v);
+            }
+        }
+        EXPECT_EQ(register_lost(w, bench.lane()), 0u);
+    }
+}
+
+TEST(Lane, MemoryHoldsWordsInTheBoardsOrderAndPayloadAsItIs)
+{
+    const unsigned char payload[5] = {1, 2, 3, 4, 5};
+    for (bool big : {false, true}) {
+        Bench bench({{REGISTER_WORD},
+                     {REGISTER_PACKET, VARIABLE | QUEUED, 8, 2, true}}, big);
+        register_put_word(bench.window(), bench.lane(0), 0, 0x11223344);
+        register_put(bench.window(), bench.lane(1), payload, 5, 0x55);
+        const unsigned char *word = bench.bytes() + bench.lane(0)->address;
+        const Bytes ordered = big ? Bytes{0x11, 0x22, 0x33, 0x44} : Bytes{0x44, 0x33, 0x22, 0x11};
+        EXPECT_EQ(Bytes(word, word + 4), ordered);
+        const unsigned char *described = bench.bytes() + bench.lane(1)->descriptors;
+        const Bytes describing = big ? Bytes{0xD5, 0, 0, 5} : Bytes{5, 0, 0, 0xD5};
+        EXPECT_EQ(Bytes(described, described + 4), describing);
+        const unsigned char *slot = bench.bytes() + bench.lane(1)->address + REGISTER_CONTROL_SIZE;
+        EXPECT_EQ(Bytes(slot + 8, slot + 16), (Bytes{1, 2, 3, 4, 5, 0, 0, 0}));
+        // Taken, the describing word is no longer valid.
+        unsigned char got[8];
+        RegisterInfo info;
+        EXPECT_EQ(register_take(bench.window(), bench.lane(1), got, 8, &info), REGISTER_OK);
+        EXPECT_EQ(described[big ? 0 : 3], 0x55);
+    }
+}
+
+TEST(Lane, ADamagedLengthIsSkippedAndCounted)
+{
+    Bench bench({{REGISTER_PACKET, VARIABLE | QUEUED, 8, 4, true}}, true);
+    const RegisterWindow *w = bench.window();
+    const std::uint64_t sent[2] = {1, 2};
+    register_put(w, bench.lane(), &sent[0], 8, 0);
+    register_put(w, bench.lane(), &sent[1], 8, 0);
+    register_store(w, bench.lane()->descriptors, 0x80FFFFFF);
+    std::uint64_t got = 0;
+    RegisterInfo info;
+    EXPECT_EQ(register_take(w, bench.lane(), &got, 8, &info), REGISTER_CORRUPT);
+    EXPECT_EQ(got, 0u);
+    EXPECT_EQ(register_lost(w, bench.lane()), 1u);
+    EXPECT_EQ(register_take(w, bench.lane(), &got, 8, &info), REGISTER_OK);
+    EXPECT_EQ(got, 2u);
+}
+
+TEST(Lane, InterruptsAreCountedAndRing)
+{
+    Shape shape{REGISTER_PACKET, QUEUED, 4, 2};
+    shape.interrupt = 3;
+    Bench bench({shape}, true);
+    std::vector<std::uint32_t> rung;
+    bench.window()->user = &rung;
+    bench.window()->ring = [](void *user, std::uint32_t line) {
+        static_cast<std::vector<std::uint32_t> *>(user)->push_back(line);
+    };
+    const RegisterWindow *w = bench.window();
+    const std::uint32_t v = 0;
+    for (int i = 0; i < 3; i++) {
+        register_put(w, bench.lane(), &v, 4, 0);
+    }
+    EXPECT_EQ(rung, (std::vector<std::uint32_t>{3, 3})); // the third writing was refused
+    EXPECT_EQ(register_interrupts(w, 3), 2u);
+    EXPECT_EQ(register_handle(w, 3), 2u);
+    EXPECT_EQ(register_handle(w, 3), 0u);
+    register_raise(w, 8); // there are 8 lines
+    EXPECT_EQ(register_interrupts(w, 8), 0u);
+    EXPECT_EQ(rung.size(), 2u);
+}
+
+// A writer and a reader side by side: whatever is read is whole, in order, and nothing is both
+// lost and unaccounted for.
+void race(std::uint32_t flags, std::uint32_t capacity, std::uint32_t depth)
+{
+    constexpr std::uint32_t N = 20000;
+    Shape shape{REGISTER_PACKET, flags, capacity, depth};
+    shape.interrupt = 0;
+    Bench bench({shape}, true);
+    std::atomic<bool> ended = false;
+    std::uint32_t refused = 0;
+    std::thread writer([&] {
+        std::vector<std::uint32_t> packet(capacity / 4);
+        for (std::uint32_t i = 1; i <= N; i++) {
+            std::fill(packet.begin(), packet.end(), i);
+            refused += register_put(bench.window(), bench.lane(), packet.data(), capacity, 0)
+                       == REGISTER_FULL;
+        }
+        ended = true;
+    });
+    std::vector<std::uint32_t> packet(capacity / 4);
+    std::uint32_t last = 0, taken = 0, handled = 0;
+    for (bool end = false; !end;) {
+        end = ended; // and once more after the end
+        handled += register_handle(bench.window(), 0);
+        RegisterInfo info;
+        RegisterStatus status;
+        do {
+            status = register_take(bench.window(), bench.lane(), packet.data(), capacity, &info);
+            if (status == REGISTER_OK) {
+                taken++;
+                EXPECT_GT(packet[0], last);
+                last = packet[0];
+                EXPECT_EQ(std::count(packet.begin(), packet.end(), last),
+                          static_cast<std::ptrdiff_t>(packet.size()));
+            }
+        } while (status == REGISTER_OK || status == REGISTER_BUSY);
+    }
+    writer.join();
+    EXPECT_EQ(handled, N - refused);
+    if (flags & QUEUED) {
+        EXPECT_EQ(taken + register_lost(bench.window(), bench.lane()), N);
+    }
+    if (refused == 0) {
+        EXPECT_EQ(last, N);
+    }
+}
+
+TEST(LaneThreads, TheLastPacketIsNeverTorn) { race(0, 256, 1); }
+TEST(LaneThreads, AQueueThatRefusesLosesNothingUncounted) { race(QUEUED, 64, 8); }
+TEST(LaneThreads, AQueueThatOverwritesLosesNothingUncounted)
+{
+    race(QUEUED | OVERWRITE, 64, 8);
+}
+
+} // namespace

@@ -1,0 +1,51 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Messages through lanes, whole: the bytes that archive and wire hold too, so that runs on
+ * different machines can be compared bit for bit. The writer stores its struct as it lies in its
+ * memory, behind 4 bytes that tell the byte order; a reader of the other order reverses. */
+#ifndef REGISTERS_MESSAGE_H
+#define REGISTERS_MESSAGE_H
+
+#include "registers/lane.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/** `n` numbers of `width` bytes in a row. */
+typedef struct RegisterRun {
+    uint32_t width; ///< [bytes] 1, 2, 4 or 8
+    uint32_t n;
+} RegisterRun;
+
+/** A message type: what is needed to reverse its bytes. Generated from the headers. */
+typedef struct RegisterMessage {
+    const char *name;
+    uint32_t size; ///< [bytes] of the struct
+    uint32_t n_runs;
+    const RegisterRun *runs; ///< in the order of memory; they fill the struct
+} RegisterMessage;
+
+/** All message types of a library. */
+typedef struct RegisterMessages {
+    uint32_t n;
+    const RegisterMessage *const *messages;
+} RegisterMessages;
+
+/** Reverse the bytes of every number of a message, in place. Twice is not at all. */
+void register_message_reverse(const RegisterMessage *type, void *bytes);
+
+/** Write a message. REGISTER_SIZE: the lane is not for messages of this size. */
+RegisterStatus register_put_message(const RegisterWindow *w, const RegisterLane *lane,
+                                    const RegisterMessage *type, const void *message);
+
+/** Read a message, in this machine's byte order. It is touched only with REGISTER_OK and
+ *  REGISTER_SAME, and with REGISTER_CORRUPT or REGISTER_BUSY, when it holds no message. */
+RegisterStatus register_take_message(const RegisterWindow *w, const RegisterLane *lane,
+                                     const RegisterMessage *type, void *message,
+                                     RegisterInfo *info);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

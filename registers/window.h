@@ -1,0 +1,68 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* A board's memory as one side sees it: 32-bit words in the board's byte order.
+ *
+ * Every access is one volatile, atomic load or store of an aligned word, so that a word is never
+ * torn and other words never come to be seen before what they announce. Nothing else is asked of
+ * the memory: no read-modify-write, and no side effect of a load or a store. So plain RAM will do,
+ * of this process, of two processes, or of an emulated board; and so will a 32-bit processor that
+ * has no compare-and-swap. */
+#ifndef REGISTERS_WINDOW_H
+#define REGISTERS_WINDOW_H
+
+#include "registers/board.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct RegisterWindow {
+    const RegisterBoard *board;
+    volatile uint32_t *words; ///< aligned to 8 bytes, board->size bytes
+    uint32_t swap;            ///< 1: the board's byte order is not this processor's
+    /** Told of each interrupt that this side raises, after it was counted; may be NULL. */
+    void (*ring)(void *user, uint32_t line);
+    void *user;
+} RegisterWindow;
+
+/** The window of a board onto memory that holds it; no ring. */
+static inline RegisterWindow register_window(const RegisterBoard *board, volatile uint32_t *words)
+{
+    RegisterWindow w;
+    w.board = board;
+    w.words = words;
+    w.swap = (__BYTE_ORDER__ == __ORDER_BIG_ENDIAN__) != (board->big_endian != 0u);
+    w.ring = 0;
+    w.user = 0;
+    return w;
+}
+
+/** A control word: all accesses to control words, of both sides, have one order. */
+static inline uint32_t register_load(const RegisterWindow *w, uint32_t address)
+{
+    const uint32_t v = __atomic_load_n(&w->words[address / 4u], __ATOMIC_SEQ_CST);
+    return w->swap ? __builtin_bswap32(v) : v;
+}
+
+static inline void register_store(const RegisterWindow *w, uint32_t address, uint32_t value)
+{
+    const uint32_t v = w->swap ? __builtin_bswap32(value) : value;
+    __atomic_store_n(&w->words[address / 4u], v, __ATOMIC_SEQ_CST);
+}
+
+/** Four bytes of payload as they lie in memory. Who sees a new one also sees what was stored
+ *  before it: a reader that was overtaken finds out. */
+static inline uint32_t register_load_bytes(const RegisterWindow *w, uint32_t address)
+{
+    return __atomic_load_n(&w->words[address / 4u], __ATOMIC_ACQUIRE);
+}
+
+static inline void register_store_bytes(const RegisterWindow *w, uint32_t address, uint32_t v)
+{
+    __atomic_store_n(&w->words[address / 4u], v, __ATOMIC_RELEASE);
+}
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
