@@ -282,18 +282,21 @@ for _name, _unit in (
 def nanoseconds(t):
     """A time, a quantity or a number of seconds, as the nearest whole number of nanoseconds.
 
-    Raises UnitError for what is no time, ValueError for what is not finite.
+    Raises UnitError for what is no time, ValueError for what is not finite or beyond 292 years, which
+    is what 64 bits hold.
     """
     if isinstance(t, Quantity):
         if t.dims[:7] != s.dims[:7]:
             raise UnitError("expected a time, found %s" % (t,))
         t = t.value
-    if isinstance(t, int):
-        return t * 1000000000
-    t = float(t)
-    if t != t or t in (float("inf"), float("-inf")):
-        raise ValueError("expected a finite time, found %s" % t)
-    return int(round(t * 1e9))
+    if not isinstance(t, int):
+        t = float(t)
+        if t != t or t in (float("inf"), float("-inf")):
+            raise ValueError("expected a finite time, found %s" % t)
+    ns = t * 1000000000 if isinstance(t, int) else int(round(t * 1e9))
+    if not -9223372036854775808 <= ns <= 9223372036854775807:
+        raise ValueError("expected a time within 292 years, found %s s" % t)
+    return ns
 
 
 def __getattr__(name):

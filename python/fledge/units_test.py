@@ -120,3 +120,10 @@ def test_an_unknown_unit_lists_the_known():
 def test_repr():
     assert repr(45.0 * N * m * s) == "45.0 N m s"
     assert repr(1 * mrad) == "0.001 rad"
+
+
+def test_times_beyond_64_bits_are_refused():
+    assert units.nanoseconds(9.2e9) == 9_200_000_000_000_000_000
+    for t in (1e10, 10**10, -1e10, 400 * 365.25 * units.day):
+        with pytest.raises(ValueError, match="within 292 years"):
+            units.nanoseconds(t)
