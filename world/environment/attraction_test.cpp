@@ -19,9 +19,9 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using ::testing::ElementsAre;
-using ::testing::HasSubstr;
 using testing::error_of;
 using testing::Flyer;
+using ::testing::HasSubstr;
 using testing::made_kernel;
 using testing::second;
 using testing::TemporaryFile;
@@ -244,8 +244,8 @@ TEST(Attraction, OfTheMembersOfASystemDoesNotMoveItsBarycentre)
     const Vector3d all = pull(mu_sun, sun) + pull(mu_earth, earth) + pull(mu_moon, moon);
     EXPECT_LT((at(0, r - sun) - all).norm(), 1e-14 * all.norm());
     EXPECT_LT((at(3, r) - (all - fall(mu_sun, sun))).norm(), 1e-14 * all.norm());
-    EXPECT_LT((at(399, r - earth) -
-               (all - fall(mu_sun, sun - earth) - fall(mu_moon, moon - earth))).norm(),
+    EXPECT_LT((at(399, r - earth) - (all - fall(mu_sun, sun - earth) - fall(mu_moon, moon - earth)))
+                  .norm(),
               1e-14 * all.norm());
 }
 

@@ -10,8 +10,8 @@ namespace fledge::world {
 namespace {
 
 using Eigen::Vector3d;
-using ::testing::HasSubstr;
 using testing::error_of;
+using ::testing::HasSubstr;
 using testing::TwoCircles;
 
 constexpr sim::Ns second = 1'000'000'000, hour = 3600 * second;
@@ -21,7 +21,10 @@ struct Body : ::testing::Test {
     CelestialBodyModel model{face};
     const sim::Setup setup{"world.body", 1, nullptr};
 
-    std::string refusal() { return error_of([&] { model.prepare(setup); }); }
+    std::string refusal()
+    {
+        return error_of([&] { model.prepare(setup); });
+    }
 };
 
 TEST_F(Body, IsWhereTheEphemerisHasIt)
@@ -38,10 +41,10 @@ TEST_F(Body, IsWhereTheEphemerisHasIt)
         EXPECT_EQ(state.head.t, i * hour);
         EXPECT_EQ(state.head.sequence, 2u + static_cast<unsigned>(i));
         EXPECT_EQ(state.head.quality, QUALITY_GOOD);
-        const Vector3d r = TwoCircles::r(TwoCircles::sun, t) -
-                           TwoCircles::r(TwoCircles::jupiter, t);
-        const Vector3d v = TwoCircles::v(TwoCircles::sun, t) -
-                           TwoCircles::v(TwoCircles::jupiter, t);
+        const Vector3d r =
+            TwoCircles::r(TwoCircles::sun, t) - TwoCircles::r(TwoCircles::jupiter, t);
+        const Vector3d v =
+            TwoCircles::v(TwoCircles::sun, t) - TwoCircles::v(TwoCircles::jupiter, t);
         const Vector3d a = -TwoCircles::rate() * TwoCircles::rate() * r;
         EXPECT_LT((view(state.r_PN_N) - r).norm(), 5e-3);
         EXPECT_LT((view(state.v_PN_N) - v).norm(), 1e-6);
@@ -73,7 +76,9 @@ TEST_F(Body, NamesWhatIsWrong)
                 HasSubstr("world.body: SUN (10) is given from 2000-01-01T12:00:00 TDB to "
                           "2000-01-21T12:00:00 TDB in two circles; asked for SUN (10) relative"));
     EXPECT_THROW(model.update({20 * 24 * hour, hour}), sim::RunError);
-    EXPECT_THAT(error_of([&] { model.update({20 * 24 * hour, hour}); }),
+    EXPECT_THAT(error_of([&] {
+                    model.update({20 * 24 * hour, hour});
+                }),
                 HasSubstr("world.body: SUN (10) is given"));
     // Another body from now on.
     face.par.id = 3;

@@ -61,9 +61,9 @@ py::tuple orientation(const Sky &sky, int body, Ns t)
 {
     const world::BodyAttitude attitude = sky.orientation(body).at(sky.epoch_at(t));
     const Eigen::Matrix3d &dcm = attitude.dcm_PN;
-    return py::make_tuple(std::array<Triple, 3>{triple(dcm.row(0)), triple(dcm.row(1)),
-                                                triple(dcm.row(2))},
-                          triple(attitude.omega_PN_P));
+    return py::make_tuple(
+        std::array<Triple, 3>{triple(dcm.row(0)), triple(dcm.row(1)), triple(dcm.row(2))},
+        triple(attitude.omega_PN_P));
 }
 
 world::TimeScale scale_of(const std::string &name)
