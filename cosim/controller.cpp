@@ -262,6 +262,17 @@ void Controller::stop(const std::string &why)
     finish(why);
 }
 
+std::vector<std::string> Controller::absent() const
+{
+    std::vector<std::string> names;
+    for (const Node &node : nodes_) {
+        if (node.stage == Stage::absent) {
+            names.push_back(node.config.name);
+        }
+    }
+    return names;
+}
+
 // ---- requests and the end
 
 template <class Request, class Reply> void Controller::send(NodeId id, Request request)

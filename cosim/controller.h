@@ -108,7 +108,11 @@ public:
 
     /// Whether the node owes a reply; how long it may, is for the caller to know.
     bool waiting_for(NodeId node) const { return nodes_[node].awaited; }
+    /// The names of the nodes that are not there yet.
+    std::vector<std::string> absent() const;
+
     bool running() const { return phase_ == Phase::running; }
+    bool finishing() const { return phase_ == Phase::finishing; }
     bool done() const { return phase_ == Phase::done; }
     Ns reached(NodeId node) const { return nodes_[node].reached; }
 

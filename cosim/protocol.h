@@ -5,7 +5,8 @@
 //     node                                controller
 //     Hello                          -->                     on the one static address
 //                                    <--  Welcome | Refused
-//                                    <--  Initialize         from here on the node's own socket
+//     Hello                          -->                     from here on the node's own socket
+//                                    <--  Initialize
 //     Initialized                    -->
 //                                    <--  ProvideDesired
 //     Desired                        -->

@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cosim/delegate.h"
+
+namespace fledge::cosim {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+/// The reply of a node to a request.
+struct Answer {
+    Node &node;
+
+    Message operator()(const Initialize &m) { return node.initialize(m); }
+    Message operator()(const ProvideDesired &) { return Desired{node.desired()}; }
+    Message operator()(const Match &m) { return Matched{node.match(m.asked)}; }
+    Message operator()(const Start &m)
+    {
+        node.start(m.wired);
+        return Ready{};
+    }
+    Message operator()(const Tick &m)
+    {
+        const auto start = Clock::now();
+        Tock tock = node.tick(m);
+        if (!tock.compute_ns) {
+            tock.compute_ns = std::chrono::nanoseconds(Clock::now() - start).count();
+        }
+        return tock;
+    }
+    Message operator()(const Finish &m)
+    {
+        node.finish(m.reason);
+        return Finished{};
+    }
+    template <class M> Message operator()(const M &m)
+    {
+        throw ProtocolError(std::string("the controller sent ") + kind_name(Message(m)) + ", which is no request");
+    }
+};
+
+/// A controller that listens everywhere does not know by which name it is reached.
+std::string reachable(std::string address, const std::string &controller)
+{
+    constexpr std::string_view anywhere = "tcp://0.0.0.0:";
+    if (address.starts_with(anywhere)) {
+        address = controller.substr(0, controller.rfind(':') + 1) + address.substr(anywhere.size());
+    }
+    return address;
+}
+
+} // namespace
+
+Delegate::Delegate(zmq::context_t &context, DelegateConfig config)
+    : context_(context), config_(std::move(config)),
+      hello_{protocol_version, protocol_version, config_.simulation, config_.node}
+{
+}
+
+/// Returns the address of the node's own socket.
+std::string Delegate::greet()
+{
+    zmq::socket_t lobby(context_, zmq::socket_type::dealer);
+    set_up(lobby, config_.limits);
+    lobby.set(zmq::sockopt::linger, 0);
+    try {
+        lobby.connect(config_.address);
+    } catch (const zmq::error_t &error) {
+        throw LinkError("cannot connect to the controller at " + config_.address + ": " + error.what());
+    }
+    lobby.send(zmq::buffer(encode({1, hello_})), zmq::send_flags::none);
+    lobby.set(zmq::sockopt::rcvtimeo, static_cast<int>(config_.patience.count()));
+    zmq::message_t reply;
+    if (!lobby.recv(reply)) {
+        throw LinkError("no controller answers at " + config_.address);
+    }
+    const Frame frame = decode({reply.data<std::byte>(), reply.size()}, config_.limits);
+    if (const auto *refused = std::get_if<Refused>(&frame.message)) {
+        throw LinkError("the controller refuses " + config_.node + ": " + refused->reason);
+    }
+    const auto *welcome = std::get_if<Welcome>(&frame.message);
+    if (!welcome) {
+        throw ProtocolError(std::string("the controller answers a Hello with ") + kind_name(frame.message));
+    }
+    return reachable(welcome->address, config_.address);
+}
+
+std::string Delegate::serve(Node &node)
+{
+    const std::string address = greet();
+    Link link(context_, config_.limits);
+    link.connect(address);
+    link.send({1, hello_});
+    for (auto patience = config_.patience;; patience = {}) {
+        const Frame request = link.wait(patience);
+        try {
+            link.send({request.number, std::visit(Answer{node}, request.message)});
+        } catch (const std::exception &error) {
+            link.send({request.number, Failed{error.what()}});
+            throw;
+        }
+        if (const auto *finish = std::get_if<Finish>(&request.message)) {
+            return finish->reason;
+        }
+    }
+}
+
+} // namespace fledge::cosim

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+// The node's side: a program implements Node, and a Delegate speaks for it.
+#pragma once
+
+#include "cosim/link.h"
+
+#include <chrono>
+#include <string>
+
+namespace fledge::cosim {
+
+/// What a program is to others. An exception ends its part in the run, and its text reaches the user.
+class Node {
+public:
+    virtual ~Node() = default;
+
+    /// A run is about to begin: say when you step. If request.start is not -1, this program takes the
+    /// place of one that was lost, and begins after that instant.
+    virtual Initialized initialize(const Initialize &request) = 0;
+    /// What you want to read.
+    virtual std::vector<Want> desired() = 0;
+    /// Which of these topics you write, and what they hold now.
+    virtual std::vector<Offer> match(const std::vector<Channel> &asked) = 0;
+    /// What you will read, of what you wanted.
+    virtual void start(const std::vector<Channel> &wired) = 0;
+    /// Step through all instants up to tick.until, with each record from its time on. In the answer
+    /// compute_ns may be left at 0: the delegate measures it.
+    virtual Tock tick(const Tick &tick) = 0;
+    /// The run is over; "" if regularly.
+    virtual void finish(const std::string &reason) { (void)reason; }
+};
+
+struct DelegateConfig {
+    std::string simulation, node;
+    std::string address; ///< of the controller
+    std::chrono::milliseconds patience{60'000}; ///< for the controller to be there
+    Limits limits;
+};
+
+class Delegate {
+public:
+    Delegate(zmq::context_t &context, DelegateConfig config);
+
+    /// Take part in a run, from the greeting to the end. Returns the reason of the end, "" if it is the
+    /// regular one. Throws LinkError if the controller refuses the node, is not there, or goes; and what
+    /// the node throws, after telling it.
+    std::string serve(Node &node);
+
+private:
+    std::string greet();
+
+    zmq::context_t &context_;
+    DelegateConfig config_;
+    Hello hello_;
+};
+
+} // namespace fledge::cosim

@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cosim/link.h"
+
+#include <atomic>
+#include <cstring>
+
+namespace fledge::cosim {
+
+namespace {
+
+constexpr int heartbeat_ms = 1000, silence_ms = 5000, linger_ms = 1000;
+
+} // namespace
+
+bool is_local(const std::string &address)
+{
+    return address.starts_with("ipc://") || address.starts_with("inproc://") ||
+           address.starts_with("tcp://127.") || address.starts_with("tcp://localhost:");
+}
+
+void set_up(zmq::socket_t &socket, const Limits &limits)
+{
+    socket.set(zmq::sockopt::linger, linger_ms);
+    socket.set(zmq::sockopt::maxmsgsize, static_cast<std::int64_t>(limits.frame));
+    socket.set(zmq::sockopt::heartbeat_ivl, heartbeat_ms);
+    socket.set(zmq::sockopt::heartbeat_timeout, silence_ms);
+}
+
+Link::Link(zmq::context_t &context, const Limits &limits)
+    : limits_(limits), socket_(context, zmq::socket_type::pair), monitor_(context, zmq::socket_type::pair)
+{
+    set_up(socket_, limits);
+    static std::atomic<unsigned> count{0};
+    const std::string name = "inproc://fledge-monitor-" + std::to_string(count++);
+    if (zmq_socket_monitor(socket_.handle(), name.c_str(), ZMQ_EVENT_DISCONNECTED)) {
+        throw LinkError(std::string("cannot watch a socket: ") + zmq_strerror(zmq_errno()));
+    }
+    monitor_.set(zmq::sockopt::linger, 0);
+    monitor_.connect(name);
+}
+
+std::string Link::bind(const std::string &address)
+{
+    try {
+        socket_.bind(address);
+    } catch (const zmq::error_t &error) {
+        throw LinkError("cannot listen at " + address + ": " + error.what());
+    }
+    return socket_.get(zmq::sockopt::last_endpoint);
+}
+
+void Link::connect(const std::string &address)
+{
+    try {
+        socket_.connect(address);
+    } catch (const zmq::error_t &error) {
+        throw LinkError("cannot connect to " + address + ": " + error.what());
+    }
+}
+
+void Link::send(const Frame &frame)
+{
+    encode(frame, bytes_);
+    // It never waits: in lock step only a few frames are ever on their way.
+    if (!socket_.send(zmq::buffer(bytes_), zmq::send_flags::dontwait)) {
+        throw LinkError("a frame cannot be sent: the other side does not take any");
+    }
+}
+
+bool Link::receive(Frame &frame)
+{
+    if (!socket_.recv(message_, zmq::recv_flags::dontwait)) {
+        return false;
+    }
+    if (message_.more()) {
+        while (message_.more() && socket_.recv(message_, zmq::recv_flags::dontwait)) {
+        }
+        throw ProtocolError("a frame is one part, not several");
+    }
+    frame = decode({message_.data<std::byte>(), message_.size()}, limits_);
+    return true;
+}
+
+Frame Link::wait(std::chrono::milliseconds most)
+{
+    Frame frame;
+    const bool limited = most.count() > 0;
+    const auto end = std::chrono::steady_clock::now() + most;
+    zmq::pollitem_t items[] = {frames(), events()};
+    while (!receive(frame)) {
+        if (gone()) {
+            if (receive(frame)) {
+                break;
+            }
+            throw LinkError("the other side is gone");
+        }
+        auto rest = std::chrono::milliseconds{-1};
+        if (limited) {
+            rest = std::chrono::ceil<std::chrono::milliseconds>(end - std::chrono::steady_clock::now());
+            if (rest.count() <= 0) {
+                throw LinkError("nothing came within " + std::to_string(most.count()) + " ms");
+            }
+        }
+        zmq::poll(items, 2, rest);
+    }
+    return frame;
+}
+
+bool Link::gone()
+{
+    zmq::message_t event, address;
+    while (monitor_.recv(event, zmq::recv_flags::dontwait)) {
+        std::uint16_t kind = 0;
+        std::memcpy(&kind, event.data(), std::min(sizeof kind, event.size()));
+        gone_ = gone_ || kind == ZMQ_EVENT_DISCONNECTED;
+        if (event.more()) {
+            (void)monitor_.recv(address, zmq::recv_flags::dontwait);
+        }
+    }
+    return gone_;
+}
+
+} // namespace fledge::cosim

@@ -1,0 +1,227 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cosim/router.h"
+
+#include "sim/text.h"
+
+namespace fledge::cosim {
+
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr auto look = 100ms;
+
+} // namespace
+
+Router::Router(zmq::context_t &context, ControllerConfig controller, RouterConfig config)
+    : context_(context), config_(std::move(config)), simulation_(controller.simulation), controller_(controller),
+      lobby_(context, zmq::socket_type::router), nodes_(controller.nodes.size())
+{
+    if (!is_local(config_.address) && !config_.beyond_machine) {
+        throw LinkError(config_.address + " can be reached from other machines, and nothing is encrypted; listen at "
+                                          "tcp://127.0.0.1, or allow it in a network that you trust");
+    }
+    set_up(lobby_, config_.limits);
+    try {
+        lobby_.bind(config_.address);
+    } catch (const zmq::error_t &error) {
+        throw LinkError("cannot listen at " + config_.address + ": " + error.what() +
+                        (error.num() == EADDRINUSE ? "; is another controller running?" : ""));
+    }
+    address_ = lobby_.get(zmq::sockopt::last_endpoint);
+}
+
+Router::~Router()
+{
+    try {
+        controller_.stop("the controller was ended");
+        act();
+    } catch (const std::exception &) {
+        // Nodes see then that their connection is gone.
+    }
+}
+
+std::string Router::run(const std::function<bool()> &poll)
+{
+    begun_ = looked_ = Clock::now();
+    while (!controller_.done()) {
+        if (links_changed_) {
+            links_changed_ = false;
+            polled_.clear();
+            items_ = {{lobby_.handle(), 0, ZMQ_POLLIN, 0}};
+            for (NodeId id = 0; id < nodes_.size(); id++) {
+                if (nodes_[id].link) {
+                    polled_.push_back(id);
+                    items_.push_back(nodes_[id].link->frames());
+                    items_.push_back(nodes_[id].link->events());
+                }
+            }
+        }
+        zmq::poll(items_, look);
+        if (items_[0].revents) {
+            greet();
+        }
+        for (std::size_t i = 0; i < polled_.size(); i++) {
+            const NodeId id = polled_[i];
+            if (items_[1 + 2 * i].revents || items_[2 + 2 * i].revents) {
+                // In this order: what a node sent before it went counts.
+                const bool gone = items_[2 + 2 * i].revents && nodes_[id].link && nodes_[id].link->gone();
+                listen(id);
+                if (gone) {
+                    controller_.lost(id, "its connection is gone");
+                    act();
+                }
+            }
+        }
+        if (Clock::now() - looked_ >= look) {
+            look_at_clock(poll);
+        }
+    }
+    return outcome_;
+}
+
+void Router::greet()
+{
+    zmq::message_t peer, hello;
+    while (lobby_.recv(peer, zmq::recv_flags::dontwait)) {
+        std::size_t parts = 0;
+        bool more = peer.more();
+        while (more) {
+            if (!lobby_.recv(hello, zmq::recv_flags::dontwait)) {
+                break;
+            }
+            parts++;
+            more = hello.more();
+        }
+        greeting_peer_.assign(peer.data<std::byte>(), peer.data<std::byte>() + peer.size());
+        try {
+            if (parts != 1) {
+                throw ProtocolError("a frame is one part, not " + std::to_string(parts));
+            }
+            const Frame frame = decode({hello.data<std::byte>(), hello.size()}, config_.limits);
+            const auto *m = std::get_if<Hello>(&frame.message);
+            if (!m) {
+                throw ProtocolError(std::string("expected Hello, found ") + kind_name(frame.message));
+            }
+            controller_.hello(0, *m);
+        } catch (const ProtocolError &error) {
+            reply(greeting_peer_, Refused{error.what()});
+        }
+        act();
+    }
+}
+
+void Router::reply(std::span<const std::byte> peer, const Message &message)
+{
+    const Bytes bytes = encode({1, message});
+    // One that has gone meanwhile gets nothing: libzmq drops it.
+    (void)lobby_.send(zmq::buffer(peer.data(), peer.size()), zmq::send_flags::sndmore | zmq::send_flags::dontwait);
+    (void)lobby_.send(zmq::buffer(bytes), zmq::send_flags::dontwait);
+}
+
+void Router::listen(NodeId id)
+{
+    Place &place = nodes_[id];
+    Frame frame;
+    try {
+        while (place.link && place.link->receive(frame)) {
+            if (!place.joined) {
+                join(place, frame);
+                continue;
+            }
+            if (const auto *tock = std::get_if<Tock>(&frame.message)) {
+                place.times.ticks++;
+                place.times.compute += tock->compute_ns;
+                place.times.transport += std::chrono::nanoseconds(Clock::now() - place.asked).count() - tock->compute_ns;
+            }
+            controller_.received(id, std::move(frame));
+            act();
+        }
+    } catch (const ProtocolError &error) {
+        controller_.lost(id, std::string("it sent no frame: ") + error.what());
+        act();
+    } catch (const LinkError &error) {
+        controller_.lost(id, error.what());
+        act();
+    }
+}
+
+/// A socket that nobody is connected to takes no frame: the node has to speak first.
+void Router::join(Place &place, const Frame &frame)
+{
+    if (!std::holds_alternative<Hello>(frame.message)) {
+        throw ProtocolError(std::string("expected Hello, found ") + kind_name(frame.message));
+    }
+    place.joined = true;
+    if (place.first) {
+        place.link->send(*std::exchange(place.first, std::nullopt));
+    }
+}
+
+/// The socket of a node: its address.
+std::string Router::open(NodeId id)
+{
+    nodes_[id].link = std::make_unique<Link>(context_, config_.limits);
+    nodes_[id].joined = false;
+    links_changed_ = true;
+    if (address_.starts_with("tcp://")) {
+        return nodes_[id].link->bind(address_.substr(0, address_.rfind(':') + 1) + "*");
+    }
+    return nodes_[id].link->bind(config_.address + "-" + std::to_string(++opened_));
+}
+
+void Router::act()
+{
+    for (auto actions = controller_.take_actions(); !actions.empty(); actions = controller_.take_actions()) {
+        for (Action &a : actions) {
+            if (auto *send = std::get_if<action::Send>(&a)) {
+                Place &place = nodes_[send->node];
+                try {
+                    place.asked = Clock::now();
+                    if (!place.joined) {
+                        place.first = std::move(send->frame);
+                    } else if (place.link) {
+                        place.link->send(send->frame);
+                    }
+                } catch (const std::exception &error) {
+                    controller_.lost(send->node, error.what());
+                }
+            } else if (const auto *accept = std::get_if<action::Accept>(&a)) {
+                reply(greeting_peer_, Welcome{open(accept->node)});
+            } else if (const auto *refuse = std::get_if<action::Refuse>(&a)) {
+                reply(greeting_peer_, Refused{refuse->reason});
+            } else if (const auto *out = std::get_if<action::ShutOut>(&a)) {
+                nodes_[out->node].link.reset();
+                links_changed_ = true;
+            } else if (const auto *report = std::get_if<action::Report>(&a)) {
+                if (config_.report) {
+                    config_.report(report->text);
+                }
+            } else if (const auto *done = std::get_if<action::Done>(&a)) {
+                outcome_ = done->reason;
+            }
+        }
+    }
+}
+
+void Router::look_at_clock(const std::function<bool()> &poll)
+{
+    looked_ = Clock::now();
+    if (const auto absent = controller_.absent(); !absent.empty() && looked_ - begun_ >= config_.join) {
+        controller_.stop(sim::format_list(absent) + " did not come within " +
+                         sim::format_time(std::chrono::nanoseconds(config_.join).count()));
+    }
+    const auto most = controller_.finishing() ? config_.finish : config_.reply;
+    for (NodeId id = 0; id < nodes_.size(); id++) {
+        if (controller_.waiting_for(id) && most.count() && looked_ - nodes_[id].asked >= most) {
+            controller_.lost(id, "it did not answer within " +
+                                     sim::format_time(std::chrono::nanoseconds(most).count()));
+        }
+    }
+    if (poll && !poll()) {
+        controller_.stop("the user ended it");
+    }
+    act();
+}
+
+} // namespace fledge::cosim

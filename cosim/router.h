@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+// The controller on the network: it moves frames between nodes and the Controller, and measures.
+//
+// One static address, where nodes greet, and one socket per node, to which the greeting leads. Nodes
+// only connect. (Thesis, appendix C.)
+#pragma once
+
+#include "cosim/controller.h"
+#include "cosim/link.h"
+
+#include <chrono>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+
+namespace fledge::cosim {
+
+struct RouterConfig {
+    std::string address;        ///< where nodes greet; of a TCP port "*", any free one
+    bool beyond_machine = false; ///< allow an address that others can reach; nothing is encrypted
+    std::chrono::milliseconds join{60'000};   ///< for all nodes to be there
+    std::chrono::milliseconds reply{60'000};  ///< for a node to answer, computing included; 0: for ever
+    std::chrono::milliseconds finish{5'000};  ///< for a node to answer the last request
+    Limits limits;
+    std::function<void(const std::string &)> report; ///< what the user should know; may be empty
+};
+
+/// Where a node's time went [ns of wall time].
+struct NodeTimes {
+    std::uint64_t ticks = 0;
+    Ns compute = 0;   ///< stepping, as it says
+    Ns transport = 0; ///< from request to reply, less that
+};
+
+class Router {
+public:
+    /// Throws LinkError if the address is in use, or may be reached by others without leave.
+    Router(zmq::context_t &context, ControllerConfig controller, RouterConfig config);
+    /// Ends the run, if it was left.
+    ~Router();
+
+    const std::string &address() const { return address_; }
+
+    /// From the first greeting to the end. `poll` is called about ten times a second; false ends the
+    /// run. Returns the reason of the end, "" if it is the regular one.
+    std::string run(const std::function<bool()> &poll = {});
+
+    const NodeTimes &times(NodeId node) const { return nodes_[node].times; }
+    const Controller &controller() const { return controller_; }
+
+private:
+    using Clock = std::chrono::steady_clock;
+    struct Place {
+        std::unique_ptr<Link> link;
+        std::optional<Frame> first; ///< waits for the node to speak on its socket
+        bool joined = false;
+        Clock::time_point asked;
+        NodeTimes times;
+    };
+
+    void greet();
+    void listen(NodeId id);
+    void join(Place &place, const Frame &frame);
+    void act();
+    std::string open(NodeId id);
+    void reply(std::span<const std::byte> peer, const Message &message);
+    void look_at_clock(const std::function<bool()> &poll);
+
+    zmq::context_t &context_;
+    RouterConfig config_;
+    std::string simulation_;
+    Controller controller_;
+    zmq::socket_t lobby_;
+    std::string address_;
+    std::vector<Place> nodes_;
+    std::vector<NodeId> polled_;            ///< whose sockets stand in items_
+    std::vector<zmq::pollitem_t> items_;
+    bool links_changed_ = true;
+    Bytes greeting_peer_;                   ///< libzmq's name of who is being greeted
+    unsigned opened_ = 0;
+    Clock::time_point begun_, looked_;
+    std::string outcome_;
+};
+
+} // namespace fledge::cosim

@@ -1,0 +1,322 @@
+// SPDX-License-Identifier: Apache-2.0
+// Controllers and nodes on real sockets, with nodes that count. The mission is flown this way in
+// tests/cosim_identity_test.cpp.
+#include "cosim/router.h"
+#include "cosim/simulation_node.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cstring>
+#include <future>
+#include <thread>
+#include <unistd.h>
+
+namespace fledge::cosim {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr const char *word_text = "uint64 x  # x [-] a word\n";
+
+std::uint64_t word_of(const Bytes &payload)
+{
+    std::uint64_t x = 0;
+    std::memcpy(&x, payload.data() + 4, 8);
+    return x;
+}
+
+/// Counts what it hears, one more at each of its instants.
+class Counter : public Node {
+public:
+    Counter(std::string reads, std::string writes, Latency latency)
+        : reads_(std::move(reads)), writes_(std::move(writes)), latency_(latency)
+    {
+    }
+
+    Initialized initialize(const Initialize &m) override
+    {
+        end = m.end;
+        return {{{10, 0}}, false};
+    }
+    std::vector<Want> desired() override { return {{reads_, latency_, false, schema}}; }
+    std::vector<Offer> match(const std::vector<Channel> &asked) override
+    {
+        for (const Channel &channel : asked) {
+            if (channel.topic == writes_) {
+                channel_ = channel.channel;
+                return {{channel_, schema, payload(0)}};
+            }
+        }
+        return {};
+    }
+    void start(const std::vector<Channel> &) override {}
+    Tock tick(const Tick &tick) override
+    {
+        Tock tock{tick.until, 0, {}};
+        auto record = tick.records.begin();
+        for (Ns t = next; t <= tick.until; t += 10) {
+            for (; record != tick.records.end() && record->t <= t; ++record) {
+                heard = word_of(record->payload);
+            }
+            before_step(t);
+            tock.records.push_back({channel_, ++count_, t, payload(heard + 1)});
+            next = t + 10;
+        }
+        return tock;
+    }
+    void finish(const std::string &why) override { reason = why; }
+    virtual void before_step(Ns) {}
+
+    std::uint64_t heard = 0;
+    Ns next = 0, end = -1;
+    std::string reason = "(no end)";
+
+private:
+    static Bytes payload(std::uint64_t x) { return make_payload(std::as_bytes(std::span(&x, 1))); }
+
+    Schema schema = make_schema("Word", word_text);
+    std::string reads_, writes_;
+    Latency latency_;
+    std::uint32_t channel_ = 0, count_ = 0;
+};
+
+ControllerConfig two_nodes(Ns end)
+{
+    ControllerConfig config;
+    config.simulation = "test";
+    config.nodes = {{"a", Policy::abort}, {"b", Policy::abort}};
+    config.end = end;
+    return config;
+}
+
+std::string serve(zmq::context_t &context, const std::string &address, const std::string &name, Node &node,
+                  std::chrono::milliseconds patience = 10s)
+{
+    try {
+        return Delegate(context, {"test", name, address, patience, {}}).serve(node);
+    } catch (const std::exception &error) {
+        return std::string("threw: ") + error.what();
+    }
+}
+
+RouterConfig listening(const std::string &transport)
+{
+    static std::atomic<int> count{0};
+    const std::string name = "fledge-test-" + std::to_string(getpid()) + "-" + std::to_string(count++);
+    RouterConfig config;
+    config.address = transport == "tcp" ? "tcp://127.0.0.1:*" : transport == "ipc" ? "ipc://@" + name : "inproc://" + name;
+    return config;
+}
+
+class Transport : public testing::TestWithParam<const char *> {};
+
+TEST_P(Transport, TwoNodesCountTogether)
+{
+    // a hears what b said before and b hears a at once: each step of either adds one.
+    zmq::context_t context;
+    Router router(context, two_nodes(1000), listening(GetParam()));
+    Counter a("/b/n", "/a/n", Latency::next_instant), b("/a/n", "/b/n", Latency::same_instant);
+    auto serve_a = std::async(std::launch::async, [&] { return serve(context, router.address(), "a", a); });
+    auto serve_b = std::async(std::launch::async, [&] { return serve(context, router.address(), "b", b); });
+    EXPECT_EQ(router.run(), "");
+    EXPECT_EQ(serve_a.get(), "");
+    EXPECT_EQ(serve_b.get(), "");
+    EXPECT_EQ(a.heard, 200u);
+    EXPECT_EQ(b.heard, 201u);
+    EXPECT_EQ(a.reason, "");
+    EXPECT_EQ(a.end, 1000);
+    EXPECT_EQ(router.times(0).ticks, 101u);
+    EXPECT_GT(router.times(0).transport, 0);
+}
+
+TEST_P(Transport, AnErrorInANodeReachesTheUser)
+{
+    struct Pole : Counter {
+        using Counter::Counter;
+        void before_step(Ns t) override
+        {
+            if (t == 500) {
+                throw std::runtime_error("a pole");
+            }
+        }
+    };
+    zmq::context_t context;
+    Router router(context, two_nodes(1000), listening(GetParam()));
+    Counter a("/b/n", "/a/n", Latency::next_instant);
+    Pole b("/a/n", "/b/n", Latency::same_instant);
+    auto serve_a = std::async(std::launch::async, [&] { return serve(context, router.address(), "a", a); });
+    auto serve_b = std::async(std::launch::async, [&] { return serve(context, router.address(), "b", b); });
+    EXPECT_EQ(router.run(), "b: it failed: a pole (it had reached 0.00000049 s)");
+    EXPECT_EQ(serve_a.get(), "b: it failed: a pole (it had reached 0.00000049 s)");
+    EXPECT_EQ(serve_b.get(), "threw: a pole");
+}
+
+INSTANTIATE_TEST_SUITE_P(All, Transport, testing::Values("tcp", "ipc", "inproc"));
+
+/// A program that greets and then sends whatever the test wants.
+struct Rogue {
+    Rogue(zmq::context_t &context, const std::string &address, const Bytes &greeting)
+        : lobby(context, zmq::socket_type::dealer)
+    {
+        lobby.set(zmq::sockopt::linger, 1000);
+        lobby.set(zmq::sockopt::rcvtimeo, 10'000);
+        lobby.connect(address);
+        lobby.send(zmq::buffer(greeting), zmq::send_flags::none);
+    }
+
+    Message answer()
+    {
+        zmq::message_t message;
+        if (!lobby.recv(message)) {
+            return Failed{"nothing came"};
+        }
+        return decode({message.data<std::byte>(), message.size()}).message;
+    }
+
+    zmq::socket_t lobby;
+};
+
+Bytes hello_of(const std::string &node)
+{
+    return encode({1, Hello{1, 1, "test", node}});
+}
+
+TEST(Router, WhoDoesNotSpeakTheFormatIsToldAndDisturbsNobody)
+{
+    zmq::context_t context;
+    Router router(context, two_nodes(1000), listening("tcp"));
+    auto run = std::async(std::launch::async, [&] { return router.run(); });
+    Bytes garbage(100, std::byte{0x5a});
+    EXPECT_EQ(std::get<Refused>(Rogue(context, router.address(), garbage).answer()).reason,
+              "this is no frame of a co-simulation");
+    EXPECT_EQ(std::get<Refused>(Rogue(context, router.address(), encode({1, Ready{}})).answer()).reason,
+              "expected Hello, found Ready");
+    EXPECT_EQ(std::get<Refused>(Rogue(context, router.address(), hello_of("c")).answer()).reason,
+              "test has no node c; it has a and b");
+    Counter a("/b/n", "/a/n", Latency::next_instant), b("/a/n", "/b/n", Latency::same_instant);
+    auto serve_a = std::async(std::launch::async, [&] { return serve(context, router.address(), "a", a); });
+    auto serve_b = std::async(std::launch::async, [&] { return serve(context, router.address(), "b", b); });
+    EXPECT_EQ(run.get(), "");
+    EXPECT_EQ(serve_a.get() + serve_b.get(), "");
+}
+
+TEST(Router, ANodeThatGoesOrHangsOrSendsGarbageEndsTheRunWithItsName)
+{
+    const auto outcome = [](const auto &mischief) {
+        zmq::context_t context;
+        RouterConfig config = listening("ipc");
+        config.reply = 500ms;
+        Router router(context, two_nodes(1000), config);
+        Counter a("/b/n", "/a/n", Latency::next_instant);
+        auto serve_a = std::async(std::launch::async, [&] { return serve(context, router.address(), "a", a); });
+        auto run = std::async(std::launch::async, [&] { return router.run(); });
+        {
+            zmq::context_t other;
+            Rogue rogue(other, router.address(), hello_of("b"));
+            const auto welcome = std::get<Welcome>(rogue.answer());
+            Link link(other, {});
+            link.connect(welcome.address);
+            link.send({1, Hello{1, 1, "test", "b"}});
+            EXPECT_TRUE(std::holds_alternative<Initialize>(link.wait(10s).message));
+            mischief(link, other, welcome.address);
+            run.wait();
+        }
+        return run.get();
+    };
+    EXPECT_EQ(outcome([](Link &, zmq::context_t &, const std::string &) {}), "b: it did not answer within 0.5 s");
+    EXPECT_EQ(outcome([](Link &link, zmq::context_t &, const std::string &) { link.send({7, Ready{}}); }),
+              "b: it sent Ready 7; expected Initialized 1");
+    EXPECT_EQ(outcome([](Link &link, zmq::context_t &other, const std::string &) {
+                  Link gone = Link(other, {});
+                  std::swap(link, gone);
+              }),
+              "b: its connection is gone");
+}
+
+TEST(Router, WhatCannotBeIsSaidAtOnce)
+{
+    zmq::context_t context;
+    const auto refusal = [&](const std::string &address) -> std::string {
+        try {
+            RouterConfig config;
+            config.address = address;
+            Router router(context, two_nodes(1000), config);
+        } catch (const LinkError &error) {
+            return error.what();
+        }
+        return "";
+    };
+    Router first(context, two_nodes(1000), listening("tcp"));
+    EXPECT_EQ(refusal(first.address()), "cannot listen at " + first.address() +
+                                            ": Address already in use; is another controller running?");
+    EXPECT_TRUE(refusal("tcp://*:*").starts_with("tcp://*:* can be reached from other machines"));
+    EXPECT_TRUE(refusal("nonsense").starts_with("nonsense can be reached"));
+    EXPECT_TRUE(is_local("tcp://127.0.0.1:7") && is_local("ipc://@x") && !is_local("tcp://10.0.0.1:7"));
+}
+
+TEST(Router, NodesThatDoNotComeAreNamed)
+{
+    zmq::context_t context;
+    RouterConfig config = listening("tcp");
+    config.join = 300ms;
+    Router router(context, two_nodes(1000), config);
+    Counter a("/b/n", "/a/n", Latency::next_instant);
+    auto serve_a = std::async(std::launch::async, [&] { return serve(context, router.address(), "a", a); });
+    EXPECT_EQ(router.run(), "b did not come within 0.3 s");
+    EXPECT_EQ(serve_a.get(), "b did not come within 0.3 s");
+}
+
+TEST(Delegate, WithoutAControllerItGivesUp)
+{
+    zmq::context_t context;
+    Counter a("/b/n", "/a/n", Latency::next_instant);
+    EXPECT_EQ(serve(context, "ipc://@fledge-nobody", "a", a, 100ms), "threw: no controller answers at ipc://@fledge-nobody");
+}
+
+TEST(Delegate, WithoutItsControllerItEnds)
+{
+    zmq::context_t context;
+    Counter a("/b/n", "/a/n", Latency::next_instant);
+    zmq::context_t other;
+    zmq::socket_t lobby(other, zmq::socket_type::router);
+    const std::string address = listening("ipc").address;
+    lobby.bind(address);
+    auto serve_a = std::async(std::launch::async, [&] { return serve(context, address, "a", a); });
+    zmq::message_t peer, hello;
+    EXPECT_TRUE(lobby.recv(peer) && lobby.recv(hello));
+    {
+        Link link(other, {});
+        const std::string own = link.bind(address + "-1");
+        lobby.send(peer, zmq::send_flags::sndmore);
+        lobby.send(zmq::buffer(encode({1, Welcome{own}})), zmq::send_flags::none);
+        EXPECT_TRUE(std::holds_alternative<Hello>(link.wait(10s).message));
+    }
+    EXPECT_EQ(serve_a.get(), "threw: the other side is gone");
+}
+
+TEST(Delegate, ARunThatIsLeftEndsForItToo)
+{
+    for (const char *transport : {"tcp", "inproc"}) {
+        zmq::context_t context;
+        Counter a("/b/n", "/a/n", Latency::next_instant);
+        std::future<std::string> serve_a;
+        try {
+            Router router(context, two_nodes(1000), listening(transport));
+            serve_a = std::async(std::launch::async, [&context, &a, address = router.address()] {
+                return serve(context, address, "a", a);
+            });
+            router.run([&]() -> bool {
+                if (router.controller().absent().size() == 1 && !router.controller().waiting_for(0)) {
+                    throw std::runtime_error("an error of the user's");
+                }
+                return true;
+            });
+        } catch (const std::runtime_error &) {
+        }
+        EXPECT_EQ(serve_a.get(), "the controller was ended");
+    }
+}
+
+} // namespace
+} // namespace fledge::cosim

@@ -1,0 +1,334 @@
+// SPDX-License-Identifier: Apache-2.0
+// The nadir spin in one program, and with world and flight in two that are joined by sockets: every
+// message has the same bytes, whatever the transport, the latencies, the order in which programs start,
+// and the time that they take.
+#include "cosim/router.h"
+#include "cosim/simulation_node.h"
+#include "flight/actuation/wheel_torques.h"
+#include "flight/control/mrp_feedback.h"
+#include "flight/guidance/euler_rotation.h"
+#include "flight/guidance/hill_pointing.h"
+#include "flight/guidance/tracking_error.h"
+#include "flight/vehicle/vehicle_config.h"
+#include "flight/vehicle/wheel_config.h"
+#include "world/dynamics/orbit.h"
+#include "world/dynamics/reaction_wheels_model.h"
+#include "world/dynamics/spacecraft_model.h"
+#include "world/models.h"
+#include "world/sensors/navigation.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <map>
+#include <random>
+#include <sstream>
+#include <sys/wait.h>
+#include <thread>
+#include <unistd.h>
+
+extern "C" const FledgeLibrary fledge_library_flight;
+
+namespace {
+
+using namespace fledge;
+using cosim::Latency;
+using sim::Ns;
+
+constexpr Ns ms = 1'000'000, second = 1000 * ms, run_end = 400 * second;
+constexpr std::uint64_t seed = 5;
+
+template <class T> T &as(const std::shared_ptr<sim::Instance> &instance)
+{
+    return *reinterpret_cast<T *>(instance->memory());
+}
+
+std::shared_ptr<sim::Instance> add(sim::Process &process, const std::string &name, const std::string &type)
+{
+    for (std::uint32_t i = 0; i < fledge_library_flight.n; i++) {
+        if (fledge_library_flight.structs[i]->name == type) {
+            process.add(name, std::make_shared<sim::Instance>(*fledge_library_flight.structs[i]));
+            return process.find(name);
+        }
+    }
+    for (const sim::ModelType &model : world::models()) {
+        if (model.face->name == type) {
+            process.add(name, std::make_shared<sim::Instance>(model));
+            return process.find(name);
+        }
+    }
+    throw sim::SetupError("there is no type " + type);
+}
+
+sim::Port port(sim::Simulation &simulation, const std::string &path)
+{
+    const auto first = path.find('.'), last = path.rfind('.');
+    const auto instance = simulation.process(path.substr(0, first)).find(path.substr(first + 1, last - first - 1));
+    return {instance, sim::find_field(instance->type(), path.substr(last + 1))};
+}
+
+void wire(sim::Simulation &simulation, const std::string &from, const std::string &to, int latency = 0)
+{
+    simulation.connect(port(simulation, from), port(simulation, to), {latency, 0});
+}
+
+template <class T> void fit_wheels(T &par)
+{
+    par.n = 4;
+    for (int i = 0; i < 4; i++) {
+        par.axes_B[i] = vec3(i == 0 || i == 3 ? -0.5 : 0.5, i < 2 ? 0.5 : -0.5, -std::sqrt(0.5));
+        par.J[i] = 0.1591549;
+        par.u_max[i] = 0.2;
+    }
+}
+
+const Mat3 inertia = mat_rows(vec3(700, 0, 0), vec3(0, 700, 0), vec3(0, 0, 800));
+
+/// missions/nadir_spin/flight.py
+void build_flight(sim::Simulation &s)
+{
+    sim::Process &f = s.add_process("flight");
+    as<VehicleConfig>(add(f, "vehicle", "VehicleConfig")).par.I_B = inertia;
+    fit_wheels(as<WheelConfig>(add(f, "wheels", "WheelConfig")).par);
+    add(f, "guidance", "HillPointing");
+    as<EulerRotation>(add(f, "spin", "EulerRotation")).par.rates = vec3(0, 0, 0.3 * std::acos(-1.0) / 180);
+    as<TrackingError>(add(f, "tracking", "TrackingError")).par.sigma_BcB = vec3(0, 0, 1);
+    auto &control = as<MrpFeedback>(add(f, "control", "MrpFeedback")).par;
+    control.K = 2.531;
+    control.P = mat_rows(vec3(45, 0, 0), vec3(0, 45, 0), vec3(0, 0, 45));
+    add(f, "motor", "WheelTorques");
+    wire(s, "flight.guidance.reference", "flight.spin.base");
+    wire(s, "flight.spin.reference", "flight.tracking.reference");
+    wire(s, "flight.tracking.error", "flight.control.error");
+    wire(s, "flight.control.torque", "flight.motor.torque");
+    wire(s, "flight.vehicle.vehicle", "flight.control.vehicle");
+    wire(s, "flight.wheels.wheels", "flight.control.wheels");
+    wire(s, "flight.wheels.wheels", "flight.motor.wheels");
+    f.add_task({"gnc", 500 * ms, 0, 0,
+                {f.find("guidance"), f.find("spin"), f.find("tracking"), f.find("control"), f.find("motor")}});
+}
+
+/// missions/nadir_spin/world.py, with noise, so that the random streams count too.
+void build_world(sim::Simulation &s)
+{
+    sim::Process &w = s.add_process("world");
+    fit_wheels(as<ReactionWheels>(add(w, "wheels", "ReactionWheels")).par);
+    auto &craft = as<Spacecraft>(add(w, "craft", "Spacecraft")).par;
+    const double pi = std::acos(-1.0), mu = 4.2828314e13;
+    world::OrbitElements elements;
+    elements.p = world::semi_latus_rectum(7471.618e3, 0.4);
+    elements.e = 0.4;
+    elements.f = 1.5 * pi;
+    const auto orbit = world::orbit_state(mu, elements);
+    craft.I_B = inertia;
+    craft.r_BN_N = vec3(orbit.r[0], orbit.r[1], orbit.r[2]);
+    craft.v_BN_N = vec3(orbit.v[0], orbit.v[1], orbit.v[2]);
+    craft.sigma_BN = vec3(0.1, 0.2, -0.3);
+    craft.omega_BN_B = vec3(0.001, -0.01, 0.03);
+    auto &model = dynamic_cast<world::SpacecraftModel &>(*w.find("craft")->model());
+    model.attach(dynamic_cast<world::Effector &>(*w.find("wheels")->model()));
+    world::GravityBody mars;
+    mars.name = "mars";
+    mars.mu = mu;
+    model.add_gravity(mars);
+    as<Navigation>(add(w, "nav", "Navigation")).par.rate_noise = vec3(1e-5, 1e-5, 1e-5);
+    wire(s, "world.craft.state", "world.nav.truth");
+    w.add_task({"dynamics", 100 * ms, 0, 0, {w.find("craft"), w.find("nav")}});
+}
+
+const std::pair<const char *, const char *> to_flight[] = {{"world.nav.attitude", "flight.tracking.attitude"},
+                                                           {"world.nav.orbit", "flight.guidance.orbit"},
+                                                           {"world.wheels.speeds", "flight.control.speeds"}};
+const std::pair<const char *, const char *> to_world[] = {{"flight.motor.command", "world.wheels.command"}};
+
+/// All outputs of a process, each time that it steps.
+void record(sim::Simulation &s, const std::string &process)
+{
+    for (const auto &instance : s.process(process).instances()) {
+        for (const FledgeField &field : sim::fields(instance->type())) {
+            if (field.group == FLEDGE_OUT) {
+                s.recorder().record(instance, field, process == "world" ? 100 * ms : 500 * ms);
+            }
+        }
+    }
+}
+
+using Hashes = std::map<std::string, std::uint64_t>;
+
+/// A hash per topic, of the times and bytes of all its messages.
+Hashes hashes(const sim::Simulation &s)
+{
+    Hashes all;
+    for (const auto &log : const_cast<sim::Simulation &>(s).recorder().logs()) {
+        std::uint64_t hash = 0xcbf29ce484222325u;
+        const auto mix = [&](std::span<const std::byte> bytes) {
+            for (const std::byte b : bytes) {
+                hash = (hash ^ std::to_integer<std::uint64_t>(b)) * 0x100000001b3u;
+            }
+        };
+        mix(std::as_bytes(std::span(log->times)));
+        mix(log->bytes);
+        all[log->topic()] = hash;
+    }
+    return all;
+}
+
+Hashes in_one(int there, int back)
+{
+    sim::Simulation s(seed);
+    build_world(s);
+    build_flight(s);
+    for (const auto &[from, to] : to_flight) {
+        wire(s, from, to, there);
+    }
+    for (const auto &[from, to] : to_world) {
+        wire(s, from, to, back);
+    }
+    record(s, "world");
+    record(s, "flight");
+    s.run_until(run_end);
+    return hashes(s);
+}
+
+/// A node that takes its time, at random, before it answers.
+class Slow final : public cosim::Node {
+public:
+    Slow(cosim::Node &node, unsigned draw) : node_(node), random_(draw) {}
+    cosim::Initialized initialize(const cosim::Initialize &m) override { return delayed().initialize(m); }
+    std::vector<cosim::Want> desired() override { return delayed().desired(); }
+    std::vector<cosim::Offer> match(const std::vector<cosim::Channel> &asked) override { return delayed().match(asked); }
+    void start(const std::vector<cosim::Channel> &wired) override { delayed().start(wired); }
+    cosim::Tock tick(const cosim::Tick &m) override { return delayed().tick(m); }
+
+private:
+    cosim::Node &delayed()
+    {
+        if (random_() % 8 == 0) {
+            std::this_thread::sleep_for(std::chrono::microseconds(random_() % 1000));
+        }
+        return node_;
+    }
+    cosim::Node &node_;
+    std::mt19937 random_;
+};
+
+struct Case {
+    const char *transport;
+    int there, back; ///< latencies of the wires to flight and to the world
+    unsigned draw;   ///< of the delays
+};
+
+/// One program: a process of the simulation, until the end. Its hashes go to `out` as bytes.
+void be_node(const std::string &process, const std::string &address, const Case &c, int out)
+{
+    if (c.draw % 2 == (process == "world")) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(50)); // the other one comes first
+    }
+    sim::Simulation s(0); // the seed is the controller's to give
+    const bool is_world = process == "world";
+    (is_world ? build_world : build_flight)(s);
+    cosim::SimulationNode node(s, process);
+    const auto read = [&](const auto &wires, int latency, Latency without) {
+        for (const auto &[from, to] : wires) {
+            std::string topic = "/" + std::string(from);
+            std::replace(topic.begin(), topic.end(), '.', '/');
+            node.read(topic, port(s, to), latency ? Latency::next_exchange : without);
+        }
+    };
+    is_world ? read(to_world, c.back, Latency::next_instant) : read(to_flight, c.there, Latency::same_instant);
+    record(s, process);
+    Slow slow(node, c.draw + is_world);
+    zmq::context_t context;
+    cosim::Delegate(context, {"nadir_spin", process, address, std::chrono::seconds(20), {}}).serve(slow);
+    for (const auto &[topic, hash] : hashes(s)) {
+        const std::string line = topic + " " + std::to_string(hash) + "\n";
+        if (write(out, line.data(), line.size()) != static_cast<ssize_t>(line.size())) {
+            _exit(2);
+        }
+    }
+}
+
+/// The processes in programs of their own. Returns all hashes; fails the test if anything went wrong.
+Hashes in_two(const Case &c)
+{
+    struct Program {
+        int address[2], out[2];
+        pid_t pid;
+    };
+    std::vector<Program> programs;
+    for (const char *process : {"world", "flight"}) {
+        Program p{};
+        EXPECT_EQ(pipe(p.address) + pipe(p.out), 0);
+        p.pid = fork(); // before there is any thread here
+        if (p.pid == 0) {
+            close(p.address[1]);
+            char address[200] = {};
+            ssize_t n = read(p.address[0], address, sizeof address - 1);
+            try {
+                be_node(process, std::string(address, static_cast<std::size_t>(std::max<ssize_t>(n, 0))), c, p.out[1]);
+                _exit(0);
+            } catch (const std::exception &error) {
+                std::fprintf(stderr, "%s: %s\n", process, error.what());
+                _exit(1);
+            }
+        }
+        close(p.address[0]);
+        close(p.out[1]);
+        programs.push_back(p);
+    }
+    {
+        cosim::ControllerConfig config;
+        config.simulation = "nadir_spin";
+        config.nodes = {{"world", cosim::Policy::abort}, {"flight", cosim::Policy::abort}};
+        config.end = run_end;
+        config.seed = seed;
+        cosim::RouterConfig router_config;
+        router_config.address = std::string(c.transport) == "tcp"
+                                    ? "tcp://127.0.0.1:*"
+                                    : "ipc://@fledge-identity-" + std::to_string(getpid());
+        zmq::context_t context;
+        cosim::Router router(context, config, router_config);
+        for (const Program &p : programs) {
+            EXPECT_GT(write(p.address[1], router.address().data(), router.address().size()), 0);
+            close(p.address[1]);
+        }
+        EXPECT_EQ(router.run(), "");
+    }
+    Hashes all;
+    for (const Program &p : programs) {
+        std::string text;
+        char part[1000];
+        for (ssize_t n; (n = read(p.out[0], part, sizeof part)) > 0;) {
+            text.append(part, static_cast<std::size_t>(n));
+        }
+        close(p.out[0]);
+        int status = -1;
+        waitpid(p.pid, &status, 0);
+        EXPECT_EQ(status, 0);
+        std::istringstream lines(text);
+        std::string topic;
+        for (std::uint64_t hash = 0; lines >> topic >> hash;) {
+            all[topic] = hash;
+        }
+    }
+    return all;
+}
+
+TEST(CosimIdentity, TheNadirSpinHasTheSameMessagesInOneProgramAndInTwo)
+{
+    unsigned draw = 0;
+    for (const int there : {0, 1}) {
+        for (const int back : {0, 1}) {
+            const Hashes one = in_one(there, back);
+            ASSERT_GT(one.size(), 10u);
+            for (const char *transport : {"ipc", "tcp"}) {
+                EXPECT_EQ(in_two({transport, there, back, draw++}), one)
+                    << transport << ", latency " << there << " to flight and " << back << " to the world";
+            }
+        }
+    }
+    EXPECT_NE(in_one(0, 0), in_one(1, 1)); // latencies matter
+}
+
+} // namespace
