@@ -108,6 +108,7 @@ def test_existing_code_is_wrapped_and_flown(tmp_path):
     assert follow("existing-code.md", Shell(tmp_path)) >= 7
 
 
+@pytest.mark.skipif(os.environ.get("FLEDGE_PRESET") == "asan", reason="gdb hangs where the sanitizer is loaded first")
 def test_gdb_stops_in_flight_code(tmp_path):
     shell = Shell(ROOT)
     shell.state = tmp_path / "state"
