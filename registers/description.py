@@ -1,0 +1,519 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A board as described by its TOML file: read, checked, and every lane laid out.
+
+README.md lists the keys. All that is wrong is found in one read, each with file, line, rule, what
+was found and what would do.
+"""
+from __future__ import annotations
+
+import json
+import math
+import re
+import tomllib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from registers.location import line_of, lines_of
+
+CONTROL_SIZE = 32      # registers/lane.h
+SLOT_HEAD = 8
+CLOCK_SIZE = 32        # registers/clock.h
+INTERRUPT_SIZE = 8
+CDR_HEAD = 4           # registers/message.h
+SINGLE_SLOTS = 4
+
+ORDERS = ("big", "little")
+FORMS = ("word", "packet", "message")
+DIRECTIONS = ("read", "write", "both")
+OVERFLOWS = ("refuse", "overwrite")
+UNITS = (1, 2, 4, 8)
+
+_BOARD_KEYS = ("name", "doc", "base", "size", "order", "clock", "interrupts", "snorkel")
+_OF_LANE = ("address", "interrupt", "descriptor", "remove", "add")
+_SNORKEL_KEYS = ("name", "doc", "form", "direction", *_OF_LANE, *[f"write_{k}" for k in _OF_LANE],
+                 "count", "queue", "overflow", "size", "capacity", "unit", "outside_order",
+                 "message", "header", "field")
+_ONLY_FOR = {          # keys that say nothing of another form
+    "count": ("word",), "field": ("word",),
+    "capacity": ("packet", "message"), "size": ("packet", "message"),
+    "descriptor": ("packet", "message"), "write_descriptor": ("packet", "message"),
+    "remove": ("packet",), "add": ("packet",), "write_remove": ("packet",), "write_add": ("packet",),
+    "unit": ("packet",), "outside_order": ("packet",),
+    "message": ("message",), "header": ("message",),
+}
+_FIELD_KEYS = ("name", "doc", "bits", "signed", "scale", "offset", "unit")
+_DESCRIPTOR_KEYS = ("address", "length", "tag", "valid")
+
+_NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
+_TYPE_NAME = re.compile(r"[A-Z][A-Za-z0-9]*")
+_KEYWORDS = set("""auto break case char const continue default do double else enum extern float for
+    goto if inline int long register restrict return short signed sizeof static struct switch
+    typedef union unsigned void volatile while class namespace new delete this template""".split())
+
+
+class BoardError(Exception):
+    """All that is wrong with a board's file, one complaint a line."""
+
+
+@dataclass(frozen=True)
+class Field:
+    """A part of a word: value = offset + scale * count."""
+    name: str
+    doc: str
+    lsb: int
+    bits: int
+    signed: bool
+    scale: float
+    offset: float
+    unit: str
+
+    @property
+    def low(self) -> int:
+        return -(1 << self.bits - 1) if self.signed else 0
+
+    @property
+    def high(self) -> int:
+        return self.low + (1 << self.bits) - 1
+
+
+@dataclass(frozen=True)
+class Descriptor:
+    """Bits of a describing word, as (lowest, how many); of 0 bits: not there."""
+    address: int | None = None      # of the ring; None: in the slots
+    length: tuple[int, int] = (0, 24)
+    tag: tuple[int, int] = (24, 7)
+    valid: tuple[int, int] = (31, 1)
+
+
+@dataclass(frozen=True)
+class Lane:
+    """One direction of a snorkel. Addresses and sizes in bytes."""
+    name: str           # the snorkel's; of a snorkel of both directions, `_read` and `_write` behind
+    from_flight: bool
+    form: str
+    address: int
+    size: int           # of all it takes at `address`
+    capacity: int
+    stride: int
+    depth: int
+    queued: bool
+    variable: bool
+    overwrite: bool
+    count: int
+    interrupt: str | None
+    descriptor: Descriptor
+    remove: int
+    add: tuple[int, ...]
+    unit: int
+    swap: bool
+
+
+@dataclass(frozen=True)
+class Snorkel:
+    name: str
+    doc: str
+    direction: str
+    lanes: tuple[Lane, ...]
+    fields: tuple[Field, ...]
+    message: str | None
+    header: str | None
+    message_size: int | None
+
+
+@dataclass(frozen=True)
+class Board:
+    name: str
+    doc: str
+    base: int
+    size: int
+    order: str
+    clock: int | None
+    clock_interrupt: str | None
+    interrupts: int | None
+    lines: tuple[str, ...]
+    snorkels: tuple[Snorkel, ...]
+    file: str = field(compare=False)     # without its folder
+
+    @property
+    def lanes(self) -> list[Lane]:
+        return [lane for snorkel in self.snorkels for lane in snorkel.lanes]
+
+    @property
+    def hash(self) -> int:
+        """64-bit FNV-1a over all that both sides must agree on."""
+        text = repr((self.name, self.size, self.order, self.clock, self.interrupts, self.lines,
+                     [(lane, s.fields, s.message) for s in self.snorkels for lane in s.lanes]))
+        value = 0xCBF29CE484222325
+        for byte in text.encode():
+            value = (value ^ byte) * 0x100000001B3 % (1 << 64)
+        return value
+
+
+def read(path: Path) -> Board:
+    """The board of a file; BoardError with all complaints if there are any."""
+    text = path.read_text(encoding="utf-8")
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        line = re.search(r"at line (\d+)", str(error))
+        number = line[1] if line else str(len(text.splitlines()))
+        raise BoardError(f"{path}:{number}: the file must be TOML; {error}") from error
+    reader = _Reader(str(path), lines_of(text))
+    board = reader.board(data, path.name)
+    if reader.problems:
+        raise BoardError("\n".join(f"{path}:{line}: {complaint}"
+                                   for line, complaint in sorted(set(reader.problems))))
+    return board
+
+
+def _shown(value: Any) -> str:
+    return json.dumps(value, default=str)
+
+
+class _Reader:
+    """Reads tables by their paths and gathers what is wrong; goes on with something harmless."""
+
+    def __init__(self, file: str, lines: dict):
+        self.file, self.lines = file, lines
+        self.problems: list[tuple[int, str]] = []
+        self.taken: list[tuple[int, int, str, tuple]] = []    # address, end, of what, path
+        self.raised: dict[str, tuple[bool, str]] = {}         # line: by flight?, by what
+
+    def refuse(self, path: tuple, rule: str, found: str, advice: str) -> None:
+        self.problems.append((line_of(self.lines, path), f"{rule}; {found}; {advice}"))
+
+    # ---- values
+
+    def value(self, table: dict, path: tuple, key: str, kinds: tuple, words: str, default: Any):
+        """The value of a key; of `...` as default: it must be there."""
+        if key not in table:
+            if default is ...:
+                self.refuse((*path, key), f"`{key}` must be given", "it is not there",
+                            f"give {words}")
+                return None
+            return default
+        value = table[key]
+        if not isinstance(value, kinds) or isinstance(value, bool) and bool not in kinds:
+            self.refuse((*path, key), f"`{key}` is {words}", f"it is {_shown(value)}",
+                        f"write {words}")
+            return None if default is ... else default
+        return value
+
+    def integer(self, table, path, key, low, high, default=..., multiple=1):
+        value = self.value(table, path, key, (int,), "a whole number", default)
+        if key not in table or value is None or not isinstance(table[key], int):
+            return value
+        if not low <= value <= high or value % multiple:
+            of = f", a multiple of {multiple}" if multiple > 1 else ""
+            self.refuse((*path, key), f"`{key}` is from {low:#x} to {high:#x}{of}",
+                        f"it is {value:#x}", "choose one of those")
+            return None
+        return value
+
+    def choice(self, table, path, key, choices, default=...):
+        value = table.get(key, default)
+        if value is ... or value not in choices:
+            found = "it is not there" if value is ... else f"it is {_shown(value)}"
+            self.refuse((*path, key), f"`{key}` must say which", found,
+                        f"choose {', '.join(map(_shown, choices))}")
+            return None
+        return value
+
+    def text(self, table, path, key, default=...):
+        return self.value(table, path, key, (str,), "a text", default) or ""
+
+    def number(self, table, path, key, default):
+        value = self.value(table, path, key, (int, float), "a number", default)
+        if not math.isfinite(value):
+            self.refuse((*path, key), f"`{key}` is finite", f"it is {value}", "give a finite one")
+            return default
+        return float(value)
+
+    def name(self, table, path, used: dict, what: str) -> str:
+        name = self.text(table, path, "name")
+        if "name" not in table:
+            return "?"
+        if not _NAME.fullmatch(name) or name in _KEYWORDS:
+            self.refuse((*path, "name"), "a name is lower case with single _ and no keyword",
+                        f"it is {_shown(name)}", "write for example \"sun_sensor_2\"")
+        elif name in used:
+            self.refuse((*path, "name"), f"{what} names differ", f"`{name}` stands in line "
+                        f"{line_of(self.lines, used[name])} too", "rename one")
+        used.setdefault(name, (*path, "name"))
+        return name
+
+    def keys(self, table: dict, path: tuple, valid: tuple[str, ...]) -> None:
+        for key in table:
+            if key not in valid:
+                self.refuse((*path, key), "only known keys count", f"there is `{key}`",
+                            f"choose {', '.join(valid)}")
+
+    def table(self, table: dict, path: tuple, key: str) -> dict:
+        value = table.get(key, {})
+        if not isinstance(value, dict):
+            self.refuse((*path, key), f"`{key}` is a table", f"it is {_shown(value)}",
+                        f"write [{key}]")
+            return {}
+        return value
+
+    def tables(self, table: dict, path: tuple, key: str) -> list[dict]:
+        value = table.get(key, [])
+        if not isinstance(value, list) or not all(isinstance(v, dict) for v in value):
+            self.refuse((*path, key), f"`{key}` is an array of tables", f"it is {_shown(value)}",
+                        f"write [[{'.'.join(str(p) for p in (*path, key) if isinstance(p, str))}]]")
+            return []
+        return value
+
+    # ---- the board
+
+    def board(self, data: dict, file: str) -> Board:
+        self.keys(data, (), _BOARD_KEYS)
+        name = self.name(data, (), {}, "board")
+        base = self.integer(data, (), "base", 0, 0xFFFFFFF8, multiple=8) or 0
+        size = self.integer(data, (), "size", 8, 0x10000000, multiple=8) or 0x10000000
+        order = self.choice(data, (), "order", ORDERS) or "big"
+
+        interrupts, lines = None, ()
+        if "interrupts" in data:
+            table = self.table(data, (), "interrupts")
+            path = ("interrupts",)
+            self.keys(table, path, ("address", "lines"))
+            interrupts = self.integer(table, path, "address", 0, 0xFFFFFFF8, multiple=8)
+            lines = table.get("lines", [])
+            if not isinstance(lines, list) or not 1 <= len(lines) <= 32 \
+                    or not all(isinstance(n, str) and _NAME.fullmatch(n) for n in lines) \
+                    or len(set(lines)) != len(lines):
+                self.refuse((*path, "lines"), "`lines` are 1 to 32 different names",
+                            f"it is {_shown(lines)}", 'write for example ["tick", "telecommand"]')
+                lines = []
+            self.take(interrupts, INTERRUPT_SIZE * len(lines), "the interrupts", (*path, "address"))
+
+        clock, clock_interrupt = None, None
+        if "clock" in data:
+            table = self.table(data, (), "clock")
+            path = ("clock",)
+            self.keys(table, path, ("address", "interrupt"))
+            clock = self.integer(table, path, "address", 0, 0xFFFFFFF8, multiple=8)
+            clock_interrupt = self.line(table, path, "interrupt", lines, False, "the clock")
+            self.take(clock, CLOCK_SIZE, "the clock", (*path, "address"))
+
+        names: dict[str, tuple] = {}
+        snorkels = [self.snorkel(table, ("snorkel", i), names, order, lines)
+                    for i, table in enumerate(self.tables(data, (), "snorkel"))]
+        self.no_overlap(size)
+        return Board(name, self.text(data, (), "doc", ""), base, size, order, clock,
+                     clock_interrupt, interrupts, tuple(lines),
+                     tuple(s for s in snorkels if s), file)
+
+    def line(self, table, path, key, lines, from_flight, what) -> str | None:
+        if key not in table:
+            return None
+        if not lines:
+            self.refuse((*path, key), "an interrupt is one of the board's lines", "it has none",
+                        "add [interrupts] with address and lines")
+            return None
+        line = self.choice(table, path, key, tuple(lines))
+        if line:
+            side, first = self.raised.setdefault(line, (from_flight, what))
+            if side != from_flight:
+                self.refuse((*path, key), "a line is raised by one side",
+                            f"`{line}` is raised by {first} from the other side", "use another line")
+        return line
+
+    def take(self, address, size, what, path) -> None:
+        if address is not None and size:
+            self.taken.append((address, address + size, what, path))
+
+    def no_overlap(self, size: int) -> None:
+        reach = None
+        for taken in sorted(self.taken, key=lambda t: t[:2]):
+            address, end, what, path = taken
+            if end > size:
+                self.refuse(path, "all lies within the board's size", f"{what} ends at {end:#x}, "
+                            f"the board at {size:#x}", "move it, or enlarge `size`")
+            if reach and address < reach[1]:
+                self.refuse(path, "addresses do not overlap",
+                            f"{what} [{address:#x}, {end:#x}) overlaps {reach[2]} "
+                            f"[{reach[0]:#x}, {reach[1]:#x})", f"move it to {reach[1]:#x} or beyond")
+            if not reach or end > reach[1]:
+                reach = taken
+
+    # ---- a snorkel
+
+    def snorkel(self, table, path, names, board_order, lines) -> Snorkel | None:
+        self.keys(table, path, _SNORKEL_KEYS)
+        name = self.name(table, path, names, "snorkel")
+        form = self.choice(table, path, "form", FORMS)
+        direction = self.choice(table, path, "direction", DIRECTIONS)
+        if not form or not direction:
+            return None
+        for key, forms in _ONLY_FOR.items():
+            if key in table and form not in forms:
+                self.refuse((*path, key), f"`{key}` is for {' and '.join(forms)}",
+                            f"`{name}` is a {form}", "leave it out")
+        if direction != "both":
+            for key in (k for k in table if k.startswith("write_")):
+                self.refuse((*path, key), f"`{key}` is for direction \"both\"",
+                            f"`{name}` has only one lane", f"write `{key[6:]}`")
+
+        queue = self.integer(table, path, "queue", 1, 65536, None)
+        if queue and queue & (queue - 1):
+            self.refuse((*path, "queue"), "a queue's depth is a power of two", f"it is {queue}",
+                        f"choose {1 << queue.bit_length() - 1} or {1 << queue.bit_length()}")
+        if "overflow" in table and not queue:
+            self.refuse((*path, "overflow"), "`overflow` is of queues", f"`{name}` has none",
+                        "leave it out, or give `queue`")
+        overwrite = self.choice(table, path, "overflow", OVERFLOWS, "refuse") == "overwrite"
+        count = self.integer(table, path, "count", 1, 65536, 1) or 1
+        if queue and count > 1:
+            self.refuse((*path, "count"), "`count` is of words that are not queued",
+                        f"`{name}` is queued", "leave it out, or the queue")
+
+        variable, capacity, message_size = self.capacity(table, path, form)
+        message, header = None, None
+        if form == "message" and ("message" in table or "header" in table):
+            message, header = self.message(table, path, variable)
+        fields = self.fields(table, path)
+        shape = dict(form=form, capacity=capacity, variable=variable, queued=bool(queue),
+                     overwrite=overwrite, count=count, depth=queue or SINGLE_SLOTS)
+        swap = self.choice(table, path, "outside_order", ORDERS, board_order) != board_order
+        unit = self.choice(table, path, "unit", UNITS, 1) or 1
+        if swap and unit == 1:
+            self.refuse((*path, "outside_order"), "sides of different order have a unit to swap",
+                        "`unit` is 1 or not there", "give `unit` = 2, 4 or 8")
+
+        lanes = []
+        for from_flight in {"read": (False,), "write": (True,), "both": (False, True)}[direction]:
+            prefix = "write_" if direction == "both" and from_flight else ""
+            suffix = ("_write" if from_flight else "_read") if direction == "both" else ""
+            lanes.append(self.lane(table, path, prefix, name + suffix, from_flight, lines,
+                                   shape | dict(unit=unit, swap=swap)))
+            names.setdefault(name + suffix, (*path, "name"))
+        return Snorkel(name, self.text(table, path, "doc", ""), direction, tuple(lanes), fields,
+                       message, header, message_size)
+
+    def capacity(self, table, path, form) -> tuple[bool, int, int | None]:
+        """(variable, bytes in a slot, bytes of a message's struct)"""
+        if form == "word":
+            return False, 4, None
+        given = [key for key in ("size", "capacity") if key in table]
+        if len(given) != 1:
+            self.refuse((*path, given[-1] if given else "size"),
+                        "a packet is of fixed `size` or of variable size up to `capacity`",
+                        "both are given" if given else "neither is given", "give one, in bytes")
+            return False, 8, None
+        n = self.integer(table, path, given[0], 1, 0xFFFFFF) or 8
+        if form == "message":
+            return given[0] == "capacity", n + CDR_HEAD, n
+        return given[0] == "capacity", n, None
+
+    def message(self, table, path, variable) -> tuple[str | None, str | None]:
+        name, header = self.text(table, path, "message"), self.text(table, path, "header")
+        if "message" in table and not _TYPE_NAME.fullmatch(name):
+            self.refuse((*path, "message"), "`message` is the name of a type",
+                        f"it is {_shown(name)}", 'write for example "AttError"')
+        if "header" in table and not re.fullmatch(r"[\w./-]+\.h", header):
+            self.refuse((*path, "header"), "`header` is what flight code includes",
+                        f"it is {_shown(header)}", 'write for example "flight/msg/attitude.h"')
+        if variable:
+            self.refuse((*path, "capacity"), "a snorkel of one message type has its size",
+                        "it has a `capacity`", "give `size`, or no `message`")
+        return name, header
+
+    def lane(self, table, path, prefix, name, from_flight, lines, shape) -> Lane:
+        form, queued, depth = shape["form"], shape["queued"], shape["depth"]
+        capacity = shape["capacity"]
+        plain = form == "word" and not queued
+        stride = 4 if form == "word" else (SLOT_HEAD + capacity + 7) // 8 * 8
+        size = 4 * shape["count"] if plain else CONTROL_SIZE + depth * stride
+        key = prefix + "address"
+        address = self.integer(table, path, key, 0, 0xFFFFFFFC, multiple=4 if plain else 8)
+        self.take(address, size, f"`{name}`", (*path, key))
+        descriptor = self.descriptor(table, path, prefix, name, shape)
+        remove = self.integer(table, path, prefix + "remove", 0, 65535, 0) or 0
+        add = table.get(prefix + "add", [])
+        if not isinstance(add, list) or not all(type(b) is int and 0 <= b <= 255 for b in add):
+            self.refuse((*path, prefix + "add"), "`add` is a list of bytes, each 0 to 255",
+                        f"it is {_shown(add)}", "write for example [0x1A, 0xCF]")
+            add = []
+        # A header is in the slot if it was added on the way in, or will be removed on the way out.
+        inside = remove if from_flight else len(add)
+        if inside > capacity:
+            self.refuse((*path, prefix + ("remove" if from_flight else "add")),
+                        "a header fits into the packet", f"it has {inside} bytes of {capacity}",
+                        "shorten it, or enlarge the packet")
+        elif shape["swap"] and not shape["variable"] and (capacity - inside) % shape["unit"]:
+            self.refuse((*path, "unit"), "a packet is made of whole units",
+                        f"without header it has {capacity - inside} bytes",
+                        f"make that a multiple of {shape['unit']}, or choose another unit")
+        interrupt = self.line(table, path, prefix + "interrupt", lines, from_flight, f"`{name}`")
+        return Lane(name=name, from_flight=from_flight, address=address or 0, size=size,
+                    stride=stride, interrupt=interrupt, descriptor=descriptor, remove=remove,
+                    add=tuple(add), **shape)
+
+    def descriptor(self, table, path, prefix, name, shape) -> Descriptor:
+        key = prefix + "descriptor"
+        if key not in table:
+            if table.get("direction") == "both" and prefix and "descriptor" in table:
+                self.refuse((*path, "descriptor"), "both lanes have descriptors, or none",
+                            "`write_descriptor` is not there", "give it")
+            return Descriptor()
+        given = self.table(table, path, key)
+        here = (*path, key)
+        self.keys(given, here, _DESCRIPTOR_KEYS)
+        address = self.integer(given, here, "address", 0, 0xFFFFFFFC, multiple=4)
+        self.take(address, 4 * shape["depth"], f"the descriptors of `{name}`", here)
+        parts = {}
+        used = 0
+        for part, default in (("length", (0, 24)), ("tag", (24, 7)), ("valid", (31, 1))):
+            lsb, bits = parts[part] = self.bits(given, here, part, 0, default)
+            mask = ((1 << bits) - 1) << lsb
+            if used & mask:
+                self.refuse((*here, part), "the parts of a describing word do not overlap",
+                            f"`{part}` overlaps another", "move it")
+            used |= mask
+        if parts["valid"][1] > 1:
+            self.refuse((*here, "valid"), "`valid` is one bit or none",
+                        f"it has {parts['valid'][1]}", "write [31, 1], or [0, 0]")
+        bits = parts["length"][1]
+        if shape["variable"] and shape["capacity"] >= 1 << bits:
+            self.refuse((*here, "length"), "`length` can hold the capacity",
+                        f"{bits} bits do not hold {shape['capacity']}", "give it more bits")
+        return Descriptor(address, **parts)
+
+    def bits(self, table, path, key, fewest, default=...) -> tuple[int, int]:
+        value = table.get(key, default)
+        if value is ... or not isinstance(value, (list, tuple)) or len(value) != 2 \
+                or not all(type(v) is int for v in value) \
+                or not (value[0] >= 0 and value[1] >= fewest and sum(value) <= 32):
+            found = "it is not there" if value is ... else f"it is {_shown(value)}"
+            self.refuse((*path, key), f"`{key}` is [lowest bit, how many] within 32 bits", found,
+                        "write for example [4, 12]")
+            return (0, 32)
+        return tuple(value)
+
+    def fields(self, table, path) -> tuple[Field, ...]:
+        names: dict[str, tuple] = {}
+        fields, used = [], 0
+        for i, given in enumerate(self.tables(table, path, "field")):
+            here = (*path, "field", i)
+            before = len(self.problems)
+            self.keys(given, here, _FIELD_KEYS)
+            name = self.name(given, here, names, "field")
+            lsb, bits = self.bits(given, here, "bits", 1)
+            scale = self.number(given, here, "scale", 1.0)
+            if scale == 0.0:
+                self.refuse((*here, "scale"), "`scale` is not 0", "it is 0", "give the value of one "
+                            "count")
+            mask = ((1 << bits) - 1) << lsb
+            if used & mask and before == len(self.problems):
+                self.refuse((*here, "bits"), "fields of a word do not overlap",
+                            f"`{name}` overlaps another one", "move it")
+            used |= mask
+            fields.append(Field(name, self.text(given, here, "doc", ""), lsb, bits,
+                                bool(self.value(given, here, "signed", (bool,), "true or false",
+                                                False)),
+                                scale, self.number(given, here, "offset", 0.0),
+                                self.text(given, here, "unit", "-")))
+        return tuple(fields)

@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a board's file may not say, and how it is told so; where lanes come to lie."""
+import itertools
+import random
+from pathlib import Path
+
+import pytest
+
+from registers.__main__ import main
+from registers.description import BoardError, read
+
+BOARDS = sorted((Path(__file__).parent / "boards").glob("*.toml"))
+
+HEAD = 'name = "b"\nbase = 0x1000\nsize = 0x1000\norder = "big"\n'       # lines 1 to 4
+LINES = '[interrupts]\naddress = 0\nlines = ["a", "b"]\n'
+WORD = '[[snorkel]]\nname = "w"\nform = "word"\ndirection = "read"\naddress = 0x100\n'
+PACKET = '[[snorkel]]\nname = "p"\nform = "packet"\ndirection = "read"\naddress = 0x200\nsize = 8\n'
+BOTH = PACKET.replace('"read"', '"both"') + "write_address = 0x300\n"
+FIELD = '[[snorkel.field]]\nname = "f"\nbits = [0, 8]\n'
+MESSAGE = PACKET.replace('"packet"', '"message"') + 'message = "M"\nheader = "m.h"\n'
+
+# text, line, and what the complaint must hold: rule, finding or advice
+REFUSED = [
+    (HEAD[:-2], 4, "must be TOML"),
+    (HEAD + HEAD, 5, "must be TOML"),
+    (HEAD.replace("big", "middle"), 4, 'it is "middle"; choose "big", "little"'),
+    (HEAD.replace('order = "big"\n', ""), 1, "it is not there; choose"),
+    (HEAD.replace("0x1000\ns", "0x1004\ns"), 2, "a multiple of 8"),
+    (HEAD.replace("base = 0x1000\n", ""), 1, "`base` must be given"),
+    (HEAD.replace("size = 0x1000", "size = true"), 3, "`size` is a whole number"),
+    (HEAD + "speed = 1\n", 5, "there is `speed`; choose name, doc, base"),
+    (HEAD + "snorkel = 1\n", 5, "write [[snorkel]]"),
+    (HEAD + "[clock]\nadress = 8\n", 6, "there is `adress`"),
+    (HEAD + "[clock]\naddress = 0x40\ninterrupt = \"a\"\n", 7, "add [interrupts]"),
+    (HEAD + LINES.replace('"b"', '"a"'), 7, "1 to 32 different names"),
+    (HEAD + LINES + WORD + 'interrupt = "c"\n', 13, 'choose "a", "b"'),
+    (HEAD + LINES + WORD + 'interrupt = "a"\n' + PACKET.replace("read", "write")
+     + 'interrupt = "a"\n', 20, "raised by one side"),
+    (HEAD + WORD.replace('"w"', '"Sun"'), 6, "lower case"),
+    (HEAD + WORD.replace('"w"', '"w__x"'), 6, "lower case"),
+    (HEAD + WORD.replace('"w"', '"int"'), 6, "no keyword"),
+    (HEAD + WORD + PACKET.replace('"p"', '"w"'), 11, "stands in line 6 too"),
+    (HEAD + WORD.replace("word", "wrod"), 7, 'choose "word", "packet", "message"'),
+    (HEAD + WORD.replace('direction = "read"\n', ""), 5, 'choose "read", "write", "both"'),
+    (HEAD + WORD.replace("0x100", "0x102"), 9, "a multiple of 4; it is 0x102"),
+    (HEAD + PACKET.replace("0x200", "0x204"), 9, "a multiple of 8"),
+    (HEAD + WORD.replace("0x100", "0x1000"), 9, "`w` ends at 0x1004, the board at 0x1000"),
+    (HEAD + WORD.replace("0x100", "0x210") + PACKET, 9, "move it to 0x260 or beyond"),
+    (HEAD + LINES + WORD.replace("0x100", "0xC"), 12, "overlaps the interrupts [0x0, 0x10)"),
+    (HEAD + BOTH.replace("0x300", "0x238"), 11, "`p_write` [0x238, 0x298) overlaps `p_read`"),
+    (HEAD + BOTH.replace("write_address = 0x300\n", ""), 5, "`write_address` must be given"),
+    (HEAD + PACKET + "write_remove = 2\n", 11, "write `remove`"),
+    (HEAD + WORD + "queue = 12\n", 10, "choose 8 or 16"),
+    (HEAD + WORD + 'overflow = "refuse"\n', 10, "`overflow` is of queues"),
+    (HEAD + WORD + 'queue = 4\noverflow = "drop"\n', 11, 'choose "refuse", "overwrite"'),
+    (HEAD + WORD + "queue = 4\ncount = 2\n", 11, "`count` is of words that are not queued"),
+    (HEAD + WORD + "remove = 4\n", 10, "`remove` is for packet; `w` is a word"),
+    (HEAD + PACKET + "capacity = 9\n", 11, "both are given"),
+    (HEAD + PACKET.replace("size = 8\n", ""), 5, "neither is given"),
+    (HEAD + PACKET + "add = [256]\n", 11, "each 0 to 255"),
+    (HEAD + PACKET + "add = [1, 2, 3, 4, 5, 6, 7, 8, 9]\n", 11, "9 bytes of 8"),
+    (HEAD + PACKET + 'outside_order = "little"\n', 11, "give `unit` = 2, 4 or 8"),
+    (HEAD + PACKET + 'outside_order = "little"\nunit = 3\n', 12, "choose 1, 2, 4, 8"),
+    (HEAD + PACKET + 'outside_order = "little"\nunit = 4\nadd = [1]\n', 12, "whole units"),
+    (HEAD + PACKET + "descriptor = {address = 0x208}\n", 11, "the descriptors of `p`"),
+    (HEAD + PACKET + "descriptor = {address = 0x100, tag = [20, 8]}\n", 11, "do not overlap"),
+    (HEAD + PACKET + "descriptor = {address = 0x100, valid = [30, 2]}\n", 11, "one bit or none"),
+    (HEAD + PACKET.replace("size = 8", "capacity = 16")
+     + "descriptor = {address = 0x100, length = [0, 4]}\n", 11, "4 bits do not hold 16"),
+    (HEAD + WORD + FIELD.replace("[0, 8]", "[28, 8]"), 12, "within 32 bits; it is [28, 8]"),
+    (HEAD + WORD + FIELD + FIELD.replace('"f"', '"g"'), 15, "`g` overlaps another one"),
+    (HEAD + WORD + FIELD + "scale = 0\n", 13, "`scale` is not 0"),
+    (HEAD + WORD + FIELD + "offset = inf\n", 13, "`offset` is finite"),
+    (HEAD + WORD + FIELD + 'signed = "no"\n', 13, "true or false"),
+    (HEAD + PACKET + FIELD, 11, "`field` is for word"),
+    (HEAD + MESSAGE.replace("size", "capacity"), 10, "a snorkel of one message type"),
+    (HEAD + MESSAGE.replace('header = "m.h"\n', ""), 5, "`header` must be given"),
+    (HEAD + MESSAGE.replace('"M"', '"m m"'), 11, "the name of a type"),
+]
+
+
+@pytest.mark.parametrize("text, line, words", REFUSED, ids=[words for _, _, words in REFUSED])
+def test_a_bad_board_is_refused_with_line_rule_finding_and_advice(tmp_path, capsys, text, line,
+                                                                  words):
+    file = tmp_path / "b.toml"
+    file.write_text(text, encoding="utf-8")
+    out = tmp_path / "out"
+    assert main([str(file), "--out", str(out)]) == 1
+    complaints = capsys.readouterr().err.splitlines()
+    assert any(c.startswith(f"{file}:{line}: ") and words in c for c in complaints), complaints
+    assert not out.exists()
+
+
+def test_the_pieces_of_the_refusals_are_right_when_together(tmp_path):
+    file = tmp_path / "b.toml"
+    for text in (HEAD + LINES + WORD + FIELD + PACKET, HEAD + BOTH, HEAD + MESSAGE):
+        file.write_text(text, encoding="utf-8")
+        read(file)
+
+
+def test_all_complaints_come_at_once_in_the_order_of_lines(tmp_path):
+    file = tmp_path / "b.toml"
+    file.write_text(HEAD + WORD.replace("0x100", "0x101") + "queue = 3\n" + PACKET + "speed = 1\n")
+    with pytest.raises(BoardError) as error:
+        read(file)
+    lines = [int(c.split(":")[1]) for c in str(error.value).splitlines()]
+    assert lines == [9, 10, 17]
+
+
+def test_two_boards_neither_overlap_nor_share_a_name(tmp_path, capsys):
+    for name, base in (("a", 0), ("b", 0x2000), ("c", 0x2FF8)):
+        (tmp_path / f"{name}.toml").write_text(
+            HEAD.replace('"b"', f'"{name}"').replace("base = 0x1000", f"base = {base}"))
+    files = [str(tmp_path / f"{name}.toml") for name in "abc"]
+    assert main([*files[:2], "--out", str(tmp_path)]) == 0
+    assert main([*files[1:], "--out", str(tmp_path)]) == 1
+    assert "boards do not overlap; c [0x2ff8, 0x3ff8) overlaps b" in capsys.readouterr().err
+    assert main([files[0], files[0], "--out", str(tmp_path)]) == 1
+    assert "boards' names differ" in capsys.readouterr().err
+
+
+def test_random_layouts_are_taken_exactly_if_nothing_overlaps(tmp_path):
+    """The oracle marks each byte: a board is refused if and only if a byte is taken twice."""
+    rng = random.Random(8)
+    outcomes = set()
+    for _ in range(200):
+        text, taken, twice = HEAD, set(), False
+        for i in range(rng.randint(1, 4)):
+            address, n = 8 * rng.randrange(60), rng.randint(1, 20)
+            text += (f'[[snorkel]]\nname = "s_{i}"\ndirection = "read"\naddress = {address}\n')
+            if rng.random() < 0.5:
+                text += f'form = "word"\ncount = {n}\n'
+                size = 4 * n
+            else:
+                text += f'form = "packet"\nsize = {n}\nqueue = 2\n'
+                size = 32 + 2 * (8 + (n + 7) // 8 * 8)
+            own = set(range(address, address + size))
+            twice |= bool(own & taken)
+            taken |= own
+        file = tmp_path / "b.toml"
+        file.write_text(text)
+        try:
+            read(file)
+            refused = False
+        except BoardError:
+            refused = True
+        assert refused == twice, text
+        outcomes.add(refused)
+    assert outcomes == {False, True}
+
+
+@pytest.mark.parametrize("file", BOARDS, ids=lambda p: p.stem)
+def test_the_shipped_boards_are_right_and_named_as_their_files(file):
+    assert read(file).name == file.stem
+
+
+def test_the_shipped_boards_show_every_kind_of_snorkel():
+    lanes = [lane for file in BOARDS for lane in read(file).lanes]
+    for kind in itertools.product(("word",), (False, True)):
+        assert kind in {(lane.form, lane.queued) for lane in lanes}
+    for form in ("packet", "message"):
+        assert {lane.variable for lane in lanes if lane.form == form} == {False, True}
+        assert {lane.queued for lane in lanes if lane.form == form} == {False, True}
+    assert any(lane.descriptor.address is not None for lane in lanes)
+    assert any(lane.add for lane in lanes) and any(lane.remove for lane in lanes)
+    assert any(lane.swap for lane in lanes) and any(lane.interrupt for lane in lanes)
+    assert {s.direction for file in BOARDS for s in read(file).snorkels} == {"read", "write", "both"}
+
+
+def test_the_hash_tells_what_both_sides_must_agree_on(tmp_path):
+    file = tmp_path / "b.toml"
+    hashes = set()
+    for text in (HEAD + WORD, HEAD + WORD.replace("0x100", "0x104"), HEAD + WORD + "count = 2\n",
+                 HEAD + WORD + FIELD, (HEAD + WORD).replace("big", "little")):
+        file.write_text(text)
+        hashes.add(read(file).hash)
+    assert len(hashes) == 5
+    file.write_text(HEAD + 'doc = "other words"\n' + WORD)
+    assert read(file).hash in hashes

@@ -1,0 +1,243 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A board in C99: a header with addresses, fields and flight's accessors, and its tables.
+
+The accessors are of flight's side: what it reads, it takes or gets; what it writes, it puts or sets.
+The tables serve both sides.
+"""
+from __future__ import annotations
+
+from registers.description import Board, Descriptor, Field, Lane, Snorkel
+
+_W = "const RegisterWindow *w"
+
+
+def emit(board: Board) -> dict[str, str]:
+    return {f"{board.name}.h": _header(board), f"{board.name}.c": _tables(board)}
+
+
+def _string(text: str) -> str:
+    """A literal in plain ASCII; other bytes in octal, and no trigraphs."""
+    named = {"\n": "\\n", '"': '\\"', "\\": "\\\\"}
+    plain = "".join(named.get(chr(b)) or (chr(b) if 32 <= b < 127 else f"\\{b:03o}")
+                    for b in text.encode())
+    return '"' + plain.replace("??", "?\\?") + '"'
+
+
+def _comment(text: str) -> str:
+    return text.replace("*/", "* /").replace("/*", "/ *").replace("\n", " ").strip()
+
+
+def _header(board: Board) -> str:
+    upper = board.name.upper()
+    headers = {"registers/clock.h", "registers/field.h", "registers/message.h"}
+    headers |= {s.header for s in board.snorkels if s.header}
+    rows = [(f"{upper}_BASE", board.base, "where flight's processor finds the board"),
+            (f"{upper}_SIZE", board.size, "[bytes]")]
+    if board.clock is not None:
+        rows.append((f"{upper}_CLOCK", board.clock, "from the base, as all below"))
+    rows += [(f"{upper}_INTERRUPT_{line.upper()}", i, "line")
+             for i, line in enumerate(board.lines)]
+    for snorkel in board.snorkels:
+        for lane in snorkel.lanes:
+            name = f"{upper}_{lane.name.upper()}"
+            rows.append((f"{name}_ADDRESS", lane.address, _comment(snorkel.doc)))
+            if lane.descriptor.address is not None:
+                rows.append((f"{name}_DESCRIPTORS", lane.descriptor.address,
+                             f"{lane.depth} words"))
+            if lane.form != "word":
+                rows.append((f"{name}_CAPACITY", lane.capacity, "[bytes]"))
+            if lane.count > 1:
+                rows.append((f"{name}_COUNT", lane.count, "words"))
+        for f in snorkel.fields:
+            name = f"{upper}_{snorkel.name.upper()}_{f.name.upper()}"
+            rows += [(f"{name}_LSB", f.lsb, f"[{f.unit}] {_comment(f.doc)}"),
+                     (f"{name}_BITS", f.bits, f"{f.scale!r} per count, from {f.offset!r}")]
+    width = max(len(name) for name, _, _ in rows)
+    defines = "".join(f"#define {name:{width}} {value:#x}u /* {comment or 'no comment'} */\n"
+                      for name, value, comment in rows)
+    lanes = "".join(f"    {upper}_LANE_{lane.name.upper()} = {i},\n"
+                    for i, lane in enumerate(board.lanes))
+    accessors = "".join(_accessors(board, s) for s in board.snorkels)
+    return f"""/* {_comment(board.doc or board.name)}
+ * Written by registers from {board.file}: do not edit. */
+#ifndef BOARD_{upper}_H
+#define BOARD_{upper}_H
+
+{"".join(f'#include "{h}"{chr(10)}' for h in sorted(headers))}
+#ifdef __cplusplus
+extern "C" {{
+#endif
+
+{defines}
+/* The lanes' places in {board.name}.lanes. */
+enum {{
+{lanes}    {upper}_LANES = {len(board.lanes)}
+}};
+
+extern const RegisterBoard {board.name};
+{accessors}
+#ifdef __cplusplus
+}}
+#endif
+
+#endif
+"""
+
+
+def _function(result: str, name: str, arguments: str, body: str, doc: str) -> str:
+    about = f"\n/* {doc} */" if doc else ""
+    return f"{about}\nstatic inline {result} {name}({arguments})\n{{\n{body}}}\n"
+
+
+def _accessors(board: Board, snorkel: Snorkel) -> str:
+    parts = []
+    if snorkel.message:
+        name = snorkel.message
+        parts.append(
+            f"\nextern const RegisterMessage fledge_message_{name}; /* generated from its header */\n"
+            f"typedef char {board.name}_{snorkel.name}_is_of_the_size_of_{name}\n"
+            f"    [sizeof({name}) == {snorkel.message_size}u ? 1 : -1];\n")
+    for lane in snorkel.lanes:
+        parts.append(_lane_accessors(board, snorkel, lane))
+    return "".join(parts)
+
+
+def _lane_accessors(board: Board, snorkel: Snorkel, lane: Lane) -> str:
+    table = f"&{board.name}.lanes[{board.name.upper()}_LANE_{lane.name.upper()}]"
+    name = f"{board.name}_{snorkel.name}"
+    doc = _comment(snorkel.doc)
+    verb = "put" if lane.from_flight else "take"
+    if lane.form == "word" and not lane.queued:
+        return _word_accessors(name, table, snorkel, lane, doc)
+    if lane.form == "word":
+        value = "value" if lane.from_flight else "*value"
+        return _function("RegisterStatus", f"{name}_{verb}", f"{_W}, uint32_t {value}",
+                         f"    return register_{verb}_word(w, {table}, 0u, value);\n", doc)
+    if snorkel.message:
+        const, info, more = (("const ", "", "") if lane.from_flight
+                             else ("", ", RegisterInfo *info", ", info"))
+        return _function("RegisterStatus", f"{name}_{verb}",
+                         f"{_W}, {const}{snorkel.message} *message{info}",
+                         f"    return register_{verb}_message(w, {table},\n"
+                         f"        &fledge_message_{snorkel.message}, message{more});\n", doc)
+    if lane.form == "message":
+        const, info, more = (("const ", "", "") if lane.from_flight
+                             else ("", ",\n    RegisterInfo *info", ", info"))
+        return _function("RegisterStatus", f"{name}_{verb}",
+                         f"{_W}, const RegisterMessage *type, {const}void *message{info}",
+                         f"    return register_{verb}_message(w, {table},\n"
+                         f"        type, message{more});\n", doc)
+    if lane.from_flight:
+        return _function("RegisterStatus", f"{name}_put",
+                         f"{_W}, const void *bytes, uint32_t n,\n    uint32_t tag",
+                         f"    return register_put(w, {table}, bytes, n, tag);\n", doc)
+    return _function("RegisterStatus", f"{name}_take",
+                     f"{_W}, void *bytes, uint32_t room,\n    RegisterInfo *info",
+                     f"    return register_take(w, {table}, bytes, room, info);\n", doc)
+
+
+def _word_accessors(name: str, table: str, snorkel: Snorkel, lane: Lane, doc: str) -> str:
+    """Of words that are not queued: the word, and each field in its unit. What flight writes, it
+    can read back: a field is set in the word that flight itself wrote last."""
+    index, i = (", uint32_t index", "index") if lane.count > 1 else ("", "0u")
+    load = f"    uint32_t word = 0u;\n    (void)register_take_word(w, {table}, {i}, &word);\n"
+    parts = []
+    if lane.from_flight:
+        parts.append(_function("void", f"{name}_set_word", f"{_W}{index}, uint32_t word",
+                               f"    (void)register_put_word(w, {table}, {i}, word);\n", doc))
+    else:
+        parts.append(_function("uint32_t", f"{name}_word", f"{_W}{index}",
+                               f"{load}    return word;\n", doc))
+    for k, f in enumerate(snorkel.fields):
+        field = f"{table[1:]}.fields[{k}]"
+        about = f"[{f.unit}] {_comment(f.doc)}".strip()
+        if lane.from_flight:
+            parts.append(_function(
+                "int", f"{name}_set_{f.name}", f"{_W}{index}, double value",
+                f"    int saturated = 0;\n"
+                f"    const RegisterField *field = &{field};\n"
+                f"    const int64_t count = register_field_quantise(field, value, &saturated);\n"
+                f"{load}"
+                f"    word = register_field_place(field, word, count);\n"
+                f"    (void)register_put_word(w, {table}, {i}, word);\n"
+                f"    return saturated;\n", f"{about}; 1: beyond the range, and held at its end"))
+        else:
+            parts.append(_function(
+                "double", f"{name}_{f.name}", f"{_W}{index}",
+                f"    const RegisterField *field = &{field};\n{load}"
+                f"    return register_field_value(field, register_field_count(field, word));\n",
+                about))
+    return "".join(parts)
+
+
+def _tables(board: Board) -> str:
+    parts = [f'/* The tables of {board.name}. Written by registers from {board.file}: do not edit. */\n'
+             f'#include "{board.name}.h"\n']
+    for snorkel in board.snorkels:
+        if snorkel.fields:
+            rows = "".join(_field(f) for f in snorkel.fields)
+            parts.append(f"\nstatic const RegisterField fields_{snorkel.name}[] = {{\n{rows}}};\n")
+        for lane in snorkel.lanes:
+            if lane.add:
+                row = ", ".join(f"{b}u" for b in lane.add)
+                parts.append(f"\nstatic const uint8_t head_{lane.name}[] = {{{row}}};\n")
+    lanes = "".join(_lane(board, s, lane) for s in board.snorkels for lane in s.lanes)
+    if lanes:
+        parts.append(f"\nstatic const RegisterLane lanes[] = {{\n{lanes}}};\n")
+    members = [
+        ("name", _string(board.name)),
+        ("hash", f"UINT64_C({board.hash:#018x})"),
+        ("base", f"UINT64_C({board.base:#x})"),
+        ("size", f"{board.size:#x}u"),
+        ("big_endian", f"{int(board.order == 'big')}u"),
+        ("clock", _address(board.clock)),
+        ("clock_interrupt", str(_line(board, board.clock_interrupt))),
+        ("interrupts", _address(board.interrupts)),
+        ("n_interrupts", f"{len(board.lines)}u"),
+        ("n_lanes", f"{len(board.lanes)}u"),
+        ("lanes", "lanes" if lanes else "0"),
+    ]
+    body = "".join(f"    .{key} = {value},\n" for key, value in members)
+    parts.append(f"\nconst RegisterBoard {board.name} = {{\n{body}}};\n")
+    return "".join(parts)
+
+
+def _address(address: int | None) -> str:
+    return "REGISTER_NOWHERE" if address is None else f"{address:#x}u"
+
+
+def _line(board: Board, name: str | None) -> int:
+    return board.lines.index(name) if name else -1
+
+
+def _field(f: Field) -> str:
+    return (f"    {{.name = {_string(f.name)}, .unit = {_string(f.unit)}, .scale = {f.scale!r}, "
+            f".offset = {f.offset!r},\n     .lsb = {f.lsb}u, .bits = {f.bits}u, "
+            f".is_signed = {int(f.signed)}u}},\n")
+
+
+def _lane(board: Board, snorkel: Snorkel, lane: Lane) -> str:
+    flags = [name for name, holds in (("FROM_FLIGHT", lane.from_flight), ("QUEUED", lane.queued),
+                                      ("VARIABLE", lane.variable), ("OVERWRITE", lane.overwrite))
+             if holds]
+    d: Descriptor = lane.descriptor
+    bits = ", ".join(f"{v}u" for part in (d.length, d.tag, d.valid) for v in part)
+    head = f"head_{lane.name}" if lane.add else "0"
+    members = [
+        ("name", _string(lane.name)),
+        ("form", f"REGISTER_{lane.form.upper()}"),
+        ("flags", " | ".join(f"REGISTER_{flag}" for flag in flags) or "0u"),
+        ("address", f"{lane.address:#x}u"),
+        ("descriptors", _address(d.address)),
+        ("capacity", f"{lane.capacity}u"),
+        ("stride", f"{lane.stride}u"),
+        ("depth", f"{lane.depth}u"),
+        ("count", f"{lane.count}u"),
+        ("interrupt", str(_line(board, lane.interrupt))),
+        ("descriptor", f"{{{bits}}}"),
+        ("outside", f"{{{lane.remove}u, {len(lane.add)}u, {head}, {lane.unit}u, "
+                    f"{int(lane.swap)}u}}"),
+        ("n_fields", f"{len(snorkel.fields)}u"),
+        ("fields", f"fields_{snorkel.name}" if snorkel.fields else "0"),
+    ]
+    return "    {" + ",\n     ".join(f".{key} = {value}" for key, value in members) + "},\n"

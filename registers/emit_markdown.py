@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A board's documentation in Markdown: what is where, and what it means."""
+from __future__ import annotations
+
+from registers.description import Board, Lane, Snorkel
+
+
+def emit(board: Board) -> dict[str, str]:
+    parts = [f"# {board.name}\n\n", f"{board.doc}\n\n" if board.doc else "",
+             f"Base {board.base:#010x}, {board.size:#x} bytes, {board.order}-endian words. Addresses "
+             f"are relative to the base. Written from {board.file}.\n\n",
+             "| address | snorkel | flight | form | depth | bytes | interrupt | meaning |\n"
+             "|---|---|---|---|---|---|---|---|\n"]
+    rows = []
+    if board.clock is not None:
+        rows.append((board.clock, "clock", "reads", "tick, time, step", "", "32",
+                     board.clock_interrupt or "", "simulated time"))
+    if board.interrupts is not None:
+        rows.append((board.interrupts, "interrupts", "both", "counters", "",
+                     str(8 * len(board.lines)), "", ", ".join(board.lines)))
+    for snorkel in board.snorkels:
+        rows += [_row(snorkel, lane) for lane in snorkel.lanes]
+        rows += [(lane.descriptor.address, f"{lane.name}: descriptors", "", "words",
+                  str(lane.depth), str(4 * lane.depth), "", "") for lane in snorkel.lanes
+                 if lane.descriptor.address is not None]
+    for row in sorted(rows):
+        parts.append("| " + " | ".join([f"{row[0]:#06x}", *map(_cell, row[1:])]) + " |\n")
+    parts += [_fields(s) for s in board.snorkels if s.fields]
+    return {f"{board.name}.md": "".join(parts)}
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|").replace("\n", " ")
+
+
+def _row(snorkel: Snorkel, lane: Lane) -> tuple:
+    form = snorkel.message or lane.form
+    notes = [snorkel.doc] if snorkel.doc else []
+    if lane.remove:
+        notes.append(f"the outside's end removes {lane.remove} bytes")
+    if lane.add:
+        notes.append(f"it adds {bytes(lane.add).hex(' ')}")
+    if lane.swap:
+        notes.append(f"it swaps units of {lane.unit} bytes")
+    depth = f"{lane.depth}, {'overwrite' if lane.overwrite else 'refuse'}" if lane.queued else "last"
+    size = f"up to {lane.capacity}" if lane.variable else str(lane.capacity)
+    if lane.form == "word":
+        size = f"{lane.count} x 4" if lane.count > 1 else "4"
+    return (lane.address, lane.name, "writes" if lane.from_flight else "reads", form, depth, size,
+            lane.interrupt or "", "; ".join(notes))
+
+
+def _fields(snorkel: Snorkel) -> str:
+    head = (f"\n## {snorkel.name}\n\n| bits | field | value | range | meaning |\n|---|---|---|---|"
+            "---|\n")
+    rows = []
+    for f in snorkel.fields:
+        sign = "signed, " if f.signed else ""
+        low, high = sorted(f.offset + f.scale * count for count in (f.low, f.high))
+        rows.append(f"| {f.lsb + f.bits - 1}..{f.lsb} | {f.name} | {sign}{f.scale:g} {f.unit} per "
+                    f"count, from {f.offset:g} | {low:g} to {high:g} | {_cell(f.doc)} |\n")
+    return head + "".join(rows)
