@@ -135,7 +135,8 @@ Ns Controller::limit(const Node &node) const
 
 bool Controller::complete(const Node &node) const
 {
-    return node.over() || (node.any_time ? node.reached >= config_.end : node.next_after(node.reached) > config_.end);
+    return node.over() ||
+           (node.any_time ? node.reached >= config_.end : node.next_after(node.reached) > config_.end);
 }
 
 // ---- from outside
@@ -144,8 +145,9 @@ Controller::Controller(ControllerConfig config) : config_(std::move(config))
 {
     if (config_.end < 0 || config_.end > longest_time || config_.batch < 1 || config_.ahead < 4 ||
         config_.nodes.empty()) {
-        throw std::invalid_argument("a co-simulation has nodes, an end from 0 to 31 years, batches of at least 1 "
-                                    "instant, and readers that may lag by at least 4 messages");
+        throw std::invalid_argument(
+            "a co-simulation has nodes, an end from 0 to 31 years, batches of at least 1 "
+            "instant, and readers that may lag by at least 4 messages");
     }
     for (const NodeConfig &node : config_.nodes) {
         for (const Node &other : nodes_) {
@@ -240,7 +242,9 @@ void Controller::lost(NodeId id, const std::string &why)
     switch (node.config.on_loss) {
     case Policy::abort: return finish(text);
     case Policy::pause: actions_.push_back(action::Report{text + "; the run waits for it"}); break;
-    case Policy::hold: actions_.push_back(action::Report{text + "; its messages keep their last values"}); break;
+    case Policy::hold:
+        actions_.push_back(action::Report{text + "; its messages keep their last values"});
+        break;
     case Policy::drop:
         actions_.push_back(action::Report{text + "; its messages are never written from now on"});
         for (const std::size_t w : node.out) {
@@ -394,7 +398,8 @@ void Controller::number_topics()
                 topic.schema = want.schema; // for a writer that has no definition of its own
             }
             if (const std::string fault = cosim::fault_of(want.schema); !fault.empty()) {
-                add_fault(faults_, node.config.name + " wants " + want.topic + " with a bad definition: " + fault);
+                add_fault(faults_,
+                          node.config.name + " wants " + want.topic + " with a bad definition: " + fault);
             }
         }
     }
@@ -405,9 +410,9 @@ void Controller::ask_for_match(NodeId id)
     Match match;
     for (std::uint32_t channel = 0; channel < topics_.size(); channel++) {
         const bool wanted = std::any_of(nodes_.begin(), nodes_.end(), [&](const Node &other) {
-            return &other != &nodes_[id] && std::any_of(other.wants.begin(), other.wants.end(), [&](const Want &w) {
-                return w.topic == topics_[channel].name;
-            });
+            return &other != &nodes_[id] &&
+                   std::any_of(other.wants.begin(), other.wants.end(),
+                               [&](const Want &w) { return w.topic == topics_[channel].name; });
         });
         if (wanted) {
             match.asked.push_back({channel, topics_[channel].name, topics_[channel].schema});
@@ -451,13 +456,14 @@ void Controller::take_offers(NodeId id, const Matched &m, std::string &faults)
     const std::string &name = nodes_[id].config.name;
     for (const Offer &offer : m.offers) {
         if (offer.channel >= topics_.size()) {
-            add_fault(faults, name + " offers a channel " + std::to_string(offer.channel) + " that nobody asked for");
+            add_fault(faults,
+                      name + " offers a channel " + std::to_string(offer.channel) + " that nobody asked for");
             continue;
         }
         Topic &topic = topics_[offer.channel];
         if (topic.writer) {
-            add_fault(faults, topic.name + " is written by " + nodes_[*topic.writer].config.name + " and by " + name +
-                                  "; one of them has to leave it or call it otherwise");
+            add_fault(faults, topic.name + " is written by " + nodes_[*topic.writer].config.name +
+                                  " and by " + name + "; one of them has to leave it or call it otherwise");
             continue;
         }
         topic.writer = id;
@@ -534,7 +540,8 @@ std::string Controller::find_cycle() const
 {
     const auto waits = [&](const Wire &wire) {
         return wire.latency == Latency::same_instant ||
-               (wire.latency == Latency::next_instant && nodes_[wire.from].any_time && nodes_[wire.to].any_time);
+               (wire.latency == Latency::next_instant && nodes_[wire.from].any_time &&
+                nodes_[wire.to].any_time);
     };
     enum Colour { white, grey, black };
     std::vector<Colour> colour(nodes_.size(), white);
@@ -744,7 +751,8 @@ void Controller::grant(NodeId id)
     Tick tick{until, {}};
     for (const std::size_t w : node.in) {
         Wire &wire = wires_[w];
-        for (; wire.delivered < wire.pending.size() && wire.pending[wire.delivered].t <= until; wire.delivered++) {
+        for (; wire.delivered < wire.pending.size() && wire.pending[wire.delivered].t <= until;
+             wire.delivered++) {
             const Pending &pending = wire.pending[wire.delivered];
             tick.records.push_back({wire.channel, ++wire.count, pending.t, pending.payload});
         }

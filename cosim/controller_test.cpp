@@ -161,7 +161,8 @@ struct FakeNode {
                 if (it != spec->writes.end()) {
                     written[channel.topic] = {channel.channel, 0};
                     matched.offers.push_back(
-                        {channel.channel, schema, word(spec->initial(static_cast<std::size_t>(it - spec->writes.begin())))});
+                        {channel.channel, schema,
+                         word(spec->initial(static_cast<std::size_t>(it - spec->writes.begin())))});
                 }
             }
             return matched;
@@ -186,7 +187,8 @@ struct FakeNode {
         EXPECT_GT(tick.until, reached);
         for (const Record &record : tick.records) {
             EXPECT_EQ(record.count, ++counts[record.channel]) << "a gap";
-            EXPECT_TRUE(record.t > reached || (record.t == reached && reached == start)) << "late for " << spec->name;
+            EXPECT_TRUE(record.t > reached || (record.t == reached && reached == start))
+                << "late for " << spec->name;
             EXPECT_LE(record.t, tick.until);
             coming.push_back({record.t, {wired.at(record.channel), word_of(record.payload)}});
         }
@@ -201,7 +203,8 @@ struct FakeNode {
                 coming.erase(coming.begin());
             }
             for (const Want &want : spec->wants) {
-                EXPECT_TRUE(want.optional || seen.contains(want.topic)) << "incomplete inputs of " << spec->name;
+                EXPECT_TRUE(want.optional || seen.contains(want.topic))
+                    << "incomplete inputs of " << spec->name;
                 state = mix(state, seen[want.topic]);
             }
             state = mix(state, static_cast<std::uint64_t>(t));
@@ -209,7 +212,8 @@ struct FakeNode {
             for (std::size_t k = 0; k < spec->writes.size(); k++) {
                 const auto it = written.find(spec->writes[k]);
                 if (spec->writes_at(t, k) && it != written.end()) {
-                    tock.records.push_back({it->second.first, ++it->second.second, t, word(Spec::output(state, k))});
+                    tock.records.push_back(
+                        {it->second.first, ++it->second.second, t, word(Spec::output(state, k))});
                 }
             }
             if (random() % 8 == 0) {
@@ -224,8 +228,13 @@ struct FakeNode {
 
 /// A controller with its nodes, whose replies come in any order.
 struct Bench {
-    Bench(const std::vector<Spec> &all, Ns run_end, unsigned seed, std::uint32_t batch = 1000, std::uint32_t ahead = 4096)
-        : specs(all), end(run_end), random(seed), controller(configured(all, run_end, batch, ahead)), nodes(all.size()),
+    Bench(const std::vector<Spec> &all, Ns run_end, unsigned seed, std::uint32_t batch = 1000,
+          std::uint32_t ahead = 4096)
+        : specs(all),
+          end(run_end),
+          random(seed),
+          controller(configured(all, run_end, batch, ahead)),
+          nodes(all.size()),
           requests(all.size())
     {
         for (std::size_t i = 0; i < all.size(); i++) {
@@ -233,7 +242,8 @@ struct Bench {
         }
     }
 
-    static ControllerConfig configured(const std::vector<Spec> &all, Ns end, std::uint32_t batch, std::uint32_t ahead)
+    static ControllerConfig configured(const std::vector<Spec> &all, Ns end, std::uint32_t batch,
+                                       std::uint32_t ahead)
     {
         ControllerConfig config;
         config.simulation = "bench";
@@ -374,8 +384,9 @@ std::vector<Spec> random_network(Random &random)
                     continue;
                 }
                 auto latency = static_cast<Latency>(random() % 3);
-                const bool waits = latency == Latency::same_instant ||
-                                   (latency == Latency::next_instant && specs[from].any_time && specs[to].any_time);
+                const bool waits =
+                    latency == Latency::same_instant ||
+                    (latency == Latency::next_instant && specs[from].any_time && specs[to].any_time);
                 if (waits && from > to) {
                     latency = Latency::next_exchange;
                 }
@@ -420,8 +431,9 @@ std::vector<Spec> pair(Latency there = Latency::same_instant, Latency back = Lat
 TEST(Controller, FastNodesStepOftenInOneTickWhileTheSlowOneHasNothingToSay)
 {
     // Ten milliseconds and a second meet once a second: two ticks each, not a hundred.
-    const std::vector<Spec> specs = {spec("control", 10, {want("/thermal/t", Latency::next_instant)}, {"/control/u"}),
-                                     spec("thermal", 1000, {want("/control/u", Latency::same_instant)}, {"/thermal/t"})};
+    const std::vector<Spec> specs = {
+        spec("control", 10, {want("/thermal/t", Latency::next_instant)}, {"/control/u"}),
+        spec("thermal", 1000, {want("/control/u", Latency::same_instant)}, {"/thermal/t"})};
     Bench bench(specs, 10'000, 1);
     std::size_t instants = 0;
     ASSERT_EQ(bench.run(), "");
@@ -460,8 +472,9 @@ TEST(Controller, WhatCannotRunIsRefusedBeforeTheFirstTickWithAllReasons)
 {
     auto specs = pair(Latency::same_instant, Latency::same_instant);
     const auto outcome = [&] { return Bench(specs, 1000, 5).run(); };
-    EXPECT_EQ(outcome(), "these wait for one another without end: flight for /world/x of world, world for /flight/u "
-                         "of flight; one of these messages has to be read later, at the next instant or exchange");
+    EXPECT_EQ(outcome(),
+              "these wait for one another without end: flight for /world/x of world, world for /flight/u "
+              "of flight; one of these messages has to be read later, at the next instant or exchange");
     specs = pair();
     specs[0].wants.push_back(want("/flight/v", Latency::next_instant));
     specs[0].wants.push_back(want("/world/x", Latency::next_instant));
@@ -539,10 +552,14 @@ TEST(Controller, NothingIsLostSilently)
     const auto starts = [](const std::string &outcome, const std::string &start) {
         EXPECT_TRUE(outcome.starts_with("world: " + start)) << outcome;
     };
-    starts(outcome_of([](Frame &, Tock &m) { m.records[0].count = 0; }), "duplicate: message 0 of /world/x came before");
-    starts(outcome_of([](Frame &, Tock &m) { m.records[0].count++; }), "gap: message 2 of /world/x follows message 0");
-    starts(outcome_of([](Frame &, Tock &m) { m.records[0].t = -1; }), "late: message 1 of /world/x is of the start, and others have passed it");
-    starts(outcome_of([](Frame &, Tock &m) { m.records[0].t = m.reached + 1; }), "early: message 1 of /world/x");
+    starts(outcome_of([](Frame &, Tock &m) { m.records[0].count = 0; }),
+           "duplicate: message 0 of /world/x came before");
+    starts(outcome_of([](Frame &, Tock &m) { m.records[0].count++; }),
+           "gap: message 2 of /world/x follows message 0");
+    starts(outcome_of([](Frame &, Tock &m) { m.records[0].t = -1; }),
+           "late: message 1 of /world/x is of the start, and others have passed it");
+    starts(outcome_of([](Frame &, Tock &m) { m.records[0].t = m.reached + 1; }),
+           "early: message 1 of /world/x");
     starts(outcome_of([](Frame &, Tock &m) {
                m.reached = std::max<Ns>(m.reached, 0);
                m.records.push_back(m.records.back());
@@ -555,7 +572,8 @@ TEST(Controller, NothingIsLostSilently)
            "it wrote on channel 0, which is not its own");
     starts(outcome_of([](Frame &, Tock &m) { m.records[0].channel = 77; }),
            "it wrote on channel 77, which is not its own");
-    starts(outcome_of([](Frame &, Tock &m) { m.reached = -1; }), "it says that it reached the start; it may go from the start to 0 s");
+    starts(outcome_of([](Frame &, Tock &m) { m.reached = -1; }),
+           "it says that it reached the start; it may go from the start to 0 s");
     starts(outcome_of([](Frame &, Tock &m) { m.reached += 1000; }), "it says that it reached ");
     starts(outcome_of([](Frame &f, Tock &) { f.number++; }), "it sent Tock ");
     starts(outcome_of([](Frame &f, Tock &) { f.message = Ready{}; }), "it sent Ready ");
@@ -586,8 +604,9 @@ TEST(Controller, ALaterStepOutOfTheGridIsRefused)
     const auto channel = bench.nodes[0].written.at("/world/x").first;
     bench.controller.received(0, {batch.number, Tock{500, 0, {{channel, 1, 150, word(1)}}}});
     bench.controller.received(0, {batch.number, Tock{500, 0, {}}});
-    EXPECT_EQ(bench.go_on(), "world: out of step: message 1 of /world/x is of 0.00000015 s, when it does not step "
-                             "(it had reached 0 s)");
+    EXPECT_EQ(bench.go_on(),
+              "world: out of step: message 1 of /world/x is of 0.00000015 s, when it does not step "
+              "(it had reached 0 s)");
 }
 
 /// Run until the node owes a reply to some tick later than `t`, which it will never give.
@@ -680,7 +699,8 @@ TEST(Controller, ANodeThatComesBackOtherwiseIsRefused)
     while (bench.reply_somewhere()) {
     }
     ASSERT_FALSE(bench.reports.empty());
-    EXPECT_TRUE(bench.reports.back().starts_with("flight: it came back with other steps")) << bench.reports.back();
+    EXPECT_TRUE(bench.reports.back().starts_with("flight: it came back with other steps"))
+        << bench.reports.back();
     bench.controller.stop("no flight");
     EXPECT_EQ(bench.go_on(), "no flight");
 }

@@ -154,7 +154,8 @@ public:
     {
         const auto n = number<std::uint32_t>();
         if (n > limits_.items) {
-            fail("a list of " + std::to_string(n) + " items; " + std::to_string(limits_.items) + " are the most");
+            fail("a list of " + std::to_string(n) + " items; " + std::to_string(limits_.items) +
+                 " are the most");
         }
         if (n > (from_.size() - at_) / least) {
             fail("a list of " + std::to_string(n) + " items does not fit into what is left");
@@ -346,9 +347,9 @@ template <std::size_t I = 0> Message make(std::size_t i)
     }
 }
 
-constexpr const char *kind_names[] = {"Hello",  "Welcome", "Refused", "Initialize", "Initialized", "ProvideDesired",
-                                      "Desired", "Match",  "Matched", "Start",      "Ready",       "Tick",
-                                      "Tock",   "Finish",  "Finished", "Failed"};
+constexpr const char *kind_names[] = {
+    "Hello",   "Welcome", "Refused", "Initialize", "Initialized", "ProvideDesired", "Desired",  "Match",
+    "Matched", "Start",   "Ready",   "Tick",       "Tock",        "Finish",         "Finished", "Failed"};
 static_assert(std::size(kind_names) == std::variant_size_v<Message>);
 
 } // namespace

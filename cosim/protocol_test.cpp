@@ -9,16 +9,17 @@
 namespace fledge::cosim {
 namespace {
 
-constexpr const char *error_text = "fledge/Head head  # head\n"
-                                   "float64[3] sigma_br  # sigma_BR [-] (3) attitude error\n"
-                                   "float64[9] p  # P [N m s] (3, 3)\n"
-                                   "int32 mode  # mode {OFF=0, ON=1}\n"
-                                   "float32 x  # x [m]\n"
-                                   "================================================================================\n"
-                                   "MSG: fledge/Head\n"
-                                   "int64 t  # t [ns] time of validity\n"
-                                   "uint32 quality  # quality [-] trust\n"
-                                   "uint32 sequence  # sequence [-] counts\n";
+constexpr const char *error_text =
+    "fledge/Head head  # head\n"
+    "float64[3] sigma_br  # sigma_BR [-] (3) attitude error\n"
+    "float64[9] p  # P [N m s] (3, 3)\n"
+    "int32 mode  # mode {OFF=0, ON=1}\n"
+    "float32 x  # x [m]\n"
+    "================================================================================\n"
+    "MSG: fledge/Head\n"
+    "int64 t  # t [ns] time of validity\n"
+    "uint32 quality  # quality [-] trust\n"
+    "uint32 sequence  # sequence [-] counts\n";
 
 Schema error_schema()
 {
@@ -44,7 +45,8 @@ std::vector<Frame> one_of_each()
             {4, Initialize{42, 1'000'000'000, -1, "ipc://@f", "ipc://@b"}},
             {5, Initialized{{{100, 0}, {250, 50}}, true}},
             {6, ProvideDesired{}},
-            {7, Desired{{{"/w/a", Latency::next_exchange, true, schema}, {"/w/b", Latency::same_instant, false, {}}}}},
+            {7, Desired{{{"/w/a", Latency::next_exchange, true, schema},
+                         {"/w/b", Latency::same_instant, false, {}}}}},
             {8, Match{{{0, "/f/u", schema}, {1, "/f/v", {"V", "", 0, 0}}}}},
             {9, Matched{{{1, schema, make_payload(filled(120))}}}},
             {10, Start{{{0, "/w/a", schema}}}},
@@ -98,10 +100,11 @@ TEST(Protocol, AFrameLiesInMemoryAsTheHeaderSays)
 {
     const Bytes b = encode({258, Tock{1, 2, {{5, 6, 3, make_payload(filled(8))}}}}, Order::big);
     const unsigned char expected[] = {
-        'F', 'L', 'C', 'S', 0, 1, 0, 13, 0, 0, 0, 56, 0, 0, 0, 0, 0, 0, 1, 2, 0, 0, 0, 0, // header, crc left out
-        0, 0, 0, 0, 0, 0, 0, 1,  0, 0, 0, 0, 0, 0, 0, 2,                                  // reached, compute
-        0, 0, 0, 1, 0, 0, 0, 0,  0, 0, 0, 0, 0, 0, 0, 3,                                  // one record; its t
-        0, 0, 0, 5, 0, 0, 0, 6,  0, 0, 0, 12};                                            // channel, count, length
+        'F', 'L', 'C', 'S', 0, 1, 0, 13, 0, 0, 0, 56, 0, 0, 0, 0,
+        0,   0,   1,   2,   0, 0, 0, 0,                           // header, crc left out
+        0,   0,   0,   0,   0, 0, 0, 1,  0, 0, 0, 0,  0, 0, 0, 2, // reached, compute
+        0,   0,   0,   1,   0, 0, 0, 0,  0, 0, 0, 0,  0, 0, 0, 3, // one record; its t
+        0,   0,   0,   5,   0, 0, 0, 6,  0, 0, 0, 12};            // channel, count, length
     ASSERT_EQ(b.size(), frame_header_size + 56);
     for (std::size_t i = 0; i < sizeof expected; i++) {
         if (i < 12 || i >= 16) {
@@ -219,7 +222,9 @@ TEST(Protocol, APayloadOfTheOtherByteOrderIsTurnedRound)
     EXPECT_EQ(std::memcmp(&sent, &got, sizeof sent), 0);
 
     payload[1] ^= std::byte{1};
-    const auto number = [&](std::size_t at, std::size_t n) { std::reverse(&payload[4 + at], &payload[4 + at] + n); };
+    const auto number = [&](std::size_t at, std::size_t n) {
+        std::reverse(&payload[4 + at], &payload[4 + at] + n);
+    };
     number(0, 8);
     number(8, 4);
     number(12, 4);
@@ -265,8 +270,9 @@ TEST(Schema, ADifferenceNamesTheField)
               "field x is float32 [m] where it is offered and float32 [km] where it is wanted");
     EXPECT_EQ(changed("float32 x", "uint32 x"),
               "field x is float32 [m] where it is offered and uint32 [m] where it is wanted");
-    EXPECT_EQ(changed("(3, 3)", "(9)"),
-              "field P is float64 (3, 3) [N m s] where it is offered and float64 (9) [N m s] where it is wanted");
+    EXPECT_EQ(
+        changed("(3, 3)", "(9)"),
+        "field P is float64 (3, 3) [N m s] where it is offered and float64 (9) [N m s] where it is wanted");
     EXPECT_EQ(changed("float32 x  # x [m]\n", ""), "field x is not there where it is wanted");
     EXPECT_EQ(changed("float32 x  # x [m]\n", "float32 x  # x [m]\nfloat64 y\n"),
               "field y is not there where it is offered");
@@ -288,8 +294,10 @@ TEST(Schema, ABadDefinitionIsRefusedWithItsLine)
         return "";
     };
     EXPECT_EQ(refusal(""), "the definition has no fields");
-    EXPECT_EQ(refusal("int32 a\nfloat64 b\n"), "line 2: padding would be needed before this field, found \"b\"");
-    EXPECT_EQ(refusal("string s\n"), "line 1: this type is not of fixed size or not defined here, found \"string\"");
+    EXPECT_EQ(refusal("int32 a\nfloat64 b\n"),
+              "line 2: padding would be needed before this field, found \"b\"");
+    EXPECT_EQ(refusal("string s\n"),
+              "line 1: this type is not of fixed size or not defined here, found \"string\"");
     EXPECT_EQ(refusal("int32[] a\n"), "line 1: expected an array of fixed size, found \"int32[] a\"");
     EXPECT_EQ(refusal("int32[0] a\n"), "line 1: expected an array of fixed size, found \"int32[0] a\"");
     EXPECT_EQ(refusal("int32 a b\n"), "line 1: expected \"<type> <name>\" of fixed size, found \"int32 a b\"");

@@ -14,12 +14,17 @@ constexpr auto look = 100ms;
 } // namespace
 
 Router::Router(zmq::context_t &context, ControllerConfig controller, RouterConfig config)
-    : context_(context), config_(std::move(config)), simulation_(controller.simulation), controller_(controller),
-      lobby_(context, zmq::socket_type::router), nodes_(controller.nodes.size())
+    : context_(context),
+      config_(std::move(config)),
+      simulation_(controller.simulation),
+      controller_(controller),
+      lobby_(context, zmq::socket_type::router),
+      nodes_(controller.nodes.size())
 {
     if (!is_local(config_.address) && !config_.beyond_machine) {
-        throw LinkError(config_.address + " can be reached from other machines, and nothing is encrypted; listen at "
-                                          "tcp://127.0.0.1, or allow it in a network that you trust");
+        throw LinkError(config_.address +
+                        " can be reached from other machines, and nothing is encrypted; listen at "
+                        "tcp://127.0.0.1, or allow it in a network that you trust");
     }
     set_up(lobby_, config_.limits);
     try {
@@ -115,7 +120,8 @@ void Router::reply(std::span<const std::byte> peer, const Message &message)
 {
     const Bytes bytes = encode({1, message});
     // One that has gone meanwhile gets nothing: libzmq drops it.
-    (void)lobby_.send(zmq::buffer(peer.data(), peer.size()), zmq::send_flags::sndmore | zmq::send_flags::dontwait);
+    (void)lobby_.send(zmq::buffer(peer.data(), peer.size()),
+                      zmq::send_flags::sndmore | zmq::send_flags::dontwait);
     (void)lobby_.send(zmq::buffer(bytes), zmq::send_flags::dontwait);
 }
 
@@ -132,7 +138,8 @@ void Router::listen(NodeId id)
             if (const auto *tock = std::get_if<Tock>(&frame.message)) {
                 place.times.ticks++;
                 place.times.compute += tock->compute_ns;
-                place.times.transport += std::chrono::nanoseconds(Clock::now() - place.asked).count() - tock->compute_ns;
+                place.times.transport +=
+                    std::chrono::nanoseconds(Clock::now() - place.asked).count() - tock->compute_ns;
             }
             controller_.received(id, std::move(frame));
             act();

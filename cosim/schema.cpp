@@ -283,7 +283,8 @@ std::string schema_difference(const Schema &offered, const Schema &wanted)
     const auto a = parse_schema(offered.text), b = parse_schema(wanted.text);
     for (std::size_t i = 0; i < std::max(a.size(), b.size()); i++) {
         if (i >= a.size() || (i < b.size() && a[i].name != b[i].name)) {
-            const bool elsewhere = std::any_of(a.begin(), a.end(), [&](const auto &f) { return f.name == b[i].name; });
+            const bool elsewhere =
+                std::any_of(a.begin(), a.end(), [&](const auto &f) { return f.name == b[i].name; });
             return "field " + b[i].name + (elsewhere ? " is at another place" : " is not there") +
                    " where it is offered";
         }
@@ -291,8 +292,8 @@ std::string schema_difference(const Schema &offered, const Schema &wanted)
             return "field " + a[i].name + " is not there where it is wanted";
         }
         if (described(a[i]) != described(b[i])) {
-            return "field " + a[i].name + " is " + described(a[i]) + " where it is offered and " + described(b[i]) +
-                   " where it is wanted";
+            return "field " + a[i].name + " is " + described(a[i]) + " where it is offered and " +
+                   described(b[i]) + " where it is wanted";
         }
     }
     return "";

@@ -91,7 +91,8 @@ void SimulationNode::read(const std::string &topic, const sim::Port &to, Latency
 Initialized SimulationNode::initialize(const Initialize &request)
 {
     if (request.start >= 0) {
-        throw sim::SetupError("it cannot begin at " + sim::format_time(request.start) + ", without a snapshot of then");
+        throw sim::SetupError("it cannot begin at " + sim::format_time(request.start) +
+                              ", without a snapshot of then");
     }
     // Stand-ins are models, which have to step: with the process, so that no instant is added.
     if (!stand_ins_.empty() && others_.tasks().empty() && !process_.tasks().empty()) {
@@ -118,7 +119,8 @@ std::vector<Offer> SimulationNode::match(const std::vector<Channel> &asked)
             });
             if (channel != asked.end()) {
                 const std::span<const std::byte> bytes(instance->memory() + field.offset, field.size);
-                offers.push_back({channel->channel, make_schema(field.sub->name, field.sub->schema), make_payload(bytes)});
+                offers.push_back(
+                    {channel->channel, make_schema(field.sub->name, field.sub->schema), make_payload(bytes)});
                 outputs_.push_back({channel->channel, bytes, Bytes(bytes.begin(), bytes.end()), 0});
             }
         }

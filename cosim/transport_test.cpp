@@ -105,7 +105,9 @@ RouterConfig listening(const std::string &transport)
     static std::atomic<int> count{0};
     const std::string name = "fledge-test-" + std::to_string(getpid()) + "-" + std::to_string(count++);
     RouterConfig config;
-    config.address = transport == "tcp" ? "tcp://127.0.0.1:*" : transport == "ipc" ? "ipc://@" + name : "inproc://" + name;
+    config.address = transport == "tcp"   ? "tcp://127.0.0.1:*"
+                     : transport == "ipc" ? "ipc://@" + name
+                                          : "inproc://" + name;
     return config;
 }
 
@@ -224,7 +226,8 @@ TEST(Router, ANodeThatGoesOrHangsOrSendsGarbageEndsTheRunWithItsName)
         }
         return run.get();
     };
-    EXPECT_EQ(outcome([](Link &, zmq::context_t &, const std::string &) {}), "b: it did not answer within 0.5 s");
+    EXPECT_EQ(outcome([](Link &, zmq::context_t &, const std::string &) {}),
+              "b: it did not answer within 0.5 s");
     EXPECT_EQ(outcome([](Link &link, zmq::context_t &, const std::string &) { link.send({7, Ready{}}); }),
               "b: it sent Ready 7; expected Initialized 1");
     EXPECT_EQ(outcome([](Link &link, zmq::context_t &other, const std::string &) {
@@ -271,7 +274,8 @@ TEST(Delegate, WithoutAControllerItGivesUp)
 {
     zmq::context_t context;
     Counter a("/b/n", "/a/n", Latency::next_instant);
-    EXPECT_EQ(serve(context, "ipc://@fledge-nobody", "a", a, 100ms), "threw: no controller answers at ipc://@fledge-nobody");
+    EXPECT_EQ(serve(context, "ipc://@fledge-nobody", "a", a, 100ms),
+              "threw: no controller answers at ipc://@fledge-nobody");
 }
 
 TEST(Delegate, WithoutItsControllerItEnds)

@@ -64,7 +64,8 @@ std::shared_ptr<sim::Instance> add(sim::Process &process, const std::string &nam
 sim::Port port(sim::Simulation &simulation, const std::string &path)
 {
     const auto first = path.find('.'), last = path.rfind('.');
-    const auto instance = simulation.process(path.substr(0, first)).find(path.substr(first + 1, last - first - 1));
+    const auto instance =
+        simulation.process(path.substr(0, first)).find(path.substr(first + 1, last - first - 1));
     return {instance, sim::find_field(instance->type(), path.substr(last + 1))};
 }
 
@@ -197,7 +198,10 @@ public:
     Slow(cosim::Node &node, unsigned draw) : node_(node), random_(draw) {}
     cosim::Initialized initialize(const cosim::Initialize &m) override { return delayed().initialize(m); }
     std::vector<cosim::Want> desired() override { return delayed().desired(); }
-    std::vector<cosim::Offer> match(const std::vector<cosim::Channel> &asked) override { return delayed().match(asked); }
+    std::vector<cosim::Offer> match(const std::vector<cosim::Channel> &asked) override
+    {
+        return delayed().match(asked);
+    }
     void start(const std::vector<cosim::Channel> &wired) override { delayed().start(wired); }
     cosim::Tock tick(const cosim::Tick &m) override { return delayed().tick(m); }
 
@@ -266,7 +270,8 @@ Hashes in_two(const Case &c)
             char address[200] = {};
             ssize_t n = read(p.address[0], address, sizeof address - 1);
             try {
-                be_node(process, std::string(address, static_cast<std::size_t>(std::max<ssize_t>(n, 0))), c, p.out[1]);
+                be_node(process, std::string(address, static_cast<std::size_t>(std::max<ssize_t>(n, 0))), c,
+                        p.out[1]);
                 _exit(0);
             } catch (const std::exception &error) {
                 std::fprintf(stderr, "%s: %s\n", process, error.what());
