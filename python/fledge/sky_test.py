@@ -205,7 +205,7 @@ def test_questions_without_an_answer(sky):
     says(f"{DE405}: no IO (501); asked for", lambda: sky.state("Io"))
     says("is given from 1959-12-10", lambda: sky.state("SUN", 100 * 365 * day))
     says("Sky.state: t: expected a time, found 5.0 m", lambda: sky.state("SUN", 5 * m))
-    says("Sky.utc: t: expected at most", lambda: sky.utc(1e12))
+    says("Sky.utc: t: expected a time within 292 years", lambda: sky.utc(1e12))
     says("no orientation is built in for IO (501); it is for SUN (10), ", lambda: sky.orientation("Io"))
     says("MARS.harmonics: nope.gfc: cannot be opened", lambda: world.MARS.harmonics("nope.gfc"))
     says("MARS.harmonics: degree must be a whole number >= 0; found -1",

@@ -75,7 +75,8 @@ def test_the_outline_has_every_instance_and_every_wire_once(sim):
 
 def test_the_outline_says_what_is_special(sim):
     text = Wiring(sim).outline()
-    for part in ("  guidance, every 2 s\n    guidance  HillPointing\n", "orbit   << world.nav.orbit, one exchange late\n",
+    for part in ("  guidance, every 2 s\n    guidance  HillPointing\n",
+                 "orbit   << world.nav.orbit, one exchange late\n",
                  "base     << spin.reference, stale after 2 s\n", "command  -- not wired, optional\n",
                  "  in no task\n    vehicle   VehicleConfig\n", "craft   Spacecraft; gravity: MARS, SUN\n",
                  "wheels  ReactionWheels; part of craft\n", "  mode science: guidance\n",
