@@ -199,6 +199,8 @@ def test_skies_that_cannot_be(tmp_path):
         says(words, lambda: world.Sky(*arguments))
     says("Sky: nope.tls: cannot be opened", lambda: world.Sky(NOON, "MARS", leap_seconds="nope.tls"))
     says(f"Sky: {kernel}: holds binary data", lambda: world.Sky(NOON, "MARS", pck=kernel))
+    leaps = real("naif0011.tls")
+    says(f"Sky: {leaps}: says of no body how it turns", lambda: world.Sky(NOON, "MARS", pck=leaps))
 
 
 def test_questions_without_an_answer(sky):
@@ -212,6 +214,8 @@ def test_questions_without_an_answer(sky):
          lambda: world.MARS.harmonics("nope.gfc", degree=-1))
     mars = real("mars-ggm2bc80.shadr.csv")
     says("degree 100 was asked for; it has 80", lambda: world.MARS.harmonics(mars, degree=100))
+    says(f"VENUS.harmonics: {mars} is another body's field: its mu is 4.28283719e+13 m^3/s^2",
+         lambda: world.VENUS.harmonics(mars, degree=2))
     says("MARS.zonal(2): it has a whole field", lambda: world.MARS.harmonics(mars, degree=2).zonal(2))
 
 

@@ -92,7 +92,7 @@ class Body:
         """The same body with the gravity field of a SHADR or ICGEM (.gfc) file, turning with the body.
 
         degree: up to which; None: all there is. mu and radius are then the file's. Raises SetupError with
-        the line if the file is damaged or foreign.
+        the line if the file is damaged or foreign, or if its mu is not this body's within 10 %.
         """
         path = f"{self.name}.harmonics"
         if degree is not None and (not isinstance(degree, int) or degree < 0):
@@ -102,6 +102,9 @@ class Body:
             other.field = _core.harmonics(fspath(file), degree)
         except SetupError as error:
             raise SetupError(f"{path}: {error}") from None
+        if abs(other.field.mu - self.mu) > 0.1 * self.mu:
+            raise SetupError(f"{path}: {fspath(file)} is another body's field: its mu is {other.field.mu:.9g} m^3/s^2, "
+                             f"that of {self.name} {self.mu:.9g}")
         other.mu, other.radius, other.J = other.field.mu, other.field.radius, (0.0,) * 5
         return other
 

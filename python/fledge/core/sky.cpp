@@ -2,6 +2,7 @@
 // The solar system as world.Sky shows it, and gravity fields from files.
 #include "core/extension.h"
 
+#include "sim/error.h"
 #include "world/dynamics/spacecraft_model.h"
 #include "world/environment/bodies.h"
 #include "world/environment/celestial_body_model.h"
@@ -9,6 +10,8 @@
 #include "world/environment/sky.h"
 
 #include <pybind11/stl.h>
+
+#include <algorithm>
 
 namespace py = pybind11;
 
@@ -44,6 +47,13 @@ std::shared_ptr<Sky> make_sky(const std::string &epoch, int center,
     std::optional<world::TextKernel> constants;
     if (pck) {
         constants = world::TextKernel::read(*pck);
+        const std::vector<std::string> names = constants->names();
+        if (std::none_of(names.begin(), names.end(), [](const std::string &name) {
+                return name.starts_with("BODY") && name.ends_with("_PM");
+            })) {
+            throw sim::SetupError(*pck + ": says of no body how it turns (BODY499_PM, say); "
+                                         "expected a kernel of planetary constants (.tpc)");
+        }
     }
     return std::make_shared<Sky>(std::move(ephemeris), std::move(time), begin, center,
                                  std::move(constants));
