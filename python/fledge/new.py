@@ -7,6 +7,7 @@ everything before it writes, and never writes over a file.
 
 import keyword
 import re
+import shlex
 from pathlib import Path
 
 TEMPLATES = Path(__file__).with_name("templates")
@@ -113,7 +114,7 @@ def project(folder):
     _write(texts)
     for part in ("flight", "world", "missions"):
         (folder / part).mkdir(exist_ok=True)
-    return list(texts), f"Use it: ./fledge --project {folder} COMMAND, or set FLEDGE_PROJECT to it"
+    return list(texts), f"Use it: ./fledge --project {shlex.quote(str(folder))} COMMAND, or set FLEDGE_PROJECT to it"
 
 
 # --- names -----------------------------------------------------------------------------------------
