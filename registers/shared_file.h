@@ -1,0 +1,72 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Boards in a file that two processes map: the models' side creates it, flight's attaches. POSIX,
+ * with Linux' futex to wake each other and its locks to know whether the other one lives; elsewhere
+ * it looks every 50 microseconds. No heap.
+ *
+ * Nothing is left behind: who attaches removes the name once it has the map, and the kernel drops
+ * map and locks of a process however it ends, kill -9 too. If a creator is killed before anybody
+ * attached, the next one of that name finds the file unlocked, and takes its place. Without a path
+ * there never is a name: a child attaches to "/dev/fd/N" of the descriptor that it inherits. */
+#ifndef REGISTERS_SHARED_FILE_H
+#define REGISTERS_SHARED_FILE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "registers/window.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef enum RegisterFileStatus {
+    REGISTER_FILE_OK = 0,
+    REGISTER_FILE_RANG,    ///< wait: the other side rang
+    REGISTER_FILE_TIMEOUT, ///< wait: it did not
+    REGISTER_FILE_GONE,    ///< wait: it attached once, and is no more
+    REGISTER_FILE_NOT_YET, ///< attach: there is no file of a living creator, or it is still writing it
+    REGISTER_FILE_IN_USE,  ///< create: another creator lives; attach: somebody has attached
+    REGISTER_FILE_OTHER,   ///< attach: it is of other boards, or of another version
+    REGISTER_FILE_FAILED   ///< the system refused: see error
+} RegisterFileStatus;
+
+/** One side's end. Read fd and error; leave the rest alone. */
+typedef struct RegisterFile {
+    int fd;    ///< of the file; not kept open across exec
+    int error; ///< errno of REGISTER_FILE_FAILED
+    uint32_t side;
+    uint32_t seen; ///< how often the other one had rung when last waited for
+    size_t size;
+    volatile uint32_t *map;
+    char path[256]; ///< to be removed, or empty
+} RegisterFile;
+
+/** Create the file with all memory 0, and make the n boards' windows, which ring the other side.
+ *  path NULL: without a name. *f must stay where it is until register_file_close. */
+RegisterFileStatus register_file_create(RegisterFile *f, const char *path,
+                                        const RegisterBoard *const *boards, uint32_t n,
+                                        RegisterWindow *windows);
+
+/** Attach to a file of the same boards in the same order, and remove its name. The descriptor of a
+ *  "/dev/fd/N" is closed: it is the creator's, whose end could not be seen otherwise. */
+RegisterFileStatus register_file_attach(RegisterFile *f, const char *path,
+                                        const RegisterBoard *const *boards, uint32_t n,
+                                        RegisterWindow *windows);
+
+/** Unmap, and remove the name if it is still there. */
+void register_file_close(RegisterFile *f);
+
+/** Wait until the other side has rung since the last time this said so, at most timeout_ns. */
+RegisterFileStatus register_file_wait(RegisterFile *f, int64_t timeout_ns);
+
+/** Whether the other side has attached, and lives. */
+int register_file_peer_lives(const RegisterFile *f);
+
+/** A status in words. */
+const char *register_file_status_text(RegisterFileStatus status);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
