@@ -40,6 +40,10 @@ py::bytes bytes_of(const std::vector<std::byte> &bytes)
     return {reinterpret_cast<const char *>(bytes.data()), bytes.size()};
 }
 
+// As Condition's enumerators are called in Python.
+const char *const measures[] = {"element", "norm", "max_abs", nullptr};
+const char *const comparisons[] = {"<", "<=", ">", ">=", "==", "!=", nullptr};
+
 template <class T> T named(const char *const *names, const std::string &name)
 {
     int i = 0;
@@ -57,8 +61,6 @@ Condition make_condition(py::handle object, const FledgeField &field, std::uint3
                          const std::string &measure, const std::string &comparison, double constant,
                          const std::string &text)
 {
-    static const char *const measures[] = {"element", "norm", "max_abs", nullptr};
-    static const char *const comparisons[] = {"<", "<=", ">", ">=", "==", "!=", nullptr};
     Condition condition;
     PyObject *root = root_of(object.ptr());
     condition.instance = instance_of(root ? py::handle(root) : object);
@@ -190,6 +192,17 @@ void bind_simulation(py::module_ &m)
 
     py::class_<Condition>(m, "Condition", "A comparison of a field with a constant.")
         .def("__repr__", [](const Condition &c) { return c.text; })
+        .def_property_readonly(
+            "path", [](const Condition &c) { return c.instance->path; },
+            "of the module or model that it looks at")
+        .def_readonly("offset", &Condition::offset, "[bytes] of the first element, in its memory")
+        .def_readonly("elements", &Condition::elements)
+        .def_property_readonly(
+            "measure", [](const Condition &c) { return measures[static_cast<int>(c.measure)]; })
+        .def_property_readonly(
+            "comparison",
+            [](const Condition &c) { return comparisons[static_cast<int>(c.comparison)]; })
+        .def_readonly("constant", &Condition::constant)
         .def("__bool__", &Condition::holds);
     m.def("condition", make_condition);
 

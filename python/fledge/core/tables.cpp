@@ -198,6 +198,16 @@ void bind_tables(py::module_ &m)
             "exponents of m, kg, s, A, K, mol, cd, rad")
         .def_property_readonly(
             "struct", [](const Field &f) { return f.sub; }, py::return_value_policy::reference)
+        .def_property_readonly(
+            "enumerators",
+            [](const Field &f) {
+                py::list list;
+                for (std::uint32_t i = 0; f.values && i < f.values->n; i++) {
+                    list.append(py::make_tuple(f.values->values[i].name, f.values->values[i].value));
+                }
+                return list;
+            },
+            "(name, value) of each, of an enum")
         .def_property_readonly("required", flag(FLEDGE_REQUIRED))
         .def_property_readonly("optional", flag(FLEDGE_OPTIONAL))
         .def_property_readonly("assumed", flag(FLEDGE_ASSUMED))
