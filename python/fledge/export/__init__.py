@@ -1,0 +1,14 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A mission as source that flies where there is no Python.
+
+    mission = export.read(fledge.load("nadir_spin"))     # the live objects, as plain data
+    export.write(mission, "runs/nadir_spin/c")           # nadir_spin.h, nadir_spin.c
+
+`read` looks at the objects that flight.py made; `emit_c` writes them as C, and other exports use both.
+"""
+
+from fledge.export.c_source import emit as emit_c
+from fledge.export.read import ExportError, read
+from fledge.export.write import write
+
+__all__ = ["ExportError", "emit_c", "read", "write"]

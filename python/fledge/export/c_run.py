@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The functions of an exported mission that run it: tasks with their wires, modes, events, the tick.
+
+Each writes out what sim/runtime.cpp does from its tables.
+"""
+
+from fledge.export.c_condition import condition
+from fledge.export.c_text import COLUMNS, broken, comment, doc, seconds, with_notes
+
+
+def rate(task):
+    """The name of a task's rate."""
+    return f"{task.name}_rate"
+
+
+def rates(mission):
+    rows = [(f"static const MissionRate {rate(t)} = {{{t.period}, {t.offset}}};",
+             f"every {seconds(t.period)}" + (f", from {seconds(t.offset)} on" if t.offset else ""))
+            for t in mission.tasks]
+    yield "\n".join([*with_notes(rows, ""), ""])
+
+
+def function(head, lines, about=""):
+    return "\n".join([*(doc(about) if about else []), head, "{", *lines, "}", ""])
+
+
+def carry(wire):
+    """The copy of one message, and its ageing."""
+    lines = [f"    m->{wire.target} = m->{wire.source};"]
+    if wire.stale_after:
+        lines.append(f"    mission_age(&m->{wire.target}.head, t.t, {wire.stale_after}); "
+                     f"/* {seconds(wire.stale_after)} */")
+    return lines
+
+
+# --- modules that only publish their parameters ----------------------------------------------------
+
+def configuration(mission):
+    for module in mission.configuration:
+        lines = [f"    {module.function}_update(&m->{module.name}, (Tick){{t, 0}});"]
+        for wire in mission.published[module.name]:
+            lines += carry(wire)
+        yield function(f"void {mission.name}_publish_{module.name}({mission.struct()} *m, int64_t t)", lines)
+
+
+# --- tasks -----------------------------------------------------------------------------------------
+
+def tasks(mission):
+    for task in mission.tasks:
+        lines = []
+        for module in task.run:
+            lines += [""] if lines else []
+            for wire in mission.wires[module.name]:
+                lines += carry(wire)
+            lines.append(f"    {module.function}_update(&m->{module.name}, t);")
+        where = f", in {', '.join(mission.mode_titles[m] for m in task.modes)}" if task.modes is not None else ""
+        yield function(f"static void run_{task.name}({mission.struct()} *m, Tick t)", lines,
+                       f"The task {task.title}, every {seconds(task.period)}{where}.")
+
+
+def reset(mission):
+    """Wires to zero, modules, events and tasks to their beginning, and the configuration published."""
+    lines = ["    memset(&m->in, 0, sizeof m->in);"] if mission.inputs else []
+    wired = {w.target for wires in (*mission.wires.values(), *mission.published.values()) for w in wires}
+    for module in mission.modules:
+        ports = [f"{module.name}.in.{f.name}" for f in module.fields("in")]
+        kept = {f"{module.name}.in.{f.name}" for f in module.fields("in")
+                if any(module.memory[f.offset:f.offset + f.size])}
+        if wired & set(ports) and kept <= wired:
+            lines.append(f"    memset(&m->{module.name}.in, 0, sizeof m->{module.name}.in);")
+        else:
+            lines += [f"    memset(&m->{p}, 0, sizeof m->{p});" for p in ports if p in wired]
+    lines += ["", *(f"    {m.function}_reset(&m->{m.name});" for m in mission.modules), ""]
+    if mission.modes:
+        lines += [f"    m->mode.current = {mode(mission, mission.initial_mode)};",
+                  "    m->mode.asked = m->mode.current;", "    m->mode.t = -1;"]
+    for event in mission.events:
+        lines.append(f"    m->event.{event.name} = mission_armed();")
+    for task in mission.tasks:
+        active = 1 if task.modes is None else int(mission.initial_mode in task.modes)
+        lines.append(f"    m->task.{task.name} = (MissionTask){{{rate(task)}.offset, -1, {active}, 0}};")
+    if mission.configuration:
+        lines += ["", *(f"    {mission.name}_publish_{m.name}(m, 0);" for m in mission.configuration)]
+    return function(f"void {mission.name}_reset({mission.struct()} *m)", lines)
+
+
+# --- modes -----------------------------------------------------------------------------------------
+
+def mode(mission, name):
+    return f"{mission.name.upper()}_MODE_{name.upper()}"
+
+
+def switched(mission):
+    """The tasks that do not run in every mode."""
+    return [t for t in mission.tasks if t.modes is not None and len(t.modes) < len(mission.modes)]
+
+
+def modes(mission):
+    """Which tasks run in which mode, entering one, and asking for one."""
+    if not mission.modes:
+        return
+    struct = mission.struct()
+    for task in switched(mission):
+        terms = [f"mode == {mode(mission, m)}" for m in task.modes]
+        yield function(f"static int runs_{task.name}({struct}Mode mode)",
+                       ["    return " + " ||\n           ".join(terms) + ";"])
+    lines = ["    m->mode.current = m->mode.asked;"]
+    for task in switched(mission):
+        lines += [f"    if (mission_switch(&m->task.{task.name}, runs_{task.name}(m->mode.current), {rate(task)}, "
+                  "t)) {",
+                  *(f"        {m.function}_reset(&m->{m.name});" for m in task.run), "    }"]
+    lines = [one for line in lines for one in call_broken(line)]
+    if switched(mission):
+        yield function(f"static void enter_mode({struct} *m, int64_t t)", lines,
+                       "What becomes active is reset, and runs on its own grid of times.")
+    yield function(f"void {mission.name}_enter({struct} *m, {struct}Mode mode)", ["    m->mode.asked = mode;"])
+
+
+def call_broken(line):
+    """A call that is too long goes on under its first argument."""
+    if len(line) <= COLUMNS:
+        return [line]
+    start = line.index("(", line.index("mission_")) + 1
+    at = line.rindex(", ", start, COLUMNS) + 1
+    return [line[:at], " " * start + line[at + 1:]]
+
+
+# --- events ----------------------------------------------------------------------------------------
+
+def events(mission):
+    if not mission.events:
+        return
+    lines = []
+    for event in mission.events:
+        before, holds = condition(event)
+        lines += [""] if lines else []
+        lines += comment(f"{event.title}: {event.condition!r}"
+                         + (f" for {seconds(event.hold)}" if event.hold else ""), "    ")
+        lines += [*before, broken(f"const int {event.name} = {holds};"),
+                  *call_broken(f"    if (mission_fires(&m->event.{event.name}, {event.name}, {event.hold}, "
+                               f"{int(event.once)}, t)) {{"),
+                  f"        m->mode.asked = {mode(mission, event.mode)};", "    }"]
+    yield function(f"static void look_at_events({mission.struct()} *m, int64_t t)", lines)
+
+
+# --- the tick --------------------------------------------------------------------------------------
+
+def tick(mission):
+    lines = []
+    if mission.modes:
+        if switched(mission):
+            lines += ["    if (m->mode.asked != m->mode.current) {", "        enter_mode(m, t);", "    }"]
+        else:
+            lines += ["    m->mode.current = m->mode.asked;"]
+    for task in mission.tasks:
+        lines += [f"    if (mission_due(&m->task.{task.name}, t)) {{",
+                  f"        run_{task.name}(m, mission_begin(&m->task.{task.name}, {rate(task)}, t));", "    }"]
+    if mission.modes:
+        lines.append("    m->mode.t = t;")
+    if mission.events:
+        lines.append("    look_at_events(m, t);")
+    return function(f"void {mission.name}_tick({mission.struct()} *m, int64_t t)", lines)
+
+
+def next_tick(mission):
+    """The earliest of the active tasks, those of a mode that is asked for, and events that wait."""
+    lines = ["    int64_t t = INT64_MAX;"]
+    for task in mission.tasks:
+        if task in switched(mission):
+            lines += call_broken(f"    t = mission_sooner_in(t, &m->task.{task.name}, runs_{task.name}(m->mode.asked), "
+                                 f"{rate(task)}, m->mode.t);")
+        else:
+            lines.append(f"    t = mission_sooner(t, &m->task.{task.name});")
+    for event in mission.events:
+        if event.hold:
+            lines.append(f"    t = mission_waits(t, &m->event.{event.name}, {event.hold});")
+    return function(f"int64_t {mission.name}_next(const {mission.struct()} *m)", [*lines, "    return t;"])

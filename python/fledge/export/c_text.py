@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Text of C as a careful person lays it out: 100 columns, notes in line with one another."""
+
+import re
+
+COLUMNS = 100
+
+
+def wrap(text, first, following, end=""):
+    """Words in lines of 100 columns; the first begins with `first`, the others with `following`.
+
+    In a table's row no line is broken within an item's parentheses.
+    """
+    pieces = re.split(r" (?![^(]*\))" if end == "}," else " ", text)
+    lines, line = [], first
+    for i, word in enumerate(pieces):
+        gap = "" if line in (first, following) else " "
+        room = COLUMNS - (len(end) if i + 1 == len(pieces) else 0)
+        if gap and len(line) + 1 + len(word) > room:
+            lines.append(line)
+            line, gap = following, ""
+        line += gap + word
+    return [*lines, line + end]
+
+
+def plain(text):
+    """Text that cannot end a comment early, nor go on with the next line."""
+    text = " ".join(text.split()).replace("*/", "* /").replace("/*", "/ *")
+    return text.replace("??/", "?? /").rstrip("\\")
+
+
+def comment(text, indent=""):
+    """A comment on lines of its own."""
+    return wrap(plain(text), f"{indent}/* ", f"{indent} * ", " */")
+
+
+def doc(text, indent=""):
+    """The same, before a declaration."""
+    return wrap(plain(text), f"{indent}/** ", f"{indent} *  ", " */")
+
+
+def string(raw):
+    """A literal of bytes; what is not plain ASCII in octal, `?` escaped where two would begin a trigraph."""
+    named = {10: "\\n", 9: "\\t", 34: '\\"', 92: "\\\\"}
+    text = "".join(named.get(b) or (chr(b) if 32 <= b < 127 else f"\\{b:03o}") for b in raw)
+    return '"' + text.replace("??", "?\\?") + '"'
+
+
+def declaration(start, items, indent="    "):
+    """`start{a, b, c};`, on more lines where it is long, as many items in each."""
+    text = f"{start}{{{', '.join(items)}}};"
+    if len(indent + text) <= COLUMNS:
+        return text
+    under = indent + " " * (len(start) + 1)
+    if len(under) > COLUMNS // 2:
+        start, under = start + "{\n" + 2 * indent, 2 * indent
+    else:
+        start += "{"
+    widest = max(map(len, items)) + 2
+    lines = -(-len(items) // max(1, (COLUMNS - len(under)) // widest))
+    per_line = -(-len(items) // lines)
+    rows = [", ".join(items[i:i + per_line]) for i in range(0, len(items), per_line)]
+    return start + (",\n" + under).join(rows) + "};"
+
+
+def broken(line, indent="    "):
+    """An assignment that is too long for its line goes on after the =."""
+    whole = indent + line
+    return whole if len(whole) <= COLUMNS else whole.replace(" = ", f" =\n{indent}    ", 1)
+
+
+def with_notes(rows, indent, begin="/*", end=" */"):
+    """(code, note) of each line -> lines with the notes behind the code, in a column where lines follow one another.
+
+    A note that does not fit beside its code stands before it; of members, then all notes do.
+    """
+    def line(code, width, note):
+        return f"{indent}{code.ljust(width)} {begin} {note}{end}"
+
+    def fits(block):
+        width = max(len(code) for code, _ in block)
+        return all(len(line(code, width, note)) <= COLUMNS for code, note in block)
+
+    lines, block = [], []
+
+    def flush():
+        width = max((len(code) for code, _ in block), default=0)
+        lines.extend(line(code, width, note) for code, note in block)
+        block.clear()
+
+    rows = [(code, plain(note)) for code, note in rows]
+    if not end and not all(fits([row]) for row in rows):
+        return [one for code, note in rows for one in (*(doc(note, indent) if note else []), indent + code)]
+    for code, note in rows:
+        if not note or not fits([*block, (code, note)]):
+            flush()
+        if not note:
+            lines.append(indent + code)
+        elif fits([(code, note)]):
+            block.append((code, note))
+        else:
+            lines += [*(comment(note, indent) if end else doc(note, indent)), broken(code, indent)]
+    flush()
+    return lines
+
+
+def seconds(ns):
+    """0.5 s"""
+    return f"{ns / 1e9:.9g} s"

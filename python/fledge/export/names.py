@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Names in C for what has a name in Python."""
+
+import re
+
+KEYWORDS = frozenset("""auto break case char const continue default do double else enum extern float for goto if
+    inline int long register restrict return short signed sizeof static struct switch typedef union unsigned void
+    volatile while _Bool _Complex _Imaginary""".split())
+
+
+def snake(name):
+    """MrpFeedback -> mrp_feedback, by introspect's rule for the names of a module's functions."""
+    words = re.sub(r"([a-z0-9])([A-Z])", r"\1_\2", name)
+    return re.sub(r"([A-Z])([A-Z][a-z])", r"\1_\2", words).lower()
+
+
+def camel(name):
+    """nadir_spin -> NadirSpin"""
+    return "".join(word[:1].upper() + word[1:] for word in name.split("_"))
+
+
+def identifier(text):
+    """An identifier of C: what is no letter or digit becomes one underscore, a keyword gets one behind it."""
+    name = re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_") or "unnamed"
+    if name[0].isdigit():
+        name = "n" + name
+    return name + "_" if name in KEYWORDS else name
+
+
+def distinct(texts, taken=()):
+    """Text -> identifier for each. Where two would share one, or differ in case only, which enumerators do not
+    show, the later has a number behind it."""
+    names, used = {}, {name.lower() for name in taken}
+    for text in texts:
+        name = stem = identifier(text)
+        n = 2
+        while name.lower() in used:
+            name, n = f"{stem}_{n}", n + 1
+        used.add(name.lower())
+        names[text] = name
+    return names

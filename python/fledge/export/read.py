@@ -1,0 +1,278 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The live objects of a mission's flight process as plain data, checked, for all exports.
+
+Names in it are C's already: flight.py's own, but for keywords of C and texts that are no identifiers.
+"""
+
+import ast
+import struct as packing
+from dataclasses import dataclass
+from typing import Any
+
+from fledge import _core
+from fledge.export import names
+
+SetupError = _core.SetupError
+
+
+class ExportError(SetupError):
+    """A mission that cannot be exported: the text names file and line, instance, rule and finding."""
+
+
+@dataclass
+class Module:
+    name: str                        # in C
+    path: str                        # flight.control
+    struct: Any                      # _core.Struct
+    memory: bytes                    # as flight.py left it, before any reset
+
+    @property
+    def type(self):
+        return self.struct.name
+
+    @property
+    def function(self):
+        return names.snake(self.type)
+
+    def fields(self, group):
+        return [f for f in self.struct.fields if f.group == group]
+
+
+@dataclass
+class Wire:
+    source: str                      # m->in.nav_attitude, without the m->
+    target: str                      # tracking.in.attitude
+    stale_after: int                 # [ns]; 0: never
+
+
+@dataclass
+class Task:
+    name: str
+    title: str                       # as in flight.py
+    period: int                      # [ns]
+    offset: int                      # [ns]
+    run: list                        # of Module
+    modes: list | None               # names of those in which it runs; None: always
+
+
+@dataclass
+class Event:
+    name: str
+    title: str
+    module: Module
+    condition: Any                   # _core.Condition
+    hold: int                        # [ns]
+    once: bool
+    mode: str                        # C name of the mode to enter
+
+
+@dataclass
+class Message:
+    name: str                        # nav_attitude, motor_command
+    path: str                        # world.nav.attitude
+    struct: Any
+    member: str                      # in.nav_attitude, motor.out.command
+    direction: str                   # in, out, inside
+    ends: list                       # paths at its other ends
+
+
+@dataclass
+class Mission:
+    name: str                        # of the files and functions
+    title: str                       # of the folder
+    about: str                       # the first line of flight.py
+    modules: list
+    configuration: list              # modules that only publish their parameters
+    tasks: list                      # in the order of equal times
+    modes: list                      # C names; the titles in mode_titles
+    mode_titles: dict
+    initial_mode: str | None
+    events: list
+    inputs: list                     # Message, from outside
+    outputs: list                    # Message, all of the modules' outputs
+    wires: dict                      # module name -> wires carried before its update
+    published: dict                  # configuration module name -> wires carried when it is published
+    left_out: list                   # titles of tasks and events that are not exported
+
+    def struct(self):
+        """The name of the struct that holds it all."""
+        return names.camel(self.name)
+
+    def sources(self):
+        """The C files of its modules, from the root that their headers are included from; flight/math is
+        needed beside them."""
+        return sorted({m.struct.header.removesuffix(".h") + ".c" for m in self.modules})
+
+
+def read(sim, tasks=None):
+    """The Mission that flies in a simulation which has not run, or of it the named tasks.
+
+    A subset takes with it the configuration that is wired to it; what it reads of the rest of flight
+    becomes an input, as what it reads of the world. Raises ExportError, and SetupError for what a run
+    would refuse as well.
+    """
+    return _Reader(sim, tasks).mission()
+
+
+class _Reader:
+    def __init__(self, sim, tasks):
+        self.sim, self.flight = sim, sim.flight._core_process
+        if sim._core.now >= 0:
+            raise ExportError(f"{sim.name}: export it before it runs; it stands at {sim.time:g} s")
+        bytes_before = {name: _core.memory(one) for name, one in sim.flight._instances.items()}
+        try:
+            sim._core.prepare()
+        except SetupError as error:
+            raise self.refusal(str(error)) from None
+        known = [t[0] for t in self.flight.tasks]
+        for name in tasks or []:
+            if name not in known:
+                raise ExportError(f"{sim.name} has no task '{name}'; flight has {', '.join(known)}")
+        self.chosen = [t for t in sorted(self.flight.tasks, key=lambda t: -t[3]) if not tasks or t[0] in tasks]
+        self.partial = len(self.chosen) < len(known)
+        self.modules = self.read_modules(bytes_before)
+
+    # --- which modules ---
+
+    def read_modules(self, memory):
+        live = self.sim.flight._instances
+        in_task = {name for t in self.flight.tasks for name in t[4]}
+        running = {name for t in self.chosen for name in t[4]}
+        wanted = set(running)
+        for source, target, _, _ in self.sim._core.wires:
+            process, name, _ = source.split(".")
+            if process == "flight" and name not in in_task and target.split(".")[1] in running:
+                wanted.add(name)
+        if not self.partial:
+            wanted = set(live)
+        self.running = running
+        c = names.distinct(live)
+        return {name: Module(c[name], f"flight.{name}", _core.struct(one), memory[name])
+                for name, one in live.items() if name in wanted}
+
+    # --- wires ---
+
+    def read_wires(self, mission):
+        order = {}
+        for source, target, latency, stale_after in self.sim._core.wires:
+            from_process, from_name, from_port = source.split(".")
+            to_process, to_name, to_port = target.split(".")
+            inside = from_process == "flight" and from_name in self.modules
+            if to_process != "flight" or to_name not in self.modules:
+                if inside:
+                    self.ends.setdefault(source, []).append(target)
+                continue
+            module = self.modules[to_name]
+            if inside and latency:
+                raise self.refusal(f"{source} >> {target} has a latency of one exchange: that is for wires between "
+                                   "processes; within flight it cannot be exported")
+            end = f"{module.name}.in.{to_port}"
+            if inside:
+                producer = self.modules[from_name]
+                start = f"{producer.name}.out.{from_port}"
+                if from_name not in self.running:
+                    mission.published[producer.name].append(Wire(start, end, 0))
+                else:
+                    mission.wires[module.name].append(Wire(start, end, stale_after))
+            else:
+                struct = next(f.struct for f in module.struct.fields if f.name == to_port)
+                message = order.setdefault(source, Message("", source, struct, "", "in", []))
+                message.ends.append(target)
+                mission.wires[module.name].append(Wire(source, end, stale_after))
+        c = names.distinct([path.removeprefix("world.") for path in order])
+        for path, message in order.items():
+            message.name = c[path.removeprefix("world.")]
+            message.member = f"in.{message.name}"
+        for wires in mission.wires.values():
+            for wire in wires:
+                if wire.source in order:
+                    wire.source = order[wire.source].member
+        mission.inputs = list(order.values())
+
+    # --- the whole ---
+
+    def mission(self):
+        sim = self.sim
+        self.ends = {}
+        name = names.identifier(sim.name).lower()
+        if any(names.snake(m.type) == name or m.type == names.camel(name) for m in self.modules.values()):
+            name += "_mission"
+        mode_titles = [m[0] for m in self.flight.modes]
+        mode_names = names.distinct(mode_titles)
+        modules = list(self.modules.values())
+        mission = Mission(
+            name=name, title=sim.name, about=sim.mission.summaries()[""] if sim.mission else "", modules=modules,
+            configuration=[m for n, m in self.modules.items() if n not in self.running], tasks=[],
+            modes=list(mode_names.values()), mode_titles={c: t for t, c in mode_names.items()},
+            initial_mode=mode_names.get(self.flight.mode), events=[], inputs=[], outputs=[],
+            wires={m.name: [] for m in modules}, published={m.name: [] for m in modules}, left_out=[])
+        self.read_wires(mission)
+        self.read_tasks(mission, mode_names)
+        self.read_events(mission, mode_names)
+        taken = [m.name for m in mission.inputs]
+        ports = {f"{m.path}.{f.name}": (m, f) for m in modules for f in m.fields("out")}
+        c = names.distinct([p.partition(".")[2] for p in ports], taken)
+        for path, (module, port) in ports.items():
+            ends = self.ends.get(path, [])
+            mission.outputs.append(Message(c[path.partition(".")[2]], path, port.struct,
+                                           f"{module.name}.out.{port.name}", "out" if ends else "inside", ends))
+        for module in modules:
+            self.check_finite(module, mission)
+        return mission
+
+    def read_tasks(self, mission, mode_names):
+        naming = names.distinct([t[0] for t in self.flight.tasks])
+        for title, period, offset, _, run in self.chosen:
+            modes = [mode_names[m] for m, tasks in self.flight.modes if title in tasks]
+            mission.tasks.append(Task(naming[title], title, period, offset, [self.modules[n] for n in run],
+                                      modes or None))
+        chosen = [t[0] for t in self.chosen]
+        mission.left_out += [f"the task {t[0]}" for t in self.flight.tasks if t[0] not in chosen]
+
+    def read_events(self, mission, mode_names):
+        naming = names.distinct([e.name for e in self.flight.events], ("m", "t"))
+        for event in self.flight.events:
+            process, name = event.condition.path.split(".")
+            if process != "flight":
+                raise self.refusal(f"event flight.{event.name} looks at {event.condition.path}: flight cannot see "
+                                   "into the world; watch what it is told, as in watch(f.tracking.attitude)")
+            if name not in self.modules:
+                mission.left_out.append(f"the event {event.name}")
+                continue
+            mission.events.append(Event(naming[event.name], event.name, self.modules[name], event.condition,
+                                        event.hold, event.once, mode_names[event.mode]))
+
+    def check_finite(self, module, mission):
+        wired = {w.target for wires in (*mission.wires.values(), *mission.published.values()) for w in wires}
+        for path, value in floats(module.struct, module.memory):
+            if not value - value == 0.0 and ".".join([module.name, *path.split(".")[:2]]) not in wired:
+                name = module.path.partition(".")[2]
+                raise self.refusal(f"{module.path}.{path.partition('.')[2]} must be finite; found {value}", name)
+
+    def refusal(self, text, instance=None):
+        """An ExportError that begins with flight.py and the line where the instance is made."""
+        if not self.sim.mission:
+            return ExportError(text)
+        file = self.sim.mission.folder / "flight.py"
+        instance = instance or next((n for n in self.sim.flight._instances if f"flight.{n}." in text), None)
+        line = next((node.lineno for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+                     if isinstance(node, ast.Attribute) and node.attr == instance
+                     and isinstance(node.ctx, ast.Store)), None)
+        return ExportError(f"{file}" + (f", line {line}" if line else "") + f": {text}")
+
+
+def floats(struct, memory, prefix=""):
+    """(path, value) of every floating-point number in an object of that struct."""
+    for f in struct.fields:
+        path = prefix + (f"{f.group}." if f.group else "") + f.name
+        count = 1
+        for n in f.shape:
+            count *= n
+        if f.type == "struct":
+            for i in range(count):
+                at = f.offset + i * f.struct.size
+                row = f"{path}[{i}]" if f.shape else path
+                yield from floats(f.struct, memory[at:at + f.struct.size], row + ".")
+        elif f.type in ("f64", "f32"):
+            values = packing.unpack_from(f"={count}{'d' if f.type == 'f64' else 'f'}", memory, f.offset)
+            yield from ((path + (f"[{i}]" if f.shape else ""), v) for i, v in enumerate(values))

@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The exported text: clean, the same each time, laid out as by hand; subsets; what is refused."""
+
+import re
+import shutil
+import subprocess
+
+import pytest
+
+import fledge
+from fledge import SetupError, cli, export
+from fledge.export import names
+from fledge.export.run_test import FLIGHT, WORLD, first_difference
+from fledge.export.testing import COMPILERS, ROOT, STRICT, Compiled
+
+MISSIONS = sorted(fledge.missions())
+
+
+@pytest.fixture(scope="module")
+def exported():
+    return {name: export.emit_c(export.read(fledge.load(name))) for name in MISSIONS}
+
+
+@pytest.fixture()
+def modes(tmp_path):
+    return mission_of(tmp_path, FLIGHT)
+
+
+def mission_of(tmp_path, flight, world=WORLD):
+    folder = tmp_path / "modes"
+    folder.mkdir(exist_ok=True)
+    (folder / "flight.py").write_text(flight)
+    (folder / "world.py").write_text(world)
+    return folder
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+def test_every_mission_compiles_without_a_warning(exported, compiler, tmp_path):
+    sources = []
+    for name, files in exported.items():
+        for file, text in files.items():
+            (tmp_path / file).write_text(text)
+            sources += [file] if file.endswith(".c") else []
+    subprocess.run([compiler, *STRICT, "-O2", "-I", ROOT, "-c", *sources], check=True, cwd=tmp_path)
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.parametrize("standard", ["-std=c99", "-std=c11"])
+def test_the_common_header_is_clean_where_it_is_not_used(compiler, standard, tmp_path):
+    (tmp_path / "t.c").write_text('#include "targets/mission.h"\n\nextern int t;\nint t = 1;\n')
+    subprocess.run([compiler, *STRICT, standard, "-I", ROOT, "-c", "t.c"], check=True, cwd=tmp_path)
+
+
+@pytest.mark.parametrize("name", MISSIONS)
+def test_the_same_mission_gives_the_same_bytes(exported, name):
+    assert export.emit_c(export.read(fledge.load(name, seed=7))) == exported[name]
+
+
+@pytest.mark.skipif(not shutil.which("clang-format"), reason="clang-format is not installed")
+def test_it_is_laid_out_by_the_rules_of_this_repository(exported, modes, tmp_path):
+    texts = [*exported.values(), export.emit_c(export.read(fledge.load(modes)))]
+    for file, text in (item for files in texts for item in files.items()):
+        done = subprocess.run(["clang-format", f"--assume-filename={ROOT}/targets/{file}"], input=text, text=True,
+                              capture_output=True, check=True)
+        changed = [line for line in text.splitlines() if line not in done.stdout.splitlines()]
+        assert len(changed) <= len(text.splitlines()) // 50, changed
+        assert max(map(len, text.splitlines())) <= 100
+
+
+def test_generated_code_is_small(exported, tmp_path):
+    for file, text in exported["nadir_spin"].items():
+        (tmp_path / file).write_text(text)
+    subprocess.run(["gcc", *STRICT, "-Os", "-I", ROOT, "-c", "nadir_spin.c"], check=True, cwd=tmp_path)
+    size = subprocess.run(["size", "nadir_spin.o"], check=True, cwd=tmp_path, capture_output=True, text=True).stdout
+    text, data, bss = map(int, size.splitlines()[1].split()[:3])
+    assert text + data < 4096 and bss == 0          # the list of messages holds addresses, hence data
+
+
+# --- subsets ---------------------------------------------------------------------------------------
+
+def test_a_subset_reads_the_rest_of_flight_as_it_reads_the_world(modes, tmp_path):
+    sim = fledge.load(modes)
+    mission = export.read(sim, ["control"])
+    assert [m.path for m in mission.modules] == ["flight.vehicle", "flight.wheels", "flight.control", "flight.motor"]
+    assert [m.path for m in mission.inputs] == ["flight.tracking.error", "world.wheels.speeds"]
+    assert [m.member for m in mission.inputs] == ["in.flight_tracking_error", "in.wheels_speeds"]
+    assert [m.path for m in mission.outputs if m.direction == "out"] == ["flight.motor.command"]
+    assert {"the task track", "the task guide", "the task turn it", "the event settled"} <= set(mission.left_out)
+    assert [e.name for e in mission.events] == ["late"]
+    # Flown beside the desktop: in the mode that runs it, it is the same.
+    sim = fledge.load(mission_of(tmp_path, FLIGHT.replace('start_in("wait")', 'start_in("point")')))
+    mission = export.read(sim, ["control"])
+    c = Compiled(mission, tmp_path / "c")
+    sim.flight.settled.armed = False
+    assert first_difference(sim, mission, c, lambda s: s.run(60.0), all_instants=True) is None
+
+
+def test_all_tasks_by_name_are_all(modes):
+    whole = export.emit_c(export.read(fledge.load(modes)))
+    assert export.emit_c(export.read(fledge.load(modes), ["turn it", "track", "control", "guide"])) == whole
+
+
+# --- what is refused -------------------------------------------------------------------------------
+
+@pytest.mark.parametrize("old, new, says", [
+    ("f.guidance.reference >> f.switch.base,", "", r"flight\.switch\.base"),
+    ("I_B=[700, 700, 800] * kg * m**2", "", r"flight\.vehicle\.I_B"),
+    ("f.tracking.error     >> f.control.error", "(f.tracking.error >> f.control.error).latency(1)",
+     r"flight\.py, line \d+: flight\.tracking\.error >> flight\.control\.error has a latency of one exchange"),
+])
+def test_a_mission_that_cannot_be_exported_says_why(old, new, says, tmp_path):
+    assert old in FLIGHT
+    with pytest.raises(SetupError, match=says):
+        export.read(fledge.load(mission_of(tmp_path, FLIGHT.replace(old, new))))
+
+
+def test_an_event_that_looks_into_the_world_is_refused(modes):
+    sim = fledge.load(modes)
+    f, w = sim.flight, sim.world
+    f.event("cheat", when=f.watch(w.craft.state).r_BN_N[0] > 1, enter=f.rest)
+    with pytest.raises(SetupError, match=r"flight\.py: event flight\.cheat looks at world\.craft"):
+        export.read(sim)
+
+
+def test_a_mission_that_has_run_is_refused():
+    sim = fledge.load("nadir_spin")
+    sim.run(1.0)
+    with pytest.raises(SetupError, match="export it before it runs; it stands at 1 s"):
+        export.read(sim)
+
+
+@pytest.mark.parametrize("arguments, says", [
+    (["nadir_spin", "--tasks", "gcn"], "nadir_spin has no task 'gcn'; flight has gnc"),
+    (["nadir_spni"], "there is no mission 'nadir_spni'")])
+def test_the_command_writes_nothing_where_it_refuses(arguments, says, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert cli.main(["export", "c", *arguments, "--out", str(out)]) == 2
+    assert says in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_the_command_writes_both_files_and_leaves_the_same_ones_alone(tmp_path, capsys):
+    arguments = ["export", "c", "nadir_spin", "--out", str(tmp_path)]
+    assert cli.main(arguments) == 0
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["nadir_spin.c", "nadir_spin.h"]
+    before = {p: p.stat().st_mtime_ns for p in tmp_path.iterdir()}
+    assert cli.main(arguments) == 0
+    assert before == {p: p.stat().st_mtime_ns for p in tmp_path.iterdir()}
+    assert str(tmp_path / "nadir_spin.h") in capsys.readouterr().out
+
+
+# --- names -----------------------------------------------------------------------------------------
+
+def test_names_become_identifiers_and_stay_apart():
+    assert names.distinct(["a b", "a-b", "int", "3d", "é"]) == {"a b": "a_b", "a-b": "a_b_2", "int": "int_",
+                                                               "3d": "n3d", "é": "unnamed"}
+    assert names.distinct(["a", "A"], ["a_2"]) == {"a": "a", "A": "A_3"}
+    assert names.camel("two_body") == "TwoBody"
+
+
+@pytest.mark.parametrize("name, snake", [("MrpFeedback", "mrp_feedback"), ("IMUFilter", "imu_filter"),
+                                         ("Sun2Axis", "sun2_axis"), ("A", "a")])
+def test_functions_are_named_after_the_struct(name, snake):
+    assert names.snake(name) == snake
+
+
+# --- the documentation -----------------------------------------------------------------------------
+
+def test_the_listings_in_the_documentation_are_what_is_written(exported):
+    text = (ROOT / "docs/export.md").read_text(encoding="utf-8").partition("## nadir_spin")[2]
+    listings = re.findall(r"```c\n(.*?)\n```", text, re.DOTALL)
+    written = "".join(exported["nadir_spin"].values())
+    assert len(listings) == 3
+    for part in (part for listing in listings for part in listing.split("\n}\n\n")):
+        assert part in written

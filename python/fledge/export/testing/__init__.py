@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""For tests: an exported mission compiled to a shared object, and its memory as Python sees it."""
+
+import ctypes
+import functools
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from fledge import export
+
+ROOT = Path(__file__).resolve().parents[4]
+STRICT = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-Wconversion", "-Wstrict-prototypes",
+          "-ffp-contract=off", "-fno-math-errno"]
+CLANG = pytest.param("clang-14", marks=pytest.mark.skipif(not shutil.which("clang-14"),
+                                                          reason="clang-14 is not installed"))
+COMPILERS = ["gcc", CLANG]
+
+
+@functools.cache
+def fly(compiler, optimise):
+    """An archive of all flight code, compiled once."""
+    folder = tempfile.TemporaryDirectory()
+    kept.append(folder)
+    sources = [path for path in (ROOT / "flight").rglob("*.c") if "tools" not in path.parts
+               and path.name != "elementary_hash.c"]
+    subprocess.run([compiler, *STRICT, optimise, "-fPIC", "-I", ROOT, "-c", *sources], check=True, cwd=folder.name)
+    archive = Path(folder.name, "flight.a")
+    subprocess.run(["ar", "rc", archive, *Path(folder.name).glob("*.o")], check=True)
+    return archive
+
+
+kept = []
+
+
+class Row(ctypes.Structure):
+    """MissionMessage; the first four also are MissionParameters."""
+
+    _fields_ = [("path", ctypes.c_char_p), ("type", ctypes.c_char_p), ("offset", ctypes.c_uint32),
+                ("size", ctypes.c_uint32), ("direction", ctypes.c_int)]
+
+
+class Compiled:
+    """A mission in C, with the source of its modules, in memory of its own."""
+
+    def __init__(self, mission, folder, roots=(), compiler="gcc", optimise="-O2"):
+        folder = Path(folder)
+        export.write(mission, folder)
+        roots = [*map(Path, roots), ROOT]
+        sources = [next(root / s for root in roots if (root / s).is_file()) for s in mission.sources()]
+        ours = fly(compiler, optimise)
+        size = folder / "size.c"
+        size.write_text(f'#include "{mission.name}.h"\n\nconst uint32_t mission_size = '
+                        f"(uint32_t)sizeof({mission.struct()});\n")
+        so = folder / f"{mission.name}.so"
+        subprocess.run([compiler, *STRICT, optimise, "-shared", "-fPIC", "-I", folder,
+                        *(a for root in roots for a in ("-I", root)), "-o", so, folder / f"{mission.name}.c", size,
+                        *(s for s in sources if not s.is_relative_to(ROOT)), ours, "-lm"], check=True)
+        self.name, self.so = mission.name, ctypes.CDLL(str(so))
+        self.memory = ctypes.create_string_buffer(ctypes.c_uint32.in_dll(self.so, "mission_size").value)
+        n = len(mission.inputs) + len(mission.outputs)
+        rows = (Row * n).in_dll(self.so, f"{mission.name}_messages")
+        self.rows = {row.path.decode(): (row.offset, row.size) for row in rows}
+        self.functions = {}
+        for name, result, *arguments in (("init", None), ("reset", None), ("next", ctypes.c_int64),
+                                         ("tick", None, ctypes.c_int64)):
+            function = getattr(self.so, f"{mission.name}_{name}")
+            function.restype, function.argtypes = result, [ctypes.c_void_p, *arguments]
+            self.functions[name] = function
+        self.address = ctypes.addressof(self.memory)
+        self("init")
+
+    def __call__(self, function, *arguments):
+        return self.functions[function](self.address, *arguments)
+
+    def enter(self, mode):
+        getattr(self.so, f"{self.name}_enter")(ctypes.c_void_p(self.address), mode)
+
+    def publish(self, module, t):
+        getattr(self.so, f"{self.name}_publish_{module}")(ctypes.c_void_p(self.address), ctypes.c_int64(t))
+
+    def get(self, path):
+        offset, size = self.rows[path]
+        return ctypes.string_at(self.address + offset, size)
+
+    def put(self, path, raw):
+        offset, size = self.rows[path]
+        assert len(raw) == size
+        ctypes.memmove(self.address + offset, raw, size)
+
+
+class Recorded:
+    """What a desktop run says at each instant: the messages of `paths`, as bytes by time."""
+
+    def __init__(self, sim, paths, every=0):
+        self.logs = {}
+        for path in paths:
+            process, instance, port = path.split(".")
+            self.logs[path] = sim._core.record(getattr(getattr(getattr(sim, process), instance), port),
+                                               round(every * 1e9), True)
+
+    def times(self):
+        raw = next(iter(self.logs.values())).times()
+        return [int.from_bytes(raw[i:i + 8], "little") for i in range(0, len(raw), 8)]
+
+    def samples(self, path):
+        log = self.logs[path]
+        raw, size = log.bytes(), log.struct.size
+        return [raw[i:i + size] for i in range(0, len(raw), size)]
