@@ -26,6 +26,20 @@ void set_up(zmq::socket_t &socket, const Limits &limits)
     socket.set(zmq::sockopt::heartbeat_timeout, silence_ms);
 }
 
+void poll(std::span<zmq::pollitem_t> items, std::chrono::milliseconds most)
+{
+    try {
+        zmq::poll(items.data(), items.size(), most);
+    } catch (const zmq::error_t &error) {
+        if (error.num() != EINTR) {
+            throw;
+        }
+        for (zmq::pollitem_t &item : items) { // a signal came: nothing has happened here
+            item.revents = 0;
+        }
+    }
+}
+
 Link::Link(zmq::context_t &context, const Limits &limits)
     : limits_(limits), socket_(context, zmq::socket_type::pair), monitor_(context, zmq::socket_type::pair)
 {
@@ -101,7 +115,7 @@ Frame Link::wait(std::chrono::milliseconds most)
                 throw LinkError("nothing came within " + std::to_string(most.count()) + " ms");
             }
         }
-        zmq::poll(items, 2, rest);
+        poll(items, rest);
     }
     return frame;
 }

@@ -5,6 +5,7 @@
 #include "cosim/protocol.h"
 
 #include <chrono>
+#include <span>
 #include <stdexcept>
 #include <string>
 #include <zmq.hpp>
@@ -26,6 +27,9 @@ bool is_local(const std::string &address);
 ///   libzmq's own thread answers.
 /// - What is larger than the limit is refused before there is room for it.
 void set_up(zmq::socket_t &socket, const Limits &limits);
+
+/// Wait until something happens to one of these, or a signal comes. A negative time: for ever.
+void poll(std::span<zmq::pollitem_t> items, std::chrono::milliseconds most);
 
 class Link {
 public:

@@ -62,7 +62,7 @@ std::string Router::run(const std::function<bool()> &poll)
                 }
             }
         }
-        zmq::poll(items_, look);
+        cosim::poll(items_, look);
         if (items_[0].revents) {
             greet();
         }

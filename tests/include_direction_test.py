@@ -44,6 +44,7 @@ THIRD_PARTIES = {
     "flight":     {"mpmath"},                      # flight/math/tools: how coefficients were found
     "introspect": {"clang"},
     "fledge":     {"_core", "_core_build", "h5py", "matplotlib", "numpy", "pandas"},
+    "cosim":      {"zmq"},
     "missions":   {"numpy"},
     "bench":      {"_core", "jplephem", "mpmath", "numpy"},
     "tests":      {"_core", "numpy"},

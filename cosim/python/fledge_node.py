@@ -1,0 +1,430 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A Python program as a node of a co-simulation. This file is all that is needed, with pyzmq.
+
+    from fledge_node import Node, s
+
+    node = Node("spin", "thermal", "tcp://127.0.0.1:7000", every=1 * s)
+    node.reads("/world/sun/direction")
+    node.writes("/thermal/plate/state", "PlateState", '''
+        float64 T  # T [K] temperature
+    ''')
+
+    @node.step
+    def step(t):
+        sun = node["/world/sun/direction"]            # {"head.t": ..., "s_B": [0.0, 0.6, 0.8]}
+        node["/thermal/plate/state"] = {"T": 300 + 10 * sun["s_B"][2]}
+
+    node.run()
+
+Messages are dicts from the true names of their fields (nested ones with dots) to numbers, or lists
+of numbers in memory order. A definition is needed on one side only: without one here, that of the
+partner comes when the run begins, so that all messages of a mission are known. Where it begins with
+a Fledge head, its time, quality and sequence are filled in unless they are given. Times are integers
+in nanoseconds.
+
+The format is described in cosim/protocol.h; names here follow it.
+"""
+import re
+import struct
+import textwrap
+import time
+import zlib
+
+import zmq
+
+ns, us, ms, s = 1, 10**3, 10**6, 10**9
+
+LATENCIES = {"same_instant": 0, "next_instant": 1, "next_exchange": 2}
+KINDS = ["Hello", "Welcome", "Refused", "Initialize", "Initialized", "ProvideDesired", "Desired", "Match",
+         "Matched", "Start", "Ready", "Tick", "Tock", "Finish", "Finished", "Failed"]
+VERSION = 1
+LARGEST = 64 << 20  # bytes of a frame
+
+
+class NodeError(RuntimeError):
+    """The controller refuses the node, is not there, or breaks the format."""
+
+
+# ---- definitions
+
+PRIMITIVES = {"float64": "d", "float32": "f", "int64": "q", "uint64": "Q", "int32": "i", "uint32": "I",
+              "int16": "h", "uint16": "H", "int8": "b", "uint8": "B", "bool": "B", "byte": "B", "char": "B"}
+_MEMBER = re.compile(r"([A-Za-z][\w/]*)(?:\[(\d+)\])?\s+([A-Za-z]\w*)\s*(?:#\s*(\S*).*)?")
+
+
+class Schema:
+    """What a message looks like: its name and ros2msg text. Packs dicts and unpacks bytes."""
+
+    def __init__(self, name, text):
+        self.name = name
+        self.text = textwrap.dedent(text).strip("\n") + "\n" if text else ""
+        self.fields = []  # (true name, numbers, is an array)
+        self.size = self.hash = 0
+        if self.text:
+            codes = self._walk(self._sections(), None, "", 0)
+            for code, n in codes:
+                item = struct.calcsize(code)
+                if self.size % item:
+                    raise NodeError(f"{name}: padding would be needed before a {code} at byte {self.size}")
+                self.size += item * n
+            form = "".join(f"{n}{code}" for code, n in codes)
+            self._packers = {order: struct.Struct(order + form) for order in "<>"}
+            self.hash = 0xcbf29ce484222325
+            for byte in self.text.encode():
+                self.hash = (self.hash ^ byte) * 0x100000001b3 & 0xffffffffffffffff
+
+    def _sections(self):
+        sections, name = {None: []}, None
+        lines = iter(self.text.splitlines())
+        for line in lines:
+            if len(line) == 80 and not line.strip("="):
+                name = next(lines, "").rpartition(":")[2].strip().rpartition("/")[2]
+                sections[name] = []
+            elif line.partition("#")[0].strip():
+                sections[name].append(line.strip())
+        return sections
+
+    def _walk(self, sections, section, prefix, depth):
+        codes = []
+        for line in sections[section]:
+            match = _MEMBER.fullmatch(line)
+            if not match or depth > 16:
+                raise NodeError(f'{self.name}: expected "<type> <name>" of fixed size, found "{line}"')
+            kind, count, name, told = match.groups()
+            name = prefix + (told if told and told.lower() == name.lower() else name)
+            n = int(count or 1)
+            if kind in PRIMITIVES:
+                self.fields.append((name, n, count is not None))
+                codes.append((PRIMITIVES[kind], n))
+            elif kind.rpartition("/")[2] in sections:
+                for i in range(n):
+                    inner = f"{name}[{i}]." if count else name + "."
+                    codes += self._walk(sections, kind.rpartition("/")[2], inner, depth + 1)
+            else:
+                raise NodeError(f"{self.name}: {kind} is not of fixed size or not defined")
+        return codes
+
+    def pack(self, values):
+        """The struct, little-endian. Fields that are not given are zero. Raises NodeError."""
+        unknown = values.keys() - {name for name, _, _ in self.fields}
+        if unknown:
+            raise NodeError(f"{self.name} has no field {', '.join(sorted(unknown))}; it has "
+                            f"{', '.join(name for name, _, _ in self.fields)}")
+        numbers = []
+        for name, n, array in self.fields:
+            value = values.get(name, [0] * n if array else 0)
+            value = list(value) if array else [value]
+            if len(value) != n:
+                raise NodeError(f"{self.name}.{name} takes {n} numbers, found {len(value)}")
+            numbers += value
+        try:
+            return self._packers["<"].pack(*numbers)
+        except struct.error as error:
+            raise NodeError(f"{self.name}: {error}") from None
+
+    def unpack(self, payload):
+        """A dict, from a payload: CDR header and struct."""
+        if len(payload) != self.size + 4 or payload[0] or payload[1] > 1 or payload[2:4] != b"\0\0":
+            raise NodeError(f"a {self.name} of {len(payload)} bytes, expected a CDR header and {self.size}")
+        numbers = self._packers["<" if payload[1] else ">"].unpack_from(payload, 4)
+        values, at = {}, 0
+        for name, n, array in self.fields:
+            values[name] = list(numbers[at:at + n]) if array else numbers[at]
+            at += n
+        return values
+
+
+# ---- frames
+
+class _Writer:
+    """Numbers at multiples of their size, from the start of the body."""
+
+    def __init__(self):
+        self.body = bytearray()
+
+    def number(self, code, x):
+        self.body += bytes(-len(self.body) % struct.calcsize(code))
+        self.body += struct.pack("<" + code, x)
+
+    def bytes(self, data):
+        self.number("I", len(data))
+        self.body += data
+
+    def text(self, text):
+        self.bytes(text.encode())
+
+    def schema(self, schema):
+        self.text(schema.name)
+        self.text(schema.text)
+        self.number("I", schema.size)
+        self.number("Q", schema.hash)
+
+    def frame(self, kind, number):
+        return struct.pack("<4sBBHIIII", b"FLCS", 1, VERSION, KINDS.index(kind) + 1, len(self.body),
+                           zlib.crc32(self.body), number, 0) + self.body
+
+
+class _Reader:
+    def __init__(self, frame):
+        if len(frame) < 24 or len(frame) > LARGEST or frame[:4] != b"FLCS" or frame[4] > 1 or frame[5] != VERSION:
+            raise NodeError(f"what came is no frame of version {VERSION}")
+        self.order = "<" if frame[4] else ">"
+        kind, size, crc, self.request, zero = struct.unpack_from(self.order + "HIIII", frame, 6)
+        self.body, self.at = frame[24:], 0
+        if not 1 <= kind <= len(KINDS) or size != len(self.body) or crc != zlib.crc32(self.body) or zero:
+            raise NodeError("a frame is damaged")
+        self.kind = KINDS[kind - 1]
+
+    def number(self, code):
+        size = struct.calcsize(code)
+        self.at += -self.at % size
+        return struct.unpack(self.order + code, self._take(size))[0]
+
+    def bytes(self):
+        return self._take(self.number("I"))
+
+    def text(self):
+        return self.bytes().decode()
+
+    def schema(self):
+        name, text = self.text(), self.text()
+        self.number("I")
+        self.number("Q")
+        return name, text
+
+    def channels(self):
+        return [(self.number("I"), self.text(), self.schema()) for _ in range(self.number("I"))]
+
+    def records(self):
+        """(from when on it is seen, channel, count, payload)"""
+        return [(self.number("q"), self.number("I"), self.number("I"), self.bytes())
+                for _ in range(self.number("I"))]
+
+    def end(self):
+        if self.at != len(self.body):
+            raise NodeError(f"a {self.kind} has {len(self.body) - self.at} bytes too many")
+
+    def _take(self, n):
+        if n > len(self.body) - self.at:
+            raise NodeError(f"a {self.kind} ends too early")
+        self.at += n
+        return self.body[self.at - n:self.at]
+
+
+# ---- the node
+
+class Node:
+    """One program's part in a run.
+
+    every, offset: [ns] it steps at offset + k every
+    patience: [s] for the controller to be there
+    """
+
+    def __init__(self, simulation, name, address, every, offset=0, patience=60):
+        self.simulation, self.name, self.address = simulation, name, address
+        self.every, self.offset, self.patience = every, offset, patience
+        self.seed = self.end = None  #: of the run, once it has begun
+        self.reason = None           #: of its end; "" at the regular one
+        self._wants = {}     # topic -> (latency, optional, Schema)
+        self._writes = {}    # topic -> [Schema, initial value]
+        self._channels = {}  # channel -> topic, of what is read
+        self._values = {}    # topic -> dict, as last seen
+        self._counts = {}    # channel -> messages, read or written
+        self._offers = {}    # topic -> channel
+        self._sequence = {}  # topic -> of its head
+        self._coming = []    # records that no instant has seen
+        self._step = None
+
+    def reads(self, topic, latency="same_instant", optional=False, name="", text=""):
+        """Read a topic. Without a definition, it is as its writer says."""
+        if latency not in LATENCIES:
+            raise NodeError(f"there is no latency {latency}; there are {', '.join(LATENCIES)}")
+        self._wants[topic] = (LATENCIES[latency], optional, Schema(name, text))
+
+    def writes(self, topic, name="", text="", initial=None):
+        """Write a topic, which holds `initial` before the first step; all zero unless it is given.
+        Without a definition, it is as its reader says."""
+        self._writes[topic] = [Schema(name, text), dict(initial or {})]
+
+    def step(self, function):
+        """The function that is called with each instant [ns]."""
+        self._step = function
+        return function
+
+    def __getitem__(self, topic):
+        """What was read last, a dict; None where nobody writes an optional topic."""
+        if topic not in self._wants:
+            raise NodeError(f"{self.name} does not read {topic}; it reads {', '.join(self._wants) or 'nothing'}")
+        return self._values.get(topic)
+
+    def __setitem__(self, topic, values):
+        """Write a message, now."""
+        if topic not in self._writes:
+            raise NodeError(f"{self.name} does not write {topic}; it writes {', '.join(self._writes) or 'nothing'}")
+        if topic not in self._offers:
+            return  # nobody reads it
+        schema = self._writes[topic][0]
+        if schema.fields and schema.fields[0][0] == "head.t":
+            self._sequence[topic] = self._sequence.get(topic, 0) + 1
+            values = {"head.t": self._now, "head.quality": 3, "head.sequence": self._sequence[topic]} | values
+        self._written[topic] = schema.pack(values)
+
+    def run(self):
+        """Take part in a run, to its end. Returns its reason, "" at the regular one. Raises NodeError,
+        and what the step raises."""
+        with zmq.Context() as context:
+            address = self._greet(context)
+            with context.socket(zmq.PAIR) as link:
+                _set_up(link, linger=1000)
+                monitor = link.get_monitor_socket(zmq.EVENT_DISCONNECTED)
+                try:
+                    link.connect(address)
+                    link.send(self._hello())
+                    self._serve(link, monitor)
+                finally:
+                    link.disable_monitor()
+                    monitor.close(0)
+        return self.reason
+
+    def _hello(self):
+        w = _Writer()
+        w.number("B", VERSION)
+        w.number("B", VERSION)
+        w.text(self.simulation)
+        w.text(self.name)
+        return w.frame("Hello", 1)
+
+    def _greet(self, context):
+        with context.socket(zmq.DEALER) as lobby:
+            _set_up(lobby, linger=0)
+            lobby.connect(self.address)
+            lobby.send(self._hello())
+            if not lobby.poll(1000 * self.patience):
+                raise NodeError(f"no controller answers at {self.address}")
+            r = _Reader(lobby.recv())
+            if r.kind == "Refused":
+                raise NodeError(f"the controller refuses {self.name}: {r.text()}")
+            if r.kind != "Welcome":
+                raise NodeError(f"the controller answers a Hello with {r.kind}")
+            address = r.text()
+            if address.startswith("tcp://0.0.0.0:"):  # it listens everywhere
+                address = self.address.rpartition(":")[0] + ":" + address.rpartition(":")[2]
+            return address
+
+    def _serve(self, link, monitor):
+        poller = zmq.Poller()
+        poller.register(link, zmq.POLLIN)
+        poller.register(monitor, zmq.POLLIN)
+        while self.reason is None:
+            ready = dict(poller.poll())
+            if link not in ready:
+                raise NodeError("the controller is gone")
+            r = _Reader(link.recv())
+            w = _Writer()
+            answer = getattr(self, "_on_" + r.kind, None)
+            try:
+                if not answer:
+                    raise NodeError(f"the controller sent {r.kind}, which is no request")
+                kind = answer(r, w)
+            except BaseException as error:
+                w = _Writer()
+                w.text(f"{type(error).__name__}: {error}".replace("\0", ""))
+                link.send(w.frame("Failed", r.request))
+                raise
+            link.send(w.frame(kind, r.request))
+
+    def _on_Initialize(self, r, w):
+        self.seed, self.end, start = r.number("Q"), r.number("q"), r.number("q")
+        r.text(), r.text()
+        r.end()
+        if self._step is None:
+            raise NodeError("there is no step function")
+        self._next = self.offset
+        if start >= self.offset:  # in the place of one that was lost
+            self._next += ((start - self.offset) // self.every + 1) * self.every
+        w.number("I", 1)
+        w.number("q", self.every)
+        w.number("q", self.offset)
+        w.number("B", 0)
+        return "Initialized"
+
+    def _on_ProvideDesired(self, r, w):
+        r.end()
+        w.number("I", len(self._wants))
+        for topic, (latency, optional, schema) in self._wants.items():
+            w.text(topic)
+            w.number("B", latency)
+            w.number("B", optional)
+            w.schema(schema)
+        return "Desired"
+
+    def _on_Match(self, r, w):
+        asked = [channel for channel in r.channels() if channel[1] in self._writes]
+        r.end()
+        w.number("I", len(asked))
+        for channel, topic, (name, text) in asked:
+            self._offers[topic] = channel
+            schema, initial = self._writes[topic]
+            if not schema.text:
+                schema = self._writes[topic][0] = Schema(name, text)
+            w.number("I", channel)
+            w.schema(schema)
+            w.bytes(b"\0\1\0\0" + schema.pack(initial))
+        return "Matched"
+
+    def _on_Start(self, r, w):
+        for channel, topic, (name, text) in r.channels():
+            self._channels[channel] = topic
+            latency, optional, _ = self._wants[topic]
+            self._wants[topic] = (latency, optional, Schema(name, text))
+        r.end()
+        return "Ready"
+
+    def _on_Tick(self, r, w):
+        until = r.number("q")
+        records = r.records()
+        r.end()
+        for t, channel, count, payload in records:
+            self._count(channel, count)
+            self._coming.append((t, channel, payload))
+        self._coming.sort(key=lambda record: record[0])
+        out, begun = [], time.perf_counter_ns()
+        while self._next <= until:
+            self._now = self._next
+            while self._coming and self._coming[0][0] <= self._now:
+                _, channel, payload = self._coming.pop(0)
+                topic = self._channels[channel]
+                self._values[topic] = self._wants[topic][2].unpack(payload)
+            self._written = {}
+            self._step(self._now)
+            for topic, message in self._written.items():
+                channel = self._offers[topic]
+                self._counts[channel] = self._counts.get(channel, 0) + 1
+                out.append((self._now, channel, self._counts[channel], b"\0\1\0\0" + message))
+            self._next += self.every
+        w.number("q", until)
+        w.number("q", time.perf_counter_ns() - begun)
+        w.number("I", len(out))
+        for t, channel, count, payload in out:
+            w.number("q", t)
+            w.number("I", channel)
+            w.number("I", count)
+            w.bytes(payload)
+        return "Tock"
+
+    def _on_Finish(self, r, w):
+        self.reason = r.text()
+        r.end()
+        return "Finished"
+
+    def _count(self, channel, count):
+        if channel not in self._channels or count != self._counts.get(channel, 0) + 1:
+            raise NodeError(f"message {count} on channel {channel} is not the next one")
+        self._counts[channel] = count
+
+
+def _set_up(socket, linger):
+    socket.linger = linger
+    socket.maxmsgsize = LARGEST
+    socket.heartbeat_ivl = 1000
+    socket.heartbeat_timeout = 5000

@@ -1,0 +1,282 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Python programs as nodes: real processes around the real controller, and what happens when one dies."""
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import _core
+
+HERE = Path(__file__).resolve().parent
+CONTROLLER = Path(_core.__file__).resolve().parents[1] / "cosim" / "fledge_controller"
+pytestmark = pytest.mark.skipif(not CONTROLLER.exists(), reason="the controller is not built")
+
+sys.path.insert(0, str(HERE))
+from fledge_node import Node, NodeError, Schema, ms  # noqa: E402
+
+# The two programs of most tests: a mass, and a spring that pulls it back.
+MASS = """
+from fledge_node import Node, ms
+import sys, json
+node = Node("spring", "mass", sys.argv[1], every=10 * ms)
+node.reads("/spring/force", sys.argv[2])
+node.writes("/mass/state", "State", '''
+    fledge/Head head  # head
+    float64[2] x  # x [m] (2) position
+    float64[2] v  # v [m/s] (2) velocity
+    ''' + '=' * 80 + '''
+    MSG: fledge/Head
+    int64 t  # t [ns]
+    uint32 quality  # quality [-]
+    uint32 sequence  # sequence [-]
+''', initial={"x": [1, 2]})
+x, v, seen = [1.0, 2.0], [0.0, 0.0], []
+
+@node.step
+def step(t):
+    global x, v
+    force = node["/spring/force"]["F"]
+    v = [v[i] + 0.01 * force[i] for i in range(2)]
+    x = [x[i] + 0.01 * v[i] for i in range(2)]
+    node["/mass/state"] = {"x": x, "v": v}
+    seen.append([t, force[0], x[0]])
+
+print(json.dumps({"reason": node.run(), "seen": seen, "seed": node.seed}))
+"""
+SPRING = """
+from fledge_node import Node, ms
+import sys, json
+node = Node("spring", "spring", sys.argv[1], every=10 * ms)
+node.reads("/mass/state", sys.argv[2])
+node.writes("/spring/force", "Force", "float64[2] F  # F [N] (2) force")
+seen = []
+
+@node.step
+def step(t):
+    state = node["/mass/state"]
+    node["/spring/force"] = {"F": [-x for x in state["x"]]}
+    seen.append([t, state["head.t"], state["head.sequence"], state["x"][0]])
+
+print(json.dumps({"reason": node.run(), "seen": seen}))
+"""
+
+
+def start(code, *args):
+    return subprocess.Popen([sys.executable, "-c", code, *args], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                            text=True, env=os.environ | {"PYTHONPATH": str(HERE)})
+
+
+class Controller:
+    """The controller's program. `address` is where it listens."""
+
+    def __init__(self, *options, address="tcp://127.0.0.1:*", until="1"):
+        self.process = subprocess.Popen(
+            [CONTROLLER, "--simulation", "spring", "--until", until, "--address", address, "--seed", "7", *options],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        self.address = self.process.stdout.readline().removeprefix("listening at ").strip()
+
+    def end(self):
+        """(exit code, what it complained of)"""
+        _, errors = self.process.communicate(timeout=30)
+        return self.process.returncode, errors.strip()
+
+
+@pytest.fixture
+def programs():
+    """Started programs; all have ended when the test has, or are killed and the test fails."""
+    started = []
+    yield started
+    alive = [p for p in started if p.poll() is None]
+    for p in alive:
+        p.kill()
+        p.communicate()
+    assert not alive, "a program outlived its run"
+
+
+def spring(programs, controller, latencies=("next_instant", "same_instant")):
+    pair = [start(MASS, controller.address, latencies[0]), start(SPRING, controller.address, latencies[1])]
+    programs += [*pair, controller.process]
+    return pair
+
+
+def result(program):
+    out, errors = program.communicate(timeout=30)
+    assert program.returncode == 0, errors
+    return json.loads(out)
+
+
+def alone(n):
+    """The same by hand: the mass feels the force of the instant before."""
+    x, v, force, seen = 1.0, 0.0, 0.0, []
+    for k in range(n):
+        v = v + 0.01 * force
+        x = x + 0.01 * v
+        seen.append([k * 10 * ms, force, x])
+        force = -x
+    return seen
+
+
+@pytest.mark.parametrize("transport", ["tcp", "ipc"])
+def test_two_programs_give_what_one_would(programs, transport):
+    address = "tcp://127.0.0.1:*" if transport == "tcp" else f"ipc://@fledge-python-{os.getpid()}"
+    controller = Controller("--node", "mass", "--node", "spring", address=address)
+    mass, force = spring(programs, controller)
+    assert controller.end() == (0, "")
+    mass, force = result(mass), result(force)
+    assert mass["seen"] == alone(101)
+    assert mass["reason"] == "" and mass["seed"] == 7
+    # The head of what it reads was filled in: the time, and a count from 1.
+    assert force["seen"] == [[t, t, k + 1, x] for k, (t, _, x) in enumerate(mass["seen"])]
+
+
+def test_a_definition_is_needed_on_one_side_only(programs):
+    controller = Controller("--node", "mass", "--node", "spring")
+    force = '"float64[2] F  # F [N] (2) force"'
+    reader = MASS.replace('sys.argv[2])', f'sys.argv[2], name="Force", text={force})')
+    writer = SPRING.replace(f', "Force", {force}', "")
+    assert reader != MASS and writer != SPRING
+    programs += [start(reader, controller.address, "next_instant"),
+                 start(writer, controller.address, "same_instant"), controller.process]
+    assert controller.end() == (0, "")
+    assert result(programs[0])["seen"] == alone(101)
+
+
+def test_with_exchanges_each_sees_what_the_other_had_before(programs):
+    controller = Controller("--node", "mass", "--node", "spring")
+    mass, force = spring(programs, controller, ("next_exchange", "next_exchange"))
+    assert controller.end() == (0, "")
+    positions = [x for _, _, x in result(mass)["seen"]]
+    assert [x for *_, x in result(force)["seen"]] == [1.0] + positions[:-1]
+
+
+@pytest.mark.parametrize("victim", [0, 1])
+def test_a_killed_program_ends_the_run_for_all(programs, victim):
+    controller = Controller("--node", "mass", "--node", "spring", until="1e6")
+    pair = spring(programs, controller)
+    time.sleep(1.0)
+    pair[victim].kill()
+    code, errors = controller.end()
+    name = ["mass", "spring"][victim]
+    assert code == 1 and re.match(f"the run ended early: {name}: its connection is gone", errors), errors
+    out, _ = pair[1 - victim].communicate(timeout=20)
+    assert name + ": its connection is gone" in json.loads(out)["reason"]
+
+
+def test_a_program_that_is_killed_before_the_run_is_named(programs):
+    controller = Controller("--node", "mass", "--node", "spring")
+    programs += [start(MASS, controller.address, "next_instant"), controller.process]
+    time.sleep(1.0)
+    programs[0].kill()
+    assert controller.end() == (1, "the run ended early: mass: its connection is gone")
+
+
+def test_ctrl_c_of_the_controller_ends_all(programs):
+    controller = Controller("--node", "mass", "--node", "spring", until="1e6")
+    pair = spring(programs, controller)
+    time.sleep(1.0)
+    controller.process.send_signal(signal.SIGINT)
+    assert controller.end() == (1, "the run ended early: the user ended it")
+    assert [result(program)["reason"] for program in pair] == ["the user ended it"] * 2
+
+
+def test_a_program_whose_controller_is_killed_says_so(programs):
+    controller = Controller("--node", "mass", "--node", "spring", until="1e6")
+    pair = spring(programs, controller)
+    time.sleep(1.0)
+    controller.process.kill()
+    controller.process.communicate()
+    for program in pair:
+        _, errors = program.communicate(timeout=20)
+        assert program.returncode == 1 and "NodeError: the controller is gone" in errors
+
+
+def test_a_run_goes_on_without_a_program_where_its_policy_says_so(programs):
+    controller = Controller("--node", "mass", "--node", "spring:hold", until="200")
+    mass, force = spring(programs, controller)
+    time.sleep(1.0)
+    force.kill()
+    code, errors = controller.end()
+    assert code == 0
+    assert re.fullmatch(r"spring: its connection is gone \(it had reached .*\); its messages keep their last values",
+                        errors)
+    seen = result(mass)["seen"]
+    assert len(seen) == 20001 and len({force for _, force, _ in seen[-1000:]}) == 1
+
+
+def test_an_error_of_a_step_reaches_the_user(programs):
+    controller = Controller("--node", "mass", "--node", "spring")
+    broken = SPRING.replace("state = node", "1 / (30 - len(seen)); state = node")
+    programs += [start(MASS, controller.address, "next_instant"), start(broken, controller.address, "same_instant")]
+    code, errors = controller.end()
+    assert code == 1
+    assert errors == ("the run ended early: spring: it failed: ZeroDivisionError: division by zero "
+                      "(it had reached 0.29 s)")
+    out, _ = programs[0].communicate(timeout=20)
+    assert json.loads(out)["reason"] == errors.removeprefix("the run ended early: ")
+    assert "ZeroDivisionError" in programs[1].communicate(timeout=20)[1]
+
+
+def test_definitions_that_differ_are_refused_with_the_field(programs):
+    controller = Controller("--node", "mass", "--node", "spring")
+    other = SPRING.replace('node.reads("/mass/state", sys.argv[2])',
+                           'node.reads("/mass/state", sys.argv[2], text="float64[2] x  # x [km] (2)")')
+    programs += [start(MASS, controller.address, "next_instant"), start(other, controller.address, "same_instant")]
+    code, errors = controller.end()
+    assert code == 1 and "field head.t is at another place" not in errors
+    assert "spring wants /mass/state of mass, but field " in errors
+    for program in programs[:2]:
+        program.communicate(timeout=20)
+
+
+def test_a_program_that_is_not_expected_is_told():
+    controller = Controller("--node", "mass")
+    with pytest.raises(NodeError, match="refuses sprong: spring has no node sprong; it has mass"):
+        node = Node("spring", "sprong", controller.address, every=ms)
+        node.step(lambda t: None)
+        node.run()
+    controller.process.send_signal(signal.SIGTERM)
+    assert controller.end() == (1, "the run ended early: the user ended it")
+
+
+def test_without_a_controller_it_gives_up():
+    node = Node("spring", "mass", f"ipc://@fledge-nobody-{os.getpid()}", every=ms, patience=0.2)
+    with pytest.raises(NodeError, match="no controller answers"):
+        node.run()
+
+
+def test_messages_are_packed_and_read_in_both_byte_orders():
+    schema = Schema("M", "int64 t  # t\nfloat32[2] s_bn  # s_BN [-] (2)\nuint8[8] c\n")
+    assert schema.size == 24
+    values = {"t": -3, "s_BN": [0.5, -2.0], "c": [1, 2, 3, 4, 5, 6, 7, 255]}
+    little = schema.pack(values)
+    assert schema.unpack(b"\0\1\0\0" + little) == values
+    big = little[7::-1] + little[11:7:-1] + little[15:11:-1] + little[16:]
+    assert schema.unpack(b"\0\0\0\0" + big) == values
+    assert schema.unpack(b"\0\1\0\0" + schema.pack({})) == {"t": 0, "s_BN": [0, 0], "c": [0] * 8}
+    with pytest.raises(NodeError, match="M has no field s; it has t, s_BN, c"):
+        schema.pack({"s": 1})
+    with pytest.raises(NodeError, match="M.s_BN takes 2 numbers, found 3"):
+        schema.pack({"s_BN": [1, 2, 3]})
+    with pytest.raises(NodeError, match="of 5 bytes, expected a CDR header and 24"):
+        schema.unpack(b"\0\1\0\0x")
+    with pytest.raises(NodeError, match="padding"):
+        Schema("M", "int32 a\nfloat64 b\n")
+    with pytest.raises(NodeError, match="string is not of fixed size"):
+        Schema("M", "string a\n")
+
+
+def test_mistakes_in_a_node_are_named():
+    node = Node("spring", "mass", "ipc://@x", every=ms)
+    node.reads("/a")
+    with pytest.raises(NodeError, match="there is no latency soon; there are same_instant, next_instant"):
+        node.reads("/b", "soon")
+    with pytest.raises(NodeError, match="mass does not read /b; it reads /a"):
+        node["/b"]
+    with pytest.raises(NodeError, match="mass does not write /a; it writes nothing"):
+        node["/a"] = {}
