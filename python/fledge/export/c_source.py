@@ -219,7 +219,7 @@ def messages(mission):
 
 def row(*items):
     """One row of a table."""
-    return wrap(", ".join(items), "    {", "     ", "},")
+    return wrap([f"{item}," for item in items[:-1]] + [items[-1]], "    {", "     ", "},")
 
 
 def parameters(mission):

@@ -1,25 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Text of C as a careful person lays it out: 100 columns, notes in line with one another."""
 
-import re
-
 COLUMNS = 100
 
 
-def wrap(text, first, following, end=""):
-    """Words in lines of 100 columns; the first begins with `first`, the others with `following`.
-
-    In a table's row no line is broken within an item's parentheses.
-    """
-    pieces = re.split(r" (?![^(]*\))" if end == "}," else " ", text)
+def wrap(pieces, first, following, end=""):
+    """Pieces in lines of 100 columns; the first begins with `first`, the others with `following`."""
     lines, line = [], first
-    for i, word in enumerate(pieces):
+    for i, piece in enumerate(pieces):
         gap = "" if line in (first, following) else " "
         room = COLUMNS - (len(end) if i + 1 == len(pieces) else 0)
-        if gap and len(line) + 1 + len(word) > room:
+        if gap and len(line) + 1 + len(piece) > room:
             lines.append(line)
             line, gap = following, ""
-        line += gap + word
+        line += gap + piece
     return [*lines, line + end]
 
 
@@ -31,12 +25,12 @@ def plain(text):
 
 def comment(text, indent=""):
     """A comment on lines of its own."""
-    return wrap(plain(text), f"{indent}/* ", f"{indent} * ", " */")
+    return wrap(plain(text).split(), f"{indent}/* ", f"{indent} * ", " */")
 
 
 def doc(text, indent=""):
     """The same, before a declaration."""
-    return wrap(plain(text), f"{indent}/** ", f"{indent} *  ", " */")
+    return wrap(plain(text).split(), f"{indent}/** ", f"{indent} *  ", " */")
 
 
 def string(raw):

@@ -5,6 +5,7 @@ Names in it are C's already: flight.py's own, but for keywords of C and texts th
 """
 
 import ast
+import re
 import struct as packing
 from dataclasses import dataclass
 from typing import Any
@@ -146,7 +147,7 @@ class _Reader:
         if not self.partial:
             wanted = set(live)
         self.running = running
-        c = names.distinct(live)
+        c = names.distinct(live, ("in", "task", "mode", "event"))   # what the mission's struct holds besides
         return {name: Module(c[name], f"flight.{name}", _core.struct(one), memory[name])
                 for name, one in live.items() if name in wanted}
 
@@ -194,9 +195,7 @@ class _Reader:
     def mission(self):
         sim = self.sim
         self.ends = {}
-        name = names.identifier(sim.name).lower()
-        if any(names.snake(m.type) == name or m.type == names.camel(name) for m in self.modules.values()):
-            name += "_mission"
+        name = self.name()
         mode_titles = [m[0] for m in self.flight.modes]
         mode_names = names.distinct(mode_titles)
         modules = list(self.modules.values())
@@ -220,6 +219,16 @@ class _Reader:
             self.check_finite(module, mission)
         return mission
 
+    def name(self):
+        """The mission's, apart from the names of its modules and messages and of targets/mission.h."""
+        name = names.identifier(self.sim.name).lower()
+        types = {"Mission", "MissionMessage"}
+        for module in self.modules.values():
+            types |= {module.type, *(f.struct.name for f in module.struct.fields if f.group in ("in", "out"))}
+        if types & {names.camel(name) + end for end in ("", "In", "Mode", "Message")}:
+            name += "_mission"
+        return name
+
     def read_tasks(self, mission, mode_names):
         naming = names.distinct([t[0] for t in self.flight.tasks])
         for title, period, offset, _, run in self.chosen:
@@ -235,7 +244,8 @@ class _Reader:
             process, name = event.condition.path.split(".")
             if process != "flight":
                 raise self.refusal(f"event flight.{event.name} looks at {event.condition.path}: flight cannot see "
-                                   "into the world; watch what it is told, as in watch(f.tracking.attitude)")
+                                   "into the world; watch what it is told, as in watch(f.tracking.attitude)",
+                                   event.name)
             if name not in self.modules:
                 mission.left_out.append(f"the event {event.name}")
                 continue
@@ -249,16 +259,28 @@ class _Reader:
                 name = module.path.partition(".")[2]
                 raise self.refusal(f"{module.path}.{path.partition('.')[2]} must be finite; found {value}", name)
 
-    def refusal(self, text, instance=None):
-        """An ExportError that begins with flight.py and the line where the instance is made."""
+    def refusal(self, text, name=None):
+        """An ExportError that begins with file and line: of what flight.py calls `name`, or else of the first
+        instance that the text names."""
         if not self.sim.mission:
             return ExportError(text)
-        file = self.sim.mission.folder / "flight.py"
-        instance = instance or next((n for n in self.sim.flight._instances if f"flight.{n}." in text), None)
-        line = next((node.lineno for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
-                     if isinstance(node, ast.Attribute) and node.attr == instance
-                     and isinstance(node.ctx, ast.Store)), None)
-        return ExportError(f"{file}" + (f", line {line}" if line else "") + f": {text}")
+        process = "flight"
+        for p, n in [] if name else re.findall(r"\b(flight|world)\.(\w+)", text):
+            if n in getattr(self.sim, p)._instances:
+                process, name = p, n
+                break
+        path = self.sim.mission.folder / f"{process}.py"
+        line = line_of(path, name)
+        return ExportError(f"{path}, line {line}: {text}" if line else f"{path}: {text}")
+
+
+def line_of(path, name):
+    """The line of a mission's file where an instance or event gets its name, or None."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if (isinstance(node, ast.Attribute) and node.attr == name and isinstance(node.ctx, ast.Store)
+                or isinstance(node, ast.Constant) and node.value == name):
+            return node.lineno
+    return None
 
 
 def floats(struct, memory, prefix=""):

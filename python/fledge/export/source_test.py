@@ -103,8 +103,8 @@ def test_all_tasks_by_name_are_all(modes):
 # --- what is refused -------------------------------------------------------------------------------
 
 @pytest.mark.parametrize("old, new, says", [
-    ("f.guidance.reference >> f.switch.base,", "", r"flight\.switch\.base"),
-    ("I_B=[700, 700, 800] * kg * m**2", "", r"flight\.vehicle\.I_B"),
+    ("f.guidance.reference >> f.switch.base,", "", r"flight\.py, line 11: flight\.switch\.base"),
+    ("I_B=[700, 700, 800] * kg * m**2", "", r"flight\.py, line 8: flight\.vehicle\.I_B"),
     ("f.tracking.error     >> f.control.error", "(f.tracking.error >> f.control.error).latency(1)",
      r"flight\.py, line \d+: flight\.tracking\.error >> flight\.control\.error has a latency of one exchange"),
 ])
@@ -112,6 +112,12 @@ def test_a_mission_that_cannot_be_exported_says_why(old, new, says, tmp_path):
     assert old in FLIGHT
     with pytest.raises(SetupError, match=says):
         export.read(fledge.load(mission_of(tmp_path, FLIGHT.replace(old, new))))
+
+
+def test_a_fault_of_the_world_is_told_with_its_own_file(tmp_path):
+    world = WORLD.replace("w.craft.state   >> [w.nav.truth, w.slow.truth],", "w.craft.state >> w.nav.truth,")
+    with pytest.raises(SetupError, match=r"world\.py, line 12: world\.slow\.truth"):
+        export.read(fledge.load(mission_of(tmp_path, FLIGHT, world)))
 
 
 def test_an_event_that_looks_into_the_world_is_refused(modes):
@@ -156,6 +162,14 @@ def test_names_become_identifiers_and_stay_apart():
                                                                "3d": "n3d", "é": "unnamed"}
     assert names.distinct(["a", "A"], ["a_2"]) == {"a": "a", "A": "A_3"}
     assert names.camel("two_body") == "TwoBody"
+
+
+@pytest.mark.parametrize("name, given", [
+    ("hill_pointing", "hill_pointing_mission"), ("mission", "mission_mission"), ("Nadir-2", "nadir_2")])
+def test_a_mission_has_a_name_of_its_own(name, given):
+    sim = fledge.load("nadir_spin")
+    sim.name = name
+    assert export.read(sim).name == given
 
 
 @pytest.mark.parametrize("name, snake", [("MrpFeedback", "mrp_feedback"), ("IMUFilter", "imu_filter"),
