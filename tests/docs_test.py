@@ -27,7 +27,7 @@ class Shell:
     """Commands one after the other; the folder and the environment stay as each leaves them."""
 
     def __init__(self, folder):
-        self.folder, self.state = folder, folder / ".state"
+        self.state = folder / ".state"
         environment = {name: value for name, value in os.environ.items() if name != "FLEDGE_PROJECT"}
         environment["PATH"] = f"{ROOT}:{environment['PATH']}"
         self.environment = environment
@@ -110,8 +110,7 @@ def test_existing_code_is_wrapped_and_flown(tmp_path):
 
 @pytest.mark.skipif(os.environ.get("FLEDGE_PRESET") == "asan", reason="gdb hangs where the sanitizer is loaded first")
 def test_gdb_stops_in_flight_code(tmp_path):
-    shell = Shell(ROOT)
-    shell.state = tmp_path / "state"
+    shell = Shell(tmp_path)
     shell.state.write_text(f"cd {ROOT}\nexport DEBUGINFOD_URLS=\n")
     assert follow("debugging.md", shell) == 2
 
