@@ -62,9 +62,14 @@ bool within_bounds(const FledgeField &field, double x)
            (field.bounds & FLEDGE_HI_OPEN ? x < field.hi : x <= field.hi);
 }
 
-/// Sylvester's criterion.
-bool positive_definite(const double (&m)[3][3])
+/// Whether m + shift has only positive eigenvalues: Sylvester's criterion.
+bool positive_definite(const double (&matrix)[3][3], double shift)
 {
+    double m[3][3];
+    std::memcpy(m, matrix, sizeof m);
+    for (int i = 0; i < 3; i++) {
+        m[i][i] += shift;
+    }
     const double minor = m[0][0] * m[1][1] - m[0][1] * m[1][0];
     const double determinant = m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) -
                                m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0]) +
@@ -85,7 +90,8 @@ std::string inertia_fault(const std::byte *bytes)
             }
         }
     }
-    if (!positive_definite(m)) {
+    // By more than rounding: the zero moment of a rod that lies askew comes out as 1e-16 of its trace.
+    if (!positive_definite(m, -1e-12 * trace)) {
         return "must be positive definite";
     }
     // No principal moment exceeds the sum of the other two if and only if trace/2 - I has no
@@ -93,10 +99,12 @@ std::string inertia_fault(const std::byte *bytes)
     double rest[3][3];
     for (int i = 0; i < 3; i++) {
         for (int j = 0; j < 3; j++) {
-            rest[i][j] = (i == j ? (0.5 + 1e-9) * trace : 0.0) - m[i][j];
+            rest[i][j] = (i == j ? 0.5 * trace : 0.0) - m[i][j];
         }
     }
-    return positive_definite(rest) ? "" : "is that of no body: a principal moment exceeds the sum of the others";
+    return positive_definite(rest, 1e-9 * trace)
+               ? ""
+               : "is that of no body: a principal moment exceeds the sum of the others";
 }
 
 } // namespace
@@ -112,7 +120,7 @@ void check_field(const FledgeStruct &type, const FledgeField &field, const std::
     const std::size_t row = field.ndim ? field_elements(field) / field.shape[0] : 1;
     const std::string unit = *field.unit && std::strcmp(field.unit, "-") ? " " + std::string(field.unit) : "";
     const auto fail = [&](const std::string &rule, const std::string &found) {
-        throw SetupError(std::string(path) + "." + field.name + " " + rule + (found.empty() ? "" : ", found " + found));
+        throw SetupError(std::string(path) + "." + field.name + " " + rule + ", found " + found);
     };
     for (std::size_t i = 0; i < rows * row; i++) {
         const double x = number(field, bytes, i);
@@ -139,7 +147,11 @@ void check_field(const FledgeStruct &type, const FledgeField &field, const std::
     }
     if (field.flags & FLEDGE_INERTIA) {
         if (const std::string fault = inertia_fault(bytes); !fault.empty()) {
-            fail(fault, "");
+            std::string matrix;
+            for (std::size_t i = 0; i < 9; i++) {
+                matrix += (i % 3 ? ", " : i ? "], [" : "[") + format_number(number(field, bytes, i));
+            }
+            fail(fault, "[" + matrix + "]]" + unit);
         }
     }
 }

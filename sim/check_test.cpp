@@ -122,6 +122,9 @@ TEST(Check, Inertia)
     EXPECT_THAT(check(2), HasSubstr("is that of no body"));
     set_inertia(check, 3, 3, 3, 3.0); // singular
     EXPECT_THAT(check(2), HasSubstr("must be positive definite"));
+    set_inertia(check, 0.6, 0.6, 1.2, 0.6); // singular but for rounding
+    check.values.I[0][0] = std::nextafter(0.6, 1.0);
+    EXPECT_THAT(check(2), HasSubstr("must be positive definite"));
     set_inertia(check, 10, 12, 8, 2.0);
     EXPECT_EQ(check(2), "");
     check.values.I[0][1] = 1.0;
