@@ -131,6 +131,8 @@ std::shared_ptr<Event> Process::add_event(Event event)
         throw SetupError(path + " enters the mode " + event.mode + "; the process has " +
                          format_list(names_of(modes_)));
     }
+    // One that an action adds waits for the next instant, lest it add another, and that one another.
+    event.from = owner_->now() + 1;
     owner_->has_events_ = true;
     events_.push_back(std::make_shared<Event>(std::move(event)));
     return events_.back();

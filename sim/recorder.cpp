@@ -189,8 +189,14 @@ void Recorder::reserve(Ns now, Ns t, Ns step)
             // Ask for twice the room at least, so that many short runs do not copy it each time.
             if (wanted > log->times.capacity()) {
                 const std::size_t room = std::max(wanted, 2 * log->times.capacity());
-                log->times.reserve(room);
-                log->bytes.reserve(room * log->field->size);
+                try {
+                    log->times.reserve(room);
+                    log->bytes.reserve(room * log->field->size);
+                } catch (const std::exception &) { // bad_alloc, or length_error where it cannot be counted
+                    throw SetupError("record " + log->instance->path + "." + log->field->name + ": " +
+                                     std::to_string(wanted) + " samples of " + std::to_string(log->field->size) +
+                                     " bytes are more than there is memory for; record less often, or run in parts");
+                }
             }
         }
     }

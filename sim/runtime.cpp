@@ -232,6 +232,7 @@ void Simulation::Runtime::reset()
         }
         for (const auto &event : process->events_) {
             event->armed = true;
+            event->from = 0;
             event->since = event->fired_at = -1;
         }
     }
@@ -386,6 +387,10 @@ void Simulation::Runtime::run_events(Ns t)
         fired = false;
         for (const auto &process : simulation.processes_) {
             for (std::size_t i = 0; i < process->events_.size(); i++) {
+                if (Event &e = *process->events_[i]; t < e.from || (e.once && !e.armed)) {
+                    e.since = -1;
+                    continue;
+                }
                 // By index and by copy of the pointer: an action may add events.
                 const std::shared_ptr<Event> event = process->events_[i];
                 if (!(event->condition ? event->condition->holds() : event->predicate())) {
@@ -486,6 +491,7 @@ bool Simulation::Runtime::run_until(Ns t, const RunControl &control)
         }
     } catch (const std::exception &error) {
         failure = error.what();
+        failure.resize(std::min(failure.size(), failure.find('\n'))); // Python adds a traceback
         throw;
     }
     return true;

@@ -91,6 +91,7 @@ struct Event {
     std::string mode;                         ///< enter this mode of the event's process; "": none
     std::function<void()> action;             ///< and call this; may be empty
 
+    Ns from = 0;                              ///< not looked at before
     bool armed = true;
     Ns since = -1;                            ///< when the condition began to hold; -1: it does not
     Ns fired_at = -1;                         ///< when it last fired; -1: never
