@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A progress bar for long runs, on stderr."""
+"""A progress bar for long runs, on stderr; and Ctrl-C during a run."""
 
+import signal
 import sys
+import threading
 import time
 
 _LONG = 2.0      # [s] of wall time: shorter runs show nothing
@@ -40,6 +42,33 @@ class Progress:
         sys.stderr.write("\r" + line.ljust(self._drawn))
         sys.stderr.flush()
         self._drawn = max(self._drawn, len(line))
+
+
+class Interrupt:
+    """Holds Ctrl-C back until a run's instant is over, lest it end a Python event half way."""
+
+    def __enter__(self):
+        self._pressed = False
+        self._holds = (threading.current_thread() is threading.main_thread()
+                       and signal.getsignal(signal.SIGINT) is signal.default_int_handler)
+        if self._holds:
+            signal.signal(signal.SIGINT, self._press)
+        return self
+
+    def __exit__(self, failed, *_):
+        if self._holds:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+        if not failed:
+            self.look()
+
+    def _press(self, *_):
+        self.look()
+        self._pressed = True
+
+    def look(self):
+        """Raise KeyboardInterrupt if it was pressed."""
+        if self._pressed:
+            raise KeyboardInterrupt
 
 
 def clock(seconds):

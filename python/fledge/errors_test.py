@@ -75,8 +75,8 @@ def test_bodies_that_do_not_exist():
         fsw.VehicleConfig(I_B=[[1, 0.5, 0], [0, 1, 0], [0, 0, 1]])
     with pytest.raises(SetupError, match="VehicleConfig.I_B "):
         fsw.VehicleConfig(I_B=[1, 1, 3])
-    with pytest.raises(SetupError, match="VehicleConfig.I_B "):
-        fsw.VehicleConfig(I_B=[1, 1, 0])
+    says("VehicleConfig.I_B must be positive definite, found [[1, 0, 0], [0, 1, 0], [0, 0, 0]] kg m^2",
+         lambda: fsw.VehicleConfig(I_B=[1, 1, 0]))
     with pytest.raises(SetupError, match=r"Spacecraft.mass must be >= 0 kg, found -3 kg"):
         world.Spacecraft(mass=-3)
 
@@ -164,6 +164,8 @@ def test_times(sim):
     says("task flight.a: its period must be > 0, found 0 s", lambda: f.task("a", every=0, run=run))
     says("task flight.a: its period must be > 0, found -0.1 s", lambda: f.task("a", every=-100 * ms, run=run))
     says("task flight.a: every: expected a time, found 1.0 m", lambda: f.task("a", every=1 * m, run=run))
+    says("task flight.a: every: expected a time within 292 years, found 1e+300 s",
+         lambda: f.task("a", every=1e300, run=run))
     says("run: until: expected a time, found 1.0 m", lambda: sim.run(until=1 * m))
     with pytest.raises(TypeError, match="takes a duration, or until"):
         sim.run()
@@ -228,3 +230,33 @@ def test_an_event_that_arms_itself_ends_the_run():
     again = w.event("again", when=lambda: sim.time >= 2, do=lambda: setattr(again, "armed", True))
     with pytest.raises(RunError, match="event world.again fires again at 2 s"):
         sim.run(10 * s)
+
+
+def test_an_event_that_is_added_by_another_waits_for_the_next_instant():
+    sim = fledge.Simulation()
+    w, fired = sim.world, []
+    w.craft = world.Spacecraft(I_B=1)
+    w.task("all", every=1 * s, run=[w.craft])
+
+    def again():
+        fired.append(sim.time)
+        w.at(sim.time, again)
+
+    w.at(2 * s, again)
+    sim.run(4 * s)
+    assert fired == [2, 3, 4]
+
+
+# --- what a simulation takes -----------------------------------------------------------------------
+
+def test_seeds_snapshots_and_the_room_for_records(sim):
+    says("seed: expected a whole number from 0 to 2^64 - 1; found -1", lambda: fledge.Simulation(seed=-1))
+    says("seed: expected a whole number from 0 to 2^64 - 1; found 1.5", lambda: setattr(sim, "seed", 1.5))
+    says("restore: expected the bytes that snapshot() gives; found 'text'", lambda: sim.restore("text"))
+    small = fledge.Simulation()
+    small.world.craft = world.Spacecraft(I_B=1)
+    small.world.task("all", every=1 * s / 1e9, run=[small.world.craft])
+    small.record(small.world.craft.state)
+    with pytest.raises(SetupError, match="record world.craft.state: 900000000000000000. samples of [0-9]+ bytes are "
+                                         "more than there is memory for; record less often, or run in parts"):
+        small.run(9e9)

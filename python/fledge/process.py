@@ -245,7 +245,7 @@ class Event:
             f", fired at {at:g} s>" if at is not None else ">")
 
 
-def _time(value, what, positive=False):
+def _time(value, what):
     try:
         return nanoseconds(value)
     except (UnitError, ValueError, TypeError) as error:
@@ -461,7 +461,7 @@ class World(Process):
         self._core_process.integrator = method
 
     def at(self, t, do, name=None):
-        """Call `do()` once, at the first instant at or after the time t."""
+        """Call `do()` once, at the first instant at or after the time t; said in an event, after this instant."""
         ns = _time(t, f"{self.name}.at")
         name = name or f"at_{ns}_ns" + (f"_{len(self._handles)}" if f"at_{ns}_ns" in self._handles else "")
         return self.event(name, when=_At(ns), do=do, once=True)

@@ -25,7 +25,7 @@ class Simulation:
     """
 
     def __init__(self, name="simulation", seed=0):
-        core = _core.Simulation(seed)
+        core = _core.Simulation(_seed(seed))
         core.add_process("world")  # at each instant the world advances before flight looks at it
         core.add_process("flight")
         self._adopt(core, name)
@@ -60,7 +60,7 @@ class Simulation:
 
     @seed.setter
     def seed(self, seed):
-        self._core.seed = seed
+        self._core.seed = _seed(seed)
 
     @property
     def time(self):
@@ -92,7 +92,8 @@ class Simulation:
         pace: simulated seconds per second, 1 for real time; 0 or not given: as fast as possible.
         progress: show a bar on stderr; not given: on a terminal, for runs of more than about 2 s.
 
-        Ctrl-C ends it after the current instant: all is consistent, and run() goes on from there.
+        Ctrl-C ends it after the current instant: all is consistent, and run() goes on from there. A
+        second Ctrl-C does not wait for a Python event that does not end.
         Raises SetupError if something is missing, RunError if the state is no longer finite; an
         exception in a Python event ends the run at that instant.
         """
@@ -107,12 +108,17 @@ class Simulation:
             raise SetupError(f"run: pace must be >= 0, found {pace:g}")
         self._core.ready_for(end)
         self._open_archive()
-        from fledge._progress import Progress
+        from fledge._progress import Interrupt, Progress
 
         begun = perf_counter()
         try:
-            with Progress(self.name, start, end, progress) as bar:
-                self._core.run_until(end, float(pace), bar.at if bar.wanted else None)
+            with Interrupt() as interrupt, Progress(self.name, start, end, progress) as bar:
+                def look(now):
+                    interrupt.look()
+                    if bar.wanted:
+                        bar.at(now)
+
+                self._core.run_until(end, float(pace), look)
         finally:
             self.wall += perf_counter() - begun
 
@@ -145,7 +151,12 @@ class Simulation:
         return self._core.snapshot()
 
     def restore(self, snapshot):
-        """Go back, or on, to a snapshot. Records after it are dropped."""
+        """Go back, or on, to a snapshot. Records after it are dropped.
+
+        Raises SetupError if it is not of a simulation with the same modules, tasks and events.
+        """
+        if not isinstance(snapshot, bytes):
+            raise SetupError(f"restore: expected the bytes that snapshot() gives; found {snapshot!r:.40}")
         self._core.restore(snapshot)
 
     def clone(self):
@@ -213,6 +224,12 @@ class Simulation:
     def __repr__(self):
         at = f"at t = {self.time:g} s" if self._core.now >= 0 else "not yet run"
         return f"{self.name}, {at}, seed {self.seed}\n{self.world!r}\n{self.flight!r}"
+
+
+def _seed(seed):
+    if not isinstance(seed, int) or not 0 <= seed < 2**64:
+        raise SetupError(f"seed: expected a whole number from 0 to 2^64 - 1; found {seed!r}")
+    return seed
 
 
 def _next_name(path):

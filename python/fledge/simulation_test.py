@@ -382,6 +382,30 @@ def test_ctrl_c_stops_after_an_instant_and_the_run_goes_on(pace):
     assert (process.wait(), out, error) == (0, "went on\n", "")
 
 
+INTERRUPTED_EVENT = """
+import os, signal, sys
+sys.path[:0] = {path!r}
+from fledge.simulation_test import spinner
+sim, done = spinner(), []
+def press():
+    os.kill(os.getpid(), signal.SIGINT)
+    done.append(sim.time)               # is reached: the event is not cut in two
+sim.world.at(3, press)
+try:
+    sim.run(1e6)
+except KeyboardInterrupt:
+    pass
+assert done == [3], done
+sim.run(1)
+"""
+
+
+def test_ctrl_c_does_not_end_an_event_half_way():
+    done = subprocess.run([sys.executable, "-c", INTERRUPTED_EVENT.format(path=sys.path)], capture_output=True,
+                          text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 # --- the shell -------------------------------------------------------------------------------------
 
 def test_repr_shows_what_is_there():
@@ -394,6 +418,8 @@ def test_completion():
     sim = spinner()
     assert {"target", "tracking", "connect", "task"} <= set(dir(sim.flight))
     assert {"run", "step", "clone"} <= set(dir(sim))
+    for module in (fsw, world):  # what they import is none of a user's business
+        assert not {"lookup", "fspath", "weakref", "strip"} & set(dir(module))
 
 
 def test_in_ipython(tmp_path):

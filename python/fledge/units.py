@@ -293,8 +293,9 @@ def nanoseconds(t):
         t = float(t)
         if t != t or t in (float("inf"), float("-inf")):
             raise ValueError("expected a finite time, found %s" % t)
-    ns = t * 1000000000 if isinstance(t, int) else int(round(t * 1e9))
-    if not -9223372036854775808 <= ns <= 9223372036854775807:
+    near = abs(t) < 1e10  # looked at first, for the product may overflow
+    ns = t * 1000000000 if isinstance(t, int) else int(round(t * 1e9)) if near else 0
+    if not near or not -9223372036854775808 <= ns <= 9223372036854775807:
         raise ValueError("expected a time within 292 years, found %s s" % t)
     return ns
 
