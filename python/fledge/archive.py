@@ -161,6 +161,10 @@ class Archive:
         last = re.sub(r"\[\d+\]", "", dotted).rpartition(".")[2].lower()
         near = [full for c in channels for full in [c.name] + [_full(c, n) for n in c._names()]
                 if last and last in full.rpartition(".")[2].lower()]
+        if not near:  # misspelt: the nearest of all names' endings
+            from difflib import get_close_matches
+            full = [_full(c, n).split(".") for c in channels for n in c._names()]
+            near = get_close_matches(dotted, [".".join(f[i:]) for f in full for i in range(len(f))], 1)
         raise ArchiveError(f'{self.path}: there is no "{key}"; '
                            + (f"did you mean {_listing(near)}?" if near else
                               f"the topics are {_listing(list(self.topics))}"))
@@ -364,7 +368,8 @@ class Archive:
         topics, head: as for `frame`.
         """
         import h5py
-        with _Part(Path(path)) as part, h5py.File(part, "w") as out:
+        # Made in memory: where a disk is full, HDF5 ends the process.
+        with h5py.File(os.fspath(path), "w", driver="core", backing_store=False) as out:
             for name, pairs in self.metadata.items():
                 out.require_group(f"_metadata/{name}").attrs.update(pairs)
             for channel, fields in self._select(topics, head).items():
@@ -384,6 +389,9 @@ class Archive:
                     if field.values:
                         data.attrs["values"] = ", ".join(
                             f"{k}={v}" for k, v in field.values.items())
+            out.flush()
+            with _Part(Path(path)) as part:
+                part.write_bytes(out.id.get_file_image())
         return Path(path)
 
 
@@ -397,9 +405,11 @@ class _Part:
     def __enter__(self):
         return self.part
 
-    def __exit__(self, failed, *_):
+    def __exit__(self, failed, error, _):
         if failed:
             self.part.unlink(missing_ok=True)
+            if isinstance(error, OSError):
+                raise ArchiveError(f"{self.path}: cannot be written: {error.strerror}") from None
         else:
             os.replace(self.part, self.path)
 

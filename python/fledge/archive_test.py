@@ -344,7 +344,8 @@ def test_topics_heads_and_elements_have_names_too(run, key, shape):
 
 
 @pytest.mark.parametrize("key, says", [
-    ("error.sigma_RB", r'no "error.sigma_RB"; the topics are /flight/tracking/error, /flight/con'),
+    ("error.sigma_RB", r'no "error.sigma_RB"; did you mean error.sigma_BR\?'),
+    ("temperature", r'no "temperature"; the topics are /flight/tracking/error, /flight/con'),
     ("control.sigma_br", r"did you mean flight.tracking.error.sigma_BR\?"),
     ("/error", r"did you mean flight.tracking.error\?"),
     ("head.t", r'"head.t" is ambiguous: it may be flight.tracking.error.head.t, flight.control'),
@@ -672,6 +673,19 @@ def test_hdf5_keeps_shapes_units_and_metadata(run, tmp_path):
         assert f["world/wheels/wheels/wheels.axis_B"].shape == (1, 2, 3)
         assert f["_metadata/run"].attrs["mission"] == "nadir_spin"
     assert not list(tmp_path.glob("*.part"))
+
+
+@pytest.mark.parametrize("write", ["to_csv", "to_hdf5"])
+def test_a_full_disk_leaves_no_half_of_a_file(run, tmp_path, write):
+    out = tmp_path / "out"
+    out.mkdir()
+    done = subprocess.run(
+        [sys.executable, "-c", "import resource, signal, sys; from fledge.archive import Archive\n"
+         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN); resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))\n"
+         f"Archive(sys.argv[1]).{write}(sys.argv[2])", str(run), str(out / "x.h5" if write == "to_hdf5" else out)],
+        capture_output=True, text=True, env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)})
+    assert done.returncode == 1 and "cannot be written: File too large" in done.stderr
+    assert not list(out.iterdir())
 
 
 # ---- the writer where it is used ----
