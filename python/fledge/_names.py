@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Attributes of a module from a dictionary of types, with an answer to names that are not there; and words."""
 
+from types import BuiltinFunctionType, FunctionType, ModuleType
+
 from fledge import _core
 
 
@@ -22,7 +24,10 @@ def lookup(module, types, extra):
                              + f" there are {', '.join(sorted(main + own))}")
 
     def __dir__():
-        return sorted([*types, *extra])
+        # Without what the module itself has from elsewhere: modules, and functions of others.
+        own = [n for n, value in extra.items() if not isinstance(value, ModuleType)
+               and not (isinstance(value, (FunctionType, BuiltinFunctionType)) and value.__module__ != module)]
+        return sorted([*types, *own])
 
     return __getattr__, __dir__
 

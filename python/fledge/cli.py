@@ -51,15 +51,15 @@ def run(options):
         problem, code = "failed: " + missions.explain(error, sim.mission.folder), 1
         _debug(options)
     except Exception as error:
-        problem, code = missions.explain(error, sim.mission.folder), 1
+        problem, code = missions.explain(error, sim.mission.folder), 2 if isinstance(error, fledge.SetupError) else 1
         _debug(options)
     plots = sim.plots.saved if sim.plots else []
     say(f"  flown    {sim.time:g} s in {sim.wall:.3g} s"
         + (f", {sim.time / sim.wall:,.0f} times real time" if sim.wall > 0 else ""))
     if sim.pace and sim.pace_report["overruns"]:
-        report = sim.pace_report
-        say(f"  pace     {report['overruns']} of {report['instants']} instants were late, by up to "
-            f"{1e3 * report['worst']:.1f} ms")
+        late = sim.pace_report
+        say(f"  pace     {late['overruns']} of {late['instants']} instants were late, by up to "
+            f"{1e3 * late['worst']:.1f} ms")
     path = sim.close_archive(outcome=problem or "passed", ended=f"{sim.time:g} s")
     if path:
         say(f"  record   {path} ({_size(path)})")
@@ -120,6 +120,16 @@ def _write_report(report, folder, options, code, problem, record, plots):
         verdict, message, Path(record) if record else None, None if options.no_plots else plots, shlex.join(command)))
 
 
+def _pace(text):
+    try:
+        pace = float(text)
+    except ValueError:
+        pace = -1.0
+    if not 0 <= pace < float("inf"):
+        raise argparse.ArgumentTypeError(f"expected a number >= 0; found '{text}'")
+    return pace
+
+
 def parse_duration(text):
     """Seconds of "90", "90s", "10min", "2.5 h"."""
     import re
@@ -174,12 +184,12 @@ def list_(options):
     from fledge._names import first_sentence
 
     say("missions")
-    found = mission.missions()
-    for name, one in found.items():
-        about = one.summaries()
-        say(f"  {name:18} {about.pop('')}")
+    found = {name: one.summaries() for name, one in mission.missions().items()}
+    width = max((len(name) for about in found.values() for name in about), default=0) + 2
+    for name, about in found.items():
+        say(f"  {name:{width}} {about.pop('')}")
         for scenario, text in about.items():
-            say(f"    {scenario:16} {text}")
+            say(f"    {scenario:{width - 2}} {text}")
     if not found:
         say("  none")
     for title, types, kind in (("flight modules (from fledge import flight as fsw)", flight.TYPES, "module"),
@@ -249,6 +259,8 @@ def plot(options):
 
 def convert(options):
     archive = open_run(options.run)
+    if not archive.topics:
+        raise Failure(f"{archive.path}: there is nothing to convert", 1)
     if options.hdf5:
         say(str(archive.to_hdf5(options.out or archive.path.with_suffix(".h5"))))
     else:
@@ -317,7 +329,7 @@ def parser():
     one.add_argument("scenario", nargs="?", help="default: the mission's first")
     one.add_argument("--out", metavar="DIR", help="for the record and plots; default: runs/MISSION/SCENARIO")
     one.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
-    one.add_argument("--pace", type=float, default=0.0, metavar="X",
+    one.add_argument("--pace", type=_pace, default=0.0, metavar="X",
                      help="X simulated seconds per second; default: as fast as possible")
     one.add_argument("--no-plots", action="store_true", help="leave out the scenario's plots")
     one.add_argument("--report", action="store_true", help="write all about the run into one page, report.html")
@@ -388,7 +400,7 @@ def main(arguments=None):
     except Exception as error:
         _debug(options)
         if _expected(error):
-            print(f"fledge: {error}", file=sys.stderr)
+            print(f"fledge: {_in_words(error)}", file=sys.stderr)
             return 1 if type(error).__name__ == "RunError" else 2
         if options.debug:
             return 70
@@ -405,6 +417,13 @@ def _expected(error):
     from fledge.archive import ArchiveError
 
     return isinstance(error, (_core.SetupError, _core.RunError, ArchiveError))
+
+
+def _in_words(error):
+    """Its text; of an operating system's error the file and the reason, without the number."""
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+    return error
 
 
 if __name__ == "__main__":

@@ -165,22 +165,26 @@ class _Files:
         def run():
             exec(compile(path.read_text(encoding="utf-8"), str(path), "exec"), vars(module))
 
-        self.call(run)
+        self.call(run, path=path)
         for function in functions:
             if not callable(getattr(module, function, None)):
                 raise MissionError(f"{path}: expected a function {function}({'f' if name == 'flight' else 'w, f'})",
                                    None)
         return module
 
-    def call(self, function, *arguments):
+    def call(self, function, *arguments, path=None):
         try:
             return function(*arguments)
         except Exception as error:
-            raise MissionError(explain(error, self.mission.folder), error) from None
+            path = path or function.__code__.co_filename
+            raise MissionError(explain(error, self.mission.folder, path), error) from None
 
 
-def explain(error, folder):
-    """An exception as a user of the mission should see it: their file, their line, and what was wrong."""
+def explain(error, folder, path=None):
+    """An exception as a user of the mission should see it: their file, their line, and what was wrong.
+
+    path: the file, where no line of it was reached.
+    """
     if isinstance(error, SyntaxError) and error.filename:
         line = (error.text or "").strip()
         return f"{_relative(error.filename)}, line {error.lineno}: {error.msg}" + (f"\n    {line}" if line else "")
@@ -188,7 +192,7 @@ def explain(error, folder):
     kind = "" if isinstance(error, (SetupError, AssertionError)) else f"{type(error).__name__}: "
     text = f"{kind}{error}" if str(error) else kind.rstrip(": ") or "an assertion does not hold"
     if not frames:
-        return text
+        return f"{_relative(path)}: {text}" if path else text
     last = frames[-1]
     return f"{_relative(last.filename)}, line {last.lineno}: {text}" + (f"\n    {last.line}" if last.line else "")
 
