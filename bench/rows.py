@@ -54,7 +54,8 @@ class Rows:
 
 def options(name, arguments, runs):
     """What every bench takes on the command line."""
-    parser = argparse.ArgumentParser(prog=f"fledge bench {name}")
+    parser = argparse.ArgumentParser(prog=f"fledge bench {name}",
+                                     epilog=f"example: ./fledge bench {name} --json {name}.json")
     parser.add_argument("--json", metavar="FILE", help="write the figures as a list of rows, too")
     parser.add_argument("--runs", type=int, default=runs, help="samples of each figure (default %(default)s)")
     return parser.parse_args(arguments)

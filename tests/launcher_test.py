@@ -166,6 +166,16 @@ def test_every_command_has_help_with_an_example(command):
     assert f"fledge {command}" in done.stdout and "example" in done.stdout.lower()
 
 
+def test_exec_finds_the_python_that_the_extension_is_built_for(launch):
+    (launch.fake / "updated").touch()
+    assert launch("exec", "/bin/sh", "-c", "echo $PATH").stdout.startswith("/usr/bin:")
+
+
+@pytest.mark.parametrize("arguments", [["test", "--bogus"], ["setup", "--bogus"], ["demo", "now"], ["test", "-k"]])
+def test_a_wrong_command_line_is_told_from_a_failure(launch, arguments):
+    assert launch(*arguments).returncode == 2
+
+
 def test_an_unknown_command_is_refused(launch):
     done = launch("fly")
     assert done.returncode == 2
