@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Boards of the register space: from one TOML file each to C tables, accessors and documentation."""
+"""Boards of the register space: from one TOML file each to C tables, accessors and documents."""

@@ -38,7 +38,8 @@ _ONLY_FOR = {          # keys that say nothing of another form
     "count": ("word",), "field": ("word",),
     "capacity": ("packet", "message"), "size": ("packet", "message"),
     "descriptor": ("packet", "message"), "write_descriptor": ("packet", "message"),
-    "remove": ("packet",), "add": ("packet",), "write_remove": ("packet",), "write_add": ("packet",),
+    "remove": ("packet",), "add": ("packet",),
+    "write_remove": ("packet",), "write_add": ("packet",),
     "unit": ("packet",), "outside_order": ("packet",),
     "message": ("message",), "header": ("message",),
 }
@@ -89,7 +90,7 @@ class Descriptor:
 @dataclass(frozen=True)
 class Lane:
     """One direction of a snorkel. Addresses and sizes in bytes."""
-    name: str           # the snorkel's; of a snorkel of both directions, `_read` and `_write` behind
+    name: str           # the snorkel's; of one of both directions with `_read` or `_write`
     from_flight: bool
     form: str
     address: int
@@ -318,7 +319,8 @@ class _Reader:
             side, first = self.raised.setdefault(line, (from_flight, what))
             if side != from_flight:
                 self.refuse((*path, key), "a line is raised by one side",
-                            f"`{line}` is raised by {first} from the other side", "use another line")
+                            f"`{line}` is raised by {first} from the other side",
+                            "use another line")
         return line
 
     def take(self, address, size, what, path) -> None:
@@ -335,7 +337,8 @@ class _Reader:
             if reach and address < reach[1]:
                 self.refuse(path, "addresses do not overlap",
                             f"{what} [{address:#x}, {end:#x}) overlaps {reach[2]} "
-                            f"[{reach[0]:#x}, {reach[1]:#x})", f"move it to {reach[1]:#x} or beyond")
+                            f"[{reach[0]:#x}, {reach[1]:#x})",
+                            f"move it to {reach[1]:#x} or beyond")
             if not reach or end > reach[1]:
                 reach = taken
 
@@ -504,8 +507,8 @@ class _Reader:
             lsb, bits = self.bits(given, here, "bits", 1)
             scale = self.number(given, here, "scale", 1.0)
             if scale == 0.0:
-                self.refuse((*here, "scale"), "`scale` is not 0", "it is 0", "give the value of one "
-                            "count")
+                self.refuse((*here, "scale"), "`scale` is not 0", "it is 0",
+                            "give the value of one count")
             mask = ((1 << bits) - 1) << lsb
             if used & mask and before == len(self.problems):
                 self.refuse((*here, "bits"), "fields of a word do not overlap",

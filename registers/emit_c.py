@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A board in C99: a header with addresses, fields and flight's accessors, and its tables.
 
-The accessors are of flight's side: what it reads, it takes or gets; what it writes, it puts or sets.
-The tables serve both sides.
+The accessors are of flight's side: what it reads, it takes or gets; what it
+writes, it puts or sets. The tables serve both sides.
 """
 from __future__ import annotations
 
@@ -94,7 +94,8 @@ def _accessors(board: Board, snorkel: Snorkel) -> str:
     if snorkel.message:
         name = snorkel.message
         parts.append(
-            f"\nextern const RegisterMessage fledge_message_{name}; /* generated from its header */\n"
+            f"\n/* Generated from the header of {name}. */\n"
+            f"extern const RegisterMessage fledge_message_{name};\n"
             f"typedef char {board.name}_{snorkel.name}_is_of_the_size_of_{name}\n"
             f"    [sizeof({name}) == {snorkel.message_size}u ? 1 : -1];\n")
     for lane in snorkel.lanes:
@@ -171,7 +172,8 @@ def _word_accessors(name: str, table: str, snorkel: Snorkel, lane: Lane, doc: st
 
 
 def _tables(board: Board) -> str:
-    parts = [f'/* The tables of {board.name}. Written by registers from {board.file}: do not edit. */\n'
+    parts = [f"/* The tables of {board.name}.\n"
+             f" * Written by registers from {board.file}: do not edit. */\n"
              f'#include "{board.name}.h"\n']
     for snorkel in board.snorkels:
         if snorkel.fields:

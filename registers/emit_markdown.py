@@ -7,8 +7,8 @@ from registers.description import Board, Lane, Snorkel
 
 def emit(board: Board) -> dict[str, str]:
     parts = [f"# {board.name}\n\n", f"{board.doc}\n\n" if board.doc else "",
-             f"Base {board.base:#010x}, {board.size:#x} bytes, {board.order}-endian words. Addresses "
-             f"are relative to the base. Written from {board.file}.\n\n",
+             f"Base {board.base:#010x}, {board.size:#x} bytes, {board.order}-endian words. "
+             f"Addresses are relative to the base. Written from {board.file}.\n\n",
              "| address | snorkel | flight | form | depth | bytes | interrupt | meaning |\n"
              "|---|---|---|---|---|---|---|---|\n"]
     rows = []
@@ -42,7 +42,8 @@ def _row(snorkel: Snorkel, lane: Lane) -> tuple:
         notes.append(f"it adds {bytes(lane.add).hex(' ')}")
     if lane.swap:
         notes.append(f"it swaps units of {lane.unit} bytes")
-    depth = f"{lane.depth}, {'overwrite' if lane.overwrite else 'refuse'}" if lane.queued else "last"
+    policy = "overwrite" if lane.overwrite else "refuse"
+    depth = f"{lane.depth}, {policy}" if lane.queued else "last"
     size = f"up to {lane.capacity}" if lane.variable else str(lane.capacity)
     if lane.form == "word":
         size = f"{lane.count} x 4" if lane.count > 1 else "4"

@@ -45,10 +45,10 @@ int main(void)
         return 1;
     }
     memory[IO_BOARD_A_SUN_SENSOR_ADDRESS / 8u] = ~UINT64_C(0);
-    printf("%%02x%%02x%%02x%%02x %%.17g %%.17g\n", (unsigned)bytes[IO_BOARD_A_WHEEL_VOLTS_ADDRESS + 8],
-           (unsigned)bytes[IO_BOARD_A_WHEEL_VOLTS_ADDRESS + 9],
-           (unsigned)bytes[IO_BOARD_A_WHEEL_VOLTS_ADDRESS + 10],
-           (unsigned)bytes[IO_BOARD_A_WHEEL_VOLTS_ADDRESS + 11],
+    for (uint32_t i = 8; i < 12; i++) {
+        printf("%%02x", (unsigned)bytes[IO_BOARD_A_WHEEL_VOLTS_ADDRESS + i]);
+    }
+    printf(" %%.17g %%.17g\n",
            io_board_a_sun_sensor_current(&w, 0u), io_board_a_sun_sensor_saturated(&w, 1u));
     return 0;
 }

@@ -36,7 +36,8 @@ static uint32_t describing_address(const RegisterLane *lane, uint32_t slot)
 }
 
 /* The last word is filled up with zeros. */
-static void store_payload(const RegisterWindow *w, uint32_t address, const uint8_t *bytes, uint32_t n)
+static void store_payload(const RegisterWindow *w, uint32_t address, const uint8_t *bytes,
+                          uint32_t n)
 {
     for (uint32_t i = 0u; i < n; i += 4u) {
         uint32_t v = 0u;

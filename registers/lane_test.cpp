@@ -125,7 +125,8 @@ TEST(Lane, AnyPacketKindDoesWhatThePlainModelDoes)
                 Bytes bytes(n);
                 std::generate(bytes.begin(), bytes.end(), [&] { return random() & 0xff; });
                 const std::uint32_t tag = random() % 128;
-                ASSERT_EQ(register_put(w, bench.lane(), bytes.data(), n, tag), model.put(bytes, tag));
+                const RegisterStatus status = model.put(bytes, tag);
+                ASSERT_EQ(register_put(w, bench.lane(), bytes.data(), n, tag), status);
             } else {
                 const std::uint32_t room = random() % 8 ? kind.capacity : random() % kind.capacity;
                 Bytes bytes(room + 1, 0xA5);

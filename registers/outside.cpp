@@ -171,8 +171,8 @@ const RegisterLane &Outside::lane(std::string_view board, std::string_view name,
             names.push_back(b.lanes[i].name);
         }
     }
-    throw Error("board " + std::string(board) + " has no lane `" + std::string(name) + "` that flight "
-                + (from_flight ? "writes" : "reads") + "; choose of: " + listed(names));
+    throw Error("board " + std::string(board) + " has no lane `" + std::string(name) + "` that "
+                + "flight " + (from_flight ? "writes" : "reads") + "; choose of: " + listed(names));
 }
 
 LaneWriter Outside::writer(std::string_view board, std::string_view name) const

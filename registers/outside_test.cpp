@@ -201,8 +201,8 @@ TEST_F(OutsideTest, AWrongNameIsToldTheRightOnes)
               "there is no board `io_board_c`; choose of: single_board_computer, io_board_a, "
               "io_board_b, solid_state_recorder");
     EXPECT_EQ(message([&] { outside_.writer("io_board_a", "wheel_volts"); }),
-              "board io_board_a has no lane `wheel_volts` that flight reads; choose of: sun_sensor, "
-              "wheel_telemetry");
+              "board io_board_a has no lane `wheel_volts` that flight reads; choose of: "
+              "sun_sensor, wheel_telemetry");
     EXPECT_EQ(message([&] { outside_.writer("io_board_a", "sun_sensor").field("volts"); }),
               "lane sun_sensor has no field `volts`; choose of: current, saturated");
     const RegisterBoard *clockless[] = {&io_board_a};

@@ -24,7 +24,7 @@ typedef enum RegisterFileStatus {
     REGISTER_FILE_RANG,    ///< wait: the other side rang
     REGISTER_FILE_TIMEOUT, ///< wait: it did not
     REGISTER_FILE_GONE,    ///< wait: it attached once, and is no more
-    REGISTER_FILE_NOT_YET, ///< attach: there is no file of a living creator, or it is still writing it
+    REGISTER_FILE_NOT_YET, ///< attach: no file of a living creator is there, or none ready
     REGISTER_FILE_IN_USE,  ///< create: another creator lives; attach: somebody has attached
     REGISTER_FILE_OTHER,   ///< attach: it is of other boards, or of another version
     REGISTER_FILE_FAILED   ///< the system refused: see error
