@@ -6,6 +6,7 @@
 #include "world/environment/bodies.h"
 #include "world/environment/bytes.h"
 
+#include <algorithm>
 #include <cerrno>
 #include <cmath>
 #include <string_view>
@@ -22,6 +23,7 @@ namespace {
 constexpr std::size_t record_bytes = 1024, record_words = 128;
 constexpr std::size_t summary_words = 5; // ND + (NI + 1) / 2
 constexpr int icrf = 1;                  // NAIF's number of the frame J2000
+constexpr double farthest = 1e15;        // [km] a hundred light years; [km/s] none so fast
 constexpr std::string_view transfer_check("FTPSTR:\r:\n:\r\n:\r\0:\x81:\x10\xce:ENDFTP", 28);
 
 [[noreturn]] void refuse(const std::string &path, const std::string &what)
@@ -251,6 +253,11 @@ private:
                   std::fabs(record[1] - 0.5 * s.length) <= slack)) {
                 refuse_segment("is damaged: record " + std::to_string(i + 1) +
                                " is not for its interval");
+            }
+            if (!std::all_of(record + 2, record + s.record_words,
+                             [](double c) { return std::fabs(c) < farthest; })) {
+                refuse_segment("is damaged: record " + std::to_string(i + 1) +
+                               " holds a coefficient that is no distance");
             }
         }
         return s;

@@ -5,6 +5,8 @@
 #include "world/environment/testing/files.h"
 #include "world/environment/testing/kernel.h"
 
+#include <limits>
+
 namespace fledge::world {
 namespace {
 
@@ -153,6 +155,10 @@ TEST(Spk, DamagedSummariesAndSegmentsAreRefused)
     EXPECT_THAT(broken(tail + 24, 0.0), HasSubstr("24 words for 0 records of 8"));
     EXPECT_THAT(broken(data + 8 * 8, 16.0), HasSubstr("record 2 is not for its interval"));
     EXPECT_THAT(broken(data + 8 * 17, nan), HasSubstr("record 3 is not for its interval"));
+    for (const double value : {nan, std::numeric_limits<double>::infinity(), -1e300}) {
+        EXPECT_THAT(broken(data + 8 * 10, value),
+                    HasSubstr("record 2 holds a coefficient that is no distance"));
+    }
 }
 
 } // namespace
