@@ -24,6 +24,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 from fledge import _mcap
+from fledge._files import Part
 from fledge._rosmsg import Field
 
 __all__ = ["Archive", "ArchiveError", "Channel", "Field"]
@@ -345,7 +346,7 @@ class Archive:
             files = {path / (re.sub(r"[^\w.-]", "_", c.name) + ".csv"): (c, fields)
                      for c, fields in selected.items()}
         for file, (channel, fields) in files.items():
-            with _Part(file) as part, open(part, "w", newline="", encoding="utf-8") as out:
+            with Part(file) as part, open(part, "w", newline="", encoding="utf-8") as out:
                 self._write_csv(csv.writer(out, lineterminator="\n"), channel, fields)
         return list(files)
 
@@ -390,28 +391,9 @@ class Archive:
                         data.attrs["values"] = ", ".join(
                             f"{k}={v}" for k, v in field.values.items())
             out.flush()
-            with _Part(Path(path)) as part:
+            with Part(path) as part:
                 part.write_bytes(out.id.get_file_image())
         return Path(path)
-
-
-class _Part:
-    """A file that takes its name once it is whole: until then it is NAME.part."""
-
-    def __init__(self, path):
-        self.path = path
-        self.part = path.with_name(path.name + ".part")
-
-    def __enter__(self):
-        return self.part
-
-    def __exit__(self, failed, error, _):
-        if failed:
-            self.part.unlink(missing_ok=True)
-            if isinstance(error, OSError):
-                raise ArchiveError(f"{self.path}: cannot be written: {error.strerror}") from None
-        else:
-            os.replace(self.part, self.path)
 
 
 def _map(path):

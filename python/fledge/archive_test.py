@@ -684,7 +684,7 @@ def test_a_full_disk_leaves_no_half_of_a_file(run, tmp_path, write):
          "signal.signal(signal.SIGXFSZ, signal.SIG_IGN); resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))\n"
          f"Archive(sys.argv[1]).{write}(sys.argv[2])", str(run), str(out / "x.h5" if write == "to_hdf5" else out)],
         capture_output=True, text=True, env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)})
-    assert done.returncode == 1 and "cannot be written: File too large" in done.stderr
+    assert done.returncode == 1 and "cannot be written: File too large: '" + str(out) in done.stderr
     assert not list(out.iterdir())
 
 

@@ -137,7 +137,7 @@ def write(result, folder, command):
     """Write all files; returns (the summary's data, the paths)."""
     import json
 
-    from fledge.archive import _Part
+    from fledge._files import Part
     from fledge.plot import save
 
     folder = Path(folder)
@@ -148,10 +148,10 @@ def write(result, folder, command):
     paths = []
     for name, content in (("summary.txt", text(data) + "\n"), ("summary.json", json.dumps(data, indent=1) + "\n"),
                           ("runs.csv", _csv(result))):
-        with _Part(folder / name) as part:
+        with Part(folder / name) as part:
             part.write_text(content, encoding="utf-8")
         paths.append(folder / name)
-    with _Part(folder / "runs.h5") as part:
+    with Part(folder / "runs.h5") as part:
         _hdf5(result, part)
     paths.append(folder / "runs.h5")
     return data, paths + [save(figure, folder) for figure in figures(result)]

@@ -252,9 +252,12 @@ def save(figure, folder):
     """Save a figure as PNG under its name; returns the path."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+    from fledge._files import Part
+
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{figure.fledge_name}.png"
     FigureCanvasAgg(figure)
-    figure.savefig(path, metadata={"Software": None})
+    with Part(path) as part:
+        figure.savefig(part, format="png", metadata={"Software": None})
     return path

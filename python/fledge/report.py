@@ -48,7 +48,10 @@ class Report:
         """Write the page; returns its path."""
         path = Path(path)
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(self.page(outcome), encoding="utf-8")
+        from fledge._files import Part
+
+        with Part(path) as part:
+            part.write_text(self.page(outcome), encoding="utf-8")
         return path
 
     def page(self, outcome):

@@ -13,6 +13,7 @@ from html import escape
 from pathlib import Path
 
 from fledge import _core
+from fledge._files import Part
 from fledge._names import first_sentence
 
 FORMATS = ("svg", "png", "pdf", "dot")
@@ -34,7 +35,8 @@ def save(wiring, path):
     source = dot(wiring)
     picture = source.encode() if kind == "dot" else render(source, kind)
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(picture)
+    with Part(path) as part:
+        part.write_bytes(picture)
     return path
 
 

@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files that are written whole or not at all."""
+
+import os
+from pathlib import Path
+
+
+class Part:
+    """A file that takes its name once it is whole: until then it is NAME.part.
+
+        with Part(path) as part:
+            part.write_text(text)
+
+    Where it cannot be written nothing is left of it, and the OSError names it.
+    """
+
+    def __init__(self, path):
+        self.path = Path(path)
+        self.part = self.path.with_name(self.path.name + ".part")
+
+    def __enter__(self):
+        return self.part
+
+    def __exit__(self, failed, error, _):
+        if not failed:
+            os.replace(self.part, self.path)
+            return
+        self.part.unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise OSError(error.errno, f"cannot be written: {error.strerror}", str(self.path)) from None

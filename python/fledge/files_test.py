@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files that are written whole or not at all."""
+
+import pytest
+
+from fledge._files import Part
+
+
+def test_a_file_takes_its_name_when_it_is_whole(tmp_path):
+    path = tmp_path / "a.txt"
+    with Part(path) as part:
+        part.write_text("new")
+        assert not path.exists()
+    assert [p.name for p in tmp_path.iterdir()] == ["a.txt"] and path.read_text() == "new"
+
+
+def test_what_was_there_stays_where_writing_fails(tmp_path):
+    path = tmp_path / "a.txt"
+    path.write_text("old")
+    with pytest.raises(OSError) as error:
+        with Part(path) as part, open(part, "w") as file:
+            file.write("ne")
+            raise OSError(28, "No space left on device")
+    assert (error.value.filename, error.value.strerror) == (str(path), "cannot be written: No space left on device")
+    with pytest.raises(ZeroDivisionError):
+        with Part(path) as part:
+            part.write_text(str(1 / 0))
+    assert [p.name for p in tmp_path.iterdir()] == ["a.txt"] and path.read_text() == "old"
