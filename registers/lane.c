@@ -86,9 +86,16 @@ static int begin_writing(const RegisterWindow *w, const RegisterLane *lane, uint
     return 1;
 }
 
+/* The sequence of the next writing. Not queued, it is never 0, which says: never written. */
+static uint32_t next_sequence(const RegisterWindow *w, const RegisterLane *lane)
+{
+    const uint32_t next = register_load(w, lane->address + REGISTER_WRITTEN) + 1u;
+    return next == 0u && (lane->flags & REGISTER_QUEUED) == 0u ? 1u : next;
+}
+
 static void end_writing(const RegisterWindow *w, const RegisterLane *lane, uint32_t slot)
 {
-    count(w, lane->address + REGISTER_WRITTEN, 1u);
+    register_store(w, lane->address + REGISTER_WRITTEN, next_sequence(w, lane));
     if ((lane->flags & REGISTER_QUEUED) == 0u) {
         register_store(w, lane->address + REGISTER_SLOTS + 4u * (slot / 2u), slot & 1u);
         register_store(w, lane->address + REGISTER_LATEST, slot / 2u);
@@ -113,9 +120,8 @@ RegisterStatus register_put_two(const RegisterWindow *w, const RegisterLane *lan
                                 | placed(tag, d->tag_lsb, d->tag_bits)
                                 | placed(1u, d->valid_lsb, d->valid_bits);
     const uint32_t address = slot_address(lane, slot);
-    const uint32_t sequence = register_load(w, lane->address + REGISTER_WRITTEN) + 1u;
     register_store(w, describing_address(lane, slot), describing);
-    register_store(w, address + 4u, sequence == 0u ? 1u : sequence); /* 0 is: never written */
+    register_store(w, address + 4u, next_sequence(w, lane));
     store_payload(w, address + REGISTER_SLOT_HEAD, head, n_head);
     store_payload(w, address + REGISTER_SLOT_HEAD + n_head, bytes, n);
     end_writing(w, lane, slot);

@@ -232,6 +232,73 @@ TEST(Lane, CountersMayWrapAround)
     }
 }
 
+TEST(Lane, TheSequenceOfTheLastPacketWrapsPastZero)
+{
+    Bench bench({{REGISTER_PACKET, PLAIN, 4, 1}}, false);
+    register_store(bench.window(), bench.lane()->address + REGISTER_WRITTEN, UINT32_MAX - 2);
+    for (std::uint32_t sequence : {UINT32_MAX - 1, UINT32_MAX, 1u, 2u}) {
+        std::uint32_t got = 0;
+        RegisterInfo info;
+        register_put(bench.window(), bench.lane(), &sequence, 4, 0);
+        EXPECT_EQ(register_take(bench.window(), bench.lane(), &got, 4, &info), REGISTER_OK);
+        EXPECT_EQ(got, sequence);
+        EXPECT_EQ(info.sequence, sequence);
+    }
+}
+
+// The reader is stopped between any two of its steps, and the writer goes on: what the reader then
+// copies is one whole packet, and no older than those that were there when it began.
+TEST(Lane, TheWriterNeverTouchesTheSlotOfAReaderThatIsStopped)
+{
+    for (int before = 1; before <= 4; before++) {
+        for (int taken = 0; taken <= 1; taken++) {
+            for (int first = 0; first <= 5; first++) {
+                for (int second = 0; second <= 5; second++) {
+                    for (int third = 0; third <= 5; third++) {
+                        Bench bench({{REGISTER_PACKET, PLAIN, 8, 1}}, true);
+                        const RegisterWindow *w = bench.window();
+                        const RegisterLane *lane = bench.lane();
+                        std::uint64_t number = 0;
+                        const auto write = [&](int n) {
+                            for (int i = 0; i < n; i++) {
+                                number++;
+                                register_put(w, lane, &number, 8, 0);
+                            }
+                        };
+                        write(before);
+                        std::uint64_t got = 0;
+                        RegisterInfo info;
+                        if (taken) {
+                            register_take(w, lane, &got, 8, &info);
+                            ASSERT_EQ(register_load(w, lane->address + REGISTER_READING),
+                                      register_load(w, lane->address + REGISTER_LATEST));
+                            write(1);
+                        }
+                        const std::uint64_t oldest = number;
+                        // The reader's steps, by hand, as take_latest in lane.c has them.
+                        const std::uint32_t pair = register_load(w, lane->address + REGISTER_LATEST);
+                        write(first);
+                        register_store(w, lane->address + REGISTER_READING, pair);
+                        write(second);
+                        const std::uint32_t slot =
+                            2 * pair
+                            + register_load(w, lane->address + REGISTER_SLOTS + 4 * pair);
+                        const unsigned char *payload = bench.bytes() + lane->address
+                                                       + REGISTER_CONTROL_SIZE
+                                                       + slot * lane->stride + REGISTER_SLOT_HEAD;
+                        std::uint64_t early = 0, late = 0;
+                        std::memcpy(&early, payload, 8);
+                        write(third);
+                        std::memcpy(&late, payload, 8);
+                        ASSERT_EQ(early, late);
+                        ASSERT_GE(early, oldest);
+                    }
+                }
+            }
+        }
+    }
+}
+
 TEST(Lane, MemoryHoldsWordsInTheBoardsOrderAndPayloadAsItIs)
 {
     const unsigned char payload[5] = {1, 2, 3, 4, 5};

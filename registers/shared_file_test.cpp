@@ -2,7 +2,9 @@
 // Two processes on one file: lock-step, patterned packets at full speed, and kill -9 on either.
 #include "registers/shared_file.h"
 
+#include <chrono>
 #include <csignal>
+#include <fcntl.h>
 #include <filesystem>
 #include <functional>
 #include <string>
@@ -153,9 +155,12 @@ TEST_F(SharedFile, TwoProcessesGoInStep)
 {
     ASSERT_EQ(create(path_.c_str()), REGISTER_FILE_OK);
     const pid_t child = in_a_process([&] { return fly(path_, boards_); });
+    const auto start = std::chrono::steady_clock::now();
     for (std::int64_t t = 1; t <= 500; t++) {
         ASSERT_TRUE(exchange(&file_, &window_, t)) << t;
     }
+    // Nobody sleeps until his next look, which would be 1000 times 50 ms: he is woken.
+    EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(25));
     EXPECT_EQ(register_handle(&window_, 1), 500u);
     EXPECT_FALSE(std::filesystem::exists(path_)); // once both have it, it has no name
     register_clock_stop(&window_);
@@ -168,7 +173,10 @@ TEST_F(SharedFile, WithoutANameAChildAttachesToTheDescriptor)
 {
     ASSERT_EQ(create(nullptr), REGISTER_FILE_OK);
     const std::string path = "/dev/fd/" + std::to_string(file_.fd);
-    const pid_t child = in_a_process([&] { return fly(path, boards_); });
+    const pid_t child = in_a_process([&] {
+        const int failed = fly(path, boards_);
+        return failed ? failed : fcntl(file_.fd, F_GETFD) != -1; // the creator's: closed
+    });
     EXPECT_TRUE(exchange(&file_, &window_, 77));
     register_clock_stop(&window_);
     EXPECT_EQ(exit_code_of(child), 0);
