@@ -226,11 +226,23 @@ TimeSystem TimeSystem::read(const std::string &path)
                                      "kernel (.tls)");
     }
     TimeSystem system;
+    // About what these are is known; a number far beyond is damage.
+    const auto numbers = [&](const char *name, const std::vector<double> &most) {
+        const std::vector<double> found = kernel.numbers(name, most.size(), most.size());
+        for (std::size_t i = 0; i < most.size(); i++) {
+            if (!(std::fabs(found[i]) <= most[i])) {
+                refuse_line(path, kernel.values(name)[i].line,
+                            std::string(name) + " is " + sim::format_number(found[i]) +
+                                "; expected at most " + sim::format_number(most[i]));
+            }
+        }
+        return found;
+    };
     system.tt_minus_tai_ =
-        static_cast<std::int64_t>(std::floor(1e9 * kernel.number("DELTET/DELTA_T_A") + 0.5));
-    system.K_ = kernel.number("DELTET/K");
-    system.e_ = kernel.number("DELTET/EB");
-    const auto M = kernel.numbers("DELTET/M", 2, 2);
+        static_cast<std::int64_t>(std::floor(1e9 * numbers("DELTET/DELTA_T_A", {100.0})[0] + 0.5));
+    system.K_ = numbers("DELTET/K", {0.01})[0];
+    system.e_ = numbers("DELTET/EB", {0.1})[0];
+    const auto M = numbers("DELTET/M", {100.0, 1e-6});
     system.M0_ = M[0];
     system.M1_ = M[1];
 

@@ -195,6 +195,10 @@ TEST(LeapSecondsKernel, WhatIsDamagedIsRefusedWithItsLine)
     EXPECT_THAT(error(begin + "11, @1971-JUL-1 )"), HasSubstr(":8: dates must ascend"));
     EXPECT_THAT(error(begin + "10.5, @1972-JUL-1 )"), HasSubstr("expected a whole number"));
     EXPECT_THAT(error("OTHER = 1"), HasSubstr("expected a leap-seconds kernel"));
+    EXPECT_THAT(error(begin + ")\nDELTET/K = 1.657D+300"),
+                HasSubstr(":8: DELTET/K is 1.657e+300; expected at most 0.01"));
+    EXPECT_THAT(error(begin + ")\nDELTET/M = ( 6.2, 2.0 )"),
+                HasSubstr(":8: DELTET/M is 2; expected at most 1e-06"));
     EXPECT_THROW(TimeSystem::read("/nowhere/naif.tls"), sim::SetupError);
     EXPECT_THAT(error_of([] { TimeSystem::read("/nowhere/naif.tls"); }),
                 HasSubstr("/nowhere/naif.tls: cannot be opened: No such file"));
