@@ -159,7 +159,10 @@ def test_a_pattern_that_matches_nothing_fails(launch):
     assert "no test matches 'nothing_has_this_name'" in done.stderr
 
 
-@pytest.mark.parametrize("command", "setup demo test run new exec show list plot convert montecarlo bench".split())
+COMMANDS = "setup demo test run new exec show list plot convert montecarlo export bench".split()
+
+
+@pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_has_help_with_an_example(command):
     done = subprocess.run([ROOT / "fledge", command, "--help"], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

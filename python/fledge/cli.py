@@ -10,17 +10,7 @@ import os
 import sys
 from pathlib import Path
 
-
-class Failure(Exception):
-    """What ends a command: a text for the user, and the exit code."""
-
-    def __init__(self, text, code=2):
-        super().__init__(text)
-        self.code = code
-
-
-def say(text=""):
-    print(text, flush=True)
+from fledge._console import Failure, Plots, say, size_of
 
 
 # --- run -------------------------------------------------------------------------------------------
@@ -34,7 +24,7 @@ def run(options):
     folder = Path(options.out) if options.out else Path("runs") / sim.name / name
     folder.mkdir(parents=True, exist_ok=True)
     sim.pace = options.pace
-    sim.plots = _Plots(folder) if not options.no_plots else False
+    sim.plots = Plots(folder) if not options.no_plots else False
     sim.archive(folder / "run.mcap", mission=sim.name, scenario=name, fledge=fledge.__version__)
 
     report = _report(sim, name) if options.report else None
@@ -62,7 +52,7 @@ def run(options):
             f"{1e3 * late['worst']:.1f} ms")
     path = sim.close_archive(outcome=problem or "passed", ended=f"{sim.time:g} s")
     if path:
-        say(f"  record   {path} ({_size(path)})")
+        say(f"  record   {path} ({size_of(path)})")
     else:
         say("  record   none" if problem else "  record   none: the scenario records nothing")
     for plot in plots:
@@ -141,24 +131,6 @@ def parse_duration(text):
         return float(match[1]) * factors[match[2]]
     except (TypeError, KeyError, ValueError):
         raise Failure(f"--for: expected a duration such as 90s, 10min or 2h; found '{text}'") from None
-
-
-class _Plots:
-    """Saves what a scenario plots, and remembers it."""
-
-    def __init__(self, folder):
-        self.folder = folder
-        self.saved = []
-
-    def add(self, figure):
-        from fledge.plot import save
-
-        self.saved.append(save(figure, self.folder))
-
-
-def _size(path):
-    size = os.path.getsize(path)
-    return f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{size / 1e3:.1f} kB"
 
 
 # --- show ------------------------------------------------------------------------------------------
@@ -427,6 +399,4 @@ def _in_words(error):
 
 
 if __name__ == "__main__":
-    from fledge import cli  # by its own name, so that other files raise the Failure that it catches
-
-    sys.exit(cli.main())
+    sys.exit(main())

@@ -19,7 +19,7 @@ def add(command):
 def export(options):
     import fledge
     from fledge import export as exports
-    from fledge.cli import say
+    from fledge._console import say
 
     tasks = [name.strip() for name in options.tasks.split(",")] if options.tasks is not None else None
     mission = exports.read(fledge.load(options.mission), tasks)

@@ -27,7 +27,7 @@ def add(command):
 
 
 def montecarlo(options):
-    from fledge.cli import Failure
+    from fledge._console import Failure
     from fledge.montecarlo import Campaign
 
     if (options.runs is None) == (options.only is None):
@@ -125,14 +125,14 @@ class _Live:
 def _one(campaign, options, folder):
     import fledge
     from fledge import _core
-    from fledge.cli import Failure, _Plots, _size, say
+    from fledge._console import Failure, Plots, say, size_of
 
     index, d = options.only, campaign.dispersions
     sim = campaign.simulation(index, options.seed)
     title = f"{sim.name}, {campaign.name}, run {index} of seed {options.seed}"
     say(title)
     folder.mkdir(parents=True, exist_ok=True)
-    sim.plots = _Plots(folder)
+    sim.plots = Plots(folder)
     sim.archive(folder / "run.mcap", mission=sim.name, campaign=campaign.name, campaign_seed=options.seed, run=index,
                 fledge=fledge.__version__)
     log = sim.record(*sim.world, *sim.flight, *(series.port(sim) for series in d.retained.values()), every=d.every)
@@ -166,7 +166,7 @@ def _one(campaign, options, folder):
         log.plot(*d.retained, columns=1 if len(d.retained) < 4 else 2, name="retained", title=title)
     path = sim.close_archive(outcome=problem or "passed", ended=f"{sim.time:g} s")
     if path:
-        say(f"  record   {path} ({_size(path)})")
+        say(f"  record   {path} ({size_of(path)})")
     for plot in sim.plots.saved:
         say(f"  plot     {plot}")
     if problem:

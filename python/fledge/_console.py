@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the commands share: how they speak, fail, and keep what is plotted."""
+
+import os
+
+
+class Failure(Exception):
+    """What ends a command: a text for the user, and the exit code."""
+
+    def __init__(self, text, code=2):
+        super().__init__(text)
+        self.code = code
+
+
+def say(text=""):
+    print(text, flush=True)
+
+
+def size_of(path):
+    """The size of a file, in words."""
+    size = os.path.getsize(path)
+    return f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{size / 1e3:.1f} kB"
+
+
+class Plots:
+    """Saves what a scenario plots, and remembers it."""
+
+    def __init__(self, folder):
+        self.folder = folder
+        self.saved = []
+
+    def add(self, figure):
+        from fledge.plot import save
+
+        self.saved.append(save(figure, self.folder))
