@@ -15,13 +15,14 @@ class Rows:
     def __init__(self):
         self._rows = []
 
-    def add(self, case, figure, samples, unit, ratio_to=None, ratio=None, note=""):
+    def add(self, case, figure, samples, unit, ratio_to=None, note=""):
         """Add a figure from its samples (or one number). `ratio_to` names a case with the same figure,
-        added before; `ratio` gives the ratio where it was measured pair by pair."""
+        added before."""
         samples = samples if isinstance(samples, (list, tuple)) else [samples]
         value = statistics.median(samples)
         spread = (max(samples) - min(samples)) / value if len(samples) > 1 and value else None
-        if ratio_to is not None and ratio is None:
+        ratio = None
+        if ratio_to is not None:
             other = [r for r in self._rows if r["case"] == ratio_to and r["figure"] == figure]
             if not other:
                 raise KeyError(f"no case {ratio_to!r} with the figure {figure!r} to compare with")

@@ -8,6 +8,7 @@
 /** Map a wanted body torque to motor torques of the available wheels, with minimum norm.
  *  Where a motor would saturate, all are scaled alike, so the torque keeps its direction.
  *  Where the wheels cannot span the controlled axes, the nearest torque is given, degraded.
+ *  Where no command can be computed, the last one is held, degraded: the wheels go on with it.
  *  With unit spin axes the columns of G and unit controlled axes the rows of C, the motor torques
  *  are u = -(C G)^+ C L and the body gets -G u.
  *  Source: thesis Eq. (A.2); the pseudo-inverse is the minimum-norm least-squares solution. */

@@ -329,7 +329,8 @@ class Archive:
 
         Rates differ, so every topic is a file of its own, `<path>/flight.tracking.error.csv`; a
         path that ends in .csv takes exactly one topic. The first column is the time in seconds,
-        exact to the nanosecond; numbers are written such that reading them gives the same bits;
+        exact to the nanosecond; numbers are written such that reading them gives the same bits (in
+        pandas, with float_precision="round_trip");
         headings carry the units: "sigma_BR[0] [-]". topics, head: as for `frame`. Metadata are
         left out.
         """
