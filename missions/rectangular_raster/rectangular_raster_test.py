@@ -6,7 +6,7 @@ import pytest
 
 import fledge
 from fledge import attitude
-from fledge.units import s
+from fledge.units import deg, s
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +46,27 @@ def test_it_is_flown_through_periapsis_within_limits(flown):
     radius = np.linalg.norm(log["state.r_BN_N"], axis=1)
     assert 1800 < log.time[radius.argmin()] < 3600
     assert np.abs(log["command.u"]).max() < 0.1 and np.abs(log["speeds.Omega"]).max() < 10
+
+
+def test_another_list_takes_over_while_it_flies():
+    sim = fledge.load("rectangular_raster")
+    log = sim.record(sim.flight.rasters.command, sim.flight.rasters.status, every=0.5 * s)
+    sim.run(60 * s)
+    ground = sim.flight.rasters.list
+    ground.start, ground.n = 70.3 * s, 2
+    ground.angles, ground.durations = [[0, 0, 0], [1, 2, 0]] * deg, [5, 7] * s
+    ground.head.quality = "GOOD"
+    sim.run(30 * s)
+    # From the first update at or after each instant on, with the instant itself as the start; the end is held.
+    assert np.unique(log["command.start"]).tolist() == [0, 70_300_000_000, 75_300_000_000, 82_300_000_000]
+    changes = log.time[1:][np.diff(log["command.start"]) > 0]
+    assert changes.tolist() == [70.5, 75.5, 82.5]
+    assert log["status.done"][-1] == 1
+    np.testing.assert_allclose(log["command.angles"][-1], np.radians([1, 2, 0]), atol=1e-16)
+
+    ground.start, ground.durations[0] = 95 * s, -5
+    sim.run(10 * s)     # refused; what was goes on
+    assert sim.flight.rasters.status.refused == 1 and log["command.start"][-1] == 82_300_000_000
 
 
 def test_it_draws_its_figures(tmp_path):
