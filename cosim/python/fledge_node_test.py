@@ -135,6 +135,29 @@ def test_two_programs_give_what_one_would(programs, transport):
     assert force["seen"] == [[t, t, k + 1, x] for k, (t, _, x) in enumerate(mass["seen"])]
 
 
+def test_a_program_in_c_takes_the_place_of_one_in_python(programs):
+    controller = Controller("--node", "mass", "--node", "spring")
+    programs += [start(MASS, controller.address, "next_instant"),
+                 subprocess.Popen([CONTROLLER.parent / "fledge_spring", controller.address], stderr=subprocess.PIPE),
+                 controller.process]
+    assert controller.end() == (0, "")
+    assert result(programs[0])["seen"] == alone(101)
+    assert programs[1].communicate(timeout=20) == (None, b"") and programs[1].returncode == 0
+
+
+def test_a_program_in_c_says_what_is_wrong(programs):
+    controller = Controller("--node", "mass", "--node", "spring")
+    short = MASS.replace("float64[2] v  # v [m/s] (2) velocity", "").replace(', "v": v}', "}")
+    programs += [start(short, controller.address, "next_instant"),
+                 subprocess.Popen([CONTROLLER.parent / "fledge_spring", controller.address], stderr=subprocess.PIPE),
+                 controller.process]
+    code, errors = controller.end()
+    why = "/mass/state has 32 bytes where it is written, which is not the size of the struct here"
+    assert (code, errors) == (1, "the run ended early: spring: it failed: " + why)
+    assert programs[1].communicate(timeout=20)[1].decode() == f"spring: {why}\n" and programs[1].returncode == 1
+    programs[0].communicate(timeout=20)
+
+
 def test_a_definition_is_needed_on_one_side_only(programs):
     controller = Controller("--node", "mass", "--node", "spring")
     force = '"float64[2] F  # F [N] (2) force"'
