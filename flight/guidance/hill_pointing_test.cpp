@@ -2,6 +2,7 @@
 // Hill pointing on conics of every kind, against numerical derivatives of Keplerian motion.
 #include "flight/testing/kepler.h"
 #include "flight/testing/kinematics.h"
+#include "flight/testing/orbit_frame.h"
 #include "flight/testing/poison.h"
 
 extern "C" {
@@ -123,22 +124,7 @@ TEST(HillPointing, mission_orbit_at_periapsis)
 
 TEST(HillPointing, quality_is_the_worst_of_what_it_used)
 {
-    Motion motion{{7e6, 0, 0}, {0, 3e3, 1e3}};
-    HillPointing m = hill(motion);
-    hill_pointing_update(&m, {500, 0});
-    EXPECT_EQ(m.out.reference.head.quality, QUALITY_GOOD) << "a planet at the origin is no lack";
-    EXPECT_EQ(m.out.reference.head.t, 500);
-    EXPECT_EQ(m.out.reference.head.sequence, 1u);
-
-    m.in.planet.head = with(QUALITY_STALE);
-    hill_pointing_update(&m, {1000, 500});
-    EXPECT_EQ(m.out.reference.head.quality, QUALITY_DEGRADED);
-    EXPECT_EQ(m.out.reference.head.sequence, 2u);
-
-    m.in.planet.head = with(QUALITY_GOOD);
-    m.in.orbit.head = with(QUALITY_STALE);
-    hill_pointing_update(&m, {1500, 500});
-    EXPECT_EQ(m.out.reference.head.quality, QUALITY_DEGRADED);
+    expect_quality_of_inputs(hill, hill_pointing_update);
 }
 
 TEST(HillPointing, without_an_orbit_nothing_is_written)
@@ -150,35 +136,7 @@ TEST(HillPointing, without_an_orbit_nothing_is_written)
 
 TEST(HillPointing, holds_the_last_reference_where_the_frame_is_undefined)
 {
-    Motion motion{{7e6, 1e5, -3e6}, {500, 3e3, 1e3}};
-    const Motion undefined[] = {{Vector3d::Zero(), motion.v},
-                                {motion.r, Vector3d::Zero()},
-                                {motion.r, 1e-4 * motion.r},
-                                {motion.r, -1e-4 * motion.r},
-                                {motion.r, 1e-4 * motion.r + Vector3d(0, 0, 1e-13)},
-                                {motion.r * 1e-170, motion.v},
-                                {motion.r * 1e200, motion.v}};
-    for (const Motion &bad : undefined) {
-        HillPointing m = hill(bad);
-        hill_pointing_update(&m, {0, 0});
-        EXPECT_TRUE(all_zero(m.out)) << "there was none to hold";
-
-        m = hill(motion);
-        hill_pointing_update(&m, {0, 0});
-        AttReference last = m.out.reference;
-        m.in.orbit.r_BN_N = vec(bad.r);
-        m.in.orbit.v_BN_N = vec(bad.v);
-        hill_pointing_update(&m, {500, 500});
-        EXPECT_TRUE(same_content(m.out.reference, last));
-        EXPECT_EQ(m.out.reference.head.quality, QUALITY_DEGRADED);
-        EXPECT_EQ(m.out.reference.head.t, 0) << "its age can be seen";
-
-        m.in.orbit.r_BN_N = vec(motion.r);
-        m.in.orbit.v_BN_N = vec(motion.v);
-        hill_pointing_update(&m, {1000, 500});
-        EXPECT_EQ(m.out.reference.head.quality, QUALITY_GOOD);
-        EXPECT_EQ(m.out.reference.head.sequence, 2u);
-    }
+    expect_held_where_undefined(hill, hill_pointing_update);
 }
 
 TEST(HillPointing, holds_the_last_reference_against_numbers_that_are_not_finite)
@@ -196,16 +154,7 @@ TEST(HillPointing, gives_finite_numbers_whatever_it_is_given)
 {
     Random random{5};
     HillPointing m{};
-    auto &[orbit, planet] = m.in;
-    AttReference &out = m.out.reference;
-    Doubles in = doubles(orbit.r_BN_N, orbit.v_BN_N, planet.r_PN_N, planet.v_PN_N);
-    for (int round = 0; round < 20000; round++) {
-        throw_numbers(in, random, round);
-        orbit.head.quality = any_quality(random);
-        planet.head.quality = any_quality(random);
-        hill_pointing_update(&m, {round, 1});
-        expect_finite(doubles(out.sigma_RN, out.omega_RN_N, out.domega_RN_N), round);
-    }
+    expect_finite_references(random, m, hill_pointing_update);
 }
 
 TEST(HillPointing, reset_forgets)

@@ -3,6 +3,7 @@
 // against the thesis' equations in elements.
 #include "flight/testing/conics.h"
 #include "flight/testing/kinematics.h"
+#include "flight/testing/orbit_frame.h"
 #include "flight/testing/poison.h"
 
 extern "C" {
@@ -143,21 +144,7 @@ TEST(VelocityPointing, on_a_circle_it_is_the_hill_frame)
 
 TEST(VelocityPointing, quality_is_the_worst_of_what_it_used)
 {
-    VelocityPointing m = pointing({{7e6, 0, 0}, {0, 3e3, 1e3}});
-    velocity_pointing_update(&m, {500, 0});
-    EXPECT_EQ(m.out.reference.head.quality, QUALITY_GOOD) << "a planet at the origin is no lack";
-    EXPECT_EQ(m.out.reference.head.t, 500);
-    EXPECT_EQ(m.out.reference.head.sequence, 1u);
-
-    m.in.planet.head = with(QUALITY_STALE);
-    velocity_pointing_update(&m, {1000, 500});
-    EXPECT_EQ(m.out.reference.head.quality, QUALITY_DEGRADED);
-    EXPECT_EQ(m.out.reference.head.sequence, 2u);
-
-    m.in.planet.head = with(QUALITY_GOOD);
-    m.in.orbit.head = with(QUALITY_STALE);
-    velocity_pointing_update(&m, {1500, 500});
-    EXPECT_EQ(m.out.reference.head.quality, QUALITY_DEGRADED);
+    expect_quality_of_inputs(pointing, velocity_pointing_update);
 }
 
 TEST(VelocityPointing, without_an_orbit_nothing_is_written)
@@ -170,35 +157,7 @@ TEST(VelocityPointing, without_an_orbit_nothing_is_written)
 
 TEST(VelocityPointing, holds_the_last_reference_where_the_frame_is_undefined)
 {
-    Motion motion{{7e6, 1e5, -3e6}, {500, 3e3, 1e3}};
-    const Motion undefined[] = {{Vector3d::Zero(), motion.v},
-                                {motion.r, Vector3d::Zero()},
-                                {motion.r, 1e-4 * motion.r},
-                                {motion.r, -1e-4 * motion.r},
-                                {motion.r, 1e-4 * motion.r + Vector3d(0, 0, 1e-13)},
-                                {motion.r * 1e-170, motion.v},
-                                {motion.r * 1e200, motion.v}};
-    for (const Motion &bad : undefined) {
-        VelocityPointing m = pointing(bad);
-        velocity_pointing_update(&m, {0, 0});
-        EXPECT_TRUE(all_zero(m.out)) << "there was none to hold";
-
-        m = pointing(motion);
-        velocity_pointing_update(&m, {0, 0});
-        AttReference last = m.out.reference;
-        m.in.orbit.r_BN_N = vec(bad.r);
-        m.in.orbit.v_BN_N = vec(bad.v);
-        velocity_pointing_update(&m, {500, 500});
-        EXPECT_TRUE(same_content(m.out.reference, last));
-        EXPECT_EQ(m.out.reference.head.quality, QUALITY_DEGRADED);
-        EXPECT_EQ(m.out.reference.head.t, 0) << "its age can be seen";
-
-        m.in.orbit.r_BN_N = vec(motion.r);
-        m.in.orbit.v_BN_N = vec(motion.v);
-        velocity_pointing_update(&m, {1000, 500});
-        EXPECT_EQ(m.out.reference.head.quality, QUALITY_GOOD);
-        EXPECT_EQ(m.out.reference.head.sequence, 2u);
-    }
+    expect_held_where_undefined(pointing, velocity_pointing_update);
 }
 
 TEST(VelocityPointing, needs_a_planet_that_attracts)
@@ -226,16 +185,7 @@ TEST(VelocityPointing, gives_finite_numbers_whatever_it_is_given)
 {
     Random random{6};
     VelocityPointing m{};
-    auto &[orbit, planet] = m.in;
-    AttReference &out = m.out.reference;
-    Doubles in = doubles(orbit.r_BN_N, orbit.v_BN_N, planet.r_PN_N, planet.v_PN_N, m.par.mu);
-    for (int round = 0; round < 20000; round++) {
-        throw_numbers(in, random, round);
-        orbit.head.quality = any_quality(random);
-        planet.head.quality = any_quality(random);
-        velocity_pointing_update(&m, {round, 1});
-        expect_finite(doubles(out.sigma_RN, out.omega_RN_N, out.domega_RN_N), round);
-    }
+    expect_finite_references(random, m, velocity_pointing_update, doubles(m.par.mu));
 }
 
 TEST(VelocityPointing, reset_forgets)

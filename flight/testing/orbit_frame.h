@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+// What Hill and velocity pointing have in common: a frame that follows from an orbit and, if it is
+// wired, the planet's state. `update` is the module's; a Module that `make` makes is in a motion.
+#pragma once
+
+#include "flight/testing/kepler.h"
+#include "flight/testing/poison.h"
+
+namespace flight::testing {
+
+template <class Module> using UpdateOf = void (*)(Module *, Tick);
+template <class Module> using MakerOf = Module (*)(const Motion &);
+
+/// The reference is as good as the worst of the orbit and the planet, which need not be there.
+template <class Module> void expect_quality_of_inputs(MakerOf<Module> make, UpdateOf<Module> update)
+{
+    Module m = make({{7e6, 0, 0}, {0, 3e3, 1e3}});
+    const Head &head = m.out.reference.head;
+    update(&m, {500, 0});
+    EXPECT_EQ(head.quality, QUALITY_GOOD) << "a planet at the origin is no lack";
+    EXPECT_EQ(head.t, 500);
+    EXPECT_EQ(head.sequence, 1u);
+
+    m.in.planet.head = with(QUALITY_STALE);
+    update(&m, {1000, 500});
+    EXPECT_EQ(head.quality, QUALITY_DEGRADED);
+    EXPECT_EQ(head.sequence, 2u);
+
+    m.in.planet.head = with(QUALITY_GOOD);
+    m.in.orbit.head = with(QUALITY_STALE);
+    update(&m, {1500, 500});
+    EXPECT_EQ(head.quality, QUALITY_DEGRADED);
+}
+
+/// Where position and velocity span no plane, the last reference is held until they do again.
+template <class Module>
+void expect_held_where_undefined(MakerOf<Module> make, UpdateOf<Module> update)
+{
+    const Motion motion{{7e6, 1e5, -3e6}, {500, 3e3, 1e3}};
+    const Motion undefined[] = {{Vector3d::Zero(), motion.v},
+                                {motion.r, Vector3d::Zero()},
+                                {motion.r, 1e-4 * motion.r},
+                                {motion.r, -1e-4 * motion.r},
+                                {motion.r, 1e-4 * motion.r + Vector3d(0, 0, 1e-13)},
+                                {motion.r * 1e-170, motion.v},
+                                {motion.r * 1e200, motion.v}};
+    for (const Motion &bad : undefined) {
+        Module m = make(bad);
+        update(&m, {0, 0});
+        EXPECT_TRUE(all_zero(m.out)) << "there was none to hold";
+
+        m = make(motion);
+        update(&m, {0, 0});
+        const AttReference last = m.out.reference;
+        m.in.orbit.r_BN_N = vec(bad.r);
+        m.in.orbit.v_BN_N = vec(bad.v);
+        update(&m, {500, 500});
+        EXPECT_TRUE(same_content(m.out.reference, last));
+        EXPECT_EQ(m.out.reference.head.quality, QUALITY_DEGRADED);
+        EXPECT_EQ(m.out.reference.head.t, 0) << "its age can be seen";
+
+        m.in.orbit.r_BN_N = vec(motion.r);
+        m.in.orbit.v_BN_N = vec(motion.v);
+        update(&m, {1000, 500});
+        EXPECT_EQ(m.out.reference.head.quality, QUALITY_GOOD);
+        EXPECT_EQ(m.out.reference.head.sequence, 2u);
+    }
+}
+
+/// Anything at all at the inputs (and at `more` doubles, of parameters) gives finite references.
+template <class Module>
+void expect_finite_references(Random &random, Module &m, UpdateOf<Module> update,
+                              const Doubles &more = {})
+{
+    auto &[orbit, planet] = m.in;
+    AttReference &out = m.out.reference;
+    Doubles in = doubles(orbit.r_BN_N, orbit.v_BN_N, planet.r_PN_N, planet.v_PN_N);
+    in.insert(in.end(), more.begin(), more.end());
+    for (int round = 0; round < 20000; round++) {
+        throw_numbers(in, random, round);
+        orbit.head.quality = any_quality(random);
+        planet.head.quality = any_quality(random);
+        update(&m, {round, 1});
+        expect_finite(doubles(out.sigma_RN, out.omega_RN_N, out.domega_RN_N), round);
+    }
+}
+
+} // namespace flight::testing
