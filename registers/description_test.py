@@ -2,6 +2,7 @@
 """What a board's file may not say, and how it is told so; where lanes come to lie."""
 import itertools
 import random
+import re
 from pathlib import Path
 
 import pytest
@@ -178,3 +179,25 @@ def test_the_hash_tells_what_both_sides_must_agree_on(tmp_path):
     assert len(hashes) == 5
     file.write_text(HEAD + 'doc = "other words"\n' + WORD)
     assert read(file).hash in hashes
+
+
+def test_any_junk_in_a_value_is_a_complaint_with_a_line(tmp_path):
+    """Whatever stands behind a `=`, the answer is a board or complaints, never a crash."""
+    rng = random.Random(9)
+    junk = ["0", "-1", "7", "1e300", "nan", "true", '""', '"x y"', '"big"', "[]", "[1]", "[-1, 99]",
+            '["a"]', "{}", "{a = 1}", "99999999999999999999", "1979-05-27", "[[1], {b = 2}]"]
+    file = tmp_path / "b.toml"
+    refused = 0
+    for _ in range(400):
+        lines = rng.choice(BOARDS).read_text().split("\n")
+        for _ in range(rng.randint(1, 3)):
+            i = rng.choice([i for i, line in enumerate(lines) if "=" in line])
+            lines[i] = lines[i].split("=")[0] + "= " + rng.choice(junk)
+        file.write_text("\n".join(lines))
+        try:
+            read(file)
+        except BoardError as error:
+            refused += 1
+            for complaint in str(error).splitlines():
+                assert re.match(re.escape(f"{file}:") + r"\d+: .+; .+", complaint), complaint
+    assert 200 < refused < 400

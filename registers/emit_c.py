@@ -40,7 +40,7 @@ def _header(board: Board) -> str:
     for snorkel in board.snorkels:
         for lane in snorkel.lanes:
             name = f"{upper}_{lane.name.upper()}"
-            rows.append((f"{name}_ADDRESS", lane.address, _comment(snorkel.doc)))
+            rows.append((f"{name}_ADDRESS", lane.address, snorkel.doc))
             if lane.descriptor.address is not None:
                 rows.append((f"{name}_DESCRIPTORS", lane.descriptor.address,
                              f"{lane.depth} words"))
@@ -50,16 +50,17 @@ def _header(board: Board) -> str:
                 rows.append((f"{name}_COUNT", lane.count, "words"))
         for f in snorkel.fields:
             name = f"{upper}_{snorkel.name.upper()}_{f.name.upper()}"
-            rows += [(f"{name}_LSB", f.lsb, f"[{f.unit}] {_comment(f.doc)}"),
+            rows += [(f"{name}_LSB", f.lsb, f"[{f.unit}] {f.doc}"),
                      (f"{name}_BITS", f.bits, f"{f.scale!r} per count, from {f.offset!r}")]
     width = max(len(name) for name, _, _ in rows)
-    defines = "".join(f"#define {name:{width}} {value:#x}u /* {comment or 'no comment'} */\n"
+    defines = "".join(f"#define {name:{width}} {value:#x}u"
+                      f"{comment and f' /* {_comment(comment)} */'}\n"
                       for name, value, comment in rows)
     lanes = "".join(f"    {upper}_LANE_{lane.name.upper()} = {i},\n"
                     for i, lane in enumerate(board.lanes))
     accessors = "".join(_accessors(board, s) for s in board.snorkels)
     return f"""/* {_comment(board.doc or board.name)}
- * Written by registers from {board.file}: do not edit. */
+ * Written by registers from {_comment(board.file)}: do not edit. */
 #ifndef BOARD_{upper}_H
 #define BOARD_{upper}_H
 
@@ -151,7 +152,7 @@ def _word_accessors(name: str, table: str, snorkel: Snorkel, lane: Lane, doc: st
                                f"{load}    return word;\n", doc))
     for k, f in enumerate(snorkel.fields):
         field = f"{table[1:]}.fields[{k}]"
-        about = f"[{f.unit}] {_comment(f.doc)}".strip()
+        about = _comment(f"[{f.unit}] {f.doc}")
         if lane.from_flight:
             parts.append(_function(
                 "int", f"{name}_set_{f.name}", f"{_W}{index}, double value",
@@ -173,7 +174,7 @@ def _word_accessors(name: str, table: str, snorkel: Snorkel, lane: Lane, doc: st
 
 def _tables(board: Board) -> str:
     parts = [f"/* The tables of {board.name}.\n"
-             f" * Written by registers from {board.file}: do not edit. */\n"
+             f" * Written by registers from {_comment(board.file)}: do not edit. */\n"
              f'#include "{board.name}.h"\n']
     for snorkel in board.snorkels:
         if snorkel.fields:

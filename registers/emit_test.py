@@ -146,3 +146,33 @@ def test_documentation_names_every_lane_and_field_in_the_order_of_addresses():
 def test_equal_boards_give_equal_bytes():
     for file in (ROOT / "registers/boards").glob("*.toml"):
         assert emit_c.emit(read(file)) == emit_c.emit(read(file))
+
+
+def test_no_text_of_a_board_breaks_its_c(tmp_path):
+    hostile = 'end */ begin /* "quoted" \\\\ ??/ %s \\n caf\u00e9 #include'
+    text = ("""name = "b"
+doc = "HOSTILE"
+base = 0
+size = 0x1000
+order = "big"
+[[snorkel]]
+name = "s"
+doc = "HOSTILE"
+form = "word"
+direction = "both"
+address = 0
+write_address = 4
+[[snorkel.field]]
+name = "f"
+doc = "HOSTILE"
+unit = "HOSTILE"
+bits = [0, 8]
+""").replace("HOSTILE", hostile.replace('"', '\\"'))
+    (tmp_path / "b.toml").write_text(text, encoding="utf-8")
+    for name, written in emit_c.emit(read(tmp_path / "b.toml")).items():
+        (tmp_path / name).write_text(written, encoding="utf-8")
+    for compiler in filter(shutil.which, ("gcc", "clang-14")):
+        done = subprocess.run([compiler, "-std=c99", *STRICT, f"-I{tmp_path}", "-c",
+                               str(tmp_path / "b.c"), "-o", str(tmp_path / "b.o")],
+                              capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
