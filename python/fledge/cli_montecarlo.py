@@ -9,6 +9,8 @@ import sys
 import time
 from pathlib import Path
 
+from fledge._progress import Bar, clock
+
 FAILURES_SHOWN = 8
 
 
@@ -84,40 +86,25 @@ def _all(campaign, options, folder):
     return 1 if data["failed"] else 0
 
 
-class _Live:
-    """One line on a terminal while the runs are flown: finished, rate, time left, failures."""
-
-    WIDTH = 28
+class _Live(Bar):
+    """Draws while the runs are flown: finished, rate, time left, failures."""
 
     def __init__(self, title, runs):
-        self._title, self._runs = title, runs
-        self._begun, self._drawn = time.monotonic(), 0
+        super().__init__(title)
+        self._runs = runs
         self._wanted = sys.stderr.isatty()
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        if self._drawn:
-            sys.stderr.write("\r" + " " * self._drawn + "\r")
-            sys.stderr.flush()
 
     def at(self, finished, failed):
         if not self._wanted:
             return
-        from fledge._progress import clock
-
         spent = time.monotonic() - self._begun
         done = finished / self._runs
-        filled = int(done * self.WIDTH)
-        line = f"{self._title} [{'#' * filled}{'.' * (self.WIDTH - filled)}] {done:4.0%}  {finished} of {self._runs}"
+        text = f"{finished} of {self._runs}"
         if finished:
-            line += f", {finished / spent:,.3g} a second, {clock(spent / done - spent)} left"
+            text += f", {finished / spent:,.3g} a second, {clock(spent / done - spent)} left"
         if failed:
-            line += f", {failed} failed"
-        sys.stderr.write("\r" + line.ljust(self._drawn))
-        sys.stderr.flush()
-        self._drawn = max(self._drawn, len(line))
+            text += f", {failed} failed"
+        self._draw(done, text)
 
 
 # --- one run of it ---------------------------------------------------------------------------------
