@@ -196,9 +196,9 @@ TEST(LeapSecondsKernel, WhatIsDamagedIsRefusedWithItsLine)
     EXPECT_THAT(error(begin + "10.5, @1972-JUL-1 )"), HasSubstr("expected a whole number"));
     EXPECT_THAT(error("OTHER = 1"), HasSubstr("expected a leap-seconds kernel"));
     EXPECT_THAT(error(begin + ")\nDELTET/K = 1.657D+300"),
-                HasSubstr(":8: DELTET/K is 1.657e+300; expected at most 0.01"));
+                HasSubstr(":9: DELTET/K is 1.657e+300; expected at most 0.01"));
     EXPECT_THAT(error(begin + ")\nDELTET/M = ( 6.2, 2.0 )"),
-                HasSubstr(":8: DELTET/M is 2; expected at most 1e-06"));
+                HasSubstr(":9: DELTET/M is 2; expected at most 1e-06"));
     EXPECT_THROW(TimeSystem::read("/nowhere/naif.tls"), sim::SetupError);
     EXPECT_THAT(error_of([] { TimeSystem::read("/nowhere/naif.tls"); }),
                 HasSubstr("/nowhere/naif.tls: cannot be opened: No such file"));
