@@ -150,6 +150,14 @@ def test_the_closing_line_adds_up_and_the_status_is_honest(launch, failures, sta
     assert done.returncode == (status != 0)
 
 
+def test_alternatives_in_a_pattern_are_for_both_runners(launch):
+    (launch.fake / "updated").touch()
+    (launch.fake / "status").write_text("0")
+    (launch.fake / "report").write_text(REPORT.format(0))
+    done = launch("test", "-k", "nothing_here|test_one")
+    assert done.returncode == 0 and done.stdout.splitlines()[-1] == "5 passed, 0 failed, 1 skipped", done.stdout
+
+
 def test_a_pattern_that_matches_nothing_fails(launch):
     (launch.fake / "updated").touch()
     (launch.fake / "status").write_text("0")
