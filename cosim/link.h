@@ -39,6 +39,7 @@ public:
     std::string bind(const std::string &address);
     void connect(const std::string &address);
 
+    /// To a side that is gone it does nothing: wait() and gone() say so.
     void send(const Frame &frame);
 
     /// The next frame that has come, into `frame`. False if there is none. Throws ProtocolError.

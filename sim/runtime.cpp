@@ -189,7 +189,7 @@ void Simulation::Runtime::lay_out_wires(const Instance &consumer)
             const std::uint32_t n = wire.from.field->size / 8;
             const Ns period = std::max(longest_period(process_of(simulation, *wire.from.instance)),
                                        longest_period(process_of(simulation, consumer)));
-            exchanges.push_back({from, n, period, std::vector<std::uint64_t>(n)});
+            exchanges.push_back({from, n, period, -1, std::vector<std::uint64_t>(n)});
             from = exchanges.back().held.data();
         }
         copies.push_back(copy_of(wire, from));
@@ -214,6 +214,7 @@ void Simulation::Runtime::reset()
         std::memset(wire.to.bytes(), 0, wire.to.field->size);
     }
     for (const auto &process : simulation.processes_) {
+        process->ran_ = -1;
         process->mode_ = process->initial_;
         process->pending_ = -1;
         std::vector<Model *> parts;
@@ -246,6 +247,7 @@ void Simulation::Runtime::reset()
     }
     for (Exchange &exchange : exchanges) {
         copy_words(exchange.from, exchange.held.data(), exchange.words);
+        exchange.done = -1;
     }
     next = next_instant();
 }
@@ -376,6 +378,7 @@ inline void Simulation::Runtime::run_task(RunTask &task, Ns t)
         }
         step.update(step.self, tick);
     }
+    task.process->ran_ = t;
     task.last = t;
     task.next = t + task.period;
 }
@@ -386,6 +389,9 @@ void Simulation::Runtime::run_events(Ns t)
     while (fired) {
         fired = false;
         for (const auto &process : simulation.processes_) {
+            if (process->ran_ != t) {
+                continue; // flight looks at its events when flight runs, here as on its own computer
+            }
             for (std::size_t i = 0; i < process->events_.size(); i++) {
                 if (Event &e = *process->events_[i]; t < e.from || (e.once && !e.armed)) {
                     e.since = -1;
@@ -427,17 +433,20 @@ void Simulation::Runtime::run_events(Ns t)
 void Simulation::Runtime::instant()
 {
     const Ns t = next;
+    for (Exchange &exchange : exchanges) {
+        // What stood there at the last multiple of its period before t.
+        const Ns due = t > 0 ? (t - 1) / exchange.period * exchange.period : -1;
+        if (due > exchange.done) {
+            exchange.done = due;
+            copy_words(exchange.from, exchange.held.data(), exchange.words);
+        }
+    }
     if (simulation.mode_asked_) {
         enter_modes(t);
     }
     for (RunTask &task : tasks) {
         if (task.active && task.next == t) {
             run_task(task, t);
-        }
-    }
-    for (Exchange &exchange : exchanges) {
-        if (t % exchange.period == 0) {
-            copy_words(exchange.from, exchange.held.data(), exchange.words);
         }
     }
     now = t;
@@ -511,6 +520,7 @@ void Simulation::Runtime::shape(const std::function<void(void *, std::size_t)> &
         value(task.active);
     }
     for (Exchange &exchange : self.exchanges) {
+        value(exchange.done);
         block(exchange.held.data(), exchange.words * sizeof(Word));
     }
     for (const auto &process : simulation.processes_) {

@@ -40,6 +40,7 @@ struct Exchange {
     const Word *from;
     std::uint32_t words;
     Ns period;
+    Ns done; ///< the last exchange's time; -1: none yet
     std::vector<std::uint64_t> held;
 };
 

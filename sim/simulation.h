@@ -78,7 +78,8 @@ struct Condition {
     bool holds() const;
 };
 
-/// Something that happens once its condition holds. It fires when the condition has held for `hold`,
+/// Something that happens once its condition holds. A process looks at its events at the instants at
+/// which one of its tasks ran. An event fires when the condition has held for `hold`,
 /// is then disarmed, and arms itself again when the condition no longer holds (unless `once`).
 /// An event that is armed by its own action while its condition still holds would fire again at the
 /// same instant: that is a RunError.
@@ -142,6 +143,7 @@ private:
     std::vector<std::shared_ptr<Event>> events_;
     std::shared_ptr<const Integrator> integrator_;
     int mode_ = -1, pending_ = -1, initial_ = -1;
+    Ns ran_ = -1; ///< the last instant at which one of its tasks ran
 };
 
 /// What a long run asks of the outside.

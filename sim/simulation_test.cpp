@@ -190,6 +190,27 @@ TEST(Wires, WithLatencyCarryThePreviousExchange)
     }
 }
 
+TEST(Wires, WithLatencyAreExchangedAlsoWhereNoInstantFalls)
+{
+    // A source at 30, 130, ... ms and its reader at 70, 170, ... ms: exchanges lie at 100, 200, ... ms,
+    // so the reader is one message behind, and at first sees what was published at the reset: nothing.
+    Simulation sim;
+    Process &world = sim.add_process("world");
+    Process &flight = sim.add_process("flight");
+    auto source = make(world, "source", source_type);
+    auto scale = make(flight, "scale", scale_type);
+    face<Source>(source).par = {1.0, 1.0};
+    face<Scale>(scale).par.gain = 1.0;
+    world.add_task({"world", 100 * ms, 30 * ms, 0, {source}});
+    flight.add_task({"flight", 100 * ms, 70 * ms, 0, {scale}});
+    sim.connect(port(source, "number"), port(scale, "number"), {.latency = 1});
+    for (int k = 0; k < 5; k++) {
+        sim.run_until((100 * k + 70) * ms);
+        EXPECT_EQ(face<Source>(source).out.number.x, 1.0 + k);
+        EXPECT_EQ(face<Scale>(scale).out.number.x, k) << k;
+    }
+}
+
 TEST(Wires, WithLatencyFromFlightToTheWorldChangeNothing)
 {
     // The world runs first, so a command given at k acts from k on, with latency or without.
@@ -345,7 +366,8 @@ TEST(Events, ChangeTheMode)
     flight.add_event(std::move(event));
     loop.sim.run_until(5000 * ms);
     EXPECT_EQ(flight.mode(), "idle");
-    EXPECT_EQ(face<Scale>(loop.control).mem.t, 1000 * ms);
+    // The level falls below 4 at 1.3 s; flight runs, and so looks, at 1.5 s.
+    EXPECT_EQ(face<Scale>(loop.control).mem.t, 1500 * ms);
 }
 
 TEST(Snapshot, RestoresARunToTheBit)

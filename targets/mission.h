@@ -122,13 +122,6 @@ static inline int mission_fires(MissionEvent *event, int holds, int64_t hold, in
     return 1;
 }
 
-/** The earlier of t and when an event that waits will have waited long enough. */
-static inline int64_t mission_waits(int64_t t, const MissionEvent *event, int64_t hold)
-{
-    const int64_t end = event->since + hold;
-    return event->armed && event->since >= 0 && end < t ? end : t;
-}
-
 /** The root of the sum of the squares of n numbers. */
 static inline double mission_norm(const double *x, size_t n)
 {

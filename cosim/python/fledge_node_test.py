@@ -92,10 +92,14 @@ def programs():
     """Started programs; all have ended when the test has, or are killed and the test fails."""
     started = []
     yield started
-    alive = [p for p in started if p.poll() is None]
-    for p in alive:
-        p.kill()
-        p.communicate()
+    alive = []
+    for p in started:
+        try:
+            p.wait(timeout=10)  # it may be about to end
+        except subprocess.TimeoutExpired:
+            alive.append(p)
+            p.kill()
+            p.communicate()
     assert not alive, "a program outlived its run"
 
 

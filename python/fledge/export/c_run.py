@@ -152,18 +152,21 @@ def tick(mission):
             lines += ["    if (m->mode.asked != m->mode.current) {", "        enter_mode(m, t);", "    }"]
         else:
             lines += ["    m->mode.current = m->mode.asked;"]
+    if mission.events:
+        lines.append("    int ran = 0;")
     for task in mission.tasks:
         lines += [f"    if (mission_due(&m->task.{task.name}, t)) {{",
-                  f"        run_{task.name}(m, mission_begin(&m->task.{task.name}, {rate(task)}, t));", "    }"]
+                  f"        run_{task.name}(m, mission_begin(&m->task.{task.name}, {rate(task)}, t));",
+                  *["        ran = 1;"] * bool(mission.events), "    }"]
     if mission.modes:
         lines.append("    m->mode.t = t;")
     if mission.events:
-        lines.append("    look_at_events(m, t);")
+        lines += ["    if (ran) {", "        look_at_events(m, t);", "    }"]
     return function(f"void {mission.name}_tick({mission.struct()} *m, int64_t t)", lines)
 
 
 def next_tick(mission):
-    """The earliest of the active tasks, those of a mode that is asked for, and events that wait."""
+    """The earliest of the active tasks, and those of a mode that is asked for."""
     lines = ["    int64_t t = INT64_MAX;"]
     for task in mission.tasks:
         if task in switched(mission):
@@ -171,7 +174,4 @@ def next_tick(mission):
                                  f"{rate(task)}, m->mode.t);")
         else:
             lines.append(f"    t = mission_sooner(t, &m->task.{task.name});")
-    for event in mission.events:
-        if event.hold:
-            lines.append(f"    t = mission_waits(t, &m->event.{event.name}, {event.hold});")
     return function(f"int64_t {mission.name}_next(const {mission.struct()} *m)", [*lines, "    return t;"])
