@@ -55,8 +55,8 @@ def main(arguments):
         return ratios[len(ratios) // 2]
 
     rows.add("single", "runs", rates["single"], "1/s")
-    rows.add("one thread", "runs", rates["one thread"], "1/s", "single", scaling("one thread", 1))
-    rows.add("campaign", "runs", rates["campaign"], "1/s", "single", n * scaling("campaign", n),
+    rows.add("one thread", "runs", rates["one thread"], "1/s", "single")
+    rows.add("campaign", "runs", rates["campaign"], "1/s", "single",
              note=f"{n} threads; {sorted(rates['campaign'])[rounds // 2] / PEER_RUNS_PER_SECOND:.0f} times the peer")
     rows.add("campaign", "scaling", scaling("campaign", n), "-", note=f"of {n} cores times the single rate")
     rows.add("single", "cpu of a run", cpu["single"], "us")
