@@ -53,6 +53,13 @@ Link::Link(zmq::context_t &context, const Limits &limits)
     monitor_.connect(name);
 }
 
+Link::~Link()
+{
+    // libzmq's own thread tells the monitor what becomes of the socket, and would wait for ever for one
+    // that was closed before.
+    zmq_socket_monitor(socket_.handle(), nullptr, 0);
+}
+
 std::string Link::bind(const std::string &address)
 {
     try {

@@ -34,6 +34,9 @@ void poll(std::span<zmq::pollitem_t> items, std::chrono::milliseconds most);
 class Link {
 public:
     Link(zmq::context_t &context, const Limits &limits);
+    ~Link();
+    Link(Link &&) = default;
+    Link &operator=(Link &&) = default;
 
     /// Returns the address, a port that was left open filled in. Throws LinkError.
     std::string bind(const std::string &address);
