@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "sim/recorder.h"
 
-#include "record/file_sink.h"
-#include "record/mcap.h"
 #include "sim/error.h"
 #include "sim/text.h"
 
@@ -15,8 +13,6 @@ namespace fledge::sim {
 namespace {
 
 constexpr Ns never = std::numeric_limits<Ns>::max();
-constexpr std::size_t chunk_size = std::size_t{1} << 20;
-constexpr std::size_t chunks_indexed = 4096; // 4 GiB; beyond, readers scan
 
 /// The first multiple of a log's period after t.
 Ns due_after(Ns every, Ns t)
@@ -25,26 +21,6 @@ Ns due_after(Ns every, Ns t)
 }
 
 } // namespace
-
-/// The strings and buffers that the writer points into live as long as the file is open.
-struct Recorder::Archive {
-    std::string path;
-    FileSink sink{};
-    McapWriter writer{};
-    std::vector<std::string> topics, types;
-    std::vector<McapSchema> schemas;
-    std::vector<McapChannel> channels;
-    std::vector<std::uint8_t> chunk, index;
-
-    bool metadata(const char *name, const Pairs &pairs)
-    {
-        std::vector<McapPair> list;
-        for (const auto &[key, value] : pairs) {
-            list.push_back({key.c_str(), value.c_str()});
-        }
-        return mcap_metadata(&writer, name, list.data(), list.size()) == MCAP_OK;
-    }
-};
 
 std::string Log::topic() const
 {
@@ -55,13 +31,7 @@ std::string Log::topic() const
 
 Recorder::Recorder() : next_due_(never) {}
 
-Recorder::~Recorder()
-{
-    if (archive_) {
-        mcap_flush(&archive_->writer);
-        file_sink_close(&archive_->sink, false);
-    }
-}
+Recorder::~Recorder() = default;
 
 std::shared_ptr<Log> Recorder::record(std::shared_ptr<Instance> instance, const FledgeField &field, Ns every,
                                       bool keep)
@@ -78,7 +48,7 @@ std::shared_ptr<Log> Recorder::record(std::shared_ptr<Instance> instance, const 
         throw SetupError("record " + path + ": every must be >= 0, found " + format_time(every));
     }
     if (archive_) {
-        throw SetupError("record " + path + ": the archive " + archive_->path +
+        throw SetupError("record " + path + ": the archive " + archive_->path() +
                          " is open; say what to record before");
     }
     for (const auto &log : logs_) {
@@ -101,82 +71,36 @@ std::shared_ptr<Log> Recorder::record(std::shared_ptr<Instance> instance, const 
 void Recorder::open_archive(const std::string &path, const Pairs &run)
 {
     if (archive_) {
-        throw SetupError("the archive " + archive_->path + " is still open");
+        throw SetupError("the archive " + archive_->path() + " is still open");
     }
-    auto archive = std::make_unique<Archive>();
-    Archive &a = *archive;
-    a.path = path;
-    const std::size_t n = logs_.size();
-    a.schemas.resize(n);
-    a.channels.resize(n);
-    a.topics.reserve(n);
-    a.types.reserve(n);
-    a.chunk.resize(chunk_size);
-    a.index.resize(chunks_indexed * (73 + 10 * n) + 1024);
-    if (const int error = file_sink_open(&a.sink, path.c_str())) {
-        throw RunError("cannot write " + path + ": " + std::strerror(error));
-    }
-    McapConfig config{};
-    config.write = file_sink_write;
-    config.user = &a.sink;
-    config.schemas = a.schemas.data();
-    config.channels = a.channels.data();
-    config.schemas_max = config.channels_max = static_cast<std::uint16_t>(n);
-    config.chunk = a.chunk.data();
-    config.chunk_size = a.chunk.size();
-    config.index = a.index.data();
-    config.index_size = a.index.size();
-    archive_ = std::move(archive);
-    bool good = mcap_open(&a.writer, &config) == MCAP_OK && a.metadata("run", run);
+    auto archive = std::make_unique<ArchiveFile>(path, logs_.size());
+    archive->metadata("run", run);
     for (const auto &log : logs_) {
-        a.topics.push_back(log->topic());
-        a.types.push_back("fledge/msg/" + std::string(log->field->sub->name));
-        std::uint16_t schema = 0;
-        good = good &&
-               mcap_add_schema(&a.writer, a.types.back().c_str(), log->field->sub->schema, &schema) == MCAP_OK &&
-               mcap_add_channel(&a.writer, a.topics.back().c_str(), schema, MCAP_ORDER_NATIVE, nullptr, 0,
-                                &log->channel_) == MCAP_OK;
-        log->archived_ = true;
+        log->channel_ = archive->add_channel(log->topic(), log->field->sub->name, log->field->sub->schema);
     }
-    if (!good) {
-        abandon_archive();
+    archive_ = std::move(archive);
+    for (const auto &log : logs_) {
+        log->archived_ = true;
     }
 }
 
 void Recorder::close_archive(const Pairs &end)
 {
-    if (!archive_) {
-        return;
-    }
-    Archive &a = *archive_;
-    if ((!end.empty() && !a.metadata("end", end)) || mcap_close(&a.writer) != MCAP_OK) {
-        abandon_archive();
-    }
-    const int error = file_sink_close(&a.sink, true);
-    const std::string path = a.path;
-    archive_.reset();
-    for (const auto &log : logs_) {
-        log->archived_ = false;
-    }
-    if (error) {
-        throw RunError("cannot finish " + path + ": " + std::strerror(error) + "; what was written is in " +
-                       path + ".part");
+    if (const auto archive = take_archive()) {
+        if (!end.empty()) {
+            archive->metadata("end", end);
+        }
+        archive->close();
     }
 }
 
-/// The file could not be written: keep what is readable, go on without it, and say so.
-void Recorder::abandon_archive()
+/// From here on, nothing is archived.
+std::unique_ptr<ArchiveFile> Recorder::take_archive()
 {
-    const Archive &a = *archive_;
-    const McapStatus status = a.writer.status;
-    const std::string reason = a.sink.error ? std::strerror(a.sink.error) : mcap_status_text(status);
-    const std::string path = a.path;
-    file_sink_close(&archive_->sink, false);
-    archive_.reset();
     for (const auto &log : logs_) {
         log->archived_ = false;
     }
-    throw RunError("cannot write " + path + ": " + reason + "; what was written before is in " + path + ".part");
+    return std::move(archive_);
 }
 
 void Recorder::reserve(Ns now, Ns t, Ns step)
@@ -217,10 +141,12 @@ void Recorder::take_due(Ns t)
         if (log->archived_) {
             Head head;
             std::memcpy(&head, message, sizeof head);
-            if (mcap_message(&archive_->writer, log->channel_, t, head.sequence, message, log->field->size) !=
-                MCAP_OK) {
+            try {
+                archive_->message(log->channel_, t, head.sequence, {message, log->field->size});
+            } catch (const RunError &) {
                 find_next_due();
-                abandon_archive();
+                take_archive(); // and go on without it
+                throw;
             }
         }
     }

@@ -2,6 +2,7 @@
 // Records of messages: kept in memory for the user's plots, written to an archive, or both.
 #pragma once
 
+#include "sim/archive_file.h"
 #include "sim/instance.h"
 
 #include <cstddef>
@@ -30,8 +31,6 @@ private:
     std::uint16_t channel_ = 0; ///< in the archive
     bool archived_ = false;
 };
-
-using Pairs = std::vector<std::pair<std::string, std::string>>;
 
 class Recorder {
 public:
@@ -72,13 +71,12 @@ public:
     void rewind(Ns now);
 
 private:
-    struct Archive;
     void take_due(Ns t);
     void find_next_due();
-    [[noreturn]] void abandon_archive();
+    std::unique_ptr<ArchiveFile> take_archive();
 
     std::vector<std::shared_ptr<Log>> logs_;
-    std::unique_ptr<Archive> archive_;
+    std::unique_ptr<ArchiveFile> archive_;
     Ns next_due_;
 };
 
