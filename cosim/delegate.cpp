@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cosim/delegate.h"
 
+#include <cstdlib>
+
 namespace fledge::cosim {
 
 namespace {
@@ -28,6 +30,7 @@ struct Answer {
         }
         return tock;
     }
+    Message operator()(const Save &) { return Saved{node.save()}; }
     Message operator()(const Finish &m)
     {
         node.finish(m.reason);
@@ -50,12 +53,24 @@ std::string reachable(std::string address, const std::string &controller)
     return address;
 }
 
+void fill_in(std::string &text, const char *what, const char *variable)
+{
+    if (const char *value = std::getenv(variable); text.empty() && value) {
+        text = value;
+    }
+    if (text.empty()) {
+        throw LinkError(std::string("a node needs its ") + what + ", given here or by " + variable);
+    }
+}
+
 } // namespace
 
-Delegate::Delegate(zmq::context_t &context, DelegateConfig config)
-    : context_(context), config_(std::move(config)),
-      hello_{protocol_version, protocol_version, config_.simulation, config_.node}
+Delegate::Delegate(zmq::context_t &context, DelegateConfig config) : context_(context), config_(std::move(config))
 {
+    fill_in(config_.simulation, "simulation", "FLEDGE_SIMULATION");
+    fill_in(config_.node, "name", "FLEDGE_NODE");
+    fill_in(config_.address, "address", "FLEDGE_ADDRESS");
+    hello_ = {protocol_version, protocol_version, config_.simulation, config_.node};
 }
 
 /// Returns the address of the node's own socket.

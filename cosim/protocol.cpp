@@ -59,6 +59,7 @@ public:
     void operator()(Ns x) { number(x); }
     void operator()(bool x) { number(static_cast<std::uint8_t>(x)); }
     void operator()(Latency x) { number(static_cast<std::uint8_t>(x)); }
+    void operator()(Role x) { number(static_cast<std::uint8_t>(x)); }
     void operator()(const std::string &s, Bound) { bytes(s.data(), s.size()); }
     void operator()(const Bytes &b, Bound) { bytes(b.data(), b.size()); }
 
@@ -132,6 +133,15 @@ public:
             fail("there is no latency " + std::to_string(byte));
         }
         x = static_cast<Latency>(byte);
+    }
+
+    void operator()(Role &x)
+    {
+        const auto byte = number<std::uint8_t>();
+        if (byte > static_cast<std::uint8_t>(Role::asynchronous)) {
+            fail("there is no role " + std::to_string(byte));
+        }
+        x = static_cast<Role>(byte);
     }
 
     void operator()(std::string &s, Bound bound)
@@ -259,6 +269,8 @@ void body(auto &a, Is<Hello> auto &m)
 {
     a(m.oldest);
     a(m.newest);
+    a(m.role);
+    a(m.shared);
     a(m.simulation, Bound::name);
     a(m.node, Bound::name);
 }
@@ -266,6 +278,8 @@ void body(auto &a, Is<Hello> auto &m)
 void body(auto &a, Is<Welcome> auto &m)
 {
     a(m.address, Bound::text);
+    a(m.shared, Bound::text);
+    a(m.nonce);
 }
 
 void body(auto &a, Is<Refused> auto &m)
@@ -280,12 +294,14 @@ void body(auto &a, Is<Initialize> auto &m)
     a(m.start);
     a(m.frontend, Bound::text);
     a(m.backend, Bound::text);
+    a(m.snapshot, Bound::payload);
 }
 
 void body(auto &a, Is<Initialized> auto &m)
 {
     a(m.rates, 16);
     a(m.any_time);
+    a(m.saves);
 }
 
 void body(auto &, Is<ProvideDesired> auto &) {}
@@ -322,6 +338,7 @@ void body(auto &a, Is<Tock> auto &m)
 {
     a(m.reached);
     a(m.compute_ns);
+    a(m.leaving);
     a(m.records, 20);
 }
 
@@ -337,6 +354,29 @@ void body(auto &a, Is<Failed> auto &m)
     a(m.reason, Bound::text);
 }
 
+void body(auto &a, Is<Attached> auto &m)
+{
+    a(m.frontend, Bound::text);
+    a(m.backend, Bound::text);
+    a(m.channels, 28);
+}
+
+void body(auto &a, Is<Published> auto &m)
+{
+    body(a, m.record);
+    a(m.node, Bound::name);
+}
+
+void body(auto &a, Is<Save> auto &m)
+{
+    a(m.time);
+}
+
+void body(auto &a, Is<Saved> auto &m)
+{
+    a(m.snapshot, Bound::payload);
+}
+
 /// A message of the i-th kind, from 0.
 template <std::size_t I = 0> Message make(std::size_t i)
 {
@@ -348,8 +388,9 @@ template <std::size_t I = 0> Message make(std::size_t i)
 }
 
 constexpr const char *kind_names[] = {
-    "Hello",   "Welcome", "Refused", "Initialize", "Initialized", "ProvideDesired", "Desired",  "Match",
-    "Matched", "Start",   "Ready",   "Tick",       "Tock",        "Finish",         "Finished", "Failed"};
+    "Hello",   "Welcome", "Refused", "Initialize", "Initialized", "ProvideDesired", "Desired",
+    "Match",   "Matched", "Start",   "Ready",      "Tick",        "Tock",           "Finish",
+    "Finished", "Failed", "Attached", "Published", "Save",        "Saved"};
 static_assert(std::size(kind_names) == std::variant_size_v<Message>);
 
 } // namespace

@@ -16,9 +16,20 @@
 //     Ready                          -->
 //                                    <--  Tick               again and again
 //     Tock                           -->
+//                                    <--  Save               between ticks
+//     Saved                          -->
+//                                    <--  Match, Start       again, where programs join a run
+//     Matched, Ready                 -->
 //                                    <--  Finish
 //     Finished                       -->
 //     Failed                         -->                     instead of any reply
+//
+//     asynchronous program
+//     Hello                          -->
+//                                    <--  Attached | Refused
+//                                    <--  Published          from the broker, behind the topic's name
+//
+// All counts of messages begin at 1 with each Start.
 //
 // A frame is a header of 24 bytes and a body:
 //
@@ -114,13 +125,23 @@ struct Offer {
     bool operator==(const Offer &) const = default;
 };
 
+/// Who greets.
+enum class Role : std::uint8_t {
+    node = 0,         ///< it steps with the others
+    asynchronous = 1, ///< it looks on, and nobody waits for it
+};
+
 struct Hello {
     std::uint8_t oldest = protocol_version, newest = protocol_version; ///< versions that it speaks
     std::string simulation, node;
+    Role role = Role::node;
+    bool shared = false; ///< on the node's own socket: it goes on over the shared memory
     bool operator==(const Hello &) const = default;
 };
 struct Welcome {
     std::string address; ///< of the socket that the controller opened for this node
+    std::string shared = {}; ///< path of memory for it: "/proc/123/fd/7"; "" if there is none
+    std::uint64_t nonce = 0; ///< it stands in that memory too, if it is the right one
     bool operator==(const Welcome &) const = default;
 };
 struct Refused {
@@ -132,11 +153,13 @@ struct Initialize {
     Ns end = 0;                     ///< of the run
     Ns start = -1;                  ///< it begins after this instant; -1: with its reset
     std::string frontend, backend;  ///< of the broker for observers; "" if there is none
+    Bytes snapshot = {};            ///< what it saved at `start`, to go on from; empty: none
     bool operator==(const Initialize &) const = default;
 };
 struct Initialized {
     std::vector<Rate> rates;
     bool any_time = false; ///< it may write between its instants too, and come back early
+    bool saves = false;    ///< it answers Save with a snapshot
     bool operator==(const Initialized &) const = default;
 };
 struct ProvideDesired {
@@ -171,6 +194,7 @@ struct Tock {
     Ns reached = 0;    ///< all instants up to and including this one are done; may be before `until`
     Ns compute_ns = 0; ///< of wall time, spent in stepping
     std::vector<Record> records;
+    bool leaving = false; ///< it takes no further part in the run
     bool operator==(const Tock &) const = default;
 };
 struct Finish {
@@ -185,9 +209,31 @@ struct Failed {
     bool operator==(const Failed &) const = default;
 };
 
+/// The answer to an asynchronous program.
+struct Attached {
+    std::string frontend, backend; ///< of the broker: where to publish, and where to subscribe
+    std::vector<Channel> channels; ///< all topics that are known
+    bool operator==(const Attached &) const = default;
+};
+/// What the broker carries.
+struct Published {
+    Record record;    ///< t: when it was written
+    std::string node; ///< that wrote it
+    bool operator==(const Published &) const = default;
+};
+struct Save {
+    Ns time = 0; ///< which it has reached
+    bool operator==(const Save &) const = default;
+};
+struct Saved {
+    Bytes snapshot; ///< with which another program of this name goes on from there; empty: it cannot
+    bool operator==(const Saved &) const = default;
+};
+
 /// In the order of their kinds, from 1.
-using Message = std::variant<Hello, Welcome, Refused, Initialize, Initialized, ProvideDesired, Desired, Match,
-                             Matched, Start, Ready, Tick, Tock, Finish, Finished, Failed>;
+using Message =
+    std::variant<Hello, Welcome, Refused, Initialize, Initialized, ProvideDesired, Desired, Match, Matched, Start,
+                 Ready, Tick, Tock, Finish, Finished, Failed, Attached, Published, Save, Saved>;
 
 /// "Tock", for messages to people; by place in Message.
 const char *kind_name(std::size_t index);

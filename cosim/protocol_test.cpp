@@ -39,11 +39,11 @@ std::vector<Frame> one_of_each()
 {
     const Schema schema = error_schema();
     const Record record{3, 7, -5, make_payload(filled(120))};
-    return {{1, Hello{1, 2, "spin", "flight"}},
-            {2, Welcome{"tcp://127.0.0.1:7000"}},
+    return {{1, Hello{1, 2, "spin", "flight", Role::asynchronous, true}},
+            {2, Welcome{"tcp://127.0.0.1:7000", "/proc/12/fd/7", 0x0123456789abcdef}},
             {3, Refused{"there is a flight already"}},
-            {4, Initialize{42, 1'000'000'000, -1, "ipc://@f", "ipc://@b"}},
-            {5, Initialized{{{100, 0}, {250, 50}}, true}},
+            {4, Initialize{42, 1'000'000'000, -1, "ipc://@f", "ipc://@b", filled(40)}},
+            {5, Initialized{{{100, 0}, {250, 50}}, true, true}},
             {6, ProvideDesired{}},
             {7, Desired{{{"/w/a", Latency::next_exchange, true, schema},
                          {"/w/b", Latency::same_instant, false, {}}}}},
@@ -52,10 +52,14 @@ std::vector<Frame> one_of_each()
             {10, Start{{{0, "/w/a", schema}}}},
             {11, Ready{}},
             {12, Tick{500, {record, record}}},
-            {13, Tock{400, 12345, {record}}},
+            {13, Tock{400, 12345, {record}, true}},
             {14, Finish{"asked"}},
             {15, Finished{}},
-            {16, Failed{"a pole"}}};
+            {16, Failed{"a pole"}},
+            {17, Attached{"ipc://@f", "ipc://@b", {{0, "/f/u", schema}}}},
+            {18, Published{record, "flight"}},
+            {19, Save{1'000'000'000}},
+            {20, Saved{filled(77)}}};
 }
 
 std::string why(std::span<const std::byte> bytes, const Limits &limits = {})
@@ -98,12 +102,12 @@ TEST(Protocol, EveryMessageIsReadAsItWasWrittenInBothByteOrders)
 
 TEST(Protocol, AFrameLiesInMemoryAsTheHeaderSays)
 {
-    const Bytes b = encode({258, Tock{1, 2, {{5, 6, 3, make_payload(filled(8))}}}}, Order::big);
+    const Bytes b = encode({258, Tock{1, 2, {{5, 6, 3, make_payload(filled(8))}}, true}}, Order::big);
     const unsigned char expected[] = {
         'F', 'L', 'C', 'S', 0, 1, 0, 13, 0, 0, 0, 56, 0, 0, 0, 0,
         0,   0,   1,   2,   0, 0, 0, 0,                           // header, crc left out
         0,   0,   0,   0,   0, 0, 0, 1,  0, 0, 0, 0,  0, 0, 0, 2, // reached, compute
-        0,   0,   0,   1,   0, 0, 0, 0,  0, 0, 0, 0,  0, 0, 0, 3, // one record; its t
+        1,   0,   0,   0,   0, 0, 0, 1,  0, 0, 0, 0,  0, 0, 0, 3, // leaving; one record; its t
         0,   0,   0,   5,   0, 0, 0, 6,  0, 0, 0, 12};            // channel, count, length
     ASSERT_EQ(b.size(), frame_header_size + 56);
     for (std::size_t i = 0; i < sizeof expected; i++) {
@@ -154,7 +158,7 @@ TEST(Protocol, WhatIsWrittenIsTheOnlyWayToWriteIt)
             }
         }
         if (random() % 8 == 0) {
-            b[6] = static_cast<std::byte>(random() % 18);
+            b[6] = static_cast<std::byte>(random() % 22);
         }
         seal(b);
         try {
@@ -192,6 +196,10 @@ TEST(Protocol, ARefusalSaysWhereAndWhy)
     wrong[frame_header_size + 10] = std::byte{7};
     seal(wrong);
     EXPECT_EQ(why(wrong), "Desired: byte 11 of the body: there is no latency 7");
+    wrong = encode({1, Hello{1, 1, "spin", "flight"}});
+    wrong[frame_header_size + 2] = std::byte{2};
+    seal(wrong);
+    EXPECT_EQ(why(wrong), "Hello: byte 3 of the body: there is no role 2");
 }
 
 TEST(Protocol, AListMakesNoMoreRoomThanWasSent)

@@ -72,6 +72,7 @@ struct FledgeNode final : private Node {
     std::vector<Input> inputs;
     std::vector<Output> outputs;
     std::string error;
+    bool leaving = false;
 
 private:
     struct Wired {
@@ -92,9 +93,7 @@ private:
         if (m.start >= rate.offset) {
             next += ((m.start - rate.offset) / rate.period + 1) * rate.period;
         }
-        wired.clear();
-        written.clear();
-        coming.clear();
+        leaving = false;
         return {{rate}, false};
     }
 
@@ -110,6 +109,7 @@ private:
     std::vector<Offer> match(const std::vector<Channel> &asked) override
     {
         std::vector<Offer> offers;
+        written.clear();
         for (const Channel &channel : asked) {
             for (Output &output : outputs) {
                 if (output.topic == channel.topic) {
@@ -129,6 +129,8 @@ private:
 
     void start(const std::vector<Channel> &channels_in) override
     {
+        wired.clear();
+        coming.clear();
         for (const Channel &channel : channels_in) {
             const auto input = std::find_if(inputs.begin(), inputs.end(),
                                             [&](const Input &i) { return i.want.topic == channel.topic; });
@@ -154,7 +156,7 @@ private:
         Tock tock;
         tock.reached = tick.until;
         auto record = coming.begin();
-        for (; next <= tick.until; next += rate.period) {
+        for (; next <= tock.reached; next += rate.period) {
             for (; record != coming.end() && record->t <= next; ++record) {
                 const Wired &wire = wired.at(record->channel);
                 read_payload(record->payload, wire.fields, wire.input->message);
@@ -167,6 +169,10 @@ private:
                     w.sent.assign(w.output->message.begin(), w.output->message.end());
                     tock.records.push_back({w.channel, ++w.count, next, make_payload(w.sent)});
                 }
+            }
+            if (leaving) {
+                tock.reached = next;
+                tock.leaving = true;
             }
         }
         coming.erase(coming.begin(), record);
@@ -184,8 +190,9 @@ private:
 FledgeNode *fledge_node_create(const char *simulation, const char *node, const char *address, int64_t every,
                                int64_t offset)
 {
+    const auto given = [](const char *text) { return std::string(text ? text : ""); };
     try {
-        return new FledgeNode(simulation, node, address, {every, offset});
+        return new FledgeNode(given(simulation), given(node), given(address), {every, offset});
     } catch (const std::bad_alloc &) {
         return nullptr;
     }
@@ -217,6 +224,11 @@ int fledge_node_writes(FledgeNode *node, const char *topic, const char *type, co
 int fledge_node_run(FledgeNode *node, FledgeStep step, void *user)
 {
     return node->attempt([&] { node->run(step, user); });
+}
+
+void fledge_node_leave(FledgeNode *node)
+{
+    node->leaving = true;
 }
 
 const char *fledge_node_error(const FledgeNode *node)

@@ -38,7 +38,8 @@ typedef enum FledgeLatency {
 typedef int (*FledgeStep)(void *user, int64_t t);
 
 /** A node that steps at offset + k every [ns], of the simulation whose controller listens at `address`:
- *  "tcp://127.0.0.1:7000", "ipc://@name". NULL if there is no memory. */
+ *  "tcp://127.0.0.1:7000", "ipc://@name". What is NULL is as FLEDGE_SIMULATION, FLEDGE_NODE and
+ *  FLEDGE_ADDRESS say. NULL if there is no memory. */
 FLEDGE_API FledgeNode *fledge_node_create(const char *simulation, const char *node, const char *address, int64_t every,
                                int64_t offset);
 FLEDGE_API void fledge_node_destroy(FledgeNode *node);
@@ -55,6 +56,10 @@ FLEDGE_API int fledge_node_writes(FledgeNode *node, const char *topic, const cha
 
 /** Take part in a run, to its regular end. */
 FLEDGE_API int fledge_node_run(FledgeNode *node, FledgeStep step, void *user);
+
+/** From within the step: take no further part in the run. What this step writes is the last, and
+ *  fledge_node_run() returns. */
+FLEDGE_API void fledge_node_leave(FledgeNode *node);
 
 /** Why the last function failed, or the run ended early; "" if neither. */
 FLEDGE_API const char *fledge_node_error(const FledgeNode *node);

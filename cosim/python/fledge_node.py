@@ -24,6 +24,7 @@ in nanoseconds.
 
 The format is described in cosim/protocol.h; names here follow it.
 """
+import os
 import re
 import struct
 import textwrap
@@ -36,7 +37,8 @@ ns, us, ms, s = 1, 10**3, 10**6, 10**9
 
 LATENCIES = {"same_instant": 0, "next_instant": 1, "next_exchange": 2}
 KINDS = ["Hello", "Welcome", "Refused", "Initialize", "Initialized", "ProvideDesired", "Desired", "Match",
-         "Matched", "Start", "Ready", "Tick", "Tock", "Finish", "Finished", "Failed"]
+         "Matched", "Start", "Ready", "Tick", "Tock", "Finish", "Finished", "Failed", "Attached", "Published",
+         "Save", "Saved"]
 VERSION = 1
 LARGEST = 64 << 20  # bytes of a frame
 
@@ -216,11 +218,15 @@ class _Reader:
 class Node:
     """One program's part in a run.
 
+    simulation, name, address: None: what FLEDGE_SIMULATION, FLEDGE_NODE and FLEDGE_ADDRESS say
     every, offset: [ns] it steps at offset + k every
     patience: [s] for the controller to be there
     """
 
-    def __init__(self, simulation, name, address, every, offset=0, patience=60):
+    def __init__(self, simulation=None, name=None, address=None, *, every, offset=0, patience=60):
+        simulation = _given("simulation", simulation, "FLEDGE_SIMULATION")
+        name = _given("name", name, "FLEDGE_NODE")
+        address = _given("address", address, "FLEDGE_ADDRESS")
         self.simulation, self.name, self.address = simulation, name, address
         self.every, self.offset, self.patience = every, offset, patience
         self.seed = self.end = None  #: of the run, once it has begun
@@ -230,9 +236,12 @@ class Node:
         self._channels = {}  # channel -> topic, of what is read
         self._values = {}    # topic -> dict, as last seen
         self._counts = {}    # channel -> messages, read or written
-        self._offers = {}    # topic -> channel
+        self._offers = {}    # topic -> channel, of what is written
+        self._latest = {}    # topic -> (time, count, dict), as last written
         self._sequence = {}  # topic -> of its head
         self._coming = []    # records that no instant has seen
+        self._now = -1       # the instant of the last step
+        self._leaving = False
         self._step = None
 
     def reads(self, topic, latency="same_instant", optional=False, name="", text=""):
@@ -261,13 +270,24 @@ class Node:
         """Write a message, now."""
         if topic not in self._writes:
             raise NodeError(f"{self.name} does not write {topic}; it writes {', '.join(self._writes) or 'nothing'}")
-        if topic not in self._offers:
-            return  # nobody reads it
-        schema = self._writes[topic][0]
+        self._sequence[topic] = self._sequence.get(topic, 0) + 1
+        self._latest[topic] = (self._now, self._sequence[topic], dict(values))
+        if topic in self._offers:
+            self._written[topic] = self._packed(topic)
+
+    def leave(self):
+        """Take no further part in the run: what this step writes is the last. run() returns then."""
+        self._leaving = True
+
+    def _packed(self, topic):
+        """The message as it was last written, with a head where it begins with one."""
+        schema, initial = self._writes[topic]
+        if topic not in self._latest:
+            return schema.pack(initial)
+        t, sequence, values = self._latest[topic]
         if schema.fields and schema.fields[0][0] == "head.t":
-            self._sequence[topic] = self._sequence.get(topic, 0) + 1
-            values = {"head.t": self._now, "head.quality": 3, "head.sequence": self._sequence[topic]} | values
-        self._written[topic] = schema.pack(values)
+            values = {"head.t": t, "head.quality": 3, "head.sequence": sequence} | values
+        return schema.pack(values)
 
     def run(self):
         """Take part in a run, to its end. Returns its reason, "" at the regular one. Raises NodeError,
@@ -290,6 +310,8 @@ class Node:
         w = _Writer()
         w.number("B", VERSION)
         w.number("B", VERSION)
+        w.number("B", 0)  # a node
+        w.number("B", 0)  # without shared memory
         w.text(self.simulation)
         w.text(self.name)
         return w.frame("Hello", 1)
@@ -307,6 +329,8 @@ class Node:
             if r.kind != "Welcome":
                 raise NodeError(f"the controller answers a Hello with {r.kind}")
             address = r.text()
+            r.text(), r.number("Q")  # shared memory, which is not for Python
+            r.end()
             if address.startswith("tcp://0.0.0.0:"):  # it listens everywhere
                 address = self.address.rpartition(":")[0] + ":" + address.rpartition(":")[2]
             return address
@@ -335,7 +359,7 @@ class Node:
 
     def _on_Initialize(self, r, w):
         self.seed, self.end, start = r.number("Q"), r.number("q"), r.number("q")
-        r.text(), r.text()
+        r.text(), r.text(), r.bytes()
         r.end()
         if self._step is None:
             raise NodeError("there is no step function")
@@ -345,7 +369,8 @@ class Node:
         w.number("I", 1)
         w.number("q", self.every)
         w.number("q", self.offset)
-        w.number("B", 0)
+        w.number("B", 0)  # it writes at its instants only
+        w.number("B", 0)  # it makes no snapshots
         return "Initialized"
 
     def _on_ProvideDesired(self, r, w):
@@ -362,17 +387,18 @@ class Node:
         asked = [channel for channel in r.channels() if channel[1] in self._writes]
         r.end()
         w.number("I", len(asked))
+        self._offers = {}
         for channel, topic, (name, text) in asked:
             self._offers[topic] = channel
-            schema, initial = self._writes[topic]
-            if not schema.text:
-                schema = self._writes[topic][0] = Schema(name, text)
+            if not self._writes[topic][0].text:
+                self._writes[topic][0] = Schema(name, text)
             w.number("I", channel)
-            w.schema(schema)
-            w.bytes(b"\0\1\0\0" + schema.pack(initial))
+            w.schema(self._writes[topic][0])
+            w.bytes(b"\0\1\0\0" + self._packed(topic))
         return "Matched"
 
     def _on_Start(self, r, w):
+        self._channels, self._counts, self._coming = {}, {}, []
         for channel, topic, (name, text) in r.channels():
             self._channels[channel] = topic
             latency, optional, _ = self._wants[topic]
@@ -402,8 +428,11 @@ class Node:
                 self._counts[channel] = self._counts.get(channel, 0) + 1
                 out.append((self._now, channel, self._counts[channel], b"\0\1\0\0" + message))
             self._next += self.every
+            if self._leaving:
+                until = self._now
         w.number("q", until)
         w.number("q", time.perf_counter_ns() - begun)
+        w.number("B", self._leaving)
         w.number("I", len(out))
         for t, channel, count, payload in out:
             w.number("q", t)
@@ -411,6 +440,12 @@ class Node:
             w.number("I", count)
             w.bytes(payload)
         return "Tock"
+
+    def _on_Save(self, r, w):
+        r.number("q")
+        r.end()
+        w.bytes(b"")  # it cannot
+        return "Saved"
 
     def _on_Finish(self, r, w):
         self.reason = r.text()
@@ -421,6 +456,13 @@ class Node:
         if channel not in self._channels or count != self._counts.get(channel, 0) + 1:
             raise NodeError(f"message {count} on channel {channel} is not the next one")
         self._counts[channel] = count
+
+
+def _given(what, value, variable):
+    value = value or os.environ.get(variable)
+    if not value:
+        raise NodeError(f"a node needs its {what}, given here or by {variable}")
+    return value
 
 
 def _set_up(socket, linger):
