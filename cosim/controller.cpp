@@ -604,6 +604,19 @@ void Controller::start(NodeId id)
     send<Start, Ready>(id, std::move(start));
 }
 
+Exchange Controller::exchange() const
+{
+    Exchange exchange;
+    for (const Node &node : nodes_) {
+        exchange.members.push_back({node.config.name, node.rates, node.any_time, node.wants});
+    }
+    for (const Topic &topic : topics_) {
+        exchange.topics.push_back({topic.name, topic.schema,
+                                   topic.writer ? nodes_[*topic.writer].config.name : "", topic.initial});
+    }
+    return exchange;
+}
+
 void Controller::reply(NodeId id, Ready &)
 {
     nodes_[id].stage = Stage::idle;
@@ -612,6 +625,9 @@ void Controller::reply(NodeId id, Ready &)
         actions_.push_back(action::Report{nodes_[id].config.name + " is back at " + when(nodes_[id].reached)});
     } else if (!all_at(Stage::idle)) {
         return;
+    }
+    if (phase_ == Phase::gathering && config_.tell) {
+        actions_.push_back(action::Began{exchange()});
     }
     phase_ = Phase::running;
     for (NodeId other = 0; other < nodes_.size(); other++) {
@@ -645,6 +661,9 @@ void Controller::reply(NodeId id, Tock &m)
         for (const std::size_t w : topic.wires) {
             push(wires_[w], record.t, record.payload);
         }
+    }
+    if (config_.tell && !m.records.empty()) {
+        actions_.push_back(action::Wrote{id, std::move(m.records)});
     }
     grant_around(id);
     finish_if_complete();

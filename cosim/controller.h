@@ -48,6 +48,26 @@ struct ControllerConfig {
     std::string frontend, backend; ///< of the broker, handed on to the nodes
     std::uint32_t batch = 1000;    ///< most instants in one tick
     std::uint32_t ahead = 4096;    ///< most messages that wait for one reader; at least 4
+    bool tell = false;             ///< give Began and Wrote, for records and for those who watch
+};
+
+/// Who takes part, and what passes between them.
+struct Exchange {
+    struct Member {
+        std::string name;
+        std::vector<Rate> rates;
+        bool any_time = false;
+        std::vector<Want> wants; ///< optional ones that nobody writes included
+    };
+    struct Topic {
+        std::string name;
+        Schema schema;
+        std::string writer; ///< a node's name; "" if there is none
+        Bytes initial;      ///< payload
+    };
+    Ns after = -1; ///< it holds after this instant; -1: from the reset on
+    std::vector<Member> members;
+    std::vector<Topic> topics; ///< by channel number
 };
 
 /// A node's place in ControllerConfig::nodes.
@@ -77,6 +97,15 @@ struct ShutOut {
 struct Report {
     std::string text;
 };
+/// All have been matched, and step from here on.
+struct Began {
+    Exchange exchange;
+};
+/// What a node wrote, in order; it has been found good. The times are those of writing.
+struct Wrote {
+    NodeId node;
+    std::vector<Record> records;
+};
 /// All is over. "" if the run came to its end.
 struct Done {
     std::string reason;
@@ -85,7 +114,7 @@ struct Done {
 } // namespace action
 
 using Action = std::variant<action::Accept, action::Refuse, action::Send, action::ShutOut, action::Report,
-                            action::Done>;
+                            action::Began, action::Wrote, action::Done>;
 
 class Controller {
 public:
@@ -185,6 +214,7 @@ private:
     void connect();
     std::string find_cycle() const;
     void start(NodeId id);
+    Exchange exchange() const;
 
     std::string fault_of(NodeId id, const Tock &m) const;
     void push(Wire &wire, Ns written, const Bytes &payload);

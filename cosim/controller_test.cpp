@@ -253,6 +253,7 @@ struct Bench {
         config.end = end;
         config.batch = batch;
         config.ahead = ahead;
+        config.tell = true;
         return config;
     }
 
@@ -288,6 +289,15 @@ struct Bench {
                 reports.push_back(report->text);
             } else if (auto *refuse = std::get_if<action::Refuse>(&a)) {
                 refusals.push_back(refuse->reason);
+            } else if (auto *began = std::get_if<action::Began>(&a)) {
+                EXPECT_TRUE(told.empty());
+                exchange = began->exchange;
+            } else if (auto *wrote = std::get_if<action::Wrote>(&a)) {
+                for (const Record &record : wrote->records) {
+                    const Exchange::Topic &topic = exchange.topics.at(record.channel);
+                    EXPECT_EQ(topic.writer, specs[wrote->node].name);
+                    told[topic.name].emplace_back(record.t, word_of(record.payload));
+                }
             } else if (auto *done = std::get_if<action::Done>(&a)) {
                 EXPECT_FALSE(outcome);
                 outcome = done->reason;
@@ -354,6 +364,8 @@ struct Bench {
     std::vector<std::string> reports, refusals;
     std::optional<std::string> outcome;
     std::size_t ticks = 0;
+    Exchange exchange;
+    std::map<std::string, std::vector<std::pair<Ns, std::uint64_t>>> told; ///< writes, by topic
 };
 
 Want want(const std::string &topic, Latency latency)
@@ -426,6 +438,37 @@ std::vector<Spec> pair(Latency there = Latency::same_instant, Latency back = Lat
 {
     return {spec("world", 100, {want("/flight/u", back)}, {"/world/x"}),
             spec("flight", 500, {want("/world/x", there)}, {"/flight/u"})};
+}
+
+TEST(Controller, WhatIsToldForRecordsIsAllThatWasWrittenInOrder)
+{
+    for (unsigned network = 0; network < 40; network++) {
+        Random random(network);
+        const auto specs = random_network(random);
+        Bench bench(specs, 400, network);
+        ASSERT_EQ(bench.run(), "");
+        ASSERT_EQ(bench.exchange.after, -1);
+        History history = bench.history();
+        for (std::size_t i = 0; i < specs.size(); i++) {
+            EXPECT_EQ(bench.exchange.members[i].name, specs[i].name);
+            EXPECT_EQ(bench.exchange.members[i].rates, specs[i].rates);
+            EXPECT_EQ(bench.exchange.members[i].wants, specs[i].wants);
+        }
+        for (const Exchange::Topic &topic : bench.exchange.topics) {
+            const auto &spec = *std::find_if(specs.begin(), specs.end(),
+                                             [&](const Spec &s) { return s.name == topic.writer; });
+            const auto k = static_cast<std::size_t>(
+                std::find(spec.writes.begin(), spec.writes.end(), topic.name) - spec.writes.begin());
+            EXPECT_EQ(topic.initial, word(spec.initial(k)));
+            std::vector<std::pair<Ns, std::uint64_t>> written;
+            for (const auto &[t, state] : history[spec.name]) {
+                if (spec.writes_at(t, k)) {
+                    written.emplace_back(t, Spec::output(state, k));
+                }
+            }
+            EXPECT_EQ(bench.told[topic.name], written) << topic.name << " in network " << network;
+        }
+    }
 }
 
 TEST(Controller, FastNodesStepOftenInOneTickWhileTheSlowOneHasNothingToSay)
