@@ -65,6 +65,11 @@ void fill_in(std::string &text, const char *what, const char *variable)
 
 } // namespace
 
+Message answer(Node &node, const Message &request)
+{
+    return std::visit(Answer{node}, request);
+}
+
 Delegate::Delegate(zmq::context_t &context, DelegateConfig config) : context_(context), config_(std::move(config))
 {
     fill_in(config_.simulation, "simulation", "FLEDGE_SIMULATION");
@@ -110,7 +115,7 @@ std::string Delegate::serve(Node &node)
     for (auto patience = config_.patience;; patience = {}) {
         const Frame request = link.wait(patience);
         try {
-            link.send({request.number, std::visit(Answer{node}, request.message)});
+            link.send({request.number, answer(node, request.message)});
         } catch (const std::exception &error) {
             link.send({request.number, Failed{error.what()}});
             throw;

@@ -34,6 +34,10 @@ public:
     virtual void finish(const std::string &reason) { (void)reason; }
 };
 
+/// The node's reply to a request of the controller. Throws what the node throws, and ProtocolError if
+/// this is no request.
+Message answer(Node &node, const Message &request);
+
 /// What is not given is as the environment says: FLEDGE_SIMULATION, FLEDGE_NODE, FLEDGE_ADDRESS.
 struct DelegateConfig {
     std::string simulation, node;

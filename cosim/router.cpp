@@ -46,6 +46,29 @@ Router::~Router()
     }
 }
 
+void Router::host(const std::string &name, Node &node)
+{
+    hosted_.push_back(&node);
+    controller_.hello(hosted_.size(), {protocol_version, protocol_version, simulation_, name, Role::node, false});
+    act();
+}
+
+/// One after another: what they bring about may call them again.
+void Router::call_hosted()
+{
+    while (!calls_.empty() && Clock::now() - looked_ < look) {
+        const auto [id, request] = std::move(calls_.front());
+        calls_.pop_front();
+        Frame reply{request.number, {}};
+        try {
+            reply.message = answer(*nodes_[id].hosted, request.message);
+        } catch (const std::exception &error) {
+            reply.message = Failed{error.what()};
+        }
+        heard(id, std::move(reply));
+    }
+}
+
 std::string Router::run(const std::function<bool()> &poll)
 {
     begun_ = looked_ = Clock::now();
@@ -62,7 +85,8 @@ std::string Router::run(const std::function<bool()> &poll)
                 }
             }
         }
-        cosim::poll(items_, look);
+        call_hosted();
+        cosim::poll(items_, calls_.empty() && !controller_.done() ? look : 0ms);
         if (items_[0].revents) {
             greet();
         }
@@ -135,14 +159,7 @@ void Router::listen(NodeId id)
                 join(place, frame);
                 continue;
             }
-            if (const auto *tock = std::get_if<Tock>(&frame.message)) {
-                place.times.ticks++;
-                place.times.compute += tock->compute_ns;
-                place.times.transport +=
-                    std::chrono::nanoseconds(Clock::now() - place.asked).count() - tock->compute_ns;
-            }
-            controller_.received(id, std::move(frame));
-            act();
+            heard(id, std::move(frame));
         }
     } catch (const ProtocolError &error) {
         controller_.lost(id, std::string("it sent no frame: ") + error.what());
@@ -151,6 +168,18 @@ void Router::listen(NodeId id)
         controller_.lost(id, error.what());
         act();
     }
+}
+
+void Router::heard(NodeId id, Frame frame)
+{
+    if (const auto *tock = std::get_if<Tock>(&frame.message)) {
+        NodeTimes &times = nodes_[id].times;
+        times.ticks++;
+        times.compute += tock->compute_ns;
+        times.transport += std::chrono::nanoseconds(Clock::now() - nodes_[id].asked).count() - tock->compute_ns;
+    }
+    controller_.received(id, std::move(frame));
+    act();
 }
 
 /// A socket that nobody is connected to takes no frame: the node has to speak first.
@@ -185,7 +214,9 @@ void Router::act()
                 Place &place = nodes_[send->node];
                 try {
                     place.asked = Clock::now();
-                    if (!place.joined) {
+                    if (place.hosted) {
+                        calls_.emplace_back(send->node, std::move(send->frame));
+                    } else if (!place.joined) {
                         place.first = std::move(send->frame);
                     } else if (place.link) {
                         place.link->send(send->frame);
@@ -193,12 +224,18 @@ void Router::act()
                 } catch (const std::exception &error) {
                     controller_.lost(send->node, error.what());
                 }
-            } else if (const auto *accept = std::get_if<action::Accept>(&a)) {
+            } else if (const auto *accept = std::get_if<action::Accept>(&a); accept && accept->peer) {
+                nodes_[accept->node].hosted = hosted_[accept->peer - 1];
+            } else if (accept) {
                 reply(greeting_peer_, Welcome{open(accept->node)});
             } else if (const auto *refuse = std::get_if<action::Refuse>(&a)) {
+                if (refuse->peer) {
+                    throw LinkError(refuse->reason);
+                }
                 reply(greeting_peer_, Refused{refuse->reason});
             } else if (const auto *out = std::get_if<action::ShutOut>(&a)) {
                 nodes_[out->node].link.reset();
+                nodes_[out->node].hosted = nullptr;
                 links_changed_ = true;
             } else if (const auto *report = std::get_if<action::Report>(&a)) {
                 if (config_.report) {

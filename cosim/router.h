@@ -6,9 +6,10 @@
 #pragma once
 
 #include "cosim/controller.h"
-#include "cosim/link.h"
+#include "cosim/delegate.h"
 
 #include <chrono>
+#include <deque>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -42,6 +43,10 @@ public:
 
     const std::string &address() const { return address_; }
 
+    /// Let this program be that node itself: it is called, without a socket between. It lives until the
+    /// run is over. Throws LinkError if there is no such node, or it was hosted already.
+    void host(const std::string &name, Node &node);
+
     /// From the first greeting to the end. `poll` is called about ten times a second; false ends the
     /// run. Returns the reason of the end, "" if it is the regular one.
     std::string run(const std::function<bool()> &poll = {});
@@ -53,6 +58,7 @@ private:
     using Clock = std::chrono::steady_clock;
     struct Place {
         std::unique_ptr<Link> link;
+        Node *hosted = nullptr;
         std::optional<Frame> first; ///< waits for the node to speak on its socket
         bool joined = false;
         Clock::time_point asked;
@@ -64,6 +70,8 @@ private:
     void join(Place &place, const Frame &frame);
     void act();
     std::string open(NodeId id);
+    void call_hosted();
+    void heard(NodeId id, Frame frame);
     void reply(std::span<const std::byte> peer, const Message &message);
     void look_at_clock(const std::function<bool()> &poll);
 
@@ -77,6 +85,8 @@ private:
     std::vector<NodeId> polled_;            ///< whose sockets stand in items_
     std::vector<zmq::pollitem_t> items_;
     bool links_changed_ = true;
+    std::vector<Node *> hosted_;            ///< in the order of their coming
+    std::deque<std::pair<NodeId, Frame>> calls_; ///< to hosted nodes, in the order of asking
     Bytes greeting_peer_;                   ///< libzmq's name of who is being greeted
     unsigned opened_ = 0;
     Clock::time_point begun_, looked_;

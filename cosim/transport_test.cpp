@@ -154,6 +154,35 @@ TEST_P(Transport, AnErrorInANodeReachesTheUser)
     EXPECT_EQ(serve_b.get(), "threw: a pole");
 }
 
+TEST_P(Transport, ANodeMayLiveInTheControllersProgram)
+{
+    zmq::context_t context;
+    Router router(context, two_nodes(1000), listening(GetParam()));
+    Counter a("/b/n", "/a/n", Latency::next_instant), b("/a/n", "/b/n", Latency::same_instant);
+    router.host("a", a);
+    EXPECT_THROW(router.host("a", b), LinkError);
+    EXPECT_THROW(router.host("c", b), LinkError);
+    auto serve_b = std::async(std::launch::async, [&] { return serve(context, router.address(), "b", b); });
+    EXPECT_EQ(router.run(), "");
+    EXPECT_EQ(serve_b.get(), "");
+    EXPECT_EQ(a.heard, 200u);
+    EXPECT_EQ(b.heard, 201u);
+    EXPECT_EQ(a.reason, "");
+    EXPECT_EQ(router.times(0).ticks, 101u);
+}
+
+TEST(Router, ItMayHostAllNodes)
+{
+    zmq::context_t context;
+    Router router(context, two_nodes(1'000'000), listening("inproc"));
+    Counter a("/b/n", "/a/n", Latency::next_exchange), b("/a/n", "/b/n", Latency::next_exchange);
+    router.host("a", a);
+    router.host("b", b);
+    EXPECT_EQ(router.run(), "");
+    EXPECT_EQ(a.heard, 100'000u);
+    EXPECT_EQ(b.heard, 100'000u);
+}
+
 INSTANTIATE_TEST_SUITE_P(All, Transport, testing::Values("tcp", "ipc", "inproc"));
 
 /// A program that greets and then sends whatever the test wants.
