@@ -33,7 +33,7 @@ _BOARD_KEYS = ("name", "doc", "base", "size", "order", "clock", "interrupts", "s
 _OF_LANE = ("address", "interrupt", "descriptor", "remove", "add")
 _SNORKEL_KEYS = ("name", "doc", "form", "direction", *_OF_LANE, *[f"write_{k}" for k in _OF_LANE],
                  "count", "queue", "overflow", "size", "capacity", "unit", "outside_order",
-                 "message", "header", "field")
+                 "message", "header", "carries", "field")
 _ONLY_FOR = {          # keys that say nothing of another form
     "count": ("word",), "field": ("word",),
     "capacity": ("packet", "message"), "size": ("packet", "message"),
@@ -41,9 +41,9 @@ _ONLY_FOR = {          # keys that say nothing of another form
     "remove": ("packet",), "add": ("packet",),
     "write_remove": ("packet",), "write_add": ("packet",),
     "unit": ("packet",), "outside_order": ("packet",),
-    "message": ("message",), "header": ("message",),
+    "message": ("message",), "header": ("message",), "carries": ("message",),
 }
-_FIELD_KEYS = ("name", "doc", "bits", "signed", "scale", "offset", "unit")
+_FIELD_KEYS = ("name", "doc", "bits", "signed", "scale", "offset", "unit", "carries")
 _DESCRIPTOR_KEYS = ("address", "length", "tag", "valid")
 
 _NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
@@ -68,6 +68,8 @@ class Field:
     scale: float
     offset: float
     unit: str
+    carries: str | None = None      # the number of a mission's message, or the first of `count`
+    line: int = field(default=0, compare=False, repr=False)   # of the file, for who looks at `carries`
 
     @property
     def low(self) -> int:
@@ -120,6 +122,8 @@ class Snorkel:
     message: str | None
     header: str | None
     message_size: int | None
+    carries: str | None = None          # a mission's message
+    line: int = field(default=0, compare=False, repr=False)
 
 
 @dataclass(frozen=True)
@@ -144,7 +148,8 @@ class Board:
     def hash(self) -> int:
         """64-bit FNV-1a over all that both sides must agree on."""
         text = repr((self.name, self.size, self.order, self.clock, self.interrupts, self.lines,
-                     [(lane, s.fields, s.message) for s in self.snorkels for lane in s.lanes]))
+                     [(lane, s.fields, s.message, s.carries)
+                      for s in self.snorkels for lane in s.lanes]))
         value = 0xCBF29CE484222325
         for byte in text.encode():
             value = (value ^ byte) * 0x100000001B3 % (1 << 64)
@@ -153,7 +158,11 @@ class Board:
 
 def read(path: Path) -> Board:
     """The board of a file; BoardError with all complaints if there are any."""
-    text = path.read_text(encoding="utf-8")
+    return parse(path.read_text(encoding="utf-8"), path)
+
+
+def parse(text: str, path: Path) -> Board:
+    """The same of a text that stands, or is to stand, at that path."""
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -394,7 +403,9 @@ class _Reader:
                                    shape | dict(unit=unit, swap=swap)))
             names.setdefault(name + suffix, (*path, "name"))
         return Snorkel(name, self.text(table, path, "doc", ""), direction, tuple(lanes), fields,
-                       message, header, message_size)
+                       message, header, message_size,
+                       self.text(table, path, "carries", "") or None,
+                       line_of(self.lines, (*path, "carries")))
 
     def capacity(self, table, path, form) -> tuple[bool, int, int | None]:
         """(variable, bytes in a slot, bytes of a message's struct)"""
@@ -518,5 +529,7 @@ class _Reader:
                                 bool(self.value(given, here, "signed", (bool,), "true or false",
                                                 False)),
                                 scale, self.number(given, here, "offset", 0.0),
-                                self.text(given, here, "unit", "-")))
+                                self.text(given, here, "unit", "-"),
+                                self.text(given, here, "carries", "") or None,
+                                line_of(self.lines, (*here, "carries"))))
         return tuple(fields)

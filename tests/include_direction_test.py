@@ -28,7 +28,7 @@ MAY_INCLUDE = {
     "ground":      ["flight/math"],
     "targets":     ["flight", "registers", "record"],
     "introspect":  [],
-    "fledge":      ["flight", "record", "sim", "world", "cosim"],
+    "fledge":      ["flight", "registers", "record", "sim", "world", "cosim"],
     "missions":    ["fledge"],
     "bench":       ["flight", "record", "sim", "world", "cosim", "fledge"],
     "tests":       ["flight", "registers", "record", "sim", "world", "cosim", "emulator", "ground",

@@ -75,6 +75,8 @@ class Message:
     member: str                      # in.nav_attitude, motor.out.command
     direction: str                   # in, out, inside
     ends: list                       # paths at its other ends
+    latency: int = 0                 # exchanges that an input takes, as the host must see to
+    optional: bool = False           # of an input: flight does without
 
 
 @dataclass
@@ -177,7 +179,11 @@ class _Reader:
                     mission.wires[module.name].append(Wire(start, end, stale_after))
             else:
                 struct = next(f.struct for f in module.struct.fields if f.name == to_port)
-                message = order.setdefault(source, Message("", source, struct, "", "in", []))
+                message = order.setdefault(source, Message("", source, struct, "", "in", [], latency, True))
+                if message.latency != latency:
+                    raise self.refusal(f"{source} reaches flight with two latencies, by {message.ends[0]} and "
+                                       f"{target}; an exported mission is told it once: give both the same")
+                message.optional &= next(f.optional for f in module.struct.fields if f.name == to_port)
                 message.ends.append(target)
                 mission.wires[module.name].append(Wire(source, end, stale_after))
         c = names.distinct([path.removeprefix("world.") for path in order])

@@ -7,9 +7,9 @@ from pathlib import Path
 from fledge.export.c_source import emit
 
 
-def write(mission, folder):
-    """Write mission.h and mission.c, named after the mission; returns their paths."""
-    return write_files(emit(mission), folder)
+def write(mission, folder, more=None):
+    """Write mission.h and mission.c, named after the mission, and more files by name; returns their paths."""
+    return write_files(emit(mission) | (more or {}), folder)
 
 
 def write_files(files, folder):

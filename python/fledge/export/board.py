@@ -1,0 +1,328 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where an exported mission meets the outside: the board that carries its messages whole, and the table by which
+flight and outside move messages through any board, targets/mission_io.h.
+
+A board's file says what a snorkel or field carries by its path: `carries = "world.nav.attitude"` of a message
+snorkel, `carries = "world.nav.attitude.sigma_BN"` of a field of words, of which the i-th holds the i-th number.
+"""
+
+import math
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from fledge.export import names
+from fledge.export.c_source import extern, row, written
+from fledge.export.read import ExportError, Message
+
+BASE, CLOCK, INTERRUPTS, FIRST = 0xA0000000, 0x0, 0x20, 0x40
+WIDTHS = {"f64": 8, "i64": 8, "u64": 8, "f32": 4, "i32": 4, "u32": 4, "enum": 4, "i16": 2, "u16": 2, "i8": 1,
+          "u8": 1, "char": 1}
+
+
+@dataclass
+class Lane:
+    """A message, or some of its numbers, in a lane."""
+    message: Message
+    id: int                          # of the message
+    board: int
+    lane: int                        # its place among the board's
+    field: int                       # of words
+    offset: int                      # [bytes] of the first number in the message
+    number: str | None               # its type, "f64"; None: a message whole
+    count: int
+    scale: float                     # of the field
+
+
+# --- the board that carries messages whole ---------------------------------------------------------
+
+def toml(mission, outputs=()):
+    """The file of the mission's own board: a message snorkel for all that flight is told and the outside reads, and
+    for further outputs by their paths; `outputs` "all": for every one. Words are big-endian; it has the clock."""
+    known = {m.path for m in mission.outputs}
+    unknown = [] if outputs == "all" else sorted(set(outputs) - known)
+    if unknown:
+        raise ExportError(f"{mission.title}: flight puts out no {unknown[0]}; it has {', '.join(sorted(known))}")
+    carried = [m for m in (*mission.inputs, *mission.outputs)
+               if m.direction != "inside" or outputs == "all" or m.path in outputs]
+    snorkels = _distinct([m.name for m in carried])
+    at, parts = FIRST, []
+    for message, name in zip(carried, snorkels):
+        # registers/lane.h: a control block, then four slots with their heads.
+        size = 32 + 4 * -(-(8 + 4 + message.struct.size) // 8) * 8
+        parts.append(f'''
+[[snorkel]]
+name      = "{name}"
+doc       = "{_doc(message)}"
+form      = "message"
+direction = "{"read" if message.direction == "in" else "write"}"
+address   = {at:#x}
+message   = "{message.struct.name}"
+header    = "{message.struct.header}"
+size      = {message.struct.size}
+carries   = "{message.path}"
+''')
+        at += size
+    return f'''# SPDX-License-Identifier: Apache-2.0
+# The board of {mission.title}: its messages as they are. Written by `fledge export`; a board of your own
+# says with `carries`, as this one, what passes through a snorkel.
+name  = "{board_name(mission)}"
+doc   = "All that passes between {mission.title} and its surroundings"
+base  = {BASE:#x}
+size  = {-(-at // 64) * 64:#x}
+order = "big"
+
+[clock]
+address   = {CLOCK:#x}
+interrupt = "tick"
+
+[interrupts]
+address = {INTERRUPTS:#x}
+lines   = ["tick"]
+''' + "".join(parts)
+
+
+def board_name(mission):
+    return _distinct([f"{mission.name}_board"])[0]
+
+
+def _doc(message):
+    ends = ", ".join(message.ends)
+    return f"{message.path} >> {ends}" if ends else message.path
+
+
+def _distinct(texts):
+    """Names as boards have them: lower case, no two underscores in a row."""
+    found = names.distinct([re.sub("_+", "_", text.lower()).strip("_") or "unnamed" for text in texts])
+    return [name.strip("_") if name.rstrip("_") not in names.KEYWORDS else name + "2" for name in found.values()]
+
+
+def read(mission, texts):
+    """The boards of (path, text) pairs, registers.description.Board each. Raises ExportError with all that is wrong."""
+    from registers.description import BoardError, parse
+
+    boards, wrong = [], []
+    for path, text in texts:
+        try:
+            boards.append(parse(text, Path(path)))
+        except BoardError as error:
+            wrong.append(str(error))
+    for i, board in enumerate(boards):
+        for other in boards[:i]:
+            if board.name == other.name:
+                wrong.append(f"{board.file}: two boards are called {board.name}; rename one")
+            elif board.base < other.base + other.size and other.base < board.base + board.size:
+                wrong.append(f"{board.file}: the board overlaps {other.file}; move its base")
+    if wrong:
+        raise ExportError("\n".join(wrong))
+    if all(board.clock is None for board in boards):
+        raise ExportError(f"{boards[0].file}: no board has a clock, which paces flight; give one of them a [clock]")
+    return boards
+
+
+# --- what passes through which lane ----------------------------------------------------------------
+
+def lanes(mission, boards):
+    """The table of `boards`, in the order of the messages' ids. Raises ExportError with all that is wrong with it."""
+    finder = _Finder(mission)
+    for i, board in enumerate(boards):
+        places = {lane.name: k for k, lane in enumerate(board.lanes)}
+        for snorkel in board.snorkels:
+            for lane in snorkel.lanes:
+                finder.snorkel(board, i, snorkel, lane, places[lane.name])
+    finder.complete(boards)
+    if finder.wrong:
+        raise ExportError("\n".join(finder.wrong))
+    return sorted(finder.found, key=lambda one: one.id)
+
+
+class _Finder:
+    def __init__(self, mission):
+        self.mission = mission
+        self.messages = {m.path: (i, m) for i, m in enumerate((*mission.inputs, *mission.outputs))}
+        self.found, self.wrong, self.taken = [], [], {}
+
+    def refuse(self, board, line, text):
+        self.wrong.append(f"{board.file}:{line}: {text}")
+
+    def snorkel(self, board, i, snorkel, lane, place):
+        if snorkel.carries:
+            found = self.message(board, snorkel.line, snorkel.carries, lane)
+            if not found:
+                return
+            id, message = found
+            if snorkel.message_size != message.struct.size or lane.variable:
+                self.refuse(board, snorkel.line, f"{message.path} has {message.struct.size} bytes; write size = "
+                            f"{message.struct.size}")
+            elif snorkel.message not in (None, message.struct.name):
+                self.refuse(board, snorkel.line, f"{message.path} is a {message.struct.name}, no {snorkel.message}")
+            elif self.take(board, snorkel.line, message, range(message.struct.size)):
+                self.found.append(Lane(message, id, i, place, 0, 0, None, 1, 1.0))
+        for k, field in enumerate(snorkel.fields):
+            if field.carries:
+                self.field(board, i, lane, place, k, field)
+
+    def message(self, board, line, path, lane):
+        """(id, message) of a path, if it passes that way."""
+        if path not in self.messages:
+            self.refuse(board, line, f"there is no message {path} in {self.mission.title}; choose of "
+                        f"{', '.join(self.messages)}")
+            return None
+        id, message = self.messages[path]
+        if lane.from_flight == (message.direction == "in"):
+            way, fits = ("reads", "read") if message.direction == "in" else ("puts out", "write")
+            self.refuse(board, line, f"flight {way} {path}; the snorkel's direction must be \"{fits}\"")
+            return None
+        return id, message
+
+    def field(self, board, i, lane, place, k, field):
+        if lane.queued:
+            self.refuse(board, field.line, "words that carry a message's numbers are not queued; leave out `queue`")
+            return
+        parts = field.carries.split(".")
+        found = self.message(board, field.line, ".".join(parts[:3]), lane) if len(parts) > 3 else \
+            self.refuse(board, field.line, f"`{field.carries}` is no number; write the message and its field, as "
+                        "in \"world.nav.attitude.sigma_BN\"")
+        if not found:
+            return
+        id, message = found
+        try:
+            type_, unit, offset, n = _numbers(message.struct, parts[3:], ".".join(parts[:3]))
+        except ExportError as error:
+            self.refuse(board, field.line, str(error))
+            return
+        if lane.count > n:
+            self.refuse(board, field.line, f"{field.carries} has {n} numbers from there on; the snorkel has "
+                        f"{lane.count} words")
+        elif field.unit not in ("-", unit) and unit:
+            self.refuse(board, field.line, f"{field.carries} is in {unit}, the field in {field.unit}; write unit = "
+                        f"\"{unit}\", and scale and offset in it")
+        elif self.take(board, field.line, message, range(offset, offset + lane.count * WIDTHS[type_])):
+            self.found.append(Lane(message, id, i, place, k, offset, type_, lane.count, field.scale))
+
+    def take(self, board, line, message, places):
+        """Each byte of a message passes once."""
+        taken = self.taken.setdefault(message.path, {})
+        first = next((taken[b] for b in places if b in taken), None)
+        if first:
+            self.refuse(board, line, f"{message.path} passes already by {first}")
+            return False
+        taken.update(dict.fromkeys(places, f"{board.file}:{line}"))
+        return True
+
+    def complete(self, boards):
+        files = ", ".join(board.file for board in boards)
+        for message in (*self.mission.inputs, *self.mission.outputs):
+            if message.path not in self.taken and message.direction != "inside" and not message.optional:
+                what = "is told" if message.direction == "in" else "puts out"
+                ends = ", ".join(message.ends)
+                self.wrong.append(f"{files}: flight {what} {message.path} ({ends}), which no snorkel carries; add one "
+                                  f"with carries = \"{message.path}\", or words for its fields")
+
+
+def _numbers(struct, parts, path):
+    """(type, unit, offset, how many to the end of the field) of a path such as ["wheels[2]", "axis_B"]."""
+    offset = 0
+    for depth, part in enumerate(parts):
+        match = re.fullmatch(r"(\w+)((?:\[\d+\])*)", part)
+        field = next((f for f in struct.fields if match and f.name == match[1]), None)
+        if not field:
+            raise ExportError(f"{path} has no field {part}; choose of "
+                              f"{', '.join(f.name for f in struct.fields if not f.spare)}")
+        index = [int(i) for i in re.findall(r"\d+", match[2])]
+        if len(index) > len(field.shape) or any(i >= n for i, n in zip(index, field.shape)):
+            raise ExportError(f"{path}.{field.name} has shape {list(field.shape)}; there is no {part}")
+        first = 0
+        for i, n in zip(index + [0] * (len(field.shape) - len(index)), field.shape):
+            first = first * n + i
+        total = math.prod(field.shape)
+        offset += field.offset + first * (field.size // total)
+        path += f".{part}"
+        if field.type == "struct":
+            if depth + 1 == len(parts):
+                raise ExportError(f"{path} is a struct; name one of its numbers: "
+                                  f"{', '.join(f.name for f in field.struct.fields if not f.spare)}")
+            if len(index) < len(field.shape):
+                raise ExportError(f"{path} is an array of structs; say which, as in {part}[0]")
+            struct = field.struct
+        elif depth + 1 < len(parts):
+            raise ExportError(f"{path} is a number or array, and has no {parts[depth + 1]}")
+        elif field.type == "char":
+            raise ExportError(f"{path} is a text; words carry numbers")
+        else:
+            return field.type, field.unit, offset, total - first
+    raise ExportError(f"{path} is a whole message; name one of its numbers")
+
+
+# --- in C ------------------------------------------------------------------------------------------
+
+def emit_board(mission, files=(), outputs=()):
+    """File name -> text: the boards' headers, tables and documentation, and the table of what passes where.
+
+    files: of boards that somebody wrote. Without any, the mission's own, whose file is among the results; `outputs`
+    are paths of outputs that it carries besides what the world reads, or "all".
+    """
+    from registers import emit_c, emit_markdown
+
+    texts = [(Path(file), Path(file).read_text(encoding="utf-8")) for file in files]
+    own = {} if texts else {f"{board_name(mission)}.toml": toml(mission, outputs)}
+    boards = read(mission, texts or own.items())
+    found = lanes(mission, boards)
+    for board in boards:
+        own |= emit_c.emit(board) | emit_markdown.emit(board)
+    return own | emit(mission, boards, found)
+
+
+def emit(mission, boards, found):
+    """The table of what passes where, of boards as `read` gives them and lanes as `lanes` does."""
+    return {f"{mission.name}_io.h": header(mission), f"{mission.name}_io.c": source(mission, boards, found)}
+
+
+def header(mission):
+    name, guard = mission.name, f"{mission.name.upper()}_IO_H"
+    return "\n".join([*written(mission), f"#ifndef {guard}\n#define {guard}\n",
+                      f'#include "{name}.h"', '#include "targets/mission_io.h"\n',
+                      "/** Which message passes through which lane. */", extern("MissionIo", f"{name}_io"), "#endif\n"])
+
+
+def source(mission, boards, found):
+    name, upper = mission.name, mission.name.upper()
+    lines = [*written(mission), f'#include "{name}_io.h"', "", *(f'#include "{b.name}.h"' for b in boards)]
+    whole = {one.message.struct.name: one.message.struct for one in found if one.number is None}
+    for struct in whole.values():
+        runs = ", ".join(f"{{{width}u, {n}u}}" for width, n in byte_runs(struct))
+        lines += ["", f"static const RegisterRun runs_{struct.name}[] = {{{runs}}};",
+                  f"extern const RegisterMessage fledge_message_{struct.name};",
+                  f'const RegisterMessage fledge_message_{struct.name} = {{"{struct.name}", {struct.size}u, '
+                  f"{len(byte_runs(struct))}u,", f"    runs_{struct.name}}};"]
+    lines += ["", "static const RegisterBoard *const boards[] = {" + ", ".join(f"&{b.name}" for b in boards) + "};",
+              "", "static const MissionLane lanes[] = {"]
+    for one in found:
+        board = boards[one.board]
+        kind = "enum" if one.number is None else one.number
+        lines += row("0" if one.number else f"&fledge_message_{one.message.struct.name}",
+                     f"{upper}_MSG_{one.message.name.upper()}", f"{one.board}u",
+                     f"{board.name.upper()}_LANE_{board.lanes[one.lane].name.upper()}", f"{one.field}u",
+                     f"{one.offset}u", "MISSION_" + {"enum": "i32"}.get(kind, kind).upper())
+    lines += ["};", "", f"const MissionIo {name}_io = {{",
+              f"    {name}_messages, boards, lanes, {upper}_MESSAGES, {len(boards)}u, {len(found)}u", "};", ""]
+    return "\n".join(lines)
+
+
+def byte_runs(struct):
+    """(width in bytes, how many) of a message's numbers in the order of memory, as introspect/emit/orders.py."""
+    merged = []
+    for width, n in _widths(struct):
+        if merged and merged[-1][0] == width:
+            n += merged.pop()[1]
+        merged.append((width, n))
+    return merged
+
+
+def _widths(struct):
+    for field in struct.fields:
+        if field.type == "struct":
+            for _ in range(field.size // field.struct.size):
+                yield from _widths(field.struct)
+        else:
+            yield WIDTHS[field.type], field.size // WIDTHS[field.type]

@@ -1,0 +1,93 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* How the messages of an exported mission pass the lanes of its boards: a table, generated from the
+ * mission and the boards' files, and the code that follows it. Both sides use the same table: flight
+ * for all of a mission at once, the outside for one message at a time.
+ *
+ * A message passes whole, through a message lane, or in parts, as numbers in the fields of words:
+ * word i of a lane holds the i-th number. Of such a message the reader has no head; unless parts of
+ * it are carried too, it is written anew at each reading, now, and good. A number that no word
+ * carries stays as it was.
+ *
+ * Time comes with the clock of the first board that has one. A tick before time 0 asks flight to
+ * begin: it is reset, and shows all that it puts out, and nothing runs. Each tick from then on is one
+ * exchange: mission_io_read, the mission's tick, mission_io_write, register_clock_finish. */
+#ifndef TARGETS_MISSION_IO_H
+#define TARGETS_MISSION_IO_H
+
+#include "registers/clock.h"
+#include "registers/message.h"
+#include "targets/mission.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/** How a number lies in memory. */
+typedef enum MissionNumber {
+    MISSION_F64,
+    MISSION_F32,
+    MISSION_I8,
+    MISSION_U8,
+    MISSION_I16,
+    MISSION_U16,
+    MISSION_I32, ///< enums, too
+    MISSION_U32,
+    MISSION_I64, ///< of these two, what a double holds exactly
+    MISSION_U64
+} MissionNumber;
+
+/** A message in a lane, or some of its numbers in a field of a lane of words. */
+typedef struct MissionLane {
+    const RegisterMessage *type; ///< of a message lane; NULL: words
+    uint16_t message;            ///< its id
+    uint16_t board;              ///< its place among the boards
+    uint16_t lane;               ///< its place among the board's lanes
+    uint16_t field;              ///< of the words
+    uint32_t offset;             ///< [bytes] of the first number in the message
+    MissionNumber number;
+} MissionLane;
+
+/** All of a mission. The lanes of one message follow one another. */
+typedef struct MissionIo {
+    const MissionMessage *messages;
+    const RegisterBoard *const *boards;
+    const MissionLane *lanes;
+    uint32_t n_messages;
+    uint32_t n_boards;
+    uint32_t n_lanes;
+} MissionIo;
+
+/** What has gone wrong, counted. All zero: nothing. */
+typedef struct MissionIoCounts {
+    uint32_t refused;   ///< not written: a queue was full, or the lane is for another size
+    uint32_t corrupt;   ///< read, and not what a writer writes: as if never written
+    uint32_t saturated; ///< held at the end of a field's range
+} MissionIoCounts;
+
+/** The place of the clock that paces flight; n_boards if no board has one. */
+uint32_t mission_io_clock(const MissionIo *io);
+
+/** Flight: take all that it is told at t into the mission. `w` has a window for each board. */
+void mission_io_read(const MissionIo *io, const RegisterWindow *w, void *mission, int64_t t,
+                     MissionIoCounts *counts);
+
+/** Flight: put all that the lanes carry out of the mission. */
+void mission_io_write(const MissionIo *io, const RegisterWindow *w, const void *mission,
+                      MissionIoCounts *counts);
+
+/** Outside: put a message, by its id. */
+void mission_io_put(const MissionIo *io, const RegisterWindow *w, uint32_t id, const void *message,
+                    MissionIoCounts *counts);
+
+/** Outside: take a message, by its id, at t. What the lanes do not hold stays as it is. */
+void mission_io_take(const MissionIo *io, const RegisterWindow *w, uint32_t id, void *message,
+                     int64_t t, MissionIoCounts *counts);
+
+/** Whether a lane carries any of a message. */
+int mission_io_carries(const MissionIo *io, uint32_t id);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
