@@ -6,15 +6,13 @@ was found and what would do.
 """
 from __future__ import annotations
 
-import json
-import math
 import re
-import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
-from registers.location import line_of, lines_of
+from registers import checked_toml
+from registers.checked_toml import Tables, TomlError, shown
+from registers.location import line_of
 
 CONTROL_SIZE = 32      # registers/lane.h
 SLOT_HEAD = 8
@@ -164,81 +162,25 @@ def read(path: Path) -> Board:
 def parse(text: str, path: Path) -> Board:
     """The same of a text that stands, or is to stand, at that path."""
     try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        line = re.search(r"at line (\d+)", str(error))
-        number = line[1] if line else str(len(text.splitlines()))
-        raise BoardError(f"{path}:{number}: the file must be TOML; {error}") from error
-    reader = _Reader(str(path), lines_of(text))
+        data, lines = checked_toml.parse(text, path)
+    except TomlError as error:
+        raise BoardError(str(error)) from error
+    reader = _Reader(str(path), lines)
     board = reader.board(data, path.name)
     if reader.problems:
-        raise BoardError("\n".join(f"{path}:{line}: {complaint}"
-                                   for line, complaint in sorted(set(reader.problems))))
+        raise BoardError(reader.complaints())
     return board
 
 
-def _shown(value: Any) -> str:
-    return json.dumps(value, default=str)
+class _Reader(Tables):
+    """A board's tables, and what they take of its addresses and lines."""
 
-
-class _Reader:
-    """Reads tables by their paths and gathers what is wrong; goes on with something harmless."""
+    whole = "#x"
 
     def __init__(self, file: str, lines: dict):
-        self.file, self.lines = file, lines
-        self.problems: list[tuple[int, str]] = []
+        super().__init__(file, lines)
         self.taken: list[tuple[int, int, str, tuple]] = []    # address, end, of what, path
         self.raised: dict[str, tuple[bool, str]] = {}         # line: by flight?, by what
-
-    def refuse(self, path: tuple, rule: str, found: str, advice: str) -> None:
-        self.problems.append((line_of(self.lines, path), f"{rule}; {found}; {advice}"))
-
-    # ---- values
-
-    def value(self, table: dict, path: tuple, key: str, kinds: tuple, words: str, default: Any):
-        """The value of a key; of `...` as default: it must be there."""
-        if key not in table:
-            if default is ...:
-                self.refuse((*path, key), f"`{key}` must be given", "it is not there",
-                            f"give {words}")
-                return None
-            return default
-        value = table[key]
-        if not isinstance(value, kinds) or isinstance(value, bool) and bool not in kinds:
-            self.refuse((*path, key), f"`{key}` is {words}", f"it is {_shown(value)}",
-                        f"write {words}")
-            return None if default is ... else default
-        return value
-
-    def integer(self, table, path, key, low, high, default=..., multiple=1):
-        value = self.value(table, path, key, (int,), "a whole number", default)
-        if key not in table or value is None or not isinstance(table[key], int):
-            return value
-        if not low <= value <= high or value % multiple:
-            of = f", a multiple of {multiple}" if multiple > 1 else ""
-            self.refuse((*path, key), f"`{key}` is from {low:#x} to {high:#x}{of}",
-                        f"it is {value:#x}", "choose one of those")
-            return None
-        return value
-
-    def choice(self, table, path, key, choices, default=...):
-        value = table.get(key, default)
-        if value is ... or value not in choices:
-            found = "it is not there" if value is ... else f"it is {_shown(value)}"
-            self.refuse((*path, key), f"`{key}` must say which", found,
-                        f"choose {', '.join(map(_shown, choices))}")
-            return None
-        return value
-
-    def text(self, table, path, key, default=...):
-        return self.value(table, path, key, (str,), "a text", default) or ""
-
-    def number(self, table, path, key, default):
-        value = self.value(table, path, key, (int, float), "a number", default)
-        if not math.isfinite(value):
-            self.refuse((*path, key), f"`{key}` is finite", f"it is {value}", "give a finite one")
-            return default
-        return float(value)
 
     def name(self, table, path, used: dict, what: str) -> str:
         name = self.text(table, path, "name")
@@ -246,34 +188,12 @@ class _Reader:
             return "?"
         if not _NAME.fullmatch(name) or name in _KEYWORDS:
             self.refuse((*path, "name"), "a name is lower case with single _ and no keyword",
-                        f"it is {_shown(name)}", "write for example \"sun_sensor_2\"")
+                        f"it is {shown(name)}", "write for example \"sun_sensor_2\"")
         elif name in used:
             self.refuse((*path, "name"), f"{what} names differ", f"`{name}` stands in line "
                         f"{line_of(self.lines, used[name])} too", "rename one")
         used.setdefault(name, (*path, "name"))
         return name
-
-    def keys(self, table: dict, path: tuple, valid: tuple[str, ...]) -> None:
-        for key in table:
-            if key not in valid:
-                self.refuse((*path, key), "only known keys count", f"there is `{key}`",
-                            f"choose {', '.join(valid)}")
-
-    def table(self, table: dict, path: tuple, key: str) -> dict:
-        value = table.get(key, {})
-        if not isinstance(value, dict):
-            self.refuse((*path, key), f"`{key}` is a table", f"it is {_shown(value)}",
-                        f"write [{key}]")
-            return {}
-        return value
-
-    def tables(self, table: dict, path: tuple, key: str) -> list[dict]:
-        value = table.get(key, [])
-        if not isinstance(value, list) or not all(isinstance(v, dict) for v in value):
-            self.refuse((*path, key), f"`{key}` is an array of tables", f"it is {_shown(value)}",
-                        f"write [[{'.'.join(str(p) for p in (*path, key) if isinstance(p, str))}]]")
-            return []
-        return value
 
     # ---- the board
 
@@ -295,7 +215,7 @@ class _Reader:
                     or not all(isinstance(n, str) and _NAME.fullmatch(n) for n in lines) \
                     or len(set(lines)) != len(lines):
                 self.refuse((*path, "lines"), "`lines` are 1 to 32 different names",
-                            f"it is {_shown(lines)}", 'write for example ["tick", "telecommand"]')
+                            f"it is {shown(lines)}", 'write for example ["tick", "telecommand"]')
                 lines = []
             self.take(interrupts, INTERRUPT_SIZE * len(lines), "the interrupts", (*path, "address"))
 
@@ -426,10 +346,10 @@ class _Reader:
         name, header = self.text(table, path, "message"), self.text(table, path, "header")
         if "message" in table and not _TYPE_NAME.fullmatch(name):
             self.refuse((*path, "message"), "`message` is the name of a type",
-                        f"it is {_shown(name)}", 'write for example "AttError"')
+                        f"it is {shown(name)}", 'write for example "AttError"')
         if "header" in table and not re.fullmatch(r"[\w./-]+\.h", header):
             self.refuse((*path, "header"), "`header` is what flight code includes",
-                        f"it is {_shown(header)}", 'write for example "flight/msg/attitude.h"')
+                        f"it is {shown(header)}", 'write for example "flight/msg/attitude.h"')
         if variable:
             self.refuse((*path, "capacity"), "a snorkel of one message type has its size",
                         "it has a `capacity`", "give `size`, or no `message`")
@@ -449,7 +369,7 @@ class _Reader:
         add = table.get(prefix + "add", [])
         if not isinstance(add, list) or not all(type(b) is int and 0 <= b <= 255 for b in add):
             self.refuse((*path, prefix + "add"), "`add` is a list of bytes, each 0 to 255",
-                        f"it is {_shown(add)}", "write for example [0x1A, 0xCF]")
+                        f"it is {shown(add)}", "write for example [0x1A, 0xCF]")
             add = []
         # A header is in the slot if it was added on the way in, or will be removed on the way out.
         inside = remove if from_flight else len(add)
@@ -501,7 +421,7 @@ class _Reader:
         if value is ... or not isinstance(value, (list, tuple)) or len(value) != 2 \
                 or not all(type(v) is int for v in value) \
                 or not (value[0] >= 0 and value[1] >= fewest and sum(value) <= 32):
-            found = "it is not there" if value is ... else f"it is {_shown(value)}"
+            found = "it is not there" if value is ... else f"it is {shown(value)}"
             self.refuse((*path, key), f"`{key}` is [lowest bit, how many] within 32 bits", found,
                         "write for example [4, 12]")
             return (0, 32)

@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A TOML file whose mistakes are all told at once, each with line, rule, what was found, and what
+would do."""
+from __future__ import annotations
+
+import difflib
+import json
+import math
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from registers.location import line_of, lines_of
+
+
+class TomlError(Exception):
+    """All that is wrong with a file, one complaint a line."""
+
+
+def parse(text: str, path: Path) -> tuple[dict, dict]:
+    """What a text says that stands at that path, and on which line: (data, lines_of it). Raises
+    TomlError if it is no TOML."""
+    try:
+        return tomllib.loads(text), lines_of(text)
+    except tomllib.TOMLDecodeError as error:
+        line = re.search(r"at line (\d+)", str(error))
+        number = line[1] if line else str(len(text.splitlines()))
+        raise TomlError(f"{path}:{number}: the file must be TOML; {error}") from error
+
+
+def shown(value: Any) -> str:
+    return json.dumps(value, default=str)
+
+
+class Tables:
+    """Reads tables by their paths and gathers what is wrong; goes on with something harmless."""
+
+    whole = "d"     # how whole numbers are shown
+
+    def __init__(self, file: str, lines: dict):
+        self.file, self.lines = file, lines
+        self.problems: list[tuple[int, str]] = []
+
+    def refuse(self, path: tuple, rule: str, found: str, advice: str) -> None:
+        self.problems.append((line_of(self.lines, path), f"{rule}; {found}; {advice}"))
+
+    # ---- values
+
+    def value(self, table: dict, path: tuple, key: str, kinds: tuple, words: str, default: Any):
+        """The value of a key; of `...` as default: it must be there."""
+        if key not in table:
+            if default is ...:
+                self.refuse((*path, key), f"`{key}` must be given", "it is not there",
+                            f"give {words}")
+                return None
+            return default
+        value = table[key]
+        if not isinstance(value, kinds) or isinstance(value, bool) and bool not in kinds:
+            self.refuse((*path, key), f"`{key}` is {words}", f"it is {shown(value)}",
+                        f"write {words}")
+            return None if default is ... else default
+        return value
+
+    def integer(self, table, path, key, low, high, default=..., multiple=1):
+        value = self.value(table, path, key, (int,), "a whole number", default)
+        if key not in table or value is None or not isinstance(table[key], int):
+            return value
+        if not low <= value <= high or value % multiple:
+            of = f", a multiple of {multiple}" if multiple > 1 else ""
+            self.refuse((*path, key), f"`{key}` is from {low:{self.whole}} to {high:{self.whole}}{of}",
+                        f"it is {value:{self.whole}}", "choose one of those")
+            return None
+        return value
+
+    def choice(self, table, path, key, choices, default=...):
+        value = table.get(key, default)
+        if value is ... or value not in choices:
+            found = "it is not there" if value is ... else f"it is {shown(value)}"
+            self.refuse((*path, key), f"`{key}` must say which", found,
+                        f"choose {', '.join(map(shown, choices))}")
+            return None
+        return value
+
+    def text(self, table, path, key, default=...):
+        return self.value(table, path, key, (str,), "a text", default) or ""
+
+    def number(self, table, path, key, default):
+        value = self.value(table, path, key, (int, float), "a number", default)
+        if not math.isfinite(value):
+            self.refuse((*path, key), f"`{key}` is finite", f"it is {value}", "give a finite one")
+            return default
+        return float(value)
+
+    def keys(self, table: dict, path: tuple, valid: tuple[str, ...]) -> None:
+        for key in table:
+            if key not in valid:
+                near = difflib.get_close_matches(key, valid, 1)
+                self.refuse((*path, key), "only known keys count", f"there is `{key}`",
+                            f"did you mean `{near[0]}`?" if near else f"choose {', '.join(valid)}")
+
+    def table(self, table: dict, path: tuple, key: str) -> dict:
+        value = table.get(key, {})
+        if not isinstance(value, dict):
+            self.refuse((*path, key), f"`{key}` is a table", f"it is {shown(value)}",
+                        f"write [{key}]")
+            return {}
+        return value
+
+    def tables(self, table: dict, path: tuple, key: str) -> list[dict]:
+        value = table.get(key, [])
+        if not isinstance(value, list) or not all(isinstance(v, dict) for v in value):
+            self.refuse((*path, key), f"`{key}` is an array of tables", f"it is {shown(value)}",
+                        f"write [[{'.'.join(str(p) for p in (*path, key) if isinstance(p, str))}]]")
+            return []
+        return value
+
+    def complaints(self) -> str:
+        """All that was refused, in the order of the lines; "" if nothing was."""
+        return "\n".join(f"{self.file}:{line}: {text}" for line, text in sorted(set(self.problems)))
