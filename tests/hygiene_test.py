@@ -5,7 +5,7 @@ import re
 
 from tests.tree import ROOT, files
 
-CODE = {".c", ".h", ".cpp", ".hpp", ".py", ".sh", ".cmake"}
+CODE = {".c", ".cs", ".h", ".cpp", ".hpp", ".py", ".sh", ".cmake"}
 LARGEST = 1_000_000     # bytes
 WIDEST = 120            # columns; 100 is the aim, and this is where reading side by side ends
 

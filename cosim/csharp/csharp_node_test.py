@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: Apache-2.0
+"""C# programs as nodes, under Mono: beside Python around the real controller, and what happens when one dies."""
+import os
+import re
+import shutil
+import signal
+import struct
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parent / "python"))
+from fledge_node_test import CONTROLLER, MASS, Controller, alone, programs, result, start  # noqa: E402, F401
+
+pytestmark = [pytest.mark.skipif(not CONTROLLER.exists(), reason="the controller is not built"),
+              pytest.mark.skipif(not shutil.which("mcs"), reason="mono-mcs is not installed")]
+
+LATENCIES = {"same_instant": "0", "next_instant": "1", "next_exchange": "2"}
+
+
+def clean():
+    """The environment without what is put before every program: Mono takes no other memory than its own."""
+    return {name: value for name, value in os.environ.items() if name != "LD_PRELOAD"}
+
+
+@pytest.fixture(scope="session")
+def spring(tmp_path_factory):
+    program = tmp_path_factory.mktemp("csharp") / "spring.exe"
+    done = subprocess.run(["mcs", "-warn:4", "-warnaserror", f"-out:{program}", HERE / "testing/spring.cs",
+                           HERE / "FledgeNode.cs"], capture_output=True, text=True, env=clean())
+    assert done.returncode == 0 and not done.stderr, done.stdout + done.stderr
+    return program
+
+
+def start_spring(program, controller, latency="same_instant", how=""):
+    return subprocess.Popen(["mono", program, controller.address, LATENCIES[latency], how], stdout=subprocess.PIPE,
+                            stderr=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True, env=clean())
+
+
+def pair(programs, spring, controller, latencies=("next_instant", "same_instant"), how=""):
+    both = [start(MASS, controller.address, latencies[0]), start_spring(spring, controller, latencies[1], how)]
+    programs += [*both, controller.process]
+    return both
+
+
+def seen(program):
+    """(reason, [[t, head.t, head.sequence, x]]) of a spring."""
+    out, errors = program.communicate(timeout=30)
+    assert program.returncode == 0, errors
+    reason, run, *lines = out.splitlines()
+    assert run.startswith("seed 7 end ")
+    rows = [list(map(int, line.split())) for line in lines]
+    return reason.removeprefix("reason "), [[*row[:3], struct.unpack("d", struct.pack("q", row[3]))[0]] for row in rows]
+
+
+@pytest.mark.parametrize("transport", ["tcp", "ipc"])
+def test_beside_python_it_gives_what_one_program_would(programs, spring, transport):
+    address = "tcp://127.0.0.1:*" if transport == "tcp" else f"ipc://@fledge-csharp-{os.getpid()}"
+    controller = Controller("--node", "mass", "--node", "spring", address=address)
+    mass, force = pair(programs, spring, controller)
+    assert controller.end() == (0, "")
+    mass = result(mass)
+    assert mass["seen"] == alone(101)
+    # The head of what it reads was filled in: the time, and a count from 1.
+    assert seen(force) == ("", [[t, t, k + 1, x] for k, (t, _, x) in enumerate(mass["seen"])])
+
+
+def test_with_exchanges_each_sees_what_the_other_had_before(programs, spring):
+    controller = Controller("--node", "mass", "--node", "spring")
+    mass, force = pair(programs, spring, controller, ("next_exchange", "next_exchange"))
+    assert controller.end() == (0, "")
+    assert [x for *_, x in seen(force)[1]] == [1.0] + [x for _, _, x in result(mass)["seen"]][:-1]
+
+
+def test_a_definition_is_needed_on_one_side_only(programs, spring):
+    controller = Controller("--node", "mass", "--node", "spring")
+    reader = MASS.replace('sys.argv[2])', 'sys.argv[2], name="Force", text="float64[2] F  # F [N] (2) force")')
+    programs += [start(reader, controller.address, "next_instant"),
+                 start_spring(spring, controller, how="reader"), controller.process]
+    assert controller.end() == (0, "")
+    assert result(programs[0])["seen"] == alone(101)
+
+
+@pytest.mark.parametrize("victim", [0, 1])
+def test_a_killed_program_ends_the_run_for_all(programs, spring, victim):
+    controller = Controller("--node", "mass", "--node", "spring", until="1e6")
+    both = pair(programs, spring, controller)
+    time.sleep(1.0)
+    both[victim].kill()
+    code, errors = controller.end()
+    name = ["mass", "spring"][victim]
+    assert code == 1 and re.match(f"the run ended early: {name}: its connection is gone", errors), errors
+    if victim == 0:
+        assert "mass: its connection is gone" in seen(both[1])[0]
+    else:
+        assert "spring: its connection is gone" in result(both[0])["reason"]
+
+
+def test_ctrl_c_of_the_controller_ends_it(programs, spring):
+    controller = Controller("--node", "mass", "--node", "spring", until="1e6")
+    both = pair(programs, spring, controller)
+    time.sleep(1.0)
+    controller.process.send_signal(signal.SIGINT)
+    assert controller.end() == (1, "the run ended early: the user ended it")
+    assert seen(both[1])[0] == "the user ended it"
+    both[0].communicate(timeout=20)
+
+
+def test_its_own_ctrl_c_is_noticed_at_once(programs, spring):
+    controller = Controller("--node", "mass", "--node", "spring", until="1e6")
+    both = pair(programs, spring, controller)
+    time.sleep(1.0)
+    both[1].send_signal(signal.SIGINT)
+    both[0].communicate(timeout=20)
+    code, errors = controller.end()
+    assert code == 1 and "spring: its connection is gone" in errors
+    assert both[1].communicate(timeout=20) == ("", "") and both[1].returncode == -signal.SIGINT
+
+
+def test_another_thread_may_end_it(programs, spring):
+    controller = Controller("--node", "mass", "--node", "spring", until="1e6")
+    both = pair(programs, spring, controller, how="stops")
+    both[0].communicate(timeout=20)
+    code, errors = controller.end()
+    assert code == 1 and "spring: it failed: NodeError: the program ended it" in errors
+    assert both[1].communicate(timeout=20) == ("", "spring: the program ended it\n")
+
+
+def test_it_says_that_the_controller_is_gone(programs, spring):
+    controller = Controller("--node", "mass", "--node", "spring", until="1e6")
+    both = pair(programs, spring, controller)
+    time.sleep(1.0)
+    controller.process.kill()
+    controller.process.communicate()
+    assert both[1].communicate(timeout=20) == ("", "spring: the controller is gone\n") and both[1].returncode == 1
+    both[0].communicate(timeout=20)
+
+
+def test_an_error_of_its_step_reaches_the_user(programs, spring):
+    controller = Controller("--node", "mass", "--node", "spring")
+    both = pair(programs, spring, controller, how="broken")
+    why = "spring: it failed: DivideByZeroException: a pole (it had reached 0.29 s)"
+    assert controller.end() == (1, "the run ended early: " + why)
+    assert result(both[0])["reason"] == why
+    assert "DivideByZeroException: a pole" in both[1].communicate(timeout=20)[1] and both[1].returncode != 0
+
+
+def test_a_step_that_hangs_is_ended_by_the_limit(programs, spring):
+    controller = Controller("--node", "mass", "--node", "spring", "--reply", "2")
+    both = pair(programs, spring, controller, how="hangs")
+    code, errors = controller.end()
+    assert code == 1 and "spring: it did not answer within 2 s" in errors
+    both[0].communicate(timeout=20)
+    both[1].kill()
+
+
+def test_definitions_that_differ_are_refused_with_the_field(programs, spring):
+    controller = Controller("--node", "mass", "--node", "spring")
+    both = pair(programs, spring, controller, how="other")
+    code, errors = controller.end()
+    assert code == 1 and "spring wants /mass/state of mass, but field " in errors
+    assert errors.endswith(seen(both[1])[0])
+    both[0].communicate(timeout=20)
+
+
+def test_a_program_that_is_not_expected_is_told(programs, spring):
+    controller = Controller("--node", "mass")
+    programs += [start_spring(spring, controller), controller.process]
+    assert programs[0].communicate(timeout=20)[1] == \
+        "spring: the controller refuses spring: spring has no node spring; it has mass\n"
+    controller.process.send_signal(signal.SIGTERM)
+    controller.end()
