@@ -277,6 +277,18 @@ std::vector<std::string> Controller::absent() const
     return names;
 }
 
+const char *Controller::state(NodeId id) const
+{
+    switch (nodes_[id].stage) {
+    case Stage::absent: return "absent";
+    case Stage::finished: return "finished";
+    case Stage::lost: return "lost";
+    case Stage::idle:
+    case Stage::ticking: return "running";
+    default: return "joining";
+    }
+}
+
 // ---- requests and the end
 
 template <class Request, class Reply> void Controller::send(NodeId id, Request request)

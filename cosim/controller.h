@@ -144,6 +144,8 @@ public:
     bool finishing() const { return phase_ == Phase::finishing; }
     bool done() const { return phase_ == Phase::done; }
     Ns reached(NodeId node) const { return nodes_[node].reached; }
+    /// Where a node is, in a word: absent, joining, running, finished, lost.
+    const char *state(NodeId node) const;
 
 private:
     enum class Phase { gathering, running, finishing, done };

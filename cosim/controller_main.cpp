@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The controller as a program: fledge_controller --help.
-#include "cosim/router.h"
+#include "cosim/status.h"
 
 #include <charconv>
 #include <cmath>
@@ -25,6 +25,7 @@ constexpr const char *usage =
     "  --seed N              of the run's random streams; default 0\n"
     "  --join SECONDS        for all programs to be there; default 60\n"
     "  --reply SECONDS       for a program to answer, its computing included; 0: for ever; default 60\n"
+    "  --status FD           a file descriptor that is told how it goes, in lines of JSON (status.h)\n"
     "\n"
     "example: fledge_controller --simulation nadir_spin --until 9600 --node world --node flight\n"
     "\n"
@@ -35,6 +36,7 @@ volatile std::sig_atomic_t asked_to_end = 0;
 struct Options {
     ControllerConfig controller;
     RouterConfig router;
+    int status = -1;
 };
 
 [[noreturn]] void refuse(const std::string &why)
@@ -108,6 +110,8 @@ Options options(int argc, char **argv)
             o.router.join = milliseconds(number(option, value(), 0.0));
         } else if (option == "--reply") {
             o.router.reply = milliseconds(number(option, value(), 0.0));
+        } else if (option == "--status") {
+            o.status = number<int>(option, value(), 0);
         } else {
             refuse("there is no option " + std::string(option));
         }
@@ -126,18 +130,33 @@ int main(int argc, char **argv)
     for (const int signal : {SIGINT, SIGTERM}) {
         std::signal(signal, [](int) { asked_to_end = 1; });
     }
-    o.router.report = [](const std::string &text) { std::fprintf(stderr, "%s\n", text.c_str()); };
     try {
+        StatusStream status(o.status);
+        o.router.report = [&](const std::string &text) {
+            std::fprintf(stderr, "%s\n", text.c_str());
+            status.report(text);
+        };
         zmq::context_t context;
         Router router(context, o.controller, o.router);
         std::printf("listening at %s\n", router.address().c_str());
         std::fflush(stdout);
-        const std::string reason = router.run([] { return !asked_to_end; });
+        status.listening(router.address());
+        std::string asked;
+        std::string reason = router.run([&] {
+            status.progress(router, o.controller);
+            asked = status.asked_to_stop();
+            return !asked_to_end && asked.empty();
+        });
+        if (!asked.empty() && !reason.empty()) {
+            reason = asked;
+        }
+        status.ended(reason, router, o.controller);
         for (NodeId id = 0; id < o.controller.nodes.size(); id++) {
-            const NodeTimes &times = router.times(id);
-            std::printf("%-16s %10llu ticks %10.3f s computing %10.3f s on the way\n",
+            const NodeTimes times = router.times(id);
+            std::printf("%-16s %10llu ticks %10.3f s computing %10.3f s on the way %10.3f s waiting\n",
                         o.controller.nodes[id].name.c_str(), static_cast<unsigned long long>(times.ticks),
-                        static_cast<double>(times.compute) * 1e-9, static_cast<double>(times.transport) * 1e-9);
+                        static_cast<double>(times.compute) * 1e-9, static_cast<double>(times.transport) * 1e-9,
+                        static_cast<double>(times.wait) * 1e-9);
         }
         if (!reason.empty()) {
             std::fprintf(stderr, "the run ended early: %s\n", reason.c_str());

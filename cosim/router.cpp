@@ -172,14 +172,29 @@ void Router::listen(NodeId id)
 
 void Router::heard(NodeId id, Frame frame)
 {
+    Place &place = nodes_[id];
+    place.answered = Clock::now();
     if (const auto *tock = std::get_if<Tock>(&frame.message)) {
-        NodeTimes &times = nodes_[id].times;
+        NodeTimes &times = place.times;
         times.ticks++;
         times.compute += tock->compute_ns;
-        times.transport += std::chrono::nanoseconds(Clock::now() - nodes_[id].asked).count() - tock->compute_ns;
+        times.transport += std::chrono::nanoseconds(place.answered - place.asked).count() - tock->compute_ns;
     }
     controller_.received(id, std::move(frame));
     act();
+}
+
+NodeTimes Router::times(NodeId id) const
+{
+    const Place &place = nodes_[id];
+    NodeTimes times = place.times;
+    const auto now = Clock::now();
+    if (controller_.waiting_for(id)) {
+        times.asked = std::chrono::nanoseconds(now - place.asked).count();
+    } else if (times.ticks && std::string_view(controller_.state(id)) == "running") {
+        times.wait += std::chrono::nanoseconds(now - place.answered).count();
+    }
+    return times;
 }
 
 /// A socket that nobody is connected to takes no frame: the node has to speak first.
@@ -214,6 +229,10 @@ void Router::act()
                 Place &place = nodes_[send->node];
                 try {
                     place.asked = Clock::now();
+                    if (std::holds_alternative<Tick>(send->frame.message) ||
+                        (std::holds_alternative<Finish>(send->frame.message) && place.times.ticks)) {
+                        place.times.wait += std::chrono::nanoseconds(place.asked - place.answered).count();
+                    }
                     if (place.hosted) {
                         calls_.emplace_back(send->node, std::move(send->frame));
                     } else if (!place.joined) {

@@ -32,6 +32,8 @@ struct NodeTimes {
     std::uint64_t ticks = 0;
     Ns compute = 0;   ///< stepping, as it says
     Ns transport = 0; ///< from request to reply, less that
+    Ns wait = 0;      ///< from reply to request: for others, and for the pace
+    Ns asked = 0;     ///< the request that is not yet answered: how long ago; in none of the above
 };
 
 class Router {
@@ -51,7 +53,8 @@ public:
     /// run. Returns the reason of the end, "" if it is the regular one.
     std::string run(const std::function<bool()> &poll = {});
 
-    const NodeTimes &times(NodeId node) const { return nodes_[node].times; }
+    /// Until now. The three add up to all the time since the node was ready, less `asked`.
+    NodeTimes times(NodeId node) const;
     const Controller &controller() const { return controller_; }
 
 private:
@@ -61,7 +64,7 @@ private:
         Node *hosted = nullptr;
         std::optional<Frame> first; ///< waits for the node to speak on its socket
         bool joined = false;
-        Clock::time_point asked;
+        Clock::time_point asked, answered;
         NodeTimes times;
     };
 
