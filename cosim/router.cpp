@@ -11,16 +11,25 @@ using namespace std::chrono_literals;
 
 constexpr auto look = 100ms;
 
+ControllerConfig telling(ControllerConfig config, bool tell)
+{
+    config.tell = config.tell || tell;
+    return config;
+}
+
 } // namespace
 
 Router::Router(zmq::context_t &context, ControllerConfig controller, RouterConfig config)
     : context_(context),
       config_(std::move(config)),
       simulation_(controller.simulation),
-      controller_(controller),
+      controller_(telling(controller, !config_.witnesses.empty())),
       lobby_(context, zmq::socket_type::router),
       nodes_(controller.nodes.size())
 {
+    for (const NodeConfig &node : controller.nodes) {
+        names_.push_back(node.name);
+    }
     if (!is_local(config_.address) && !config_.beyond_machine) {
         throw LinkError(config_.address +
                         " can be reached from other machines, and nothing is encrypted; listen at "
@@ -260,9 +269,29 @@ void Router::act()
                 if (config_.report) {
                     config_.report(report->text);
                 }
+            } else if (const auto *began = std::get_if<action::Began>(&a)) {
+                tell([&](Witness &w) { w.began(began->exchange); });
+            } else if (const auto *wrote = std::get_if<action::Wrote>(&a)) {
+                tell([&](Witness &w) { w.wrote(names_[wrote->node], wrote->records); });
             } else if (const auto *done = std::get_if<action::Done>(&a)) {
                 outcome_ = done->reason;
+                tell([&](Witness &w) { w.ended(done->reason); });
             }
+        }
+    }
+}
+
+/// One that fails sees no more, and ends the run.
+template <class Call> void Router::tell(Call call)
+{
+    for (auto it = config_.witnesses.begin(); it != config_.witnesses.end();) {
+        try {
+            call(**it);
+            ++it;
+        } catch (const std::exception &error) {
+            it = config_.witnesses.erase(it);
+            controller_.stop(error.what());
+            outcome_ = outcome_.empty() ? error.what() : outcome_;
         }
     }
 }

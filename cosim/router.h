@@ -7,6 +7,7 @@
 
 #include "cosim/controller.h"
 #include "cosim/delegate.h"
+#include "cosim/witness.h"
 
 #include <chrono>
 #include <deque>
@@ -25,6 +26,7 @@ struct RouterConfig {
     std::chrono::milliseconds finish{5'000};  ///< for a node to answer the last request
     Limits limits;
     std::function<void(const std::string &)> report; ///< what the user should know; may be empty
+    std::vector<Witness *> witnesses;                ///< that live as long as the router
 };
 
 /// Where a node's time went [ns of wall time].
@@ -72,6 +74,7 @@ private:
     void listen(NodeId id);
     void join(Place &place, const Frame &frame);
     void act();
+    template <class Call> void tell(Call call);
     std::string open(NodeId id);
     void call_hosted();
     void heard(NodeId id, Frame frame);
@@ -81,6 +84,7 @@ private:
     zmq::context_t &context_;
     RouterConfig config_;
     std::string simulation_;
+    std::vector<std::string> names_;
     Controller controller_;
     zmq::socket_t lobby_;
     std::string address_;

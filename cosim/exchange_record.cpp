@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cosim/exchange_record.h"
+
+namespace fledge::cosim {
+
+namespace {
+
+constexpr std::size_t room = 1024; ///< for topics that come with later epochs
+
+std::string hexadecimal(std::span<const std::byte> bytes)
+{
+    constexpr char digits[] = "0123456789abcdef";
+    std::string text;
+    for (const std::byte b : bytes) {
+        text += digits[std::to_integer<unsigned>(b) >> 4];
+        text += digits[std::to_integer<unsigned>(b) & 15];
+    }
+    return text;
+}
+
+std::string name_of(Latency latency)
+{
+    return latency == Latency::same_instant   ? "same_instant"
+           : latency == Latency::next_instant ? "next_instant"
+                                              : "next_exchange";
+}
+
+sim::Pairs pairs_of(const Exchange::Member &member)
+{
+    std::string rates, reads;
+    for (const Rate &rate : member.rates) {
+        rates += std::to_string(rate.period) + "+" + std::to_string(rate.offset) + "\n";
+    }
+    for (const Want &want : member.wants) {
+        reads += want.topic + " " + name_of(want.latency) + (want.optional ? " optional" : "") + "\n";
+    }
+    return {{member.name + ".rates", rates},
+            {member.name + ".any_time", member.any_time ? "1" : "0"},
+            {member.name + ".reads", reads}};
+}
+
+} // namespace
+
+ExchangeRecord::ExchangeRecord(std::string path, const ControllerConfig &run)
+    : path_(std::move(path)), simulation_(run.simulation), seed_(run.seed), end_(run.end)
+{
+}
+
+void ExchangeRecord::began(const Exchange &exchange)
+{
+    if (!file_) {
+        file_ = std::make_unique<sim::ArchiveFile>(path_, exchange.topics.size() + room);
+    }
+    std::string nodes;
+    sim::Pairs pairs = {{"simulation", simulation_}, {"seed", std::to_string(seed_)}, {"end", std::to_string(end_)}};
+    for (const Exchange::Member &member : exchange.members) {
+        nodes += member.name + "\n";
+        for (auto &pair : pairs_of(member)) {
+            pairs.push_back(std::move(pair));
+        }
+    }
+    pairs.emplace_back("nodes", nodes);
+    file_->metadata(exchange.after < 0 ? "exchange" : "exchange after " + std::to_string(exchange.after), pairs);
+    topics_.clear();
+    for (const Exchange::Topic &topic : exchange.topics) {
+        if (topic.writer.empty()) {
+            topics_.push_back({});
+            continue;
+        }
+        auto it = known_.find(topic.name);
+        if (it == known_.end()) {
+            const auto channel =
+                file_->add_channel(topic.name, topic.schema.name, topic.schema.text,
+                                   {{"writer", topic.writer}, {"initial", hexadecimal(topic.initial)}});
+            it = known_.emplace(topic.name, Topic{channel, parse_schema(topic.schema.text), topic.schema.size}).first;
+        }
+        topics_.push_back(it->second);
+    }
+}
+
+void ExchangeRecord::wrote(const std::string &, const std::vector<Record> &records)
+{
+    for (const Record &record : records) {
+        const Topic &topic = topics_.at(record.channel);
+        message_.resize(topic.size);
+        read_payload(record.payload, topic.fields, message_);
+        file_->message(topic.channel, record.t, record.count, message_);
+    }
+}
+
+void ExchangeRecord::ended(const std::string &reason)
+{
+    if (file_) {
+        file_->metadata("end", {{"reason", reason}});
+        file_->close();
+    }
+}
+
+} // namespace fledge::cosim
