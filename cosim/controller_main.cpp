@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The controller as a program: fledge_controller --help.
+#include "cosim/exchange_record.h"
 #include "cosim/status.h"
 
 #include <charconv>
@@ -25,6 +26,7 @@ constexpr const char *usage =
     "  --seed N              of the run's random streams; default 0\n"
     "  --join SECONDS        for all programs to be there; default 60\n"
     "  --reply SECONDS       for a program to answer, its computing included; 0: for ever; default 60\n"
+    "  --record FILE         an archive of all that nodes write to one another (exchange_record.h)\n"
     "  --status FD           a file descriptor that is told how it goes, in lines of JSON (status.h)\n"
     "\n"
     "example: fledge_controller --simulation nadir_spin --until 9600 --node world --node flight\n"
@@ -37,6 +39,7 @@ struct Options {
     ControllerConfig controller;
     RouterConfig router;
     int status = -1;
+    std::string record;
 };
 
 [[noreturn]] void refuse(const std::string &why)
@@ -110,6 +113,8 @@ Options options(int argc, char **argv)
             o.router.join = milliseconds(number(option, value(), 0.0));
         } else if (option == "--reply") {
             o.router.reply = milliseconds(number(option, value(), 0.0));
+        } else if (option == "--record") {
+            o.record = value();
         } else if (option == "--status") {
             o.status = number<int>(option, value(), 0);
         } else {
@@ -136,6 +141,10 @@ int main(int argc, char **argv)
             std::fprintf(stderr, "%s\n", text.c_str());
             status.report(text);
         };
+        ExchangeRecord record(o.record, o.controller);
+        if (!o.record.empty()) {
+            o.router.witnesses.push_back(&record);
+        }
         zmq::context_t context;
         Router router(context, o.controller, o.router);
         std::printf("listening at %s\n", router.address().c_str());
