@@ -14,7 +14,9 @@
 extern "C" {
 #endif
 
-#define FILE_SINK_PATH_MAX 4096
+#ifndef FILE_SINK_PATH_MAX
+#define FILE_SINK_PATH_MAX 4096 /* less where there is little memory */
+#endif
 
 typedef struct FileSink {
     int fd;

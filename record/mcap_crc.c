@@ -24,7 +24,7 @@ void mcap_crc_init(McapCrc *c)
         }
         c->table[0][b] = r;
     }
-    for (int k = 1; k < 8; k++) {
+    for (int k = 1; k < MCAP_CRC_TABLES; k++) {
         for (uint32_t b = 0; b < 256u; b++) {
             uint32_t r = c->table[k - 1][b];
             c->table[k][b] = (r >> 8) ^ c->table[0][r & 0xFFu];
@@ -61,6 +61,7 @@ uint32_t mcap_crc_join(uint32_t crc_a, uint32_t crc_b, uint64_t length_b)
     return multiply(shift_by(length_b), crc_a) ^ crc_b;
 }
 
+#if MCAP_CRC_TABLES == 8
 static uint32_t word(const uint8_t *p)
 {
     return (uint32_t)p[0] | (uint32_t)p[1] << 8 | (uint32_t)p[2] << 16 | (uint32_t)p[3] << 24;
@@ -75,10 +76,12 @@ static inline uint32_t step8(const McapCrc *c, uint32_t r, const uint8_t *p)
            c->table[3][b & 0xFFu] ^ c->table[2][(b >> 8) & 0xFFu] ^
            c->table[1][(b >> 16) & 0xFFu] ^ c->table[0][b >> 24];
 }
+#endif
 
 uint32_t mcap_crc_update(const McapCrc *c, uint32_t crc, const void *bytes, size_t n)
 {
     const uint8_t *p = bytes;
+#if MCAP_CRC_TABLES == 8
     if (n >= LANES_FROM) {
         /* One step waits for the step before it; three independent lanes fill that wait. */
         size_t lane = n / 24u * 8u;
@@ -95,11 +98,14 @@ uint32_t mcap_crc_update(const McapCrc *c, uint32_t crc, const void *bytes, size
         p += 3u * lane;
         n -= 3u * lane;
     }
+#endif
     uint32_t r = ~crc;
+#if MCAP_CRC_TABLES == 8
     for (; n >= 8u; n -= 8u) {
         r = step8(c, r, p);
         p += 8;
     }
+#endif
     for (; n > 0u; n--) {
         r = (r >> 8) ^ c->table[0][(r ^ *p) & 0xFFu];
         p++;

@@ -14,8 +14,13 @@
 extern "C" {
 #endif
 
+/** 8, or 1 for who has little memory: 1 KiB instead of 8, and a byte a step. */
+#ifndef MCAP_CRC_TABLES
+#define MCAP_CRC_TABLES 8
+#endif
+
 typedef struct McapCrc {
-    uint32_t table[8][256]; ///< table[k][b]: the remainder of byte b followed by k zero bytes
+    uint32_t table[MCAP_CRC_TABLES][256]; ///< table[k][b]: the remainder of byte b followed by k zero bytes
 } McapCrc;
 
 void mcap_crc_init(McapCrc *c);

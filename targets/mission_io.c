@@ -139,7 +139,7 @@ static void take_row(const MissionIo *io, const RegisterWindow *w, const Mission
 }
 
 /* A message in words has no head of its own: it was measured now. Fields of its head that are
- * carried are set afterwards, by their own rows. */
+ * carried are set afterwards, by their own rows. Before time 0 it is as if never written. */
 static void write_head(uint8_t *message, int64_t t)
 {
     Head head;
@@ -204,7 +204,7 @@ void mission_io_take(const MissionIo *io, const RegisterWindow *w, uint32_t id, 
     int first = 1;
     for (uint32_t i = 0u; i < io->n_lanes; i++) {
         if (io->lanes[i].message == id) {
-            if (first && !io->lanes[i].type) {
+            if (first && !io->lanes[i].type && t >= 0) {
                 write_head(message, t);
             }
             take_row(io, w, &io->lanes[i], message, counts);

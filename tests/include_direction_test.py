@@ -23,7 +23,7 @@ MAY_INCLUDE = {
     "record":      [],                             # a writer any target can take as it is
     "sim":         ["flight/math", "flight/msg", "record"],
     "world":       ["flight/math", "flight/msg", "sim"],
-    "cosim":       ["flight/math", "flight/msg", "record", "sim", "registers"],
+    "cosim":       ["flight/math", "flight/msg", "record", "sim", "registers", "targets"],
     "emulator":    ["flight/math", "registers"],
     "ground":      ["flight/math"],
     "targets":     ["flight", "registers", "record"],

@@ -1,0 +1,161 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cosim/board_node.h"
+
+#include "sim/text.h"
+
+#include <algorithm>
+#include <limits>
+
+namespace fledge::cosim {
+
+BoardNode::BoardNode(const MissionHost &mission, registers::Backend &backend, std::chrono::nanoseconds patience)
+    : mission_(mission), backend_(backend), outside_(backend), patience_(patience)
+{
+    const MissionIo &io = *mission.io;
+    for (std::uint32_t id = 0; id < io.n_messages; id++) {
+        const MissionMessage &m = io.messages[id];
+        const MissionDefinition &d = mission.definitions[mission.topics[id].definition];
+        Message one;
+        one.topic = mission.topics[id].topic;
+        one.schema = make_schema(d.type, d.text);
+        one.fields = parse_schema(d.text);
+        one.held.resize(m.size);
+        one.to_flight = m.direction == MISSION_IN;
+        one.carried = mission_io_carries(&io, id) != 0;
+        messages_.push_back(std::move(one));
+    }
+}
+
+Initialized BoardNode::initialize(const Initialize &request)
+{
+    if (request.start >= 0) {
+        throw registers::Error("flight on a board cannot begin at " + sim::format_time(request.start) +
+                               ": it would have to go on from a snapshot");
+    }
+    reached_ = -1;
+    for (Message &message : messages_) {
+        std::fill(message.held.begin(), message.held.end(), std::byte{});
+    }
+    exchange(-1);
+    Initialized answer;
+    for (std::uint16_t i = 0; i < mission_.n_rates; i++) {
+        answer.rates.push_back({mission_.rates[i].period, mission_.rates[i].offset});
+    }
+    return answer;
+}
+
+std::vector<Want> BoardNode::desired()
+{
+    std::vector<Want> wants;
+    for (std::uint32_t id = 0; id < messages_.size(); id++) {
+        const MissionTopic &topic = mission_.topics[id];
+        if (messages_[id].to_flight && messages_[id].carried) {
+            wants.push_back({messages_[id].topic, topic.latency ? Latency::next_exchange : Latency::same_instant,
+                             topic.optional != 0, messages_[id].schema});
+        }
+    }
+    return wants;
+}
+
+std::vector<Offer> BoardNode::match(const std::vector<Channel> &asked)
+{
+    std::vector<Offer> offers;
+    outputs_.clear();
+    for (const Channel &channel : asked) {
+        for (std::uint32_t id = 0; id < messages_.size(); id++) {
+            const Message &message = messages_[id];
+            if (!message.to_flight && message.carried && message.topic == channel.topic) {
+                offers.push_back({channel.channel, message.schema, make_payload(message.held)});
+                outputs_.push_back({channel.channel, id, message.held, 0});
+            }
+        }
+    }
+    return offers;
+}
+
+void BoardNode::start(const std::vector<Channel> &wired)
+{
+    inputs_.clear();
+    coming_.clear();
+    for (const Channel &channel : wired) {
+        const auto found = std::find_if(messages_.begin(), messages_.end(),
+                                        [&](const Message &m) { return m.topic == channel.topic; });
+        inputs_[channel.channel] = {static_cast<std::uint32_t>(found - messages_.begin()), 0};
+    }
+}
+
+Tock BoardNode::tick(const Tick &tick)
+{
+    for (const Record &record : tick.records) {
+        const auto input = inputs_.find(record.channel);
+        if (input == inputs_.end() || record.count != ++input->second.count) {
+            throw ProtocolError("message " + std::to_string(record.count) + " on channel " +
+                                std::to_string(record.channel) + " is not the next one");
+        }
+        const auto later = std::find_if(coming_.rbegin(), coming_.rend(),
+                                        [&](const Record &r) { return r.t <= record.t; });
+        coming_.insert(later.base(), record);
+    }
+    Tock tock;
+    tock.reached = tick.until;
+    for (Ns t = next_after(reached_); t <= tick.until; t = next_after(t)) {
+        for (; !coming_.empty() && coming_.front().t <= t; coming_.pop_front()) {
+            const std::uint32_t id = inputs_.at(coming_.front().channel).id;
+            read_payload(coming_.front().payload, messages_[id].fields, messages_[id].held);
+            mission_io_put(mission_.io, backend_.windows().data(), id, messages_[id].held.data(), &counts_);
+        }
+        exchange(t);
+        publish(t, tock.records);
+        reached_ = t;
+    }
+    return tock;
+}
+
+void BoardNode::finish(const std::string &)
+{
+    outside_.stop();
+}
+
+/// The first of flight's instants after t.
+Ns BoardNode::next_after(Ns t) const
+{
+    Ns next = std::numeric_limits<Ns>::max();
+    for (std::uint16_t i = 0; i < mission_.n_rates; i++) {
+        next = std::min(next, mission_on_grid(mission_.rates[i], t + 1));
+    }
+    return next;
+}
+
+/// Let flight run at t, and take what it put out.
+void BoardNode::exchange(Ns t)
+{
+    switch (outside_.tick({t, t < 0 || reached_ < 0 ? 0 : t - reached_}, patience_)) {
+    case registers::Wait::done:
+        break;
+    case registers::Wait::late:
+        throw registers::Error("flight on the board did not answer the tick at " + sim::format_time(t) + " within " +
+                               sim::format_time(patience_.count()));
+    case registers::Wait::gone:
+        throw registers::Error("flight on the board ended in the tick at " + sim::format_time(t));
+    }
+    for (std::uint32_t id = 0; id < messages_.size(); id++) {
+        Message &message = messages_[id];
+        if (!message.to_flight && message.carried) {
+            mission_io_take(mission_.io, backend_.windows().data(), id, message.held.data(), t, &counts_);
+        }
+    }
+}
+
+/// What has changed: the others still have the rest.
+void BoardNode::publish(Ns t, std::vector<Record> &records)
+{
+    for (Output &output : outputs_) {
+        const Bytes &held = messages_[output.id].held;
+        if (held != output.sent) {
+            output.sent = held;
+            records.push_back({output.channel, ++output.count, t, make_payload(held)});
+        }
+    }
+}
+
+} // namespace fledge::cosim

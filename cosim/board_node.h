@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+// An exported mission's flight as a node, for a target that knows nothing but the registers of its
+// boards: what others write is put into the lanes, the clock ticks at flight's instants, and what
+// flight wrote is taken out and told. To the others it is what flight would be as a process of a
+// simulation: the same topics, latencies and rates. Messages age in flight, where their wires say so.
+#pragma once
+
+#include "cosim/delegate.h"
+#include "registers/backend.h"
+#include "registers/outside.h"
+#include "targets/mission_host.h"
+
+#include <deque>
+#include <map>
+
+namespace fledge::cosim {
+
+class BoardNode final : public Node {
+public:
+    /// The tables of the mission, as both sides of its boards have them; flight's functions are not
+    /// called. Both live as long as the node. `patience`: for flight to answer a tick.
+    BoardNode(const MissionHost &mission, registers::Backend &backend, std::chrono::nanoseconds patience);
+
+    /// Flight begins anew, and shows what it puts out. Throws registers::Error if it does not answer.
+    Initialized initialize(const Initialize &request) override;
+    std::vector<Want> desired() override;
+    std::vector<Offer> match(const std::vector<Channel> &asked) override;
+    void start(const std::vector<Channel> &wired) override;
+    Tock tick(const Tick &tick) override;
+    void finish(const std::string &reason) override;
+
+    /// What went wrong at this end of the lanes.
+    const MissionIoCounts &counts() const { return counts_; }
+
+private:
+    struct Message {
+        std::string topic;
+        Schema schema;
+        std::vector<SchemaField> fields;
+        Bytes held;                ///< as last put, or taken
+        bool to_flight = false, carried = false;
+    };
+    struct Output {
+        std::uint32_t channel, id;
+        Bytes sent;
+        std::uint32_t count;
+    };
+    struct Input {
+        std::uint32_t id;
+        std::uint32_t count;
+    };
+
+    Ns next_after(Ns t) const;
+    void exchange(Ns t);
+    void publish(Ns t, std::vector<Record> &records);
+
+    const MissionHost &mission_;
+    registers::Backend &backend_;
+    registers::Outside outside_;
+    std::chrono::nanoseconds patience_;
+    std::vector<Message> messages_; ///< by id
+    std::vector<Output> outputs_;
+    std::map<std::uint32_t, Input> inputs_; ///< by channel
+    std::deque<Record> coming_;             ///< in order of time
+    MissionIoCounts counts_{};
+    Ns reached_ = -1;
+};
+
+} // namespace fledge::cosim

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A mission as data for a host that knows none, targets/mission_host.h: what to call, the topics of its messages,
+their definitions, and its rates."""
+
+from fledge.export.c_source import row, written
+from fledge.export.c_text import string
+
+
+def emit_host(mission):
+    """File name -> text."""
+    name, struct = mission.name, mission.struct()
+    messages = [*mission.inputs, *mission.outputs]
+    types = list({m.struct.name: m.struct for m in messages}.values())
+    recorded = {m.struct.name for m in mission.outputs}
+    lines = [*written(mission), f'#include "{name}_io.h"', '#include "targets/mission_host.h"', "",
+             f"extern const MissionDefinition {name}_definitions[];", f"static {struct} m;",
+             f"static McapSchema schemas[{len(recorded)}];", f"static McapChannel channels[{len(mission.outputs)}];", ""]
+    for function, result, parameter, argument in (("init", "void", "void", ""), ("reset", "void", "void", ""),
+                                                  ("next", "int64_t", "void", ""),
+                                                  ("tick", "void", "int64_t t", ", t")):
+        back = "return " if result != "void" else ""
+        lines += [f"static {result} {function}({parameter})", "{", f"    {back}{name}_{function}(&m{argument});", "}",
+                  ""]
+    lines += ["static const MissionTopic topics[] = {"]
+    places = {one.name: i for i, one in enumerate(types)}
+    for one in messages:
+        lines += row(f'"{topic(one.path)}"', f"{places[one.struct.name]}u", f"{one.latency}u", f"{int(one.optional)}u")
+    lines += ["};", "", "static const MissionRate rates[] = {"]
+    lines += [f"    {{{task.period}, {task.offset}}}," for task in mission.tasks]
+    lines += ["};", "", "const MissionHost fledge_mission = {"]
+    lines += [f"    .{key} = {value}," for key, value in (
+        ("name", f'"{mission.title}"'), ("mission", "&m"), ("init", "init"), ("reset", "reset"), ("next", "next"),
+        ("tick", "tick"), ("io", f"&{name}_io"), ("topics", "topics"), ("definitions", f"{name}_definitions"),
+        ("rates", "rates"), ("schemas", "schemas"), ("channels", "channels"), ("n_schemas", f"{len(recorded)}u"),
+        ("n_channels", f"{len(mission.outputs)}u"), ("n_rates", f"{len(mission.tasks)}u"))]
+    return {f"{name}_host.c": "\n".join([*lines, "};", ""]), f"{name}_definitions.c": definitions(mission, types)}
+
+
+def definitions(mission, types):
+    """What the messages look like, for records and the exchange."""
+    name = f"{mission.name}_definitions"
+    lines = [*written(mission), '#include "targets/mission_host.h"', "", f"extern const MissionDefinition {name}[];",
+             f"const MissionDefinition {name}[] = {{"]
+    for one in types:
+        lines += [f'    {{"{one.name}", "fledge/msg/{one.name}",',
+                  *(f"     {string(line.encode())}" for line in one.schema.splitlines(keepends=True))]
+        lines[-1] += "},"
+    return "\n".join([*lines, "};", ""])
+
+
+def topic(path):
+    """As records and the exchange say it: flight.motor.command -> /flight/motor/command."""
+    return "/" + path.replace(".", "/")
