@@ -1,66 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cosim/protocol.h"
+#include "cosim/testing/frames.h"
 
 #include <gtest/gtest.h>
-
-#include <cstring>
-#include <random>
 
 namespace fledge::cosim {
 namespace {
 
-constexpr const char *error_text =
-    "fledge/Head head  # head\n"
-    "float64[3] sigma_br  # sigma_BR [-] (3) attitude error\n"
-    "float64[9] p  # P [N m s] (3, 3)\n"
-    "int32 mode  # mode {OFF=0, ON=1}\n"
-    "float32 x  # x [m]\n"
-    "================================================================================\n"
-    "MSG: fledge/Head\n"
-    "int64 t  # t [ns] time of validity\n"
-    "uint32 quality  # quality [-] trust\n"
-    "uint32 sequence  # sequence [-] counts\n";
-
-Schema error_schema()
-{
-    return make_schema("AttError", error_text);
-}
-
-Bytes filled(std::size_t n)
-{
-    Bytes bytes(n);
-    for (std::size_t i = 0; i < n; i++) {
-        bytes[i] = static_cast<std::byte>(i + 1);
-    }
-    return bytes;
-}
-
-std::vector<Frame> one_of_each()
-{
-    const Schema schema = error_schema();
-    const Record record{3, 7, -5, make_payload(filled(120))};
-    return {{1, Hello{1, 2, "spin", "flight", Role::asynchronous, true}},
-            {2, Welcome{"tcp://127.0.0.1:7000", "/proc/12/fd/7", 0x0123456789abcdef}},
-            {3, Refused{"there is a flight already"}},
-            {4, Initialize{42, 1'000'000'000, -1, "ipc://@f", "ipc://@b", filled(40)}},
-            {5, Initialized{{{100, 0}, {250, 50}}, true, true}},
-            {6, ProvideDesired{}},
-            {7, Desired{{{"/w/a", Latency::next_exchange, true, schema},
-                         {"/w/b", Latency::same_instant, false, {}}}}},
-            {8, Match{{{0, "/f/u", schema}, {1, "/f/v", {"V", "", 0, 0}}}}},
-            {9, Matched{{{1, schema, make_payload(filled(120))}}}},
-            {10, Start{{{0, "/w/a", schema}}}},
-            {11, Ready{}},
-            {12, Tick{500, {record, record}}},
-            {13, Tock{400, 12345, {record}, true}},
-            {14, Finish{"asked"}},
-            {15, Finished{}},
-            {16, Failed{"a pole"}},
-            {17, Attached{"ipc://@f", "ipc://@b", {{0, "/f/u", schema}}}},
-            {18, Published{record, "flight"}},
-            {19, Save{1'000'000'000}},
-            {20, Saved{filled(77)}}};
-}
+using namespace testing;
 
 std::string why(std::span<const std::byte> bytes, const Limits &limits = {})
 {
@@ -70,22 +16,6 @@ std::string why(std::span<const std::byte> bytes, const Limits &limits = {})
         return error.what();
     }
     return "";
-}
-
-/// Put a right checksum and size on a frame whose body was changed.
-void seal(Bytes &bytes)
-{
-    std::uint32_t crc = 0xffffffff; // bit by bit, for its own sake
-    for (std::size_t i = frame_header_size; i < bytes.size(); i++) {
-        crc ^= std::to_integer<std::uint32_t>(bytes[i]);
-        for (int k = 0; k < 8; k++) {
-            crc = crc >> 1 ^ (crc & 1 ? 0xedb88320u : 0u);
-        }
-    }
-    crc = ~crc;
-    const auto size = static_cast<std::uint32_t>(bytes.size() - frame_header_size);
-    std::memcpy(bytes.data() + 8, &size, 4);
-    std::memcpy(bytes.data() + 12, &crc, 4);
 }
 
 TEST(Protocol, EveryMessageIsReadAsItWasWrittenInBothByteOrders)
@@ -148,19 +78,7 @@ TEST(Protocol, WhatIsWrittenIsTheOnlyWayToWriteIt)
     const auto frames = one_of_each();
     for (int i = 0; i < 200'000; i++) {
         Bytes b = encode(frames[random() % frames.size()]);
-        for (auto changes = 1 + random() % 3; changes && b.size() > frame_header_size; changes--) {
-            const auto at = frame_header_size + random() % (b.size() - frame_header_size);
-            switch (random() % 4) {
-            case 0: b[at] = static_cast<std::byte>(random()); break;
-            case 1: b[at] = std::byte{random() % 2 ? std::uint8_t{0xff} : std::uint8_t{0}}; break;
-            case 2: b.erase(b.begin() + static_cast<std::ptrdiff_t>(at)); break;
-            default: b.insert(b.begin() + static_cast<std::ptrdiff_t>(at), static_cast<std::byte>(random()));
-            }
-        }
-        if (random() % 8 == 0) {
-            b[6] = static_cast<std::byte>(random() % 22);
-        }
-        seal(b);
+        change(b, random);
         try {
             const Frame frame = decode(b);
             EXPECT_EQ(encode(frame), b);
@@ -324,18 +242,9 @@ TEST(Schema, ABadDefinitionIsRefusedWithItsLine)
 TEST(Schema, NoTextBreaksTheReader)
 {
     std::mt19937 random(6);
-    const std::string alphabet = " \n#[](),:=/{}_aAx9\t\r";
     std::size_t read = 0;
     for (int i = 0; i < 30'000; i++) {
-        std::string text = error_text;
-        for (auto changes = 1 + random() % 4; changes; changes--) {
-            const auto at = random() % text.size();
-            switch (random() % 3) {
-            case 0: text[at] = alphabet[random() % alphabet.size()]; break;
-            case 1: text.erase(at, 1 + random() % 9); break;
-            default: text.insert(at, 1, alphabet[random() % alphabet.size()]);
-            }
-        }
+        const std::string text = change(i % 2 ? error_text : rich_text, random);
         try {
             const auto fields = parse_schema(text);
             EXPECT_EQ(fields.front().offset, 0u);

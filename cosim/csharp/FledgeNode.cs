@@ -279,18 +279,22 @@ public sealed class Schema
     static readonly Dictionary<string, int> primitives = new Dictionary<string, int> {
         { "float64", 8 }, { "float32", 4 }, { "int64", 8 }, { "uint64", 8 }, { "int32", 4 }, { "uint32", 4 },
         { "int16", 2 }, { "uint16", 2 }, { "int8", 1 }, { "uint8", 1 }, { "bool", 1 }, { "byte", 1 }, { "char", 1 } };
-    static readonly Regex member =
-        new Regex(@"^\s*([^\s\[\]#]+)(\[[^\s#]*)?[ \t]+([A-Za-z_][A-Za-z0-9_]*)[ \t]*(?:#(.*))?$");
-    static readonly Regex told = new Regex(@"^\s*(\S+)(?:\s+\[([^\]]*)\]?)?(?:\s+\(([^)]*)\))?");
+    static readonly char[] space = { ' ', '\t', '\r' };
+    static readonly Regex identifier = new Regex(@"^[A-Za-z_][A-Za-z0-9_]*\z");
     static readonly Regex choices = new Regex(@"\{([^{}]*)\}\s*$");
     readonly Dictionary<string, List<KeyValuePair<int, string>>> sections =
         new Dictionary<string, List<KeyValuePair<int, string>>>();
 
-    /// The text is as it travels, or indented in a program. Without one, nothing is known yet.
-    public Schema(string name, string text)
+    /// The text may be indented, as in a program. Without one, nothing is known yet.
+    public Schema(string name, string text) : this(name, text, true) {}
+
+    /// The text is as it was sent, with all its blanks.
+    public static Schema AsSent(string name, string text) { return new Schema(name, text, false); }
+
+    Schema(string name, string text, bool indented)
     {
         Name = name;
-        Text = Plain(text);
+        Text = indented ? Plain(text) : text;
         if (Text == "")
         {
             return;
@@ -323,24 +327,27 @@ public sealed class Schema
 
     NodeError Wrong(int line, string why, string found)
     {
-        return new NodeError(Name + ": line " + line + ": " + why + ", found \"" + found + "\"");
+        return new NodeError(Name + ": line " + line + ": " + why + ", found \"" +
+                             found.Substring(0, Math.Min(80, found.Length)) + "\"");
     }
 
+    /// Sections are the nested types.
     void Read()
     {
         string section = "";
         sections[section] = new List<KeyValuePair<int, string>>();
         bool afterRule = false;
-        int n = 0;
-        foreach (string line in Text.Split('\n'))
+        string[] lines = Text.Split('\n');
+        int n = Text.EndsWith("\n", StringComparison.Ordinal) ? lines.Length - 1 : lines.Length;
+        for (int i = 0; i < n; i++)
         {
-            n++;
+            string line = lines[i];
             if (afterRule)
             {
-                section = line.StartsWith("MSG:", StringComparison.Ordinal) ? Short(line.Substring(4).Trim()) : "";
+                section = line.StartsWith("MSG:", StringComparison.Ordinal) ? Short(line.Substring(4).Trim(space)) : "";
                 if (section == "" || sections.ContainsKey(section))
                 {
-                    throw Wrong(n, "expected \"MSG: <a new type>\"", line);
+                    throw Wrong(i + 1, "expected \"MSG: <a new type>\"", line);
                 }
                 sections[section] = new List<KeyValuePair<int, string>>();
                 afterRule = false;
@@ -349,52 +356,87 @@ public sealed class Schema
             {
                 afterRule = true;
             }
-            else if (line.Split('#')[0].Trim() != "")
+            else if (line.Split('#')[0].Trim(space) != "")
             {
-                sections[section].Add(new KeyValuePair<int, string>(n, line));
+                sections[section].Add(new KeyValuePair<int, string>(i + 1, line));
             }
         }
     }
 
     static string Short(string type) { return type.Substring(type.LastIndexOf('/') + 1); }
 
+    /// The leading word, which is taken off.
+    static string TakeWord(ref string text)
+    {
+        text = text.Trim(space);
+        int end = text.IndexOfAny(space);
+        string word = end < 0 ? text : text.Substring(0, end);
+        text = text.Substring(word.Length);
+        return word;
+    }
+
+    /// What is between these at the beginning, which is taken off; null if the text begins otherwise.
+    static string TakeBetween(char open, char close, ref string text)
+    {
+        text = text.Trim(space);
+        if (text == "" || text[0] != open)
+        {
+            return null;
+        }
+        int end = text.IndexOf(close);
+        string inside = end < 0 ? text.Substring(1) : text.Substring(1, end - 1);
+        text = end < 0 ? "" : text.Substring(end + 1);
+        return inside;
+    }
+
+    static bool Number(string text, out uint n)
+    {
+        return uint.TryParse(text, NumberStyles.None, CultureInfo.InvariantCulture, out n);
+    }
+
     void Walk(string section, string prefix, int depth, ref int at)
     {
         var names = new HashSet<string>();
         foreach (var line in sections[section])
         {
-            Match match = member.Match(line.Value);
-            if (!match.Success)
+            int hash = line.Value.IndexOf('#');
+            string code = hash < 0 ? line.Value : line.Value.Substring(0, hash);
+            string comment = hash < 0 ? "" : line.Value.Substring(hash + 1), meaning = comment;
+            string type = TakeWord(ref code), name = TakeWord(ref code);
+            var field = new Field();
+            uint count = 1;
+            int bracket = type.IndexOf('[');
+            if (bracket >= 0)
+            {
+                if (type[type.Length - 1] != ']' ||
+                    !Number(type.Substring(bracket + 1, type.Length - bracket - 2), out count) || count == 0)
+                {
+                    throw Wrong(line.Key, "expected an array of fixed size", line.Value);
+                }
+                field.IsArray = true;
+                field.Shape = count.ToString(CultureInfo.InvariantCulture);
+                type = type.Substring(0, bracket);
+            }
+            if (!identifier.IsMatch(name) || code.Trim(space) != "")
             {
                 throw Wrong(line.Key, "expected \"<type> <name>\" of fixed size", line.Value);
             }
-            string type = match.Groups[1].Value, bracket = match.Groups[2].Value, name = match.Groups[3].Value;
             if (!names.Add(name))
             {
                 throw Wrong(line.Key, "this name is there twice", name);
             }
-            uint count = 1;
-            if (bracket != "" && (!bracket.EndsWith("]", StringComparison.Ordinal) || count == 0 ||
-                                  !uint.TryParse(bracket.Substring(1, bracket.Length - 2), NumberStyles.None,
-                                                 CultureInfo.InvariantCulture, out count) || count == 0))
+            string told = TakeWord(ref comment);
+            if (string.Equals(told, name, StringComparison.OrdinalIgnoreCase))
             {
-                throw Wrong(line.Key, "expected an array of fixed size", line.Value);
-            }
-            string comment = match.Groups[4].Value;
-            bool array = bracket != "";
-            var field = new Field { Type = type, IsArray = array, Shape = array ? count.ToString() : "" };
-            Match says = told.Match(comment);
-            if (says.Success && string.Equals(says.Groups[1].Value, name, StringComparison.OrdinalIgnoreCase))
-            {
-                name = says.Groups[1].Value;
-                field.Unit = says.Groups[2].Value;
-                string shape = says.Groups[3].Value;
-                field.Shape = array && Product(shape) == count ? shape : field.Shape;
+                name = told;
+                field.Unit = TakeBetween('[', ']', ref comment) ?? "";
+                field.Shape = field.IsArray ? Told(TakeBetween('(', ')', ref comment), count) ?? field.Shape : "";
             }
             field.Name = prefix + name;
+            field.Type = type;
             if (primitives.TryGetValue(type, out field.Item))
             {
-                Add(line.Key, field, count, comment, ref at);
+                Add(line.Key, field, count, meaning, ref at);
             }
             else if (Short(type) == "" || !sections.ContainsKey(Short(type)))
             {
@@ -419,21 +461,22 @@ public sealed class Schema
         }
     }
 
-    /// Of the dimensions of a shape.
-    static long Product(string shape)
+    /// "3, 3" tells the dimensions of what ROS has as one, if their product is the same; else null.
+    static string Told(string shape, uint count)
     {
-        long product = 1;
-        foreach (string dimension in shape.Split(','))
+        ulong product = 1;
+        var dimensions = new List<uint>();
+        foreach (string dimension in (shape ?? "").Split(','))
         {
             uint n;
-            if (!uint.TryParse(dimension.Trim(), NumberStyles.None, CultureInfo.InvariantCulture, out n) ||
-                product > uint.MaxValue)
+            if (!Number(dimension.Trim(space), out n) || n == 0 || product > count)
             {
-                return 0;
+                return null;
             }
             product *= n;
+            dimensions.Add(n);
         }
-        return product;
+        return product == count ? string.Join(", ", dimensions) : null;
     }
 
     void Add(int line, Field field, uint count, string comment, ref int at)
@@ -841,12 +884,14 @@ public sealed class Frame
         public void Number(ulong x, int n)
         {
             size += (HeaderSize - size % n) % n;
-            Raw.Put(bytes, Room(n), x, n, little);
+            int at = Room(n);
+            Raw.Put(bytes, at, x, n, little);
         }
         public void Bytes(byte[] data)
         {
             Number((ulong)data.Length, 4);
-            data.CopyTo(bytes, Room(data.Length));
+            int at = Room(data.Length);
+            data.CopyTo(bytes, at);
         }
         int Room(int n)
         {
@@ -1440,7 +1485,7 @@ public sealed class Node
             output.channel = (uint)channel[0];
             if (!output.schema.Given)
             {
-                output.schema = new Schema((string)channel[2], (string)channel[3]);
+                output.schema = Schema.AsSent((string)channel[2], (string)channel[3]);
             }
             List<object> offer = Items(output.channel);
             AddSchema(offer, output.schema);
@@ -1483,7 +1528,7 @@ public sealed class Node
             {
                 throw new NodeError("the controller wires " + channel[1] + ", which is not wanted");
             }
-            want.schema = new Schema((string)channel[2], (string)channel[3]);
+            want.schema = Schema.AsSent((string)channel[2], (string)channel[3]);
             want.count = 0;
             channels[(uint)channel[0]] = want;
         }

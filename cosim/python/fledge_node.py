@@ -17,7 +17,8 @@
     node.run()
 
 Messages are dicts from the true names of their fields (nested ones with dots) to numbers, or lists
-of numbers in memory order. A definition is needed on one side only: without one here, that of the
+of numbers in memory order. Where a field is an enumeration or holds a text, a str may be given; what
+is read has the name of an enumeration's value as `.name`, and text() makes a str of its numbers. A definition is needed on one side only: without one here, that of the
 partner comes when the run begins, so that all messages of a mission are known. Where it begins with
 a Fledge head, its time, quality and sequence are filled in unless they are given. Times are integers
 in nanoseconds.
@@ -51,7 +52,22 @@ class NodeError(RuntimeError):
 
 PRIMITIVES = {"float64": "d", "float32": "f", "int64": "q", "uint64": "Q", "int32": "i", "uint32": "I",
               "int16": "h", "uint16": "H", "int8": "b", "uint8": "B", "bool": "B", "byte": "B", "char": "B"}
-_MEMBER = re.compile(r"([A-Za-z][\w/]*)(?:\[(\d+)\])?\s+([A-Za-z]\w*)\s*(?:#\s*(\S*).*)?")
+_MEMBER = re.compile(r"([^\s\[#]+)(?:\[(\d+)\])?\s+([A-Za-z_]\w*)\s*(?:#\s*(\S*)(.*))?", re.ASCII)
+_CHOICES = re.compile(r"\{([^{}]*)\}\s*$")
+
+
+class Choice(int):
+    """The value of an enumeration. name: as its definition says, None if it says nothing."""
+
+    def __new__(cls, value, choices):
+        self = super().__new__(cls, value)
+        self.name = next((name for name, number in choices.items() if number == value), None)
+        return self
+
+
+def text(numbers):
+    """The str that is in an array of characters, up to the first zero."""
+    return bytes(x & 255 for x in numbers).partition(b"\0")[0].decode()
 
 
 class Schema:
@@ -61,6 +77,7 @@ class Schema:
         self.name = name
         self.text = textwrap.dedent(text).strip("\n") + "\n" if text else ""
         self.fields = []  # (true name, numbers, is an array)
+        self.choices = {}  # of those that are enumerations: true name -> {name: value}
         self.size = self.hash = 0
         if self.text:
             codes = self._walk(self._sections(), None, "", 0)
@@ -77,7 +94,7 @@ class Schema:
 
     def _sections(self):
         sections, name = {None: []}, None
-        lines = iter(self.text.splitlines())
+        lines = iter(self.text.split("\n"))
         for line in lines:
             if len(line) == 80 and not line.strip("="):
                 name = next(lines, "").rpartition(":")[2].strip().rpartition("/")[2]
@@ -92,10 +109,14 @@ class Schema:
             match = _MEMBER.fullmatch(line)
             if not match or depth > 16:
                 raise NodeError(f'{self.name}: expected "<type> <name>" of fixed size, found "{line}"')
-            kind, count, name, told = match.groups()
+            kind, count, name, told, comment = match.groups()
             name = prefix + (told if told and told.lower() == name.lower() else name)
             n = int(count or 1)
             if kind in PRIMITIVES:
+                choices = _CHOICES.search(comment or "")
+                if choices and count is None and not kind.startswith("float"):
+                    pairs = re.findall(r"(\w+)=(-?\d+)(?=,|$)", choices[1])
+                    self.choices[name] = {key: int(value) for key, value in pairs}
                 self.fields.append((name, n, count is not None))
                 codes.append((PRIMITIVES[kind], n))
             elif kind.rpartition("/")[2] in sections:
@@ -106,8 +127,8 @@ class Schema:
                 raise NodeError(f"{self.name}: {kind} is not of fixed size or not defined")
         return codes
 
-    def pack(self, values):
-        """The struct, little-endian. Fields that are not given are zero. Raises NodeError."""
+    def pack(self, values, order="<"):
+        """The struct, little-endian unless asked otherwise. Fields that are not given are zero. Raises NodeError."""
         unknown = values.keys() - {name for name, _, _ in self.fields}
         if unknown:
             raise NodeError(f"{self.name} has no field {', '.join(sorted(unknown))}; it has "
@@ -115,14 +136,28 @@ class Schema:
         numbers = []
         for name, n, array in self.fields:
             value = values.get(name, [0] * n if array else 0)
+            if isinstance(value, str):
+                value = self._numbers(name, n, array, value)
             value = list(value) if array else [value]
             if len(value) != n:
                 raise NodeError(f"{self.name}.{name} takes {n} numbers, found {len(value)}")
             numbers += value
         try:
-            return self._packers["<"].pack(*numbers)
-        except struct.error as error:
+            return self._packers[order].pack(*numbers)
+        except (struct.error, OverflowError) as error:
             raise NodeError(f"{self.name}: {error}") from None
+
+    def _numbers(self, name, n, array, text):
+        """Of a text, or of the name of a value."""
+        if not array:
+            if text not in self.choices.get(name, {}):
+                raise NodeError(f"{self.name}.{name} has no value {text}; it has "
+                                f"{', '.join(self.choices.get(name, [])) or 'only numbers'}")
+            return self.choices[name][text]
+        data = text.encode()
+        if len(data) > n:
+            raise NodeError(f"{self.name}.{name} takes {n} bytes of text, found {len(data)}")
+        return data.ljust(n, b"\0")
 
     def unpack(self, payload):
         """A dict, from a payload: CDR header and struct."""
@@ -133,6 +168,8 @@ class Schema:
         for name, n, array in self.fields:
             values[name] = list(numbers[at:at + n]) if array else numbers[at]
             at += n
+        for name, choices in self.choices.items():
+            values[name] = Choice(values[name], choices)
         return values
 
 
@@ -141,12 +178,12 @@ class Schema:
 class _Writer:
     """Numbers at multiples of their size, from the start of the body."""
 
-    def __init__(self):
-        self.body = bytearray()
+    def __init__(self, order="<"):
+        self.body, self.order = bytearray(), order
 
     def number(self, code, x):
         self.body += bytes(-len(self.body) % struct.calcsize(code))
-        self.body += struct.pack("<" + code, x)
+        self.body += struct.pack(self.order + code, x)
 
     def bytes(self, data):
         self.number("I", len(data))
@@ -162,55 +199,98 @@ class _Writer:
         self.number("Q", schema.hash)
 
     def frame(self, kind, number):
-        return struct.pack("<4sBBHIIII", b"FLCS", 1, VERSION, KINDS.index(kind) + 1, len(self.body),
+        return struct.pack(self.order + "4sBBHIIII", b"FLCS", self.order == "<", VERSION, KINDS.index(kind) + 1, len(self.body),
                            zlib.crc32(self.body), number, 0) + self.body
 
 
 class _Reader:
+    """A frame is read whole or refused, with the byte and the reason."""
+
     def __init__(self, frame):
-        if len(frame) < 24 or len(frame) > LARGEST or frame[:4] != b"FLCS" or frame[4] > 1 or frame[5] != VERSION:
-            raise NodeError(f"what came is no frame of version {VERSION}")
+        if len(frame) > LARGEST:
+            raise NodeError(f"a frame of {len(frame)} bytes; {LARGEST} are the most")
+        if len(frame) < 24 or frame[:4] != b"FLCS":
+            raise NodeError("this is no frame of a co-simulation")
+        if frame[4] > 1:
+            raise NodeError(f"there is no byte order {frame[4]}")
+        if frame[5] != VERSION:
+            raise NodeError(f"version {frame[5]} of the format, while this program speaks version {VERSION}")
         self.order = "<" if frame[4] else ">"
         kind, size, crc, self.request, zero = struct.unpack_from(self.order + "HIIII", frame, 6)
         self.body, self.at = frame[24:], 0
-        if not 1 <= kind <= len(KINDS) or size != len(self.body) or crc != zlib.crc32(self.body) or zero:
-            raise NodeError("a frame is damaged")
+        if size != len(self.body):
+            raise NodeError(f"a body of {len(self.body)} bytes, while the header says {size}")
+        if crc != zlib.crc32(self.body):
+            raise NodeError("the checksum of the body is wrong")
+        if zero:
+            raise NodeError("bytes 20 to 23 of the header are not zero")
+        if not 1 <= kind <= len(KINDS):
+            raise NodeError(f"there is no frame of kind {kind}")
         self.kind = KINDS[kind - 1]
 
     def number(self, code):
         size = struct.calcsize(code)
-        self.at += -self.at % size
+        while self.at % size:
+            if self._take(1) != b"\0":
+                self._fail("a gap is not zero")
         return struct.unpack(self.order + code, self._take(size))[0]
 
-    def bytes(self):
-        return self._take(self.number("I"))
+    def bytes(self, most=LARGEST):
+        n = self.number("I")
+        if n > most:
+            self._fail(f"a length of {n}; {most} is the most")
+        return self._take(n)
 
-    def text(self):
-        return self.bytes().decode()
+    def text(self, most=1 << 20):
+        data = self.bytes(most)
+        if b"\0" in data:
+            self._fail("a text holds a zero byte")
+        try:
+            return data.decode()
+        except UnicodeDecodeError:
+            self._fail("a text is not UTF-8")
+
+    def name(self):
+        return self.text(255)
 
     def schema(self):
-        name, text = self.text(), self.text()
+        name, text = self.name(), self.text()
         self.number("I")
         self.number("Q")
         return name, text
 
+    def list(self, item, least):
+        """Of what `item` reads, each of which takes so many bytes at least."""
+        n = self.number("I")
+        if n > 65536:
+            self._fail(f"a list of {n} items; 65536 are the most")
+        if n > (len(self.body) - self.at) // least:
+            self._fail(f"a list of {n} items does not fit into what is left")
+        return [item() for _ in range(n)]
+
     def channels(self):
-        return [(self.number("I"), self.text(), self.schema()) for _ in range(self.number("I"))]
+        return self.list(lambda: (self.number("I"), self.name(), self.schema()), 28)
+
+    def record(self):
+        """(from when on it is seen, channel, count, payload)"""
+        return self.number("q"), self.number("I"), self.number("I"), self.bytes()
 
     def records(self):
-        """(from when on it is seen, channel, count, payload)"""
-        return [(self.number("q"), self.number("I"), self.number("I"), self.bytes())
-                for _ in range(self.number("I"))]
+        return self.list(self.record, 20)
 
     def end(self):
         if self.at != len(self.body):
-            raise NodeError(f"a {self.kind} has {len(self.body) - self.at} bytes too many")
+            self._fail(f"{len(self.body) - self.at} bytes are left over")
 
     def _take(self, n):
-        if n > len(self.body) - self.at:
-            raise NodeError(f"a {self.kind} ends too early")
+        left = len(self.body) - self.at
+        if n > left:
+            self._fail(f"it ends here, {n - left} bytes too early")
         self.at += n
         return self.body[self.at - n:self.at]
+
+    def _fail(self, why):
+        raise NodeError(f"{self.kind}: byte {self.at} of the body: {why}")
 
 
 # ---- the node

@@ -18,7 +18,7 @@ CONTROLLER = Path(_core.__file__).resolve().parents[1] / "cosim" / "fledge_contr
 pytestmark = pytest.mark.skipif(not CONTROLLER.exists(), reason="the controller is not built")
 
 sys.path.insert(0, str(HERE))
-from fledge_node import Node, NodeError, Schema, ms  # noqa: E402
+from fledge_node import Node, NodeError, Schema, ms, text  # noqa: E402
 
 # The two programs of most tests: a mass, and a spring that pulls it back.
 MASS = """
@@ -296,6 +296,21 @@ def test_messages_are_packed_and_read_in_both_byte_orders():
         Schema("M", "int32 a\nfloat64 b\n")
     with pytest.raises(NodeError, match="string is not of fixed size"):
         Schema("M", "string a\n")
+
+
+def test_texts_and_enumerations_are_given_by_name():
+    schema = Schema("M", "char[6] label  # label\nuint8 on  # on what {OFF=0, ON=1}\nbyte b\n")
+    payload = b"\0\1\0\0" + schema.pack({"label": "hé", "on": "ON"})
+    assert payload[4:] == "hé".encode() + b"\0\0\0\1\0"
+    values = schema.unpack(payload)
+    assert text(values["label"]) == "hé" and values["on"] == 1 and values["on"].name == "ON"
+    assert schema.unpack(payload[:10] + b"\7\0")["on"].name is None
+    with pytest.raises(NodeError, match="M.on has no value ONN; it has OFF, ON"):
+        schema.pack({"on": "ONN"})
+    with pytest.raises(NodeError, match="M.b has no value 1; it has only numbers"):
+        schema.pack({"b": "1"})
+    with pytest.raises(NodeError, match="M.label takes 6 bytes of text, found 7"):
+        schema.pack({"label": "1234567"})
 
 
 def test_mistakes_in_a_node_are_named():

@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: Apache-2.0
+// Reads the lines of cosim/testing/frames.cpp, and writes what C# makes of the same bytes: the same lines.
+// What it knows besides about values is tried first; a mistake ends it.
+using System;
+using System.Collections.Generic;
+using System.IO;
+using System.Linq;
+using System.Text;
+using Fledge;
+
+static class Codec
+{
+    static byte[] Bytes(string hex)
+    {
+        return Enumerable.Range(0, hex.Length / 2).Select(i => Convert.ToByte(hex.Substring(2 * i, 2), 16)).ToArray();
+    }
+    static string Hex(byte[] bytes) { return string.Concat(bytes.Select(b => b.ToString("x2"))); }
+    static string Hex(string text) { return Hex(Encoding.UTF8.GetBytes(text)); }
+
+    static string FrameLine(string hex)
+    {
+        byte[] bytes = Bytes(hex);
+        try
+        {
+            return "frame " + Hex(Frame.Decode(bytes).Encode(bytes[4] == 1));
+        }
+        catch (NodeError error)
+        {
+            return "garbage " + hex + " " + error.Message;
+        }
+    }
+
+    static string SchemaLine(string hex)
+    {
+        try
+        {
+            string text = Encoding.UTF8.GetString(Bytes(hex)), fields = "";
+            foreach (Field f in Schema.AsSent("", text).Fields)
+            {
+                fields += string.Join("|", f.Name, f.Type, f.Unit, f.Shape, f.Offset, f.Item, f.Count) + "; ";
+            }
+            return "schema " + hex + " " + Hex(fields);
+        }
+        catch (NodeError error)
+        {
+            return "nonsense " + hex + " " + Hex(error.Message.Substring(2)); // without ": "
+        }
+    }
+
+    static string MessageLine(string hex, string little, string big)
+    {
+        var schema = Schema.AsSent("Rich", Encoding.UTF8.GetString(Bytes(hex)));
+        Message one = schema.Unpack(Bytes(little)), other = schema.Unpack(Bytes(big));
+        return "message " + hex + " " + Hex(schema.Pack(other)) + " " + Hex(schema.Pack(one, false));
+    }
+
+    static void Expect(string expected, object found)
+    {
+        if (expected != found.ToString())
+        {
+            throw new Exception("expected " + expected + ", found " + found);
+        }
+    }
+
+    static void Refused(string why, Action action)
+    {
+        try
+        {
+            action();
+        }
+        catch (NodeError error)
+        {
+            Expect(why, error.Message);
+            return;
+        }
+        throw new Exception("not refused: " + why);
+    }
+
+    static void Values()
+    {
+        var schema = new Schema("M", @"
+            int64 t  # t
+            float32[2] s_bn  # s_BN [-] (2)
+            char[6] label  # label
+            uint8 on  # on {OFF=0, ON=1}
+            int8 i  # i
+            ");
+        Expect("24", schema.Size);
+        var sent = new Message { ["t"] = -3, ["s_BN"] = new[] { 0.5, -2 }, ["label"] = "h\u00e9", ["on"] = "ON",
+                                 ["i"] = -128 };
+        byte[] payload = schema.Pack(sent);
+        Expect("00010000fdffffffffffffff0000003f000000c068c3a90000000180", Hex(payload));
+        Message got = schema.Unpack(payload);
+        double[] s_BN = got["s_BN"];
+        Expect("-2", s_BN[1]);
+        Expect("-1.5", got["s_BN"][0] + got["s_BN"][1]);
+        Expect("-6", 2 * got["t"]);
+        Expect("-3", (long)got["t"]);
+        Expect("h\u00e9", (string)got["label"]);
+        Expect("ON", (string)got["on"]);
+        Expect("1", (int)got["on"]);
+        Expect("True", (bool)got["on"]);
+        Expect("[0.5, -2]", got["s_BN"]);
+        Expect("6", got["label"].Length);
+        Expect("t, s_BN, label, on, i", string.Join(", ", got.Names));
+        Expect(Hex(payload), Hex(schema.Pack(got)));
+        got["i"] = 127; // a message that was read may be changed and sent on
+        Expect("7f", Hex(schema.Pack(got)).Substring(54));
+        Expect(new string('0', 48), Hex(schema.Pack(new Message())).Substring(8));
+
+        Refused("M has no field s; it has t, s_BN, label, on, i", () => schema.Pack(new Message { ["s"] = 1 }));
+        Refused("M has no field s; it has t, s_BN, label, on, i", () => schema.Unpack(payload)["s"].ToString());
+        Refused("M.s_BN takes 2 numbers, found 3 in an array", () => schema.Pack(new Message { ["s_BN"] = new double[3] }));
+        Refused("M.s_BN takes 2 numbers, found one", () => schema.Pack(new Message { ["s_BN"] = 1 }));
+        Refused("M.t takes integers, found 0.5", () => schema.Pack(new Message { ["t"] = 0.5 }));
+        Refused("M.i: 128 does not fit a int8", () => schema.Pack(new Message { ["i"] = 128 }));
+        Refused("M.i: -129 does not fit a int8", () => schema.Pack(new Message { ["i"] = -129 }));
+        Refused("M.on: -1 does not fit a uint8", () => schema.Pack(new Message { ["on"] = -1 }));
+        Refused("M.t: 18446744073709551615 does not fit a int64",
+                () => schema.Pack(new Message { ["t"] = ulong.MaxValue }));
+        Refused("M.s_BN: 1E+300 does not fit a float32", () => schema.Pack(new Message { ["s_BN"] = new[] { 1e300, 0 } }));
+        Refused("M.on has no value ONN; it has OFF, ON", () => schema.Pack(new Message { ["on"] = "ONN" }));
+        Refused("M.t takes numbers, found \"now\"", () => schema.Pack(new Message { ["t"] = "now" }));
+        Refused("M.label takes 6 bytes of text, found 7", () => schema.Pack(new Message { ["label"] = "1234567" }));
+        Refused("a M of 5 bytes, expected a CDR header and 24", () => schema.Unpack(new byte[5]));
+        Refused("M: line 2: padding would be needed before this field, found \"b\"",
+                () => new Schema("M", "int32 a\nfloat64 b\n"));
+        Refused("s_BN is an array of 2, not an integer", () => ((long)got["s_BN"]).ToString());
+        Refused("t is a number, not an array", () => ((double[])got["t"]).ToString());
+
+        var node = new Node("spring", "mass", "ipc://@x", every: 1);
+        node.Reads("/a");
+        Refused("mass does not read /b; it reads /a", () => node["/b"].ToString());
+        Refused("mass does not write /a; it writes nothing", () => node["/a"] = new Message());
+        Refused("a node needs its address, given here or by FLEDGE_ADDRESS", () => new Node("s", "n", "", every: 1));
+        Refused("mass: it steps at offset + k every, with every > 0 and offset >= 0, found 0 and 0",
+                () => new Node("spring", "mass", "ipc://@x"));
+    }
+
+    static void Main()
+    {
+        Values();
+        var output = new StreamWriter(Console.OpenStandardOutput()) { NewLine = "\n" };
+        for (string line; (line = Console.In.ReadLine()) != null;)
+        {
+            string[] words = line.Split(' ');
+            output.WriteLine(words[0] == "message" ? MessageLine(words[1], words[2], words[3])
+                             : words[0] == "schema" || words[0] == "nonsense" ? SchemaLine(words[1])
+                                                                              : FrameLine(words[1]));
+        }
+        output.Flush();
+    }
+}
