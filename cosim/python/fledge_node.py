@@ -18,10 +18,11 @@
 
 Messages are dicts from the true names of their fields (nested ones with dots) to numbers, or lists
 of numbers in memory order. Where a field is an enumeration or holds a text, a str may be given; what
-is read has the name of an enumeration's value as `.name`, and text() makes a str of its numbers. A definition is needed on one side only: without one here, that of the
-partner comes when the run begins, so that all messages of a mission are known. Where it begins with
-a Fledge head, its time, quality and sequence are filled in unless they are given. Times are integers
-in nanoseconds.
+is read has the name of an enumeration's value as `.name`, and text() makes a str of its numbers.
+
+A definition is needed on one side only: without one here, that of the partner comes when the run
+begins, so that all messages of a mission are known. Where it begins with a Fledge head, its time,
+quality and sequence are filled in unless they are given. Times are integers in nanoseconds.
 
 The format is described in cosim/protocol.h; names here follow it.
 """
@@ -199,8 +200,8 @@ class _Writer:
         self.number("Q", schema.hash)
 
     def frame(self, kind, number):
-        return struct.pack(self.order + "4sBBHIIII", b"FLCS", self.order == "<", VERSION, KINDS.index(kind) + 1, len(self.body),
-                           zlib.crc32(self.body), number, 0) + self.body
+        return struct.pack(self.order + "4sBBHIIII", b"FLCS", self.order == "<", VERSION, KINDS.index(kind) + 1,
+                           len(self.body), zlib.crc32(self.body), number, 0) + self.body
 
 
 class _Reader:

@@ -110,7 +110,8 @@ static class Codec
 
         Refused("M has no field s; it has t, s_BN, label, on, i", () => schema.Pack(new Message { ["s"] = 1 }));
         Refused("M has no field s; it has t, s_BN, label, on, i", () => schema.Unpack(payload)["s"].ToString());
-        Refused("M.s_BN takes 2 numbers, found 3 in an array", () => schema.Pack(new Message { ["s_BN"] = new double[3] }));
+        Refused("M.s_BN takes 2 numbers, found 3 in an array",
+                () => schema.Pack(new Message { ["s_BN"] = new double[3] }));
         Refused("M.s_BN takes 2 numbers, found one", () => schema.Pack(new Message { ["s_BN"] = 1 }));
         Refused("M.t takes integers, found 0.5", () => schema.Pack(new Message { ["t"] = 0.5 }));
         Refused("M.i: 128 does not fit a int8", () => schema.Pack(new Message { ["i"] = 128 }));
@@ -118,7 +119,8 @@ static class Codec
         Refused("M.on: -1 does not fit a uint8", () => schema.Pack(new Message { ["on"] = -1 }));
         Refused("M.t: 18446744073709551615 does not fit a int64",
                 () => schema.Pack(new Message { ["t"] = ulong.MaxValue }));
-        Refused("M.s_BN: 1E+300 does not fit a float32", () => schema.Pack(new Message { ["s_BN"] = new[] { 1e300, 0 } }));
+        Refused("M.s_BN: 1E+300 does not fit a float32",
+                () => schema.Pack(new Message { ["s_BN"] = new[] { 1e300, 0 } }));
         Refused("M.on has no value ONN; it has OFF, ON", () => schema.Pack(new Message { ["on"] = "ONN" }));
         Refused("M.t takes numbers, found \"now\"", () => schema.Pack(new Message { ["t"] = "now" }));
         Refused("M.label takes 6 bytes of text, found 7", () => schema.Pack(new Message { ["label"] = "1234567" }));
