@@ -308,10 +308,11 @@ def parser():
     one.add_argument("--for", dest="duration", metavar="DURATION",
                      help="fly without a scenario for this long (90s, 10min, 2h), recording all outputs")
 
-    from fledge import cli_export, cli_montecarlo
+    from fledge import cli_compare, cli_export, cli_montecarlo
 
     cli_montecarlo.add(command)
     cli_export.add(command)
+    cli_compare.add(command)
 
     one = command("show", show, "draw a mission's wiring", "show nadir_spin --out nadir_spin.png")
     one.add_argument("mission", help="the name of a mission, or its folder")

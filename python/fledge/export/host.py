@@ -14,7 +14,8 @@ def emit_host(mission):
     recorded = {m.struct.name for m in mission.outputs}
     lines = [*written(mission), f'#include "{name}_io.h"', '#include "targets/mission_host.h"', "",
              f"extern const MissionDefinition {name}_definitions[];", f"static {struct} m;",
-             f"static McapSchema schemas[{len(recorded)}];", f"static McapChannel channels[{len(mission.outputs)}];", ""]
+             f"static McapSchema schemas[{len(recorded)}];",
+             f"static McapChannel channels[{len(mission.outputs)}];", ""]
     for function, result, parameter, argument in (("init", "void", "void", ""), ("reset", "void", "void", ""),
                                                   ("next", "int64_t", "void", ""),
                                                   ("tick", "void", "int64_t t", ", t")):

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`fledge compare RUN RUN`: where two records first differ.
+
+Exit codes: 0 the same bits, 1 a difference, 2 the command line or a file is wrong.
+"""
+
+import argparse
+import sys
+
+
+def add(command):
+    """Add the subcommand, by the function of cli.parser() that adds one."""
+    one = command("compare", compare, "show where two records first differ",
+                  "compare runs/nadir_spin/fly/desktop.mcap runs/nadir_spin/fly/linux.mcap")
+    one.add_argument("runs", nargs=2, metavar="RUN", help="a .mcap file, its folder, or the name of a mission flown "
+                     "before")
+    one.add_argument("--topics", nargs="+", metavar="TOPIC", help="only these, as in tracking.error; default: all")
+    one.add_argument("--ignore", nargs="+", default=[], metavar="FIELD", help="fields that do not count, as in "
+                     "head.sequence")
+    one.add_argument("--tolerance", type=_tolerance, default=0.0, metavar="X", help="differences of numbers up to this "
+                     "do not count, in each field's unit; default: 0, the same bits")
+    one.add_argument("--all", action="store_true", help="the first difference of each field, how often and how far; "
+                     "default: the first of each topic")
+
+
+def compare(options):
+    from fledge import compare as comparing
+    from fledge._console import say
+    from fledge.cli import open_run
+
+    a, b = map(open_run, options.runs)
+    same = a.path.resolve() == b.path.resolve()
+    if same:
+        print(f"{a.path}: compared with itself", file=sys.stderr)
+    found = comparing.compare(a, b, options.topics, options.ignore, options.tolerance)
+    if not found:
+        topics = comparing.chosen(a, b, options.topics)
+        messages = sum(a.topics[t].count for t in topics)
+        within = f"equal to within {options.tolerance:g}" if options.tolerance else "identical"
+        say(f"{within}: {len(topics)} topics, {messages} messages in each")
+        return 0
+    say(f"a  {a.path}\nb  {b.path}")
+    seen = set()
+    for one in found:
+        if options.all or one.topic not in seen:
+            say(f"  {one}")
+            if options.all and one.count:
+                worst = f", by up to {one.worst:g}" if one.worst else ""
+                say(f"      in {one.count} of {one.total} messages{worst}")
+        seen.add(one.topic)
+    left = len(found) - len(seen)
+    if left and not options.all:
+        say(f"  and {left} more field{'s' * (left > 1)} of these: --all shows them")
+    return 1
+
+
+def _tolerance(text):
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0 <= value < float("inf"):
+        raise argparse.ArgumentTypeError(f"expected a number >= 0; found '{text}'")
+    return value

@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where two records differ: topics, definitions, times and values, in the messages' own names.
+
+    for one in compare(Archive("desktop.mcap"), Archive("linux.mcap")):
+        print(one)                        # the earliest first
+"""
+
+from dataclasses import dataclass
+
+from fledge.archive import ArchiveError
+
+STRUCTURE = -1      # the time of what is not about one message
+
+
+@dataclass
+class Difference:
+    """The first difference in a topic or field.
+
+    t: [ns], of the first message that differs; STRUCTURE where the topic as a whole does
+    topic: "flight.tracking.error"; name: from there on, "sigma_BR[1]", or ""
+    a, b: the two values, or what is told of each record
+    ulps: how many doubles lie between them; None of what is no floating-point number
+    count: of messages in which it differs; total: of those compared
+    worst: the largest difference of the field's values; 0.0 of what is no number
+    """
+    t: int
+    topic: str
+    name: str
+    a: object
+    b: object
+    what: str = ""
+    ulps: int | None = None
+    count: int = 0
+    total: int = 0
+    worst: float = 0.0
+    unit: str = ""
+
+    def __str__(self):
+        full = f"{self.topic}.{self.name}" if self.name else self.topic
+        if self.t == STRUCTURE:
+            return f"{full}: {self.what}"
+        if self.what:
+            return f"t = {seconds(self.t)}  {full}: {self.what}"
+        unit = f" {self.unit}" if self.unit not in ("", "-") else ""
+        ulps = "" if self.ulps is None else f", {self.ulps} ulp" + "s" * (self.ulps != 1)
+        return f"t = {seconds(self.t)}  {full}: {self.a!r} and {self.b!r}{unit}{ulps}"
+
+
+def seconds(ns):
+    return f"{ns / 1e9:.9g} s"
+
+
+def compare(a, b, topics=None, ignore=(), tolerance=0.0, times=None):
+    """The Differences between two Archives, the earliest of each field, by time; [] where they are the same bits.
+
+    topics: names of those to look at, as an Archive takes them; None: all of both
+    ignore: endings of field names that do not count, as "head.sequence"
+    tolerance: differences of numbers up to this do not count
+    times: a function of an array of times [ns] that tells which count; None: all
+    A NaN equals a NaN of the same bits; -0.0 and 0.0 differ, but for a tolerance.
+    """
+    found = []
+    for topic in chosen(a, b, topics):
+        found += _topic(a, b, topic, ignore, tolerance, times)
+    return sorted(found, key=lambda one: one.t)
+
+
+def chosen(a, b, topics=None):
+    """The topics of two Archives that some names mean; None: all."""
+    names = list(dict.fromkeys([*a.topics, *b.topics]))
+    if topics is None:
+        return names
+    wanted = []
+    for topic in topics:
+        dotted = topic.replace("/", ".").strip(".")
+        exact = [n for n in names if n.strip("/").replace("/", ".") == dotted]
+        hits = exact or [n for n in names if n.replace("/", ".").endswith("." + dotted)]
+        if len(hits) != 1:
+            raise ArchiveError(f"there is {'no' if not hits else 'more than one'} topic {topic}; there are "
+                               f"{', '.join(sorted(n.strip('/').replace('/', '.') for n in hits or names))}")
+        wanted += hits
+    return wanted
+
+
+def _topic(a, b, topic, ignore, tolerance, times):
+    import numpy as np
+
+    name = topic.strip("/").replace("/", ".")
+    for here, there in ((a, b), (b, a)):
+        if topic not in here.topics:
+            n = there.topics[topic].count
+            yield Difference(STRUCTURE, name, "", None, None, f"only in {there.path}, {n} messages")
+            return
+    one, two = a.topics[topic], b.topics[topic]
+    text = _definitions_differ(one, two)
+    if text:
+        yield Difference(STRUCTURE, name, "", None, None, text)
+        return
+    ta, tb = a.time_ns(topic), b.time_ns(topic)
+    ka, kb = (np.ones(len(t), bool) if times is None else times(t) for t in (ta, tb))
+    va, vb = a[topic][ka], b[topic][kb]
+    ta, tb = ta[ka], tb[kb]
+    n = min(len(ta), len(tb))
+    moved = np.nonzero(ta[:n] != tb[:n])[0]
+    if len(moved):
+        n = int(moved[0])
+    if n < max(len(ta), len(tb)):
+        yield _unpaired(a, b, name, ta, tb, n)
+    yield from _values(one, name, va[:n], vb[:n], ta[:n], ignore, tolerance)
+
+
+def _definitions_differ(one, two):
+    if one.schema != two.schema:
+        return f"a {one.schema.split('/')[-1]} here, a {two.schema.split('/')[-1]} there"
+    fields, others = one.fields, two.fields
+    for name in dict.fromkeys([*fields, *others]):
+        if name not in fields or name not in others:
+            return f"its definition has {name} only {'here' if name in fields else 'there'}"
+        f, g = fields[name], others[name]
+        for what in ("dtype", "shape", "unit"):
+            if getattr(f, what) != getattr(g, what):
+                return f"{name} has the {what} {getattr(f, what)} here and {getattr(g, what)} there"
+    if list(fields) != list(others):
+        return "its fields stand in another order"
+    return ""
+
+
+def _unpaired(a, b, name, ta, tb, n):
+    """Where the messages of a topic no longer are of the same times."""
+    if n < len(ta) and n < len(tb):
+        early, here = (ta[n], a) if ta[n] < tb[n] else (tb[n], b)
+        return Difference(int(early), name, "", None, None, f"a message only in {here.path}; from here on the two "
+                          "have other times")
+    longer, t = (a, ta) if len(ta) > n else (b, tb)
+    return Difference(int(t[n]), name, "", None, None, f"{len(t) - n} more messages in {longer.path}, from here to "
+                      f"{seconds(t[-1])}")
+
+
+def _values(channel, topic, va, vb, t, ignore, tolerance):
+    """The first difference of each field."""
+    import numpy as np
+
+    if not len(t) or va.tobytes() == vb.tobytes():
+        return
+    for field in channel.fields.values():
+        if any(field.name == end or field.name.endswith("." + end) for end in ignore):
+            continue
+        x, y = (_part(v, field.name) for v in (va, vb))
+        bits = _bits(x) != _bits(y)
+        distance = np.zeros(bits.shape)
+        if field.dtype[0] != "?":
+            with np.errstate(invalid="ignore", over="ignore"):
+                distance = np.abs(x.astype("f8") - y.astype("f8"))
+            distance[np.isnan(distance) & bits] = np.inf
+            distance[~bits] = 0.0
+        if tolerance:
+            bits &= distance > tolerance
+        rows = bits.any(axis=1)
+        if not rows.any():
+            continue
+        i = int(rows.argmax())
+        j = int(bits[i].argmax())
+        p, q = x[i, j].item(), y[i, j].item()
+        names = {v: k for k, v in (field.values or {}).items()} if field.values else {}
+        yield Difference(int(t[i]), topic, field.columns()[j], names.get(p, p), names.get(q, q),
+                         ulps=_ulps(x[i, j], y[i, j]), count=int(rows.sum()), total=len(t),
+                         worst=float(distance.max()), unit=field.unit)
+
+
+def _part(values, name):
+    import numpy as np
+
+    for part in name.split("."):
+        values = values[part]
+    values = np.ascontiguousarray(values)
+    return values.reshape(len(values), -1)
+
+
+def _bits(x):
+    import numpy as np
+
+    return np.ascontiguousarray(x).view(f"u{x.dtype.itemsize}")
+
+
+def _ulps(p, q):
+    """How many representable numbers lie between two floating-point ones, as steps; None where that has no meaning."""
+    import math
+    import struct
+
+    if p.dtype.kind != "f" or not (math.isfinite(p) and math.isfinite(q)):
+        return None
+    code, mask = (("<d", "<q"), 1 << 63) if p.dtype.itemsize == 8 else (("<f", "<i"), 1 << 31)
+
+    def place(v):
+        n = struct.unpack(code[1], struct.pack(code[0], float(v)))[0]
+        return n if n >= 0 else -(n + mask)
+    return abs(place(p) - place(q))
+
+
+def digest(archive, topics, times=None):
+    """A hash of all messages of some topics, by their names, times and bytes: 16 hexadecimal digits."""
+    import hashlib
+
+    import numpy as np
+
+    total = hashlib.sha256()
+    for topic in sorted(topics):
+        t = archive.time_ns(topic)
+        keep = np.ones(len(t), bool) if times is None else times(t)
+        total.update(topic.encode() + b"\0")
+        total.update(t[keep].astype("<i8").tobytes())
+        total.update(archive[topic][keep].tobytes())
+    return total.hexdigest()[:16]
