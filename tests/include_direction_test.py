@@ -53,8 +53,9 @@ THIRD_PARTIES = {
 # flight.py also runs under MicroPython, which has nothing but these. (sqrt is exact in both.)
 FLIGHT_PY_MODULES = {"fledge.flight", "fledge.units", "math.sqrt"}
 
-# Where an #include starts: the root, within the extension the package, within the templates theirs.
-INCLUDE_ROOTS = ("", "python/fledge/", "python/fledge/templates/")
+# Where an #include starts: the root, within the extension the package, within the templates theirs,
+# and cFE's headers have no folder.
+INCLUDE_ROOTS = ("", "python/fledge/", "python/fledge/templates/", "targets/cfs/inc/")
 
 C_SUFFIXES = {".c", ".h", ".cpp", ".hpp"}
 INCLUDE = re.compile(r'^\s*#\s*include\s*(?:"([^"]+)"|<([^>]+)>)')

@@ -1,0 +1,68 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* How much of everything the pocket has: all of it static. A board may define others. */
+#ifndef TARGETS_CFS_CONFIG_H
+#define TARGETS_CFS_CONFIG_H
+
+#ifndef POCKET_APPS
+#define POCKET_APPS 8u
+#endif
+#ifndef POCKET_TASKS
+#define POCKET_TASKS 24u
+#endif
+#ifndef POCKET_FILTERS
+#define POCKET_FILTERS 8u ///< of an app's events
+#endif
+
+#ifndef POCKET_PIPES
+#define POCKET_PIPES 16u
+#endif
+#ifndef POCKET_PIPE_DEPTH
+#define POCKET_PIPE_DEPTH 64u ///< the deepest
+#endif
+#ifndef POCKET_ROUTES
+#define POCKET_ROUTES 128u ///< subscriptions
+#endif
+#ifndef POCKET_SENT
+#define POCKET_SENT 128u ///< message ids whose sequence is counted
+#endif
+#ifndef POCKET_MESSAGES
+#define POCKET_MESSAGES 64u ///< under way at once
+#endif
+#ifndef POCKET_MESSAGE_MAX
+#define POCKET_MESSAGE_MAX 2048u ///< [bytes]
+#endif
+
+#ifndef POCKET_TABLES
+#define POCKET_TABLES 48u
+#endif
+#ifndef POCKET_TABLE_MAX
+#define POCKET_TABLE_MAX 4096u ///< [bytes] of one
+#endif
+#ifndef POCKET_TABLE_BYTES
+#define POCKET_TABLE_BYTES 32768u ///< of all
+#endif
+#ifndef POCKET_LOADS
+#define POCKET_LOADS 4u ///< at once
+#endif
+
+#ifndef POCKET_STORES
+#define POCKET_STORES 8u ///< critical data
+#endif
+#ifndef POCKET_STORE_BYTES
+#define POCKET_STORE_BYTES 4096u ///< of all
+#endif
+
+#ifndef POCKET_SEMAPHORES
+#define POCKET_SEMAPHORES 24u
+#endif
+#ifndef POCKET_QUEUES
+#define POCKET_QUEUES 8u
+#endif
+#ifndef POCKET_QUEUE_BYTES
+#define POCKET_QUEUE_BYTES 1024u ///< of one
+#endif
+#ifndef POCKET_FILES
+#define POCKET_FILES 8u
+#endif
+
+#endif

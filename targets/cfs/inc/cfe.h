@@ -1,0 +1,17 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* All that an app includes. Pure C, as cFE's own: C++ includes it within extern "C". */
+#ifndef CFE_H
+#define CFE_H
+
+#include "cfe_config.h"
+#include "cfe_error.h"
+#include "cfe_es.h"
+#include "cfe_evs.h"
+#include "cfe_msg.h"
+#include "cfe_sb.h"
+#include "cfe_tbl.h"
+#include "cfe_time.h"
+#include "common_types.h"
+#include "osapi.h"
+
+#endif

@@ -1,0 +1,93 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What calls return: 0, or information (bit 30), or an error (bits 31 and 30). The codes are cFE's. */
+#ifndef CFE_ERROR_H
+#define CFE_ERROR_H
+
+#include "common_types.h"
+
+typedef int32 CFE_Status_t;
+
+#define CFE_SUCCESS (0)
+#define CFE_STATUS_WRONG_MSG_LENGTH ((CFE_Status_t)0xc8000002)
+#define CFE_STATUS_UNKNOWN_MSG_ID ((CFE_Status_t)0xc8000003)
+#define CFE_STATUS_BAD_COMMAND_CODE ((CFE_Status_t)0xc8000004)
+#define CFE_STATUS_EXTERNAL_RESOURCE_FAIL ((CFE_Status_t)0xc8000005)
+#define CFE_STATUS_NOT_IMPLEMENTED ((CFE_Status_t)0xc800ffff)
+
+#define CFE_EVS_UNKNOWN_FILTER ((CFE_Status_t)0xc2000001)
+#define CFE_EVS_APP_NOT_REGISTERED ((CFE_Status_t)0xc2000002)
+#define CFE_EVS_APP_ILLEGAL_APP_ID ((CFE_Status_t)0xc2000003)
+#define CFE_EVS_APP_FILTER_OVERLOAD ((CFE_Status_t)0xc2000004)
+#define CFE_EVS_EVT_NOT_REGISTERED ((CFE_Status_t)0xc2000006)
+#define CFE_EVS_INVALID_PARAMETER ((CFE_Status_t)0xc2000008)
+
+#define CFE_ES_ERR_RESOURCEID_NOT_VALID ((CFE_Status_t)0xc4000001)
+#define CFE_ES_ERR_NAME_NOT_FOUND ((CFE_Status_t)0xc4000002)
+#define CFE_ES_ERR_APP_CREATE ((CFE_Status_t)0xc4000004)
+#define CFE_ES_ERR_CHILD_TASK_CREATE ((CFE_Status_t)0xc4000005)
+#define CFE_ES_BAD_ARGUMENT ((CFE_Status_t)0xc400000a)
+#define CFE_ES_CDS_ALREADY_EXISTS ((CFE_Status_t)0x4400000d)
+#define CFE_ES_CDS_INSUFFICIENT_MEMORY ((CFE_Status_t)0xc400000e)
+#define CFE_ES_CDS_INVALID_NAME ((CFE_Status_t)0xc400000f)
+#define CFE_ES_CDS_INVALID_SIZE ((CFE_Status_t)0xc4000010)
+#define CFE_ES_FILE_IO_ERR ((CFE_Status_t)0xc4000014)
+#define CFE_ES_ERR_CHILD_TASK_DELETE ((CFE_Status_t)0xc4000018)
+#define CFE_ES_ERR_CHILD_TASK_DELETE_MAIN_TASK ((CFE_Status_t)0xc4000019)
+#define CFE_ES_CDS_BLOCK_CRC_ERR ((CFE_Status_t)0xc400001a)
+#define CFE_ES_OPERATION_TIMED_OUT ((CFE_Status_t)0xc4000027)
+#define CFE_ES_NO_RESOURCE_IDS_AVAILABLE ((CFE_Status_t)0xc400002b)
+
+#define CFE_SB_TIME_OUT ((CFE_Status_t)0xca000001)
+#define CFE_SB_NO_MESSAGE ((CFE_Status_t)0xca000002)
+#define CFE_SB_BAD_ARGUMENT ((CFE_Status_t)0xca000003)
+#define CFE_SB_MAX_PIPES_MET ((CFE_Status_t)0xca000004)
+#define CFE_SB_PIPE_CR_ERR ((CFE_Status_t)0xca000005)
+#define CFE_SB_PIPE_RD_ERR ((CFE_Status_t)0xca000006)
+#define CFE_SB_MSG_TOO_BIG ((CFE_Status_t)0xca000007)
+#define CFE_SB_BUF_ALOC_ERR ((CFE_Status_t)0xca000008)
+#define CFE_SB_MAX_MSGS_MET ((CFE_Status_t)0xca000009)
+#define CFE_SB_MAX_DESTS_MET ((CFE_Status_t)0xca00000a)
+#define CFE_SB_NO_SUBSCRIBERS ((CFE_Status_t)0xca00000b)
+#define CFE_SB_WRONG_MSG_TYPE ((CFE_Status_t)0xca00000d)
+
+#define CFE_MSG_BAD_ARGUMENT CFE_SB_BAD_ARGUMENT
+#define CFE_MSG_WRONG_MSG_TYPE CFE_SB_WRONG_MSG_TYPE
+
+#define CFE_TBL_ERR_INVALID_HANDLE ((CFE_Status_t)0xcc000001)
+#define CFE_TBL_ERR_INVALID_NAME ((CFE_Status_t)0xcc000002)
+#define CFE_TBL_ERR_INVALID_SIZE ((CFE_Status_t)0xcc000003)
+#define CFE_TBL_INFO_UPDATE_PENDING ((CFE_Status_t)0x4c000004)
+#define CFE_TBL_ERR_NEVER_LOADED ((CFE_Status_t)0xcc000005)
+#define CFE_TBL_ERR_REGISTRY_FULL ((CFE_Status_t)0xcc000006)
+#define CFE_TBL_WARN_DUPLICATE ((CFE_Status_t)0x4c000007)
+#define CFE_TBL_ERR_NO_ACCESS ((CFE_Status_t)0xcc000008)
+#define CFE_TBL_ERR_UNREGISTERED ((CFE_Status_t)0xcc000009)
+#define CFE_TBL_ERR_DUPLICATE_DIFF_SIZE ((CFE_Status_t)0xcc00000c)
+#define CFE_TBL_ERR_DUPLICATE_NOT_OWNED ((CFE_Status_t)0xcc00000d)
+#define CFE_TBL_INFO_UPDATED ((CFE_Status_t)0x4c00000e)
+#define CFE_TBL_ERR_NO_BUFFER_AVAIL ((CFE_Status_t)0xcc00000f)
+#define CFE_TBL_ERR_DUMP_ONLY ((CFE_Status_t)0xcc000010)
+#define CFE_TBL_ERR_ILLEGAL_SRC_TYPE ((CFE_Status_t)0xcc000011)
+#define CFE_TBL_ERR_LOAD_IN_PROGRESS ((CFE_Status_t)0xcc000012)
+#define CFE_TBL_ERR_FILE_TOO_LARGE ((CFE_Status_t)0xcc000014)
+#define CFE_TBL_WARN_SHORT_FILE ((CFE_Status_t)0x4c000015)
+#define CFE_TBL_ERR_BAD_CONTENT_ID ((CFE_Status_t)0xcc000016)
+#define CFE_TBL_INFO_NO_UPDATE_PENDING ((CFE_Status_t)0x4c000017)
+#define CFE_TBL_INFO_TABLE_LOCKED ((CFE_Status_t)0x4c000018)
+#define CFE_TBL_INFO_VALIDATION_PENDING ((CFE_Status_t)0x4c000019)
+#define CFE_TBL_INFO_NO_VALIDATION_PENDING ((CFE_Status_t)0x4c00001a)
+#define CFE_TBL_ERR_BAD_SUBTYPE_ID ((CFE_Status_t)0xcc00001b)
+#define CFE_TBL_ERR_FILE_SIZE_INCONSISTENT ((CFE_Status_t)0xcc00001c)
+#define CFE_TBL_ERR_NO_STD_HEADER ((CFE_Status_t)0xcc00001d)
+#define CFE_TBL_ERR_NO_TBL_HEADER ((CFE_Status_t)0xcc00001e)
+#define CFE_TBL_ERR_FILE_FOR_WRONG_TABLE ((CFE_Status_t)0xcc000020)
+#define CFE_TBL_ERR_LOAD_INCOMPLETE ((CFE_Status_t)0xcc000021)
+#define CFE_TBL_WARN_PARTIAL_LOAD ((CFE_Status_t)0x4c000022)
+#define CFE_TBL_ERR_PARTIAL_LOAD ((CFE_Status_t)0xcc000023)
+#define CFE_TBL_ERR_INVALID_OPTIONS ((CFE_Status_t)0xcc000025)
+#define CFE_TBL_ERR_ACCESS ((CFE_Status_t)0xcc00002c)
+#define CFE_TBL_BAD_ARGUMENT ((CFE_Status_t)0xcc00002d)
+
+#define CFE_TIME_BAD_ARGUMENT ((CFE_Status_t)0xce000005)
+
+#endif

@@ -1,0 +1,97 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What OSAL gives apps: tasks, semaphores, queues, files. */
+#ifndef OSAPI_H
+#define OSAPI_H
+
+#include "cfe_config.h"
+#include "common_types.h"
+
+typedef uint32 osal_id_t;
+typedef void *osal_stackptr_t;
+typedef uint32 osal_priority_t;
+typedef void (*osal_task_entry)(void);
+
+#define OS_OBJECT_ID_UNDEFINED ((osal_id_t)0)
+#define OS_TASK_STACK_ALLOCATE NULL
+#define OS_PRIORITY_C(x) ((osal_priority_t)(x))
+
+#define OS_SUCCESS 0
+#define OS_ERROR (-1)
+#define OS_INVALID_POINTER (-2)
+#define OS_ERROR_TIMEOUT (-4)
+#define OS_SEM_FAILURE (-6)
+#define OS_SEM_TIMEOUT (-7)
+#define OS_QUEUE_EMPTY (-8)
+#define OS_QUEUE_FULL (-9)
+#define OS_QUEUE_TIMEOUT (-10)
+#define OS_QUEUE_INVALID_SIZE (-11)
+#define OS_ERR_NAME_TOO_LONG (-13)
+#define OS_ERR_NO_FREE_IDS (-14)
+#define OS_ERR_NAME_TAKEN (-15)
+#define OS_ERR_INVALID_ID (-16)
+#define OS_INVALID_SEM_VALUE (-20)
+#define OS_FS_ERR_PATH_TOO_LONG (-103)
+#define OS_FS_ERR_PATH_INVALID (-108)
+
+#define OS_PEND (-1)
+#define OS_CHECK 0
+#define OS_SEM_EMPTY 0
+#define OS_SEM_FULL 1
+
+#define OS_READ_ONLY 0
+#define OS_WRITE_ONLY 1
+#define OS_READ_WRITE 2
+#define OS_FILE_FLAG_NONE 0
+#define OS_FILE_FLAG_CREATE 1
+#define OS_FILE_FLAG_TRUNCATE 2
+#define OS_SEEK_SET 0U
+#define OS_SEEK_CUR 1U
+#define OS_SEEK_END 2U
+
+void OS_printf(const char *string, ...) OS_PRINTF(1, 2);
+
+int32 OS_TaskCreate(osal_id_t *task_id, const char *task_name, osal_task_entry function_pointer,
+                    osal_stackptr_t stack_pointer, size_t stack_size, osal_priority_t priority,
+                    uint32 flags);
+int32 OS_TaskDelete(osal_id_t task_id);
+void OS_TaskExit(void);
+int32 OS_TaskDelay(uint32 millisecond);
+osal_id_t OS_TaskGetId(void);
+
+/** Whoever has it may take it again. */
+int32 OS_MutSemCreate(osal_id_t *sem_id, const char *sem_name, uint32 options);
+int32 OS_MutSemTake(osal_id_t sem_id);
+int32 OS_MutSemGive(osal_id_t sem_id);
+int32 OS_MutSemDelete(osal_id_t sem_id);
+
+int32 OS_BinSemCreate(osal_id_t *sem_id, const char *sem_name, uint32 sem_initial_value,
+                      uint32 options);
+int32 OS_BinSemTake(osal_id_t sem_id);
+int32 OS_BinSemTimedWait(osal_id_t sem_id, uint32 msecs);
+int32 OS_BinSemGive(osal_id_t sem_id);
+/** Whoever waits goes on; the semaphore stays as it is. */
+int32 OS_BinSemFlush(osal_id_t sem_id);
+int32 OS_BinSemDelete(osal_id_t sem_id);
+
+int32 OS_CountSemCreate(osal_id_t *sem_id, const char *sem_name, uint32 sem_initial_value,
+                        uint32 options);
+int32 OS_CountSemTake(osal_id_t sem_id);
+int32 OS_CountSemTimedWait(osal_id_t sem_id, uint32 msecs);
+int32 OS_CountSemGive(osal_id_t sem_id);
+int32 OS_CountSemDelete(osal_id_t sem_id);
+
+int32 OS_QueueCreate(osal_id_t *queue_id, const char *queue_name, size_t queue_depth,
+                     size_t data_size, uint32 flags);
+int32 OS_QueueGet(osal_id_t queue_id, void *data, size_t size, size_t *size_copied, int32 timeout);
+int32 OS_QueuePut(osal_id_t queue_id, const void *data, size_t size, uint32 flags);
+int32 OS_QueueDelete(osal_id_t queue_id);
+
+/** Below /cf and /ram. Counts of bytes, or a negative error. */
+int32 OS_OpenCreate(osal_id_t *filedes, const char *path, int32 flags, int32 access_mode);
+int32 OS_read(osal_id_t filedes, void *buffer, size_t nbytes);
+int32 OS_write(osal_id_t filedes, const void *buffer, size_t nbytes);
+int32 OS_lseek(osal_id_t filedes, int32 offset, uint32 whence);
+int32 OS_close(osal_id_t filedes);
+int32 OS_remove(const char *path);
+
+#endif

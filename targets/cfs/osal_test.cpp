@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: Apache-2.0
+// OSAL: semaphores, queues and files, used by tasks at the same time.
+#include "targets/cfs/testing/pocket.h"
+
+#include <atomic>
+
+namespace {
+
+class Osal : public Pocket {};
+
+std::atomic<int> inside, most, count;
+osal_id_t mutex_id, binary, counting, queue, done;
+int shared; // guarded by the mutex only: the thread sanitizer watches
+
+extern "C" void adder(void)
+{
+    for (int i = 0; i < 500; i++) {
+        OS_MutSemTake(mutex_id);
+        OS_MutSemTake(mutex_id); // again, by whoever has it
+        most = std::max(most.load(), ++inside);
+        shared++;
+        inside--;
+        OS_MutSemGive(mutex_id);
+        OS_MutSemGive(mutex_id);
+    }
+    OS_CountSemGive(done);
+}
+
+TEST_F(Osal, AMutexLetsInOneTask)
+{
+    shared = 0;
+    inside = most = 0;
+    ASSERT_EQ(OS_MutSemCreate(&mutex_id, "m", 0), 0);
+    ASSERT_EQ(OS_CountSemCreate(&done, "done", 0, 0), 0);
+    osal_id_t task;
+    for (int i = 0; i < 4; i++) {
+        ASSERT_EQ(OS_TaskCreate(&task, "adder", adder, nullptr, 16384, 50, 0), 0);
+    }
+    for (int i = 0; i < 4; i++) {
+        ASSERT_EQ(OS_CountSemTimedWait(done, 60000), 0);
+    }
+    EXPECT_EQ(shared, 2000);
+    EXPECT_EQ(most, 1);
+    EXPECT_EQ(OS_MutSemGive(mutex_id), OS_SEM_FAILURE); // nobody has it
+}
+
+extern "C" void producer(void)
+{
+    const int n = count++;
+    for (int i = 0; i < 300; i++) {
+        const int item = 1000 * n + i;
+        while (OS_QueuePut(queue, &item, sizeof item, 0) == OS_QUEUE_FULL) {
+            OS_TaskDelay(1);
+        }
+    }
+}
+
+TEST_F(Osal, AQueueKeepsOrderAndLosesNothing)
+{
+    count = 0;
+    ASSERT_EQ(OS_QueueCreate(&queue, "q", 5, sizeof(int), 0), 0);
+    osal_id_t task;
+    for (int i = 0; i < 3; i++) {
+        ASSERT_EQ(OS_TaskCreate(&task, "producer", producer, nullptr, 16384, 50, 0), 0);
+    }
+    int next[3] = {0, 0, 0}, item;
+    std::size_t n;
+    for (int i = 0; i < 900; i++) {
+        ASSERT_EQ(OS_QueueGet(queue, &item, sizeof item, &n, 60000), 0);
+        ASSERT_EQ(n, sizeof item);
+        ASSERT_EQ(item % 1000, next[item / 1000]++);
+    }
+    EXPECT_EQ(OS_QueueGet(queue, &item, sizeof item, &n, OS_CHECK), OS_QUEUE_EMPTY);
+    EXPECT_EQ(OS_QueueGet(queue, &item, sizeof item, &n, 1), OS_QUEUE_TIMEOUT);
+    EXPECT_EQ(OS_QueueGet(queue, &item, 2, &n, OS_CHECK), OS_QUEUE_INVALID_SIZE);
+    for (int i = 0; i < 5; i++) {
+        EXPECT_EQ(OS_QueuePut(queue, &i, sizeof i, 0), 0);
+    }
+    EXPECT_EQ(OS_QueuePut(queue, &item, sizeof item, 0), OS_QUEUE_FULL);
+    EXPECT_EQ(OS_QueueCreate(&queue, "big", 1000, 1000, 0), OS_QUEUE_INVALID_SIZE);
+}
+
+extern "C" void pong(void)
+{
+    for (int i = 0; i < 500 && OS_BinSemTake(binary) == 0; i++) {
+        OS_CountSemGive(counting);
+    }
+}
+
+TEST_F(Osal, TwoTasksTakeTurns)
+{
+    ASSERT_EQ(OS_BinSemCreate(&binary, "ping", OS_SEM_EMPTY, 0), 0);
+    ASSERT_EQ(OS_CountSemCreate(&counting, "pong", 0, 0), 0);
+    osal_id_t task;
+    ASSERT_EQ(OS_TaskCreate(&task, "pong", pong, nullptr, 16384, 50, 0), 0);
+    for (int i = 0; i < 500; i++) {
+        ASSERT_EQ(OS_BinSemGive(binary), 0);
+        ASSERT_EQ(OS_CountSemTimedWait(counting, 60000), 0);
+    }
+    EXPECT_EQ(OS_CountSemTimedWait(counting, 1), OS_SEM_TIMEOUT);
+}
+
+TEST_F(Osal, ABinarySemaphoreHoldsOne)
+{
+    ASSERT_EQ(OS_BinSemCreate(&binary, "b", OS_SEM_FULL, 0), 0);
+    EXPECT_EQ(OS_BinSemGive(binary), 0);
+    EXPECT_EQ(OS_BinSemTake(binary), 0);
+    EXPECT_EQ(OS_BinSemTimedWait(binary, 0), OS_SEM_TIMEOUT);
+    osal_id_t other;
+    EXPECT_EQ(OS_BinSemCreate(&other, "b", 0, 0), OS_ERR_NAME_TAKEN);
+    EXPECT_EQ(OS_BinSemCreate(&other, "c", 2, 0), OS_INVALID_SEM_VALUE);
+    EXPECT_EQ(OS_CountSemTake(binary), OS_ERR_INVALID_ID); // it is of another kind
+    EXPECT_EQ(OS_BinSemDelete(binary), 0);
+    EXPECT_EQ(OS_BinSemGive(binary), OS_ERR_INVALID_ID);
+    ASSERT_EQ(OS_BinSemCreate(&other, "b", OS_SEM_FULL, 0), 0);
+    EXPECT_NE(other, binary);
+    EXPECT_EQ(OS_BinSemTake(binary), OS_ERR_INVALID_ID);
+}
+
+extern "C" void waiter(void)
+{
+    OS_BinSemTake(binary);
+    OS_CountSemGive(done);
+}
+
+TEST_F(Osal, AFlushLetsAllGoOn)
+{
+    ASSERT_EQ(OS_BinSemCreate(&binary, "b", OS_SEM_EMPTY, 0), 0);
+    ASSERT_EQ(OS_CountSemCreate(&done, "done", 0, 0), 0);
+    osal_id_t task;
+    for (int i = 0; i < 3; i++) {
+        ASSERT_EQ(OS_TaskCreate(&task, "waiter", waiter, nullptr, 16384, 50, 0), 0);
+    }
+    for (int passed = 0; passed < 3;) { // who comes to wait after a flush needs another one
+        ASSERT_EQ(OS_BinSemFlush(binary), 0);
+        passed += OS_CountSemTimedWait(done, 5) == 0;
+    }
+}
+
+TEST_F(Osal, ADeletedTaskEndsWhereItWaits)
+{
+    ASSERT_EQ(OS_BinSemCreate(&binary, "b", OS_SEM_EMPTY, 0), 0);
+    ASSERT_EQ(OS_CountSemCreate(&done, "done", 0, 0), 0);
+    osal_id_t task;
+    ASSERT_EQ(OS_TaskCreate(&task, "waiter", waiter, nullptr, 16384, 50, 0), 0);
+    ASSERT_EQ(OS_TaskDelete(task), 0);
+    while (OS_TaskDelete(task) == 0) { // until it is gone
+        OS_TaskDelay(1);
+    }
+    ASSERT_EQ(OS_BinSemGive(binary), 0);
+    EXPECT_EQ(OS_CountSemTimedWait(done, 5), OS_SEM_TIMEOUT);
+}
+
+TEST_F(Osal, FilesAreBelowTwoFolders)
+{
+    osal_id_t f;
+    EXPECT_LT(OS_OpenCreate(&f, "/etc/passwd", OS_FILE_FLAG_NONE, OS_READ_ONLY), 0);
+    EXPECT_LT(OS_OpenCreate(&f, "/cf/../secret", OS_FILE_FLAG_NONE, OS_READ_ONLY), 0);
+    EXPECT_LT(OS_OpenCreate(&f, "/cf/absent", OS_FILE_FLAG_NONE, OS_READ_ONLY), 0);
+    ASSERT_EQ(
+        OS_OpenCreate(&f, "/ram/x", OS_FILE_FLAG_CREATE | OS_FILE_FLAG_TRUNCATE, OS_READ_WRITE), 0);
+    EXPECT_EQ(OS_write(f, "abcdef", 6), 6);
+    EXPECT_EQ(OS_lseek(f, 2, OS_SEEK_SET), 2);
+    char text[8] = {};
+    EXPECT_EQ(OS_read(f, text, sizeof text), 4);
+    EXPECT_STREQ(text, "cdef");
+    EXPECT_EQ(OS_read(f, text, sizeof text), 0);
+    EXPECT_EQ(OS_close(f), 0);
+    EXPECT_EQ(OS_close(f), OS_ERR_INVALID_ID);
+    EXPECT_TRUE(std::filesystem::exists(folder / "ram/x"));
+    EXPECT_EQ(OS_remove("/ram/x"), 0);
+    EXPECT_EQ(OS_remove("/ram/x"), OS_ERROR);
+}
+
+} // namespace

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The pocket cFE as a whole: its size, its cleanliness, and its tasks under the thread sanitizer."""
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+SOURCES = sorted((ROOT / "targets/cfs").glob("*.c"))
+STRICT = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Wstrict-prototypes", "-Werror",
+          f"-I{ROOT}", f"-I{ROOT}/targets/cfs/inc"]
+MOST_TEXT = 32 * 1024       # bytes, x86-64, -Os
+
+
+def compiled(folder, *options, compiler="gcc"):
+    subprocess.run([compiler, *STRICT, *options, "-c", *map(str, SOURCES)], check=True, cwd=folder)
+    return sorted(folder.glob("*.o"))
+
+
+def test_it_is_small_and_has_no_heap(tmp_path):
+    objects = list(map(str, compiled(tmp_path, "-Os")))
+    lines = subprocess.run(["size", *objects], check=True, capture_output=True, text=True).stdout.splitlines()[1:]
+    assert sum(int(line.split()[0]) for line in lines) < MOST_TEXT
+    wanted = subprocess.run(["nm", "-u", *objects], check=True, capture_output=True, text=True).stdout.split()
+    assert not {"malloc", "calloc", "realloc", "free"} & set(wanted)
+    # What is POSIX stands in one file: the others want memory, text, and the port.
+    others = [o for o in objects if "port_posix" not in o]
+    libc = {name for name in subprocess.run(["nm", "-u", *others], check=True, capture_output=True,
+                                            text=True).stdout.split() if name.islower()
+            and not name.startswith(("port_", "pocket_", "_")) and ":" not in name and name != "u"}
+    assert libc <= {"memcpy", "memset", "memcmp", "strchr", "strcmp", "strcpy", "strlen", "strncmp", "strtoul",
+                    "snprintf", "vsnprintf"}
+
+
+@pytest.mark.skipif(not shutil.which("clang-14"), reason="clang-14 is not installed")
+def test_it_is_clean_under_another_compiler(tmp_path):
+    compiled(tmp_path, "-O1", compiler="clang-14")
+
+
+def test_its_tasks_race_nowhere(tmp_path):
+    empty = tmp_path / "empty.c"
+    empty.write_text("int main(void) { return 0; }\n")
+    starts = subprocess.run(f"cd {tmp_path} && gcc -fsanitize=thread empty.c -o empty && ./empty", shell=True,
+                            capture_output=True)
+    if starts.returncode:
+        pytest.skip("the thread sanitizer does not start here")
+    program = tmp_path / "tests"
+    for name in ("osal", "apps"):
+        subprocess.run(["g++", "-std=c++20", "-fsanitize=thread", *STRICT[-2:], "-c",
+                        str(ROOT / f"targets/cfs/{name}_test.cpp")], check=True, cwd=tmp_path)
+    compiled(tmp_path, "-O1", "-fsanitize=thread")
+    done = linked(tmp_path, program)
+    assert done.returncode == 0 and "data race" not in done.stderr, done.stdout[-3000:] + done.stderr[-3000:]
+    # And it would tell: a queue that is filled without the lock.
+    osal = (ROOT / "targets/cfs/osal.c").read_text()
+    put = osal[osal.index("int32 OS_QueuePut"):osal.index("static void forget_queue")]
+    (tmp_path / "osal.c").write_text(osal.replace(put, put.replace("    pocket_lock();\n", "", 1)
+                                                  .replace("    pocket_unlock();\n", "", 1)))
+    subprocess.run(["gcc", *STRICT, "-O1", "-fsanitize=thread", "-c", "osal.c"], check=True, cwd=tmp_path)
+    told = linked(tmp_path, program, "--gtest_filter=Osal.AQueue*")
+    assert "data race" in told.stderr
+
+
+def linked(folder, program, *arguments):
+    objects = sorted(map(str, folder.glob("*.o")))
+    subprocess.run(["g++", "-fsanitize=thread", *objects, "-lgtest", "-lgtest_main", "-lpthread", "-o", str(program)],
+                   check=True)
+    return subprocess.run([str(program), *arguments], capture_output=True, text=True, timeout=200,
+                          env={"TSAN_OPTIONS": "halt_on_error=1"})

@@ -1,0 +1,177 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The port to POSIX: a task is a thread that sleeps on a condition of its own. */
+#define _POSIX_C_SOURCE 200809L
+
+#include "targets/cfs/config.h"
+#include "targets/cfs/port.h"
+
+#include <fcntl.h>
+#include <limits.h>
+#include <pthread.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+#include <time.h>
+#include <unistd.h>
+
+static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
+static pthread_cond_t conditions[POCKET_TASKS];
+static pthread_key_t self_key;
+static pthread_once_t once = PTHREAD_ONCE_INIT;
+static void (*entries[POCKET_TASKS])(uint32);
+static char folder[256] = ".";
+
+static void make_once(void)
+{
+    pthread_condattr_t attributes;
+    (void)pthread_key_create(&self_key, NULL);
+    (void)pthread_condattr_init(&attributes);
+    (void)pthread_condattr_setclock(&attributes, CLOCK_MONOTONIC);
+    for (uint32 i = 0; i < POCKET_TASKS; i++) {
+        (void)pthread_cond_init(&conditions[i], &attributes);
+    }
+    (void)pthread_condattr_destroy(&attributes);
+}
+
+void port_start(const char *root)
+{
+    (void)pthread_once(&once, make_once);
+    (void)pthread_setspecific(self_key, NULL);
+    if (strlen(root) < sizeof folder) {
+        (void)strcpy(folder, root);
+    }
+}
+
+void port_lock(void)
+{
+    (void)pthread_mutex_lock(&lock);
+}
+
+void port_unlock(void)
+{
+    (void)pthread_mutex_unlock(&lock);
+}
+
+static void *run(void *slot)
+{
+    const uint32 number = (uint32)(uintptr_t)slot;
+    (void)pthread_setspecific(self_key, slot);
+    port_lock();
+    void (*entry)(uint32) = entries[number];
+    port_unlock();
+    entry(number);
+    return NULL;
+}
+
+int port_task_start(uint32 slot, void (*entry)(uint32 slot), void *stack, size_t stack_size,
+                    uint32 priority)
+{
+    pthread_attr_t attributes;
+    pthread_t thread;
+    (void)priority; /* of those that the system gives, ordinary users may set none */
+    entries[slot] = entry;
+    if (pthread_attr_init(&attributes) != 0) {
+        return 1;
+    }
+    (void)pthread_attr_setdetachstate(&attributes, PTHREAD_CREATE_DETACHED);
+    /* What a flight computer's C library gets along with is less than this one's wants. */
+    if (stack != NULL) {
+        (void)pthread_attr_setstack(&attributes, stack, stack_size);
+    } else {
+        const size_t least = 256u * 1024u;
+        (void)pthread_attr_setstacksize(&attributes, stack_size < least ? least : stack_size);
+    }
+    const int failed = pthread_create(&thread, &attributes, run, (void *)(uintptr_t)slot);
+    (void)pthread_attr_destroy(&attributes);
+    return failed;
+}
+
+void port_task_end(void)
+{
+    pthread_exit(NULL);
+}
+
+uint32 port_task_self(void)
+{
+    return (uint32)(uintptr_t)pthread_getspecific(self_key);
+}
+
+void port_block(int64 until_ns)
+{
+    pthread_cond_t *condition = &conditions[port_task_self()];
+    if (until_ns < 0) {
+        (void)pthread_cond_wait(condition, &lock);
+    } else {
+        struct timespec t;
+        t.tv_sec = (time_t)(until_ns / 1000000000);
+        t.tv_nsec = (long)(until_ns % 1000000000);
+        (void)pthread_cond_timedwait(condition, &lock, &t);
+    }
+}
+
+void port_unblock(uint32 slot)
+{
+    (void)pthread_cond_signal(&conditions[slot]);
+}
+
+int64 port_now(void)
+{
+    struct timespec t = {0, 0};
+    (void)clock_gettime(CLOCK_MONOTONIC, &t);
+    return (int64)t.tv_sec * 1000000000 + (int64)t.tv_nsec;
+}
+
+void port_console(const char *text, size_t n)
+{
+    (void)fwrite(text, 1, n, stdout);
+    (void)fflush(stdout);
+}
+
+/* /cf/x is x in the folder cf below the root, and likewise /ram; nothing else is reached. */
+static int translate(const char *path, char *to, size_t room)
+{
+    if ((strncmp(path, "/cf/", 4) != 0 && strncmp(path, "/ram/", 5) != 0) ||
+        strstr(path, "..") != NULL) {
+        return 0;
+    }
+    const int n = snprintf(to, room, "%s%s", folder, path);
+    return n > 0 && (size_t)n < room;
+}
+
+int32 port_file_open(const char *path, int access, int create, int truncate)
+{
+    static const int modes[3] = {O_RDONLY, O_WRONLY, O_RDWR};
+    char name[512];
+    if (access < 0 || access > 2 || !translate(path, name, sizeof name)) {
+        return -1;
+    }
+    return open(name, modes[access] | (create ? O_CREAT : 0) | (truncate ? O_TRUNC : 0) | O_CLOEXEC,
+                0644);
+}
+
+int32 port_file_read(int32 file, void *bytes, size_t n)
+{
+    return (int32)read(file, bytes, n < INT_MAX ? n : INT_MAX);
+}
+
+int32 port_file_write(int32 file, const void *bytes, size_t n)
+{
+    return (int32)write(file, bytes, n < INT_MAX ? n : INT_MAX);
+}
+
+int32 port_file_seek(int32 file, int32 offset, uint32 whence)
+{
+    static const int from[3] = {SEEK_SET, SEEK_CUR, SEEK_END};
+    return whence > 2u ? -1 : (int32)lseek(file, offset, from[whence]);
+}
+
+int32 port_file_close(int32 file)
+{
+    return close(file);
+}
+
+int32 port_file_remove(const char *path)
+{
+    char name[512];
+    return translate(path, name, sizeof name) ? unlink(name) : -1;
+}

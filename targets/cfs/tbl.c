@@ -1,0 +1,562 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Tables. What is loaded stands in a buffer beside the table until it has been found good and the
+ * table's owner takes it over: at once with CFE_TBL_Load, at its next CFE_TBL_Manage with commands.
+ *
+ * A file: 64 bytes of cFE's header, 52 of the table's, both big-endian, then the bytes of the table
+ * as they stand in memory, from an offset on. */
+#include "targets/cfs/core.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#define NONE UINT32_MAX
+#define FILE_HEADER 64
+#define TABLE_HEADER 52
+#define CONTENT 0x63464531u /* "cFE1" */
+#define TABLE_IMAGE 8u
+
+enum {
+    LOADED_EVENT = 12,
+    VALID_EVENT = 13,
+    UPDATED_EVENT = 14,
+    NOOP_EVENT = 10,
+    REFUSED_EVENT = 50,
+    INVALID_EVENT = 51
+};
+
+typedef struct Table {
+    char name[CFE_MISSION_TBL_MAX_FULL_NAME_LEN];
+    uint32 app;
+    uint32 at;   ///< in the pool of bytes
+    uint32 room; ///< there
+    uint32 size;
+    uint32 locks;
+    uint32 load; ///< the buffer that it is being loaded into, or NONE
+    CFE_TBL_CallbackFuncPtr_t validate;
+    bool used;
+    bool loaded;
+    bool updated; ///< since its address was asked for
+    bool busy;    ///< its owner validates or loads
+    bool good;    ///< what stands in the buffer
+    bool validate_asked;
+    bool update_asked;
+} Table;
+
+typedef union Bytes {
+    uint8 bytes[POCKET_TABLE_MAX];
+    long double align;
+    long long int align_int;
+} Bytes;
+
+static struct {
+    Table tables[POCKET_TABLES];
+    union {
+        uint8 bytes[POCKET_TABLE_BYTES];
+        long double align;
+    } pool;
+    uint32 n_bytes;
+    Bytes loads[POCKET_LOADS];
+    bool loading[POCKET_LOADS];
+} tbl;
+
+void pocket_tbl_start(void)
+{
+    memset(&tbl, 0, sizeof tbl);
+}
+
+static Table *table_of_locked(CFE_TBL_Handle_t handle)
+{
+    if (handle < 0 || (uint32)handle >= POCKET_TABLES || !tbl.tables[handle].used ||
+        tbl.tables[handle].app != pocket_self_app_locked()) {
+        return NULL;
+    }
+    return &tbl.tables[handle];
+}
+
+static Table *table_named_locked(const char *name)
+{
+    for (uint32 i = 0; i < POCKET_TABLES; i++) {
+        if (tbl.tables[i].used &&
+            strncmp(tbl.tables[i].name, name, sizeof tbl.tables[i].name) == 0) {
+            return &tbl.tables[i];
+        }
+    }
+    return NULL;
+}
+
+/* ---- registering */
+
+/* A free place whose bytes suffice, or a free place for which there are bytes. */
+static Table *place_locked(uint32 size)
+{
+    Table *empty = NULL;
+    for (uint32 i = 0; i < POCKET_TABLES; i++) {
+        Table *table = &tbl.tables[i];
+        if (!table->used && table->room >= size) {
+            return table;
+        }
+        if (!table->used && table->room == 0u && empty == NULL) {
+            empty = table;
+        }
+    }
+    const uint32 room = (size + 15u) & ~15u;
+    if (empty == NULL || room > POCKET_TABLE_BYTES - tbl.n_bytes) {
+        return NULL;
+    }
+    empty->at = tbl.n_bytes;
+    empty->room = room;
+    tbl.n_bytes += room;
+    return empty;
+}
+
+CFE_Status_t CFE_TBL_Register(CFE_TBL_Handle_t *TblHandlePtr, const char *Name, size_t Size,
+                              uint16 TblOptionFlags, CFE_TBL_CallbackFuncPtr_t TblValidationFuncPtr)
+{
+    char name[CFE_MISSION_TBL_MAX_FULL_NAME_LEN];
+    char short_name[CFE_MISSION_TBL_MAX_NAME_LENGTH];
+    CFE_Status_t status = CFE_SUCCESS;
+    if (TblHandlePtr == NULL || Name == NULL) {
+        return CFE_TBL_BAD_ARGUMENT;
+    }
+    *TblHandlePtr = CFE_TBL_BAD_TABLE_HANDLE;
+    if (!pocket_name(short_name, sizeof short_name, Name)) {
+        return CFE_TBL_ERR_INVALID_NAME;
+    }
+    if (Size == 0u || Size > POCKET_TABLE_MAX) {
+        return CFE_TBL_ERR_INVALID_SIZE;
+    }
+    if ((TblOptionFlags & ~CFE_TBL_OPT_DBL_BUFFER) != 0) {
+        return CFE_TBL_ERR_INVALID_OPTIONS; /* dump only, critical, at an address of the app's */
+    }
+    pocket_lock();
+    const uint32 app = pocket_self_app_locked();
+    (void)snprintf(name, sizeof name, "%s.%s", pocket_core.apps[app].name, short_name);
+    Table *table = table_named_locked(name);
+    if (table != NULL) {
+        status = table->size == Size ? CFE_TBL_WARN_DUPLICATE : CFE_TBL_ERR_DUPLICATE_DIFF_SIZE;
+    } else {
+        table = place_locked((uint32)Size);
+        if (table == NULL) {
+            status = CFE_TBL_ERR_REGISTRY_FULL;
+        } else {
+            const Table fresh = {.app = app,
+                                 .at = table->at,
+                                 .room = table->room,
+                                 .size = (uint32)Size,
+                                 .load = NONE,
+                                 .validate = TblValidationFuncPtr,
+                                 .used = true};
+            *table = fresh;
+            memcpy(table->name, name, sizeof name);
+            memset(tbl.pool.bytes + table->at, 0, Size);
+        }
+    }
+    if (status == CFE_SUCCESS || status == CFE_TBL_WARN_DUPLICATE) {
+        *TblHandlePtr = (CFE_TBL_Handle_t)(table - tbl.tables);
+    }
+    pocket_unlock();
+    return status;
+}
+
+static void drop_load_locked(Table *table)
+{
+    if (table->load != NONE) {
+        tbl.loading[table->load] = false;
+        table->load = NONE;
+    }
+    table->good = table->validate_asked = table->update_asked = false;
+}
+
+static void forget_locked(Table *table)
+{
+    drop_load_locked(table);
+    table->used = false;
+}
+
+CFE_Status_t CFE_TBL_Unregister(CFE_TBL_Handle_t TblHandle)
+{
+    pocket_lock();
+    Table *table = table_of_locked(TblHandle);
+    if (table != NULL) {
+        forget_locked(table);
+    }
+    pocket_unlock();
+    return table != NULL ? CFE_SUCCESS : CFE_TBL_ERR_INVALID_HANDLE;
+}
+
+void pocket_tbl_forget_locked(uint32 app)
+{
+    for (uint32 i = 0; i < POCKET_TABLES; i++) {
+        if (tbl.tables[i].used && tbl.tables[i].app == app) {
+            forget_locked(&tbl.tables[i]);
+        }
+    }
+}
+
+/* ---- using */
+
+CFE_Status_t CFE_TBL_GetAddress(void **TblPtr, CFE_TBL_Handle_t TblHandle)
+{
+    CFE_Status_t status = CFE_SUCCESS;
+    if (TblPtr == NULL) {
+        return CFE_TBL_BAD_ARGUMENT;
+    }
+    *TblPtr = NULL;
+    pocket_lock();
+    Table *table = table_of_locked(TblHandle);
+    if (table == NULL) {
+        status = CFE_TBL_ERR_INVALID_HANDLE;
+    } else {
+        *TblPtr = tbl.pool.bytes + table->at;
+        table->locks++;
+        status = !table->loaded   ? CFE_TBL_ERR_NEVER_LOADED
+                 : table->updated ? CFE_TBL_INFO_UPDATED
+                                  : CFE_SUCCESS;
+        table->updated = false;
+    }
+    pocket_unlock();
+    return status;
+}
+
+CFE_Status_t CFE_TBL_ReleaseAddress(CFE_TBL_Handle_t TblHandle)
+{
+    CFE_Status_t status = CFE_TBL_ERR_INVALID_HANDLE;
+    pocket_lock();
+    Table *table = table_of_locked(TblHandle);
+    if (table != NULL) {
+        table->locks -= table->locks > 0u ? 1u : 0u;
+        status = !table->loaded ? CFE_TBL_ERR_NEVER_LOADED : CFE_SUCCESS;
+    }
+    pocket_unlock();
+    return status;
+}
+
+CFE_Status_t CFE_TBL_Modified(CFE_TBL_Handle_t TblHandle)
+{
+    pocket_lock();
+    Table *table = table_of_locked(TblHandle);
+    if (table != NULL) {
+        table->updated = true;
+    }
+    pocket_unlock();
+    return table != NULL ? CFE_SUCCESS : CFE_TBL_ERR_INVALID_HANDLE;
+}
+
+CFE_Status_t CFE_TBL_GetStatus(CFE_TBL_Handle_t TblHandle)
+{
+    CFE_Status_t status = CFE_TBL_ERR_INVALID_HANDLE;
+    pocket_lock();
+    const Table *table = table_of_locked(TblHandle);
+    if (table != NULL) {
+        status = table->validate_asked ? CFE_TBL_INFO_VALIDATION_PENDING
+                 : table->update_asked ? CFE_TBL_INFO_UPDATE_PENDING
+                                       : CFE_SUCCESS;
+    }
+    pocket_unlock();
+    return status;
+}
+
+CFE_Status_t CFE_TBL_Validate(CFE_TBL_Handle_t TblHandle)
+{
+    pocket_lock();
+    Table *table = table_of_locked(TblHandle);
+    if (table == NULL || !table->validate_asked || table->load == NONE) {
+        pocket_unlock();
+        return table == NULL ? CFE_TBL_ERR_INVALID_HANDLE : CFE_TBL_INFO_NO_VALIDATION_PENDING;
+    }
+    table->validate_asked = false;
+    table->busy = true;
+    void *bytes = tbl.loads[table->load].bytes;
+    pocket_unlock();
+    const int32 verdict = table->validate != NULL ? table->validate(bytes) : CFE_SUCCESS;
+    pocket_lock();
+    table->busy = false;
+    table->good = verdict == CFE_SUCCESS;
+    pocket_unlock();
+    if (verdict == CFE_SUCCESS) {
+        pocket_event("CFE_TBL", VALID_EVENT, CFE_EVS_EventType_INFORMATION, "%s: the load is valid",
+                     table->name);
+    } else {
+        pocket_event("CFE_TBL", INVALID_EVENT, CFE_EVS_EventType_ERROR,
+                     "%s: the load is not valid: 0x%08X", table->name, (unsigned)verdict);
+    }
+    return CFE_SUCCESS;
+}
+
+/* Put what was loaded into effect. The buffer is given back. */
+static void take_over_locked(Table *table)
+{
+    memcpy(tbl.pool.bytes + table->at, tbl.loads[table->load].bytes, table->size);
+    drop_load_locked(table);
+    table->loaded = table->updated = true;
+}
+
+CFE_Status_t CFE_TBL_Update(CFE_TBL_Handle_t TblHandle)
+{
+    CFE_Status_t status = CFE_SUCCESS;
+    pocket_lock();
+    Table *table = table_of_locked(TblHandle);
+    if (table == NULL) {
+        status = CFE_TBL_ERR_INVALID_HANDLE;
+    } else if (!table->update_asked) {
+        status = CFE_TBL_INFO_NO_UPDATE_PENDING;
+    } else if (table->locks > 0u) {
+        status = CFE_TBL_INFO_TABLE_LOCKED;
+    } else {
+        take_over_locked(table);
+    }
+    pocket_unlock();
+    if (status == CFE_SUCCESS) {
+        pocket_event("CFE_TBL", UPDATED_EVENT, CFE_EVS_EventType_INFORMATION, "%s is updated",
+                     table->name);
+    }
+    return status;
+}
+
+CFE_Status_t CFE_TBL_Manage(CFE_TBL_Handle_t TblHandle)
+{
+    CFE_Status_t status = CFE_TBL_GetStatus(TblHandle);
+    if (status == CFE_TBL_INFO_VALIDATION_PENDING) {
+        (void)CFE_TBL_Validate(TblHandle);
+        status = CFE_TBL_GetStatus(TblHandle);
+    }
+    return status == CFE_TBL_INFO_UPDATE_PENDING ? CFE_TBL_Update(TblHandle) : status;
+}
+
+/* ---- loading */
+
+static uint32 big_endian(const uint8 *p)
+{
+    return (uint32)p[0] << 24 | (uint32)p[1] << 16 | (uint32)p[2] << 8 | p[3];
+}
+
+/* An open file: where its data belong. */
+typedef struct Image {
+    osal_id_t file;
+    uint32 offset;
+    uint32 size;
+    char table[CFE_MISSION_TBL_MAX_FULL_NAME_LEN];
+} Image;
+
+static CFE_Status_t open_image(const char *path, Image *image)
+{
+    uint8 header[FILE_HEADER + TABLE_HEADER];
+    if (OS_OpenCreate(&image->file, path, OS_FILE_FLAG_NONE, OS_READ_ONLY) != OS_SUCCESS) {
+        return CFE_TBL_ERR_ACCESS;
+    }
+    const int32 n = OS_read(image->file, header, sizeof header);
+    CFE_Status_t status = CFE_SUCCESS;
+    if (n < FILE_HEADER) {
+        status = CFE_TBL_ERR_NO_STD_HEADER;
+    } else if (big_endian(header) != CONTENT) {
+        status = CFE_TBL_ERR_BAD_CONTENT_ID;
+    } else if (big_endian(header + 4) != TABLE_IMAGE) {
+        status = CFE_TBL_ERR_BAD_SUBTYPE_ID;
+    } else if (n < FILE_HEADER + TABLE_HEADER) {
+        status = CFE_TBL_ERR_NO_TBL_HEADER;
+    } else {
+        image->offset = big_endian(header + FILE_HEADER + 4);
+        image->size = big_endian(header + FILE_HEADER + 8);
+        memcpy(image->table, header + FILE_HEADER + 12, sizeof image->table);
+        image->table[sizeof image->table - 1u] = '\0';
+    }
+    if (status != CFE_SUCCESS) {
+        (void)OS_close(image->file);
+    }
+    return status;
+}
+
+/* The data of an open file, which is closed; what lies outside of them stays. */
+static CFE_Status_t read_image(const Image *image, uint8 *bytes, uint32 size, bool whole)
+{
+    CFE_Status_t status = CFE_SUCCESS;
+    uint8 more;
+    if (image->offset > size || image->size > size - image->offset) {
+        status = CFE_TBL_ERR_FILE_TOO_LARGE;
+    } else if (whole && (image->offset > 0u || image->size < size)) {
+        status = CFE_TBL_ERR_PARTIAL_LOAD;
+    } else if (OS_read(image->file, bytes + image->offset, image->size) != (int32)image->size) {
+        status = CFE_TBL_ERR_LOAD_INCOMPLETE;
+    } else if (OS_read(image->file, &more, 1) != 0) {
+        status = CFE_TBL_ERR_FILE_TOO_LARGE;
+    } else if (image->offset > 0u) {
+        status = CFE_TBL_WARN_PARTIAL_LOAD;
+    } else if (image->size < size) {
+        status = CFE_TBL_WARN_SHORT_FILE;
+    }
+    (void)OS_close(image->file);
+    return status;
+}
+
+/* A buffer for a table, with its present content. */
+static CFE_Status_t begin_load_locked(Table *table)
+{
+    if (table->busy) {
+        return CFE_TBL_ERR_LOAD_IN_PROGRESS;
+    }
+    drop_load_locked(table); /* a new load takes the place of one that was not put into effect */
+    for (uint32 i = 0; i < POCKET_LOADS; i++) {
+        if (!tbl.loading[i]) {
+            tbl.loading[i] = true;
+            table->load = i;
+            table->busy = true;
+            memcpy(tbl.loads[i].bytes, tbl.pool.bytes + table->at, table->size);
+            return CFE_SUCCESS;
+        }
+    }
+    return CFE_TBL_ERR_NO_BUFFER_AVAIL;
+}
+
+static CFE_Status_t read_source(const Table *table, CFE_TBL_SrcEnum_t type, const void *source,
+                                uint8 *bytes)
+{
+    Image image;
+    if (type == CFE_TBL_SRC_ADDRESS) {
+        memcpy(bytes, source, table->size);
+        return CFE_SUCCESS;
+    }
+    const CFE_Status_t status = open_image(source, &image);
+    if (status != CFE_SUCCESS) {
+        return status;
+    }
+    if (strcmp(image.table, table->name) != 0) {
+        (void)OS_close(image.file);
+        return CFE_TBL_ERR_FILE_FOR_WRONG_TABLE;
+    }
+    return read_image(&image, bytes, table->size, !table->loaded);
+}
+
+CFE_Status_t CFE_TBL_Load(CFE_TBL_Handle_t TblHandle, CFE_TBL_SrcEnum_t SrcType,
+                          const void *SrcDataPtr)
+{
+    if (SrcDataPtr == NULL) {
+        return CFE_TBL_BAD_ARGUMENT;
+    }
+    if (SrcType != CFE_TBL_SRC_FILE && SrcType != CFE_TBL_SRC_ADDRESS) {
+        return CFE_TBL_ERR_ILLEGAL_SRC_TYPE;
+    }
+    pocket_lock();
+    Table *table = table_of_locked(TblHandle);
+    CFE_Status_t status = table == NULL ? CFE_TBL_ERR_INVALID_HANDLE : begin_load_locked(table);
+    pocket_unlock();
+    if (status != CFE_SUCCESS) {
+        return status;
+    }
+    uint8 *bytes = tbl.loads[table->load].bytes;
+    status = read_source(table, SrcType, SrcDataPtr, bytes);
+    if (status >= CFE_SUCCESS && table->validate != NULL) {
+        const int32 verdict = table->validate(bytes);
+        /* The real one takes a positive verdict for a warning, and an error for what it is. */
+        status = verdict != CFE_SUCCESS ? (verdict < 0 ? verdict : -1) : status;
+    }
+    pocket_lock();
+    table->busy = false;
+    if (status < CFE_SUCCESS) {
+        drop_load_locked(table);
+    } else if (table->locks > 0u) {
+        table->good = table->update_asked = true;
+        status = CFE_TBL_INFO_TABLE_LOCKED;
+    } else {
+        take_over_locked(table);
+    }
+    pocket_unlock();
+    if (status < CFE_SUCCESS) {
+        pocket_event("CFE_TBL", REFUSED_EVENT, CFE_EVS_EventType_ERROR, "%s: load refused: 0x%08X",
+                     table->name, (unsigned)status);
+    }
+    return status;
+}
+
+/* ---- what the ground asks for */
+
+static CFE_Status_t load_command(const char *path)
+{
+    Image image;
+    CFE_Status_t status = open_image(path, &image);
+    if (status != CFE_SUCCESS) {
+        return status;
+    }
+    pocket_lock();
+    Table *table = table_named_locked(image.table);
+    status = table == NULL ? CFE_TBL_ERR_FILE_FOR_WRONG_TABLE : begin_load_locked(table);
+    pocket_unlock();
+    if (status != CFE_SUCCESS) {
+        (void)OS_close(image.file);
+        return status;
+    }
+    status = read_image(&image, tbl.loads[table->load].bytes, table->size, !table->loaded);
+    pocket_lock();
+    table->busy = false;
+    if (status < CFE_SUCCESS) {
+        drop_load_locked(table);
+    }
+    pocket_unlock();
+    return status;
+}
+
+static CFE_Status_t ask(const char *name, bool update)
+{
+    CFE_Status_t status = CFE_SUCCESS;
+    pocket_lock();
+    Table *table = table_named_locked(name);
+    if (table == NULL) {
+        status = CFE_TBL_ERR_INVALID_NAME;
+    } else if (table->load == NONE) {
+        status = CFE_TBL_INFO_NO_UPDATE_PENDING;
+    } else if (update && !table->good) {
+        status = CFE_TBL_INFO_VALIDATION_PENDING;
+    } else if (update) {
+        table->update_asked = true;
+    } else {
+        table->validate_asked = true;
+    }
+    pocket_unlock();
+    return status;
+}
+
+void pocket_tbl_command(const CFE_MSG_Message_t *message, size_t size)
+{
+    const uint8 *p = (const uint8 *)message;
+    char text[CFE_MISSION_MAX_PATH_LEN + 1] = {0};
+    CFE_MSG_FcnCode_t code = 0;
+    bool valid = false;
+    static const struct {
+        size_t size;
+        uint32 text;
+    } commands[] = {{8, 0}, {8, 0}, {8 + 64, 8}, {0, 0}, {8 + 2 + 40, 10}, {8 + 40, 8}};
+    CFE_Status_t status = CFE_STATUS_WRONG_MSG_LENGTH;
+    (void)CFE_MSG_ValidateChecksum(message, &valid);
+    (void)CFE_MSG_GetFcnCode(message, &code);
+    if (size >= sizeof(CFE_MSG_CommandHeader_t) && valid) {
+        if (code >= sizeof commands / sizeof commands[0] || commands[code].size == 0u) {
+            status = CFE_STATUS_BAD_COMMAND_CODE;
+        } else if (size == commands[code].size) {
+            const uint32 start = commands[code].text;
+            if (start > 0u) {
+                memcpy(text, p + start, size - start);
+            }
+            status = code == CFE_TBL_LOAD_CC ? load_command(text)
+                     : code == CFE_TBL_VALIDATE_CC
+                         ? (p[8] != 0u || p[9] != 0u ? CFE_TBL_BAD_ARGUMENT : ask(text, false))
+                     : code == CFE_TBL_ACTIVATE_CC ? ask(text, true)
+                                                   : CFE_SUCCESS;
+        }
+    }
+    /* Of the information, only that a file held a part is no refusal. */
+    const bool done = status == CFE_SUCCESS || status == CFE_TBL_WARN_PARTIAL_LOAD ||
+                      status == CFE_TBL_WARN_SHORT_FILE;
+    pocket_lock();
+    pocket_core.counts.table_commands += done ? 1u : 0u;
+    pocket_core.counts.table_errors += done ? 0u : 1u;
+    if (done && code == CFE_TBL_RESET_COUNTERS_CC) {
+        pocket_core.counts.table_commands = pocket_core.counts.table_errors = 0;
+    }
+    pocket_unlock();
+    if (!done) {
+        pocket_event("CFE_TBL", REFUSED_EVENT, CFE_EVS_EventType_ERROR,
+                     "Command %u refused: 0x%08X %s", (unsigned)code, (unsigned)status, text);
+    } else {
+        pocket_event("CFE_TBL", code == CFE_TBL_LOAD_CC ? LOADED_EVENT : NOOP_EVENT,
+                     CFE_EVS_EventType_INFORMATION, "Command %u accepted %s", (unsigned)code, text);
+    }
+}

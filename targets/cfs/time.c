@@ -1,0 +1,68 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "targets/cfs/core.h"
+
+CFE_TIME_SysTime_t CFE_TIME_GetMET(void)
+{
+    const int64 ns = port_now() - pocket_core.start_ns;
+    CFE_TIME_SysTime_t t;
+    t.Seconds = (uint32)(ns / 1000000000);
+    t.Subseconds = (uint32)(((uint64)(ns % 1000000000) << 32) / 1000000000u);
+    return t;
+}
+
+CFE_TIME_SysTime_t CFE_TIME_GetTime(void)
+{
+    return CFE_TIME_GetMET();
+}
+
+CFE_TIME_SysTime_t CFE_TIME_GetTAI(void)
+{
+    return CFE_TIME_GetMET();
+}
+
+CFE_TIME_SysTime_t CFE_TIME_GetUTC(void)
+{
+    return CFE_TIME_GetMET();
+}
+
+static uint64 whole(CFE_TIME_SysTime_t t)
+{
+    return (uint64)t.Seconds << 32 | t.Subseconds;
+}
+
+static CFE_TIME_SysTime_t parts(uint64 t)
+{
+    const CFE_TIME_SysTime_t time = {(uint32)(t >> 32), (uint32)t};
+    return time;
+}
+
+CFE_TIME_SysTime_t CFE_TIME_Add(CFE_TIME_SysTime_t Time1, CFE_TIME_SysTime_t Time2)
+{
+    return parts(whole(Time1) + whole(Time2));
+}
+
+CFE_TIME_SysTime_t CFE_TIME_Subtract(CFE_TIME_SysTime_t Time1, CFE_TIME_SysTime_t Time2)
+{
+    return parts(whole(Time1) - whole(Time2));
+}
+
+CFE_TIME_Compare_t CFE_TIME_Compare(CFE_TIME_SysTime_t TimeA, CFE_TIME_SysTime_t TimeB)
+{
+    const uint64 a = whole(TimeA), b = whole(TimeB);
+    if (a == b) {
+        return CFE_TIME_EQUAL;
+    }
+    return a - b < UINT64_C(1) << 63 ? CFE_TIME_A_GT_B : CFE_TIME_A_LT_B;
+}
+
+uint32 CFE_TIME_Sub2MicroSecs(uint32 SubSeconds)
+{
+    return (uint32)(((uint64)SubSeconds * 1000000u) >> 32);
+}
+
+/* Rounded up, so that the way back gives the same number. */
+uint32 CFE_TIME_Micro2SubSecs(uint32 MicroSeconds)
+{
+    return MicroSeconds > 999999u ? UINT32_MAX
+                                  : (uint32)((((uint64)MicroSeconds << 32) + 999999u) / 1000000u);
+}
