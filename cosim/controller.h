@@ -19,6 +19,8 @@
 #include "cosim/protocol.h"
 
 #include <deque>
+#include <limits>
+#include <map>
 #include <optional>
 #include <string>
 #include <utility>
@@ -29,16 +31,31 @@ namespace fledge::cosim {
 
 /// What to do when a node is lost during the run. Before its first tick, a loss ends it.
 enum class Policy {
-    abort, ///< end the run
-    pause, ///< let nobody step until the node is back
-    hold,  ///< go on; its messages keep their last values
-    drop,  ///< go on; its messages become all zero, which is "never written"
+    abort,   ///< end the run
+    pause,   ///< let nobody step until the node is back
+    hold,    ///< go on; its messages keep their last values
+    drop,    ///< go on; its messages become all zero, which is "never written"
+    restart, ///< another program of its name goes on from its last snapshot, and nobody sees it
+};
+
+/// When a node takes part.
+enum class Join {
+    at_start,      ///< the run does not begin without it
+    at_time,       ///< the run waits for it at NodeConfig::joins_after
+    when_it_comes, ///< at the first time to which all others can go together, or never
 };
 
 struct NodeConfig {
     std::string name;
     Policy on_loss = Policy::abort;
+    Join joins = Join::at_start;
+    Ns joins_after = -1;   ///< at_time: it begins after this instant
+    bool rejoins = false;  ///< one that left or was given up (hold, drop) may come again
+    Ns save_every = 0;     ///< of simulated time, from one snapshot to the next; 0: where there is need
+    std::vector<Rate> steps = {}; ///< as it has to step; empty: as it says itself
 };
+
+inline constexpr Ns for_ever = std::numeric_limits<Ns>::max();
 
 struct ControllerConfig {
     std::string simulation;
@@ -49,12 +66,15 @@ struct ControllerConfig {
     std::uint32_t batch = 1000;    ///< most instants in one tick
     std::uint32_t ahead = 4096;    ///< most messages that wait for one reader; at least 4
     bool tell = false;             ///< give Began and Wrote, for records and for those who watch
+    std::size_t log = std::size_t{256} << 20; ///< most bytes that are kept for one that is to be restarted
+    Ns horizon = for_ever;         ///< nobody goes beyond it: for pacing, see set_horizon()
 };
 
 /// Who takes part, and what passes between them.
 struct Exchange {
     struct Member {
         std::string name;
+        bool present = true; ///< it takes part
         std::vector<Rate> rates;
         bool any_time = false;
         std::vector<Want> wants; ///< optional ones that nobody writes included
@@ -63,7 +83,7 @@ struct Exchange {
         std::string name;
         Schema schema;
         std::string writer; ///< a node's name; "" if there is none
-        Bytes initial;      ///< payload
+        Bytes initial;      ///< payload: what it holds at the beginning
     };
     Ns after = -1; ///< it holds after this instant; -1: from the reset on
     std::vector<Member> members;
@@ -72,6 +92,15 @@ struct Exchange {
 
 /// A node's place in ControllerConfig::nodes.
 using NodeId = std::size_t;
+
+/// Who came or went, and after which instant. What the others see follows from these alone: with
+/// Join::at_time and a node that leaves at the same instants, the run is the same again.
+struct Change {
+    enum What { joined, left, given_up, back };
+    What what;
+    NodeId node;
+    Ns after;
+};
 
 namespace action {
 
@@ -97,7 +126,7 @@ struct ShutOut {
 struct Report {
     std::string text;
 };
-/// All have been matched, and step from here on.
+/// All have been matched, and step from here on; it comes again where nodes have joined.
 struct Began {
     Exchange exchange;
 };
@@ -135,22 +164,46 @@ public:
     /// What is to be done, in this order. Empties the list.
     std::vector<Action> take_actions() { return std::exchange(actions_, {}); }
 
+    /// For pacing: let the nodes go on, up to and including this instant.
+    void set_horizon(Ns horizon);
+    /// The first instant after the horizon at which a node steps; for_ever if there is none.
+    Ns next_due() const;
+    /// The first instant after t at which the node steps, as it said.
+    Ns next_after(NodeId node, Ns t) const { return nodes_[node].next_after(t); }
+    /// Whether all stand still for one that is lost or joins.
+    bool waiting() const;
+
     /// Whether the node owes a reply; how long it may, is for the caller to know.
     bool waiting_for(NodeId node) const { return nodes_[node].awaited; }
-    /// The names of the nodes that are not there yet.
+    /// The names of the nodes that are not there, and without which the run cannot begin or go on.
     std::vector<std::string> absent() const;
+    /// All comings and goings after the start, in their order.
+    const std::vector<Change> &changes() const { return changes_; }
 
-    bool running() const { return phase_ == Phase::running; }
+    bool running() const { return begun_ && !finishing() && !done(); }
     bool finishing() const { return phase_ == Phase::finishing; }
     bool done() const { return phase_ == Phase::done; }
     Ns reached(NodeId node) const { return nodes_[node].reached; }
-    /// Where a node is, in a word: absent, joining, running, finished, lost.
+    /// Where a node is, in a word: absent, joining, running, left, finished, lost.
     const char *state(NodeId node) const;
 
 private:
-    enum class Phase { gathering, running, finishing, done };
+    /// Matching: before the run, and at each boundary where nodes join.
+    enum class Phase { gathering, matching, running, finishing, done };
     /// Where a node is. From `entered` to `matched` they wait for one another.
-    enum class Stage { absent, entered, initialized, desired, matched, idle, ticking, finished, lost };
+    enum class Stage {
+        absent,
+        entered,
+        initialized,
+        desired,
+        matched,
+        idle,
+        ticking,
+        saving,
+        dismissed, ///< asked to finish, while the run goes on
+        finished,
+        lost,
+    };
 
     struct Pending {
         Ns t; ///< the first instant that may see it
@@ -164,7 +217,7 @@ private:
         Ns exchange = 0;             ///< its period
         std::deque<Pending> pending; ///< in order of t, until the reader has passed them
         std::size_t delivered = 0;   ///< so many of them were sent
-        std::uint32_t count = 0;     ///< sent since the reader began
+        std::uint32_t count = 0;     ///< sent since the last Start
         Bytes last;                  ///< what the reader has passed: for one that comes back
     };
     struct Topic {
@@ -172,27 +225,48 @@ private:
         Schema schema;
         std::optional<NodeId> writer;
         Bytes initial;
-        std::uint32_t count = 0; ///< written since the writer began
+        Ns since = -1;           ///< the writer was asked for it after this instant
+        std::uint32_t count = 0; ///< written since the last Start
         Ns last = -1;            ///< when it was written
         std::vector<std::size_t> wires;
+        std::vector<NodeId> wanted_by;
     };
     struct Node {
         NodeConfig config;
         Stage stage = Stage::absent;
+        bool member = false;       ///< it takes part
+        bool been = false;         ///< it took part, now or before
+        bool joining = false;      ///< it will, from the next boundary on
+        bool matching = false;     ///< it takes part in the matching that is going on
+        bool returning = false;    ///< it was lost, and must be what it was
         std::uint32_t number = 0;  ///< of the last request
         bool awaited = false;      ///< whether the reply to it is owed
         std::size_t expected = 0;  ///< the kind of the reply
         std::vector<Rate> rates;
-        bool any_time = false;
+        bool any_time = false, saves = false;
         std::vector<Want> wants;
+        std::vector<Offer> offers;
         std::vector<std::size_t> in, out; ///< wires
         Ns reached = -1, until = -1;
-        bool returning = false; ///< it was lost, and must be what it was
+
+        // What another program of its name needs to take its place.
+        bool kept = false;                ///< all of it is there
+        Bytes snapshot;
+        Ns saved = -1;                    ///< the time of the snapshot; without one, of its beginning
+        std::vector<Record> told;         ///< what it was sent and sees after `saved`
+        std::map<std::uint32_t, std::vector<Record>> said; ///< what it wrote after it, by channel
+        std::size_t logged = 0;           ///< bytes of the two
+        std::size_t told_again = 0;       ///< so many of `told`
+        std::map<std::uint32_t, std::size_t> said_again;
+        Ns replayed = -1;                 ///< as `reached`, of the one that comes back
+        int tries = 0;                    ///< restarts since it last went further
 
         Ns next_after(Ns t) const; ///< the first instant after t
         Ns safe() const;           ///< the first instant at which it may still write
         bool connected() const;
-        bool over() const;         ///< it will write nothing more, and the others go on
+        bool over() const { return !member || stage == Stage::finished; } ///< it writes nothing more
+        /// It has not come yet, and the run waits for it at its time.
+        bool scheduled() const { return config.joins == Join::at_time && !been; }
     };
 
     void reply(NodeId id, Initialized &m);
@@ -200,38 +274,85 @@ private:
     void reply(NodeId id, Matched &m);
     void reply(NodeId id, Ready &m);
     void reply(NodeId id, Tock &m);
+    void reply(NodeId id, Saved &m);
     void reply(NodeId id, Finished &m);
     template <class M> void reply(NodeId id, M &m);
 
     template <class Request, class Reply> void send(NodeId id, Request request);
+    void ask(NodeId id, Message request, std::size_t kind_of_reply);
+    void initialize(NodeId id);
+    void lose_joiner(NodeId id, const std::string &why);
+    void give_up(NodeId id);
+    void leave(NodeId id);
+    void dismiss(NodeId id, const std::string &why);
     void finish(const std::string &why);
     void finish_if_complete();
     void look_whether_done();
     bool all_at(Stage stage) const;
+    bool all_over() const;
     bool paused() const;
+    template <class A> void act(A what) { actions_.emplace_back(std::in_place_type<A>, std::move(what)); }
+    void report(std::string text) { act(action::Report{std::move(text)}); }
 
+    // controller_matching.cpp
+    void look_for_joiners();
+    void set_last();
+    bool due(const Node &node) const;
+    bool all_met() const;
+    void look_at_boundary();
+    void begin_matching();
+    void look_at_matching();
+    void match();
+    void spoil_matching();
+    void resume();
     void number_topics();
     void ask_for_match(NodeId id);
-    void take_offers(NodeId id, const Matched &m, std::string &faults);
+    void take_offers(NodeId id);
     void connect();
+    void list_wires();
+    const Bytes &value(const Topic &topic) const;
     std::string find_cycle() const;
     void start(NodeId id);
     Exchange exchange() const;
 
+    // controller_restart.cpp
+    bool save_if_due(NodeId id);
+    void keep_told(Node &node, const std::vector<Record> &records);
+    void keep_said(Node &node, const std::vector<Record> &records);
+    void look_at_log(NodeId id);
+    void tell_again(NodeId id);
+    void hear_again(NodeId id, const Tock &m);
+    void come_back(NodeId id);
+
     std::string fault_of(NodeId id, const Tock &m) const;
     void push(Wire &wire, Ns written, const Bytes &payload);
     void grant(NodeId id);
+    void grant_all();
     void grant_around(NodeId id);
+    void deliver(Node &node, Tick &tick);
     Ns limit(const Node &node) const;
-    bool complete(const Node &node) const;
+    bool complete(const Node &node, Ns t) const;
 
     ControllerConfig config_;
     std::vector<Node> nodes_;
-    std::vector<Topic> topics_; ///< by channel number, which is the order of their names
+    std::vector<Topic> topics_; ///< by channel number, which is the order of their names at each matching
+    std::map<std::string, std::uint32_t> channels_; ///< by topic
     std::vector<Wire> wires_;
     std::vector<Action> actions_;
+    std::vector<Change> changes_;
     Phase phase_ = Phase::gathering;
+    bool begun_ = false;
     std::string reason_, faults_;
+
+    Ns horizon_ = for_ever, last_ = 0; ///< nobody goes beyond last_, by end, horizon and boundary
+    std::optional<Ns> called_;         ///< where all meet for those who came of themselves
+    std::optional<Ns> boundary_;       ///< where all meet next
+    bool spoilt_ = false;              ///< the matching has to be done again
+    struct {
+        std::vector<Topic> topics;
+        std::map<std::string, std::uint32_t> channels;
+        std::vector<Wire> wires;
+    } before_; ///< the matching that is going on
 };
 
 } // namespace fledge::cosim
