@@ -73,7 +73,7 @@ Ns reached_by_all(const Router &router, const ControllerConfig &config)
     Ns least = config.end;
     for (NodeId id = 0; id < config.nodes.size(); id++) {
         const std::string state = router.controller().state(id);
-        if (state != "lost" && state != "absent") {
+        if (state != "lost" && state != "absent" && state != "left") {
             least = std::min(least, router.controller().reached(id));
         }
     }
