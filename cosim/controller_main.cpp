@@ -22,7 +22,11 @@ constexpr const char *usage =
     "  --node NAME[:POLICY]  a program that takes part; what to do when it is lost: abort (default),\n"
     "                        pause (until it is back), hold (its last messages), drop (no messages)\n"
     "  --address ADDRESS     where programs greet: tcp://127.0.0.1:7000 (default), ipc://@NAME\n"
-    "  --beyond-machine      allow an address that others can reach; nothing is encrypted\n"
+    "  --keys DIR            encrypt, and let in only whose keys are allowed there (./fledge keys);\n"
+    "                        needed where others can reach the address. Default: FLEDGE_KEYS\n"
+    "  --unencrypted-beyond-machine\n"
+    "                        do without keys where others can reach the address: they read all, and\n"
+    "                        may take any part\n"
     "  --seed N              of the run's random streams; default 0\n"
     "  --join SECONDS        for all programs to be there; default 60\n"
     "  --reply SECONDS       for a program to answer, its computing included; 0: for ever; default 60\n"
@@ -105,8 +109,10 @@ Options options(int argc, char **argv)
             o.controller.nodes.push_back(node(value()));
         } else if (option == "--address") {
             o.router.address = value();
-        } else if (option == "--beyond-machine") {
-            o.router.beyond_machine = true;
+        } else if (option == "--keys") {
+            o.router.keys = value();
+        } else if (option == "--unencrypted-beyond-machine") {
+            o.router.unencrypted_beyond_machine = true;
         } else if (option == "--seed") {
             o.controller.seed = number<std::uint64_t>(option, value(), 0);
         } else if (option == "--join") {
@@ -124,6 +130,7 @@ Options options(int argc, char **argv)
     if (o.controller.simulation.empty() || o.controller.nodes.empty() || !until) {
         refuse("--simulation, --until and at least one --node are needed");
     }
+    o.router.keys = place_of_keys(o.router.keys);
     return o;
 }
 

@@ -76,6 +76,9 @@ Delegate::Delegate(zmq::context_t &context, DelegateConfig config) : context_(co
     fill_in(config_.node, "name", "FLEDGE_NODE");
     fill_in(config_.address, "address", "FLEDGE_ADDRESS");
     hello_ = {protocol_version, protocol_version, config_.simulation, config_.node};
+    if (const std::string place = place_of_keys(config_.keys); !place.empty()) {
+        keys_ = read_client_keys(place, config_.node);
+    }
 }
 
 /// Returns the address of the node's own socket.
@@ -84,16 +87,28 @@ std::string Delegate::greet()
     zmq::socket_t lobby(context_, zmq::socket_type::dealer);
     set_up(lobby, config_.limits);
     lobby.set(zmq::sockopt::linger, 0);
+    if (keys_) {
+        use_keys(lobby, *keys_);
+    }
+    Handshake handshake(context_, lobby, keys_.has_value());
     try {
         lobby.connect(config_.address);
     } catch (const zmq::error_t &error) {
         throw LinkError("cannot connect to the controller at " + config_.address + ": " + error.what());
     }
     lobby.send(zmq::buffer(encode({1, hello_})), zmq::send_flags::none);
-    lobby.set(zmq::sockopt::rcvtimeo, static_cast<int>(config_.patience.count()));
     zmq::message_t reply;
-    if (!lobby.recv(reply)) {
-        throw LinkError("no controller answers at " + config_.address);
+    zmq::pollitem_t items[] = {{lobby.handle(), 0, ZMQ_POLLIN, 0}, handshake.events()};
+    for (const auto end = Clock::now() + config_.patience; !lobby.recv(reply, zmq::recv_flags::dontwait);) {
+        if (!handshake.failure().empty()) {
+            throw LinkError("the controller at " + config_.address + " does not let " + config_.node + " in: " +
+                            handshake.failure());
+        }
+        const auto rest = std::chrono::ceil<std::chrono::milliseconds>(end - Clock::now());
+        if (rest.count() <= 0) {
+            throw LinkError("no controller answers at " + config_.address);
+        }
+        poll(items, rest);
     }
     const Frame frame = decode({reply.data<std::byte>(), reply.size()}, config_.limits);
     if (const auto *refused = std::get_if<Refused>(&frame.message)) {
@@ -110,6 +125,9 @@ std::string Delegate::serve(Node &node)
 {
     const std::string address = greet();
     Link link(context_, config_.limits);
+    if (keys_) {
+        use_keys(link.socket(), *keys_);
+    }
     link.connect(address);
     link.send({1, hello_});
     for (auto patience = config_.patience;; patience = {}) {

@@ -2,9 +2,11 @@
 // The node's side: a program implements Node, and a Delegate speaks for it.
 #pragma once
 
+#include "cosim/keys.h"
 #include "cosim/link.h"
 
 #include <chrono>
+#include <optional>
 #include <string>
 
 namespace fledge::cosim {
@@ -38,17 +40,18 @@ public:
 /// this is no request.
 Message answer(Node &node, const Message &request);
 
-/// What is not given is as the environment says: FLEDGE_SIMULATION, FLEDGE_NODE, FLEDGE_ADDRESS.
+/// What is not given is as the environment says: FLEDGE_SIMULATION, FLEDGE_NODE, FLEDGE_ADDRESS, FLEDGE_KEYS.
 struct DelegateConfig {
     std::string simulation, node;
     std::string address; ///< of the controller
     std::chrono::milliseconds patience{60'000}; ///< for the controller to be there
     Limits limits;
+    std::string keys = {}; ///< a folder or file (keys.h); if FLEDGE_KEYS does not say so either, none
 };
 
 class Delegate {
 public:
-    /// Throws LinkError if neither the configuration nor the environment says where to go.
+    /// Throws LinkError if neither the configuration nor the environment says where to go, and KeyError.
     Delegate(zmq::context_t &context, DelegateConfig config);
 
     /// Take part in a run, from the greeting to the end. Returns the reason of the end, "" if it is the
@@ -61,6 +64,7 @@ private:
 
     zmq::context_t &context_;
     DelegateConfig config_;
+    std::optional<ClientKeys> keys_;
     Hello hello_;
 };
 

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cosim/link.h"
 
+#include "cosim/keys.h"
+
 #include <atomic>
-#include <cstring>
+#include <utility>
 
 namespace fledge::cosim {
 
@@ -46,7 +48,9 @@ Link::Link(zmq::context_t &context, const Limits &limits)
     set_up(socket_, limits);
     static std::atomic<unsigned> count{0};
     const std::string name = "inproc://fledge-monitor-" + std::to_string(count++);
-    if (zmq_socket_monitor(socket_.handle(), name.c_str(), ZMQ_EVENT_DISCONNECTED)) {
+    if (zmq_socket_monitor(socket_.handle(), name.c_str(),
+                           ZMQ_EVENT_DISCONNECTED | ZMQ_EVENT_HANDSHAKE_SUCCEEDED | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH |
+                               ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL | ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL)) {
         throw LinkError(std::string("cannot watch a socket: ") + zmq_strerror(zmq_errno()));
     }
     monitor_.set(zmq::sockopt::linger, 0);
@@ -62,6 +66,7 @@ Link::~Link()
 
 std::string Link::bind(const std::string &address)
 {
+    bound_ = true;
     try {
         socket_.bind(address);
     } catch (const zmq::error_t &error) {
@@ -114,7 +119,7 @@ Frame Link::wait(std::chrono::milliseconds most)
             if (receive(frame)) {
                 break;
             }
-            throw LinkError("the other side is gone");
+            throw LinkError(refusal_.empty() ? "the other side is gone" : refusal_);
         }
         auto rest = std::chrono::milliseconds{-1};
         if (limited) {
@@ -130,13 +135,19 @@ Frame Link::wait(std::chrono::milliseconds most)
 
 bool Link::gone()
 {
-    zmq::message_t event, address;
-    while (monitor_.recv(event, zmq::recv_flags::dontwait)) {
-        std::uint16_t kind = 0;
-        std::memcpy(&kind, event.data(), std::min(sizeof kind, event.size()));
-        gone_ = gone_ || kind == ZMQ_EVENT_DISCONNECTED;
-        if (event.more()) {
-            (void)monitor_.recv(address, zmq::recv_flags::dontwait);
+    std::uint16_t kind = 0;
+    for (std::uint32_t value = 0; next_event(monitor_, kind, value);) {
+        if (kind != ZMQ_EVENT_DISCONNECTED) {
+            // Strangers come to a bound socket, too: libzmq lets the first in that it may, and no other.
+            const bool first = kind == ZMQ_EVENT_HANDSHAKE_SUCCEEDED && !std::exchange(made_, true);
+            strangers_ += bound_ && !first;
+            if (!bound_ && kind == ZMQ_EVENT_HANDSHAKE_FAILED_AUTH) {
+                refusal_ = refusal(kind, value, true);
+            }
+        } else if (strangers_) {
+            strangers_--;
+        } else {
+            gone_ = true;
         }
     }
     return gone_;

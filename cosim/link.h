@@ -38,6 +38,9 @@ public:
     Link(Link &&) = default;
     Link &operator=(Link &&) = default;
 
+    /// To give it keys, before it is bound or connects.
+    zmq::socket_t &socket() { return socket_; }
+
     /// Returns the address, a port that was left open filled in. Throws LinkError.
     std::string bind(const std::string &address);
     void connect(const std::string &address);
@@ -63,7 +66,9 @@ private:
     zmq::socket_t socket_, monitor_;
     zmq::message_t message_;
     Bytes bytes_;
-    bool gone_ = false;
+    bool bound_ = false, made_ = false, gone_ = false;
+    int strangers_ = 0;   ///< that came and have still to go
+    std::string refusal_; ///< why the other side does not let this one in
 };
 
 } // namespace fledge::cosim

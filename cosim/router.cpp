@@ -30,12 +30,17 @@ Router::Router(zmq::context_t &context, ControllerConfig controller, RouterConfi
     for (const NodeConfig &node : controller.nodes) {
         names_.push_back(node.name);
     }
-    if (!is_local(config_.address) && !config_.beyond_machine) {
+    if (!config_.keys.empty()) {
+        gate_ = std::make_unique<Gate>(context_, config_.keys);
+    } else if (!is_local(config_.address) && !config_.unencrypted_beyond_machine) {
         throw LinkError(config_.address +
-                        " can be reached from other machines, and nothing is encrypted; listen at "
-                        "tcp://127.0.0.1, or allow it in a network that you trust");
+                        " can be reached from other machines, which needs keys: ./fledge keys new controller, "
+                        "and --keys; or listen at tcp://127.0.0.1");
     }
     set_up(lobby_, config_.limits);
+    if (gate_) {
+        gate_->guard(lobby_);
+    }
     try {
         lobby_.bind(config_.address);
     } catch (const zmq::error_t &error) {
@@ -141,11 +146,29 @@ void Router::greet()
             if (!m) {
                 throw ProtocolError(std::string("expected Hello, found ") + kind_name(frame.message));
             }
+            if (keyed() && !gate_->may_speak_as(hello, m->node)) {
+                const std::string why = "its key " + gate_->name_of(hello) + " is not allowed to speak as " + m->node;
+                report("a program was not let in: " + why);
+                throw ProtocolError(why);
+            }
             controller_.hello(0, *m);
         } catch (const ProtocolError &error) {
             reply(greeting_peer_, Refused{error.what()});
         }
         act();
+    }
+}
+
+/// Within one program, at inproc://, libzmq asks nobody for keys.
+bool Router::keyed() const
+{
+    return gate_ && !config_.address.starts_with("inproc://");
+}
+
+void Router::report(const std::string &text)
+{
+    if (config_.report) {
+        config_.report(text);
     }
 }
 
@@ -224,6 +247,9 @@ std::string Router::open(NodeId id)
     nodes_[id].link = std::make_unique<Link>(context_, config_.limits);
     nodes_[id].joined = false;
     links_changed_ = true;
+    if (gate_) {
+        gate_->guard(nodes_[id].link->socket(), names_[id]);
+    }
     if (address_.starts_with("tcp://")) {
         return nodes_[id].link->bind(address_.substr(0, address_.rfind(':') + 1) + "*");
     }
@@ -266,9 +292,7 @@ void Router::act()
                 nodes_[out->node].hosted = nullptr;
                 links_changed_ = true;
             } else if (const auto *report = std::get_if<action::Report>(&a)) {
-                if (config_.report) {
-                    config_.report(report->text);
-                }
+                this->report(report->text);
             } else if (const auto *began = std::get_if<action::Began>(&a)) {
                 tell([&](Witness &w) { w.began(began->exchange); });
             } else if (const auto *wrote = std::get_if<action::Wrote>(&a)) {
@@ -299,6 +323,11 @@ template <class Call> void Router::tell(Call call)
 void Router::look_at_clock(const std::function<bool()> &poll)
 {
     looked_ = Clock::now();
+    if (gate_) {
+        for (const std::string &text : gate_->take_reports()) {
+            report(text);
+        }
+    }
     if (const auto absent = controller_.absent(); !absent.empty() && looked_ - begun_ >= config_.join) {
         controller_.stop(sim::format_list(absent) + " did not come within " +
                          sim::format_time(std::chrono::nanoseconds(config_.join).count()));

@@ -7,6 +7,7 @@
 
 #include "cosim/controller.h"
 #include "cosim/delegate.h"
+#include "cosim/gate.h"
 #include "cosim/witness.h"
 
 #include <chrono>
@@ -20,7 +21,8 @@ namespace fledge::cosim {
 
 struct RouterConfig {
     std::string address;        ///< where nodes greet; of a TCP port "*", any free one
-    bool beyond_machine = false; ///< allow an address that others can reach; nothing is encrypted
+    std::string keys;           ///< a folder (keys.h): only programs whose keys are there are let in
+    bool unencrypted_beyond_machine = false; ///< without keys, allow an address that others can reach
     std::chrono::milliseconds join{60'000};   ///< for all nodes to be there
     std::chrono::milliseconds reply{60'000};  ///< for a node to answer, computing included; 0: for ever
     std::chrono::milliseconds finish{5'000};  ///< for a node to answer the last request
@@ -40,7 +42,7 @@ struct NodeTimes {
 
 class Router {
 public:
-    /// Throws LinkError if the address is in use, or may be reached by others without leave.
+    /// Throws LinkError if the address is in use, or may be reached by others without keys; KeyError.
     Router(zmq::context_t &context, ControllerConfig controller, RouterConfig config);
     /// Ends the run, if it was left.
     ~Router();
@@ -78,6 +80,8 @@ private:
     std::string open(NodeId id);
     void call_hosted();
     void heard(NodeId id, Frame frame);
+    bool keyed() const;
+    void report(const std::string &text);
     void reply(std::span<const std::byte> peer, const Message &message);
     void look_at_clock(const std::function<bool()> &poll);
 
@@ -86,6 +90,7 @@ private:
     std::string simulation_;
     std::vector<std::string> names_;
     Controller controller_;
+    std::unique_ptr<Gate> gate_; ///< none without keys. Outlives all sockets
     zmq::socket_t lobby_;
     std::string address_;
     std::vector<Place> nodes_;

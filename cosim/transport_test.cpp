@@ -94,7 +94,7 @@ std::string serve(zmq::context_t &context, const std::string &address, const std
                   std::chrono::milliseconds patience = 10s)
 {
     try {
-        return Delegate(context, {"test", name, address, patience, {}}).serve(node);
+        return Delegate(context, {"test", name, address, patience, {}, {}}).serve(node);
     } catch (const std::exception &error) {
         return std::string("threw: ") + error.what();
     }

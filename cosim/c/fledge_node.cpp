@@ -43,8 +43,11 @@ Schema schema_of(const char *type, const char *definition, std::size_t size)
 
 struct FledgeNode final : private Node {
     FledgeNode(std::string simulation, std::string node, std::string address, Rate steps)
-        : config{std::move(simulation), std::move(node), std::move(address), std::chrono::seconds(60), {}}, rate(steps)
+        : rate(steps)
     {
+        config.simulation = std::move(simulation);
+        config.node = std::move(node);
+        config.address = std::move(address);
     }
 
     /// Do this; what it throws is the error.

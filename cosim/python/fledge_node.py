@@ -27,6 +27,7 @@ quality and sequence are filled in unless they are given. Times are integers in 
 The format is described in cosim/protocol.h; names here follow it.
 """
 import os
+import pathlib
 import re
 import struct
 import textwrap
@@ -34,6 +35,7 @@ import time
 import zlib
 
 import zmq
+import zmq.auth
 
 ns, us, ms, s = 1, 10**3, 10**6, 10**9
 
@@ -300,15 +302,18 @@ class Node:
     """One program's part in a run.
 
     simulation, name, address: None: what FLEDGE_SIMULATION, FLEDGE_NODE and FLEDGE_ADDRESS say
+    keys: a folder or file of `./fledge keys`, for a controller that asks for them; None: FLEDGE_KEYS
     every, offset: [ns] it steps at offset + k every
     patience: [s] for the controller to be there
     """
 
-    def __init__(self, simulation=None, name=None, address=None, *, every, offset=0, patience=60):
+    def __init__(self, simulation=None, name=None, address=None, *, every, offset=0, patience=60,
+                 keys=None):
         simulation = _given("simulation", simulation, "FLEDGE_SIMULATION")
         name = _given("name", name, "FLEDGE_NODE")
         address = _given("address", address, "FLEDGE_ADDRESS")
         self.simulation, self.name, self.address = simulation, name, address
+        self._keys = _read_keys(keys or os.environ.get("FLEDGE_KEYS"), name)
         self.every, self.offset, self.patience = every, offset, patience
         self.seed = self.end = None  #: of the run, once it has begun
         self.reason = None           #: of its end; "" at the regular one
@@ -376,7 +381,7 @@ class Node:
         with zmq.Context() as context:
             address = self._greet(context)
             with context.socket(zmq.PAIR) as link:
-                _set_up(link, linger=1000)
+                _set_up(link, 1000, self._keys)
                 monitor = link.get_monitor_socket(zmq.EVENT_DISCONNECTED)
                 try:
                     link.connect(address)
@@ -399,12 +404,8 @@ class Node:
 
     def _greet(self, context):
         with context.socket(zmq.DEALER) as lobby:
-            _set_up(lobby, linger=0)
-            lobby.connect(self.address)
-            lobby.send(self._hello())
-            if not lobby.poll(1000 * self.patience):
-                raise NodeError(f"no controller answers at {self.address}")
-            r = _Reader(lobby.recv())
+            _set_up(lobby, 0, self._keys)
+            r = _Reader(_ask(lobby, self.address, self._hello(), self.patience, self._keys))
             if r.kind == "Refused":
                 raise NodeError(f"the controller refuses {self.name}: {r.text()}")
             if r.kind != "Welcome":
@@ -546,8 +547,77 @@ def _given(what, value, variable):
     return value
 
 
-def _set_up(socket, linger):
+def _read_keys(place, name):
+    """(public, secret, the controller's public), by the folder's rules in cosim/keys.h; None without a place."""
+    if not place:
+        return None
+    place = pathlib.Path(place)
+    secret = place
+    if place.is_dir():
+        secret = place / f"{name}.secret"
+        others = [path for path in sorted(place.glob("*.secret")) if path.name != "controller.secret"]
+        if "/" in name or not secret.exists():
+            if len(others) != 1:
+                raise NodeError(f"{place} holds no {name}.secret" + (
+                    f" but several others; say which by FLEDGE_KEYS={others[0]}" if others else
+                    f"; ./fledge keys new {name} makes a pair of keys"))
+            secret = others[0]
+    if not secret.exists():
+        raise NodeError(f"{secret}: there are no keys; ./fledge keys new {name} makes a pair")
+    if secret.stat().st_mode & 0o77:
+        raise NodeError(f"{secret}: others may read this secret key; chmod 600 keeps it yours, and if they might "
+                        "have, make a new one")
+    try:
+        controller = zmq.auth.load_certificate(secret.with_name("controller.public"))[0]
+        own = zmq.auth.load_certificate(secret)
+    except (OSError, ValueError) as error:
+        raise NodeError(f"keys: {error}") from None
+    if not own[1] or any(len(key) != 40 for key in (*own, controller)):
+        raise NodeError(f"{secret} or {secret.with_name('controller.public')} is no file of a key")
+    return *own, controller
+
+
+def _ask(socket, address, question, patience, keys):
+    """The controller's answer, or a NodeError that says why none comes."""
+    monitor = socket.get_monitor_socket(zmq.EVENT_HANDSHAKE_FAILED_AUTH | zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL
+                                        | zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL)
+    poller = zmq.Poller()
+    poller.register(socket, zmq.POLLIN)
+    poller.register(monitor, zmq.POLLIN)
+    broken_off, end = 0, time.monotonic() + patience
+    try:
+        socket.connect(address)
+        socket.send(question)
+        while True:
+            ready = dict(poller.poll(max(0, 1000 * (end - time.monotonic()))))
+            if socket in ready:
+                return socket.recv()
+            if not ready:
+                raise NodeError(f"no controller answers at {address}")
+            kind, value = struct.unpack("=HI", monitor.recv_multipart()[0])
+            if kind == zmq.EVENT_HANDSHAKE_FAILED_AUTH:
+                why = "it does not know this key: ./fledge keys allow, where the controller runs, lets it in"
+            elif kind == zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL and value == zmq.PROTOCOL_ERROR_ZMTP_MECHANISM_MISMATCH:
+                why = ("it uses no keys, and this program does" if keys else
+                       "it asks for keys, and this program has none: give it some by FLEDGE_KEYS "
+                       "(./fledge keys new makes them)")
+            else:
+                broken_off += 1
+                if broken_off < 5:  # it may have been killed just now; again and again it is something else
+                    continue
+                why = ("what listens there breaks off when it sees these keys: controller.public here is not that "
+                       "of this controller, or it uses no keys" if keys else
+                       "what listens there breaks off: it is no controller, or it asks for keys")
+            raise NodeError(f"the controller at {address} does not let this program in: {why}")
+    finally:
+        socket.disable_monitor()
+        monitor.close(0)
+
+
+def _set_up(socket, linger, keys):
     socket.linger = linger
+    if keys:
+        socket.curve_publickey, socket.curve_secretkey, socket.curve_serverkey = keys
     socket.maxmsgsize = LARGEST
     socket.heartbeat_ivl = 1000
     socket.heartbeat_timeout = 5000

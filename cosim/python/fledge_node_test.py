@@ -271,6 +271,67 @@ def test_a_program_that_is_not_expected_is_told():
     assert controller.end() == (1, "the run ended early: the user ended it")
 
 
+def fledge_keys(folder, *arguments):
+    subprocess.run([sys.executable, "-m", "fledge.cli", "keys", *map(str, arguments), "--keys", folder], check=True,
+                   stdout=subprocess.DEVNULL)
+
+
+def test_with_keys_programs_in_python_and_c_take_part(programs, tmp_path, monkeypatch):
+    fledge_keys(tmp_path, "new", "controller", "mass", "spring")
+    fledge_keys(tmp_path, "allow", "mass", "spring")
+    monkeypatch.setenv("FLEDGE_KEYS", str(tmp_path))
+    controller = Controller("--node", "mass", "--node", "spring", address="tcp://0.0.0.0:*")
+    address = controller.address.replace("0.0.0.0", "127.0.0.1")
+    programs += [start(MASS, address, "next_instant"),
+                 subprocess.Popen([CONTROLLER.parent / "fledge_spring", address], stderr=subprocess.PIPE),
+                 controller.process]
+    assert controller.end() == (0, "")
+    assert result(programs[0])["seen"] == alone(101)
+    assert programs[1].communicate(timeout=20) == (None, b"")
+
+
+def test_who_has_no_right_key_is_told_at_once(programs, tmp_path, monkeypatch):
+    fledge_keys(tmp_path, "new", "controller", "mass", "stranger")
+    fledge_keys(tmp_path / "else", "new", "controller", "mass")
+    fledge_keys(tmp_path, "allow", "mass")
+    controller = Controller("--node", "mass", "--node", "spring", "--keys", tmp_path)
+    programs.append(controller.process)
+
+    def refusal(node, *key):
+        with pytest.raises(NodeError) as error:
+            Node("spring", node, controller.address, every=ms, keys=tmp_path.joinpath(*key) if key else None).run()
+        return str(error.value)
+
+    assert "it does not know this key" in refusal("mass", "stranger.secret")
+    assert refusal("spring", "mass.secret") == (
+        "the controller refuses spring: its key mass is not allowed to speak as spring")
+    assert "it asks for keys" in refusal("mass")
+    assert "controller.public here is not that of this controller" in refusal("mass", "else", "mass.secret")
+    bare = subprocess.run([CONTROLLER.parent / "fledge_spring", controller.address], stderr=subprocess.PIPE,
+                          timeout=20, text=True)
+    assert bare.returncode == 1 and "it asks for keys" in bare.stderr
+    controller.process.send_signal(signal.SIGTERM)
+    code, errors = controller.end()
+    stranger = re.search('public-key = "(.*)"', (tmp_path / "stranger.public").read_text())[1]
+    assert "its public key is not allowed here: " + stranger in errors
+    assert "its key mass is not allowed to speak as spring" in errors and errors.endswith("the user ended it")
+
+
+def test_a_secret_that_others_may_read_is_not_used(tmp_path):
+    fledge_keys(tmp_path, "new", "controller", "mass")
+    (tmp_path / "mass.secret").chmod(0o640)
+    with pytest.raises(NodeError, match="mass.secret: others may read this secret key; chmod 600"):
+        Node("spring", "mass", "ipc://@x", every=ms, keys=tmp_path)
+    with pytest.raises(NodeError, match="holds no mass.secret; ./fledge keys new mass makes a pair of keys"):
+        Node("spring", "mass", "ipc://@x", every=ms, keys=tmp_path / "..")
+
+
+def test_beyond_the_machine_needs_keys():
+    process = subprocess.run([CONTROLLER, "--simulation", "spring", "--until", "1", "--node", "mass", "--address",
+                              "tcp://0.0.0.0:*"], stderr=subprocess.PIPE, timeout=20, text=True)
+    assert process.returncode == 1 and "needs keys: ./fledge keys new controller" in process.stderr
+
+
 def test_without_a_controller_it_gives_up():
     node = Node("spring", "mass", f"ipc://@fledge-nobody-{os.getpid()}", every=ms, patience=0.2)
     with pytest.raises(NodeError, match="no controller answers"):

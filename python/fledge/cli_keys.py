@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`./fledge keys new | list | allow | deny`: who may take part in a co-simulation beyond one machine.
+
+Exit codes as of all commands: 0 done; 2 the command line or a key is wrong, and nothing is written.
+"""
+
+import argparse
+import os
+
+from fledge._console import Failure, say
+
+
+def add(command):
+    """Add the subcommand, by the function of cli.parser() that adds one."""
+    one = command("keys", lambda options: one.error("new, list, allow or deny?"),
+                  "make keys for a co-simulation beyond one machine, and say who may take part",
+                  "keys new controller world flight")
+    kinds = one.add_subparsers(metavar="ACTION", parser_class=type(one))
+
+    def action(name, function, text, example):
+        a = kinds.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".",
+                             epilog=f"example: ./fledge keys {example}")
+        a.add_argument("--keys", metavar="DIR", default=os.environ.get("FLEDGE_KEYS") or "keys",
+                       help="their folder; default: FLEDGE_KEYS, else keys")
+        a.add_argument("--debug", action="store_true", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
+        a.set_defaults(function=_spoken(function))
+        return a
+
+    a = action("new", new, "make a pair of keys each: for the controller, a node, or a machine of several nodes",
+               "new controller world flight")
+    a.add_argument("names", nargs="+", metavar="NAME")
+    action("list", list_, "show what keys there are, and who is allowed", "list")
+    a = action("allow", allow, "let somebody take part, by his public key", "allow lab1.public --as world flight")
+    a.add_argument("keys_", nargs="+", metavar="KEY", help="a .public file, or the name of one in the folder")
+    a.add_argument("--as", dest="nodes", nargs="+", metavar="NODE",
+                   help="the nodes that it may speak as; '*': all. Default: the name of the key")
+    a = action("deny", deny, "let somebody take part no longer", "deny lab1")
+    a.add_argument("names", nargs="+", metavar="NAME")
+
+
+def _spoken(function):
+    def spoken(options):
+        from fledge.keys import KeysError
+
+        try:
+            function(options)
+        except KeysError as error:
+            raise Failure(f"keys: {error}") from None
+        return 0
+
+    return spoken
+
+
+def new(options):
+    from fledge import keys
+
+    for path in keys.new(options.keys, options.names):
+        say(f"  wrote  {path}")
+    others = [name for name in options.names if name != keys.CONTROLLER]
+    if any(name == keys.CONTROLLER and secret for name, _, secret, _ in keys.pairs(options.keys)):
+        if others:
+            say(f"./fledge keys allow {' '.join(others)}   lets them in at the controller of this folder")
+        else:
+            say("controller.public goes to all who take part; ./fledge keys allow NAME.public lets them in")
+    else:
+        say(f"{' '.join(f'{name}.public' for name in others)} goes to whoever runs the controller, whose "
+            f"controller.public comes into {options.keys}")
+
+
+def list_(options):
+    from fledge import keys
+
+    pairs, allowed = keys.pairs(options.keys), keys.allowed(options.keys)
+    width = max([len(name) for name, *_ in pairs] + [len(key.path.stem) for key in allowed] + [0]) + 2
+    say(f"keys in {options.keys}")
+    for name, public, secret, problem in pairs:
+        say(f"  {name:{width}} {public.public if public else '':40}  "
+            + ("with its secret" if secret else "of somebody else"))
+        if problem:
+            say(f"  {'':{width}} {problem}")
+    if not pairs:
+        say("  none: ./fledge keys new NAME makes a pair")
+    say("allowed")
+    for key in allowed:
+        say(f"  {key.path.stem:{width}} {key.public}  as " + (", ".join(key.nodes) or "nobody"))
+    if not allowed:
+        say("  nobody: ./fledge keys allow NAME lets somebody in")
+
+
+def allow(options):
+    from fledge import keys
+
+    for name, nodes in keys.allow(options.keys, options.keys_, options.nodes):
+        say(f"  {name} may take part as " + ("any node" if "*" in nodes else ", ".join(nodes)))
+
+
+def deny(options):
+    from fledge import keys
+
+    for path in keys.deny(options.keys, options.names):
+        say(f"  {path.stem} may take part no longer; what is connected stays until it goes")

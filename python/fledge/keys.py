@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Keys for co-simulations beyond one machine: pairs in files, and who is allowed as what.
+
+The files are ZeroMQ's certificates; cosim/keys.h says where they lie and who reads them.
+"""
+
+import os
+import re
+from pathlib import Path
+
+from fledge._files import Part
+
+CONTROLLER = "controller"
+_KEY = re.compile(r"[0-9a-zA-Z.\-:+=^!/*?&<>()\[\]{}@%$#]{40}")
+_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
+
+
+class KeysError(RuntimeError):
+    """What is wrong with a key, with its file and what to do."""
+
+
+class Key:
+    """A file of a key: name, public, secret (None in a file that goes to others), nodes (of an allowed one)."""
+
+    def __init__(self, path):
+        self.path = path = Path(path)
+        values = {}
+        try:
+            lines = path.read_text(encoding="utf-8").splitlines()
+        except (OSError, UnicodeError) as error:
+            raise KeysError(f"{path}: {getattr(error, 'strerror', None) or 'this is no file of a key'}") from None
+        for number, line in enumerate(lines, 1):
+            name, equals, value = (part.strip() for part in line.partition("="))
+            if not equals or name.startswith("#"):
+                continue
+            if len(value) > 1 and value[0] in "\"'" and value[-1] == value[0]:
+                value = value[1:-1]
+            if name.endswith("-key") and not _KEY.fullmatch(value):
+                raise KeysError(f"{path}, line {number}: a {name} is 40 characters of Z85")
+            values[name] = value
+        if "public-key" not in values:
+            raise KeysError(f"{path}: it holds no public-key")
+        self.name = values.get("name") or path.stem
+        self.public, self.secret = values["public-key"], values.get("secret-key")
+        self.nodes = values.get("nodes", "").split()
+
+
+def new(folder, names):
+    """Make a pair of keys for each name; returns the files. Nothing is written if one cannot be made."""
+    import zmq
+
+    folder = Path(folder)
+    for name in names:
+        if not _NAME.fullmatch(name):
+            raise KeysError(f"'{name}' cannot be a file's name: letters, digits, _ . - can")
+        for path in (folder / f"{name}.secret", folder / f"{name}.public"):
+            if path.exists():
+                raise KeysError(f"{path} is there already; whoever uses it would be shut out by a new one. "
+                                "Remove it first if it shall be replaced")
+    folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    ignore = folder / ".gitignore"
+    if not ignore.exists():
+        with Part(ignore) as part:
+            part.write_text("*.secret\n", encoding="utf-8")
+    written = []
+    for name in names:
+        public, secret = (key.decode() for key in zmq.curve_keypair())
+        told = f'metadata\n    name = "{name}"\ncurve\n    public-key = "{public}"\n'
+        with Part(folder / f"{name}.secret") as part:
+            _write_private(part, f"# The secret key of {name}: it stays where it is used, and nobody else reads it.\n"
+                                 f'{told}    secret-key = "{secret}"\n')
+        with Part(folder / f"{name}.public") as part:
+            part.write_text(f"# The public key of {name}. It is no secret.\n{told}", encoding="utf-8")
+        written += [folder / f"{name}.secret", folder / f"{name}.public"]
+    return written
+
+
+def allow(folder, keys, nodes=None):
+    """Let in those who have the secret of these public keys (files, or names in the folder), to speak as
+    `nodes`; without them, as what the key is called. Returns what is allowed."""
+    folder = Path(folder)
+    found = []
+    for given in keys:
+        path = Path(given)
+        if not path.is_file():
+            path = folder / f"{given}.public"
+        if not path.is_file():
+            known = sorted(p.stem for p in folder.glob("*.public") if p.stem != CONTROLLER)
+            raise KeysError(f"there is no public key {given}; in {folder} there are {', '.join(known) or 'none'}")
+        key = Key(path)
+        if key.secret:
+            raise KeysError(f"{path} holds a secret key, which nobody else needs: allow the file with the public one")
+        if not _NAME.fullmatch(key.name):
+            raise KeysError(f"{path}: '{key.name}' cannot be a file's name: letters, digits, _ . - can")
+        if any(re.search(r'[\s"]', node) or not node for node in nodes or []):
+            raise KeysError("the name of a node that has a key holds neither spaces nor quotes")
+        for other in allowed(folder):
+            if other.public == key.public and other.path.stem != key.name:
+                raise KeysError(f"{path}: this key is allowed already, as {other.path.stem}")
+        found.append((key, list(nodes or [key.name])))
+    (folder / "allowed").mkdir(parents=True, exist_ok=True, mode=0o700)
+    for key, names in found:
+        with Part(folder / "allowed" / f"{key.name}.public") as part:
+            part.write_text(f'metadata\n    name = "{key.name}"\n    nodes = "{" ".join(names)}"\n'
+                            f'curve\n    public-key = "{key.public}"\n', encoding="utf-8")
+    return [(key.name, names) for key, names in found]
+
+
+def deny(folder, names):
+    """Let them in no longer. Returns the files that are gone."""
+    paths = [Path(folder) / "allowed" / f"{name}.public" for name in names]
+    for name, path in zip(names, paths):
+        if not path.is_file():
+            known = ", ".join(key.path.stem for key in allowed(folder))
+            raise KeysError(f"{name} is not allowed in {folder}; allowed are {known or 'none'}")
+    for path in paths:
+        path.unlink()
+    return paths
+
+
+def allowed(folder):
+    """The keys of those that are let in."""
+    return [Key(path) for path in sorted((Path(folder) / "allowed").glob("*.public"))]
+
+
+def pairs(folder):
+    """(name, Key of its public file or None, whether its secret is here, what is wrong with it or None)"""
+    folder = Path(folder)
+    names = sorted({path.stem for end in ("public", "secret") for path in folder.glob(f"*.{end}")},
+                   key=lambda name: (name != CONTROLLER, name))
+    found = []
+    for name in names:
+        public, secret = folder / f"{name}.public", folder / f"{name}.secret"
+        problem = None
+        if secret.exists():
+            mine = Key(secret)
+            if os.stat(secret).st_mode & 0o77:
+                problem = f"others may read {secret}: chmod 600 keeps it yours; if they might have, make a new pair"
+            elif public.exists() and Key(public).public != mine.public:
+                problem = f"{public} and {secret} are no pair"
+        found.append((name, Key(public) if public.exists() else None, secret.exists(), problem))
+    return found
+
+
+def _write_private(path, text):
+    path.unlink(missing_ok=True)
+    with open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8") as file:
+        file.write(text)

@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: Apache-2.0
+"""./fledge keys: files that others can read, secrets that others cannot."""
+
+import os
+import re
+import stat
+
+import pytest
+import zmq
+import zmq.auth
+
+from fledge import cli, keys
+
+
+def fledge(capsys, *arguments):
+    """(exit code, what it said)"""
+    code = cli.main(["keys", *map(str, arguments)])
+    told = capsys.readouterr()
+    return code, told.out + told.err
+
+
+def test_a_team_makes_keys_and_lets_one_another_in(tmp_path, capsys):
+    here, lab = tmp_path / "here", tmp_path / "lab"
+    assert fledge(capsys, "new", "controller", "world", "--keys", here)[0] == 0
+    code, told = fledge(capsys, "new", "lab1", "--keys", lab)
+    assert code == 0 and "lab1.public goes to whoever runs the controller" in told
+    assert fledge(capsys, "allow", lab / "lab1.public", "--as", "flight", "viewer", "--keys", here)[0] == 0
+    assert fledge(capsys, "allow", "world", "--keys", here)[0] == 0
+    code, told = fledge(capsys, "list", "--keys", here)
+    lines = told.splitlines()
+    lab1 = keys.Key(lab / "lab1.public").public
+    assert ["lab1", lab1, "as", "flight,", "viewer"] in [line.split() for line in lines]
+    assert any(line.startswith("  world ") and line.endswith("with its secret") for line in lines)
+    assert any(line.endswith("  as world") for line in lines)
+    code, told = fledge(capsys, "deny", "lab1", "--keys", here)
+    assert code == 0 and [key.name for key in keys.allowed(here)] == ["world"]
+
+
+def test_the_files_are_those_of_zeromq(tmp_path):
+    keys.new(tmp_path, ["controller", "world"])
+    keys.allow(tmp_path, ["world"], ["world", "flight"])
+    public, secret = zmq.auth.load_certificate(tmp_path / "world.secret")
+    assert zmq.curve_public(secret) == public
+    assert zmq.auth.load_certificate(tmp_path / "world.public") == (public, None)
+    assert zmq.auth.load_certificate(tmp_path / "allowed" / "world.public") == (public, None)
+    assert keys.Key(tmp_path / "allowed" / "world.public").nodes == ["world", "flight"]
+
+
+def test_only_the_owner_reads_a_secret(tmp_path):
+    before = os.umask(0)
+    try:
+        keys.new(tmp_path / "k", ["world"])
+    finally:
+        os.umask(before)
+    mode = {path.name: stat.S_IMODE(path.stat().st_mode) for path in (tmp_path / "k").iterdir()}
+    assert mode["world.secret"] == 0o600 and stat.S_IMODE((tmp_path / "k").stat().st_mode) == 0o700
+    assert (tmp_path / "k" / ".gitignore").read_text() == "*.secret\n"
+    secret = keys.Key(tmp_path / "k" / "world.secret").secret
+    assert all(secret not in path.read_text() for path in (tmp_path / "k").iterdir() if path.suffix != ".secret")
+    os.chmod(tmp_path / "k" / "world.secret", 0o644)
+    assert "chmod 600" in keys.pairs(tmp_path / "k")[0][3]
+
+
+def test_mistakes_change_nothing(tmp_path, capsys):
+    keys.new(tmp_path, ["controller", "world"])
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    (tmp_path / "cut.public").write_text('curve\n    public-key = "abc"\n')
+    before[tmp_path / "cut.public"] = (tmp_path / "cut.public").read_bytes()
+    for arguments, text in (
+            (("new", "flight", "world"), "world.secret is there already; whoever uses it would be shut out"),
+            (("new", "../flight"), "'../flight' cannot be a file's name"),
+            (("allow", "flight"), "there is no public key flight; in .* there are cut, world"),
+            (("allow", tmp_path / "world.secret"), "holds a secret key, which nobody else needs"),
+            (("allow", "world", "cut"), "cut.public, line 2: a public-key is 40 characters of Z85"),
+            (("allow", "world", "--as", "a b"), "holds neither spaces nor quotes"),
+            (("deny", "world"), "world is not allowed in .*; allowed are none")):
+        code, told = fledge(capsys, *arguments, "--keys", tmp_path)
+        assert code == 2 and re.search(text, told), told
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+
+
+def test_one_key_has_one_name(tmp_path):
+    keys.new(tmp_path / "a", ["world"])
+    keys.allow(tmp_path, [tmp_path / "a" / "world.public"])
+    other = tmp_path / "other.public"
+    other.write_text((tmp_path / "a" / "world.public").read_text().replace('"world"', '"flight"'))
+    with pytest.raises(keys.KeysError, match="this key is allowed already, as world"):
+        keys.allow(tmp_path, [other])
+    keys.allow(tmp_path, [tmp_path / "a" / "world.public"], ["*"])  # the same one anew, for more
+    assert [key.nodes for key in keys.allowed(tmp_path)] == [["*"]]
