@@ -18,7 +18,7 @@
 
 namespace fledge::cosim {
 
-class SimulationNode final : public Node {
+class SimulationNode : public Node {
 public:
     /// The simulation has this one process, in which all is made and wired but what comes from
     /// others; the node lives no longer than it.

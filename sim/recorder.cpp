@@ -68,6 +68,15 @@ std::shared_ptr<Log> Recorder::record(std::shared_ptr<Instance> instance, const 
     return log;
 }
 
+void Recorder::forget(const std::function<bool(const Log &)> &which)
+{
+    if (archive_) {
+        throw SetupError("the archive " + archive_->path + " is open; say what to record before");
+    }
+    std::erase_if(logs_, [&](const auto &log) { return which(*log); });
+    find_next_due();
+}
+
 void Recorder::open_archive(const std::string &path, const Pairs &run)
 {
     if (archive_) {

@@ -6,6 +6,7 @@
 #include "sim/instance.h"
 
 #include <cstddef>
+#include <functional>
 #include <memory>
 #include <string>
 #include <utility>
@@ -42,6 +43,8 @@ public:
     std::shared_ptr<Log> record(std::shared_ptr<Instance> instance, const FledgeField &field,
                                 Ns every, bool keep = true);
     const std::vector<std::shared_ptr<Log>> &logs() const { return logs_; }
+    /// Take these records out. Throws SetupError if an archive is open.
+    void forget(const std::function<bool(const Log &)> &which);
 
     /// Write all logs to an MCAP file from now on, with this metadata under the name "run". Until it
     /// is closed, the file is NAME.part. Throws RunError if it cannot be written.

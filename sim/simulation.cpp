@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <iterator>
 #include <unordered_map>
 
 namespace fledge::sim {
@@ -325,6 +326,69 @@ std::unique_ptr<Simulation> Simulation::clone() const
         copy->restore(snapshot());
     }
     return copy;
+}
+
+std::vector<std::pair<std::string, std::string>> Simulation::ties(std::string_view process) const
+{
+    std::vector<std::pair<std::string, std::string>> found;
+    for (const auto &one : processes_) {
+        const auto foreign = [&](const auto &is_it) -> const Instance * {
+            for (const auto &other : processes_) {
+                for (const auto &instance : other->instances_) {
+                    if (other != one && is_it(*instance)) {
+                        return instance.get();
+                    }
+                }
+            }
+            return nullptr;
+        };
+        // Whichever of the two is kept, the tie is broken.
+        const auto tie = [&](const std::string &what, const Instance *whose) {
+            if (whose && (one->name == process || whose->path.starts_with(std::string(process) + "."))) {
+                found.emplace_back(what, whose->path);
+            }
+        };
+        for (const auto &event : one->events_) {
+            if (event->condition) {
+                tie(one->name + "." + event->name,
+                    foreign([&](const Instance &i) { return &i == event->condition->instance.get(); }));
+            }
+        }
+        for (const auto &instance : one->instances_) {
+            if (!instance->model()) {
+                continue;
+            }
+            // A copy of the model asks for all others that it depends on.
+            const auto twin = instance->twin();
+            twin->model()->copy_setup(*instance->model(), [&](const Model *model) {
+                tie(instance->path, foreign([&](const Instance &i) { return i.model() == model; }));
+                return const_cast<Model *>(model);
+            });
+        }
+    }
+    return found;
+}
+
+void Simulation::keep(const std::string &process)
+{
+    const Process &kept = this->process(process);
+    std::string faults;
+    for (const auto &[what, whose] : ties(process)) {
+        faults += (faults.empty() ? "" : "\n") + what + " depends on " + whose + ", of another process";
+    }
+    if (!faults.empty()) {
+        throw SetupError(faults);
+    }
+    set_up_again();
+    const auto goes = [&](const Instance &instance) { return kept.find(instance.name).get() != &instance; };
+    std::erase_if(wires_, [&](const Wire &wire) { return goes(*wire.from.instance) || goes(*wire.to.instance); });
+    recorder_.forget([&](const Log &log) { return goes(*log.instance); });
+    const auto rest = std::stable_partition(processes_.begin(), processes_.end(),
+                                            [&](const auto &one) { return one.get() == &kept; });
+    left_.insert(left_.end(), std::make_move_iterator(rest), std::make_move_iterator(processes_.end()));
+    processes_.erase(rest, processes_.end());
+    has_events_ = !kept.events_.empty();
+    mode_asked_ = kept.pending_ >= 0;
 }
 
 std::vector<std::string> Simulation::assumptions() const

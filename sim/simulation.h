@@ -219,6 +219,14 @@ public:
     /// empty. Events with C++ or Python callables are shared by copy of the callable.
     std::unique_ptr<Simulation> clone() const;
 
+    /// What ties a process to others, wires apart: (what it is, whose it is) of each event that looks at
+    /// the instance of another, and of each model that has a part there. Python callables are not seen.
+    std::vector<std::pair<std::string, std::string>> ties(std::string_view process) const;
+
+    /// Become the simulation of one of its processes: the others with their wires and records are no part
+    /// of it any more. Throws SetupError, and changes nothing, if it has run or if there are ties.
+    void keep(const std::string &process);
+
     /// One line per parameter marked `assumed` that was left at zero, "world.wheels.friction: ...",
     /// and what the models say themselves.
     std::vector<std::string> assumptions() const;
@@ -233,6 +241,7 @@ private:
 
     std::uint64_t seed_;
     std::vector<std::unique_ptr<Process>> processes_;
+    std::vector<std::unique_ptr<Process>> left_; ///< out by keep(): others may hold references to them
     std::vector<Wire> wires_;
     Recorder recorder_;
     bool mode_asked_ = false; ///< by some process, and not yet entered

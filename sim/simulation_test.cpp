@@ -370,6 +370,50 @@ TEST(Events, ChangeTheMode)
     EXPECT_EQ(face<Scale>(loop.control).mem.t, 1500 * ms);
 }
 
+TEST(Keep, LeavesOneProcessThatIsAsItWas)
+{
+    Loop loop;
+    loop.sim.recorder().record(loop.tank, *find_field(loop.tank->type(), "level"), 0);
+    const auto kept = loop.sim.recorder().record(loop.control, *find_field(loop.control->type(), "product"), 0);
+    Process &world = loop.sim.process("world"), &flight = loop.sim.process("flight");
+    Event event;
+    event.name = "low";
+    event.condition = below(loop.tank, 4.0);
+    event.action = [] {};
+    world.add_event(std::move(event));
+    EXPECT_TRUE(loop.sim.ties("world").empty());
+    loop.sim.keep("flight");
+    ASSERT_EQ(loop.sim.processes().size(), 1u);
+    EXPECT_TRUE(loop.sim.wires().empty());
+    EXPECT_THAT(loop.sim.recorder().logs(), ElementsAre(kept));
+    EXPECT_EQ(world.tasks().size(), 1u) << "who holds it still may";
+    EXPECT_THAT(error_of([&] { loop.sim.prepare(); }), HasSubstr("flight.control.number is not wired"));
+    EXPECT_EQ(flight.find("control"), loop.control);
+}
+
+TEST(Keep, IsRefusedWhereMoreThanWiresJoinTheProcesses)
+{
+    Loop loop;
+    auto leak = make(loop.sim.process("flight"), "leak", leak_type);
+    attach(*loop.tank, *leak);
+    Event event;
+    event.name = "low";
+    event.condition = below(loop.tank, 4.0);
+    event.action = [] {};
+    loop.sim.process("flight").add_event(std::move(event));
+    for (const char *process : {"world", "flight"}) {
+        EXPECT_THAT(error_of([&] { loop.sim.keep(process); }),
+                    AllOf(HasSubstr("world.tank depends on flight.leak, of another process"),
+                          HasSubstr("flight.low depends on world.tank")));
+    }
+    EXPECT_EQ(loop.sim.processes().size(), 2u);
+    EXPECT_EQ(loop.sim.wires().size(), 2u);
+
+    Loop other;
+    other.sim.step();
+    EXPECT_THAT(error_of([&] { other.sim.keep("flight"); }), HasSubstr("reset it before its structure"));
+}
+
 TEST(Snapshot, RestoresARunToTheBit)
 {
     for (int latency : {0, 1}) {

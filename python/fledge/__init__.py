@@ -26,6 +26,7 @@ _LAZY = {
     "Simulation": ("simulation", "Simulation"),
     "archive": ("archive", None),
     "attitude": ("attitude", None),
+    "cosim": ("cosim", None),
     "flight": ("flight", None),
     "load": ("mission", "load"),
     "missions": ("mission", "missions"),

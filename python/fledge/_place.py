@@ -23,7 +23,7 @@ class Place:
         if len(names) < 3:
             raise SetupError(f"'{path}': expected process.instance.name, as in world.craft.I_B or "
                              "world.craft.I_B[0, 0]")
-        processes = {p.name: p for p in (simulation.world, simulation.flight)}
+        processes = {p.name: p for p in simulation.processes}
         if names[0] not in processes:
             raise SetupError(f"{path}: there is no process '{names[0]}'; there are {', '.join(processes)}")
         process = processes[names[0]]
@@ -105,4 +105,4 @@ def _member(struct, name, owner, path):
 
 def port(simulation, path):
     process, instance, port = path.split(".")
-    return getattr(getattr(getattr(simulation, process), instance), port)
+    return getattr(getattr(simulation.process(process), instance), port)

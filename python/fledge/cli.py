@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command line: `./fledge run | montecarlo | export | keys | show | list | plot | convert | bench`.
+"""The command line: `./fledge run | node | montecarlo | export | keys | show | list | plot | convert | bench`.
 
 Exit codes: 0 all went well; 1 a check of the scenario failed, or the run did; 2 the command line or
 the mission is wrong; 130 Ctrl-C.
@@ -19,7 +19,9 @@ def run(options):
     import fledge
     from fledge import mission as missions
 
-    sim = fledge.load(options.mission, options.seed)
+    from fledge.cli_node import given_parameters
+
+    sim = fledge.load(options.mission, options.seed, **given_parameters(options))
     name, fly = _scenario(sim, options)
     folder = Path(options.out) if options.out else Path("runs") / sim.name / name
     folder.mkdir(parents=True, exist_ok=True)
@@ -76,7 +78,7 @@ def _scenario(sim, options):
         duration = parse_duration(options.duration)
 
         def free(sim):
-            sim.record(*sim.world, *sim.flight, every=min(1.0, duration / 10))
+            sim.record(*(one for process in sim.processes for one in process), every=min(1.0, duration / 10))
             sim.run(duration)
 
         return "free", free
@@ -308,8 +310,10 @@ def parser():
     one.add_argument("--for", dest="duration", metavar="DURATION",
                      help="fly without a scenario for this long (90s, 10min, 2h), recording all outputs")
 
-    from fledge import cli_compare, cli_export, cli_keys, cli_montecarlo
+    from fledge import cli_compare, cli_export, cli_keys, cli_montecarlo, cli_node
 
+    cli_node.add_parameters(one)
+    cli_node.add(command)
     cli_montecarlo.add(command)
     cli_export.add(command)
     cli_compare.add(command)

@@ -122,7 +122,8 @@ def _one(campaign, options, folder):
     sim.plots = Plots(folder)
     sim.archive(folder / "run.mcap", mission=sim.name, campaign=campaign.name, campaign_seed=options.seed, run=index,
                 fledge=fledge.__version__)
-    log = sim.record(*sim.world, *sim.flight, *(series.port(sim) for series in d.retained.values()), every=d.every)
+    everything = [one for process in sim.processes for one in process]
+    log = sim.record(*everything, *(series.port(sim) for series in d.retained.values()), every=d.every)
     problem, code = "", 0
     try:
         sim.run(d.duration)

@@ -5,9 +5,11 @@
     sim.scenarios["scenario"]()             # records, runs, checks and plots
 
 flight.py has build(f), world.py has build(w, f); both are executed afresh at each load, so that two
-simulations share nothing. In scenarios.py every public function that takes a simulation is a
-scenario, and the first line of its docstring says what it shows. The files may import from one
-another: `from .flight import PYRAMID`.
+simulations share nothing. What they take besides, as in build(f, wheels=4), is a parameter of the
+mission: load("my_mission", wheels=3). A mission of several spacecraft has a mission.py with build(sim)
+as well, which makes the processes and calls what builds each. In scenarios.py every public function that
+takes a simulation is a scenario, and the first line of its docstring says what it shows. The files may
+import from one another: `from .flight import PYRAMID`.
 """
 
 import ast
@@ -23,6 +25,7 @@ from fledge import _core, project
 from fledge.simulation import Simulation
 
 SetupError = _core.SetupError
+_TAKES = {"flight": "f", "world": "w, f", "mission": "sim"}  # what a file's build() is called with
 _package = itertools.count(1)
 
 
@@ -41,6 +44,7 @@ class Mission:
         self.folder = folder
         self.name = folder.name
         self.scenarios = {}
+        self.parameters = {}
 
     def summaries(self):
         """Name -> first line of the docstring, of the mission (under "") and of each scenario.
@@ -108,21 +112,31 @@ def find(name):
     raise SetupError(f"there is no mission '{name}'; there are {', '.join(known) or 'none'} (looked in {places})")
 
 
-def load(name, seed=0):
+def load(name, seed=0, **parameters):
     """A simulation of a mission, ready to run.
 
-    name: of a mission, or the path of its folder; seed: of all random streams.
-    Raises SetupError for an unknown mission, MissionError for an error in its files.
+    name: of a mission, or the path of its folder; seed: of all random streams; parameters: what the
+    mission's build functions take by name.
+    Raises SetupError for an unknown mission or parameter, MissionError for an error in its files.
     """
     mission = find(name)
-    simulation = Simulation(mission.name, seed)
+    several = (mission.folder / "mission.py").exists()
+    simulation = Simulation(mission.name, seed, empty=several)
     simulation.mission = mission
+    mission.parameters = dict(parameters)
     with _Files(mission) as files:
         flight = files.execute("flight", "build")
-        files.call(flight.build, simulation.flight)
+        builds = [(flight.build, [simulation.flight])] if not several else []
         if (mission.folder / "world.py").exists():
             world = files.execute("world", "build")
-            files.call(world.build, simulation.world, simulation.flight)
+            if not several:
+                builds.append((world.build, [simulation.world, simulation.flight]))
+        if several:
+            builds = [(files.execute("mission", "build").build, [simulation])]
+        _refuse_unknown(mission, parameters, builds)
+        for build, arguments in builds:
+            files.call(build, *arguments, **{name: parameters[name] for name in _parameters(build, len(arguments))
+                                             if name in parameters})
         if (mission.folder / "scenarios.py").exists():
             module = files.execute("scenarios")
             mission.scenarios = {
@@ -131,6 +145,23 @@ def load(name, seed=0):
                 and not name.startswith("_") and value.__code__.co_argcount == 1}
     weakref.finalize(simulation, files.forget)
     return simulation
+
+
+def _parameters(build, taken):
+    """What a build function takes besides the processes: names, with or without a default."""
+    import inspect
+
+    return {p.name: p.default for p in list(inspect.signature(build).parameters.values())[taken:]
+            if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)}
+
+
+def _refuse_unknown(mission, given, builds):
+    known = {name: default for build, arguments in builds for name, default in
+             _parameters(build, len(arguments)).items()}
+    for name in given:
+        if name not in known:
+            raise SetupError(f"the mission {mission.name} has no parameter '{name}'; it has "
+                             + (", ".join(f"{n}={d!r}" for n, d in known.items()) or "none"))
 
 
 class _Files:
@@ -168,13 +199,13 @@ class _Files:
         self.call(run, path=path)
         for function in functions:
             if not callable(getattr(module, function, None)):
-                raise MissionError(f"{path}: expected a function {function}({'f' if name == 'flight' else 'w, f'})",
+                raise MissionError(f"{path}: expected a function {function}({_TAKES[name]})",
                                    None)
         return module
 
-    def call(self, function, *arguments, path=None):
+    def call(self, function, *arguments, path=None, **parameters):
         try:
-            return function(*arguments)
+            return function(*arguments, **parameters)
         except Exception as error:
             path = path or function.__code__.co_filename
             raise MissionError(explain(error, self.mission.folder, path), error) from None

@@ -10,12 +10,27 @@
                 enter=f.science)
 """
 
+import os
+import sys
 import weakref
 
 from fledge import _core
 from fledge.units import UnitError, nanoseconds
 
 SetupError = _core.SetupError
+
+
+# --- where the user said it ------------------------------------------------------------------------
+
+_PACKAGE = os.path.dirname(os.path.abspath(__file__)) + os.sep
+
+
+def place():
+    """(file, line) of the caller outside this package."""
+    frame = sys._getframe(1)
+    while frame.f_back is not None and frame.f_code.co_filename.startswith(_PACKAGE):
+        frame = frame.f_back
+    return frame.f_code.co_filename, frame.f_lineno
 
 
 # --- wires -----------------------------------------------------------------------------------------
@@ -31,6 +46,7 @@ class Wire:
     def __init__(self, source, targets):
         self.source = source
         self.targets = targets
+        self.place = place()
         self.options = {"latency": 0, "stale_after": 0}
 
     def latency(self, exchanges):
@@ -213,6 +229,7 @@ class Event:
 
     def __init__(self, process, name, when, do):
         self._process, self.name, self._when, self._do = weakref.ref(process), name, when, do
+        self.place = place()
         self._core = None
 
     @property
@@ -265,7 +282,9 @@ class Process:
         put(self, "_core_simulation", core_simulation)
         put(self, "_core_process", core_process)
         put(self, "_instances", {})
+        put(self, "_gone", "")     # why it is not here, if it is not
         put(self, "_handles", {})  # modes and events
+        put(self, "_places", {})   # (file, line) of instances by name, and of wires by their readers' paths
         put(self, "_tasks", {})    # apart, because a task may have the name of an instance
 
     @property
@@ -287,6 +306,7 @@ class Process:
         self._accept(name, value)
         self._core_process.add(name, value)
         self._instances[name] = value
+        self._places[name] = place()
         _core.set_context(value, weakref.ref(self))
 
     def _accept(self, name, value):
@@ -298,7 +318,18 @@ class Process:
         for names in (self._instances, self._handles, self._tasks):
             if name in names:
                 return names[name]
+        if self._gone:
+            raise SetupError(f"{self.name}.{name}: {self.name} {self._gone}")
         raise AttributeError(self._unknown(name))
+
+    def _leave(self):
+        """It runs in another program from now on: what is asked of it here has no answer. Returns why."""
+        why = "runs in another program: what it does is seen there, in its own record, or in a run of one program"
+        self._instances.clear()
+        self._handles.clear()
+        self._tasks.clear()
+        object.__setattr__(self, "_gone", why)
+        return why
 
     def _unknown(self, name):
         from difflib import get_close_matches
@@ -327,6 +358,7 @@ class Process:
                 raise SetupError(f"{self.name}.connect: expected wires, as in a.output >> b.input; found {one!r}")
             for target in one.targets:
                 self._core_simulation.connect(one.source, target, one.options["latency"], one.options["stale_after"])
+                self._places[_core.path(target)] = one.place
 
     def task(self, name, *, every, run, offset=0, priority=0):
         """Run modules or models in order, at one rate. Returns a handle for mode().
@@ -415,6 +447,7 @@ class Process:
         other = type(self)(core_simulation, core_simulation.process(self.name))
         other._instances.update(other._core_process.wrap())
         other._tasks.update(self._tasks)
+        other._places.update(self._places)
         for one in other._instances.values():
             _core.set_context(one, weakref.ref(other))
         events = {e.name: e for e in other._core_process.events}

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from fledge import _core
 from fledge._html import Html, join, number, tag, text, value
-from fledge.process import Event
+from fledge.process import Event, World
 from fledge.wiring import Wiring, action_text, condition_text, event_name
 
 STYLE = Path(__file__).with_name("report.css")
@@ -40,9 +40,9 @@ class Report:
     def __init__(self, simulation, scenario, function=None):
         self._simulation, self.scenario = simulation, scenario
         self.about = _docstring(function.__doc__) if function is not None else []
-        self._parameters = {_core.path(one): _parameters(one) for one in (*simulation.flight, *simulation.world)}
+        self._parameters = {_core.path(one): _parameters(one) for one in _instances(simulation)}
         self._begun = datetime.now(timezone.utc)
-        self._mode = simulation.mode
+        self._modes = {p.name: p._core_process.mode for p in simulation.flights}
 
     def write(self, path, outcome):
         """Write the page; returns its path."""
@@ -113,23 +113,23 @@ class Report:
     def _schedule(self):
         sim = self._simulation
         rows = []
-        for process in (sim.flight, sim.world):
+        for process in _processes(sim):
             for name, period, offset, priority, run in process._core_process.tasks:
                 rows.append([process.name, name, _duration(period / 1e9), _duration(offset / 1e9) if offset else "",
                              number(priority) if priority else "", join([tag("code", one) for one in run], ", "),
                              _updates(process, name, period, offset, sim._core.now)])
         parts = [_table(["process", "task", "every", "from", "priority", "runs in this order", "#updates"], rows)]
         rows = []
-        for process in (sim.flight, sim.world):
+        for process in _processes(sim):
             for name, tasks in process._core_process.modes:
-                began = process is sim.flight and name == self._mode
-                ended = process is sim.flight and name == sim.mode
+                began = process.name in self._modes and name == self._modes[process.name]
+                ended = process.name in self._modes and name == process._core_process.mode
                 when = ["began in it"] * began + ["ended in it"] * ended
                 rows.append([process.name, name, ", ".join(tasks), ", ".join(when)])
         if rows:
             parts += [tag("h3", "Modes"), _table(["process", "mode", "tasks", ""], rows)]
         rows = []
-        for process in (sim.flight, sim.world):
+        for process in _processes(sim):
             for event in (e for e in process._handles.values() if isinstance(e, Event)):
                 fired = "never" if event.fired_at is None else join(["t = ", _duration(event.fired_at)])
                 rows.append([process.name, event_name(event), tag("code", condition_text(event)),
@@ -143,7 +143,7 @@ class Report:
     def _parameter_tables(self):
         parts = [tag("p", "As the run began. ", tag("span", "Grey", class_="default"),
                      " is what was left at its default.", class_="note")]
-        for process in (self._simulation.flight, self._simulation.world):
+        for process in _processes(self._simulation):
             for one in process:
                 struct = _core.struct(one)
                 before = self._parameters[_core.path(one)]
@@ -354,6 +354,15 @@ def _values(name, value, rows, given=()):
     lines = [tag("tr", *(tag("td", cell) for cell in row), class_=None if not given or given[i] else "default")
              for i, row in enumerate(rows)]
     return tag("div", tag("table", tag("thead", head), tag("tbody", *lines), class_="values"), class_="scroll")
+
+
+def _processes(simulation):
+    """Its processes as a reader wants them: flight first."""
+    return sorted(simulation.processes, key=lambda process: isinstance(process, World))
+
+
+def _instances(simulation):
+    return [one for process in _processes(simulation) for one in process]
 
 
 def _duration(seconds):

@@ -21,19 +21,20 @@ class Simulation:
     """A world and what flies in it.
 
     `flight` and `world` are the processes; their instances are attributes: `sim.flight.control`.
-    Two simulations share nothing. Made by fledge.load(), or empty, to be filled by hand.
+    Two simulations share nothing. Made by fledge.load(), or here, to be filled by hand; `empty` is one
+    without processes, for missions of several spacecraft: add_world() and add_flight() make them.
     """
 
-    def __init__(self, name="simulation", seed=0):
-        core = _core.Simulation(_seed(seed))
-        core.add_process("world")  # at each instant the world advances before flight looks at it
-        core.add_process("flight")
-        self._adopt(core, name)
-        self._world = World(core, core.process("world"))
-        self._flight = Flight(core, core.process("flight"))
+    def __init__(self, name="simulation", seed=0, *, empty=False):
+        self._adopt(_core.Simulation(_seed(seed)), name)
+        if not empty:
+            self.add_world("world")  # at each instant the world advances before flight looks at it
+            self.add_flight("flight")
 
     def _adopt(self, core, name):
         self._core = core
+        self._processes = {}   # by name, in the order in which they run
+        self._gone = {}        # name -> where they are, of those that run in other programs
         self.name = name
         self.mission = None    # the Mission it was loaded from
         self.pace = 0.0        # what run() takes unless told; 0: as fast as possible
@@ -46,12 +47,55 @@ class Simulation:
     @property
     def flight(self):
         """The flight process: its modules, tasks, modes and events."""
-        return self._flight
+        return self._only(Flight, "flight")
 
     @property
     def world(self):
         """The world: its models, tasks and events."""
-        return self._world
+        return self._only(World, "world")
+
+    @property
+    def processes(self):
+        """All processes, in the order in which they run at equal times."""
+        return tuple(self._processes.values())
+
+    @property
+    def flights(self):
+        """The processes that fly."""
+        return tuple(p for p in self.processes if isinstance(p, Flight))
+
+    def process(self, name):
+        """The process of that name."""
+        if name in self._processes:
+            return self._processes[name]
+        if name in self._gone:
+            raise SetupError(f"{name} {self._gone[name]}")
+        raise SetupError(f"{self.name} has no process '{name}'; it has {', '.join(self._processes) or 'none'}")
+
+    def add_world(self, name):
+        """A further World, a process; it runs after those that are there."""
+        return self._add(World, name)
+
+    def add_flight(self, name):
+        """A further Flight, a process; it runs after those that are there."""
+        return self._add(Flight, name)
+
+    def _add(self, kind, name):
+        if not str(name).isidentifier():
+            raise SetupError(f"process {name!r}: its name must be an identifier")
+        self._core.add_process(name)
+        self._processes[name] = kind(self._core, self._core.process(name))
+        return self._processes[name]
+
+    def _only(self, kind, name):
+        """The process of that name, or else the only one of its kind."""
+        found = [p for p in self.processes if isinstance(p, kind)]
+        if name in self._processes or name in self._gone or len(found) != 1:
+            if name not in self._processes and len(found) > 1:
+                raise SetupError(f"{self.name} has several of the kind {name}; take one by "
+                                 f"process(): {', '.join(p.name for p in found)}")
+            return self.process(name)
+        return found[0]
 
     @property
     def seed(self):
@@ -70,7 +114,7 @@ class Simulation:
     @property
     def mode(self):
         """The mode that flight is in; "" if it has none."""
-        return self._core.process("flight").mode
+        return self.flight._core_process.mode
 
     @property
     def scenarios(self):
@@ -168,8 +212,8 @@ class Simulation:
         core = self._core.clone()
         other._adopt(core, self.name)
         other.mission, other.pace = self.mission, self.pace
-        other._world = self._world._clone(core)
-        other._flight = self._flight._clone(core)
+        other._processes = {name: process._clone(core) for name, process in self._processes.items()}
+        other._gone = dict(self._gone)
         return other
 
     # --- records ---
@@ -223,7 +267,7 @@ class Simulation:
 
     def __repr__(self):
         at = f"at t = {self.time:g} s" if self._core.now >= 0 else "not yet run"
-        return f"{self.name}, {at}, seed {self.seed}\n{self.world!r}\n{self.flight!r}"
+        return "\n".join([f"{self.name}, {at}, seed {self.seed}", *map(repr, self.processes)])
 
 
 def _seed(seed):

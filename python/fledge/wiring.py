@@ -7,7 +7,7 @@
 """
 
 from fledge import _core
-from fledge.process import Event
+from fledge.process import Event, World
 
 
 class Node:
@@ -73,11 +73,12 @@ class Wiring:
 
     def __init__(self, simulation, flight_only=False):
         self.name = simulation.name
-        shown = [simulation.flight] if flight_only else [simulation.flight, simulation.world]
+        # Flight first, as it is what a mission is about.
+        shown = sorted(simulation.flights if flight_only else simulation.processes, key=lambda p: isinstance(p, World))
         self.processes = [_Process(p) for p in shown]
         self.nodes = {node.path: node for process in self.processes for node in process.nodes}
         messages = {f"{_core.path(one)}.{f.name}": f.struct.name
-                    for process in (simulation.flight, simulation.world) for one in process
+                    for process in simulation.processes for one in process
                     for f in _core.struct(one).fields if f.group == "out"}
         links = [Link(source, target, messages[source], latency, stale_after)
                  for source, target, latency, stale_after in simulation._core.wires]

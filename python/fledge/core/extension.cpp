@@ -28,4 +28,5 @@ PYBIND11_MODULE(_core, m)
     bind_world(m);
     bind_campaign(m);
     bind_sky(m);
+    bind_cosim(m);
 }

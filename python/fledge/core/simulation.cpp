@@ -312,6 +312,18 @@ void bind_simulation(py::module_ &m)
                 return list;
             },
             "(from, to, latency, stale_after) of each")
+        .def_property_readonly(
+            "processes",
+            [](const sim::Simulation &s) {
+                py::list list;
+                for (const auto &process : s.processes()) {
+                    list.append(process->name);
+                }
+                return list;
+            },
+            "their names, in the order in which they run")
+        .def("ties", &sim::Simulation::ties)
+        .def("keep", &sim::Simulation::keep)
         .def_property("seed", &sim::Simulation::seed, &sim::Simulation::set_seed)
         .def("prepare", &sim::Simulation::prepare)
         .def("ready_for", &sim::Simulation::ready_for)

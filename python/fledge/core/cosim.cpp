@@ -1,0 +1,228 @@
+// SPDX-License-Identifier: Apache-2.0
+// Co-simulation, as fledge/cosim.py uses it: a process as a node, and the controller. Both work
+// without Python's lock, so nothing of Python is in the loop but a world's own Python events.
+#include "core/extension.h"
+
+#include "cosim/router.h"
+#include "cosim/simulation_node.h"
+
+#include <pybind11/functional.h>
+#include <pybind11/stl.h>
+
+#include <future>
+#include <random>
+#include <thread>
+
+namespace py = pybind11;
+
+namespace fledge::core {
+
+namespace {
+
+using sim::Ns;
+
+cosim::Latency latency_of(const std::string &name)
+{
+    for (const auto &[known, latency] : {std::pair{"same_instant", cosim::Latency::same_instant},
+                                         {"next_instant", cosim::Latency::next_instant},
+                                         {"next_exchange", cosim::Latency::next_exchange}}) {
+        if (name == known) {
+            return latency;
+        }
+    }
+    throw py::value_error("unknown latency " + name);
+}
+
+cosim::Policy policy_of(const std::string &name)
+{
+    for (const auto &[known, policy] : {std::pair{"abort", cosim::Policy::abort},
+                                        {"pause", cosim::Policy::pause},
+                                        {"hold", cosim::Policy::hold},
+                                        {"drop", cosim::Policy::drop}}) {
+        if (name == known) {
+            return policy;
+        }
+    }
+    throw py::value_error("on_loss: expected abort, pause, hold or drop; found " + name);
+}
+
+std::chrono::milliseconds milliseconds(double s)
+{
+    return std::chrono::milliseconds(std::llround(s * 1e3));
+}
+
+/// A SimulationNode that says when the run begins, and may take its time.
+class ProcessNode final : public cosim::SimulationNode {
+public:
+    ProcessNode(sim::Simulation &simulation, const std::string &process)
+        : SimulationNode(simulation, process), simulation_(simulation), process_(process)
+    {
+    }
+
+    void read_by_path(const std::string &topic, const std::string &port, const std::string &latency,
+                      Ns stale_after)
+    {
+        const auto first = port.find('.'), last = port.rfind('.');
+        const auto instance = simulation_.process(process_).find(port.substr(first + 1, last - first - 1));
+        if (port.substr(0, first) != process_ || !instance) {
+            throw sim::SetupError(port + " is no input of the process " + process_);
+        }
+        read(topic, {instance, sim::find_field(instance->type(), port.substr(last + 1))}, latency_of(latency),
+             stale_after);
+    }
+
+    void start(const std::vector<cosim::Channel> &wired) override
+    {
+        SimulationNode::start(wired);
+        if (auto begin = std::exchange(on_start, nullptr)) {
+            begin();
+        }
+    }
+
+    cosim::Tock tick(const cosim::Tick &tick) override
+    {
+        if (delay > 0.0) {
+            std::this_thread::sleep_for(
+                std::chrono::duration<double>(std::uniform_real_distribution<>(0.0, delay)(random_)));
+        }
+        return SimulationNode::tick(tick);
+    }
+
+    std::function<void()> on_start;
+    double delay = 0.0; ///< [s] the longest
+
+private:
+    sim::Simulation &simulation_;
+    std::string process_;
+    std::mt19937 random_{std::random_device{}()};
+};
+
+/// Take part in a run. The delegate has a thread of its own, while this one looks out for signals: a
+/// Python exception from there closes the connection, which the controller sees at once.
+std::string serve(ProcessNode &node, const std::string &simulation, const std::string &name,
+                  const std::string &address, double patience, double delay, std::function<void()> on_start)
+{
+    node.on_start = std::move(on_start);
+    node.delay = delay;
+    zmq::context_t context;
+    std::promise<std::string> promise;
+    auto reason = promise.get_future();
+    std::thread delegate([&] {
+        try {
+            cosim::DelegateConfig config;
+            config.simulation = simulation;
+            config.node = name;
+            config.address = address;
+            config.patience = milliseconds(patience);
+            promise.set_value(cosim::Delegate(context, config).serve(node));
+        } catch (...) {
+            promise.set_exception(std::current_exception());
+        }
+    });
+    bool interrupted = false;
+    {
+        py::gil_scoped_release release;
+        while (!interrupted && reason.wait_for(std::chrono::milliseconds(50)) != std::future_status::ready) {
+            py::gil_scoped_acquire gil;
+            interrupted = PyErr_CheckSignals() != 0;
+        }
+    }
+    std::unique_ptr<py::error_already_set> error;
+    if (interrupted) {
+        error = std::make_unique<py::error_already_set>();
+    }
+    {
+        py::gil_scoped_release release;
+        if (interrupted) {
+            context.shutdown();
+        }
+        delegate.join();
+    }
+    if (error) {
+        throw py::error_already_set(*error);
+    }
+    try {
+        return reason.get();
+    } catch (const cosim::LinkError &e) {
+        throw sim::RunError(e.what());
+    } catch (const cosim::ProtocolError &e) {
+        throw sim::RunError(e.what());
+    }
+}
+
+/// The controller with its own sockets.
+class Control {
+public:
+    Control(const std::string &simulation, const std::vector<std::pair<std::string, std::string>> &nodes, Ns end,
+            std::uint64_t seed, const std::string &address, bool beyond_machine, double join, double reply,
+            std::function<void(const std::string &)> report)
+    {
+        cosim::ControllerConfig controller;
+        controller.simulation = simulation;
+        for (const auto &[name, policy] : nodes) {
+            cosim::NodeConfig node;
+            node.name = name;
+            node.on_loss = policy_of(policy);
+            controller.nodes.push_back(std::move(node));
+        }
+        controller.end = end;
+        controller.seed = seed;
+        cosim::RouterConfig router;
+        router.address = address;
+        router.beyond_machine = beyond_machine;
+        router.join = milliseconds(join);
+        router.reply = milliseconds(reply);
+        router.report = std::move(report);
+        try {
+            router_ = std::make_unique<cosim::Router>(context_, controller, router);
+        } catch (const cosim::LinkError &e) {
+            throw sim::SetupError(e.what());
+        } catch (const std::invalid_argument &e) {
+            throw sim::SetupError(e.what());
+        }
+    }
+
+    std::string address() const { return router_->address(); }
+
+    std::string run()
+    {
+        std::unique_ptr<py::error_already_set> error;
+        std::string reason;
+        {
+            py::gil_scoped_release release;
+            reason = router_->run([&] {
+                py::gil_scoped_acquire gil;
+                if (!error && PyErr_CheckSignals() != 0) {
+                    error = std::make_unique<py::error_already_set>();
+                }
+                return !error;
+            });
+        }
+        if (error) {
+            throw py::error_already_set(*error);
+        }
+        return reason;
+    }
+
+private:
+    zmq::context_t context_;
+    std::unique_ptr<cosim::Router> router_;
+};
+
+} // namespace
+
+void bind_cosim(py::module_ &m)
+{
+    py::class_<ProcessNode>(m, "ProcessNode", "A process of a simulation as a node of a co-simulation.")
+        .def(py::init<sim::Simulation &, const std::string &>(), py::keep_alive<1, 2>())
+        .def("read", &ProcessNode::read_by_path)
+        .def("serve", serve);
+    py::class_<Control>(m, "Control", "The controller of a co-simulation.")
+        .def(py::init<const std::string &, const std::vector<std::pair<std::string, std::string>> &, Ns,
+                      std::uint64_t, const std::string &, bool, double, double,
+                      std::function<void(const std::string &)>>())
+        .def_property_readonly("address", &Control::address)
+        .def("run", &Control::run);
+}
+
+} // namespace fledge::core

@@ -1,0 +1,263 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A mission in several programs: each flies one of its processes, joined by a controller (cosim/README.md).
+
+    node = cosim.split(fledge.load("nadir_spin"), "flight")    # this program is the flight computer
+    node.serve(address="tcp://127.0.0.1:7000")                 # until the controller ends the run
+
+A wire that crosses from one process to another is read as the run in one program reads it, so that
+both give the same bits: along the order of the processes at the same instant, against it at the next
+one, with latency 1 after the next exchange. crossing_wires() has them all.
+"""
+
+import os
+from collections import namedtuple
+from time import perf_counter
+
+from fledge import _core
+from fledge.process import Event, Process
+
+SetupError = _core.SetupError
+DEFAULT_ADDRESS = "tcp://127.0.0.1:7000"
+
+Crossing = namedtuple("Crossing", "topic source port latency stale_after message optional")
+Crossing.__doc__ = """A wire from one process to another.
+
+topic: "/world/nav/attitude"; source, port: the paths of its ends, "flight.tracking.attitude"; latency:
+"same_instant", "next_instant" or "next_exchange"; stale_after [ns]; message: its type, as
+_core.struct() gives types; optional: whether the reader can do without.
+"""
+
+
+def crossing_wires(simulation):
+    """All wires that go from one process to another, as Crossings."""
+    order = simulation._core.processes
+    run = {f"{p.name}.{one}" for p in simulation.processes for task in p._core_process.tasks for one in task[4]}
+    found = []
+    for source, port, latency, stale_after in simulation._core.wires:
+        writer, reader = source.partition(".")[0], port.partition(".")[0]
+        if writer == reader:
+            continue
+        field = _field(simulation, port)
+        name = "next_exchange" if latency else (
+            "same_instant" if order.index(writer) < order.index(reader) else "next_instant")
+        owner = source.rpartition(".")[0]
+        if owner not in run and isinstance(_instance(simulation, owner), _core.Module):
+            # Configuration: said once, before the first step, and never old.
+            name, stale_after = "next_instant", 0
+        found.append(Crossing("/" + source.replace(".", "/"), source, port, name, stale_after, field.struct,
+                              field.optional))
+    return found
+
+
+def check(simulation):
+    """Raise SetupError, with file and line of each, if something besides wires joins its processes."""
+    faults = [*_ties(simulation), *_python_events(simulation), *_two_latencies(simulation)]
+    if faults:
+        raise SetupError("\n".join(faults))
+
+
+def split(simulation, process):
+    """Make a simulation one of its processes; the others are elsewhere. Returns it as a Node.
+
+    It must not have run. Raises SetupError, and changes nothing, if the process is unknown, has nothing
+    to step, or is joined to another by more than wires.
+    """
+    kept = simulation.process(process)
+    if simulation._core.now >= 0:
+        raise SetupError(f"{simulation.name} has run until {simulation.time:g} s; a process of it can be a node only "
+                         "from the start: load the mission anew, or reset() it")
+    if not kept._core_process.tasks:
+        raise SetupError(f"{process} has no task, so it can be no node: there is nothing to step"
+                         + ("" if kept._instances else "; it is empty"))
+    check(simulation)
+    reads = [wire for wire in crossing_wires(simulation) if wire.port.startswith(process + ".")]
+    simulation._core.keep(process)
+    for other in [p for p in simulation.processes if p is not kept]:
+        del simulation._processes[other.name]
+        simulation._gone[other.name] = other._leave()
+    return Node(simulation, process, reads)
+
+
+class Node:
+    """A process of a mission, ready to take part in a run of many programs."""
+
+    def __init__(self, simulation, process, reads):
+        self.simulation, self.process, self.reads = simulation, process, reads
+        self._core = _core.ProcessNode(simulation._core, process)
+        for wire in reads:
+            self._core.read(wire.topic, wire.port, wire.latency, wire.stale_after)
+
+    def serve(self, address=None, *, simulation=None, name=None, patience=60.0, delay=0.0):
+        """Take part in one run, from greeting the controller to its end. Returns the reason of the end, "" if
+        it is the regular one.
+
+        address: of the controller; simulation: what it calls the run; name: of this node. Not given, they
+        are FLEDGE_ADDRESS, FLEDGE_SIMULATION and FLEDGE_NODE, and else tcp://127.0.0.1:7000, the mission's
+        name and the process'. patience: for the controller to be there [s]. delay: before each step wait
+        so long, at random, at most [s]; no result may depend on it.
+
+        The seed is the controller's to give. Records and the archive begin with the run. Ctrl-C leaves it.
+        Raises RunError if the controller refuses the node, is not there, or goes.
+        """
+        begun = perf_counter()
+        try:
+            return self._core.serve(
+                simulation or os.environ.get("FLEDGE_SIMULATION") or self.simulation.name,
+                name or os.environ.get("FLEDGE_NODE") or self.process,
+                address or os.environ.get("FLEDGE_ADDRESS") or DEFAULT_ADDRESS,
+                float(patience), float(delay), self.simulation._open_archive)
+        finally:
+            self.simulation.wall += perf_counter() - begun
+
+    def __repr__(self):
+        return f"<{self.process} of {self.simulation.name} as a node>"
+
+
+class Controller:
+    """What joins programs into one simulation, in this program. `address` is where nodes greet.
+
+    nodes: names, or (name, what a loss means: "abort", "pause", "hold", "drop"); end: of the run, a
+    time; address: with "*" for a TCP port, any free one; beyond_machine: allow an address that others
+    can reach; join, reply: how long to wait for all nodes, and for an answer [s]; report: what is
+    called with a text that the user should know.
+    """
+
+    def __init__(self, simulation, nodes, end, *, seed=0, address=DEFAULT_ADDRESS, beyond_machine=False, join=60.0,
+                 reply=60.0, report=None):
+        from fledge.process import _time
+
+        nodes = [(one, "abort") if isinstance(one, str) else tuple(one) for one in nodes]
+        self._core = _core.Control(simulation, nodes, _time(end, "Controller: end"), seed, address, beyond_machine,
+                                   float(join), float(reply), report or (lambda text: None))
+        self.address = self._core.address
+
+    def run(self):
+        """From the first greeting to the end; returns its reason, "" if it is the regular one."""
+        return self._core.run()
+
+
+# --- what cannot be split --------------------------------------------------------------------------
+
+def _at(place):
+    from fledge.mission import _relative
+
+    return f"{_relative(place[0])}, line {place[1]}: " if place else ""
+
+
+def _ties(simulation):
+    """Events and parts that belong to two processes."""
+    for what, whose in dict.fromkeys(tie for process in simulation.processes
+                                     for tie in simulation._core.ties(process.name)):
+        owner, name = what.split(".", 1)
+        process = simulation.process(owner)
+        event = process._handles.get(name)
+        if isinstance(event, Event):
+            yield (f"{_at(event.place)}event {what} looks at {whose}, which runs in another program; wire what it "
+                   f"looks at to a module or model of {owner} and watch that input, or give the event to "
+                   f"{whose.partition('.')[0]}")
+        else:
+            yield (f"{_at(process._places.get(name))}{what} has {whose} as a part, which runs in another program; a "
+                   "model and its parts belong in one process")
+
+
+def _python_events(simulation):
+    """Events whose Python function reaches what runs in another program."""
+    for process in simulation.processes:
+        foreign = [p for p in simulation.processes if p is not process]
+        for handle in process._handles.values():
+            if not isinstance(handle, Event):
+                continue
+            for function in (handle._when, handle._do):
+                if function is None or isinstance(function, _core.Condition):
+                    continue
+                found = _Reach(simulation, foreign).of(function)
+                if found:
+                    yield (f"{_at(handle.place)}event {process.name}.{handle.name} calls Python that reaches {found}, "
+                           f"which runs in another program; let a message tell it: wire an output to {process.name}, "
+                           "or give the event to the other process")
+
+
+class _Reach:
+    """What of other processes a Python function refers to."""
+
+    def __init__(self, simulation, foreign):
+        self.simulation, self.foreign, self.seen = simulation, foreign, set()
+
+    def of(self, thing):
+        """The name of the first such object, or ""."""
+        import functools
+        import types
+
+        if id(thing) in self.seen:
+            return ""
+        self.seen.add(id(thing))
+        if isinstance(thing, Process):
+            return thing.name if thing in self.foreign else ""
+        if isinstance(thing, (_core.Module, _core.Model, _core.Message)):
+            path = _core.path(thing)
+            return path if path.partition(".")[0] in {p.name for p in self.foreign} else ""
+        if isinstance(thing, types.FunctionType):
+            return self._of_function(thing)
+        if isinstance(thing, types.MethodType):
+            return self.of(thing.__self__) or self.of(thing.__func__)
+        if isinstance(thing, functools.partial):
+            return self._first([thing.func, *thing.args, *thing.keywords.values()])
+        if isinstance(thing, dict):
+            return self._first([*thing.keys(), *thing.values()])
+        if isinstance(thing, (list, tuple, set, frozenset)):
+            return self._first(thing)
+        if type(thing).__module__.startswith("_mission_"):  # a class of the mission's own
+            return self._first([*vars(thing).values(), *vars(type(thing)).values()])
+        return ""
+
+    def _first(self, things):
+        return next(filter(None, map(self.of, list(things))), "")
+
+    def _of_function(self, function):
+        held = [*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values()]
+        for cell in function.__closure__ or ():
+            try:
+                held.append(cell.cell_contents)
+            except ValueError:  # not filled yet
+                pass
+        names = _names(function.__code__)
+        held += [function.__globals__[name] for name in names if name in function.__globals__]
+        for one in held:
+            if one is self.simulation:  # all processes can be reached from it: which are named?
+                named = [p.name for p in self.foreign if p.name in names]
+                if named:
+                    return named[0]
+        return self._first(one for one in held if one is not self.simulation)
+
+
+def _names(code):
+    """All names in a function, those inside it included."""
+    names = set(code.co_names)
+    for constant in code.co_consts:
+        if hasattr(constant, "co_names"):
+            names |= _names(constant)
+    return names
+
+
+def _two_latencies(simulation):
+    """A topic that one process reads at two latencies: a node asks for it once."""
+    first = {}
+    for wire in crossing_wires(simulation):
+        reader = wire.port.partition(".")[0]
+        other = first.setdefault((wire.topic, reader), wire)
+        if other.latency != wire.latency:
+            instance = wire.port.split(".")[0]
+            place = simulation.process(instance)._places.get(wire.port) or next(
+                (p._places[wire.port] for p in simulation.processes if wire.port in p._places), None)
+            yield (f"{_at(place)}{wire.port} reads {wire.source} at {wire.latency}, and {other.port} at "
+                   f"{other.latency}; in another program a message comes once: give both wires one latency")
+
+
+def _instance(simulation, path):
+    process, name = path.split(".")
+    return simulation.process(process)._instances[name]
+
+
+def _field(simulation, port):
+    path, _, name = port.rpartition(".")
+    return next(f for f in _core.struct(_instance(simulation, path)).fields if f.name == name)

@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Missions split into nodes: which wires cross and how, what is refused, and that nothing else changes."""
+
+import itertools
+import os
+import signal
+import subprocess
+import sys
+import threading
+
+import pytest
+
+import fledge
+from fledge import cosim
+
+FLIGHT = """
+from fledge import flight as fsw
+AXES = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+
+def build(f):
+    f.vehicle  = fsw.VehicleConfig(I_B=[700, 700, 800])
+    f.guidance = fsw.HillPointing()
+    f.tracking = fsw.TrackingError()
+    f.control  = fsw.MrpFeedback(K=2.5, P=45)
+    f.wheels   = fsw.WheelConfig(axes_B=AXES, J=0.16, u_max=0.2)
+    f.motor    = fsw.WheelTorques()
+    f.connect(f.guidance.reference >> f.tracking.reference,
+              f.tracking.error >> f.control.error,
+              f.control.torque >> f.motor.torque,
+              f.vehicle.vehicle >> f.control.vehicle, f.wheels.wheels >> [f.control.wheels, f.motor.wheels])
+    look = f.task("look", every=0.5, run=[f.guidance, f.tracking])
+    act  = f.task("act", every=0.5, run=[f.control, f.motor])
+    f.mode("rest", [look])
+    f.mode("work", [look, act])
+    f.event("go", when=f.watch(f.tracking.error).sigma_BR.norm() > 0.1, hold=3, enter=f.work)
+"""
+
+WORLD = """
+from fledge import Orbit, world
+
+def build(w, f, there=0, back=0):
+    w.wheels = world.ReactionWheels(axes_B=f.wheels.axes_B, J=f.wheels.J, u_max=0.2)
+    w.craft = world.Spacecraft(I_B=[700, 700, 800], gravity=[world.MARS], sigma_BN=[0.1, 0.2, -0.3],
+                               parts=[w.wheels], orbit=Orbit(world.MARS, a=7471618, e=0.4, f=4.7))
+    w.nav = world.Navigation(rate_noise=[1e-5] * 3)
+    w.connect(w.craft.state >> w.nav.truth,
+              (w.nav.attitude >> f.tracking.attitude).latency(there),
+              (w.nav.orbit >> f.guidance.orbit).latency(there).stale_after(0.05),
+              w.wheels.speeds >> f.control.speeds,
+              (f.motor.command >> w.wheels.command).latency(back))
+    w.task("dynamics", every=0.1, run=[w.craft, w.nav])
+    EVENT
+"""
+
+
+@pytest.fixture
+def mission(tmp_path):
+    """A function that makes a mission, its last line of world.py as given, and loads it."""
+    def make(event="pass", seed=0, **parameters):
+        folder = tmp_path / "pair"
+        folder.mkdir(exist_ok=True)
+        (folder / "flight.py").write_text(FLIGHT)
+        (folder / "world.py").write_text(WORLD.replace("EVENT", event))
+        return fledge.load(str(folder), seed, **parameters)
+    return make
+
+
+def record(sim):
+    """All outputs, at the periods of their processes, as far as they are here."""
+    for process in sim.processes:
+        sim.record(*process, every=0.1 if process.name == "world" else 0.5)
+
+
+def records(*sims):
+    return {log.path: (log.times(), log.bytes()) for sim in sims for log in sim._core.logs}
+
+
+_number = itertools.count()
+
+
+def fly_apart(make, until, seed, names):
+    """Each process a node in a thread of its own; returns their simulations."""
+    controller = cosim.Controller("pair", names, until, seed=seed,
+                                  address=f"ipc://@fledge-test-{os.getpid()}-{next(_number)}", join=20, reply=20)
+    sims, threads, failures = [], [], []
+    for name in names:
+        sim = make()
+        sims.append(sim)
+        node = cosim.split(sim, name)
+        record(sim)
+
+        def serve(node=node):
+            try:
+                node.serve(controller.address, simulation="pair", patience=20)
+            except Exception as error:
+                failures.append(str(error))
+
+        threads.append(threading.Thread(target=serve))
+        threads[-1].start()
+    reason = controller.run()
+    for thread in threads:
+        thread.join()
+    assert (reason, failures) == ("", [])
+    return sims
+
+
+def test_the_wires_that_cross():
+    found = cosim.crossing_wires(fledge.load("nadir_spin"))
+    assert [(w.topic, w.port, w.latency, w.message.name, w.optional) for w in found] == [
+        ("/world/nav/attitude", "flight.tracking.attitude", "same_instant", "NavAttitude", False),
+        ("/world/nav/orbit", "flight.guidance.orbit", "same_instant", "NavOrbit", False),
+        ("/world/wheels/speeds", "flight.control.speeds", "same_instant", "WheelSpeeds", True),
+        ("/flight/motor/command", "world.wheels.command", "next_instant", "WheelCommand", True)]
+
+
+def test_latency_and_age_cross_too(mission):
+    wires = {w.port: w for w in cosim.crossing_wires(mission(there=1))}
+    assert wires["flight.tracking.attitude"].latency == "next_exchange"
+    assert wires["flight.guidance.orbit"].stale_after == 50_000_000
+    assert wires["world.wheels.command"].latency == "next_instant"
+
+
+@pytest.mark.parametrize("there, back", itertools.product([0, 1], [0, 1]))
+def test_modes_events_noise_and_ages_are_the_same_in_two(mission, there, back):
+    """A mode is entered by an event, an input gets old, and random draws come from the controller's seed."""
+    def make(seed=0):
+        return mission("w.event('once', when=w.watch(w.craft.state).sigma_BN.norm() > 0.01, do=lambda: w.nav)",
+                       seed, there=there, back=back)
+
+    one = make(seed=7)
+    record(one)
+    one.run(30)
+    assert one.mode == "work" and one.flight.motor.command.u.any()
+    together = records(one)
+    apart = records(*fly_apart(make, 30, 7, ["flight", "world"]))
+    assert sorted(apart) == sorted(together)
+    assert [path for path in together if apart[path] != together[path]] == []
+
+
+def test_what_runs_elsewhere_answers_nothing(mission):
+    sim = mission()
+    f = sim.flight
+    cosim.split(sim, "world")
+    with pytest.raises(fledge.SetupError, match="flight runs in another program"):
+        sim.flight
+    with pytest.raises(fledge.SetupError, match="flight.control: flight runs in another program"):
+        f.control
+    assert sim.world.craft is not None
+
+
+@pytest.mark.parametrize("event, text", [
+    ("w.event('e', when=w.watch(f.control.torque).torque_B.norm() > 1, do=print)",
+     r"world.py, line 16: event world.e looks at flight.control, .* watch that input"),
+    ("w.event('e', when=lambda: f.control.K > 3, do=print)", "line 16: event world.e calls Python that reaches flight"),
+    ("w.at(3, lambda: f.enter('work'))", r"line 16: event world.at_3000000000_ns calls Python that reaches flight"),
+    ("g = f.control.torque; w.at(3, lambda: [print(x) for x in [g]])", "reaches flight.control.torque"),
+    ("w.connect((w.nav.attitude >> f.guidance.nothing)) if 0 else f.connect(w.nav.attitude >> f.again.attitude)",
+     r"line 16: flight.again.attitude reads world.nav.attitude at same_instant, and flight.tracking.attitude at "
+     "next_exchange"),
+])
+def test_what_cannot_be_split_is_refused(mission, event, text):
+    if "again" in event:
+        event = ("from fledge import flight as fsw; f.again = fsw.TrackingError(); " + event
+                 + "; f.task('more', every=0.5, run=[f.again]); f.connect(f.guidance.reference >> f.again.reference)")
+    for process in ("world", "flight"):
+        sim = mission(event, there=1)
+        with pytest.raises(fledge.SetupError, match=text):
+            cosim.split(sim, process)
+        assert len(sim.processes) == 2
+
+
+def test_a_wrong_process_a_late_one_and_an_idle_one(mission):
+    with pytest.raises(fledge.SetupError, match="pair has no process 'ground'; it has world, flight"):
+        cosim.split(mission(), "ground")
+    sim = mission()
+    sim.step()
+    with pytest.raises(fledge.SetupError, match="has run until 0 s"):
+        cosim.split(sim, "flight")
+    with pytest.raises(fledge.SetupError, match="world has no task, so it can be no node.*; it is empty"):
+        cosim.split(fledge.Simulation("nothing"), "world")
+
+
+def test_ctrl_c_leaves_the_run():
+    code = ("import fledge, sys; from fledge import cosim; "
+            "node = cosim.split(fledge.load('nadir_spin'), 'flight'); print('ready', flush=True); "
+            f"node.serve('ipc://@fledge-nobody-{os.getpid()}')")
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                          text=True) as program:
+        try:
+            assert program.stdout.readline() == "ready\n"
+            program.send_signal(signal.SIGINT)
+            assert "KeyboardInterrupt" in program.communicate(timeout=20)[1]
+        finally:
+            program.kill()
+
+
+def test_nobody_there_is_an_error(mission):
+    with pytest.raises(fledge.RunError, match="no controller answers at"):
+        cosim.split(mission(), "flight").serve(f"ipc://@fledge-nobody-{os.getpid()}", patience=0.05)
