@@ -71,7 +71,7 @@ std::shared_ptr<Log> Recorder::record(std::shared_ptr<Instance> instance, const 
 void Recorder::forget(const std::function<bool(const Log &)> &which)
 {
     if (archive_) {
-        throw SetupError("the archive " + archive_->path + " is open; say what to record before");
+        throw SetupError("the archive " + archive_->path() + " is open; say what to record before");
     }
     std::erase_if(logs_, [&](const auto &log) { return which(*log); });
     find_next_due();

@@ -150,12 +150,12 @@ def test_what_runs_elsewhere_answers_nothing(mission):
 
 @pytest.mark.parametrize("event, text", [
     ("w.event('e', when=w.watch(f.control.torque).torque_B.norm() > 1, do=print)",
-     r"world.py, line 16: event world.e looks at flight.control, .* watch that input"),
-    ("w.event('e', when=lambda: f.control.K > 3, do=print)", "line 16: event world.e calls Python that reaches flight"),
-    ("w.at(3, lambda: f.enter('work'))", r"line 16: event world.at_3000000000_ns calls Python that reaches flight"),
+     r"world.py, line 15: event world.e looks at flight.control, .* watch that input"),
+    ("w.event('e', when=lambda: f.control.K > 3, do=print)", "line 15: event world.e calls Python that reaches flight"),
+    ("w.at(3, lambda: f.enter('work'))", r"line 15: event world.at_3000000000_ns calls Python that reaches flight"),
     ("g = f.control.torque; w.at(3, lambda: [print(x) for x in [g]])", "reaches flight.control.torque"),
     ("w.connect((w.nav.attitude >> f.guidance.nothing)) if 0 else f.connect(w.nav.attitude >> f.again.attitude)",
-     r"line 16: flight.again.attitude reads world.nav.attitude at same_instant, and flight.tracking.attitude at "
+     r"line 15: flight.again.attitude reads world.nav.attitude at same_instant, and flight.tracking.attitude at "
      "next_exchange"),
 ])
 def test_what_cannot_be_split_is_refused(mission, event, text):
