@@ -51,14 +51,12 @@ def node(options):
         folder.mkdir(parents=True, exist_ok=True)
         sim.archive(folder / f"{name}.mcap", mission=sim.name, scenario=scenario, fledge=fledge.__version__,
                     process=options.process)
-    if options.keys:
-        os.environ["FLEDGE_KEYS"] = options.keys
     say(f"{sim.name}, {scenario}: {options.process} as the node {name}")
     signal.signal(signal.SIGTERM, _terminate)
     problem, code = None, 1
     try:
-        problem = part.serve(options.address, simulation=options.simulation, name=name, patience=options.patience,
-                             delay=options.delay)
+        problem = part.serve(options.address, simulation=options.simulation, name=name, keys=options.keys,
+                             patience=options.patience, delay=options.delay)
     except KeyboardInterrupt:
         problem, code = "interrupted", 130
     except Exception as error:

@@ -87,13 +87,13 @@ class Node:
         for wire in reads:
             self._core.read(wire.topic, wire.port, wire.latency, wire.stale_after)
 
-    def serve(self, address=None, *, simulation=None, name=None, patience=60.0, delay=0.0):
+    def serve(self, address=None, *, simulation=None, name=None, keys=None, patience=60.0, delay=0.0):
         """Take part in one run, from greeting the controller to its end. Returns the reason of the end, "" if
         it is the regular one.
 
         address: of the controller; simulation: what it calls the run; name: of this node. Not given, they
         are FLEDGE_ADDRESS, FLEDGE_SIMULATION and FLEDGE_NODE, and else tcp://127.0.0.1:7000, the mission's
-        name and the process'. patience: for the controller to be there [s]. delay: before each step wait
+        name and the process'. keys: a folder or file of keys (fledge keys); else FLEDGE_KEYS. patience: for the controller to be there [s]. delay: before each step wait
         so long, at random, at most [s]; no result may depend on it.
 
         The seed is the controller's to give. Records and the archive begin with the run. Ctrl-C leaves it.
@@ -104,7 +104,7 @@ class Node:
             return self._core.serve(
                 simulation or os.environ.get("FLEDGE_SIMULATION") or self.simulation.name,
                 name or os.environ.get("FLEDGE_NODE") or self.process,
-                address or os.environ.get("FLEDGE_ADDRESS") or DEFAULT_ADDRESS,
+                address or os.environ.get("FLEDGE_ADDRESS") or DEFAULT_ADDRESS, str(keys or ""),
                 float(patience), float(delay), self.simulation._open_archive)
         finally:
             self.simulation.wall += perf_counter() - begun
@@ -117,18 +117,19 @@ class Controller:
     """What joins programs into one simulation, in this program. `address` is where nodes greet.
 
     nodes: names, or (name, what a loss means: "abort", "pause", "hold", "drop"); end: of the run, a
-    time; address: with "*" for a TCP port, any free one; beyond_machine: allow an address that others
-    can reach; join, reply: how long to wait for all nodes, and for an answer [s]; report: what is
-    called with a text that the user should know.
+    time; address: with "*" for a TCP port, any free one; keys: a folder of keys (fledge keys); else
+    FLEDGE_KEYS; unencrypted: without keys, allow an address that others can reach all the same; join,
+    reply: how long to wait for all nodes, and for an answer [s]; report: what is called with a text that
+    the user should know.
     """
 
-    def __init__(self, simulation, nodes, end, *, seed=0, address=DEFAULT_ADDRESS, beyond_machine=False, join=60.0,
-                 reply=60.0, report=None):
+    def __init__(self, simulation, nodes, end, *, seed=0, address=DEFAULT_ADDRESS, keys=None, unencrypted=False,
+                 join=60.0, reply=60.0, report=None):
         from fledge.process import _time
 
         nodes = [(one, "abort") if isinstance(one, str) else tuple(one) for one in nodes]
-        self._core = _core.Control(simulation, nodes, _time(end, "Controller: end"), seed, address, beyond_machine,
-                                   float(join), float(reply), report or (lambda text: None))
+        self._core = _core.Control(simulation, nodes, _time(end, "Controller: end"), seed, address, str(keys or ""),
+                                   unencrypted, float(join), float(reply), report or (lambda text: None))
         self.address = self._core.address
 
     def run(self):

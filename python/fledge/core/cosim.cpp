@@ -100,7 +100,8 @@ private:
 /// Take part in a run. The delegate has a thread of its own, while this one looks out for signals: a
 /// Python exception from there closes the connection, which the controller sees at once.
 std::string serve(ProcessNode &node, const std::string &simulation, const std::string &name,
-                  const std::string &address, double patience, double delay, std::function<void()> on_start)
+                  const std::string &address, const std::string &keys, double patience, double delay,
+                  std::function<void()> on_start)
 {
     node.on_start = std::move(on_start);
     node.delay = delay;
@@ -113,6 +114,7 @@ std::string serve(ProcessNode &node, const std::string &simulation, const std::s
             config.simulation = simulation;
             config.node = name;
             config.address = address;
+            config.keys = keys;
             config.patience = milliseconds(patience);
             promise.set_value(cosim::Delegate(context, config).serve(node));
         } catch (...) {
@@ -147,6 +149,8 @@ std::string serve(ProcessNode &node, const std::string &simulation, const std::s
         throw sim::RunError(e.what());
     } catch (const cosim::ProtocolError &e) {
         throw sim::RunError(e.what());
+    } catch (const cosim::KeyError &e) {
+        throw sim::SetupError(e.what());
     }
 }
 
@@ -154,8 +158,8 @@ std::string serve(ProcessNode &node, const std::string &simulation, const std::s
 class Control {
 public:
     Control(const std::string &simulation, const std::vector<std::pair<std::string, std::string>> &nodes, Ns end,
-            std::uint64_t seed, const std::string &address, bool beyond_machine, double join, double reply,
-            std::function<void(const std::string &)> report)
+            std::uint64_t seed, const std::string &address, const std::string &keys, bool unencrypted, double join,
+            double reply, std::function<void(const std::string &)> report)
     {
         cosim::ControllerConfig controller;
         controller.simulation = simulation;
@@ -169,13 +173,16 @@ public:
         controller.seed = seed;
         cosim::RouterConfig router;
         router.address = address;
-        router.beyond_machine = beyond_machine;
+        router.keys = cosim::place_of_keys(keys);
+        router.unencrypted_beyond_machine = unencrypted;
         router.join = milliseconds(join);
         router.reply = milliseconds(reply);
         router.report = std::move(report);
         try {
             router_ = std::make_unique<cosim::Router>(context_, controller, router);
         } catch (const cosim::LinkError &e) {
+            throw sim::SetupError(e.what());
+        } catch (const cosim::KeyError &e) {
             throw sim::SetupError(e.what());
         } catch (const std::invalid_argument &e) {
             throw sim::SetupError(e.what());
@@ -219,7 +226,7 @@ void bind_cosim(py::module_ &m)
         .def("serve", serve);
     py::class_<Control>(m, "Control", "The controller of a co-simulation.")
         .def(py::init<const std::string &, const std::vector<std::pair<std::string, std::string>> &, Ns,
-                      std::uint64_t, const std::string &, bool, double, double,
+                      std::uint64_t, const std::string &, const std::string &, bool, double, double,
                       std::function<void(const std::string &)>>())
         .def_property_readonly("address", &Control::address)
         .def("run", &Control::run);
