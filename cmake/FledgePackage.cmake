@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 # Fledge's build as a CMake package: find_package(Fledge) with Fledge_DIR=<Fledge>/build/<preset>.
 
-set(libraries fledge_math fledge_flight fledge_record fledge_sim fledge_tables fledge_world)
+set(libraries fledge_math fledge_flight fledge_record fledge_sim fledge_tables fledge_world
+    fledge_cosim_protocol fledge_cosim fledge_node)
 foreach(library IN LISTS libraries)
     string(REPLACE fledge_ "" name ${library})
     set_target_properties(${library} PROPERTIES EXPORT_NAME ${name})

@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cosim/struct_node.h"
+
+#include <algorithm>
+#include <cstring>
+
+namespace fledge::cosim {
+
+namespace {
+
+void check_size(const Schema &schema, std::size_t size)
+{
+    if (schema.given() && schema.size != size) {
+        throw SchemaError("its definition makes " + std::to_string(schema.size) + " bytes, the struct has " +
+                          std::to_string(size));
+    }
+}
+
+} // namespace
+
+void StructNode::read(const std::string &topic, Latency latency, std::span<std::byte> message, Schema schema)
+{
+    check_size(schema, message.size());
+    inputs_.push_back({{topic, latency, false, std::move(schema)}, message});
+}
+
+void StructNode::write(const std::string &topic, std::span<const std::byte> message, Schema schema)
+{
+    check_size(schema, message.size());
+    outputs_.push_back({topic, std::move(schema), message});
+}
+
+std::string StructNode::run(const std::function<void(Ns)> &step)
+{
+    step_ = step;
+    zmq::context_t context;
+    return Delegate(context, config_).serve(*this);
+}
+
+Initialized StructNode::initialize(const Initialize &m)
+{
+    next_ = rate_.offset;
+    if (m.start >= rate_.offset) {
+        next_ += ((m.start - rate_.offset) / rate_.period + 1) * rate_.period;
+    }
+    leaving_ = false;
+    return {{rate_}, false};
+}
+
+std::vector<Want> StructNode::desired()
+{
+    std::vector<Want> wants;
+    for (const Input &input : inputs_) {
+        wants.push_back(input.want);
+    }
+    return wants;
+}
+
+std::vector<Offer> StructNode::match(const std::vector<Channel> &asked)
+{
+    std::vector<Offer> offers;
+    written_.clear();
+    for (const Channel &channel : asked) {
+        for (const Output &output : outputs_) {
+            if (output.topic == channel.topic) {
+                const Schema &schema = output.schema.given() ? output.schema : channel.schema;
+                if (schema.given() && schema.size != output.message.size()) {
+                    throw SchemaError(output.topic + " has " + std::to_string(schema.size) +
+                                      " bytes where it is read, the struct here " +
+                                      std::to_string(output.message.size()));
+                }
+                offers.push_back({channel.channel, schema, make_payload(output.message)});
+                written_.push_back(
+                    {channel.channel, output.message, Bytes(output.message.begin(), output.message.end())});
+            }
+        }
+    }
+    return offers;
+}
+
+void StructNode::start(const std::vector<Channel> &channels)
+{
+    wired_.clear();
+    coming_.clear();
+    for (const Channel &channel : channels) {
+        const auto input = std::find_if(inputs_.begin(), inputs_.end(),
+                                        [&](const Input &i) { return i.want.topic == channel.topic; });
+        if (input == inputs_.end() || channel.schema.size != input->message.size()) {
+            throw SchemaError(channel.topic + " has " + std::to_string(channel.schema.size) +
+                              " bytes where it is written, which is not the size of the struct here");
+        }
+        wired_[channel.channel] = {input->message, parse_schema(channel.schema.text)};
+    }
+}
+
+Tock StructNode::tick(const Tick &tick)
+{
+    for (const Record &record : tick.records) {
+        const auto it = wired_.find(record.channel);
+        if (it == wired_.end() || record.count != ++it->second.count) {
+            throw ProtocolError("message " + std::to_string(record.count) + " on channel " +
+                                std::to_string(record.channel) + " is not the next one");
+        }
+        coming_.push_back(record);
+    }
+    std::stable_sort(coming_.begin(), coming_.end(), [](const Record &a, const Record &b) { return a.t < b.t; });
+    Tock tock;
+    tock.reached = tick.until;
+    auto record = coming_.begin();
+    for (; next_ <= tock.reached; next_ += rate_.period) {
+        for (; record != coming_.end() && record->t <= next_; ++record) {
+            const Wired &wire = wired_.at(record->channel);
+            read_payload(record->payload, wire.fields, wire.message);
+        }
+        step_(next_);
+        for (Written &w : written_) {
+            if (std::memcmp(w.sent.data(), w.message.data(), w.sent.size())) {
+                w.sent.assign(w.message.begin(), w.message.end());
+                tock.records.push_back({w.channel, ++w.count, next_, make_payload(w.sent)});
+            }
+        }
+        if (leaving_) {
+            tock.reached = next_;
+            tock.leaving = true;
+        }
+    }
+    coming_.erase(coming_.begin(), record);
+    return tock;
+}
+
+} // namespace fledge::cosim

@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: Apache-2.0
+// A C++ program as a node, whose messages are its own structs:
+//
+//     StructNode node({.node = "spring"}, {10 * ms, 0});
+//     node.read("/mass/state", Latency::same_instant, state);
+//     node.write("/spring/force", force, make_schema("Force", "float64[2] F  # F [N] (2) force\n"));
+//     node.run([&](Ns t) { force.F[0] = -state.x[0]; });
+//
+// A struct has the fields of its definition in their order, without padding. Before each step, what is
+// read holds what is seen at that instant; after it, what was changed is sent. A definition is needed on
+// one side only: without one here, that of the partner is taken, whose size must be that of the struct.
+// Other byte orders are turned round.
+#pragma once
+
+#include "cosim/delegate.h"
+
+#include <functional>
+#include <map>
+#include <type_traits>
+
+namespace fledge::cosim {
+
+class StructNode final : private Node {
+public:
+    /// What the config does not say is as the environment does. It steps at offset + k period.
+    StructNode(DelegateConfig config, Rate steps) : config_(std::move(config)), rate_(steps) {}
+
+    /// Read a topic into `message`, which lives as long as the node. Throws SchemaError.
+    void read(const std::string &topic, Latency latency, std::span<std::byte> message, Schema schema = {});
+    /// Write a topic from `message`, which lives as long as the node. What it holds when the run begins
+    /// is its initial value. Throws SchemaError.
+    void write(const std::string &topic, std::span<const std::byte> message, Schema schema = {});
+
+    template <class T>
+        requires(!std::is_convertible_v<T &, std::span<const std::byte>>)
+    void read(const std::string &topic, Latency latency, T &message, Schema schema = {})
+    {
+        static_assert(std::is_trivially_copyable_v<T>);
+        read(topic, latency, std::as_writable_bytes(std::span(&message, 1)), std::move(schema));
+    }
+    template <class T>
+        requires(!std::is_convertible_v<const T &, std::span<const std::byte>>)
+    void write(const std::string &topic, const T &message, Schema schema = {})
+    {
+        static_assert(std::is_trivially_copyable_v<T>);
+        write(topic, std::as_bytes(std::span(&message, 1)), std::move(schema));
+    }
+
+    /// Take part in a run, with a function that does what is due at an instant. Returns the reason of its
+    /// end, "" if it is the regular one. Throws what Delegate::serve does, and what the function throws.
+    std::string run(const std::function<void(Ns)> &step);
+
+    /// From within the step: take no further part. What this step writes is the last, and run() returns.
+    void leave() { leaving_ = true; }
+
+private:
+    struct Input {
+        Want want;
+        std::span<std::byte> message;
+    };
+    struct Output {
+        std::string topic;
+        Schema schema;
+        std::span<const std::byte> message;
+    };
+    struct Wired {
+        std::span<std::byte> message;
+        std::vector<SchemaField> fields;
+        std::uint32_t count = 0;
+    };
+    struct Written {
+        std::uint32_t channel;
+        std::span<const std::byte> message;
+        Bytes sent;
+        std::uint32_t count = 0;
+    };
+
+    Initialized initialize(const Initialize &request) override;
+    std::vector<Want> desired() override;
+    std::vector<Offer> match(const std::vector<Channel> &asked) override;
+    void start(const std::vector<Channel> &channels) override;
+    Tock tick(const Tick &tick) override;
+
+    DelegateConfig config_;
+    Rate rate_;
+    std::function<void(Ns)> step_;
+    std::vector<Input> inputs_;
+    std::vector<Output> outputs_;
+    std::map<std::uint32_t, Wired> wired_; ///< by channel
+    std::vector<Written> written_;
+    std::vector<Record> coming_;
+    Ns next_ = 0;
+    bool leaving_ = false;
+};
+
+} // namespace fledge::cosim
