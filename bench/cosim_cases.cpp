@@ -104,6 +104,7 @@ private:
 RouterConfig listening(const std::string &transport)
 {
     RouterConfig config;
+    config.sharing = transport == "shm" ? Sharing::required : Sharing::forbidden;
     config.address = transport == "tcp" ? "tcp://127.0.0.1:*" : "ipc://@fledge-bench-" + std::to_string(getpid());
     return config;
 }
@@ -111,7 +112,11 @@ RouterConfig listening(const std::string &transport)
 /// A controller here, and programs that learn its address by a pipe of their own.
 class Run {
 public:
-    explicit Run(std::uint64_t rounds) { config_.end = static_cast<Ns>(rounds - 1) * period; }
+    explicit Run(std::uint64_t rounds)
+    {
+        config_.end = static_cast<Ns>(rounds - 1) * period;
+        config_.batch = 1; // each instant has its tick, also where several could share one
+    }
 
     void program(const std::string &name, const std::function<std::unique_ptr<Node>()> &make)
     {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cosim/delegate.h"
 
+#include "cosim/shared_channel.h"
+
 #include <cstdlib>
 
 namespace fledge::cosim {
@@ -81,8 +83,8 @@ Delegate::Delegate(zmq::context_t &context, DelegateConfig config) : context_(co
     }
 }
 
-/// Returns the address of the node's own socket.
-std::string Delegate::greet()
+/// Returns the way to the node's own socket.
+Welcome Delegate::greet()
 {
     zmq::socket_t lobby(context_, zmq::socket_type::dealer);
     set_up(lobby, config_.limits);
@@ -110,26 +112,51 @@ std::string Delegate::greet()
         }
         poll(items, rest);
     }
-    const Frame frame = decode({reply.data<std::byte>(), reply.size()}, config_.limits);
+    Frame frame = decode({reply.data<std::byte>(), reply.size()}, config_.limits);
     if (const auto *refused = std::get_if<Refused>(&frame.message)) {
         throw LinkError("the controller refuses " + config_.node + ": " + refused->reason);
     }
-    const auto *welcome = std::get_if<Welcome>(&frame.message);
+    auto *welcome = std::get_if<Welcome>(&frame.message);
     if (!welcome) {
         throw ProtocolError(std::string("the controller answers a Hello with ") + kind_name(frame.message));
     }
-    return reachable(welcome->address, config_.address);
+    welcome->address = reachable(welcome->address, config_.address);
+    return std::move(*welcome);
+}
+
+/// The memory that the controller offers, if both are on one machine.
+std::unique_ptr<SharedChannel> Delegate::shared_with(const Welcome &welcome) const
+{
+    if (config_.sharing == Sharing::forbidden) {
+        return nullptr;
+    }
+    try {
+        if (welcome.shared.empty()) {
+            throw LinkError("the controller shares no memory");
+        }
+        return std::make_unique<SharedChannel>(welcome.shared, welcome.nonce, config_.limits);
+    } catch (const LinkError &) {
+        if (config_.sharing == Sharing::required) {
+            throw;
+        }
+        return nullptr;
+    }
 }
 
 std::string Delegate::serve(Node &node)
 {
-    const std::string address = greet();
+    const Welcome welcome = greet();
+    auto shared = shared_with(welcome);
     Link link(context_, config_.limits);
     if (keys_) {
         use_keys(link.socket(), *keys_);
     }
-    link.connect(address);
+    link.connect(welcome.address);
+    hello_.shared = shared != nullptr;
     link.send({1, hello_});
+    if (shared) {
+        link.share(std::move(shared));
+    }
     for (auto patience = config_.patience;; patience = {}) {
         const Frame request = link.wait(patience);
         try {

@@ -47,6 +47,7 @@ struct DelegateConfig {
     std::chrono::milliseconds patience{60'000}; ///< for the controller to be there
     Limits limits;
     std::string keys = {}; ///< a folder or file (keys.h); if FLEDGE_KEYS does not say so either, none
+    Sharing sharing = Sharing::allowed; ///< of memory, with a controller on this machine
 };
 
 class Delegate {
@@ -60,7 +61,8 @@ public:
     std::string serve(Node &node);
 
 private:
-    std::string greet();
+    Welcome greet();
+    std::unique_ptr<SharedChannel> shared_with(const Welcome &welcome) const;
 
     zmq::context_t &context_;
     DelegateConfig config_;

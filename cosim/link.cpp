@@ -2,15 +2,21 @@
 #include "cosim/link.h"
 
 #include "cosim/keys.h"
+#include "cosim/shared_channel.h"
 
 #include <atomic>
+#include <poll.h>
 #include <utility>
 
 namespace fledge::cosim {
 
 namespace {
 
+using namespace std::chrono_literals;
+using Clock = std::chrono::steady_clock;
+
 constexpr int heartbeat_ms = 1000, silence_ms = 5000, linger_ms = 1000;
+constexpr std::chrono::milliseconds look = 100ms; ///< how often a silent side is looked for
 
 } // namespace
 
@@ -42,6 +48,11 @@ void poll(std::span<zmq::pollitem_t> items, std::chrono::milliseconds most)
     }
 }
 
+int descriptor(zmq::socket_t &socket)
+{
+    return socket.get(zmq::sockopt::fd);
+}
+
 Link::Link(zmq::context_t &context, const Limits &limits)
     : limits_(limits), socket_(context, zmq::socket_type::pair), monitor_(context, zmq::socket_type::pair)
 {
@@ -55,13 +66,37 @@ Link::Link(zmq::context_t &context, const Limits &limits)
     }
     monitor_.set(zmq::sockopt::linger, 0);
     monitor_.connect(name);
+    gone(); // only from a first look on does its descriptor tell
 }
 
 Link::~Link()
 {
+    if (!socket_) {
+        return; // moved
+    }
+    if (shared_ && !shared_->is_controllers()) {
+        // The last frame may be a long one.
+        const auto end = Clock::now() + std::chrono::milliseconds(linger_ms);
+        try {
+            while (!shared_->flush() && !gone() && Clock::now() < end) {
+                shared_->wait(look);
+            }
+        } catch (const ProtocolError &) {
+            // The other side takes nothing more.
+        }
+    }
     // libzmq's own thread tells the monitor what becomes of the socket, and would wait for ever for one
     // that was closed before.
     zmq_socket_monitor(socket_.handle(), nullptr, 0);
+}
+
+Link::Link(Link &&) noexcept = default;
+Link &Link::operator=(Link &&) noexcept = default;
+
+void Link::share(std::unique_ptr<SharedChannel> channel)
+{
+    shared_ = std::move(channel);
+    shared_->hide();
 }
 
 std::string Link::bind(const std::string &address)
@@ -87,6 +122,9 @@ void Link::connect(const std::string &address)
 void Link::send(const Frame &frame)
 {
     encode(frame, bytes_);
+    if (shared_) {
+        return shared_->send(bytes_);
+    }
     // It never waits: in lock step only a few frames are ever on their way, so a side that takes no
     // more is gone. What it sent before, perhaps that it ends the run, is still to be read.
     if (!socket_.send(zmq::buffer(bytes_), zmq::send_flags::dontwait)) {
@@ -96,6 +134,14 @@ void Link::send(const Frame &frame)
 
 bool Link::receive(Frame &frame)
 {
+    if (shared_) {
+        shared_->flush();
+        if (!shared_->receive(received_)) {
+            return false;
+        }
+        frame = decode(received_, limits_);
+        return true;
+    }
     if (!socket_.recv(message_, zmq::recv_flags::dontwait)) {
         return false;
     }
@@ -112,25 +158,32 @@ Frame Link::wait(std::chrono::milliseconds most)
 {
     Frame frame;
     const bool limited = most.count() > 0;
-    const auto end = std::chrono::steady_clock::now() + most;
-    zmq::pollitem_t items[] = {frames(), events()};
+    const auto end = Clock::now() + most;
     while (!receive(frame)) {
-        if (gone()) {
+        const auto rest = std::chrono::ceil<std::chrono::milliseconds>(end - Clock::now());
+        if (limited && rest.count() <= 0) {
+            throw LinkError("nothing came within " + std::to_string(most.count()) + " ms");
+        }
+        if (silent(limited ? std::min(rest, look) : look) && gone()) {
             if (receive(frame)) {
                 break;
             }
             throw LinkError(refusal_.empty() ? "the other side is gone" : refusal_);
         }
-        auto rest = std::chrono::milliseconds{-1};
-        if (limited) {
-            rest = std::chrono::ceil<std::chrono::milliseconds>(end - std::chrono::steady_clock::now());
-            if (rest.count() <= 0) {
-                throw LinkError("nothing came within " + std::to_string(most.count()) + " ms");
-            }
-        }
-        poll(items, rest);
     }
     return frame;
+}
+
+/// Wait a while for a frame. Whether it is time to look for the other side.
+bool Link::silent(std::chrono::milliseconds most)
+{
+    if (shared_) {
+        shared_->wait(most);
+        return !shared_->pending();
+    }
+    pollfd fds[] = {{frames(), POLLIN, 0}, {events(), POLLIN, 0}};
+    ::poll(fds, std::size(fds), static_cast<int>(most.count()));
+    return fds[1].revents || !fds[0].revents;
 }
 
 bool Link::gone()

@@ -3,6 +3,9 @@
 
 #include "sim/text.h"
 
+#include <algorithm>
+#include <thread>
+
 namespace fledge::cosim {
 
 namespace {
@@ -10,6 +13,15 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto look = 100ms;
+constexpr auto spin = 20us; ///< before one sleeps, if there is a processor for each program
+
+/// What is watched, by keys.
+enum Kind : std::uint64_t { lobby, bell, frames, events, kinds };
+
+std::uint64_t key(Kind kind, NodeId id = 0)
+{
+    return id * kinds + kind;
+}
 
 ControllerConfig telling(ControllerConfig config, bool tell)
 {
@@ -48,6 +60,18 @@ Router::Router(zmq::context_t &context, ControllerConfig controller, RouterConfi
                         (error.num() == EADDRINUSE ? "; is another controller running?" : ""));
     }
     address_ = lobby_.get(zmq::sockopt::last_endpoint);
+    poller_.add(descriptor(lobby_), key(Kind::lobby));
+    if (config_.sharing != Sharing::forbidden && !address_.starts_with("inproc://")) {
+        try {
+            bell_.emplace();
+            poller_.add(bell_->fd(), key(Kind::bell));
+        } catch (const LinkError &) {
+            bell_.reset();
+            if (config_.sharing == Sharing::required) {
+                throw;
+            }
+        }
+    }
 }
 
 Router::~Router()
@@ -86,46 +110,101 @@ void Router::call_hosted()
 std::string Router::run(const std::function<bool()> &poll)
 {
     begun_ = looked_ = Clock::now();
+    spins_ = std::thread::hardware_concurrency() > nodes_.size() - hosted_.size() ? spin : 0us;
+    spin_ = Spin(spins_);
+    auto waited = begun_;
     while (!controller_.done()) {
-        if (links_changed_) {
-            links_changed_ = false;
-            polled_.clear();
-            items_ = {{lobby_.handle(), 0, ZMQ_POLLIN, 0}};
-            for (NodeId id = 0; id < nodes_.size(); id++) {
-                if (nodes_[id].link) {
-                    polled_.push_back(id);
-                    items_.push_back(nodes_[id].link->frames());
-                    items_.push_back(nodes_[id].link->events());
-                }
-            }
-        }
         call_hosted();
-        cosim::poll(items_, calls_.empty() && !controller_.done() ? look : 0ms);
-        if (items_[0].revents) {
-            greet();
-        }
-        for (std::size_t i = 0; i < polled_.size(); i++) {
-            const NodeId id = polled_[i];
-            if (items_[1 + 2 * i].revents || items_[2 + 2 * i].revents) {
-                // In this order: what a node sent before it went counts.
-                const bool gone = items_[2 + 2 * i].revents && nodes_[id].link && nodes_[id].link->gone();
-                listen(id);
-                if (gone) {
-                    controller_.lost(id, "its connection is gone");
-                    act();
-                }
-            }
-        }
-        if (Clock::now() - looked_ >= look) {
+        const bool busy = listen_to_shared();
+        listen_again();
+        const auto now = Clock::now();
+        if (now - looked_ >= look) {
             look_at_clock(poll);
+        }
+        // Who is busy with some still listens to the others.
+        const bool more = busy || !calls_.empty() || controller_.done();
+        if (!more || now - waited >= 1ms) {
+            waited = now;
+            wait(more ? 0ms : look);
         }
     }
     return outcome_;
 }
 
+/// Wait for something to happen, and listen.
+void Router::wait(std::chrono::milliseconds most)
+{
+    const bool sleeps = most.count() && !sharing_.empty();
+    if (sleeps && spin_.spin([&] { return anything_shared(); })) {
+        return;
+    }
+    if (sleeps) {
+        bell_->arm();
+        if (anything_shared()) {
+            most = 0ms;
+        }
+    }
+    const auto &ready = poller_.wait(most);
+    if (bell_) {
+        bell_->disarm(std::find(ready.begin(), ready.end(), key(Kind::bell)) != ready.end());
+    }
+    for (const std::uint64_t what : ready) {
+        const NodeId id = what / kinds;
+        switch (static_cast<Kind>(what % kinds)) {
+        case Kind::lobby: greet(); break;
+        case Kind::frames: listen(id); break;
+        case Kind::events: {
+            // In this order: what a node sent before it went counts.
+            const bool gone = nodes_[id].link && nodes_[id].link->gone();
+            listen(id);
+            if (gone) {
+                controller_.lost(id, "its connection is gone");
+                act();
+            }
+            break;
+        }
+        default: break;
+        }
+    }
+}
+
+bool Router::anything_shared() const
+{
+    return std::any_of(sharing_.begin(), sharing_.end(),
+                       [&](NodeId id) { return nodes_[id].link->shared()->pending(); });
+}
+
+bool Router::listen_to_shared()
+{
+    bool any = false;
+    for (std::size_t i = 0; i < sharing_.size(); i++) {
+        const NodeId id = sharing_[i];
+        if (nodes_[id].link->shared()->pending()) {
+            listen(id); // the list may be shorter now; who was passed over is met next time
+            any = true;
+        }
+    }
+    return any;
+}
+
+void Router::listen_again()
+{
+    while (!unsure_.empty()) {
+        const NodeId id = unsure_.back();
+        unsure_.pop_back();
+        if (nodes_[id].unsure) {
+            listen(id);
+        }
+    }
+    if (lobby_unsure_) {
+        greet();
+    }
+}
+
 void Router::greet()
 {
     zmq::message_t peer, hello;
+    lobby_unsure_ = false;
     while (lobby_.recv(peer, zmq::recv_flags::dontwait)) {
         std::size_t parts = 0;
         bool more = peer.more();
@@ -179,6 +258,7 @@ void Router::reply(std::span<const std::byte> peer, const Message &message)
     (void)lobby_.send(zmq::buffer(peer.data(), peer.size()),
                       zmq::send_flags::sndmore | zmq::send_flags::dontwait);
     (void)lobby_.send(zmq::buffer(bytes), zmq::send_flags::dontwait);
+    lobby_unsure_ = true;
 }
 
 void Router::listen(NodeId id)
@@ -188,11 +268,12 @@ void Router::listen(NodeId id)
     try {
         while (place.link && place.link->receive(frame)) {
             if (!place.joined) {
-                join(place, frame);
+                join(id, frame);
                 continue;
             }
             heard(id, std::move(frame));
         }
+        place.unsure = false;
     } catch (const ProtocolError &error) {
         controller_.lost(id, std::string("it sent no frame: ") + error.what());
         act();
@@ -230,30 +311,72 @@ NodeTimes Router::times(NodeId id) const
 }
 
 /// A socket that nobody is connected to takes no frame: the node has to speak first.
-void Router::join(Place &place, const Frame &frame)
+void Router::join(NodeId id, const Frame &frame)
 {
-    if (!std::holds_alternative<Hello>(frame.message)) {
+    Place &place = nodes_[id];
+    const auto *hello = std::get_if<Hello>(&frame.message);
+    if (!hello) {
         throw ProtocolError(std::string("expected Hello, found ") + kind_name(frame.message));
     }
+    if (hello->shared && !place.offered) {
+        throw ProtocolError("a Hello over shared memory, which was not offered");
+    }
+    if (hello->shared) {
+        poller_.remove(place.link->frames());
+        place.link->share(std::move(place.offered));
+        sharing_.push_back(id);
+    } else if (config_.sharing == Sharing::required) {
+        throw LinkError("it does not take shared memory, which this run requires: it may be a node that "
+                        "cannot, or on another machine");
+    }
+    place.offered.reset();
     place.joined = true;
     if (place.first) {
         place.link->send(*std::exchange(place.first, std::nullopt));
     }
 }
 
-/// The socket of a node: its address.
-std::string Router::open(NodeId id)
+/// The socket of a node, and memory to share.
+Welcome Router::open(NodeId id)
 {
-    nodes_[id].link = std::make_unique<Link>(context_, config_.limits);
-    nodes_[id].joined = false;
-    links_changed_ = true;
+    Place &place = nodes_[id];
+    place.link = std::make_unique<Link>(context_, config_.limits);
+    place.joined = false;
     if (gate_) {
-        gate_->guard(nodes_[id].link->socket(), names_[id]);
+        gate_->guard(place.link->socket(), names_[id]);
     }
-    if (address_.starts_with("tcp://")) {
-        return nodes_[id].link->bind(address_.substr(0, address_.rfind(':') + 1) + "*");
+    poller_.add(place.link->frames(), key(Kind::frames, id));
+    poller_.add(place.link->events(), key(Kind::events, id));
+    Welcome welcome;
+    if (bell_) {
+        try {
+            place.offered = std::make_unique<SharedChannel>(*bell_, spins_, config_.limits);
+            welcome.shared = place.offered->path();
+            welcome.nonce = place.offered->nonce();
+        } catch (const LinkError &) {
+            // The system has no more to give: the node's socket does it.
+        }
     }
-    return nodes_[id].link->bind(config_.address + "-" + std::to_string(++opened_));
+    welcome.address = address_.starts_with("tcp://")
+                          ? place.link->bind(address_.substr(0, address_.rfind(':') + 1) + "*")
+                          : place.link->bind(config_.address + "-" + std::to_string(++opened_));
+    return welcome;
+}
+
+void Router::close(NodeId id)
+{
+    Place &place = nodes_[id];
+    if (place.link) {
+        poller_.remove(place.link->events());
+        if (!place.link->shared()) {
+            poller_.remove(place.link->frames());
+        }
+    }
+    std::erase(sharing_, id);
+    place.unsure = false;
+    place.offered.reset();
+    place.link.reset();
+    place.hosted = nullptr;
 }
 
 void Router::act()
@@ -274,6 +397,9 @@ void Router::act()
                         place.first = std::move(send->frame);
                     } else if (place.link) {
                         place.link->send(send->frame);
+                        if (!place.link->shared() && !std::exchange(place.unsure, true)) {
+                            unsure_.push_back(send->node);
+                        }
                     }
                 } catch (const std::exception &error) {
                     controller_.lost(send->node, error.what());
@@ -281,16 +407,14 @@ void Router::act()
             } else if (const auto *accept = std::get_if<action::Accept>(&a); accept && accept->peer) {
                 nodes_[accept->node].hosted = hosted_[accept->peer - 1];
             } else if (accept) {
-                reply(greeting_peer_, Welcome{open(accept->node)});
+                reply(greeting_peer_, open(accept->node));
             } else if (const auto *refuse = std::get_if<action::Refuse>(&a)) {
                 if (refuse->peer) {
                     throw LinkError(refuse->reason);
                 }
                 reply(greeting_peer_, Refused{refuse->reason});
             } else if (const auto *out = std::get_if<action::ShutOut>(&a)) {
-                nodes_[out->node].link.reset();
-                nodes_[out->node].hosted = nullptr;
-                links_changed_ = true;
+                close(out->node);
             } else if (const auto *report = std::get_if<action::Report>(&a)) {
                 this->report(report->text);
             } else if (const auto *began = std::get_if<action::Began>(&a)) {

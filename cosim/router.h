@@ -8,6 +8,8 @@
 #include "cosim/controller.h"
 #include "cosim/delegate.h"
 #include "cosim/gate.h"
+#include "cosim/poller.h"
+#include "cosim/shared_channel.h"
 #include "cosim/witness.h"
 
 #include <chrono>
@@ -27,6 +29,7 @@ struct RouterConfig {
     std::chrono::milliseconds reply{60'000};  ///< for a node to answer, computing included; 0: for ever
     std::chrono::milliseconds finish{5'000};  ///< for a node to answer the last request
     Limits limits;
+    Sharing sharing = Sharing::allowed; ///< of memory, with nodes on this machine
     std::function<void(const std::string &)> report; ///< what the user should know; may be empty
     std::vector<Witness *> witnesses;                ///< that live as long as the router
 };
@@ -65,19 +68,26 @@ private:
     using Clock = std::chrono::steady_clock;
     struct Place {
         std::unique_ptr<Link> link;
+        std::unique_ptr<SharedChannel> offered; ///< memory that the node has not answered for
         Node *hosted = nullptr;
         std::optional<Frame> first; ///< waits for the node to speak on its socket
         bool joined = false;
         Clock::time_point asked, answered;
+        bool unsure = false; ///< whether its socket still tells of what comes: see descriptor()
         NodeTimes times;
     };
 
     void greet();
     void listen(NodeId id);
-    void join(Place &place, const Frame &frame);
+    void join(NodeId id, const Frame &frame);
     void act();
     template <class Call> void tell(Call call);
-    std::string open(NodeId id);
+    Welcome open(NodeId id);
+    void close(NodeId id);
+    void wait(std::chrono::milliseconds most);
+    bool listen_to_shared();
+    void listen_again();
+    bool anything_shared() const;
     void call_hosted();
     void heard(NodeId id, Frame frame);
     bool keyed() const;
@@ -94,9 +104,13 @@ private:
     zmq::socket_t lobby_;
     std::string address_;
     std::vector<Place> nodes_;
-    std::vector<NodeId> polled_;            ///< whose sockets stand in items_
-    std::vector<zmq::pollitem_t> items_;
-    bool links_changed_ = true;
+    Poller poller_;
+    std::optional<Bell> bell_;              ///< none: no memory is shared
+    std::chrono::nanoseconds spins_{0};     ///< so long who waits looks for frames before it sleeps
+    Spin spin_;
+    std::vector<NodeId> sharing_;           ///< who does
+    std::vector<NodeId> unsure_;
+    bool lobby_unsure_ = true;
     std::vector<Node *> hosted_;            ///< in the order of their coming
     std::deque<std::pair<NodeId, Frame>> calls_; ///< to hosted nodes, in the order of asking
     Bytes greeting_peer_;                   ///< libzmq's name of who is being greeted
