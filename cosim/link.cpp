@@ -135,7 +135,6 @@ void Link::send(const Frame &frame)
 bool Link::receive(Frame &frame)
 {
     if (shared_) {
-        shared_->flush();
         if (!shared_->receive(received_)) {
             return false;
         }

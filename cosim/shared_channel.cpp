@@ -307,6 +307,7 @@ bool SharedChannel::flush()
 
 bool SharedChannel::receive(Bytes &frame)
 {
+    flush();
     std::size_t n = filled();
     if (!n) {
         return false;

@@ -124,7 +124,7 @@ public:
     /// Put in more of what was kept. Whether nothing is left.
     bool flush();
 
-    /// The next frame, into `frame`; false if none is there yet. Throws ProtocolError.
+    /// The next frame, into `frame`; false if none is there yet. Does flush(). Throws ProtocolError.
     bool receive(Bytes &frame);
 
     /// Whether there is something to receive, or room for what was kept.

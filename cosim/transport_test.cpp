@@ -105,8 +105,9 @@ RouterConfig listening(const std::string &transport)
     static std::atomic<int> count{0};
     const std::string name = "fledge-test-" + std::to_string(getpid()) + "-" + std::to_string(count++);
     RouterConfig config;
+    config.sharing = transport == "shm" ? Sharing::required : Sharing::forbidden;
     config.address = transport == "tcp"   ? "tcp://127.0.0.1:*"
-                     : transport == "ipc" ? "ipc://@" + name
+                     : transport != "inproc" ? "ipc://@" + name
                                           : "inproc://" + name;
     return config;
 }
@@ -183,7 +184,7 @@ TEST(Router, ItMayHostAllNodes)
     EXPECT_EQ(b.heard, 100'000u);
 }
 
-INSTANTIATE_TEST_SUITE_P(All, Transport, testing::Values("tcp", "ipc", "inproc"));
+INSTANTIATE_TEST_SUITE_P(All, Transport, testing::Values("tcp", "ipc", "inproc", "shm"));
 
 /// A program that greets and then sends whatever the test wants.
 struct Rogue {
