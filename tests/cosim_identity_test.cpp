@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The nadir spin in one program, and with world and flight in two that are joined by sockets: every
-// message has the same bytes, whatever the transport, the latencies, the order in which programs start,
-// and the time that they take.
+// The nadir spin in one program, and with world and flight in two that are joined by sockets or shared
+// memory: every message has the same bytes, whatever the transport, the latencies, the order in which
+// programs start, and the time that they take.
 #include "cosim/router.h"
 #include "cosim/simulation_node.h"
 #include "flight/actuation/wheel_torques.h"
@@ -289,6 +289,8 @@ Hashes in_two(const Case &c)
         config.end = run_end;
         config.seed = seed;
         cosim::RouterConfig router_config;
+        router_config.sharing =
+            std::string(c.transport) == "shared memory" ? cosim::Sharing::required : cosim::Sharing::forbidden;
         router_config.address = std::string(c.transport) == "tcp"
                                     ? "tcp://127.0.0.1:*"
                                     : "ipc://@fledge-identity-" + std::to_string(getpid());
@@ -327,7 +329,7 @@ TEST(CosimIdentity, TheNadirSpinHasTheSameMessagesInOneProgramAndInTwo)
         for (const int back : {0, 1}) {
             const Hashes one = in_one(there, back);
             ASSERT_GT(one.size(), 10u);
-            for (const char *transport : {"ipc", "tcp"}) {
+            for (const char *transport : {"ipc", "tcp", "shared memory"}) {
                 EXPECT_EQ(in_two({transport, there, back, draw++}), one)
                     << transport << ", latency " << there << " to flight and " << back << " to the world";
             }
