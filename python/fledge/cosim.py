@@ -93,7 +93,8 @@ class Node:
 
         address: of the controller; simulation: what it calls the run; name: of this node. Not given, they
         are FLEDGE_ADDRESS, FLEDGE_SIMULATION and FLEDGE_NODE, and else tcp://127.0.0.1:7000, the mission's
-        name and the process'. keys: a folder or file of keys (fledge keys); else FLEDGE_KEYS. patience: for the controller to be there [s]. delay: before each step wait
+        name and the process'. keys: a folder or file of keys (fledge keys); else FLEDGE_KEYS. patience: for
+        the controller to be there [s]. delay: before each step wait
         so long, at random, at most [s]; no result may depend on it.
 
         The seed is the controller's to give. Records and the archive begin with the run. Ctrl-C leaves it.

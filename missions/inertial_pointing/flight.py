@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What flies: a reference that rests, tracked with a pyramid of four wheels."""
+from math import sqrt
+
+from fledge import flight as fsw
+from fledge.units import N, kg, m, s
+
+# Spin axes of the wheels in body axes. Thesis, table 2.2.
+TILT = sqrt(2) / 2
+PYRAMID = [[-0.5, 0.5, -TILT], [0.5, 0.5, -TILT], [0.5, -0.5, -TILT], [-0.5, -0.5, -TILT]]
+
+
+def build(f):
+    # The vehicle, said once.
+    f.vehicle  = fsw.VehicleConfig(I_B=[700, 700, 800] * kg * m**2)
+    f.wheels   = fsw.WheelConfig(axes_B=PYRAMID, J=0.1591549 * kg * m**2, u_max=0.2 * N * m)
+
+    # Guidance: the axes of N (Eq. 2.24).
+    f.guidance = fsw.InertialPointing(sigma_RN=[0, 0, 0])
+    f.tracking = fsw.TrackingError(sigma_BcB=[0, 0, 0])
+
+    # Control: gains of table 2.2. The wheels' speeds are not told to flight; their momentum then disturbs
+    # the body while it turns, and no more when it rests.
+    f.control  = fsw.MrpFeedback(K=2.531 * N * m, P=45.0 * N * m * s)
+    f.motor    = fsw.WheelTorques()
+
+    f.connect(
+        # from where to point to what the wheels do
+        f.guidance.reference >> f.tracking.reference,
+        f.tracking.error     >> f.control.error,
+        f.control.torque     >> f.motor.torque,
+
+        # what the control law knows of the vehicle
+        f.vehicle.vehicle    >> f.control.vehicle,
+        f.wheels.wheels      >> f.motor.wheels,
+    )
+    f.task("gnc", every=0.5 * s, run=[f.guidance, f.tracking, f.control, f.motor])
