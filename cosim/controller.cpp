@@ -43,6 +43,17 @@ Controller::Controller(ControllerConfig config) : config_(std::move(config)), ho
     if (!some) {
         throw std::invalid_argument("no node is there at the start; at least one has to be");
     }
+    for (const AsynchronousConfig &program : config_.asynchronous) {
+        for (const Node &other : nodes_) {
+            if (other.config.name == program.name) {
+                throw std::invalid_argument("an asynchronous program is called " + program.name + ", as another is");
+            }
+        }
+        Node &node = nodes_.emplace_back();
+        node.config.name = program.name;
+        node.stage = Stage::finished;
+        node.asynchronous = node.any_time = true;
+    }
     set_last();
 }
 
@@ -64,7 +75,9 @@ void Controller::hello(std::uint64_t peer, const Hello &hello)
     }
     std::vector<std::string> names;
     for (const Node &node : nodes_) {
-        names.push_back(node.config.name);
+        if (!node.asynchronous) {
+            names.push_back(node.config.name);
+        }
     }
     const auto found = std::find(names.begin(), names.end(), hello.node);
     if (found == names.end()) {

@@ -55,11 +55,19 @@ struct NodeConfig {
     std::vector<Rate> steps = {}; ///< as it has to step; empty: as it says itself
 };
 
+/// A program that steps with nobody (a ground system): what it writes enters when it comes.
+struct AsynchronousConfig {
+    std::string name;
+    std::vector<std::string> topics = {}; ///< that it writes, if nodes want them; empty: all "/NAME/..."
+};
+
 inline constexpr Ns for_ever = std::numeric_limits<Ns>::max();
 
 struct ControllerConfig {
     std::string simulation;
     std::vector<NodeConfig> nodes;
+    std::vector<AsynchronousConfig> asynchronous = {};
+    std::vector<std::string> watched = {}; ///< topics that are written even if no node wants them
     Ns end = 0; ///< the last instant
     std::uint64_t seed = 0;
     std::string frontend, backend; ///< of the broker, handed on to the nodes
@@ -158,6 +166,9 @@ public:
     void received(NodeId node, Frame frame);
     /// A node is gone, is late, or sent what is no frame.
     void lost(NodeId node, const std::string &why);
+    /// An asynchronous program writes. Returns why it may not; "" if it may. All readers see it as of the
+    /// first time that none of them was granted yet, and before the next message of the topic.
+    std::string inject(const std::string &program, const std::string &topic, const Bytes &payload);
     /// The user asks for the end.
     void stop(const std::string &why);
 
@@ -179,6 +190,11 @@ public:
     std::vector<std::string> absent() const;
     /// All comings and goings after the start, in their order.
     const std::vector<Change> &changes() const { return changes_; }
+
+    /// Whether the nodes know one another's messages.
+    bool matched() const { return begun_; }
+    /// All topics, by channel number.
+    std::vector<Channel> channels() const;
 
     bool running() const { return begun_ && !finishing() && !done(); }
     bool finishing() const { return phase_ == Phase::finishing; }
@@ -234,6 +250,7 @@ private:
     struct Node {
         NodeConfig config;
         Stage stage = Stage::absent;
+        bool asynchronous = false; ///< no node, but what writes a topic; it is always over()
         bool member = false;       ///< it takes part
         bool been = false;         ///< it took part, now or before
         bool joining = false;      ///< it will, from the next boundary on
@@ -326,6 +343,8 @@ private:
 
     std::string fault_of(NodeId id, const Tock &m) const;
     void push(Wire &wire, Ns written, const Bytes &payload);
+    void take_asynchronous();
+    Ns earliest(const Wire &wire) const;
     void grant(NodeId id);
     void grant_all();
     void grant_around(NodeId id);

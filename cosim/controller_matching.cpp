@@ -207,6 +207,11 @@ void Controller::begin_matching()
 void Controller::number_topics()
 {
     std::set<std::string> names;
+    for (const std::string &topic : config_.watched) {
+        if (!channels_.contains(topic)) {
+            names.insert(topic);
+        }
+    }
     for (const Node &node : nodes_) {
         for (const Want &want : node.wants) {
             if (node.matching && !channels_.contains(want.topic)) {
@@ -244,7 +249,9 @@ void Controller::ask_for_match(NodeId id)
     Match match;
     for (std::uint32_t channel = 0; channel < topics_.size(); channel++) {
         const auto &wanted_by = topics_[channel].wanted_by;
-        if (std::any_of(wanted_by.begin(), wanted_by.end(), [&](NodeId other) { return other != id; })) {
+        const auto &watched = config_.watched;
+        if (std::find(watched.begin(), watched.end(), topics_[channel].name) != watched.end() ||
+            std::any_of(wanted_by.begin(), wanted_by.end(), [&](NodeId other) { return other != id; })) {
             match.asked.push_back({channel, topics_[channel].name, topics_[channel].schema});
         }
     }
@@ -332,6 +339,7 @@ void Controller::match()
             take_offers(id);
         }
     }
+    take_asynchronous();
     connect();
     if (!faults_.empty()) {
         std::vector<NodeId> joiners;
@@ -448,7 +456,7 @@ const Bytes &Controller::value(const Topic &topic) const
 void Controller::connect()
 {
     const Ns boundary = boundary_.value_or(-1);
-    const bool late = std::any_of(nodes_.begin(), nodes_.end(), [](const Node &n) { return !n.matching; });
+    const bool late = std::any_of(nodes_.begin(), nodes_.end(), [](const Node &n) { return !n.matching && !n.asynchronous; });
     constexpr const char *later = "; if one that joins later does, the wish has to be optional";
     for (NodeId id = 0; id < nodes_.size(); id++) {
         Node &node = nodes_[id];

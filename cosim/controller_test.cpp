@@ -77,13 +77,29 @@ struct Spec {
 /// Everything that happened, by name of the node: at each instant, what it had seen and done.
 using History = std::map<std::string, std::vector<std::pair<Ns, std::uint64_t>>>;
 
-/// The same run without any controller.
-History expected(const std::vector<Spec> &specs, Ns end)
+struct Write {
+    Ns t;
+    std::uint64_t x;
+};
+
+/// Until when a node that reads from these sees what was written, at its instant t. Written before: -1.
+Ns latest_seen(Latency latency, Ns t, const std::vector<Rate> &reader, const std::vector<Rate> &writer = {})
 {
-    struct Write {
-        Ns t;
-        std::uint64_t x;
-    };
+    Ns longest = 0;
+    for (const auto *rates : {&reader, &writer}) {
+        for (const Rate &rate : *rates) {
+            longest = std::max(longest, rate.period);
+        }
+    }
+    return latency == Latency::same_instant   ? t
+           : latency == Latency::next_instant ? t - 1
+           : t == 0                           ? -1
+                                              : (t - 1) / longest * longest;
+}
+
+/// The same run without any controller. `given`: what comes from nobody's steps.
+History expected(const std::vector<Spec> &specs, Ns end, const std::map<std::string, std::vector<Write>> &given = {})
+{
     struct Source {
         const Spec *writer;
         std::vector<Write> writes; // in order of time; the initial value at -1
@@ -91,6 +107,10 @@ History expected(const std::vector<Spec> &specs, Ns end)
     std::map<std::string, Source> topics;
     std::vector<std::pair<Ns, std::size_t>> steps; // by time, then in the order of the nodes
     std::vector<std::uint64_t> state(specs.size(), 7);
+    const Spec nobody;
+    for (const auto &[topic, writes] : given) {
+        topics[topic] = {&nobody, writes};
+    }
     for (std::size_t i = 0; i < specs.size(); i++) {
         for (std::size_t k = 0; k < specs[i].writes.size(); k++) {
             topics[specs[i].writes[k]] = {&specs[i], {{-1, specs[i].initial(k)}}};
@@ -105,16 +125,7 @@ History expected(const std::vector<Spec> &specs, Ns end)
         const Spec &spec = specs[i];
         for (const Want &want : spec.wants) {
             const Source &source = topics.at(want.topic);
-            Ns longest = 0;
-            for (const Spec *s : {&spec, source.writer}) {
-                for (const Rate &rate : s->rates) {
-                    longest = std::max(longest, rate.period);
-                }
-            }
-            const Ns latest = want.latency == Latency::same_instant   ? t
-                              : want.latency == Latency::next_instant ? t - 1
-                              : t == 0                                ? -1
-                                                                      : (t - 1) / longest * longest;
+            const Ns latest = latest_seen(want.latency, t, spec.rates, source.writer->rates);
             const auto after = std::find_if(source.writes.begin(), source.writes.end(),
                                             [&](const Write &w) { return w.t > latest; });
             state[i] = mix(state[i], (after - 1)->x);
@@ -254,6 +265,7 @@ struct Bench {
         config.batch = batch;
         config.ahead = ahead;
         config.tell = true;
+        config.asynchronous = {{"ground", {}}};
         return config;
     }
 
@@ -295,7 +307,7 @@ struct Bench {
             } else if (auto *wrote = std::get_if<action::Wrote>(&a)) {
                 for (const Record &record : wrote->records) {
                     const Exchange::Topic &topic = exchange.topics.at(record.channel);
-                    EXPECT_EQ(topic.writer, specs[wrote->node].name);
+                    EXPECT_EQ(topic.writer, wrote->node < specs.size() ? specs[wrote->node].name : "ground");
                     told[topic.name].emplace_back(record.t, word_of(record.payload));
                 }
             } else if (auto *done = std::get_if<action::Done>(&a)) {
@@ -426,6 +438,122 @@ TEST(Controller, WhatNodesSeeFollowsFromTheLatenciesInWhateverOrderTheyAnswer)
             }
         }
     }
+}
+
+/// A node that steps every 10 ns.
+Spec spec_of(const std::string &name, std::vector<Want> wants, std::vector<std::string> writes)
+{
+    return {name, {{10, 0}}, false, std::move(wants), std::move(writes)};
+}
+
+TEST(Controller, WhatComesFromOutsideIsSeenAsIfItHadBeenWrittenAtATimeThatIsTold)
+{
+    std::size_t seen = 0, written = 0;
+    for (unsigned network = 0; network < 300; network++) {
+        Random random(network);
+        auto specs = random_network(random);
+        for (Spec &spec : specs) {
+            if (random() % 2) {
+                spec.wants.push_back(want("/ground/command", static_cast<Latency>(random() % 3)));
+            }
+        }
+        Bench bench(specs, 400, network, network % 3 ? 1 + network % 5 : 1000);
+        EXPECT_NE(bench.controller.inject("ground", "/ground/command", word(1)), "");
+        bench.arrive_all();
+        std::uint64_t x = 100;
+        while (bench.reply_somewhere()) {
+            for (auto n = bench.controller.running() && random() % 8 == 0 ? random() % 3 : 0; n; n--) {
+                const std::string fault = bench.controller.inject("ground", "/ground/command", word(x + 1));
+                ASSERT_TRUE(fault.empty() || fault == "nobody reads /ground/command") << fault;
+                x += fault.empty();
+            }
+        }
+        ASSERT_EQ(bench.outcome, "") << network;
+        std::vector<Write> writes{{-1, 0}};
+        for (const auto &[t, value] : bench.told["/ground/command"]) {
+            ASSERT_GT(t, writes.back().t);
+            writes.push_back({t, value});
+        }
+        EXPECT_EQ(writes.size() - 1, x - 100) << "all that was taken is told";
+        const History wanted = expected(specs, 400, {{"/ground/command", writes}});
+        for (const Spec &spec : specs) {
+            ASSERT_EQ(bench.history()[spec.name],
+                      wanted.contains(spec.name) ? wanted.at(spec.name) : History::mapped_type{})
+                << spec.name << " in network " << network;
+            // No reader misses one, unless the end comes first.
+            for (const Want &want : spec.wants) {
+                if (want.topic != "/ground/command" || spec.any_time) {
+                    continue;
+                }
+                std::size_t last = 0;
+                for (const Ns t : spec.instants(400)) {
+                    const Ns latest = latest_seen(want.latency, t, spec.rates);
+                    std::size_t now = last;
+                    while (now + 1 < writes.size() && writes[now + 1].t <= latest) {
+                        now++;
+                    }
+                    if (last) {
+                        EXPECT_LE(now, last + 1) << spec.name << " misses a message in network " << network;
+                    }
+                    last = now;
+                }
+                seen += last;
+                written += writes.size() - 1;
+            }
+        }
+    }
+    EXPECT_GT(seen, 1000u);
+    EXPECT_GT(written, seen / 2);
+}
+
+TEST(Controller, WhatMayComeFromOutsideIsSaid)
+{
+    std::vector<Spec> specs{spec_of("a", {want("/ground/command", Latency::same_instant)}, {"/a/x"}),
+                            spec_of("b", {want("/a/x", Latency::next_instant)}, {})};
+    Bench bench(specs, 100, 1);
+    bench.arrive_all();
+    while (!bench.controller.running()) {
+        ASSERT_TRUE(bench.reply_somewhere());
+    }
+    bench.act();
+    const auto inject = [&](const std::string &program, const std::string &topic, const Bytes &payload) {
+        return bench.controller.inject(program, topic, payload);
+    };
+    EXPECT_EQ(inject("ground", "/ground/command", word(5)), "");
+    EXPECT_EQ(inject("ground", "/a/x", word(5)), "/a/x does not come from ground");
+    EXPECT_EQ(inject("viewer", "/ground/command", word(5)), "/ground/command does not come from viewer");
+    EXPECT_EQ(inject("ground", "/ground/other", word(5)), "nobody reads /ground/other");
+    EXPECT_EQ(inject("ground", "/ground/command", Bytes(7)),
+              "a message of /ground/command has 7 bytes; expected a CDR header and 8");
+    Bytes head = word(5);
+    head[0] = std::byte{9};
+    EXPECT_NE(inject("ground", "/ground/command", head), "");
+    std::string full;
+    for (int i = 0; i < 5000 && full.empty(); i++) {
+        full = inject("ground", "/ground/command", word(5));
+    }
+    EXPECT_EQ(full, "a has not yet seen 4096 messages of /ground/command");
+    EXPECT_EQ(bench.go_on(), "");
+    EXPECT_EQ(inject("ground", "/ground/command", word(5)), "the run is over");
+    // Nobody may greet as it, and what it writes has to be defined by a reader.
+    Bench other({spec_of("a", {{"/ground/command", Latency::same_instant, false, {}}}, {})}, 100, 1);
+    other.controller.hello(1, {1, 1, "bench", "ground"});
+    other.act();
+    EXPECT_EQ(other.refusals.at(0), "bench has no node ground; it has a");
+    EXPECT_EQ(other.run(), "/ground/command comes from ground, an asynchronous program, and no reader defines it; "
+                           "one of them has to");
+}
+
+TEST(Controller, WhatIsWatchedIsWrittenThoughNobodyReadsIt)
+{
+    ControllerConfig config = Bench::configured({spec_of("a", {}, {"/a/x"})}, 50, 1000, 4096);
+    config.watched = {"/a/x", "/a/none"};
+    Bench bench({spec_of("a", {}, {"/a/x"})}, 50, 1);
+    bench.controller = Controller(config);
+    EXPECT_EQ(bench.run(), "");
+    EXPECT_EQ(bench.exchange.topics.at(1).name, "/a/x");
+    EXPECT_EQ(bench.exchange.topics.at(0).writer, "");
+    EXPECT_FALSE(bench.told["/a/x"].empty());
 }
 
 /// A node that reads and writes one word.

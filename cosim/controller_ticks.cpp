@@ -102,6 +102,9 @@ void Controller::reply(NodeId id, Tock &m)
         Topic &topic = topics_[record.channel];
         topic.count = record.count;
         topic.last = record.t;
+        if (topic.wires.empty()) {
+            topic.initial = record.payload; // watched only, so far
+        }
         for (const std::size_t w : topic.wires) {
             push(wires_[w], record.t, record.payload);
         }

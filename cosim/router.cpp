@@ -42,6 +42,9 @@ Router::Router(zmq::context_t &context, ControllerConfig controller, RouterConfi
     for (const NodeConfig &node : controller.nodes) {
         names_.push_back(node.name);
     }
+    for (const AsynchronousConfig &program : controller.asynchronous) {
+        names_.push_back(program.name);
+    }
     if (!config_.keys.empty()) {
         gate_ = std::make_unique<Gate>(context_, config_.keys);
     } else if (!is_local(config_.address) && !config_.unencrypted_beyond_machine) {
