@@ -456,7 +456,8 @@ const Bytes &Controller::value(const Topic &topic) const
 void Controller::connect()
 {
     const Ns boundary = boundary_.value_or(-1);
-    const bool late = std::any_of(nodes_.begin(), nodes_.end(), [](const Node &n) { return !n.matching && !n.asynchronous; });
+    const bool late = std::any_of(nodes_.begin(), nodes_.end(),
+                                  [](const Node &n) { return !n.matching && !n.asynchronous; });
     constexpr const char *later = "; if one that joins later does, the wish has to be optional";
     for (NodeId id = 0; id < nodes_.size(); id++) {
         Node &node = nodes_[id];
