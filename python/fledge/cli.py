@@ -310,13 +310,14 @@ def parser():
     one.add_argument("--for", dest="duration", metavar="DURATION",
                      help="fly without a scenario for this long (90s, 10min, 2h), recording all outputs")
 
-    from fledge import cli_compare, cli_export, cli_keys, cli_montecarlo, cli_node
+    from fledge import cli_compare, cli_export, cli_keys, cli_montecarlo, cli_node, cli_replay
 
     cli_node.add_parameters(one)
     cli_node.add(command)
     cli_montecarlo.add(command)
     cli_export.add(command)
     cli_compare.add(command)
+    cli_replay.add(command)
     cli_keys.add(command)
 
     one = command("show", show, "draw a mission's wiring", "show nadir_spin --out nadir_spin.png")
@@ -363,8 +364,13 @@ def _debug(options):
 
 
 def main(arguments=None):
-    options = parser().parse_args(arguments)
+    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    cut = arguments.index("--") if "--" in arguments else len(arguments)
+    options = parser().parse_args(arguments[:cut])
+    options.after_dashes = arguments[cut + 1:]
     try:
+        if options.after_dashes and not getattr(options, "starts_command", False):
+            raise Failure(f"nothing may follow --; found {' '.join(options.after_dashes)}")
         return options.function(options)
     except Failure as error:
         print(f"fledge: {error}", file=sys.stderr)

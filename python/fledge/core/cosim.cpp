@@ -3,7 +3,7 @@
 // without Python's lock, so nothing of Python is in the loop but a world's own Python events.
 #include "core/extension.h"
 
-#include "cosim/router.h"
+#include "cosim/replay.h"
 #include "cosim/simulation_node.h"
 
 #include <pybind11/functional.h>
@@ -154,6 +154,50 @@ std::string serve(ProcessNode &node, const std::string &simulation, const std::s
     }
 }
 
+/// A run of a Router, or of what has one, while Python's signals are looked at. `go_on` is asked too; false
+/// ends the run.
+template <class R> std::string run_watched(R &router, const std::function<bool()> &go_on = {})
+{
+    std::unique_ptr<py::error_already_set> error;
+    std::string reason;
+    {
+        py::gil_scoped_release release;
+        reason = router.run([&] {
+            py::gil_scoped_acquire gil;
+            bool more = true;
+            try {
+                if (!error && PyErr_CheckSignals() != 0) {
+                    throw py::error_already_set();
+                }
+                more = !error && (!go_on || go_on());
+            } catch (py::error_already_set &raised) {
+                error = std::make_unique<py::error_already_set>(raised);
+            }
+            return more && !error;
+        });
+    }
+    if (error) {
+        throw py::error_already_set(*error);
+    }
+    return reason;
+}
+
+/// Whatever the making of a Router throws, as errors of Python's.
+template <class Make> auto made_router(Make make)
+{
+    try {
+        return make();
+    } catch (const cosim::LinkError &e) {
+        throw sim::SetupError(e.what());
+    } catch (const cosim::KeyError &e) {
+        throw sim::SetupError(e.what());
+    } catch (const cosim::SchemaError &e) {
+        throw sim::SetupError(e.what());
+    } catch (const std::invalid_argument &e) {
+        throw sim::SetupError(e.what());
+    }
+}
+
 /// The controller with its own sockets.
 class Control {
 public:
@@ -178,42 +222,86 @@ public:
         router.join = milliseconds(join);
         router.reply = milliseconds(reply);
         router.report = std::move(report);
-        try {
-            router_ = std::make_unique<cosim::Router>(context_, controller, router);
-        } catch (const cosim::LinkError &e) {
-            throw sim::SetupError(e.what());
-        } catch (const cosim::KeyError &e) {
-            throw sim::SetupError(e.what());
-        } catch (const std::invalid_argument &e) {
-            throw sim::SetupError(e.what());
-        }
+        router_ = made_router([&] { return std::make_unique<cosim::Router>(context_, controller, router); });
     }
 
     std::string address() const { return router_->address(); }
 
-    std::string run()
-    {
-        std::unique_ptr<py::error_already_set> error;
-        std::string reason;
-        {
-            py::gil_scoped_release release;
-            reason = router_->run([&] {
-                py::gil_scoped_acquire gil;
-                if (!error && PyErr_CheckSignals() != 0) {
-                    error = std::make_unique<py::error_already_set>();
-                }
-                return !error;
-            });
-        }
-        if (error) {
-            throw py::error_already_set(*error);
-        }
-        return reason;
-    }
+    std::string run() { return run_watched(*router_); }
 
 private:
     zmq::context_t context_;
     std::unique_ptr<cosim::Router> router_;
+};
+
+/// A node alone, against the record of the others.
+class Replay {
+public:
+    using Topic = std::tuple<std::string, std::string, std::string, py::bytes, std::vector<Ns>, py::bytes>;
+    using Part = std::tuple<std::string, std::vector<std::pair<Ns, Ns>>, bool, std::vector<Topic>>;
+
+    Replay(const std::string &simulation, const std::string &node, std::uint64_t seed, Ns end,
+           const std::vector<Part> &others, const std::vector<std::string> &topics, const std::string &record,
+           const std::string &address, const std::string &keys, double join, double reply)
+    {
+        cosim::ReplayConfig config;
+        config.simulation = simulation;
+        config.node = node;
+        config.seed = seed;
+        config.end = end;
+        config.topics = topics;
+        config.record = record;
+        cosim::RouterConfig router;
+        router.address = address;
+        router.keys = cosim::place_of_keys(keys);
+        router.join = milliseconds(join);
+        router.reply = milliseconds(reply);
+        replay_ = made_router([&] {
+            for (const Part &part : others) {
+                config.others.push_back(part_of(part));
+            }
+            return std::make_unique<cosim::Replay>(context_, config, router);
+        });
+    }
+
+    std::string address() const { return replay_->address(); }
+    std::string run(const std::function<bool()> &go_on) { return run_watched(*replay_, go_on); }
+
+private:
+    static cosim::Part part_of(const Part &from)
+    {
+        const auto &[node, rates, any_time, topics] = from;
+        cosim::Part part;
+        part.node = node;
+        part.any_time = any_time;
+        for (const auto &[period, offset] : rates) {
+            part.rates.push_back({period, offset});
+        }
+        for (const auto &[name, type, text, initial, times, structs] : topics) {
+            cosim::Part::Topic topic{name, cosim::make_schema(type, text), payload(initial), times, {}};
+            const std::string_view all(structs);
+            if (all.size() != times.size() * topic.schema.size) {
+                throw std::invalid_argument(name + " has " + std::to_string(all.size()) + " bytes for " +
+                                            std::to_string(times.size()) + " messages of " +
+                                            std::to_string(topic.schema.size));
+            }
+            for (std::size_t i = 0; i < times.size(); i++) {
+                const auto one = all.substr(i * topic.schema.size, topic.schema.size);
+                topic.payloads.push_back(cosim::make_payload(std::as_bytes(std::span(one))));
+            }
+            part.topics.push_back(std::move(topic));
+        }
+        return part;
+    }
+
+    static cosim::Bytes payload(const py::bytes &bytes)
+    {
+        const auto all = std::as_bytes(std::span(std::string_view(bytes)));
+        return cosim::Bytes(all.begin(), all.end());
+    }
+
+    zmq::context_t context_;
+    std::unique_ptr<cosim::Replay> replay_;
 };
 
 } // namespace
@@ -230,6 +318,12 @@ void bind_cosim(py::module_ &m)
                       std::function<void(const std::string &)>>())
         .def_property_readonly("address", &Control::address)
         .def("run", &Control::run);
+    py::class_<Replay>(m, "Replay", "A node of a co-simulation alone, against the record of the others.")
+        .def(py::init<const std::string &, const std::string &, std::uint64_t, Ns, const std::vector<Replay::Part> &,
+                      const std::vector<std::string> &, const std::string &, const std::string &,
+                      const std::string &, double, double>())
+        .def_property_readonly("address", &Replay::address)
+        .def("run", &Replay::run);
 }
 
 } // namespace fledge::core

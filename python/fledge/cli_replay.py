@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`fledge replay EXCHANGE NODE -- COMMAND`: one node again, against the record of the others.
+
+Exit codes: 0 it wrote the same bits; 1 it did not, or the run ended early; 2 the command line or the record is
+wrong; 130 Ctrl-C.
+"""
+
+from pathlib import Path
+
+
+def add(command):
+    """Add the subcommand, by the function of cli.parser() that adds one."""
+    one = command("replay", replay, "run one node of a co-simulation alone, against the record of the others",
+                  "replay runs/nadir_spin/exchange.mcap flight -- ./fledge node nadir_spin flight")
+    one.add_argument("exchange", metavar="EXCHANGE", help="an exchange.mcap, as fledge up and fledge_controller --record "
+                     "write it, or its folder")
+    one.add_argument("node", metavar="NODE", help="whose part is taken anew")
+    one.add_argument("--until", type=float, metavar="S", help="only so far; default: as far as the record is good")
+    one.add_argument("--out", metavar="FILE", help="the archive of the replay; default: replay_NODE.mcap beside the "
+                     "record")
+    one.add_argument("--address", metavar="A", help="where the node greets; default: an abstract socket")
+    one.add_argument("--keys", metavar="PATH", help="the controller's keys (fledge keys)")
+    one.add_argument("--patience", type=float, default=60.0, metavar="S", help="for the node to come; default: 60")
+    one.add_argument("--reply", type=float, default=60.0, metavar="S", help="for it to answer; 0: for ever, as a "
+                     "debugger needs it; default: 60")
+    one.epilog += "\nwithout -- COMMAND it waits for a node that is started otherwise, in a debugger say"
+    one.set_defaults(starts_command=True)
+
+
+def replay(options):
+    from fledge._console import Failure, say, size_of
+    from fledge.archive import ArchiveError
+    from fledge.replay import Exchange
+    from fledge.replay import replay as run
+
+    path = Path(options.exchange)
+    if path.is_dir():
+        path = path / "exchange.mcap"
+    command = options.after_dashes
+    if options.until is not None and not 0 <= options.until < 1e9:
+        raise Failure(f"--until: expected a number of seconds from 0 to 1e9; found {options.until:g}")
+    out = Path(options.out) if options.out else path.with_name(f"replay_{options.node}.mcap")
+    if out.resolve() == path.resolve():
+        raise Failure(f"--out {out} would overwrite the record")
+    try:
+        exchange = Exchange(path)
+    except ArchiveError as error:
+        raise Failure(str(error)) from None
+    others = [name for name in exchange.nodes if name != options.node]
+    say(f"{exchange.simulation}: {options.node} again, with the record of {', '.join(others) or 'nobody'}")
+    if exchange.limited:
+        say(f"  until    {exchange.known / 1e9:g} s: {exchange.limited}")
+
+    def listening(address):
+        if not command:
+            say(f"  waiting  start the node now, with FLEDGE_ADDRESS={address} FLEDGE_NODE={options.node}"
+                f" FLEDGE_SIMULATION={exchange.simulation}")
+
+    try:
+        again = run(exchange, options.node, command or None, out=out, address=options.address, keys=options.keys,
+                    until=None if options.until is None else round(options.until * 1e9), patience=options.patience,
+                    reply=options.reply, listening=listening)
+    except OSError as error:
+        raise Failure(f"cannot start {command[0] if command else options.node}: {error.strerror or error}") from None
+    if again.record:
+        say(f"  record   {again.record} ({size_of(again.record)})")
+    for one in again.differences:
+        say(f"  differs  {one}")
+    if again.outcome:
+        raise Failure(f"{exchange.simulation}: the replay ended early: {again.outcome}", 1)
+    if not again.differences:
+        say(f"  the same {len(again.topics)} topic{'s' * (len(again.topics) != 1)}, {again.messages} messages, until "
+            f"{again.until / 1e9:g} s")
+    return 1 if again.differences else 0

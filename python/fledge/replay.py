@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One node of a co-simulation again, alone, against the record of what the others said.
+
+    exchange = Exchange("runs/nadir_spin/exchange.mcap")    # as the controller records it
+    again = replay(exchange, "flight", ["./fledge", "node", "nadir_spin", "flight"])
+    again.differences                                       # [] if it wrote what it wrote then
+
+The others say the same messages at the same times, and step as they did, so the node meets the same
+inputs at the same instants: a fault is looked for in one program, with a debugger if need be, while
+the rest of the simulation is a file.
+"""
+
+import os
+import subprocess
+from collections import namedtuple
+from pathlib import Path
+
+from fledge import _core
+from fledge.archive import Archive, ArchiveError
+from fledge.compare import compare
+
+__all__ = ["Exchange", "Replayed", "replay"]
+
+Member = namedtuple("Member", "name rates any_time reads")
+Member.__doc__ = """A node of the recorded run. rates: (period, offset) [ns]; reads: topic -> latency."""
+
+Replayed = namedtuple("Replayed", "record topics until messages differences outcome")
+Replayed.__doc__ = """What came of it.
+
+record: path of the archive of all that was said; topics: what the node writes; until: the last instant
+compared [ns]; messages: how many were; differences: as compare() gives them, "a" the record, "b" now;
+outcome: why the run ended early, "" if it did not.
+"""
+
+
+class Exchange:
+    """The record of what nodes said to one another. Raises ArchiveError if it is none, or damaged before
+    anything was said.
+
+    simulation, seed, end: of the run, end in [ns]
+    nodes: name -> Member
+    known: the last instant up to which all is known [ns]: the end, or less where the run ended early,
+        nodes joined or left, or the file is damaged
+    limited: why `known` is not the end; "" if it is
+    """
+
+    def __init__(self, path):
+        self.archive = Archive(path)
+        told = self.archive.metadata.get("exchange")
+        if told is None:
+            raise ArchiveError(f"{path}: no record of an exchange: it lacks the metadata that a controller writes "
+                               "(fledge_controller --record, fledge up)")
+        try:
+            self.simulation, self.seed, self.end = told["simulation"], int(told["seed"]), int(told["end"])
+            self.nodes = {name: self._member(name, told) for name in told["nodes"].split()}
+        except (KeyError, ValueError) as error:
+            raise ArchiveError(f"{path}: the record of the exchange is damaged: {error}") from None
+        self.known, self.limited = self._known()
+
+    @staticmethod
+    def _member(name, told):
+        rates = [tuple(map(int, line.split("+"))) for line in told[f"{name}.rates"].split()]
+        reads = {}
+        for line in told[f"{name}.reads"].splitlines():
+            topic, latency, *_ = line.split()
+            reads[topic] = latency
+        return Member(name, rates, told[f"{name}.any_time"] == "1", reads)
+
+    def written_by(self, node):
+        """The topics that a node wrote, and others read."""
+        return [c.topic for c in self.archive.topics.values() if c.metadata.get("writer") == node]
+
+    def _known(self):
+        limits = [(self.end, "")]
+        for name in self.archive.metadata:
+            if name.startswith("exchange after "):
+                t = int(name.rpartition(" ")[2])
+                limits.append((t, f"nodes joined or left at {t / 1e9:g} s"))
+        reason = self.archive.metadata.get("end", {}).get("reason")
+        if reason or not self.archive.complete or reason is None:
+            why = f"the run ended early: {reason}" if reason else self.archive.problem or "the record has no end"
+            last = [int(self.archive.time_ns(c.topic)[-1]) if c.count else -1 for c in self.archive.topics.values()]
+            limits.append((min(last, default=-1), why))
+        return min(limits)
+
+    def part(self, node, until):
+        """What a node said up to an instant, as _core.Replay takes it."""
+        topics = []
+        for name in self.written_by(node):
+            channel = self.archive.topics[name]
+            times = self.archive.time_ns(name)
+            chosen = times <= until
+            topics.append((name, channel.schema.rpartition("/")[2], channel.schema_text,
+                           bytes.fromhex(channel.metadata["initial"]), times[chosen].tolist(),
+                           self.archive[name][chosen].tobytes()))
+        member = self.nodes[node]
+        return node, member.rates, member.any_time, topics
+
+
+def replay(exchange, node, command=None, *, out, until=None, address=None, keys=None, patience=60.0, reply=60.0,
+           listening=None):
+    """Run one node with the record of the others. Returns what came of it, Replayed.
+
+    exchange: an Exchange; node: a name of it
+    command: what to start, a list; it finds FLEDGE_SIMULATION, FLEDGE_NODE and FLEDGE_ADDRESS, and is ended
+        with the run. None: somebody else starts it
+    out: the archive to write; until: the last instant [ns], at most exchange.known
+    address: where the node greets; default: an abstract socket of this machine
+    patience: for the node to come, reply: for it to answer [s], 0: for ever
+    listening: what is called with the address once the node may come
+    Raises SetupError for what cannot be replayed, OSError if the command cannot be started.
+    """
+    if node not in exchange.nodes:
+        raise _core.SetupError(f"{exchange.archive.path}: no node {node} took part; there are "
+                               f"{', '.join(exchange.nodes)}")
+    topics = exchange.written_by(node)
+    if not topics:
+        raise _core.SetupError(f"{exchange.archive.path}: {node} wrote nothing that others read, so there is nothing "
+                               "to compare")
+    until = exchange.known if until is None else min(until, exchange.known)
+    if until < 0:
+        raise _core.SetupError(f"{exchange.archive.path}: nothing can be replayed: {exchange.limited}")
+    others = [exchange.part(other, until) for other in exchange.nodes if other != node]
+    Path(out).parent.mkdir(parents=True, exist_ok=True)
+    core = _core.Replay(exchange.simulation, node, exchange.seed, until, others, topics, str(out),
+                        address or f"ipc://@fledge-replay-{os.getpid()}", str(keys or ""), float(patience), float(reply))
+    if listening:
+        listening(core.address)
+    if command is None:
+        outcome = core.run(None)
+    else:
+        outcome = _with(command, core, {"FLEDGE_SIMULATION": exchange.simulation, "FLEDGE_NODE": node,
+                                        "FLEDGE_ADDRESS": core.address})
+    record = Path(out)
+    if not record.is_file():
+        return Replayed(None, topics, until, 0, [], outcome or "nothing was said")
+    again = Archive(record)
+
+    def compared(times):
+        return times <= until
+
+    messages = sum(int(compared(exchange.archive.time_ns(topic)).sum()) for topic in topics)
+    return Replayed(record, topics, until, messages, compare(exchange.archive, again, topics, times=compared), outcome)
+
+
+def _with(command, core, variables):
+    """Run beside a command, which does not outlive this."""
+    process = subprocess.Popen(command, env=os.environ | variables)
+    ended = []
+
+    def go_on():
+        # Its last words may still be on their way when it has ended: they are given a moment.
+        ended.append(process.poll() is not None)
+        return ended[-20:].count(True) < 20
+
+    try:
+        outcome = core.run(go_on)
+        if outcome and process.poll() is not None and process.returncode:
+            outcome = f"{command[0]} ended with exit code {process.returncode}"
+        return outcome
+    finally:
+        try:
+            process.wait(5)
+        except subprocess.TimeoutExpired:
+            process.terminate()
+            try:
+                process.wait(5)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
