@@ -12,8 +12,8 @@ def add(command):
     """Add the subcommand, by the function of cli.parser() that adds one."""
     one = command("replay", replay, "run one node of a co-simulation alone, against the record of the others",
                   "replay runs/nadir_spin/exchange.mcap flight -- ./fledge node nadir_spin flight")
-    one.add_argument("exchange", metavar="EXCHANGE", help="an exchange.mcap, as fledge up and fledge_controller --record "
-                     "write it, or its folder")
+    one.add_argument("exchange", metavar="EXCHANGE", help="an exchange.mcap, as fledge up and "
+                     "fledge_controller --record write it, or its folder")
     one.add_argument("node", metavar="NODE", help="whose part is taken anew")
     one.add_argument("--until", type=float, metavar="S", help="only so far; default: as far as the record is good")
     one.add_argument("--out", metavar="FILE", help="the archive of the replay; default: replay_NODE.mcap beside the "

@@ -123,7 +123,8 @@ def replay(exchange, node, command=None, *, out, until=None, address=None, keys=
     others = [exchange.part(other, until) for other in exchange.nodes if other != node]
     Path(out).parent.mkdir(parents=True, exist_ok=True)
     core = _core.Replay(exchange.simulation, node, exchange.seed, until, others, topics, str(out),
-                        address or f"ipc://@fledge-replay-{os.getpid()}", str(keys or ""), float(patience), float(reply))
+                        address or f"ipc://@fledge-replay-{os.getpid()}", str(keys or ""), float(patience),
+                        float(reply))
     if listening:
         listening(core.address)
     if command is None:
