@@ -26,6 +26,7 @@ using System.Collections;
 using System.Collections.Generic;
 using System.Diagnostics;
 using System.Globalization;
+using System.IO;
 using System.Linq;
 using System.Runtime.InteropServices;
 using System.Text;
@@ -1004,32 +1005,34 @@ sealed class Socket : IDisposable
 {
     public const int Pair = 0, Dealer = 5, Subscriber = 2;
     public const short In = 1;
-    public const int Linger = 17, MaxMessageSize = 22, HeartbeatInterval = 75, HeartbeatTimeout = 77;
+    const int linger_ = 17, largest_ = 22, heartbeat = 75, silence = 77; // options
+    const int publicKey = 48, secretKey = 49, serverKey = 50;
     const int dontWait = 1, interrupted = 4;
 
     public readonly IntPtr handle;
 
-    public Socket(IntPtr context, int type, int linger)
+    public Socket(IntPtr context, int type, int linger, Keys keys = null)
     {
         handle = zmq_socket(context, type);
         if (handle == IntPtr.Zero)
         {
             throw Error("cannot open a socket");
         }
-        Set(Linger, linger);
-        Set(HeartbeatInterval, 1000);
-        Set(HeartbeatTimeout, 5000);
-        var largest = BitConverter.GetBytes((long)Frame.Largest);
-        zmq_setsockopt(handle, MaxMessageSize, largest, (UIntPtr)largest.Length);
+        Set(linger_, BitConverter.GetBytes(linger));
+        Set(heartbeat, BitConverter.GetBytes(1000));
+        Set(silence, BitConverter.GetBytes(5000));
+        Set(largest_, BitConverter.GetBytes((long)Frame.Largest));
+        if (keys != null)
+        {
+            Set(publicKey, Encoding.ASCII.GetBytes(keys.Own + "\0"));
+            Set(secretKey, Encoding.ASCII.GetBytes(keys.Secret + "\0"));
+            Set(serverKey, Encoding.ASCII.GetBytes(keys.Controller + "\0"));
+        }
     }
 
     public void Dispose() { zmq_close(handle); }
 
-    public void Set(int option, int value)
-    {
-        Set(option, BitConverter.GetBytes(value));
-    }
-    public void Set(int option, byte[] value)
+    void Set(int option, byte[] value)
     {
         if (zmq_setsockopt(handle, option, value, (UIntPtr)value.Length) != 0)
         {
@@ -1109,6 +1112,33 @@ sealed class Socket : IDisposable
         return new NodeError(what + ": " + Marshal.PtrToStringAnsi(zmq_strerror(Marshal.GetLastWin32Error())));
     }
 
+    /// What libzmq's own thread tells of a socket. It is to end before that.
+    public sealed class Monitor : IDisposable
+    {
+        public const int Disconnected = 0x0200, FailedNoDetail = 0x0800, FailedProtocol = 0x2000, FailedAuth = 0x4000;
+        public readonly Socket events;
+        readonly Socket watched;
+        static int monitors;
+
+        public Monitor(IntPtr context, Socket socket, int kinds)
+        {
+            string name = "inproc://fledge-monitor-" + Interlocked.Increment(ref monitors);
+            if (zmq_socket_monitor(socket.handle, name, kinds) != 0)
+            {
+                throw Error("cannot watch a socket");
+            }
+            watched = socket;
+            events = new Socket(context, Pair, 0);
+            events.Connect(name);
+        }
+
+        public void Dispose()
+        {
+            zmq_socket_monitor(watched.handle, null, 0);
+            events.Dispose();
+        }
+    }
+
     const string zmq = "libzmq.so.5";
     [DllImport(zmq)] public static extern IntPtr zmq_ctx_new();
     [DllImport(zmq)] public static extern int zmq_ctx_term(IntPtr context);
@@ -1118,7 +1148,7 @@ sealed class Socket : IDisposable
     static extern int zmq_setsockopt(IntPtr socket, int option, byte[] value, UIntPtr size);
     [DllImport(zmq, SetLastError = true)] static extern int zmq_connect(IntPtr socket, string address);
     [DllImport(zmq, SetLastError = true)]
-    public static extern int zmq_socket_monitor(IntPtr socket, string address, int events);
+    static extern int zmq_socket_monitor(IntPtr socket, string address, int events);
     [DllImport(zmq, SetLastError = true)]
     static extern int zmq_send(IntPtr socket, byte[] data, UIntPtr size, int flags);
     [DllImport(zmq)] static extern int zmq_msg_init(IntPtr message);
@@ -1131,6 +1161,112 @@ sealed class Socket : IDisposable
     [DllImport(zmq)] static extern IntPtr zmq_strerror(int error);
 }
 
+// ---- keys
+
+/// What a program needs that goes to a controller with keys: files as cosim/keys.h describes them, in Z85.
+sealed class Keys
+{
+    public readonly string Own, Secret, Controller;
+
+    public Keys(string place, string name)
+    {
+        string secret = place;
+        if (Directory.Exists(place))
+        {
+            secret = Path.Combine(place, name + ".secret");
+            if (name.Contains("/") || !File.Exists(secret))
+            {
+                string[] others = Directory.GetFiles(place, "*.secret");
+                others = others.Where(o => Path.GetFileName(o) != "controller.secret").OrderBy(o => o).ToArray();
+                if (others.Length != 1)
+                {
+                    throw new NodeError(place + " holds no " + name + ".secret" +
+                                        (others.Length > 1
+                                             ? " but several others; say which by FLEDGE_KEYS=" + others[0]
+                                             : "; ./fledge keys new " + name + " makes a pair of keys"));
+                }
+                secret = others[0];
+            }
+        }
+        if (!File.Exists(secret))
+        {
+            throw new NodeError(secret + ": there are no keys; ./fledge keys new " + name + " makes a pair");
+        }
+        if ((Mode(secret) & 0x3f) != 0)
+        {
+            throw new NodeError(secret + ": others may read this secret key; chmod 600 keeps it yours, and if they " +
+                                "might have, make a new one");
+        }
+        string controller = Path.Combine(Path.GetDirectoryName(Path.GetFullPath(secret)), "controller.public");
+        Own = Key(secret, "public-key");
+        Secret = Key(secret, "secret-key");
+        Controller = Key(controller, "public-key");
+    }
+
+    static string Key(string file, string which)
+    {
+        try
+        {
+            Match match = Regex.Match(File.ReadAllText(file), @"^\s*" + which + @"\s*=\s*""([^""]{40})""",
+                                      RegexOptions.Multiline);
+            if (!match.Success)
+            {
+                throw new NodeError(file + " holds no " + which + " of 40 characters; it is no file of a key");
+            }
+            return match.Groups[1].Value;
+        }
+        catch (IOException error)
+        {
+            throw new NodeError("keys: " + error.Message);
+        }
+    }
+
+    /// Why the controller does not let this program in, by what libzmq tells; null if it may yet.
+    public static string Failure(byte[] told, bool keyed, ref int brokenOff)
+    {
+        const uint mechanismMismatch = 0x11000002;
+        int kind = BitConverter.ToUInt16(told, 0);
+        if (kind == Socket.Monitor.FailedAuth)
+        {
+            return "it does not know this key: ./fledge keys allow, where the controller runs, lets it in";
+        }
+        if (kind == Socket.Monitor.FailedProtocol && BitConverter.ToUInt32(told, 2) == mechanismMismatch)
+        {
+            return keyed ? "it uses no keys, and this program does"
+                         : "it asks for keys, and this program has none: give it some by FLEDGE_KEYS " +
+                               "(./fledge keys new makes them)";
+        }
+        if (++brokenOff < 5) // it may have been killed just now; again and again it is something else
+        {
+            return null;
+        }
+        return keyed ? "what listens there breaks off when it sees these keys: controller.public here is not that of " +
+                           "this controller, or it uses no keys"
+                     : "what listens there breaks off: it is no controller, or it asks for keys";
+    }
+
+    /// Permissions of a file, by Linux' statx, whose struct is the same on all machines; 0 elsewhere.
+    static int Mode(string file)
+    {
+        try
+        {
+            var found = new byte[256];
+            const int modeWanted = 2, place = 28, here = -100;
+            return statx(here, file, 0, modeWanted, found) == 0 ? BitConverter.ToUInt16(found, place) : 0;
+        }
+        catch (EntryPointNotFoundException)
+        {
+            return 0;
+        }
+        catch (DllNotFoundException)
+        {
+            return 0;
+        }
+    }
+
+    [DllImport("libc.so.6")] static extern int statx(int folder, string file, int flags, uint mask, byte[] found);
+}
+
 // ---- the node
 
 /// One program's part in a run. Not for several threads.
@@ -1139,8 +1275,9 @@ public sealed class Node
     /// simulation, name, address: null: what FLEDGE_SIMULATION, FLEDGE_NODE and FLEDGE_ADDRESS say
     /// every, offset: [ns] it steps at offset + k every
     /// patience: [s] for the controller to be there
+    /// keys: a folder or file of `fledge keys`, for a controller that asks for them; null: FLEDGE_KEYS
     public Node(string simulation = null, string name = null, string address = null, long every = 0, long offset = 0,
-                double patience = 60)
+                double patience = 60, string keys = null)
     {
         Simulation = Given("simulation", simulation, "FLEDGE_SIMULATION");
         Name = Given("name", name, "FLEDGE_NODE");
@@ -1153,6 +1290,8 @@ public sealed class Node
         this.every = every;
         this.offset = offset;
         this.patience = patience;
+        string place = string.IsNullOrEmpty(keys) ? Environment.GetEnvironmentVariable("FLEDGE_KEYS") : keys;
+        this.keys = string.IsNullOrEmpty(place) ? null : new Keys(place, Name);
     }
 
     public readonly string Simulation, Name, Address;
@@ -1227,28 +1366,12 @@ public sealed class Node
         try
         {
             string address = Greet(context);
-            using (var link = new Socket(context, Socket.Pair, 1000))
+            using (var link = new Socket(context, Socket.Pair, 1000, keys))
+            using (var monitor = new Socket.Monitor(context, link, Socket.Monitor.Disconnected))
             {
-                string events = "inproc://fledge-monitor";
-                const int disconnected = 0x0200;
-                if (Socket.zmq_socket_monitor(link.handle, events, disconnected) != 0)
-                {
-                    throw Socket.Error("cannot watch a socket");
-                }
-                using (var monitor = new Socket(context, Socket.Pair, 0))
-                {
-                    try
-                    {
-                        monitor.Connect(events);
-                        link.Connect(address);
-                        link.Send(Hello());
-                        Serve(link, monitor);
-                    }
-                    finally
-                    {
-                        Socket.zmq_socket_monitor(link.handle, null, 0);
-                    }
-                }
+                link.Connect(address);
+                link.Send(Hello());
+                Serve(link, monitor.events);
             }
         }
         finally
@@ -1292,6 +1415,7 @@ public sealed class Node
     readonly List<Output> written = new List<Output>();                             // in this step
     readonly long every, offset;
     readonly double patience;
+    readonly Keys keys;
     List<Coming> coming = new List<Coming>(); // that no instant has seen
     long next, now = -1;
     bool leaving;
@@ -1320,13 +1444,26 @@ public sealed class Node
 
     string Greet(IntPtr context)
     {
-        using (var lobby = new Socket(context, Socket.Dealer, 0))
+        const int failures =
+            Socket.Monitor.FailedAuth | Socket.Monitor.FailedProtocol | Socket.Monitor.FailedNoDetail;
+        using (var lobby = new Socket(context, Socket.Dealer, 0, keys))
+        using (var monitor = new Socket.Monitor(context, lobby, failures))
         {
             lobby.Connect(Address);
             lobby.Send(Hello());
-            if (Wait(Stopwatch.StartNew(), lobby) == null)
+            int brokenOff = 0;
+            Socket from;
+            for (var clock = Stopwatch.StartNew(); (from = Wait(clock, lobby, monitor.events)) != lobby;)
             {
-                throw new NodeError("no controller answers at " + Address);
+                if (from == null)
+                {
+                    throw new NodeError("no controller answers at " + Address);
+                }
+                string why = Keys.Failure(from.Receive()[0], keys != null, ref brokenOff);
+                if (why != null)
+                {
+                    throw new NodeError("the controller at " + Address + " does not let this program in: " + why);
+                }
             }
             Frame frame = Receive(lobby);
             if (frame.Kind == "Refused")

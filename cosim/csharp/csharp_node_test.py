@@ -14,7 +14,8 @@ import pytest
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent / "python"))
-from fledge_node_test import CONTROLLER, MASS, Controller, alone, programs, result, start  # noqa: E402, F401
+from fledge_node_test import (CONTROLLER, MASS, Controller, alone, fledge_keys, programs,  # noqa: E402, F401
+                              result, start)
 
 pytestmark = [pytest.mark.skipif(not CONTROLLER.exists(), reason="the controller is not built"),
               pytest.mark.skipif(not shutil.which("mcs"), reason="mono-mcs is not installed")]
@@ -36,9 +37,9 @@ def spring(tmp_path_factory):
     return program
 
 
-def start_spring(program, controller, latency="same_instant", how=""):
+def start_spring(program, controller, latency="same_instant", how="", **environment):
     return subprocess.Popen(["mono", program, controller.address, LATENCIES[latency], how], stdout=subprocess.PIPE,
-                            stderr=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True, env=clean())
+                            stderr=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True, env=clean() | environment)
 
 
 def pair(programs, spring, controller, latencies=("next_instant", "same_instant"), how=""):
@@ -172,5 +173,43 @@ def test_a_program_that_is_not_expected_is_told(programs, spring):
     programs += [start_spring(spring, controller), controller.process]
     assert programs[0].communicate(timeout=20)[1] == \
         "spring: the controller refuses spring: spring has no node spring; it has mass\n"
+    controller.process.send_signal(signal.SIGTERM)
+    controller.end()
+
+
+def test_with_keys_it_takes_part(programs, spring, tmp_path, monkeypatch):
+    fledge_keys(tmp_path, "new", "controller", "mass", "spring")
+    fledge_keys(tmp_path, "allow", "mass", "spring")
+    monkeypatch.setenv("FLEDGE_KEYS", str(tmp_path))
+    controller = Controller("--node", "mass", "--node", "spring")
+    both = pair(programs, spring, controller)
+    assert controller.end() == (0, "")
+    assert result(both[0])["seen"] == alone(101) and seen(both[1])[0] == ""
+
+
+def test_without_the_right_key_it_is_told_at_once(programs, spring, tmp_path):
+    fledge_keys(tmp_path, "new", "controller", "mass", "stranger")
+    fledge_keys(tmp_path / "else", "new", "controller", "mass")
+    fledge_keys(tmp_path, "allow", "mass")
+    controller = Controller("--node", "mass", "--node", "spring", "--keys", tmp_path)
+    programs.append(controller.process)
+
+    def refusal(*key):
+        keys = {"FLEDGE_KEYS": str(tmp_path.joinpath(*key))} if key else {}
+        program = start_spring(spring, controller, **keys)
+        programs.append(program)
+        return program.communicate(timeout=20)[1]
+
+    assert "it does not know this key" in refusal("stranger.secret")
+    assert "the controller refuses spring: its key mass is not allowed to speak as spring" in refusal("mass.secret")
+    assert "it asks for keys, and this program has none" in refusal()
+    assert "controller.public here is not that of this controller" in refusal("else", "mass.secret")
+    assert "there are no keys; ./fledge keys new spring makes a pair" in refusal("nothing.secret")
+    assert "holds no spring.secret but several others" in refusal("")
+    (tmp_path / "mass.secret").chmod(0o640)
+    assert "mass.secret: others may read this secret key; chmod 600" in refusal("mass.secret")
+    (tmp_path / "mass.secret").write_text("nonsense")
+    (tmp_path / "mass.secret").chmod(0o600)
+    assert "mass.secret holds no public-key of 40 characters" in refusal("mass.secret")
     controller.process.send_signal(signal.SIGTERM)
     controller.end()
