@@ -31,7 +31,7 @@ MISSIONS = Path(__file__).resolve().parents[1] / "missions"
 LONG = os.environ.get("FLEDGE_LONG", "") not in ("", "0")
 SPAN = 1200 if LONG else 30
 SEED = 11
-TRANSPORTS = ["ipc", "tcp"]
+TRANSPORTS = ["ipc", "tcp", "shared memory"]
 DELAY = 0.002  # [s] at most, before each step
 
 ALL = '''
@@ -147,10 +147,11 @@ def be_node(folder, process, address, wait, delay):
     return Fork(work)
 
 
-def be_controller(address, wait):
+def be_controller(address, wait, sharing):
     def work():
         time.sleep(wait)
-        return cosim.Controller("identity", ["flight", "world"], SPAN, seed=SEED, address=address).run()
+        return cosim.Controller("identity", ["flight", "world"], SPAN, seed=SEED, address=address,
+                                sharing=sharing).run()
     return Fork(work)
 
 
@@ -174,7 +175,7 @@ def apart(folder, transport, draw):
     address = address_of(transport)
     waits = [0.0, 0.02, 0.04]
     dice.shuffle(waits)
-    programs = [be_controller(address, waits[0])]
+    programs = [be_controller(address, waits[0], "required" if transport == "shared memory" else "forbidden")]
     try:
         for process, wait in zip(("flight", "world"), waits[1:]):
             programs.append(be_node(folder, process, address, wait, dice.choice([0.0, DELAY])))

@@ -120,17 +120,18 @@ class Controller:
     nodes: names, or (name, what a loss means: "abort", "pause", "hold", "drop"); end: of the run, a
     time; address: with "*" for a TCP port, any free one; keys: a folder of keys (fledge keys); else
     FLEDGE_KEYS; unencrypted: without keys, allow an address that others can reach all the same; join,
-    reply: how long to wait for all nodes, and for an answer [s]; report: what is called with a text that
-    the user should know.
+    reply: how long to wait for all nodes, and for an answer [s]; sharing: of memory with nodes on this
+    machine, "allowed", "required" or "forbidden"; report: what is called with a text that the user
+    should know.
     """
 
     def __init__(self, simulation, nodes, end, *, seed=0, address=DEFAULT_ADDRESS, keys=None, unencrypted=False,
-                 join=60.0, reply=60.0, report=None):
+                 join=60.0, reply=60.0, sharing="allowed", report=None):
         from fledge.process import _time
 
         nodes = [(one, "abort") if isinstance(one, str) else tuple(one) for one in nodes]
         self._core = _core.Control(simulation, nodes, _time(end, "Controller: end"), seed, address, str(keys or ""),
-                                   unencrypted, float(join), float(reply), report or (lambda text: None))
+                                   unencrypted, float(join), float(reply), sharing, report or (lambda text: None))
         self.address = self._core.address
 
     def run(self):

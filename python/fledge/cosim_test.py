@@ -180,18 +180,41 @@ def test_a_wrong_process_a_late_one_and_an_idle_one(mission):
         cosim.split(fledge.Simulation("nothing"), "world")
 
 
-def test_ctrl_c_leaves_the_run():
-    code = ("import fledge, sys; from fledge import cosim; "
-            "node = cosim.split(fledge.load('nadir_spin'), 'flight'); print('ready', flush=True); "
-            f"node.serve('ipc://@fledge-nobody-{os.getpid()}')")
-    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                          text=True) as program:
+INTERRUPTED = """
+import fledge, sys
+from fledge import cosim
+sim = fledge.load("nadir_spin")
+node = cosim.split(sim, "flight")
+sim._open_archive = lambda: print("begun", flush=True)
+print("ready", flush=True)
+node.serve(sys.argv[1])
+"""
+
+
+@pytest.mark.parametrize("running", [False, True], ids=["before the run", "in it"])
+def test_ctrl_c_leaves(running):
+    address = f"ipc://@fledge-test-{os.getpid()}-{next(_number)}"
+    threads, outcomes = [], []
+    if running:
+        controller = cosim.Controller("nadir_spin", ["flight", "world"], 1e8, address=address, join=20, reply=20)
+        world = cosim.split(fledge.load("nadir_spin"), "world")
+        threads = [threading.Thread(target=lambda: outcomes.append(controller.run())),
+                   threading.Thread(target=lambda: outcomes.append(world.serve(address)))]
+    with subprocess.Popen([sys.executable, "-c", INTERRUPTED, address], stdout=subprocess.PIPE,
+                          stderr=subprocess.PIPE, text=True) as program:
         try:
+            for thread in threads:
+                thread.start()
             assert program.stdout.readline() == "ready\n"
+            assert not running or program.stdout.readline() == "begun\n"
             program.send_signal(signal.SIGINT)
             assert "KeyboardInterrupt" in program.communicate(timeout=20)[1]
         finally:
             program.kill()
+            for thread in threads:
+                thread.join()
+    assert len(outcomes) == len(threads)
+    assert all("flight" in reason for reason in outcomes), outcomes
 
 
 def test_nobody_there_is_an_error(mission):

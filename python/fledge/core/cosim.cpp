@@ -9,6 +9,7 @@
 #include <pybind11/functional.h>
 #include <pybind11/stl.h>
 
+#include <atomic>
 #include <future>
 #include <random>
 #include <thread>
@@ -46,6 +47,18 @@ cosim::Policy policy_of(const std::string &name)
     throw py::value_error("on_loss: expected abort, pause, hold or drop; found " + name);
 }
 
+cosim::Sharing sharing_of(const std::string &name)
+{
+    for (const auto &[known, sharing] : {std::pair{"allowed", cosim::Sharing::allowed},
+                                         {"forbidden", cosim::Sharing::forbidden},
+                                         {"required", cosim::Sharing::required}}) {
+        if (name == known) {
+            return sharing;
+        }
+    }
+    throw py::value_error("sharing: expected allowed, forbidden or required; found " + name);
+}
+
 std::chrono::milliseconds milliseconds(double s)
 {
     return std::chrono::milliseconds(std::llround(s * 1e3));
@@ -81,6 +94,9 @@ public:
 
     cosim::Tock tick(const cosim::Tick &tick) override
     {
+        if (interrupted) {
+            throw sim::RunError("it was interrupted");
+        }
         if (delay > 0.0) {
             std::this_thread::sleep_for(
                 std::chrono::duration<double>(std::uniform_real_distribution<>(0.0, delay)(random_)));
@@ -90,6 +106,7 @@ public:
 
     std::function<void()> on_start;
     double delay = 0.0; ///< [s] the longest
+    std::atomic<bool> interrupted = false;
 
 private:
     sim::Simulation &simulation_;
@@ -97,13 +114,15 @@ private:
     std::mt19937 random_{std::random_device{}()};
 };
 
-/// Take part in a run. The delegate has a thread of its own, while this one looks out for signals: a
-/// Python exception from there closes the connection, which the controller sees at once.
+/// Take part in a run. The delegate has a thread of its own, while this one looks out for signals. A
+/// Python exception from there ends the run at the next tick, which tells the controller; if none
+/// comes, the connection is closed, which the controller sees at once.
 std::string serve(ProcessNode &node, const std::string &simulation, const std::string &name,
                   const std::string &address, const std::string &keys, double patience, double delay,
                   std::function<void()> on_start)
 {
     node.on_start = std::move(on_start);
+    node.interrupted = false;
     node.delay = delay;
     zmq::context_t context;
     std::promise<std::string> promise;
@@ -136,7 +155,10 @@ std::string serve(ProcessNode &node, const std::string &simulation, const std::s
     {
         py::gil_scoped_release release;
         if (interrupted) {
-            context.shutdown();
+            node.interrupted = true;
+            if (reason.wait_for(std::chrono::milliseconds(200)) != std::future_status::ready) {
+                context.shutdown();
+            }
         }
         delegate.join();
     }
@@ -203,7 +225,7 @@ class Control {
 public:
     Control(const std::string &simulation, const std::vector<std::pair<std::string, std::string>> &nodes, Ns end,
             std::uint64_t seed, const std::string &address, const std::string &keys, bool unencrypted, double join,
-            double reply, std::function<void(const std::string &)> report)
+            double reply, const std::string &sharing, std::function<void(const std::string &)> report)
     {
         cosim::ControllerConfig controller;
         controller.simulation = simulation;
@@ -219,6 +241,7 @@ public:
         router.address = address;
         router.keys = cosim::place_of_keys(keys);
         router.unencrypted_beyond_machine = unencrypted;
+        router.sharing = sharing_of(sharing);
         router.join = milliseconds(join);
         router.reply = milliseconds(reply);
         router.report = std::move(report);
@@ -315,6 +338,7 @@ void bind_cosim(py::module_ &m)
     py::class_<Control>(m, "Control", "The controller of a co-simulation.")
         .def(py::init<const std::string &, const std::vector<std::pair<std::string, std::string>> &, Ns,
                       std::uint64_t, const std::string &, const std::string &, bool, double, double,
+                      const std::string &,
                       std::function<void(const std::string &)>>())
         .def_property_readonly("address", &Control::address)
         .def("run", &Control::run);
