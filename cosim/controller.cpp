@@ -248,11 +248,18 @@ void Controller::give_up(NodeId id)
     const Ns next = node.safe();
     node.member = false;
     changes_.push_back({Change::given_up, id, node.reached});
-    for (const std::size_t w : node.out) {
-        if (node.config.on_loss == Policy::drop) {
-            Bytes nothing(topics_[wires_[w].channel].schema.size + 4);
-            nothing[1] = static_cast<std::byte>(native_order());
+    for (std::uint32_t channel = 0; channel < topics_.size() && node.config.on_loss == Policy::drop; channel++) {
+        const Topic &topic = topics_[channel];
+        if (topic.writer != id || next > config_.end) {
+            continue;
+        }
+        Bytes nothing(topic.schema.size + 4);
+        nothing[1] = static_cast<std::byte>(native_order());
+        for (const std::size_t w : topic.wires) {
             push(wires_[w], next, nothing);
+        }
+        if (config_.tell) {
+            act(action::Wrote{id, {{channel, topic.count + 1, next, nothing}}});
         }
     }
     for (const std::size_t w : node.in) {

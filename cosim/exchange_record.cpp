@@ -34,7 +34,8 @@ sim::Pairs pairs_of(const Exchange::Member &member)
     for (const Want &want : member.wants) {
         reads += want.topic + " " + name_of(want.latency) + (want.optional ? " optional" : "") + "\n";
     }
-    return {{member.name + ".rates", rates},
+    return {{member.name + ".present", member.present ? "1" : "0"},
+            {member.name + ".rates", rates},
             {member.name + ".any_time", member.any_time ? "1" : "0"},
             {member.name + ".reads", reads}};
 }

@@ -2,8 +2,8 @@
 // The exchange as an archive: a topic for each message that passes between nodes, at the times of
 // writing, and what it takes to say the same to one of them once more (replay.h).
 //
-// The metadata "exchange" holds simulation, seed, end [ns], and of each node NAME.rates
-// ("period+offset", one per line), NAME.any_time (0 or 1), NAME.reads ("topic latency", one per line;
+// The metadata "exchange" holds simulation, seed, end [ns], and of each node NAME.present (0 or
+// 1), NAME.rates ("period+offset", one per line), NAME.any_time, NAME.reads ("topic latency", one per line;
 // "optional" may follow). After an epoch they come again under "exchange after T". A topic's metadata
 // are its writer and its initial value (payload in hexadecimal digits). "end" holds the reason.
 #pragma once

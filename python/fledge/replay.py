@@ -21,8 +21,11 @@ from fledge.compare import compare
 
 __all__ = ["Exchange", "Replayed", "replay"]
 
-Member = namedtuple("Member", "name rates any_time reads")
-Member.__doc__ = """A node of the recorded run. rates: (period, offset) [ns]; reads: topic -> latency."""
+Member = namedtuple("Member", "name present rates any_time reads")
+Member.__doc__ = """A node of the recorded run, or an asynchronous program, which has no rates.
+
+present: it took part from the start; rates: (period, offset) [ns]; reads: topic -> latency.
+"""
 
 Replayed = namedtuple("Replayed", "record topics until messages differences outcome")
 Replayed.__doc__ = """What came of it.
@@ -64,7 +67,7 @@ class Exchange:
         for line in told[f"{name}.reads"].splitlines():
             topic, latency, *_ = line.split()
             reads[topic] = latency
-        return Member(name, rates, told[f"{name}.any_time"] == "1", reads)
+        return Member(name, told[f"{name}.present"] == "1", rates, told[f"{name}.any_time"] == "1" or not rates, reads)
 
     def written_by(self, node):
         """The topics that a node wrote, and others read."""
@@ -120,7 +123,10 @@ def replay(exchange, node, command=None, *, out, until=None, address=None, keys=
     until = exchange.known if until is None else min(until, exchange.known)
     if until < 0:
         raise _core.SetupError(f"{exchange.archive.path}: nothing can be replayed: {exchange.limited}")
-    others = [exchange.part(other, until) for other in exchange.nodes if other != node]
+    if not exchange.nodes[node].rates and not exchange.nodes[node].present:
+        raise _core.SetupError(f"{exchange.archive.path}: {node} did not step with the others, so it cannot be replayed")
+    others = [exchange.part(other, until) for other, member in exchange.nodes.items()
+              if other != node and (member.present or exchange.written_by(other))]
     Path(out).parent.mkdir(parents=True, exist_ok=True)
     core = _core.Replay(exchange.simulation, node, exchange.seed, until, others, topics, str(out),
                         address or f"ipc://@fledge-replay-{os.getpid()}", str(keys or ""), float(patience),
