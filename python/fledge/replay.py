@@ -124,7 +124,8 @@ def replay(exchange, node, command=None, *, out, until=None, address=None, keys=
     if until < 0:
         raise _core.SetupError(f"{exchange.archive.path}: nothing can be replayed: {exchange.limited}")
     if not exchange.nodes[node].rates and not exchange.nodes[node].present:
-        raise _core.SetupError(f"{exchange.archive.path}: {node} did not step with the others, so it cannot be replayed")
+        raise _core.SetupError(f"{exchange.archive.path}: {node} did not step with the others, so it cannot be "
+                               "replayed")
     others = [exchange.part(other, until) for other, member in exchange.nodes.items()
               if other != node and (member.present or exchange.written_by(other))]
     Path(out).parent.mkdir(parents=True, exist_ok=True)
