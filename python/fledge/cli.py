@@ -310,12 +310,13 @@ def parser():
     one.add_argument("--for", dest="duration", metavar="DURATION",
                      help="fly without a scenario for this long (90s, 10min, 2h), recording all outputs")
 
-    from fledge import cli_compare, cli_export, cli_keys, cli_montecarlo, cli_node, cli_replay
+    from fledge import cli_compare, cli_export, cli_fly, cli_keys, cli_montecarlo, cli_node, cli_replay
 
     cli_node.add_parameters(one)
     cli_node.add(command)
     cli_montecarlo.add(command)
     cli_export.add(command)
+    cli_fly.add(command)
     cli_compare.add(command)
     cli_replay.add(command)
     cli_keys.add(command)

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`fledge fly MISSION --on TARGETS`: the same flight on several targets, held against the desktop.
+
+Exit codes: 0 flown, and all the same; 1 a difference, or a flight that ended early; 2 the command line, the mission
+or a board is wrong; 130 Ctrl-C.
+"""
+
+import argparse
+import re
+
+
+def add(command):
+    """Add the subcommand, by the function of cli.parser() that adds one."""
+    one = command("fly", fly, "fly a mission on several targets, and compare what flight puts out",
+                  "fly nadir_spin --on desktop,linux,aarch64")
+    one.add_argument("mission", help="the name of a mission, or its folder")
+    one.add_argument("scenario", nargs="?", help="whose set-up and duration to take; default: the mission's first")
+    one.add_argument("--on", default="desktop,linux", metavar="TARGETS", help="of desktop, linux, aarch64; default: "
+                     "desktop,linux. The desktop is always flown, for the others are held against it")
+    one.add_argument("--for", dest="duration", metavar="DURATION", help="fly only so long (90s, 10min, 2h)")
+    one.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
+    one.add_argument("--board", nargs="+", default=[], metavar="FILE", help="boards that the messages pass, as "
+                     "docs/export.md tells; default: one that carries them whole")
+    one.add_argument("--within", action="append", default=[], type=_bound, metavar="FIELD=BOUND", help="with words that "
+                     "round: how far a field may be from the desktop's, as in tracking.error.sigma_BR=1e-4")
+    one.add_argument("--settled", metavar="DURATION", help="from when on --within holds; default: the beginning")
+    one.add_argument("--out", metavar="DIR", help="for the records and what is built; default: runs/MISSION/fly")
+
+
+def fly(options):
+    from fledge import cli
+    from fledge._console import Failure, say
+    from fledge.archive import Archive
+    from fledge.compare import compare, digest
+    from fledge.fly import TARGETS, Job, table
+
+    names = [name.strip() for name in options.on.split(",") if name.strip()]
+    for name in names:
+        if name not in TARGETS:
+            raise Failure(f"fly: there is no target '{name}'; there are "
+                          + "; ".join(f"{t.name}, {t.about}" for t in TARGETS.values()))
+        missing = TARGETS[name].missing()
+        if missing:
+            raise Failure(f"fly: {name} needs {' and '.join(missing)}, not installed; ./fledge setup --test installs it")
+    names = list(dict.fromkeys(["desktop", *names]))
+    duration = cli.parse_duration(options.duration) if options.duration else None
+    settled = cli.parse_duration(options.settled) if options.settled else 0.0
+    if not duration and options.duration:
+        raise Failure("--for: fly longer than 0 s")
+    job = Job(options.mission, options.scenario, duration, options.seed, options.board, options.out)
+    if options.within and not job.rounds:
+        raise Failure("--within is for boards with words that round; messages that pass whole are the same bits")
+    whole = f"{job.mission.title}, {job.scenario}, {job.duration:g} s"
+    say(whole + (f", through {', '.join(path.name for path in job.boards)}" if job.boards else ""))
+
+    rows, same, first, archives = [], True, None, {}
+    for name in names:
+        try:
+            flown = TARGETS[name].fly(job)
+        except Failure as error:
+            say(f"  {name}: {error}")
+            rows.append((name, None, "", "did not fly"))
+            same = False
+            continue
+        archive = archives[name] = Archive(flown.record)
+        if name == "desktop":
+            said, ok = "", True
+        elif job.rounds:
+            said, ok = _rounded(archives["desktop"], archive, job, flown, options.within, settled, say)
+            if first is None:
+                first = name
+            else:
+                others = compare(archives[first], archive, job.outputs)
+                ok = ok and not others
+                said = f"from {first}: {others[0]}" if others else f"none from {first}; {said}"
+        else:
+            found = compare(archives["desktop"], archive, job.outputs, times=job.is_instant)
+            said, ok = str(found[0]) if found else "none", not found
+        same = same and ok
+        rows.append((name, flown, digest(archive, job.outputs, job.is_instant), said))
+    for line in table.lines(rows):
+        say("  " + line)
+    say(f"  records  {job.folder}/{{{','.join(archives)}}}.mcap")
+    return 0 if same else 1
+
+
+def _rounded(desktop, archive, job, flown, bounds, settled, say):
+    """(what the table says, whether all bounds hold) of a flight through words that round."""
+    from fledge.compare import compare
+
+    def late(t):
+        return job.is_instant(t) & (t >= settled * 1e9)
+
+    found = compare(desktop, archive, job.outputs, ignore=["sequence"], times=late)
+    structure = next((one for one in found if one.what), None)
+    if structure:
+        return str(structure), False
+    ok, texts = True, []
+    for field, bound in bounds:
+        near = [one for one in found if f".{one.topic}.{_plain(one.name)}".endswith("." + field)]
+        known = any(f".{topic.strip('/').replace('/', '.')}.{name}".endswith("." + field)
+                    for topic in job.outputs for name in desktop.topics[topic].fields)
+        if not known:
+            from fledge._console import Failure
+
+            raise Failure(f"--within: flight puts out no field {field}")
+        worst = max((one.worst for one in near), default=0.0)
+        ok = ok and worst <= bound
+        texts.append(f"{field} up to {worst:.3g}, {'within' if worst <= bound else 'BEYOND'} {bound:g}")
+    if not texts:
+        numbers = [one for one in found if one.worst]
+        texts = [f"rounded; {max(numbers, key=lambda one: one.worst).topic} up to "
+                 f"{max(one.worst for one in numbers):.3g}" if numbers else "none"]
+    if flown.saturated:
+        texts.append(f"{flown.saturated} numbers beyond the range of their words")
+    return "; ".join(texts), ok
+
+
+def _plain(name):
+    return re.sub(r"\[\d+\]", "", name)
+
+
+def _bound(text):
+    field, equals, value = text.rpartition("=")
+    try:
+        return field, float(value) if equals and field and float(value) >= 0 else 1 / 0
+    except (ValueError, ZeroDivisionError):
+        raise argparse.ArgumentTypeError(f"expected FIELD=BOUND, as in tracking.error.sigma_BR=1e-4; found '{text}'"
+                                         ) from None

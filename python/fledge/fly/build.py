@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+"""C to programs, by ninja: only what changed is compiled anew."""
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+from fledge._console import Failure
+from fledge.export.write import write_files
+
+ROOT = Path(__file__).resolve().parents[3]
+
+# The same bits on every machine: no contraction, no errno. Small: no tables to unwind a stack that C never unwinds.
+FLAGS = ["-std=c99", "-Os", "-pedantic", "-Wall", "-Wextra", "-ffp-contract=off", "-fno-math-errno",
+         "-ffunction-sections", "-fdata-sections", "-fno-asynchronous-unwind-tables", "-DMCAP_CRC_TABLES=1",
+         "-DFILE_SINK_PATH_MAX=256"]
+
+RUNNER = ["targets/mission_io.c", "targets/mission_host.c", "targets/linux/main.c", "targets/linux/pace.c",
+          "record/mcap.c", "record/mcap_crc.c", "record/file_sink.c", "registers/lane.c", "registers/field.c",
+          "registers/clock.c", "registers/message.c", "registers/shared_file.c"]
+
+
+def math_sources():
+    """What the modules need besides themselves."""
+    return sorted(path for path in (ROOT / "flight/math").glob("*.c") if path.name != "elementary_hash.c")
+
+
+def module_sources(mission, roots):
+    """The files of a mission's modules, in the first root that has each."""
+    found = []
+    for name in mission.sources():
+        path = next((root / name for root in roots if (root / name).is_file()), None)
+        if path is None:
+            raise Failure(f"{mission.title}: the source {name} is in none of {', '.join(map(str, roots))}")
+        found.append(path)
+    return found
+
+
+def program(folder, name, sources, includes, compiler="gcc", flags=(), link=(), entry="main"):
+    """Build an executable or shared object from C in a folder of its own; returns its path.
+
+    Besides it stands NAME.o: all of it but the C library, as linked, of which `sizes` tells the size.
+    """
+    folder = Path(folder)
+    if not shutil.which(compiler):
+        raise Failure(f"{compiler} is not installed")
+    flags = [*FLAGS, *flags, *(f"-I{path}" for path in includes)]
+    objects, lines = [], []
+    for source in sources:
+        stem = f"o/{len(objects):02}_{Path(source).stem}.o"
+        objects.append(stem)
+        lines.append(f"build {stem}: cc {_escaped(source)}")
+    whole = f"{name}.o"
+    text = "\n".join([
+        "builddir = .", "rule cc", f"  command = {compiler} {_words(flags)} -MMD -MF $out.d -c $in -o $out",
+        "  depfile = $out.d", "  deps = gcc", "  description = compiling $in",
+        "rule link", f"  command = {compiler} $in {_words(link)} -Wl,--gc-sections -o $out", "  description = linking $out",
+        "rule whole", f"  command = {compiler} -r -nostdlib -Wl,--gc-sections -Wl,-e,{entry} $in -o $out",
+        "  description = measuring $out", *lines, f"build {_escaped(name)}: link {' '.join(objects)}",
+        f"build {_escaped(whole)}: whole {' '.join(objects)}", f"default {_escaped(name)} {_escaped(whole)}", ""])
+    write_files({"build.ninja": text}, folder)
+    done = subprocess.run(["ninja", "-C", folder], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+                          errors="replace")
+    if done.returncode:
+        failed = done.stdout.partition("FAILED:")[2] or done.stdout
+        raise Failure(f"{folder / name} cannot be built:\n{failed.strip()}", 1)
+    return folder / name
+
+
+def sizes(built, tool="size"):
+    """(bytes of code and constants, bytes of memory) of what `program` built, without the C library."""
+    done = subprocess.run([tool, f"{built}.o"], capture_output=True, text=True, check=True)
+    text, data, bss = map(int, done.stdout.splitlines()[1].split()[:3])
+    return text, data + bss
+
+
+def native(name, part):
+    """A program of Fledge's own build: native("fledge_guard", "cosim")."""
+    from fledge import _core
+
+    path = Path(_core.__file__).resolve().parents[1] / part / name
+    if not os.access(path, os.X_OK):
+        raise Failure(f"{path} is not built; ./fledge setup builds it")
+    return path
+
+
+def _escaped(path):
+    """A path as ninja reads it."""
+    return str(path).replace("$", "$$").replace(" ", "$ ").replace(":", "$:")
+
+
+def _words(words):
+    """Words of a command as the shell reads them, in a line that ninja reads."""
+    import shlex
+
+    return shlex.join(map(str, words)).replace("$", "$$")

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is flown: a scenario of a mission, exported once for all targets, and for how long."""
+
+import math
+from pathlib import Path
+
+import fledge
+from fledge import SetupError, export, project
+from fledge._console import Failure
+from fledge.fly import build
+
+
+class Job:
+    """A mission's scenario, as it stands before its run, exported into `folder`/c.
+
+    scenario: its name; None: the mission's first. duration: [s]; None: as long as the scenario runs.
+    boards: files of boards that the messages pass; none: a board that carries them whole.
+    """
+
+    def __init__(self, mission, scenario=None, duration=None, seed=0, boards=(), folder=None):
+        self.sim = fledge.load(mission)
+        self.asked = mission                 # as other programs are to load it
+        self.seed, self.boards = seed, [Path(path).resolve() for path in boards]
+        self.sim.seed = seed
+        self.scenario, runs = begin(self.sim, scenario, duration is not None)
+        self.duration = runs if duration is None else duration
+        self.mission = export.read(self.sim)
+        self.folder = Path(folder) if folder else Path("runs") / self.mission.title / "fly"
+        self.outputs = [export.host.topic(m.path) for m in self.mission.outputs]
+        files = export.emit_board(self.mission, self.boards) | export.emit_host(self.mission)
+        self.rounds = any(field.carries for board in self.described() for snorkel in board.snorkels
+                          for field in snorkel.fields)      # some numbers pass as counts
+        self.written = export.write(self.mission, self.folder / "c", files)
+
+    def described(self):
+        """The boards that were given, as data."""
+        texts = [(path, path.read_text(encoding="utf-8")) for path in self.boards]
+        return export.board.read(self.mission, texts) if texts else []
+
+    @property
+    def roots(self):
+        """Where headers and sources of modules are looked for."""
+        own = project.folder()
+        return [*([own] if own else []), build.ROOT]
+
+    def sources(self):
+        """All of flight: what was written, its modules, and their mathematics."""
+        written = [path.resolve() for path in self.written if path.suffix == ".c"]
+        return [*written, *build.module_sources(self.mission, self.roots), *build.math_sources()]
+
+    def includes(self):
+        return [(self.folder / "c").resolve(), *self.roots]
+
+    def tables(self):
+        """The mission and its boards as data for the outside: a shared object for this machine."""
+        return build.program(self.folder / "tables", f"{self.mission.name}.so", self.sources(), self.includes(),
+                             flags=["-fPIC"], link=["-shared", "-Wl,-z,defs"], entry="fledge_mission")
+
+    def is_instant(self, t):
+        """Of an array of times [ns], which are flight's: on the grid of any of its tasks."""
+        import numpy as np
+
+        found = np.zeros(len(t), bool)
+        for task in self.mission.tasks:
+            found |= (t >= task.offset) & ((t - task.offset) % task.period == 0)
+        return found
+
+    def step(self):
+        """[ns] The widest grid that has all of flight's instants."""
+        return math.gcd(*(n for task in self.mission.tasks for n in (task.period, task.offset)))
+
+
+class _Begins(BaseException):
+    """The scenario asks for its run."""
+
+
+def begin(sim, scenario, short):
+    """Do what a scenario does before its run; (its name, how long it would run [s]).
+
+    What it does later, its checks and plots, is left out. short: only a part of its run is flown, so a scenario with
+    several runs will do.
+    """
+    known = sim.mission.scenarios
+    if scenario is None and not known:
+        if not short:
+            raise Failure(f"the mission {sim.name} has no scenarios, so say with --for how long to fly")
+        return "free", 0.0
+    name = scenario or next(iter(known))
+    if name not in known:
+        raise Failure(f"the mission {sim.name} has no scenario '{name}'; it has {', '.join(known)}")
+    asked = []
+
+    def begins(duration=None, *, until=None, **_):
+        asked.append(duration if until is None else until)
+        raise _Begins
+
+    def plainly(*_, **__):
+        raise SetupError(f"the scenario {name} goes by steps; fly a part of it with --for")
+
+    sim.plots, sim.run, sim.step = False, begins, plainly
+    try:
+        known[name](sim)
+    except _Begins:
+        pass
+    finally:
+        del sim.run, sim.step
+    if not asked:
+        raise Failure(f"the scenario {name} runs nothing")
+    if not short:
+        from fledge.cli_node import second_run
+
+        several = second_run(known[name])
+        if several:
+            raise Failure(f"{several[0]}, line {several[1]}: the scenario {name} runs again here, and what it does between "
+                          "its runs no target is told; choose another scenario, or fly until there with --for")
+    from fledge.process import _time
+
+    return name, _time(asked[0], "run") / 1e9

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where a mission flies. A target builds what was exported, says how to start it, and how large it is; all else is
+the same for all of them. To add one: a Target, and a line in TARGETS."""
+
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from time import process_time
+
+from fledge.archive import Archive
+from fledge.fly import build, loop
+
+
+@dataclass
+class Flown:
+    """What a flight came to."""
+    record: Path            # of all flight outputs
+    steps: int              # of flight
+    cpu: float | None       # [s] of a processor, per step of flight
+    cpu_of: str = ""        # what else is in it, or on what: "world too", "emulated"
+    code: int | None = None # [bytes] without the C library
+    memory: int | None = None
+    saturated: int = 0      # numbers that were held at the ends of their words, on either side
+
+
+class Target:
+    """A place where an exported mission flies behind the registers of its boards."""
+
+    name = ""
+    about = ""
+    emulated = False
+    needs = ()              # programs that are not always there
+
+    def missing(self):
+        """The programs that are not installed."""
+        return [one for one in self.needs if not shutil.which(one)]
+
+    def build(self, job):
+        """Build the job for this target, in job.folder / name; only what changed. Returns what `command` starts."""
+        raise NotImplementedError
+
+    def command(self, built, record):
+        """The arguments that start it: {registers} stands for the register file; it puts all that flight puts out into
+        `record`, a file in the folder in which it is started, and says in the end, a key and a value on a line, at
+        least ticks and cpu_ns."""
+        raise NotImplementedError
+
+    def sizes(self, built):
+        """(bytes of code and constants, bytes of memory), without the C library; None: not known."""
+        return None, None
+
+    def fly(self, job, patience=60.0):
+        """Build and fly a job in the closed loop; returns a Flown."""
+        built = self.build(job)
+        record = job.folder / f"{self.name}.mcap"
+        said = loop.close(job, self.command(built, record.name), self.name, patience)
+        code, memory = self.sizes(built)
+        return Flown(record, int(said["ticks"]), float(said["cpu_ns"]) / 1e9, "emulated" if self.emulated else "",
+                     code, memory, sum(int(said.get(k, 0)) for k in ("saturated", "outside_saturated")))
+
+
+class Desktop(Target):
+    """The run in one program, which the others are held against."""
+
+    name = "desktop"
+    about = "the run in one program, under Python"
+
+    def fly(self, job, patience=60.0):
+        sim = job.sim.clone()
+        sim.record(*(getattr(getattr(sim.flight, one), port) for one, port in
+                     (m.path.split(".")[1:] for m in job.mission.outputs)), every=job.step() / 1e9)
+        record = job.folder / "desktop.mcap"
+        sim.archive(record, mission=sim.name, target="desktop")
+        start = process_time()
+        try:
+            sim.run(until=job.duration)
+        finally:
+            sim.close_archive()
+        spent = process_time() - start
+        with Archive(record) as archive:
+            steps = int(job.is_instant(archive.time_ns(job.outputs[0])).sum())
+        return Flown(record, steps, spent / steps, "world too")
+
+
+class Linux(Target):
+    """A process of its own, targets/linux."""
+
+    name = "linux"
+    about = "a process of its own on this machine"
+    compiler, size, runner = "gcc", "size", ()
+
+    @property
+    def needs(self):
+        return (self.compiler, *self.runner)
+
+    def build(self, job):
+        sources = [*job.sources(), *(build.ROOT / path for path in build.RUNNER)]
+        # Static: it is one file that can be copied to a board, and an emulator needs no libraries of it.
+        return build.program(job.folder / self.name, job.mission.name, sources, job.includes(), self.compiler,
+                             flags=["-fno-pie"], link=["-static", "-no-pie"])
+
+    def command(self, built, record):
+        return [*self.runner, str(built.resolve()), "--record", record, "{registers}"]
+
+    def sizes(self, built):
+        return build.sizes(built, self.size)
+
+
+class Aarch64(Linux):
+    """The same, cross-built, under an emulator."""
+
+    name = "aarch64"
+    about = "the same for a Raspberry Pi, under qemu-user"
+    emulated = True
+    compiler, size, runner = "aarch64-linux-gnu-gcc", "aarch64-linux-gnu-size", ("qemu-aarch64",)
+
+
+TARGETS = {one.name: one for one in (Desktop(), Linux(), Aarch64())}
