@@ -188,9 +188,9 @@ def test_a_wrong_command_line_is_told_from_a_failure(launch, arguments):
 
 
 def test_an_unknown_command_is_refused(launch):
-    done = launch("fly")
+    done = launch("hover")
     assert done.returncode == 2
-    assert "unknown command 'fly'" in done.stderr and "usage:" in done.stderr
+    assert "unknown command 'hover'" in done.stderr and "usage:" in done.stderr
 
 
 def test_the_launcher_is_plain_posix():

@@ -6,7 +6,9 @@ or a board is wrong; 130 Ctrl-C.
 """
 
 import argparse
+import os
 import re
+import sys
 
 
 def add(command):
@@ -21,9 +23,12 @@ def add(command):
     one.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
     one.add_argument("--board", nargs="+", default=[], metavar="FILE", help="boards that the messages pass, as "
                      "docs/export.md tells; default: one that carries them whole")
-    one.add_argument("--within", action="append", default=[], type=_bound, metavar="FIELD=BOUND", help="with words that "
-                     "round: how far a field may be from the desktop's, as in tracking.error.sigma_BR=1e-4")
+    one.add_argument("--within", action="append", default=[], type=_bound, metavar="FIELD=BOUND", help="with words "
+                     "that round: how far a field may be from the desktop's, as in tracking.error.sigma_BR=1e-4")
     one.add_argument("--settled", metavar="DURATION", help="from when on --within holds; default: the beginning")
+    one.add_argument("--build", action="store_true", help="only build, and say where it is and how large")
+    one.add_argument("--join", nargs="?", const="", metavar="ADDRESS", help="fly as the node `flight` of a run whose "
+                     "controller is elsewhere, on one target; default: FLEDGE_ADDRESS, FLEDGE_SIMULATION, FLEDGE_NODE")
     one.add_argument("--out", metavar="DIR", help="for the records and what is built; default: runs/MISSION/fly")
 
 
@@ -41,13 +46,19 @@ def fly(options):
                           + "; ".join(f"{t.name}, {t.about}" for t in TARGETS.values()))
         missing = TARGETS[name].missing()
         if missing:
-            raise Failure(f"fly: {name} needs {' and '.join(missing)}, not installed; ./fledge setup --test installs it")
-    names = list(dict.fromkeys(["desktop", *names]))
+            raise Failure(f"fly: {name} needs {' and '.join(missing)}, not installed here")
     duration = cli.parse_duration(options.duration) if options.duration else None
     settled = cli.parse_duration(options.settled) if options.settled else 0.0
     if not duration and options.duration:
         raise Failure("--for: fly longer than 0 s")
-    job = Job(options.mission, options.scenario, duration, options.seed, options.board, options.out)
+    part = options.build or options.join is not None       # then it does not matter for how long
+    job = Job(options.mission, options.scenario, duration or (1.0 if part else None), options.seed, options.board,
+              options.out)
+    if options.build:
+        return _build(job, [TARGETS[name] for name in names if name != "desktop"], say)
+    if options.join is not None:
+        return _join(job, [TARGETS[name] for name in names if name != "desktop"], options.join, say)
+    names = list(dict.fromkeys(["desktop", *names]))
     if options.within and not job.rounds:
         raise Failure("--within is for boards with words that round; messages that pass whole are the same bits")
     whole = f"{job.mission.title}, {job.scenario}, {job.duration:g} s"
@@ -58,7 +69,7 @@ def fly(options):
         try:
             flown = TARGETS[name].fly(job)
         except Failure as error:
-            say(f"  {name}: {error}")
+            print(f"  {name}: {error}", file=sys.stderr)
             rows.append((name, None, "", "did not fly"))
             same = False
             continue
@@ -80,8 +91,34 @@ def fly(options):
         rows.append((name, flown, digest(archive, job.outputs, job.is_instant), said))
     for line in table.lines(rows):
         say("  " + line)
-    say(f"  records  {job.folder}/{{{','.join(archives)}}}.mcap")
+    say(f"  records  {', '.join(str(archive.path) for archive in archives.values())}")
     return 0 if same else 1
+
+
+def _build(job, targets, say):
+    from fledge.fly import table
+
+    for target in targets:
+        built = target.build(job)
+        code, memory = target.sizes(built)
+        say(f"  {target.name:8}  {built}  {table.size(code)} of code, {table.size(memory)} of memory")
+    return 0
+
+
+def _join(job, targets, address, say):
+    from fledge._console import Failure
+    from fledge.fly import table
+
+    if len(targets) != 1:
+        raise Failure(f"--join: say with --on which target it is, one; found {len(targets)}")
+    address = address or os.environ.get("FLEDGE_ADDRESS") or "tcp://127.0.0.1:7000"
+    simulation = os.environ.get("FLEDGE_SIMULATION") or job.mission.title
+    node = os.environ.get("FLEDGE_NODE") or "flight"
+    say(f"{job.mission.title}, {job.scenario}: {targets[0].name} as the node {node} of {simulation} at {address}")
+    flown = targets[0].join(job, address, simulation, node)
+    say(f"  flown    {flown.steps} steps, {table.cpu(flown.cpu)} each{', ' + flown.cpu_of if flown.cpu_of else ''}\n"
+        f"  record   {flown.record}")
+    return 0
 
 
 def _rounded(desktop, archive, job, flown, bounds, settled, say):

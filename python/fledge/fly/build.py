@@ -55,7 +55,8 @@ def program(folder, name, sources, includes, compiler="gcc", flags=(), link=(), 
     text = "\n".join([
         "builddir = .", "rule cc", f"  command = {compiler} {_words(flags)} -MMD -MF $out.d -c $in -o $out",
         "  depfile = $out.d", "  deps = gcc", "  description = compiling $in",
-        "rule link", f"  command = {compiler} $in {_words(link)} -Wl,--gc-sections -o $out", "  description = linking $out",
+        "rule link", f"  command = {compiler} $in {_words(link)} -Wl,--gc-sections -o $out",
+        "  description = linking $out",
         "rule whole", f"  command = {compiler} -r -nostdlib -Wl,--gc-sections -Wl,-e,{entry} $in -o $out",
         "  description = measuring $out", *lines, f"build {_escaped(name)}: link {' '.join(objects)}",
         f"build {_escaped(whole)}: whole {' '.join(objects)}", f"default {_escaped(name)} {_escaped(whole)}", ""])

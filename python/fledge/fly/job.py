@@ -2,16 +2,18 @@
 """What is flown: a scenario of a mission, exported once for all targets, and for how long."""
 
 import math
+from functools import cached_property
 from pathlib import Path
 
 import fledge
 from fledge import SetupError, export, project
 from fledge._console import Failure
+from fledge.cli_node import _second_run
 from fledge.fly import build
 
 
 class Job:
-    """A mission's scenario, as it stands before its run, exported into `folder`/c.
+    """A mission's scenario, as it stands before its run; all of it goes into `folder`, what is exported into its c/.
 
     scenario: its name; None: the mission's first. duration: [s]; None: as long as the scenario runs.
     boards: files of boards that the messages pass; none: a board that carries them whole.
@@ -27,10 +29,14 @@ class Job:
         self.mission = export.read(self.sim)
         self.folder = Path(folder) if folder else Path("runs") / self.mission.title / "fly"
         self.outputs = [export.host.topic(m.path) for m in self.mission.outputs]
-        files = export.emit_board(self.mission, self.boards) | export.emit_host(self.mission)
+        self.files = export.emit_board(self.mission, self.boards) | export.emit_host(self.mission)
         self.rounds = any(field.carries for board in self.described() for snorkel in board.snorkels
                           for field in snorkel.fields)      # some numbers pass as counts
-        self.written = export.write(self.mission, self.folder / "c", files)
+
+    @cached_property
+    def written(self):
+        """The paths of all that is exported, which this writes."""
+        return export.write(self.mission, self.folder / "c", self.files)
 
     def described(self):
         """The boards that were given, as data."""
@@ -74,15 +80,14 @@ class _Begins(BaseException):
     """The scenario asks for its run."""
 
 
-def begin(sim, scenario, short):
+def begin(sim, scenario, free=False):
     """Do what a scenario does before its run; (its name, how long it would run [s]).
 
-    What it does later, its checks and plots, is left out. short: only a part of its run is flown, so a scenario with
-    several runs will do.
+    What it does later, its checks and plots, is left out. free: a mission without scenarios will do.
     """
     known = sim.mission.scenarios
     if scenario is None and not known:
-        if not short:
+        if not free:
             raise Failure(f"the mission {sim.name} has no scenarios, so say with --for how long to fly")
         return "free", 0.0
     name = scenario or next(iter(known))
@@ -95,7 +100,7 @@ def begin(sim, scenario, short):
         raise _Begins
 
     def plainly(*_, **__):
-        raise SetupError(f"the scenario {name} goes by steps; fly a part of it with --for")
+        raise SetupError(f"the scenario {name} goes by steps, which no target can")
 
     sim.plots, sim.run, sim.step = False, begins, plainly
     try:
@@ -106,13 +111,10 @@ def begin(sim, scenario, short):
         del sim.run, sim.step
     if not asked:
         raise Failure(f"the scenario {name} runs nothing")
-    if not short:
-        from fledge.cli_node import second_run
-
-        several = second_run(known[name])
-        if several:
-            raise Failure(f"{several[0]}, line {several[1]}: the scenario {name} runs again here, and what it does between "
-                          "its runs no target is told; choose another scenario, or fly until there with --for")
+    several = _second_run(known[name])
+    if several:
+        raise Failure(f"{several[0]}, line {several[1]}: the scenario {name} runs again here, and what it does between "
+                      "its runs no target is told; choose another scenario")
     from fledge.process import _time
 
     return name, _time(asked[0], "run") / 1e9

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The programs of one flight: a controller, the world of the mission, and the node of the board, which starts the
-target. Each is started by fledge_guard, which ends it, and all that it has started, when this program ends however it
-does."""
+target. Each is started by fledge_guard, which ends it, and all that it has started, when this program ends, however
+it does."""
 
 import contextlib
 import itertools
@@ -22,43 +22,54 @@ def close(job, target, name, patience=60.0):
 
     What the programs said stands in job.folder / NAME.log. Raises Failure with it if the run ends early.
     """
-    folder = job.folder.resolve()
     simulation = f"{job.mission.name}_{os.getpid()}_{next(_numbers)}"
-    address = f"ipc://@fledge-{simulation}"
-    options = ["--simulation", simulation, "--address", address]
-    seconds = str(patience)
-    commands = {
+    options = ["--simulation", simulation, "--address", f"ipc://@fledge-{simulation}"]
+    return _run(job, name, {
         "controller": [build.native("fledge_controller", "cosim"), *options, "--until", repr(job.duration), "--seed",
-                       str(job.seed), "--node", "world", "--node", "flight", "--join", seconds, "--reply", seconds],
-        "world": [sys.executable, "-m", "fledge.cli", "node", str(job.asked), "world",
+                       job.seed, "--node", "world", "--node", "flight", "--join", patience, "--reply", patience],
+        "world": [sys.executable, "-m", "fledge.cli", "node", job.asked, "world",
                   *(["--free"] if job.scenario == "free" else [job.scenario]), *options],
-        "flight": [build.native("fledge_board_node", "cosim"), *options, "--tables", job.tables().resolve(),
-                   "--reply", seconds, "--", *target]}
+        "flight": [*_board(job, options), "--reply", patience, "--", *target]})
+
+
+def join(job, target, name, address, simulation, node):
+    """The same for a run whose controller is at `address`, with its world: only flight is here."""
+    options = ["--address", address, "--simulation", simulation, "--node", node]
+    return _run(job, name, {"flight": [*_board(job, options), "--", *target]})
+
+
+def _board(job, options):
+    return [build.native("fledge_board_node", "cosim"), *options, "--tables", job.tables().resolve()]
+
+
+def _run(job, name, commands):
+    """Run programs until all have ended; when one has, the others have 20 s."""
+    folder = job.folder.resolve()
+    log = folder / f"{name}.log"
     with contextlib.ExitStack() as stack:
-        log = stack.enter_context((folder / f"{name}.log").open("w+", encoding="utf-8", errors="replace"))
-        programs = {which: stack.enter_context(Program(which, command, log, folder if which == "flight" else None))
+        text = stack.enter_context(log.open("w", encoding="utf-8", errors="replace"))
+        # Python looks for missions from here; a target writes its record into the folder.
+        programs = {which: stack.enter_context(Program(which, command, text, folder if which == "flight" else None))
                     for which, command in commands.items()}
-        results = {which: None for which in programs}
-        ends = None
-        while None in results.values():
-            for which, program in programs.items():
-                results[which] = program.poll()
-            if ends is None and any(r is not None for r in results.values()):
-                ends = time.monotonic() + 20.0      # the others then have their end to say
-            if ends is not None and time.monotonic() > ends:
+        results, ends = {}, None
+        while ends is None or time.monotonic() < ends:
+            results = {which: program.poll() for which, program in programs.items()}
+            if None not in results.values():
                 break
+            if ends is None and any(code is not None for code in results.values()):
+                ends = time.monotonic() + 20.0
             time.sleep(0.01)
         said = programs["flight"].said()
-    if any(results.values()) or None in results.values():
-        raise Failure(f"{name}: {_what_failed(results, folder / f'{name}.log', job.mission.title)}", 1)
+    if any(code != 0 for code in results.values()):
+        raise Failure(_what_failed(results, log, job.mission.title), 1)
     return said
 
 
 def _what_failed(results, log, title):
     lines = [line for line in log.read_text(encoding="utf-8", errors="replace").splitlines() if line.strip()]
-    codes = ", ".join(f"{which} {'did not end' if code is None else f'exit code {code}'}"
+    codes = ", ".join(f"{which} {'did not end' if code is None else f'ended with exit code {code}'}"
                       for which, code in results.items() if code != 0)
-    return f"the flight of {title} ended early ({codes}); {log} ends with\n  " + "\n  ".join(lines[-12:])
+    return f"the flight of {title} ended early: {codes}; {log} ends with\n    " + "\n    ".join(lines[-12:])
 
 
 class Program:
@@ -69,8 +80,6 @@ class Program:
         self.out = open(f"{log.name}.{name}", "w+", encoding="utf-8", errors="replace")
         Path(self.out.name).unlink()
         environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
-        for variable in ("FLEDGE_SIMULATION", "FLEDGE_NODE", "FLEDGE_ADDRESS"):
-            environment.pop(variable, None)
         self.log = log
         try:
             self.process = subprocess.Popen([build.native("fledge_guard", "cosim"), "--", *map(str, command)],

@@ -49,11 +49,26 @@ class Target:
         """(bytes of code and constants, bytes of memory), without the C library; None: not known."""
         return None, None
 
+    def record(self, job):
+        """Where its record goes; what an earlier flight left there goes away."""
+        job.folder.mkdir(parents=True, exist_ok=True)
+        path = job.folder / f"{self.name}.mcap"
+        for old in (path, path.with_name(path.name + ".part")):
+            old.unlink(missing_ok=True)
+        return path
+
     def fly(self, job, patience=60.0):
         """Build and fly a job in the closed loop; returns a Flown."""
-        built = self.build(job)
-        record = job.folder / f"{self.name}.mcap"
-        said = loop.close(job, self.command(built, record.name), self.name, patience)
+        built, record = self.build(job), self.record(job)
+        return self._flown(built, record, loop.close(job, self.command(built, record.name), self.name, patience))
+
+    def join(self, job, address, simulation, node="flight"):
+        """The same as a node of a run whose controller is at `address`."""
+        built, record = self.build(job), self.record(job)
+        return self._flown(built, record, loop.join(job, self.command(built, record.name), self.name, address,
+                                                    simulation, node))
+
+    def _flown(self, built, record, said):
         code, memory = self.sizes(built)
         return Flown(record, int(said["ticks"]), float(said["cpu_ns"]) / 1e9, "emulated" if self.emulated else "",
                      code, memory, sum(int(said.get(k, 0)) for k in ("saturated", "outside_saturated")))
@@ -69,7 +84,7 @@ class Desktop(Target):
         sim = job.sim.clone()
         sim.record(*(getattr(getattr(sim.flight, one), port) for one, port in
                      (m.path.split(".")[1:] for m in job.mission.outputs)), every=job.step() / 1e9)
-        record = job.folder / "desktop.mcap"
+        record = self.record(job)
         sim.archive(record, mission=sim.name, target="desktop")
         start = process_time()
         try:

@@ -1,0 +1,385 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Missions on targets, in closed loop: the same bits, or to within what words round; and whatever goes wrong is said,
+and leaves nothing behind.
+
+FLEDGE_FLY_WHOLE=1 flies the scenarios to their ends, as `./fledge fly` does.
+"""
+
+import math
+import os
+import shutil
+import signal
+import struct
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fledge
+from fledge import cli
+from fledge.archive import Archive
+from fledge.compare import compare
+from fledge.fly import TARGETS, Job, build
+from fledge.fly.target import Linux
+
+WHOLE = bool(os.environ.get("FLEDGE_FLY_WHOLE"))
+CONVERTERS = build.ROOT / "missions/nadir_spin/converters.toml"
+
+
+def targets():
+    for name, target in TARGETS.items():
+        missing = target.missing()
+        yield pytest.param(name, marks=pytest.mark.skipif(bool(missing), reason=f"{missing} not installed"))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Of one mission, for the tests that need no other: built once."""
+    return tmp_path_factory.mktemp("fly")
+
+
+def everywhere():
+    return ",".join(name for name, target in TARGETS.items() if not target.missing())
+
+
+# --- the same bits ---------------------------------------------------------------------------------
+
+@pytest.mark.parametrize("mission", ["nadir_spin", "asterisk_scan", "two_body_pointing"])
+def test_flight_puts_out_the_same_bits_on_every_target(mission, folder, capsys):
+    out = folder / mission
+    span = [] if WHOLE else ["--for", "3min"]
+    assert cli.main(["fly", mission, *span, "--on", everywhere(), "--out", str(out)]) == 0, capsys.readouterr()
+    rows = [line.split() for line in capsys.readouterr().out.splitlines() if line.startswith("  ")]
+    names = everywhere().split(",")
+    assert [row[0] for row in rows[1:-1]] == names
+    assert {row[1] for row in rows[1:-1]} == {"19201" if WHOLE else "361"}
+    assert len({row[2] for row in rows[1:-1]}) == 1 and len(rows[1][2]) == 16
+    assert all(row[3] == "none" for row in rows[2:-1])
+
+    # And once more without the table: every output, at every step.
+    desktop = Archive(out / "desktop.mcap")
+    outputs = [t for t in desktop.topics if t.startswith("/flight/")]
+    assert len(outputs) >= 8
+    for name in names[1:]:
+        target = Archive(out / f"{name}.mcap")
+        assert target.complete and list(target.topics) == outputs
+        assert compare(desktop, target, outputs) == []
+
+
+def test_offsets_rates_modes_and_events_cross_a_board_too(tmp_path):
+    from fledge.export.run_test import FLIGHT, WORLD
+
+    mission = tmp_path / "modes"
+    mission.mkdir()
+    (mission / "flight.py").write_text(FLIGHT)
+    (mission / "world.py").write_text(WORLD)
+    duration = "40min" if WHOLE else "8min"
+    assert cli.main(["fly", str(mission), "--for", duration, "--on", "linux", "--out", str(tmp_path / "out")]) == 0
+    sequence = Archive(tmp_path / "out/linux.mcap")["control.torque.head.sequence"]
+    assert 0 < sequence[-1] < len(sequence)           # there was a mode in which it rested
+
+
+def test_a_difference_is_seen_and_told(folder, capsys, monkeypatch):
+    """The target gets another gain than the desktop has."""
+    real = Linux.build
+
+    def spoiled(self, job):
+        source = next(path for path in job.written if path.name == "nadir_spin.c")
+        text = source.read_text()
+        assert "control.par.K = 2.531;" in text
+        source.write_text(text.replace("control.par.K = 2.531;", "control.par.K = 2.5310000000000006;"))
+        return real(self, job)
+
+    monkeypatch.setattr(Linux, "build", spoiled)
+    assert cli.main(["fly", "nadir_spin", "--for", "20s", "--on", "linux", "--out", str(folder / "other")]) == 1
+    row = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("  linux"))
+    assert "t = 0 s  flight.control.torque.torque_B[" in row and " ulp" in row
+
+
+# --- words that round ------------------------------------------------------------------------------
+
+def test_through_converters_it_is_the_same_to_within_their_counts(tmp_path, capsys):
+    """Closed loop: what rounding does to the attitude is bounded by the loop's own stiffness.
+
+    The control law cancels all but I dw' + P dw + K dsigma = d per axis, where dsigma' = dw / 4. For one that is not
+    oscillatory (here damping ratios are 1.00 and 1.07) the response to a torque d never turns back, so that no bounded
+    d moves sigma by more than |d| / K. d is what rounding adds, at most half a count of each number:
+
+        K q_sigma/2 + P q_omega/2                 feedback of attitude and rate
+        + sum over the wheels |a_i| q_u/2         the torques that come out
+        + |omega| sum |a_i| J q_Omega/2           the gyroscopic torque, by the wheels' speeds
+        + (|H| + |I omega|) q_omega/2             ... and by the rate
+
+    and flight itself sees sigma with q_sigma/2. The sampled loop, far slower than its 0.5 s, gets 5 %.
+    """
+    from registers.description import read
+    half = {field.carries.rsplit(".", 1)[1]: field.scale / 2 for snorkel in read(CONVERTERS).snorkels
+            for field in snorkel.fields if field.carries}
+    assert set(half) == {"sigma_BN", "omega_BN_B", "Omega", "u"}
+
+    K, P, J, inertia = 2.531, 45.0, 0.1591549, 800.0
+    for moment in (700.0, 800.0):
+        assert P / (2 * math.sqrt(K / 4 * moment)) > 0.999
+    settled, end = 25 * 60, (160 if WHOLE else 35) * 60
+    assert cli.main(["fly", "nadir_spin", "--for", f"{end}s", "--on", everywhere(), "--board", str(CONVERTERS),
+                     "--out", str(tmp_path)]) == 0, capsys.readouterr()
+    capsys.readouterr()
+    desktop, linux = (Archive(tmp_path / f"{name}.mcap") for name in ("desktop", "linux"))
+    late = linux.time("error") >= settled
+
+    sim = fledge.load("nadir_spin")
+    sim.run(float(settled))
+    rates = sim.record(sim.world.craft.state, sim.world.wheels.speeds, every=1)
+    sim.run(until=float(end))
+    rate = np.linalg.norm(rates["state.omega_BN_B"], axis=1).max()
+    momentum = J * np.abs(rates["speeds.Omega"]).sum(axis=1).max()
+    axis = np.abs(np.array(sim.flight.wheels.axes_B)[:4]).sum(axis=0).max()
+    d = (K * half["sigma_BN"] + P * half["omega_BN_B"] + axis * half["u"] + rate * axis * J * half["Omega"]
+         + (momentum + inertia * rate) * half["omega_BN_B"])
+    bound = 1.05 * (d / K + half["sigma_BN"])
+    assert bound < 3e-4                                   # or it would say little
+
+    worst = np.abs(linux["error.sigma_BR"] - desktop["error.sigma_BR"])[late].max()
+    assert 0 < worst <= bound, (worst, bound)
+    through = ["fly", "nadir_spin", "--on", "linux", "--board", str(CONVERTERS), "--out", str(tmp_path)]
+    assert cli.main([*through, "--for", f"{end}s", "--settled", f"{settled}s", "--within",
+                     f"tracking.error.sigma_BR={bound:.3g}"]) == 0
+    out = capsys.readouterr().out
+    assert f"tracking.error.sigma_BR up to {worst:.3g}, within {bound:.3g}" in out
+    assert "beyond the range" not in out
+    assert cli.main([*through, "--for", "60s", "--within", "tracking.error.sigma_BR=1e-12"]) == 1
+    assert "BEYOND 1e-12" in capsys.readouterr().out
+
+
+# --- size ------------------------------------------------------------------------------------------
+
+def test_nadir_spin_is_small(folder):
+    """Flight modules, generated code, runner and record: under 48 KiB of text and 8 KiB of memory, without the C
+    library; the generated code under 4 KiB, its messages' definitions, for the record, aside."""
+    job = Job("nadir_spin", duration=1.0, folder=folder / "nadir_spin")
+    target = TARGETS["linux"]
+    code, memory = target.sizes(target.build(job))
+    assert 20 * 1024 < code < 48 * 1024 and 4 * 1024 < memory < 8 * 1024
+    objects = {path.stem.partition("_")[2]: path for path in (job.folder / "linux/o").glob("*.o")}
+    written = 0
+    for name in ("nadir_spin", "nadir_spin_board", "nadir_spin_io", "nadir_spin_host"):
+        out = subprocess.run(["size", objects[name]], capture_output=True, text=True, check=True).stdout
+        written += int(out.splitlines()[1].split()[0])
+    assert 1024 < written < 4096
+
+
+def test_only_what_changed_is_built(folder):
+    job = Job("nadir_spin", duration=1.0, folder=folder / "nadir_spin")
+    built = TARGETS["linux"].build(job)
+    before = built.stat().st_mtime_ns
+    job = Job("nadir_spin", duration=2.0, folder=folder / "nadir_spin")
+    assert TARGETS["linux"].build(job) == built and built.stat().st_mtime_ns == before
+
+
+def test_it_takes_nothing_from_the_heap(folder):
+    """None of its own code calls the allocator; the C library's that it calls in the loop do not either: clocks,
+    futexes, locks and writes."""
+    job = Job("nadir_spin", duration=1.0, folder=folder / "nadir_spin")
+    TARGETS["linux"].build(job)
+    out = subprocess.run(["nm", "-u", job.folder / "linux/nadir_spin.o"], capture_output=True, text=True, check=True)
+    wanted = {line.split()[-1] for line in out.stdout.splitlines()}
+    assert "write" in wanted and not wanted & {"malloc", "calloc", "realloc", "free", "alloca", "strdup"}
+
+
+# --- by the machine's clock ------------------------------------------------------------------------
+
+def test_by_the_clock_it_says_how_late_it_was(folder):
+    job = Job("nadir_spin", duration=1.0, folder=folder / "nadir_spin")
+    built = TARGETS["linux"].build(job)
+    done = subprocess.run([built.resolve(), "--clock", "--for", "1.2", "--record", "clock.mcap"], cwd=job.folder,
+                          capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    said = dict(line.split(maxsplit=1) for line in done.stdout.splitlines())
+    assert said["ticks"] == "3"
+    late = [int(said[f"late_ns_{n}"]) for n in ("least", "median", "p99", "most")]
+    assert 0 <= late[0] and late == sorted(late) and int(said["overruns"]) <= 3
+    assert said["scheduling"].startswith(("SCHED_FIFO 50", "shared, not real-time: SCHED_FIFO was refused ("))
+    assert said["memory"].startswith(("locked", "not locked: mlockall was refused ("))
+    with Archive(job.folder / "clock.mcap") as record:
+        assert record.complete and record.time_ns("motor.command").tolist() == [0, 500_000_000, 1_000_000_000]
+
+
+def test_without_the_privilege_it_says_so(folder):
+    if os.geteuid() or not shutil.which("setpriv"):
+        pytest.skip("needs root, to give up what it may")
+    job = Job("nadir_spin", duration=1.0, folder=folder / "nadir_spin")
+    built = TARGETS["linux"].build(job)
+    done = subprocess.run(["setpriv", "--bounding-set", "-all", "--inh-caps", "-all", "prlimit", "--memlock=0",
+                           "--rtprio=0", built.resolve(), "--clock", "--for", "0.1"], capture_output=True, text=True,
+                          timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert "scheduling shared, not real-time: SCHED_FIFO was refused (Operation not permitted)\n" in done.stdout
+    assert "memory not locked: mlockall was refused (" in done.stdout
+
+
+def test_stopped_by_the_clock_it_leaves_a_whole_record(folder):
+    job = Job("nadir_spin", duration=1.0, folder=folder / "nadir_spin")
+    built = TARGETS["linux"].build(job)
+    with subprocess.Popen([built.resolve(), "--clock", "--record", "stopped.mcap"], cwd=job.folder,
+                          stdout=subprocess.PIPE, text=True) as process:
+        try:
+            part = job.folder / "stopped.mcap.part"
+            for _ in range(2000):
+                if part.exists() and part.stat().st_size > 8000:
+                    break
+                time.sleep(0.01)
+            process.send_signal(signal.SIGTERM)
+            assert process.wait(timeout=30) == 0
+        finally:
+            process.kill()
+    with Archive(job.folder / "stopped.mcap") as record:
+        assert record.complete and len(record.time_ns("motor.command")) >= 1
+
+
+@pytest.mark.parametrize("arguments", [[], ["--clock", "--for", "-1"], ["a", "b"], ["--record"], ["--bogus", "1", "a"],
+                                       ["--clock", "--priority", "100"]])
+def test_it_says_how_it_is_called(folder, arguments):
+    job = Job("nadir_spin", duration=1.0, folder=folder / "nadir_spin")
+    built = TARGETS["linux"].build(job)
+    done = subprocess.run([built.resolve(), *arguments], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2 and done.stderr.startswith("usage: ") and not done.stdout
+
+
+def test_registers_that_are_not_there_or_of_another_board(folder, tmp_path):
+    job = Job("nadir_spin", duration=1.0, folder=folder / "nadir_spin")
+    built = TARGETS["linux"].build(job).resolve()
+    done = subprocess.run([built, "--wait", "0.05", tmp_path / "none"], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (1, f"nadir_spin: {tmp_path}/none: the file is not there yet\n")
+    (tmp_path / "other").write_bytes(bytes(100))
+    done = subprocess.run([built, "--record", tmp_path / "r.mcap", tmp_path / "other"], capture_output=True, text=True,
+                          timeout=60)
+    assert done.returncode == 1 and "of other boards or of another version" in done.stderr
+    assert [p.name for p in tmp_path.iterdir() if p.name.startswith("r.")] == ["r.mcap.part"]
+
+
+# --- what goes wrong -------------------------------------------------------------------------------
+
+def started(folder, *more):
+    """`fledge fly`, long enough to be disturbed, in a process of its own."""
+    return subprocess.Popen([sys.executable, "-m", "fledge.cli", "fly", "nadir_spin", "--on", "linux", "--out",
+                             str(folder), *more], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler))
+
+
+def processes(folder):
+    """(id, command line) of all that name the folder, and no fly itself."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*"):
+        try:
+            words = (path / "cmdline").read_bytes().split(b"\0")
+        except OSError:
+            continue
+        if any(str(folder).encode() in word for word in words) and b"fly" not in words:
+            found.append((int(path.name), words))
+    return found
+
+
+def target_of(folder):
+    """The id of the target's process, once it flies."""
+    part = folder / "linux.mcap.part"
+    for _ in range(6000):
+        flying = [pid for pid, words in processes(folder) if words[0].endswith(b"/linux/nadir_spin")]
+        if flying and part.exists() and part.stat().st_size > 100_000:
+            return flying[0]
+        time.sleep(0.01)
+    raise AssertionError("it does not fly")
+
+
+def nothing_is_left(folder):
+    for _ in range(1500):
+        if not processes(folder):
+            return True
+        time.sleep(0.01)
+    return False
+
+
+@pytest.mark.parametrize("which", [signal.SIGINT, signal.SIGKILL])
+def test_an_interrupt_leaves_nothing_behind(folder, which):
+    out = folder / "nadir_spin"
+    process = started(out)
+    try:
+        target_of(out)
+        process.send_signal(which)
+        process.communicate(timeout=60)
+        assert process.returncode == (130 if which == signal.SIGINT else -signal.SIGKILL)
+    finally:
+        process.kill()
+        process.wait()
+    assert nothing_is_left(out)
+    assert not (out / "linux.mcap").exists()
+
+
+def test_a_target_that_dies_is_told_and_leaves_nothing_behind(folder):
+    out = folder / "nadir_spin"
+    process = started(out)
+    try:
+        os.kill(target_of(out), signal.SIGKILL)
+        told, complaint = process.communicate(timeout=60)
+    finally:
+        process.kill()
+        process.wait()
+    assert process.returncode == 1 and "did not fly" in told
+    assert "linux: the flight of nadir_spin ended early: " in complaint
+    assert "flight: fledge_board_node: flight on the board ended in the tick at " in complaint
+    assert nothing_is_left(out)
+    assert not (out / "linux.mcap").exists()
+    part = Archive(out / "linux.mcap.part")               # and yet it can be read
+    assert len(part.time_ns("motor.command")) > 30
+
+
+@pytest.mark.parametrize("arguments, complaint", [
+    (["nadir_spin", "--on", "desktop,vax"], "there is no target 'vax'; there are desktop, the run in one program"),
+    (["nadir_spin", "spn"], "the mission nadir_spin has no scenario 'spn'; it has spin"),
+    (["two_body_pointing", "near_conjunction"], "line 35: the scenario near_conjunction runs again here"),
+    (["nadir_spin", "--within", "x=1"], "--within is for boards with words that round"),
+    (["nadir_spin", "--board", "no_such.toml"], "no_such.toml"),
+    (["nadir_spin", "--board", "registers/boards/io_board_a.toml"], "no board has a clock"),
+    (["nadir_spin", "--for", "soon"], "expected a duration"),
+    (["nadir_spin", "--join", "--on", "linux,aarch64"], "say with --on which target it is, one; found 2"),
+])
+def test_what_cannot_be_flown_is_refused_before_anything_is_written(arguments, complaint, tmp_path, capsys):
+    if "linux,aarch64" in arguments and TARGETS["aarch64"].missing():
+        pytest.skip("aarch64 is not installed")
+    out = tmp_path / "out"
+    assert cli.main(["fly", *arguments, "--out", str(out)]) == 2
+    assert complaint in capsys.readouterr().err
+    assert not out.exists()
+
+
+# --- as a part of a run elsewhere ------------------------------------------------------------------
+
+def test_it_joins_a_run_whose_controller_is_elsewhere(folder, tmp_path):
+    """As on a real board: the controller and the world are others' programs, over TCP."""
+    controller = subprocess.Popen([build.native("fledge_controller", "cosim"), "--simulation", "nadir_spin", "--until",
+                                   "30", "--node", "world", "--node", "flight", "--address", "tcp://127.0.0.1:*"],
+                                  stdout=subprocess.PIPE, text=True)
+    world = None
+    try:
+        address = controller.stdout.readline().split()[-1]
+        world = subprocess.Popen([sys.executable, "-m", "fledge.cli", "node", "nadir_spin", "world", "--address",
+                                  address], stdout=subprocess.DEVNULL)
+        out = folder / "nadir_spin"
+        assert cli.main(["fly", "nadir_spin", "--on", "linux", "--join", address, "--out", str(out)]) == 0
+        assert world.wait(timeout=30) == 0
+        controller.communicate(timeout=30)
+        assert controller.returncode == 0
+    finally:
+        for process in (controller, world):
+            if process:
+                process.kill()
+                process.wait()
+    sim = fledge.load("nadir_spin")
+    sim.record(sim.flight.motor.command, sim.flight.tracking.error, every=0.5)
+    sim.archive(tmp_path / "desktop.mcap")
+    sim.run(30.0)
+    sim.close_archive()
+    assert compare(Archive(tmp_path / "desktop.mcap"), Archive(out / "linux.mcap"),
+                   ["motor.command", "tracking.error"]) == []
