@@ -29,6 +29,7 @@ def add(command):
     one.add_argument("--build", action="store_true", help="only build, and say where it is and how large")
     one.add_argument("--join", nargs="?", const="", metavar="ADDRESS", help="fly as the node `flight` of a run whose "
                      "controller is elsewhere, on one target; default: FLEDGE_ADDRESS, FLEDGE_SIMULATION, FLEDGE_NODE")
+    one.add_argument("--keys", metavar="PATH", help="of this node, for --join (fledge keys); default: FLEDGE_KEYS")
     one.add_argument("--out", metavar="DIR", help="for the records and what is built; default: runs/MISSION/fly")
 
 
@@ -57,7 +58,7 @@ def fly(options):
     if options.build:
         return _build(job, [TARGETS[name] for name in names if name != "desktop"], say)
     if options.join is not None:
-        return _join(job, [TARGETS[name] for name in names if name != "desktop"], options.join, say)
+        return _join(job, [TARGETS[name] for name in names if name != "desktop"], options.join, options.keys, say)
     names = list(dict.fromkeys(["desktop", *names]))
     if options.within and not job.rounds:
         raise Failure("--within is for boards with words that round; messages that pass whole are the same bits")
@@ -105,12 +106,14 @@ def _build(job, targets, say):
     return 0
 
 
-def _join(job, targets, address, say):
+def _join(job, targets, address, keys, say):
     from fledge._console import Failure
     from fledge.fly import table
 
     if len(targets) != 1:
         raise Failure(f"--join: say with --on which target it is, one; found {len(targets)}")
+    if keys:
+        os.environ["FLEDGE_KEYS"] = keys
     address = address or os.environ.get("FLEDGE_ADDRESS") or "tcp://127.0.0.1:7000"
     simulation = os.environ.get("FLEDGE_SIMULATION") or job.mission.title
     node = os.environ.get("FLEDGE_NODE") or "flight"

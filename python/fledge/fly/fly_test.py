@@ -356,18 +356,24 @@ def test_what_cannot_be_flown_is_refused_before_anything_is_written(arguments, c
 
 # --- as a part of a run elsewhere ------------------------------------------------------------------
 
-def test_it_joins_a_run_whose_controller_is_elsewhere(folder, tmp_path):
-    """As on a real board: the controller and the world are others' programs, over TCP."""
+@pytest.mark.parametrize("encrypted", [False, True])
+def test_it_joins_a_run_whose_controller_is_elsewhere(folder, tmp_path, encrypted):
+    """As on a real board: the controller and the world are others' programs, over TCP, with keys."""
+    keys = []
+    if encrypted:
+        assert cli.main(["keys", "new", "--keys", str(tmp_path / "keys"), "controller", "world", "flight"]) == 0
+        keys = ["--keys", str(tmp_path / "keys")]
+        assert cli.main(["keys", "allow", *keys, "world", "flight"]) == 0
     controller = subprocess.Popen([build.native("fledge_controller", "cosim"), "--simulation", "nadir_spin", "--until",
-                                   "30", "--node", "world", "--node", "flight", "--address", "tcp://127.0.0.1:*"],
-                                  stdout=subprocess.PIPE, text=True)
+                                   "30", "--node", "world", "--node", "flight", "--address", "tcp://127.0.0.1:*",
+                                   *keys], stdout=subprocess.PIPE, text=True)
     world = None
     try:
         address = controller.stdout.readline().split()[-1]
         world = subprocess.Popen([sys.executable, "-m", "fledge.cli", "node", "nadir_spin", "world", "--address",
-                                  address], stdout=subprocess.DEVNULL)
+                                  address, *keys], stdout=subprocess.DEVNULL)
         out = folder / "nadir_spin"
-        assert cli.main(["fly", "nadir_spin", "--on", "linux", "--join", address, "--out", str(out)]) == 0
+        assert cli.main(["fly", "nadir_spin", "--on", "linux", "--join", address, *keys, "--out", str(out)]) == 0
         assert world.wait(timeout=30) == 0
         controller.communicate(timeout=30)
         assert controller.returncode == 0

@@ -80,6 +80,8 @@ class Program:
         self.out = open(f"{log.name}.{name}", "w+", encoding="utf-8", errors="replace")
         Path(self.out.name).unlink()
         environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
+        if environment.get("FLEDGE_KEYS"):
+            environment["FLEDGE_KEYS"] = os.path.abspath(environment["FLEDGE_KEYS"])
         self.log = log
         try:
             self.process = subprocess.Popen([build.native("fledge_guard", "cosim"), "--", *map(str, command)],
