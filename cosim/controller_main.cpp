@@ -3,12 +3,15 @@
 #include "cosim/exchange_record.h"
 #include "cosim/status.h"
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
+#include <iterator>
 #include <string_view>
+#include <vector>
 
 namespace {
 
@@ -20,7 +23,11 @@ constexpr const char *usage =
     "Joins programs into one simulation, until it has reached its end.\n"
     "\n"
     "  --node NAME[:POLICY]  a program that takes part; what to do when it is lost: abort (default),\n"
-    "                        pause (until it is back), hold (its last messages), drop (no messages)\n"
+    "                        pause (until it is back), hold (its last messages), drop (no messages),\n"
+    "                        restart (another goes on from its snapshot, and nobody sees it).\n"
+    "                        More of it behind commas: joins=SECONDS (it takes part after that time;\n"
+    "                        joins=any: when it comes), rejoins (it may come again), save=SECONDS (from\n"
+    "                        one snapshot to the next), reply=SECONDS\n"
     "  --address ADDRESS     where programs greet: tcp://127.0.0.1:7000 (default), ipc://@NAME\n"
     "  --keys DIR            encrypt, and let in only whose keys are allowed there (./fledge keys);\n"
     "                        needed where others can reach the address. Default: FLEDGE_KEYS\n"
@@ -52,13 +59,15 @@ struct Options {
     std::exit(2);
 }
 
-template <class T> T number(std::string_view option, std::string_view text, T least)
+template <class T> T number(std::string_view option, std::string_view text, T least, T most = T(1e9))
 {
     T x{};
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), x);
-    if (error != std::errc() || end != text.data() + text.size() || !(x >= least) || !(x <= T(1e9))) {
-        refuse(std::string(option) + ": expected a number from " + std::to_string(static_cast<int>(least)) +
-               " to 1e9, found " + std::string(text));
+    if (error != std::errc() || end != text.data() + text.size() || !(x >= least) || !(x <= most)) {
+        char limits[64];
+        std::snprintf(limits, sizeof limits, "from %.10g to %.10g", static_cast<double>(least),
+                      static_cast<double>(most));
+        refuse(std::string(option) + ": expected a number " + limits + ", found " + std::string(text));
     }
     return x;
 }
@@ -68,20 +77,57 @@ std::chrono::milliseconds milliseconds(double s)
     return std::chrono::milliseconds(std::llround(s * 1e3));
 }
 
-NodeConfig node(std::string_view text)
+/// NAME[:POLICY][,joins=SECONDS][,joins=any][,rejoins][,save=SECONDS][,reply=SECONDS]
+void add_node(Options &o, std::string_view text)
 {
-    constexpr std::pair<std::string_view, Policy> policies[] = {
-        {"abort", Policy::abort}, {"pause", Policy::pause}, {"hold", Policy::hold}, {"drop", Policy::drop}};
-    const auto colon = text.find(':');
-    if (colon == text.npos) {
-        return {std::string(text), Policy::abort};
+    constexpr std::pair<std::string_view, Policy> policies[] = {{"abort", Policy::abort},
+                                                                {"pause", Policy::pause},
+                                                                {"hold", Policy::hold},
+                                                                {"drop", Policy::drop},
+                                                                {"restart", Policy::restart}};
+    const std::string whole = "--node " + std::string(text);
+    NodeConfig node;
+    auto reply = o.router.reply;
+    const auto next = [&] {
+        const auto end = std::min(text.find(','), text.size());
+        const std::string_view word = text.substr(0, end);
+        text.remove_prefix(std::min(end + 1, text.size()));
+        return word;
+    };
+    const std::string_view first = next();
+    const auto colon = std::min(first.find(':'), first.size());
+    node.name = first.substr(0, colon);
+    if (colon < first.size()) {
+        const auto found = std::find_if(std::begin(policies), std::end(policies),
+                                        [&](const auto &p) { return p.first == first.substr(colon + 1); });
+        if (found == std::end(policies)) {
+            refuse(whole + ": a policy is abort, pause, hold, drop or restart");
+        }
+        node.on_loss = found->second;
     }
-    for (const auto &[name, policy] : policies) {
-        if (name == text.substr(colon + 1)) {
-            return {std::string(text.substr(0, colon)), policy};
+    while (!text.empty()) {
+        const std::string_view word = next();
+        const auto equals = std::min(word.find('='), word.size());
+        const std::string_view key = word.substr(0, equals), value = word.substr(std::min(equals + 1, word.size()));
+        const auto time = [&] { return std::llround(number(whole + ": " + std::string(key), value, 0.0) * 1e9); };
+        if (word == "joins=any") {
+            node.joins = Join::when_it_comes;
+        } else if (key == "joins") {
+            node.joins = Join::at_time;
+            node.joins_after = time();
+        } else if (word == "rejoins") {
+            node.rejoins = true;
+        } else if (key == "save") {
+            node.save_every = time();
+        } else if (key == "reply") {
+            reply = std::chrono::milliseconds(time() / 1'000'000);
+        } else {
+            refuse(whole + ": expected joins=SECONDS, joins=any, rejoins, save=SECONDS or reply=SECONDS, found " +
+                   std::string(word));
         }
     }
-    refuse("--node " + std::string(text) + ": a policy is abort, pause, hold or drop");
+    o.controller.nodes.push_back(std::move(node));
+    o.router.replies.push_back(reply);
 }
 
 Options options(int argc, char **argv)
@@ -89,6 +135,7 @@ Options options(int argc, char **argv)
     Options o;
     o.router.address = "tcp://127.0.0.1:7000";
     bool until = false;
+    std::vector<std::string_view> nodes;
     for (int i = 1; i < argc; i++) {
         const std::string_view option = argv[i];
         const auto value = [&]() -> std::string_view {
@@ -106,7 +153,7 @@ Options options(int argc, char **argv)
             o.controller.end = std::llround(number(option, value(), 0.0) * 1e9);
             until = true;
         } else if (option == "--node") {
-            o.controller.nodes.push_back(node(value()));
+            nodes.push_back(value());
         } else if (option == "--address") {
             o.router.address = value();
         } else if (option == "--keys") {
@@ -114,7 +161,7 @@ Options options(int argc, char **argv)
         } else if (option == "--unencrypted-beyond-machine") {
             o.router.unencrypted_beyond_machine = true;
         } else if (option == "--seed") {
-            o.controller.seed = number<std::uint64_t>(option, value(), 0);
+            o.controller.seed = number<std::uint64_t>(option, value(), 0, ~std::uint64_t{0});
         } else if (option == "--join") {
             o.router.join = milliseconds(number(option, value(), 0.0));
         } else if (option == "--reply") {
@@ -126,6 +173,9 @@ Options options(int argc, char **argv)
         } else {
             refuse("there is no option " + std::string(option));
         }
+    }
+    for (const std::string_view text : nodes) { // last, for what holds for all may come after
+        add_node(o, text);
     }
     if (o.controller.simulation.empty() || o.controller.nodes.empty() || !until) {
         refuse("--simulation, --until and at least one --node are needed");

@@ -459,8 +459,9 @@ void Router::look_at_clock(const std::function<bool()> &poll)
         controller_.stop(sim::format_list(absent) + " did not come within " +
                          sim::format_time(std::chrono::nanoseconds(config_.join).count()));
     }
-    const auto most = controller_.finishing() ? config_.finish : config_.reply;
     for (NodeId id = 0; id < nodes_.size(); id++) {
+        const auto reply = config_.replies.empty() ? config_.reply : config_.replies[id];
+        const auto most = controller_.finishing() ? config_.finish : reply;
         if (controller_.waiting_for(id) && most.count() && looked_ - nodes_[id].asked >= most) {
             controller_.lost(id, "it did not answer within " +
                                      sim::format_time(std::chrono::nanoseconds(most).count()));

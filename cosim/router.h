@@ -27,6 +27,7 @@ struct RouterConfig {
     bool unencrypted_beyond_machine = false; ///< without keys, allow an address that others can reach
     std::chrono::milliseconds join{60'000};   ///< for all nodes to be there
     std::chrono::milliseconds reply{60'000};  ///< for a node to answer, computing included; 0: for ever
+    std::vector<std::chrono::milliseconds> replies; ///< the same, node by node; empty: `reply` for all
     std::chrono::milliseconds finish{5'000};  ///< for a node to answer the last request
     Limits limits;
     Sharing sharing = Sharing::allowed; ///< of memory, with nodes on this machine

@@ -67,17 +67,21 @@ std::string nodes_of(const Router &router, const ControllerConfig &config)
     return s + ']';
 }
 
-/// What all nodes have reached that still take part.
+/// What all nodes have reached that still take part; when nobody does, how far anybody came.
 Ns reached_by_all(const Router &router, const ControllerConfig &config)
 {
-    Ns least = config.end;
+    Ns least = config.end, most = -1;
+    bool some = false;
     for (NodeId id = 0; id < config.nodes.size(); id++) {
         const std::string state = router.controller().state(id);
-        if (state != "lost" && state != "absent" && state != "left") {
-            least = std::min(least, router.controller().reached(id));
+        const Ns t = router.controller().reached(id);
+        most = std::max(most, t);
+        if (state == "running" || state == "finished") {
+            least = std::min(least, t);
+            some = true;
         }
     }
-    return least;
+    return some ? least : most;
 }
 
 } // namespace

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command line: `./fledge run | node | montecarlo | export | keys | show | list | plot | convert | bench`.
+"""The command line: `./fledge run | node | up | montecarlo | export | keys | show | list | plot | convert | bench`.
 
 Exit codes: 0 all went well; 1 a check of the scenario failed, or the run did; 2 the command line or
 the mission is wrong; 130 Ctrl-C.
@@ -310,7 +310,7 @@ def parser():
     one.add_argument("--for", dest="duration", metavar="DURATION",
                      help="fly without a scenario for this long (90s, 10min, 2h), recording all outputs")
 
-    from fledge import cli_compare, cli_export, cli_fly, cli_keys, cli_montecarlo, cli_node, cli_replay
+    from fledge import cli_compare, cli_export, cli_fly, cli_keys, cli_montecarlo, cli_node, cli_replay, cli_up
 
     cli_node.add_parameters(one)
     cli_node.add(command)
@@ -320,6 +320,7 @@ def parser():
     cli_compare.add(command)
     cli_replay.add(command)
     cli_keys.add(command)
+    cli_up.add(command)
 
     one = command("show", show, "draw a mission's wiring", "show nadir_spin --out nadir_spin.png")
     one.add_argument("mission", help="the name of a mission, or its folder")

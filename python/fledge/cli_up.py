@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`fledge up SIM.toml`: all programs of a co-simulation, started, watched and ended together."""
+
+import sys
+from pathlib import Path
+
+from fledge._console import Failure, say, size_of
+
+
+def add(command):
+    """Add the subcommand, by the function of cli.parser() that adds one."""
+    from fledge.cli import _pace
+
+    one = command("up", up, "start all programs of a co-simulation, and watch them", "up spring.toml")
+    one.add_argument("simulation", metavar="SIM.toml|MISSION",
+                     help="a file that names the programs; or a mission, each of its processes as a program")
+    one.add_argument("scenario", nargs="?", help="of a MISSION: whose set-up to take; default: its first")
+    one.add_argument("--until", metavar="DURATION", help="how long to simulate (90s, 10min, 2h); default: as the file "
+                     "or the scenario says")
+    one.add_argument("--seed", type=int, metavar="N", help="of the random streams")
+    one.add_argument("--pace", type=_pace, metavar="X", help="X simulated seconds per second; 0: as fast as possible")
+    one.add_argument("--set", action="append", default=[], dest="parameters", metavar="NAME=VALUE",
+                     help="of a MISSION: a parameter")
+    one.add_argument("--tcp", action="store_true", help="meet at a TCP port of this machine")
+    one.add_argument("--exchange", action="store_true", help="record all that passes between the nodes")
+    one.add_argument("--out", metavar="DIR", help="for logs and records; default: runs/NAME")
+    one.add_argument("--logs", action="store_true", help="show what the programs say instead of the table")
+    one.add_argument("--check", action="store_true", help="only say what is wrong with the file")
+
+
+def up(options):
+    from fledge import _core
+    from fledge.up import description
+    from fledge.up.session import Session, StartError
+
+    plan = _plan(options, description)
+    if plan.until is None:
+        raise Failure(f"{plan.file}: how long? write until = SECONDS, or give --until 10min")
+    built = Path(_core.__file__).resolve().parents[1] / "cosim"
+    for program in ("fledge_controller", "fledge_guard"):
+        if not (built / program).exists():
+            raise Failure(f"{program} is not built; ./fledge setup builds it")
+    if options.check:
+        say(f"{plan.file}: nothing is wrong with it: {_programs(plan)}, {plan.until:g} s")
+        return 0
+    folder = Path(options.out) if options.out else Path("runs") / plan.simulation
+    view = _view(options)
+    say(f"{plan.simulation}: {_programs(plan)}, {plan.until:g} s")
+    try:
+        session = Session(plan, folder, view, built)
+        outcome = session.run()
+        if any(row.ticks for row in outcome.progress.rows):
+            view.ends(outcome.progress)
+    except StartError as error:
+        view.close()
+        raise Failure(f"up: {error}") from None
+    finally:
+        view.close()
+    return _tell(plan, folder, session, outcome)
+
+
+def _plan(options, description):
+    from fledge.cli import parse_duration
+
+    given = Path(options.simulation)
+    if given.suffix == ".toml" or given.is_file():
+        if options.scenario or options.parameters:
+            raise Failure(f"up: a scenario and --set are for a mission; in {given}, write `scenario` and `parameters` "
+                          "of a node")
+        if not given.exists():
+            raise Failure(f"up: there is no file {given}")
+        try:
+            plan = description.read(given)
+        except description.SimError as error:
+            raise Failure(f"up: the simulation cannot be started\n{error}") from None
+    else:
+        from fledge.up.missions import plan_of
+
+        plan = plan_of(options.simulation, options.scenario, options.parameters)
+    if options.until is not None:
+        plan.until = parse_duration(options.until)
+    if options.seed is not None:
+        if options.seed < 0:
+            raise Failure("up: a seed is a number from 0 on")
+        plan.seed = options.seed
+    if options.pace is not None:
+        plan.pace = options.pace
+    if options.tcp and not plan.address:
+        plan.transport = "tcp"
+    plan.exchange = plan.exchange or options.exchange
+    return plan
+
+
+def _programs(plan):
+    others = len(plan.programs) - len(plan.nodes)
+    text = f"{len(plan.nodes)} node{'s' * (len(plan.nodes) != 1)}"
+    return text + (f" and {others} asynchronous program{'s' * (others != 1)}" if others else "")
+
+
+def _view(options):
+    import os
+
+    from fledge.up.table import Lines, Screen
+
+    if sys.stdout.isatty() and os.environ.get("TERM", "dumb") != "dumb" and not options.logs:
+        return Screen()
+    return Lines(show_logs=options.logs)
+
+
+def _tell(plan, folder, session, outcome):
+    """What there is to know about a run that is over; returns the exit code."""
+    t, wall = max(outcome.progress.t, 0.0), outcome.progress.wall
+    if t > 0 and wall > 0:
+        say(f"  flown    {t:g} s in {wall:.3g} s, {t / wall:,.3g} times real time")
+    if outcome.progress.overruns:
+        say(f"  pace     {outcome.progress.overruns} instants were late")
+    for record in sorted(folder.glob("*.mcap")):
+        say(f"  record   {record} ({size_of(record)})")
+    say(f"  logs     {folder / 'log'}")
+    for name, what in outcome.failed:
+        lines = session.last_lines(name)
+        say(f"\n{name} {what}" + ("; the end of its log:" if lines else "; it said nothing"))
+        for line in lines:
+            say(f"  | {line}")
+    if outcome.reason:
+        code = 1 if not outcome.signal else 128 + outcome.signal
+        raise Failure(f"{plan.simulation} ended early: {outcome.reason}", code)
+    if outcome.failed:
+        raise Failure(f"{plan.simulation} came to its end, but {', '.join(name for name, _ in outcome.failed)} failed",
+                      1)
+    return 0

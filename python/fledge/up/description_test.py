@@ -1,0 +1,223 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a SIM.toml may say, and how its mistakes are told."""
+import os
+import socket
+import sys
+
+import pytest
+
+from fledge.up.description import SimError, busy, read
+
+GOOD = """
+simulation = "duo"
+until = 60
+seed = 7
+pace = 2.5
+
+[[node]]
+name = "mass"
+command = ["python3", "mass.py", "{address}"]
+env = { LEVEL = "2" }
+
+[[node]]
+name = "spring"
+command = ["./spring", "--fast"]
+on_loss = "restart"
+restarts = 5
+reply = 0.5
+
+[[asynchronous]]
+name = "viewer"
+command = ["sh", "-c", "exit"]
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "mass.py").write_text("")
+    (tmp_path / "spring").write_text("")
+    (tmp_path / "spring").chmod(0o755)
+    return tmp_path
+
+
+def write(folder, text):
+    file = folder / "sim.toml"
+    file.write_text(text)
+    return file
+
+
+def complaints(folder, text):
+    """(line, complaint) of each, with the folder's path as FOLDER."""
+    file = write(folder, text)
+    with pytest.raises(SimError) as error:
+        read(file)
+    found = []
+    for line in str(error.value).split("\n"):
+        assert line.startswith(f"{file}:"), line
+        number, _, what = line.removeprefix(f"{file}:").partition(": ")
+        found.append((int(number), what.replace(str(folder), "FOLDER")))
+    return found
+
+
+def test_a_good_file(folder):
+    plan = read(write(folder, GOOD))
+    assert (plan.simulation, plan.until, plan.seed, plan.pace) == ("duo", 60.0, 7, 2.5)
+    mass, spring, viewer = plan.programs
+    assert mass.command == ["python3", "mass.py", "{address}"] and mass.env == {"LEVEL": "2"}
+    assert mass.directory == str(folder) and mass.on_loss == "abort" and mass.restarts == 0
+    assert (spring.on_loss, spring.restarts, spring.reply) == ("restart", 5, 0.5)
+    assert viewer.asynchronous and plan.nodes == [mass, spring]
+    assert plan.listening().startswith("ipc://@fledge-duo-") and plan.listening() != plan.listening()
+
+
+def test_what_is_not_said_has_a_default(folder):
+    plan = read(write(folder, '[[node]]\nname = "mass"\ncommand = ["python3", "mass.py"]\non_loss = "restart"'))
+    assert (plan.simulation, plan.until, plan.seed, plan.pace, plan.join, plan.reply) == ("sim", None, 0, 0, 60, 60)
+    assert plan.programs[0].restarts == 3
+
+
+NODE = '[[node]]\nname = "mass"\ncommand = ["python3", "mass.py"]\n'
+
+
+@pytest.mark.parametrize("text, line, complaint", [
+    ("", 1, "a simulation has nodes; there is none; write [[node]] with a name and a command, or a mission"),
+    ("until = 5\n" + NODE + 'on_lost = "hold"\n', 5, "only known keys count; there is `on_lost`; did you mean "
+     "`on_loss`?"),
+    ("unitl = 5\n" + NODE, 1, "only known keys count; there is `unitl`; did you mean `until`?"),
+    (NODE + NODE, 5, "names differ; `mass` stands in line 2 too; rename one"),
+    (NODE + '[[asynchronous]]\nname = "mass"\ncommand = ["sh"]', 5, "names differ; `mass` stands in line 2 too; "
+     "rename one"),
+    ('[[node]]\nname = "a/b"\ncommand = ["sh"]', 2, "a name is of letters, digits, `_`, `-` and `.`, and not "
+     "`controller` "
+     'or `all`; it is "a/b"; it also names the program\'s log'),
+    ('[[node]]\ncommand = ["sh"]', 1, "`name` must be given; it is not there; give a text"),
+    ("until = -1\n" + NODE, 1, "`until` is seconds, from 0 to 1e9; it is -1; write a number such as 60 or 0.5"),
+    ("until = inf\n" + NODE, 1, "`until` is seconds, from 0 to 1e9; it is Infinity; write a number such as 60 "
+     "or 0.5"),
+    ("pace = -1\n" + NODE, 1, "`pace` is simulated seconds per second, from 0 to 1e9; it is -1; write a number "
+     "such as 60 "
+     "or 0.5"),
+    (NODE + "reply = -0.1", 4, "`reply` is seconds, from 0 to 1e9; it is -0.1; write a number such as 60 or 0.5"),
+    ("seed = 1.5\n" + NODE, 1, "`seed` is a whole number; it is 1.5; write a whole number"),
+    ('[[node]]\nname = "a"', 1, "a program is a `mission` with its `process`, a `command`, or started "
+     "`by_hand`; of a there "
+     'is neither; write one, for example command = ["python3", "model.py"]'),
+    ('[[node]]\nname = "a"\ncommand = "python3 mass.py"', 3, "`command` is a list of texts, the program first; it is "
+     '"python3 mass.py"; write for example ["python3", "model.py"]'),
+    ('[[node]]\nname = "a"\ncommand = ["./sprong"]', 3, "the program can be found; there is no FOLDER/sprong; "
+     "build it, "
+     "or write the path relative to `directory`"),
+    ('[[node]]\nname = "a"\ncommand = ["./mass.py"]', 3, "the program can be started; FOLDER/mass.py is not "
+     "executable; "
+     'chmod +x it, or write what runs it before: ["python3", "./mass.py"]'),
+    ('[[node]]\nname = "a"\ncommand = ["pyhton3", "mass.py"]', 3, "the program can be found; pyhton3 is not on "
+     "the PATH; did "
+     "you mean python3?"),
+    ('[[node]]\nname = "a"\ncommand = ["python3", "moss.py"]', 3, "the program can be found; there is no "
+     "FOLDER/moss.py; it "
+     "is relative to `directory`"),
+    ('[[node]]\nname = "a"\ncommand = ["sh", "{adress}"]', 3, "only known words in braces are filled in; there is "
+     "{adress}; did you mean {address}?"),
+    (NODE + 'directory = "nowhere"', 4, "a program starts in a folder; there is no FOLDER/nowhere; it is "
+     "relative to the "
+     "file's"),
+    (NODE + "env = { LEVEL = 2 }", 4, "`env` holds texts by the names of variables; LEVEL is 2; write for "
+     "example env = "
+     '{ LEVEL = "2" }'),
+    (NODE + 'on_loss = "ignore"', 4, '`on_loss` must say which; it is "ignore"; choose "abort", "pause", '
+     '"hold", "drop", '
+     '"restart"'),
+    (NODE + "restarts = 2", 4, '`restarts` is of on_loss = "restart"; mass has "abort"; leave it out, or write '
+     'on_loss = '
+     '"restart"'),
+    (NODE + 'process = "world"', 4, "`process` is of a `mission`; mass has none; leave it out"),
+    (NODE + "joins = 1.5", 4, "some node is there at the start; all join later; leave `joins` out of one"),
+    ("until = 5\n" + NODE + NODE.replace("mass", "late", 1) + "joins = 5", 8, "a node joins before the end; "
+     "late joins at "
+     "5 s, the run ends at 5 s; choose an earlier time"),
+    (NODE + 'joins = "soon"', 4, '`joins` is the simulated seconds after which it takes part, or "when it '
+     'comes", from 0 to '
+     '1e9; it is "soon"; write a number such as 60 or 0.5'),
+    ('address = "ipc:///tmp/x"\n' + NODE, 1, "an address is an abstract name of this machine, or a TCP port; a "
+     "file of that "
+     'name would stay behind; write "ipc://@name", "tcp://127.0.0.1:7000", or "tcp://192.0.2.1:*" for any free port'),
+    ('transport = "udp"\n' + NODE, 1, '`transport` must say which; it is "udp"; choose "ipc", "tcp"'),
+    (NODE + 'launcher = "ip netns exec left"', 1, "in a network namespace nodes need an address that it "
+     "reaches; there is "
+     'no `address`; write address = "tcp://ADDRESS:*", that of this side'),
+    ('address = "tcp://192.0.2.1:7000"\n' + NODE, 1, "the controller can listen there; tcp://192.0.2.1:7000: it "
+     "is not an "
+     "address of this machine; choose another port, or `*` for any that is free"),
+    (NODE + 'host = "me@127.0.0.1"', 4, 'what leaves the machine is encrypted; there are no `keys`; make them '
+     'with ./fledge '
+     'keys new and write keys = "FOLDER"; or, in a network that you trust, unencrypted = true'),
+    ('keys = "secret"\n' + NODE, 1, "`keys` is a folder made by ./fledge keys; there is no FOLDER/secret; make "
+     "it, or give "
+     "the right one"),
+    ('[[node]]\nname = "world"\nmission = "nadir_spun"', 3, "the mission can be loaded; there is no mission "
+     "'nadir_spun'"),
+    ('[[node]]\nname = "world"\nmission = "nadir_spin"\nprocess = "flihgt"', 4, "the process is one of the "
+     "mission's; "
+     "nadir_spin has no `flihgt`; did you mean `flight`?"),
+    ('node = 3', 1, "`node` is an array of tables; it is 3; write [[node]]"),
+])
+def test_mistakes_are_told_with_their_line(folder, text, line, complaint):
+    found = complaints(folder, text)
+    assert any(number == line and what.startswith(complaint) for number, what in found), found
+    netns = "netns" in text or "address" in text    # what follows from it may be told too
+    assert len(found) == 1 or netns
+
+
+def test_all_mistakes_are_told_at_once_in_the_order_of_lines(folder):
+    found = complaints(folder, 'until = -1\nsede = 3\n[[node]]\nname = "a"\ncommand = ["nothing-of-that-name"]\n'
+                               'on_loss = "x"\n[[node]]\nname = "a"\nby_hand = 1\n')
+    assert [line for line, _ in found] == [1, 2, 5, 6, 8, 9]
+
+
+def test_what_is_no_toml(folder):
+    (found,) = complaints(folder, 'until = 5\n[[node]\nname = "a"\n')
+    assert found[0] == 2 and found[1].startswith("the file must be TOML; ")
+    (folder / "sim.toml").write_bytes(b"\xff\xfe")
+    with pytest.raises(SimError, match="sim.toml:1: the file must be TOML; it is no text in UTF-8"):
+        read(folder / "sim.toml")
+
+
+def test_an_address_in_use(folder):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        address = f"tcp://127.0.0.1:{taken.getsockname()[1]}"
+        assert busy(address) == "somebody listens there already"
+        (found,) = complaints(folder, f'address = "{address}"\n' + NODE)
+        assert found == (1, f"the controller can listen there; {address}: somebody listens there already; "
+         "choose another "
+                            "port, or `*` for any that is free")
+    assert busy(address) == ""
+    with socket.socket(socket.AF_UNIX) as taken:
+        taken.bind(f"\0fledge-taken-{os.getpid()}")
+        assert busy(f"ipc://@fledge-taken-{os.getpid()}") == "somebody listens there already"
+    assert busy(f"ipc://@fledge-taken-{os.getpid()}") == ""
+    assert busy("tcp://127.0.0.1:70000") == "ports go up to 65535"
+    assert busy("tcp://127.0.0.1:*") == busy("tcp://*:*") == busy("tcp://lo:7000") == ""
+
+
+def test_a_host_needs_keys_or_trust(folder):
+    text = NODE + 'host = "me@127.0.0.1"\n'
+    plan = read(write(folder, "unencrypted = true\n" + text))
+    assert plan.beyond and plan.listening() == "tcp://127.0.0.1:*"
+    (folder / "keys").mkdir()
+    plan = read(write(folder, 'keys = "keys"\n' + text))
+    assert plan.keys == str(folder / "keys")
+
+
+def test_a_launcher_may_be_a_text_or_a_list(folder):
+    plan = read(write(folder, NODE + 'launcher = "nice -n 5"\n'))
+    assert plan.programs[0].launcher == ["nice", "-n", "5"] and not plan.beyond
+    assert read(write(folder, NODE + 'launcher = ["nice"]\n')).programs[0].launcher == ["nice"]
+    found = complaints(folder, NODE + 'launcher = "no-such-launcher"\n')
+    assert found == [(3 + 1, "the launcher can be found; there is no no-such-launcher; install it, or write its "
+     "path")]
+
+
+def test_the_interpreter_may_be_given_whole(folder):
+    assert read(write(folder, NODE.replace("python3", sys.executable))).programs[0].command[0] == sys.executable

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What programs say: a file each, as they wrote it, and all.log with everybody's lines.
+
+Programs write into their files themselves, so nothing is lost and nobody waits for a reader; all.log
+is gathered from the files some times a second.
+"""
+from __future__ import annotations
+
+import re
+import time
+from collections import deque
+from pathlib import Path
+
+_MOST = 1 << 20     # bytes of one file at a time
+_CONTROL = re.compile(r"\x1b\[[0-?]*[ -/]*[@-~]|\x1b\][^\x07\x1b]*(?:\x07|\x1b\\)|[\x00-\x08\x0b-\x1f\x7f-\x9f]")
+
+
+class Logs:
+    def __init__(self, folder: Path, width: int):
+        """width: of the longest name. Empties the folder of older logs."""
+        folder.mkdir(parents=True, exist_ok=True)
+        for old in folder.glob("*.log"):
+            old.unlink()
+        self.folder = folder
+        self.recent = deque(maxlen=200)     #: (name, line) of all
+        self._width = width
+        self._begun = time.monotonic()
+        self._all = open(folder / "all.log", "w", encoding="utf-8")
+        self._files: dict[str, tuple] = {}      # name -> (reader, bytes of a line that is not whole)
+
+    def file(self, name: str) -> Path:
+        return self.folder / f"{name}.log"
+
+    def open(self, name: str):
+        """A file for a program to write into; what it said before it was started again stays."""
+        file = open(self.file(name), "ab", buffering=0)
+        if name not in self._files:
+            self._files[name] = (open(self.file(name), "rb"), b"")
+        return file
+
+    def say(self, name: str, text: str) -> None:
+        """A line of our own in somebody's log."""
+        with open(self.file(name), "ab") as file:
+            file.write(f"--- {text}\n".encode())
+
+    def gather(self, rest=False) -> list[tuple[str, str]]:
+        """New lines as (name, line), into all.log too. rest: what is no whole line, too."""
+        lines = []
+        for name, (reader, begun) in self._files.items():
+            data = begun + reader.read(_MOST)
+            whole, newline, begun = data.rpartition(b"\n")
+            if rest and begun or len(begun) > _MOST:
+                whole, newline, begun = data, b"\n", b""
+            self._files[name] = (reader, begun)
+            if newline:
+                lines += [(name, line.decode("utf-8", "replace")) for line in whole.split(b"\n")]
+        if lines:
+            when = time.monotonic() - self._begun
+            self._all.writelines(f"{when:9.3f} {name:{self._width}} | {line}\n" for name, line in lines)
+            self._all.flush()
+            self.recent.extend(lines)
+        return lines
+
+    def last(self, name: str, count: int) -> list[str]:
+        """The last lines of a program, as they can be shown."""
+        try:
+            with open(self.file(name), "rb") as file:
+                file.seek(max(0, file.seek(0, 2) - 65536))
+                lines = file.read().decode("utf-8", "replace").splitlines()
+        except FileNotFoundError:
+            return []
+        return [shown(line) for line in lines if line.strip()][-count:]
+
+    def close(self) -> None:
+        while self.gather():
+            pass
+        self.gather(rest=True)
+        self._all.close()
+        for reader, _ in self._files.values():
+            reader.close()
+
+
+def shown(line: str) -> str:
+    """A line without what would move the cursor or change colours."""
+    return _CONTROL.sub("", line.rstrip("\r").rsplit("\r", 1)[-1]).expandtabs()

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Programs, each under a guard (cosim/guard.c), which leaves nothing of it behind.
+
+A guard lives as long as its standard input is held open here, so all ends with this program, whatever
+ends it. If a guard is killed itself, its command goes with it, and what that had started comes to
+this program, its subreaper, and is ended by `end_strays`.
+"""
+from __future__ import annotations
+
+import ctypes
+import os
+import shlex
+import signal
+import subprocess
+from pathlib import Path
+
+_SUBREAPER = 36     # prctl(2)
+
+
+def adopt_strays() -> None:
+    """Become the parent of descendants that lose theirs."""
+    ctypes.CDLL(None, use_errno=True).prctl(_SUBREAPER, 1, 0, 0, 0)
+
+
+class Process:
+    """A command under its guard. `code` is None while it runs, then its exit code: 128 + N if signal N
+    killed it."""
+
+    def __init__(self, command: list[str], guard: str, log, launcher=(), env=None, directory=None, remote=None,
+                 pass_fds=()):
+        """remote: (folder there, variables there) of a command that a shell on another machine reads.
+        Raises OSError if it cannot be started."""
+        if remote is None:
+            whole = [*launcher, guard, "--", *command]
+        else:
+            folder, variables = remote
+            there = " && ".join([f"cd {_quoted(folder)}",
+                                 *(f"{name}={_quoted(value)} && export {name}" for name, value in variables.items()),
+                                 " ".join(["exec", _quoted(guard), "--", *map(_quoted, command)])])
+            whole = [*launcher, f"exec sh -c {shlex.quote(there)}"]     # whatever the shell there is
+        self._process = subprocess.Popen(whole, stdin=subprocess.PIPE, stdout=log, stderr=subprocess.STDOUT,
+                                         env=env, cwd=directory, start_new_session=True, pass_fds=pass_fds)
+        self.code = None
+
+    @property
+    def pid(self) -> int:
+        """Of its guard, or of what launched that."""
+        return self._process.pid
+
+    def look(self) -> bool:
+        """Whether it has ended; `code` is known then."""
+        if self.code is None:
+            code = self._process.poll()
+            if code is not None:
+                self.code = code if code >= 0 else 128 - code
+                self._process.stdin.close()
+        return self.code is not None
+
+    def end(self) -> None:
+        """Have it ended: asked to, and killed a second later. It goes on meanwhile; look() tells."""
+        if not self._process.stdin.closed:
+            self._process.stdin.close()
+
+
+def _quoted(word: str) -> str:
+    """For a shell, which is to fill in a leading ~/ itself."""
+    return "~/" + shlex.quote(word[2:]) if word.startswith("~/") else shlex.quote(word)
+
+
+def in_words(code: int) -> str:
+    """What became of a program."""
+    if code > 128:
+        try:
+            return f"was killed by {signal.Signals(code - 128).name}"
+        except ValueError:
+            pass
+    return f"ended with exit code {code}"
+
+
+def descendants(of: int) -> list[int]:
+    """The living processes that come from one, parents first."""
+    parents: dict[int, list[int]] = {}
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                rest = (entry / "stat").read_text(errors="replace").rpartition(")")[2].split()
+            except OSError:
+                continue
+            if rest[0] not in "ZX":
+                parents.setdefault(int(rest[1]), []).append(int(entry.name))
+    found = list(parents.get(of, ()))
+    for pid in found:
+        found += parents.get(pid, ())
+    return found
+
+
+def end_strays(known: set[int]) -> int:
+    """Reap and kill what came to this program because its own parent was killed. `known`: the processes
+    started here. Returns how many there were."""
+    count = 0
+    while True:
+        try:
+            one = os.waitid(os.P_ALL, 0, os.WEXITED | os.WNOHANG | os.WNOWAIT)
+        except ChildProcessError:
+            break
+        if one is None or one.si_pid in known:
+            break
+        os.waitpid(one.si_pid, 0)
+    kept = set(known)
+    for pid in descendants(os.getpid()):
+        if pid in kept:
+            continue
+        try:
+            parent = int(Path(f"/proc/{pid}/stat").read_text(errors="replace").rpartition(")")[2].split()[1])
+            if parent in kept:
+                kept.add(pid)
+                continue
+            os.kill(pid, signal.SIGKILL)
+            count += 1
+        except (OSError, IndexError):
+            pass    # gone meanwhile
+    return count

@@ -1,0 +1,408 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run: the controller and all programs are started, watched and ended, and nothing stays behind."""
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import select
+import signal
+import socket
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from fledge.up.description import SSH, WHEN_IT_COMES, Plan, Program
+from fledge.up.logs import Logs
+from fledge.up.processes import Process, adopt_strays, end_strays, in_words
+from fledge.up.table import Progress, Row
+
+_LOOK = 0.1         # [s]
+_FINISH = 12.0      # [s] for the controller to bring a run to its end
+_LEAVE = 10.0       # [s] for programs to end by themselves when the run has
+_GIVE_UP = 15.0     # [s] for guards to kill what does not
+_HUNG = 1.0         # [s] between the loss of a node and the end of its program, if that does not end itself
+_BUSY = 2.0         # [s] after which a request that is not answered is to be seen
+_LAST_LINES = 12    # of a program that failed
+
+FLEDGE = Path(__file__).resolve().parents[3]
+
+
+class StartError(Exception):
+    """Something that stands in the way of a run."""
+
+
+@dataclass
+class Outcome:
+    """How a run ended. `reason` is "" at the regular end; failed: (program, what became of it)."""
+    reason: str
+    progress: Progress
+    failed: list[tuple[str, str]] = field(default_factory=list)
+    signal: int | None = None
+
+
+@dataclass
+class _Running:
+    """A program and its processes, one after the other."""
+    program: Program
+    process: Process | None = None
+    started: int = 0            # times
+    state: str = "absent"       # as the controller sees it
+    lost_at: float | None = None
+    ending: bool = False        # it was asked to end from here
+    dead: str = ""              # what became of its last process, "" while it lives
+    dealt_with: bool = True     # with its last end
+    again_at: float | None = None
+
+
+class Session:
+    """folder: for logs and records; built: where the controller and the guard are."""
+
+    def __init__(self, plan: Plan, folder: Path, view, built: Path):
+        self.plan, self.folder, self.view = plan, folder, view
+        self._controller_program, self._guard = str(built / "fledge_controller"), str(built / "fledge_guard")
+        self._running = {p.name: _Running(p) for p in plan.programs}
+        self.progress = Progress(plan.simulation, plan.until, rows=[
+            Row(p.name, "by hand" if p.by_hand else "starting", takes_part=not p.asynchronous) for p in plan.programs])
+        self._status = b""
+        self._address = None
+        self._ended: str | None = None      # the reason, once the controller has said it
+        self._asked_at: float | None = None
+        self._signals = 0
+        self._signal: int | None = None
+        self._failed: dict[str, str] = {}
+
+    # ---- from the beginning to the end
+
+    def run(self) -> Outcome:
+        """Raises StartError if it cannot be started."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        lock = os.open(self.folder, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError:
+                raise StartError(f"{self.folder} is in use by another run; end that, or give another folder by --out") \
+                    from None
+            for old in self.folder.glob("*.mcap"):
+                old.unlink()
+            self.logs = Logs(self.folder / "log", max(len(name) for name in [*self._running, "controller"]))
+            adopt_strays()
+            with _Signals(self._heard):
+                return self._run()
+        finally:
+            os.close(lock)
+
+    def _run(self) -> Outcome:
+        self._ours, theirs = socket.socketpair()
+        self._ours.setblocking(False)
+        try:
+            with theirs:
+                self._controller = self._start("controller", self._controller_command(theirs.fileno()),
+                                               pass_fds=(theirs.fileno(),))
+            while not self._over():
+                self._look()
+            self.progress.phase = "ended"
+            self._leave()
+        finally:
+            self._end_all()
+            self.logs.close()
+            self._ours.close()
+        self._find_failed()
+        return Outcome(self._ended or "", self.progress, list(self._failed.items()), self._signal)
+
+    def _look(self) -> None:
+        """What has happened meanwhile, and what is to be done about it."""
+        select.select([self._ours], [], [], _LOOK)
+        self._hear()
+        self._look_at_processes()
+        self.view.logged(self.logs.gather(), max(map(len, self._running)))
+        for row in self.progress.rows:
+            self._describe(row)
+        self.view.goes(self.progress, self.logs.recent)
+
+    def _over(self) -> bool:
+        """Whether the controller has ended, or has to be ended."""
+        late = self._asked_at is not None and time.monotonic() - self._asked_at > _FINISH
+        if self._signals > 1 or late:
+            self._ended = self._ended or ("interrupted twice, so all was ended at once" if self._signals > 1 else
+                                          "the controller did not come to an end")
+            return True
+        if self._ended is None and self._controller.look():
+            self._hear()
+            if self._ended is None:
+                said = self.logs.last("controller", 1)
+                if self._controller.code < 128 and said:
+                    self._ended = said[-1].removeprefix("fledge_controller: ")
+                else:
+                    self._ended = f"the controller {in_words(self._controller.code)}"
+                    self._failed["controller"] = in_words(self._controller.code)
+        return self._ended is not None
+
+    def _leave(self) -> None:
+        """Let programs end by themselves; those that nobody waits for are asked to."""
+        until = time.monotonic() + (_LEAVE if self._signals < 2 else 0.0)
+        for r in self._running.values():
+            if r.process and (r.program.asynchronous or r.state == "absent"):
+                self._end(r)    # nobody has told it
+        while time.monotonic() < until and self._signals < 2 and any(
+                r.process and not r.process.look() for r in self._running.values()):
+            select.select([], [], [], 0.02)
+            self._look_at_ends()
+        for r in self._running.values():
+            if r.process and not r.process.look():
+                if not r.program.asynchronous and not r.ending:
+                    self._failed[r.program.name] = f"did not end within {_LEAVE:g} s of the run, and was ended"
+                self._end(r)
+        self._look_at_ends()
+        self.logs.gather()
+
+    def _end_all(self) -> None:
+        """End whatever lives."""
+        processes = [r.process for r in self._running.values() if r.process]
+        if getattr(self, "_controller", None):
+            processes.append(self._controller)
+        for process in processes:
+            process.end()
+        until = time.monotonic() + _GIVE_UP
+        while not all([process.look() for process in processes]) and time.monotonic() < until:
+            time.sleep(0.02)
+        while end_strays({process.pid for process in processes if process.code is None}) \
+                and time.monotonic() < until:
+            time.sleep(0.02)
+        end_strays(set())
+
+    def stop(self, why: str) -> None:
+        """Ask the controller for the end."""
+        if self._asked_at is None:
+            self._asked_at = time.monotonic()
+            try:
+                self._ours.send(f"stop {' '.join(why.split())}\n".encode())
+            except OSError:
+                pass    # it has ended
+
+    def _heard(self, number: int) -> None:
+        self._signals += 1
+        self._signal = self._signal or number
+        if self._signals == 1 and getattr(self, "_ours", None):
+            self.stop("the user ended it")
+
+    # ---- programs
+
+    def _controller_command(self, status: int) -> list[str]:
+        plan = self.plan
+        command = [self._controller_program, "--simulation", plan.simulation, "--until", repr(plan.until),
+                   "--seed", str(plan.seed), "--address", plan.listening(), "--join", repr(plan.join),
+                   "--reply", repr(plan.reply), "--status", str(status)]
+        if plan.exchange:
+            command += ["--record", str(self.folder.resolve() / "exchange.mcap")]
+        if plan.keys:
+            command += ["--keys", plan.keys]
+        elif plan.beyond and plan.unencrypted:
+            command.append("--unencrypted-beyond-machine")
+        for p in plan.nodes:
+            joins = "" if p.joins is None else "any" if p.joins == WHEN_IT_COMES else repr(p.joins)
+            more = [f"joins={joins}"] * bool(joins) + ["rejoins"] * p.rejoins
+            more += [f"save={p.save_every!r}"] * bool(p.save_every)
+            more += [f"reply={p.reply!r}"] * (p.reply is not None)
+            command += ["--node", ",".join([f"{p.name}:{p.on_loss}", *more])]
+        return command
+
+    def _start(self, name: str, command: list[str], guard=None, **options) -> Process:
+        with self.logs.open(name) as log:
+            try:
+                return Process(command, guard or self._guard, log, **options)
+            except OSError as error:
+                raise StartError(f"cannot start {name}: {error.filename or command[0]}: {error.strerror}") from None
+
+    def _start_program(self, r: _Running) -> None:
+        p = r.program
+        r.started += 1
+        r.dead, r.dealt_with, r.ending, r.lost_at, r.again_at = "", False, False, None, None
+        theirs = {"FLEDGE_SIMULATION": self.plan.simulation, "FLEDGE_NODE": p.name, "FLEDGE_ADDRESS": self._address,
+                  "PYTHONUNBUFFERED": "1"}
+        keys = p.keys or self.plan.keys
+        if keys:
+            theirs["FLEDGE_KEYS"] = keys
+        theirs |= p.env
+        if p.host:
+            fledge = p.fledge or str(FLEDGE)
+            guard = f"{fledge}/build/{os.environ.get('FLEDGE_PRESET', 'release')}/cosim/fledge_guard"
+            launcher = [word.replace("{host}", p.host) for word in p.launcher or SSH]
+            r.process = self._start(p.name, self._command(p, [f"{fledge}/fledge"]), guard, launcher=launcher,
+                                    remote=(p.directory, {"PYTHONPATH": f"{fledge}/cosim/python", **theirs}))
+            return
+        path = os.pathsep.join([str(FLEDGE / "cosim/python"), *filter(None, [os.environ.get("PYTHONPATH")])])
+        r.process = self._start(p.name, self._command(p, [sys.executable, "-m", "fledge.cli"]),
+                                launcher=p.launcher or (), directory=p.directory if not p.mission else None,
+                                env={**os.environ, "PYTHONPATH": path, **theirs})
+
+    def _command(self, p: Program, fledge: list[str]) -> list[str]:
+        values = {"simulation": self.plan.simulation, "node": p.name, "address": self._address,
+                  "seed": str(self.plan.seed), "until": repr(self.plan.until), "record": str(self.folder.resolve())}
+        if p.command:
+            command = []
+            for word in p.command:
+                for name, value in values.items():
+                    word = word.replace(f"{{{name}}}", value)
+                command.append(word)
+            return command
+        command = [*fledge, "node", p.mission, p.process, *([p.scenario] if p.scenario else []), "--name", p.name]
+        for name, value in p.parameters.items():
+            command += ["--set", f"{name}={value!r}"]
+        if p.free:
+            command.append("--free")
+        if self.plan.record and not p.host:
+            command += ["--record", str(self.folder.resolve())]
+        return command
+
+    def _end(self, r: _Running) -> None:
+        r.ending = True
+        r.process.end()
+
+    # ---- what the controller says
+
+    def _hear(self) -> None:
+        while True:
+            try:
+                data = self._ours.recv(65536)
+            except OSError:
+                return
+            if not data:
+                return
+            *whole, self._status = (self._status + data).split(b"\n")
+            for line in whole:
+                self._take(json.loads(line))
+
+    def _take(self, said: dict) -> None:
+        if "listening" in said:
+            self._address = said["listening"]
+            if not self._signals:
+                for r in self._running.values():
+                    if r.program.by_hand:
+                        self.view.happens(f"  by hand  FLEDGE_SIMULATION={self.plan.simulation} "
+                                          f"FLEDGE_NODE={r.program.name} FLEDGE_ADDRESS={self._address}")
+                    else:
+                        self._start_program(r)
+        if "report" in said:
+            self.view.happens("  " + said["report"])
+        if "phase" in said:
+            self.progress.phase = said["phase"]
+        if "nodes" in said:
+            self.progress.t = said["t"]
+            self.progress.overruns = said.get("overruns")
+            rows = {row.name: row for row in self.progress.rows}
+            for node in said["nodes"]:
+                row, r = rows[node["name"]], self._running[node["name"]]
+                for key in ("t", "ticks", "compute", "transport", "wait", "asked"):
+                    setattr(row, key, node[key])
+                if node["state"] == "lost" and r.state != "lost":
+                    r.lost_at = time.monotonic()
+                r.state = node["state"]
+            self.progress.wall = max(row.compute + row.transport + row.wait + row.asked for row in rows.values())
+        if "ended" in said:
+            self._ended = said["ended"]
+
+    # ---- what becomes of programs
+
+    def _look_at_processes(self) -> None:
+        now = time.monotonic()
+        self._look_at_ends()
+        for r in self._running.values():
+            if not r.process or r.ending and r.dead and r.dealt_with:
+                continue
+            p = r.program
+            if not r.dead and r.state == "lost" and r.lost_at and now - r.lost_at > _HUNG and not r.ending \
+                    and p.on_loss != "pause":
+                self._end(r)    # it hangs, or has not noticed
+            if r.dead and not r.dealt_with and self._ended is None and self._asked_at is None:
+                self._lost(r, now)
+            if r.again_at and now >= r.again_at and self._ended is None and self._asked_at is None:
+                self.logs.say(p.name, f"started again ({r.started} of {p.restarts})")
+                self._start_program(r)
+
+    def _look_at_ends(self) -> None:
+        strays = False
+        for r in self._running.values():
+            if r.process and not r.dead and r.process.look():
+                r.dead = in_words(r.process.code)
+                strays = strays or r.process.code == 128 + signal.SIGKILL
+        if strays:
+            end_strays({r.process.pid for r in self._running.values() if r.process and r.process.code is None}
+                       | {self._controller.pid})
+
+    def _lost(self, r: _Running, now: float) -> None:
+        """A program has ended while the run goes on."""
+        p, name = r.program, r.program.name
+        if p.asynchronous:
+            r.dealt_with = True
+            if r.process.code:
+                self.view.happens(f"  {name}, for which nobody waits, {r.dead}")
+            return
+        if r.state in ("absent", "joining") and p.joins is None and p.on_loss != "restart":
+            r.dealt_with = True
+            self._failed[name] = r.dead
+            if r.state == "absent":
+                self.stop(f"{name} {r.dead} before it took part")
+            return
+        if r.state == "finished":
+            r.dealt_with = True
+            return
+        if p.on_loss != "restart":
+            r.dealt_with = True
+            return
+        r.dealt_with = True
+        if r.started > p.restarts:
+            self._failed[name] = r.dead
+            times = f"had been started again {p.restarts} times" if p.restarts != 1 else "had been started again once"
+            self.stop(f"{name} {r.dead}, and {times}")
+        else:
+            self.view.happens(f"  {name} {r.dead}; it is started again ({r.started} of {p.restarts})")
+            r.again_at = now + min(0.1 * r.started, 2.0)
+
+    def _find_failed(self) -> None:
+        """Programs that ended badly: by themselves, not because the run did."""
+        reason = self._ended or ""
+        for name, r in self._running.items():
+            if not r.process or r.program.asynchronous or name in self._failed or r.ending:
+                continue
+            if r.process.code and (not reason or r.state == "lost" or reason.startswith(f"{name}: ")):
+                self._failed[name] = in_words(r.process.code)
+
+    def _describe(self, row: Row) -> None:
+        """The state of a node, for people."""
+        r = self._running[row.name]
+        p = r.program
+        row.bad = False
+        if r.again_at:
+            row.state, row.bad = f"restart {r.started} of {p.restarts}", True
+        elif p.asynchronous:
+            row.state = r.dead.removeprefix("was ") or ("runs" if r.process else "starting")
+        elif r.dead and r.state not in ("finished",):
+            row.state = r.dead.removeprefix("was ").replace("ended with exit code", "exit code")
+            row.bad = bool(r.process.code) or r.state != "finished"
+        elif r.state == "absent":
+            row.state = "by hand" if p.by_hand else "starting"
+        elif r.state == "running" and row.asked > _BUSY:
+            row.state, row.bad = f"busy {row.asked:.0f} s", True
+        else:
+            row.state, row.bad = r.state, r.state == "lost"
+
+    def last_lines(self, name: str) -> list[str]:
+        return self.logs.last(name, _LAST_LINES)
+
+
+class _Signals:
+    """Ctrl-C, SIGTERM and SIGHUP ask for the end instead of being it."""
+
+    def __init__(self, heard):
+        self._heard = heard
+
+    def __enter__(self):
+        self._before = {number: signal.signal(number, lambda number, _: self._heard(number))
+                        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+
+    def __exit__(self, *_):
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
