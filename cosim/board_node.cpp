@@ -32,10 +32,14 @@ Initialized BoardNode::initialize(const Initialize &request)
         throw registers::Error("flight on a board cannot begin at " + sim::format_time(request.start) +
                                ": it would have to go on from a snapshot");
     }
-    reached_ = -1;
-    for (Message &message : messages_) {
+    for (std::uint32_t id = 0; id < messages_.size(); id++) {
+        Message &message = messages_[id];
         std::fill(message.held.begin(), message.held.end(), std::byte{});
+        if (reached_ >= 0 && message.to_flight) { // the lanes still hold those of the run before
+            mission_io_put(mission_.io, backend_.windows().data(), id, message.held.data(), &counts_);
+        }
     }
+    reached_ = -1;
     exchange(-1);
     Initialized answer;
     for (std::uint16_t i = 0; i < mission_.n_rates; i++) {

@@ -130,4 +130,12 @@ class Aarch64(Linux):
     compiler, size, runner = "aarch64-linux-gnu-gcc", "aarch64-linux-gnu-size", ("qemu-aarch64",)
 
 
-TARGETS = {one.name: one for one in (Desktop(), Linux(), Aarch64())}
+class Sparc64(Aarch64):
+    """A machine of the other byte order, under an emulator."""
+
+    name = "sparc64"
+    about = "the same for a big-endian machine, under qemu-user"
+    compiler, size, runner = "sparc64-linux-gnu-gcc", "sparc64-linux-gnu-size", ("qemu-sparc64",)
+
+
+TARGETS = {one.name: one for one in (Desktop(), Linux(), Aarch64(), Sparc64())}
