@@ -141,7 +141,9 @@ def show(options):
     import fledge
     from fledge.wiring import Wiring
 
-    wiring = Wiring(fledge.load(options.mission), options.flight_only)
+    from fledge.cli_node import given_parameters
+
+    wiring = Wiring(fledge.load(options.mission, **given_parameters(options)), options.flight_only)
     if options.out:
         say(str(wiring.save(options.out)))
         return 0
@@ -328,6 +330,7 @@ def parser():
                      "default: an outline, and runs/MISSION/wiring.svg")
     one.add_argument("--text", action="store_true", help="only the outline")
     one.add_argument("--flight-only", action="store_true", help="leave out the world")
+    cli_node.add_parameters(one)
 
     one = command("new", new, "begin a module, model, mission or project of your own", "new module SunSlew")
     one.add_argument("kind", choices=["module", "model", "mission", "project"])

@@ -6,6 +6,8 @@ Exit codes as of all commands: 0 written; 2 the command line or the mission is w
 
 from pathlib import Path
 
+from fledge.cli_node import add_parameters, given_parameters
+
 
 def add(command):
     """Add the subcommand, by the function of cli.parser() that adds one."""
@@ -18,6 +20,7 @@ def add(command):
     one.add_argument("--outputs", metavar="PATHS", help="which that board carries besides what the world reads, as in "
                      "flight.tracking.error,flight.spin.euler; all: every one")
     one.add_argument("--out", metavar="DIR", help="default: runs/MISSION/c")
+    add_parameters(one)
 
 
 def export(options):
@@ -26,7 +29,7 @@ def export(options):
     from fledge._console import Failure, say
 
     tasks = [name.strip() for name in options.tasks.split(",")] if options.tasks is not None else None
-    mission = exports.read(fledge.load(options.mission), tasks)
+    mission = exports.read(fledge.load(options.mission, **given_parameters(options)), tasks)
     if options.outputs and options.board != []:
         raise Failure("export: --outputs is for the mission's own board; give --board, without files")
     more = {}

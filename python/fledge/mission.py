@@ -46,6 +46,11 @@ class Mission:
         self.scenarios = {}
         self.parameters = {}
 
+    @property
+    def several(self):
+        """Whether it is of several spacecraft: its mission.py makes the processes."""
+        return (self.folder / "mission.py").exists()
+
     def summaries(self):
         """Name -> first line of the docstring, of the mission (under "") and of each scenario.
 
@@ -120,18 +125,17 @@ def load(name, seed=0, **parameters):
     Raises SetupError for an unknown mission or parameter, MissionError for an error in its files.
     """
     mission = find(name)
-    several = (mission.folder / "mission.py").exists()
-    simulation = Simulation(mission.name, seed, empty=several)
+    simulation = Simulation(mission.name, seed, empty=mission.several)
     simulation.mission = mission
     mission.parameters = dict(parameters)
     with _Files(mission) as files:
         flight = files.execute("flight", "build")
-        builds = [(flight.build, [simulation.flight])] if not several else []
+        builds = [(flight.build, [simulation.flight])] if not mission.several else []
         if (mission.folder / "world.py").exists():
             world = files.execute("world", "build")
-            if not several:
+            if not mission.several:
                 builds.append((world.build, [simulation.world, simulation.flight]))
-        if several:
+        if mission.several:
             builds = [(files.execute("mission", "build").build, [simulation])]
         _refuse_unknown(mission, parameters, builds)
         for build, arguments in builds:

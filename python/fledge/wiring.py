@@ -10,13 +10,19 @@ from fledge import _core
 from fledge.process import Event, World
 
 
+def kind_of(process):
+    """What a process is: "flight" or "world"."""
+    return "world" if isinstance(process, World) else "flight"
+
+
 class Node:
     """An instance: where it stands, and what it is."""
 
     def __init__(self, process, name, instance):
         struct = _core.struct(instance)
-        self.process, self.name, self.type, self.doc = process, name, struct.name, struct.doc
-        self.path = f"{process}.{name}"
+        self.process, self.kind = process.name, kind_of(process)
+        self.name, self.type, self.doc = name, struct.name, struct.doc
+        self.path = f"{process.name}.{name}"
         self.task = None          # the name of the task that runs it
         self.place = None         # (task, index in it), of what a task runs; parts take that of their host
         self.in_stack = False     # whether it is in the longest chain of its task
@@ -76,6 +82,7 @@ class Wiring:
         # Flight first, as it is what a mission is about.
         shown = sorted(simulation.flights if flight_only else simulation.processes, key=lambda p: isinstance(p, World))
         self.processes = [_Process(p) for p in shown]
+        self.kinds = {p.name: kind_of(p) for p in simulation.processes}
         self.nodes = {node.path: node for process in self.processes for node in process.nodes}
         messages = {f"{_core.path(one)}.{f.name}": f.struct.name
                     for process in simulation.processes for one in process
@@ -174,8 +181,8 @@ class _Task:
 class _Process:
     def __init__(self, process):
         core = process._core_process
-        self.name = process.name
-        self.nodes = [Node(self.name, _core.name(one), one) for one in process]
+        self.name, self.kind = process.name, kind_of(process)
+        self.nodes = [Node(process, _core.name(one), one) for one in process]
         # In the order in which they run at equal times.
         self.tasks = [_Task(*t) for t in sorted(core.tasks, key=lambda t: -t[3])]
         by_name = {node.name: node for node in self.nodes}
@@ -190,7 +197,7 @@ class _Process:
                     child.host = node.path
                     if child.place is None and node.place is not None:
                         child.task, child.place = node.task, (*node.place, k)
-        self.integrator = core.integrator if self.name == "world" else ""
+        self.integrator = core.integrator if self.kind == "world" else ""
         self.modes = [(name, ", ".join(tasks) or "no task of its own") for name, tasks in core.modes]
         self.events = [(event_name(e), event_text(e)) for e in process._handles.values() if isinstance(e, Event)]
 

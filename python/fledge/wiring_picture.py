@@ -72,14 +72,14 @@ def dot(wiring, links=False):
     lines += [_wire(wiring, link) for link in wiring.links]
     for node in wiring.nodes.values():
         if node.host:
-            style = _attributes(label="part", dir="back", arrowtail="odiamond", color=SHADES[node.process][0],
+            style = _attributes(label="part", dir="back", arrowtail="odiamond", color=SHADES[node.kind][0],
                                 penwidth=0.8, arrowsize=0.8, weight=20)
             lines.append(f"  {_quoted(node.host)} -> {_quoted(node.path)} [{style}];")
     return "\n".join([*lines, "}", ""])
 
 
 def _process(wiring, process, links):
-    line, ground, _ = SHADES[process.name]
+    line, ground, _ = SHADES[process.kind]
     rows = [f'<FONT COLOR="{line}" POINT-SIZE="12"><B>{_text(process.name)}</B></FONT>']
     for word, entries in (("mode", process.modes), ("event", process.events)):
         for name, text in entries:
@@ -117,7 +117,7 @@ def _row_of_parts(wiring, host):
 
 
 def _node(node, links):
-    line, _, box = SHADES[node.process]
+    line, _, box = SHADES[node.kind]
     quiet = node.place is None
     name = _text(node.name) if quiet else f"<B>{_text(node.name)}</B>"
     words = [f'<FONT COLOR="{SOFT if quiet else INK}" POINT-SIZE="{9.5 if quiet else 11.5}">{name}</FONT>',
@@ -143,14 +143,21 @@ def _wire(wiring, link):
     # The blanks keep the words off the line.
     label = _Markup("<" + "".join(f'&#160;{word}&#160;<BR ALIGN="LEFT"/>' for word in words) + ">")
     says = f"{link.source} >> {link.target}"
-    style = {"label": label, "color": PALE if quiet else SHADES[link.start.partition(".")[0]][0],
+    style = {"label": label, "color": PALE if quiet else SHADES[wiring.kinds[link.start.partition(".")[0]]][0],
              "edgetooltip": says, "labeltooltip": says}
     tail, head = (link.start if a else link.source), (link.to if b else link.target)
     if link.back:
         style["style"] = "dashed"
-    if a and b and (link.back or link.crosses):
+    if a and b and link.crosses and a.kind == b.kind:
+        # Between several spacecraft: all in one direction, for graphviz fails where ranks go in a ring.
+        order = list(wiring.kinds)
+        style["weight"] = 0
+        if order.index(a.process) > order.index(b.process):
+            style["dir"] = "back"
+            tail, head = head, tail
+    elif a and b and (link.back or link.crosses):
         style["constraint"] = "false"  # processes stand side by side, whatever goes back and forth
-    if a and b and link.crosses and a.process == "flight":
+    if a and b and link.crosses and (a.kind, b.kind) == ("flight", "world"):
         # Commands are laid from the world to flight, like measurements, so that they run beside them.
         style["dir"] = "back"
         tail, head = head, tail

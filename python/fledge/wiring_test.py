@@ -54,7 +54,7 @@ def shown_edges(text):
 
 
 def shown_nodes(text):
-    return Counter(re.findall(r'^ *"([a-z]+\.\w+)" \[', text, re.MULTILINE))
+    return Counter(re.findall(r'^ *"([a-z0-9_]+\.\w+)" \[', text, re.MULTILINE))
 
 
 @pytest.mark.parametrize("name", sorted(fledge.missions()))
@@ -62,7 +62,7 @@ def test_every_instance_and_every_wire_of_a_mission_is_drawn_once(name):
     sim = fledge.load(name)
     text = dot(Wiring(sim))
     assert shown_edges(text) == Counter(wires(sim))
-    assert shown_nodes(text) == Counter(fledge._core.path(one) for one in (*sim.flight, *sim.world))
+    assert shown_nodes(text) == Counter(fledge._core.path(one) for process in sim.processes for one in process)
 
 
 def test_the_outline_has_every_instance_and_every_wire_once(sim):

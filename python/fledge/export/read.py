@@ -119,6 +119,9 @@ def read(sim, tasks=None):
 
 class _Reader:
     def __init__(self, sim, tasks):
+        if len(sim.flights) > 1:
+            raise ExportError(f"{sim.name} has {len(sim.flights)} flight processes, and what is exported is that of "
+                              "one spacecraft: fly it in a mission of its own")
         self.sim, self.flight = sim, sim.flight._core_process
         if sim._core.now >= 0:
             raise ExportError(f"{sim.name}: export it before it runs; it stands at {sim.time:g} s")
