@@ -13,6 +13,7 @@ In a document,
 
 import os
 import re
+import shutil
 import subprocess
 
 import pytest
@@ -30,6 +31,7 @@ class Shell:
         self.state = folder / ".state"
         environment = {name: value for name, value in os.environ.items() if name != "FLEDGE_PROJECT"}
         environment["PATH"] = f"{ROOT}:{environment['PATH']}"
+        environment["FLEDGE"] = str(ROOT)
         self.environment = environment
         self.state.write_text(f"cd {folder}\n")
 
@@ -106,6 +108,12 @@ def test_the_tutorial_leads_to_a_module_in_closed_loop(tmp_path):
 
 def test_existing_code_is_wrapped_and_flown(tmp_path):
     assert follow("existing-code.md", Shell(tmp_path)) >= 7
+
+
+@pytest.mark.skipif(not shutil.which("mcs"), reason="mono-mcs is not installed")
+@pytest.mark.skipif(os.environ.get("FLEDGE_PRESET") == "asan", reason="Mono takes no sanitizer in its memory")
+def test_programs_are_joined_into_one_simulation(tmp_path):
+    assert follow("cosim.md", Shell(tmp_path)) >= 10
 
 
 @pytest.mark.skipif(os.environ.get("FLEDGE_PRESET") == "asan", reason="gdb hangs where the sanitizer is loaded first")
