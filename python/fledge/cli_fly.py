@@ -36,9 +36,7 @@ def add(command):
 def fly(options):
     from fledge import cli
     from fledge._console import Failure, say
-    from fledge.archive import Archive
-    from fledge.compare import compare, digest
-    from fledge.fly import TARGETS, Job, table
+    from fledge.fly import TARGETS, Job
 
     names = [name.strip() for name in options.on.split(",") if name.strip()]
     for name in names:
@@ -55,13 +53,28 @@ def fly(options):
     part = options.build or options.join is not None       # then it does not matter for how long
     job = Job(options.mission, options.scenario, duration or (1.0 if part else None), options.seed, options.board,
               options.out)
-    if options.build:
-        return _build(job, [TARGETS[name] for name in names if name != "desktop"], say)
-    if options.join is not None:
-        return _join(job, [TARGETS[name] for name in names if name != "desktop"], options.join, options.keys, say)
-    names = list(dict.fromkeys(["desktop", *names]))
+    others = [TARGETS[name] for name in names if name != "desktop"]
+    if options.join is not None and len(others) != 1:
+        raise Failure(f"--join: say with --on which target it is, one; found {len(others)}")
     if options.within and not job.rounds:
         raise Failure("--within is for boards with words that round; messages that pass whole are the same bits")
+    for field, _ in options.within:
+        if not any(f".{known}".endswith(f".{field}") for known in job.fields()):
+            raise Failure(f"--within: flight puts out no field {field}")
+    with job.alone():
+        if options.build:
+            return _build(job, others)
+        if options.join is not None:
+            return _join(job, others[0], options.join, options.keys)
+        return _fly(job, list(dict.fromkeys(["desktop", *names])), options.within, settled)
+
+
+def _fly(job, names, bounds, settled):
+    from fledge._console import Failure, say
+    from fledge.archive import Archive
+    from fledge.compare import compare, digest
+    from fledge.fly import TARGETS, table
+
     whole = f"{job.mission.title}, {job.scenario}, {job.duration:g} s"
     say(whole + (f", through {', '.join(path.name for path in job.boards)}" if job.boards else ""))
 
@@ -78,7 +91,7 @@ def fly(options):
         if name == "desktop":
             said, ok = "", True
         elif job.rounds:
-            said, ok = _rounded(archives["desktop"], archive, job, flown, options.within, settled, say)
+            said, ok = _rounded(archives["desktop"], archive, job, flown, bounds, settled)
             if first is None:
                 first = name
             else:
@@ -96,7 +109,8 @@ def fly(options):
     return 0 if same else 1
 
 
-def _build(job, targets, say):
+def _build(job, targets):
+    from fledge._console import say
     from fledge.fly import table
 
     for target in targets:
@@ -106,25 +120,23 @@ def _build(job, targets, say):
     return 0
 
 
-def _join(job, targets, address, keys, say):
-    from fledge._console import Failure
+def _join(job, target, address, keys):
+    from fledge._console import say
     from fledge.fly import table
 
-    if len(targets) != 1:
-        raise Failure(f"--join: say with --on which target it is, one; found {len(targets)}")
     if keys:
         os.environ["FLEDGE_KEYS"] = keys
     address = address or os.environ.get("FLEDGE_ADDRESS") or "tcp://127.0.0.1:7000"
     simulation = os.environ.get("FLEDGE_SIMULATION") or job.mission.title
     node = os.environ.get("FLEDGE_NODE") or "flight"
-    say(f"{job.mission.title}, {job.scenario}: {targets[0].name} as the node {node} of {simulation} at {address}")
-    flown = targets[0].join(job, address, simulation, node)
+    say(f"{job.mission.title}, {job.scenario}: {target.name} as the node {node} of {simulation} at {address}")
+    flown = target.join(job, address, simulation, node)
     say(f"  flown    {flown.steps} steps, {table.cpu(flown.cpu)} each{', ' + flown.cpu_of if flown.cpu_of else ''}\n"
         f"  record   {flown.record}")
     return 0
 
 
-def _rounded(desktop, archive, job, flown, bounds, settled, say):
+def _rounded(desktop, archive, job, flown, bounds, settled):
     """(what the table says, whether all bounds hold) of a flight through words that round."""
     from fledge.compare import compare
 
@@ -138,12 +150,6 @@ def _rounded(desktop, archive, job, flown, bounds, settled, say):
     ok, texts = True, []
     for field, bound in bounds:
         near = [one for one in found if f".{one.topic}.{_plain(one.name)}".endswith("." + field)]
-        known = any(f".{topic.strip('/').replace('/', '.')}.{name}".endswith("." + field)
-                    for topic in job.outputs for name in desktop.topics[topic].fields)
-        if not known:
-            from fledge._console import Failure
-
-            raise Failure(f"--within: flight puts out no field {field}")
         worst = max((one.worst for one in near), default=0.0)
         ok = ok and worst <= bound
         texts.append(f"{field} up to {worst:.3g}, {'within' if worst <= bound else 'BEYOND'} {bound:g}")

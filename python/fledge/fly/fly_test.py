@@ -22,7 +22,7 @@ import fledge
 from fledge import cli
 from fledge.archive import Archive
 from fledge.compare import compare
-from fledge.fly import TARGETS, Job, build
+from fledge.fly import TARGETS, Job, build, loop
 from fledge.fly.target import Linux
 
 WHOLE = bool(os.environ.get("FLEDGE_FLY_WHOLE"))
@@ -335,11 +335,28 @@ def test_a_target_that_dies_is_told_and_leaves_nothing_behind(folder):
     assert len(part.time_ns("motor.command")) > 30
 
 
+def test_two_do_not_build_in_one_folder(folder, capsys):
+    with Job("nadir_spin", duration=1.0, folder=folder / "nadir_spin").alone():
+        assert cli.main(["fly", "nadir_spin", "--for", "1s", "--out", str(folder / "nadir_spin")]) == 2
+    assert "another fledge fly works in " in capsys.readouterr().err
+
+
+def test_on_a_terminal_it_shows_how_far_it_is(folder, monkeypatch):
+    """What the bar is told: times that rise to the end."""
+    seen = []
+    monkeypatch.setattr(loop.Progress, "at", lambda self, t: seen.append(t))
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    job = Job("nadir_spin", duration=600.0, folder=folder / "nadir_spin")
+    TARGETS["linux"].fly(job)
+    assert seen and seen == sorted(seen) and seen[-1] <= 600 * 10**9
+
+
 @pytest.mark.parametrize("arguments, complaint", [
     (["nadir_spin", "--on", "desktop,vax"], "there is no target 'vax'; there are desktop, the run in one program"),
     (["nadir_spin", "spn"], "the mission nadir_spin has no scenario 'spn'; it has spin"),
     (["two_body_pointing", "near_conjunction"], "line 35: the scenario near_conjunction runs again here"),
     (["nadir_spin", "--within", "x=1"], "--within is for boards with words that round"),
+    (["nadir_spin", "--board", str(CONVERTERS), "--within", "x=1"], "--within: flight puts out no field x"),
     (["nadir_spin", "--board", "no_such.toml"], "no_such.toml"),
     (["nadir_spin", "--board", "registers/boards/io_board_a.toml"], "no board has a clock"),
     (["nadir_spin", "--for", "soon"], "expected a duration"),

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is flown: a scenario of a mission, exported once for all targets, and for how long."""
 
+import fcntl
 import math
+from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
 
@@ -33,6 +35,17 @@ class Job:
         self.rounds = any(field.carries for board in self.described() for snorkel in board.snorkels
                           for field in snorkel.fields)      # some numbers pass as counts
 
+    @contextmanager
+    def alone(self):
+        """The folder is this program's as long as the context lasts: two that built in it would spoil it."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        with (self.folder / ".in_use").open("w") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise Failure(f"another fledge fly works in {self.folder}; wait, or give another --out") from None
+            yield
+
     @cached_property
     def written(self):
         """The paths of all that is exported, which this writes."""
@@ -62,6 +75,10 @@ class Job:
         return build.program(self.folder / "tables", f"{self.mission.name}.so", self.sources(), self.includes(),
                              flags=["-fPIC"], link=["-shared", "-Wl,-z,defs"], entry="fledge_mission")
 
+    def fields(self):
+        """The names of all numbers that flight puts out: "flight.tracking.error.sigma_BR"."""
+        return [name for m in self.mission.outputs for name in _fields(m.struct, m.path)]
+
     def is_instant(self, t):
         """Of an array of times [ns], which are flight's: on the grid of any of its tasks."""
         import numpy as np
@@ -74,6 +91,14 @@ class Job:
     def step(self):
         """[ns] The widest grid that has all of flight's instants."""
         return math.gcd(*(n for task in self.mission.tasks for n in (task.period, task.offset)))
+
+
+def _fields(struct, path):
+    for field in struct.fields:
+        if field.type == "struct":
+            yield from _fields(field.struct, f"{path}.{field.name}")
+        else:
+            yield f"{path}.{field.name}"
 
 
 class _Begins(BaseException):

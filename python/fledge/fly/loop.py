@@ -5,6 +5,7 @@ it does."""
 
 import contextlib
 import itertools
+import json
 import os
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import time
 from pathlib import Path
 
 from fledge._console import Failure
+from fledge._progress import Progress
 from fledge.fly import build
 
 _numbers = itertools.count()
@@ -48,11 +50,18 @@ def _run(job, name, commands):
     log = folder / f"{name}.log"
     with contextlib.ExitStack() as stack:
         text = stack.enter_context(log.open("w", encoding="utf-8", errors="replace"))
+        bar = stack.enter_context(Progress(name, 0, round(job.duration * 1e9)))
+        how_far = stack.enter_context(HowFar()) if bar.wanted and "controller" in commands else None
+        if how_far:
+            commands["controller"] += ["--status", how_far.told]
         # Python looks for missions from here; a target writes its record into the folder.
-        programs = {which: stack.enter_context(Program(which, command, text, folder if which == "flight" else None))
-                    for which, command in commands.items()}
+        programs = {which: stack.enter_context(Program(
+            which, command, text, folder if which == "flight" else None,
+            [how_far.told] if how_far and which == "controller" else [])) for which, command in commands.items()}
         results, ends = {}, None
         while ends is None or time.monotonic() < ends:
+            if how_far:
+                bar.at(how_far.now())
             results = {which: program.poll() for which, program in programs.items()}
             if None not in results.values():
                 break
@@ -72,10 +81,33 @@ def _what_failed(results, log, title):
     return f"the flight of {title} ended early: {codes}; {log} ends with\n    " + "\n    ".join(lines[-12:])
 
 
+class HowFar:
+    """What the controller says of how far the run is, for the bar."""
+
+    def __enter__(self):
+        self.read, self.told = os.pipe()
+        os.set_blocking(self.read, False)
+        self.rest, self.t = b"", 0
+        return self
+
+    def __exit__(self, *_):
+        os.close(self.read)
+        os.close(self.told)
+
+    def now(self):
+        """[ns]"""
+        with contextlib.suppress(BlockingIOError):
+            self.rest += os.read(self.read, 65536)
+        *lines, self.rest = self.rest.split(b"\n")
+        for line in lines:
+            self.t = max(self.t, round(json.loads(line).get("t", 0) * 1e9))
+        return self.t
+
+
 class Program:
     """A program under the guard; leaving the context ends it."""
 
-    def __init__(self, name, command, log, folder):
+    def __init__(self, name, command, log, folder, descriptors=()):
         self.name = name
         self.out = open(f"{log.name}.{name}", "w+", encoding="utf-8", errors="replace")
         Path(self.out.name).unlink()
@@ -86,7 +118,7 @@ class Program:
         try:
             self.process = subprocess.Popen([build.native("fledge_guard", "cosim"), "--", *map(str, command)],
                                             stdin=subprocess.PIPE, stdout=self.out, stderr=subprocess.STDOUT,
-                                            cwd=folder, env=environment)
+                                            cwd=folder, env=environment, pass_fds=descriptors)
         except BaseException:
             self.out.close()
             raise
