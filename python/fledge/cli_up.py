@@ -10,6 +10,7 @@ from fledge._console import Failure, say, size_of
 def add(command):
     """Add the subcommand, by the function of cli.parser() that adds one."""
     from fledge.cli import _pace
+    from fledge.cli_node import add_parameters
 
     one = command("up", up, "start all programs of a co-simulation, and watch them", "up spring.toml")
     one.add_argument("simulation", metavar="SIM.toml|MISSION",
@@ -19,8 +20,7 @@ def add(command):
                      "or the scenario says")
     one.add_argument("--seed", type=int, metavar="N", help="of the random streams")
     one.add_argument("--pace", type=_pace, metavar="X", help="X simulated seconds per second; 0: as fast as possible")
-    one.add_argument("--set", action="append", default=[], dest="parameters", metavar="NAME=VALUE",
-                     help="of a MISSION: a parameter")
+    add_parameters(one)
     one.add_argument("--tcp", action="store_true", help="meet at a TCP port of this machine")
     one.add_argument("--exchange", action="store_true", help="record all that passes between the nodes")
     one.add_argument("--out", metavar="DIR", help="for logs and records; default: runs/NAME")
@@ -74,9 +74,10 @@ def _plan(options, description):
         except description.SimError as error:
             raise Failure(f"up: the simulation cannot be started\n{error}") from None
     else:
+        from fledge.cli_node import given_parameters
         from fledge.up.missions import plan_of
 
-        plan = plan_of(options.simulation, options.scenario, options.parameters)
+        plan = plan_of(options.simulation, options.scenario, given_parameters(options))
     if options.until is not None:
         plan.until = parse_duration(options.until)
     if options.seed is not None:
@@ -89,6 +90,10 @@ def _plan(options, description):
         plan.transport = "tcp"
     plan.exchange = plan.exchange or options.exchange
     return plan
+
+
+def _times(x):
+    return f"{x:,.0f}" if x >= 100 else f"{x:.3g}"
 
 
 def _programs(plan):
@@ -111,7 +116,7 @@ def _tell(plan, folder, session, outcome):
     """What there is to know about a run that is over; returns the exit code."""
     t, wall = max(outcome.progress.t, 0.0), outcome.progress.wall
     if t > 0 and wall > 0:
-        say(f"  flown    {t:g} s in {wall:.3g} s, {t / wall:,.3g} times real time")
+        say(f"  flown    {t:g} s in {wall:.3g} s, {_times(t / wall)} times real time")
     if outcome.progress.overruns:
         say(f"  pace     {outcome.progress.overruns} instants were late")
     for record in sorted(folder.glob("*.mcap")):

@@ -396,8 +396,7 @@ def processes_of(mission: str, parameters: dict) -> list[str]:
     """The names of a mission's processes. Raises SetupError."""
     import fledge
 
-    sim = fledge.load(mission, **parameters)
-    return [p.name for p in getattr(sim, "processes", ())] or ["world", "flight"]
+    return [p.name for p in fledge.load(mission, **parameters).processes]
 
 
 def unreachable(host: str) -> str:

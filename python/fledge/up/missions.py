@@ -2,8 +2,6 @@
 """A mission as a simulation of several programs, one for each of its processes."""
 from __future__ import annotations
 
-import ast
-
 from fledge._console import Failure
 from fledge.up.description import Plan, Program
 
@@ -12,23 +10,13 @@ class _Runs(BaseException):
     """The scenario asks for its run; with how long [s]."""
 
 
-def plan_of(name: str, scenario: str | None, parameters: list[str]) -> Plan:
-    """One node per process, for as long as the scenario runs first. Raises SetupError, Failure."""
+def plan_of(name: str, scenario: str | None, parameters: dict) -> Plan:
+    """One node per process, for as long as the scenario runs. Raises SetupError, Failure."""
     import fledge
 
-    given = {}
-    for text in parameters:
-        key, equals, value = text.partition("=")
-        if not equals or not key.isidentifier():
-            raise Failure(f"--set {text}: expected NAME=VALUE, as in spacecraft=8")
-        try:
-            given[key] = ast.literal_eval(value)
-        except (ValueError, SyntaxError):
-            given[key] = value
-    sim = fledge.load(name, **given)
-    processes = [p.name for p in getattr(sim, "processes", ())] or ["world", "flight"]
-    nodes = [Program(process, mission=str(sim.mission.folder), process=process, scenario=scenario, parameters=given)
-             for process in processes]
+    sim = fledge.load(name, **parameters)
+    nodes = [Program(p.name, mission=str(sim.mission.folder), process=p.name, scenario=scenario,
+                     parameters=parameters) for p in sim.processes]
     return Plan(sim.name, _duration(sim, scenario), nodes, file=sim.name)
 
 

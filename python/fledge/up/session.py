@@ -310,7 +310,7 @@ class Session:
         now = time.monotonic()
         self._look_at_ends()
         for r in self._running.values():
-            if not r.process or r.ending and r.dead and r.dealt_with:
+            if not r.process:
                 continue
             p = r.program
             if not r.dead and r.state == "lost" and r.lost_at and now - r.lost_at > _HUNG and not r.ending \

@@ -72,6 +72,12 @@ def _speed(x: float) -> str:
     return f"{x:,.0f}x" if x >= 100 else f"{x:.3g}x"
 
 
+def _span(x: float) -> str:
+    """2.83 s, 279 us"""
+    factor, unit = (1, "s") if x >= 1 or x == 0 else (1e3, "ms") if x >= 1e-3 else (1e6, "us")
+    return f"{x * factor:.3g} {unit}"
+
+
 def _count(x: float) -> str:
     return f"{x:,.0f}" if x >= 10 or x == 0 else f"{x:.2g}"
 
@@ -120,9 +126,9 @@ _COLUMNS = (
     _Column("time", 9, 4, lambda row, rate: _simulated(row.t)),
     _Column("ticks/s", 9, 3, lambda row, rate: _count(rate.ticks)),
     _Column("speed", 7, 2, lambda row, rate: _speed(rate.t)),
-    _Column("compute", 8, 0, lambda row, rate: f"{rate.shares()[0]:.0%}", lambda row, rate: f"{row.compute:.3g} s"),
-    _Column("transport", 9, 0, lambda row, rate: f"{rate.shares()[1]:.0%}", lambda row, rate: f"{row.transport:.3g} s"),
-    _Column("wait", 8, 1, lambda row, rate: f"{rate.shares()[2]:.0%}", lambda row, rate: f"{row.wait:.3g} s"),
+    _Column("compute", 8, 0, lambda row, rate: f"{rate.shares()[0]:.0%}", lambda row, rate: _span(row.compute)),
+    _Column("transport", 9, 0, lambda row, rate: f"{rate.shares()[1]:.0%}", lambda row, rate: _span(row.transport)),
+    _Column("wait", 8, 1, lambda row, rate: f"{rate.shares()[2]:.0%}", lambda row, rate: _span(row.wait)),
     _Column("", _SHARES, 5, lambda row, rate: _bar(rate.shares(), _SHARES)),
 )
 

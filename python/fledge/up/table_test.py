@@ -58,7 +58,7 @@ def test_the_last_table_has_the_whole_times():
     now = at(4.0, 10.0, 1000, 2.5, 0.4)
     now.rows[0].state = "finished"
     text = lines(now, table.whole(now)[0], 120, final=True)
-    assert text[1].split() == "mass finished 10.00 s 250 2.5x 2.5 s 0.4 s 1.1 s ##########==.... slowest".split()
+    assert text[1].split() == "mass finished 10.00 s 250 2.5x 2.5 s 400 ms 1.1 s ##########==.... slowest".split()
 
 
 def test_it_fits_the_terminal():

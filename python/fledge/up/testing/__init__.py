@@ -35,11 +35,16 @@ def step(t):
     node["/mass/state"] = {"x": x}
     if t % 10**9 == 0:
         print("the mass is at", x[0])
+    if t == int(os.environ.get("STAYS_AT", -1)) * 10**9:  # until it is told to go on
+        while not os.path.exists("go"):
+            time.sleep(0.01)
 
 node.run()
+print("the mass leaves")
+time.sleep(float(os.environ.get("LINGERS", 0)))
 """
 SPRING = """
-import os, sys
+import os, sys, time
 from fledge_node import Node, ms
 print("the spring is there")
 node = Node(every=10 * ms)
@@ -50,14 +55,15 @@ node.writes("/spring/force", "Force", "float64[2] F  # F [N] (2) force")
 def step(t):
     if t == int(os.environ.get("BREAKS_AT", -1)) * 10**9:
         raise ValueError("the spring breaks")
-    if t == int(os.environ.get("HANGS_AT", -1)) * 10**9:
-        import time
+    if t == int(os.environ.get("HANGS_AT", -1)) * 10**9 and not os.path.exists("hung"):
+        open("hung", "w").close()
         time.sleep(600)
     node["/spring/force"] = {"F": [-x for x in node["/mass/state"]["x"]]}
 
 node.run()
 """
 PAIR = """
+simulation = "{simulation}"
 until = {until}
 {top}
 [[node]]
@@ -71,12 +77,12 @@ command = ["{python}", "spring.py"]
 """
 
 
-def write_pair(folder, until=2, top="", mass="", spring=""):
+def write_pair(folder, until=2, simulation="pair", top="", mass="", spring=""):
     """A SIM.toml with the two programs, in a folder."""
     (folder / "mass.py").write_text(MASS)
     (folder / "spring.py").write_text(SPRING)
     file = folder / "pair.toml"
-    file.write_text(PAIR.format(until=until, top=top, mass=mass, spring=spring, python=sys.executable))
+    file.write_text(PAIR.format(until=until, simulation=simulation, top=top, mass=mass, spring=spring, python=sys.executable))
     return file
 
 
@@ -117,12 +123,11 @@ class Mark:
                 pass
 
 
-def sockets_and_memory():
-    """Names of sockets and shared memory of Fledge on this machine, with and without a file."""
-    names = {line.split()[7] for line in Path("/proc/net/unix").read_text().splitlines()[1:] if len(line.split()) > 7}
-    files = {str(path) for folder in ("/dev/shm", "/tmp") for path in Path(folder).glob("*")
-             if "fledge" in path.name or path.is_socket()}
-    return {name for name in names if "fledge" in name} | files
+def sockets_and_memory(simulation):
+    """What there is of a simulation besides processes: sockets, with a file or without, and memory."""
+    sockets = [line for line in Path("/proc/net/unix").read_text().splitlines() if simulation in line]
+    files = [str(path) for folder in ("/dev/shm", "/tmp") for path in Path(folder).glob(f"*{simulation}*")]
+    return sockets + files
 
 
 def up(file, *options, mark=None, folder=None, timeout=60, **kwargs):

@@ -1,0 +1,224 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Nothing is left behind, whoever is killed, and whenever: no process, no socket, no memory.
+
+A few cycles by default; FLEDGE_KILL_CYCLES=100 ./fledge test -k up.kill runs as many of each kind.
+"""
+import os
+import pty
+import random
+import re
+import select
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from fledge.up.testing import BUILT, Mark, sockets_and_memory, write_pair
+
+pytestmark = pytest.mark.skipif(not (BUILT / "fledge_guard").exists() or not (BUILT / "fledge_controller").exists(),
+                                reason="the controller is not built")
+
+CYCLES = int(os.environ.get("FLEDGE_KILL_CYCLES", 0))
+SEED = int(os.environ.get("FLEDGE_KILL_SEED", 1))
+
+VICTIMS = {     # by what stands in the command line
+    "up": r"-m fledge\.cli up", "controller": r"\S*fledge_controller ", "its guard": r"\S*fledge_guard -- \S*controller ",
+    "mass": r"\S+ mass\.py$", "spring": r"\S+ spring\.py$", "guard": r"\S*fledge_guard -- \S+ mass\.py$",
+    "child": r"sh -c trap|sleep 600"}
+PHASES = ("starting", "gathering", "running", "ending")
+
+
+@pytest.fixture
+def mark():
+    one = Mark()
+    yield one
+    left = one.gone()
+    one.kill()
+    assert not left
+
+
+def wait_for(what, seconds=30):
+    until = time.monotonic() + seconds
+    while not (found := what()):
+        assert time.monotonic() < until, "it does not come to that"
+        time.sleep(0.01)
+    return found
+
+
+def start(file, mark):
+    return subprocess.Popen([sys.executable, "-m", "fledge.cli", "up", str(file)], cwd=file.parent, env=mark.env,
+                            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+
+
+def said(folder, simulation, name):
+    file = folder / "runs" / simulation / "log" / f"{name}.log"
+    return file.read_text() if file.exists() else ""
+
+
+def named(mark, pattern):
+    return [pid for pid, command in mark.processes() if re.match(rf"(?:\S*python\S* )?(?:{pattern})", command)]
+
+
+def cycle(folder, mark, phase, victim, rng):
+    """Kill one in a phase; returns what `fledge up` said and how it ended."""
+    simulation = f"kill-{os.getpid()}-{rng.getrandbits(32):x}"
+    file = write_pair(folder, until=0.3 if phase == "ending" else 1e6, simulation=simulation,
+                      mass=f'env = {{ CHILD = "1", LINGERS = "{3 if phase == "ending" else 0}" }}')
+    process = start(file, mark)
+    try:
+        if phase == "gathering":
+            wait_for(lambda: named(mark, VICTIMS["mass"]))
+        elif phase == "running":
+            wait_for(lambda: "the mass is at" in said(folder, simulation, "mass"))
+        elif phase == "ending":
+            wait_for(lambda: "the mass leaves" in said(folder, simulation, "mass"))
+        time.sleep(rng.uniform(0, 0.3) if phase == "starting" else rng.uniform(0, 0.05))
+        for pid in named(mark, VICTIMS[victim])[:1]:
+            try:
+                os.kill(pid, signal.SIGKILL)
+            except ProcessLookupError:
+                pass
+        if phase in ("starting", "gathering") or victim == "child":
+            time.sleep(0.2)
+            process.send_signal(signal.SIGTERM)     # it may have hit nobody, or nobody who matters
+        out, _ = process.communicate(timeout=60)
+        left = mark.gone()
+        assert not left, f"killing {victim} while {phase} leaves {left}; {out}"
+        assert not sockets_and_memory(simulation)
+        return out, process.returncode
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def chosen():
+    """(phase, victim) of each cycle: all there are, in an order by the seed."""
+    rng = random.Random(SEED)
+    pairs = [(phase, victim) for phase in PHASES for victim in VICTIMS]
+    picked = []
+    while len(picked) < (CYCLES or 7):
+        rng.shuffle(pairs)
+        if CYCLES:
+            picked += pairs
+        else:       # each victim once
+            picked += {victim: (phase, victim) for phase, victim in pairs}.values()
+    return picked[:CYCLES or 7]
+
+
+def test_nothing_is_left_of_a_run_whoever_is_killed(mark, tmp_path):
+    rng = random.Random(SEED)
+    for phase, victim in chosen():
+        out, code = cycle(tmp_path, mark, phase, victim, rng)
+        if victim == "up" and code != -signal.SIGKILL:
+            assert phase == "starting", (phase, code)
+        elif victim in ("controller", "its guard", "mass", "spring", "guard") and phase == "running":
+            assert code == 1, out
+            assert "was killed by SIGKILL" in out, out
+
+
+def test_a_program_that_is_killed_goes_on_as_if_nothing_had_been(mark, tmp_path):
+    """on_loss = "restart": the one that goes on brings the others to where they would have come."""
+    rng = random.Random(SEED)
+    kills = CYCLES or 4
+    simulation = f"again-{os.getpid()}"
+    (tmp_path / "alone").mkdir()
+    alone = start(write_pair(tmp_path / "alone", until=3, simulation=simulation), mark)
+    assert alone.wait(60) == 0, alone.communicate()[0]
+    alone.communicate()
+    file = write_pair(tmp_path, until=3, simulation=simulation, mass='env = { STAYS_AT = "2", NAP = "0.001" }',
+                      spring=f'on_loss = "restart"\nrestarts = {kills}')
+    process = start(file, mark)
+    for k in range(kills):
+        wait_for(lambda: said(tmp_path, simulation, "spring").count("the spring is there") > k)
+        time.sleep(rng.uniform(0.0, 0.4))
+        os.kill(wait_for(lambda: named(mark, VICTIMS["spring"]))[0], signal.SIGKILL)
+    wait_for(lambda: said(tmp_path, simulation, "spring").count("the spring is there") > kills)
+    (tmp_path / "go").touch()
+    out, _ = process.communicate(timeout=120)
+    assert process.returncode == 0, out
+    assert out.count("spring was killed by SIGKILL; it is started again") == kills
+    assert said(tmp_path, simulation, "mass") == said(tmp_path / "alone", simulation, "mass")
+    assert not sockets_and_memory(simulation)
+
+
+def test_restarts_come_to_an_end(mark, tmp_path):
+    file = write_pair(tmp_path, simulation=f"worn-{os.getpid()}", spring='on_loss = "restart"\nrestarts = 1\n'
+                                                                       'env = { BREAKS_AT = "1" }')
+    out, _ = (process := start(file, mark)).communicate(timeout=60)
+    assert process.returncode == 1
+    assert "spring ended with exit code 1; it is started again (1 of 1)\n" in out
+    assert "  | ValueError: the spring breaks\n" in out and "ended early: spring" in out
+
+
+def test_one_that_hangs_is_started_again(mark, tmp_path):
+    file = write_pair(tmp_path, simulation=f"hung-{os.getpid()}", spring='on_loss = "restart"\nreply = 0.5\n'
+                                                                       'env = { HANGS_AT = "1" }')
+    out, _ = (process := start(file, mark)).communicate(timeout=60)
+    assert process.returncode == 0, out
+    assert "it did not answer within 0.5 s" in out and "it is started again (1 of 3)" in out
+
+
+class Terminal:
+    """`fledge up` with a terminal of its own."""
+
+    def __init__(self, file, mark):
+        self.pid, self.fd = pty.fork()
+        if self.pid == 0:
+            os.chdir(file.parent)
+            os.execve(sys.executable, [sys.executable, "-m", "fledge.cli", "up", str(file)],
+                      mark.env | {"TERM": "xterm"})
+        self.text = ""
+
+    def read(self, until=None, seconds=60):
+        end = time.monotonic() + seconds
+        while until is None or not re.search(until, self.text):
+            assert time.monotonic() < end, self.text
+            if select.select([self.fd], [], [], 0.1)[0]:
+                try:
+                    self.text += os.read(self.fd, 65536).decode()
+                except OSError:     # its other side is closed
+                    return
+        return
+
+    def press(self, key):
+        os.write(self.fd, key)
+
+    def end(self):
+        self.read()
+        os.close(self.fd)
+        return os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])
+
+
+def test_ctrl_c_ends_all_in_order(mark, tmp_path):
+    simulation = f"keys-{os.getpid()}"
+    terminal = Terminal(write_pair(tmp_path, until=1e6, simulation=simulation, mass='env = { CHILD = "1" }'), mark)
+    terminal.read(r"mass +running .*spring +running .*the mass is at".replace(" .*", r"[\s\S]*"))
+    terminal.press(b"\x03")
+    assert terminal.end() == 130
+    assert f"{simulation} ended early: the user ended it" in terminal.text
+    assert terminal.text.count("\x1b[?25h") and terminal.text.rindex("\x1b[?25h") > terminal.text.rindex("\x1b[?25l")
+    assert "the mass leaves" in said(tmp_path, simulation, "mass"), "it was told of the end"
+    assert mark.gone() == [] and not sockets_and_memory(simulation)
+
+
+def test_ctrl_c_twice_waits_for_nobody(mark, tmp_path):
+    simulation = f"twice-{os.getpid()}"
+    terminal = Terminal(write_pair(tmp_path, until=1e6, simulation=simulation, spring='env = { HANGS_AT = "0" }'), mark)
+    terminal.read(r"busy \d+ s")
+    begun = time.monotonic()
+    terminal.press(b"\x03")
+    time.sleep(0.2)
+    terminal.press(b"\x03")
+    assert terminal.end() == 130 and time.monotonic() - begun < 10
+    assert mark.gone() == [] and not sockets_and_memory(simulation)
+
+
+def test_a_terminal_that_is_closed_ends_all(mark, tmp_path):
+    simulation = f"closed-{os.getpid()}"
+    terminal = Terminal(write_pair(tmp_path, until=1e6, simulation=simulation, mass='env = { CHILD = "1" }'), mark)
+    terminal.read("the mass is at")
+    os.close(terminal.fd)
+    os.waitpid(terminal.pid, 0)
+    assert mark.gone() == [] and not sockets_and_memory(simulation)
