@@ -24,7 +24,8 @@ CYCLES = int(os.environ.get("FLEDGE_KILL_CYCLES", 0))
 SEED = int(os.environ.get("FLEDGE_KILL_SEED", 1))
 
 VICTIMS = {     # by what stands in the command line
-    "up": r"-m fledge\.cli up", "controller": r"\S*fledge_controller ", "its guard": r"\S*fledge_guard -- \S*controller ",
+    "up": r"-m fledge\.cli up", "controller": r"\S*fledge_controller ",
+    "its guard": r"\S*fledge_guard -- \S*controller ",
     "mass": r"\S+ mass\.py$", "spring": r"\S+ spring\.py$", "guard": r"\S*fledge_guard -- \S+ mass\.py$",
     "child": r"sh -c trap|sleep 600"}
 PHASES = ("starting", "gathering", "running", "ending")

@@ -82,7 +82,8 @@ def write_pair(folder, until=2, simulation="pair", top="", mass="", spring=""):
     (folder / "mass.py").write_text(MASS)
     (folder / "spring.py").write_text(SPRING)
     file = folder / "pair.toml"
-    file.write_text(PAIR.format(until=until, simulation=simulation, top=top, mass=mass, spring=spring, python=sys.executable))
+    file.write_text(PAIR.format(until=until, simulation=simulation, top=top, mass=mass, spring=spring,
+                                python=sys.executable))
     return file
 
 
