@@ -46,7 +46,7 @@ THIRD_PARTIES = {
     "fledge":     {"_core", "_core_build", "h5py", "matplotlib", "numpy", "pandas",
                    "zmq"},
     "cosim":      {"zmq"},
-    "missions":   {"numpy"},
+    "missions":   {"fledge_node", "numpy"},        # nodes in Python have the one, and nothing else
     "bench":      {"_core", "jplephem", "mpmath", "numpy"},
     "tests":      {"_core", "numpy"},
 }

@@ -1326,6 +1326,10 @@ public sealed class Node
                 throw new NodeError(Name + " does not read " + topic + "; it reads " +
                                     List(wants.Select(w => w.topic)));
             }
+            if (want.value == null && want.payload != null) // nobody has looked at it yet
+            {
+                want.value = want.schema.Unpack(want.payload);
+            }
             return want.value;
         }
         set
@@ -1387,7 +1391,8 @@ public sealed class Node
         public Latency latency;
         public bool optional;
         public Schema schema;
-        public Message value; // as last seen
+        public byte[] payload; // as last seen
+        public Message value;
         public uint count;
     }
 
@@ -1693,7 +1698,8 @@ public sealed class Node
             now = next;
             for (; seen < coming.Count && coming[seen].t <= now; seen++)
             {
-                coming[seen].want.value = coming[seen].want.schema.Unpack(coming[seen].payload);
+                coming[seen].want.payload = coming[seen].payload;
+                coming[seen].want.value = null;
             }
             Step(now);
             foreach (Output output in written)

@@ -320,7 +320,7 @@ class Node:
         self._wants = {}     # topic -> (latency, optional, Schema)
         self._writes = {}    # topic -> [Schema, initial value]
         self._channels = {}  # channel -> topic, of what is read
-        self._values = {}    # topic -> dict, as last seen
+        self._values = {}    # topic -> payload or dict, as last seen
         self._counts = {}    # channel -> messages, read or written
         self._offers = {}    # topic -> channel, of what is written
         self._latest = {}    # topic -> (time, count, dict), as last written
@@ -350,7 +350,10 @@ class Node:
         """What was read last, a dict; None where nobody writes an optional topic."""
         if topic not in self._wants:
             raise NodeError(f"{self.name} does not read {topic}; it reads {', '.join(self._wants) or 'nothing'}")
-        return self._values.get(topic)
+        value = self._values.get(topic)
+        if isinstance(value, bytes):  # nobody has looked at it yet
+            value = self._values[topic] = self._wants[topic][2].unpack(value)
+        return value
 
     def __setitem__(self, topic, values):
         """Write a message, now."""
@@ -501,8 +504,7 @@ class Node:
             self._now = self._next
             while self._coming and self._coming[0][0] <= self._now:
                 _, channel, payload = self._coming.pop(0)
-                topic = self._channels[channel]
-                self._values[topic] = self._wants[topic][2].unpack(payload)
+                self._values[self._channels[channel]] = payload
             self._written = {}
             self._step(self._now)
             for topic, message in self._written.items():
