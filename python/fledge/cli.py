@@ -122,7 +122,7 @@ def _pace(text):
     return pace
 
 
-def parse_duration(text):
+def parse_duration(text, option="--for"):
     """Seconds of "90", "90s", "10min", "2.5 h"."""
     import re
 
@@ -132,7 +132,7 @@ def parse_duration(text):
     try:
         return float(match[1]) * factors[match[2]]
     except (TypeError, KeyError, ValueError):
-        raise Failure(f"--for: expected a duration such as 90s, 10min or 2h; found '{text}'") from None
+        raise Failure(f"{option}: expected a duration such as 90s, 10min or 2h; found '{text}'") from None
 
 
 # --- show ------------------------------------------------------------------------------------------

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`fledge node MISSION PROCESS`: one process of a mission as a program of a co-simulation.
+"""`fledge node MISSION PROCESS`: one process of a mission, or several, as programs of a co-simulation.
 
 Exit codes: 0 the run came to its regular end; 1 it ended early; 2 the command line or the mission is wrong,
 or the mission cannot be split; 130 Ctrl-C.
@@ -10,7 +10,9 @@ import ast
 import inspect
 import os
 import signal
+import sys
 from pathlib import Path
+from time import monotonic, perf_counter, sleep
 
 from fledge._console import Failure, say, size_of
 
@@ -20,7 +22,8 @@ def add(command):
     one = command("node", node, "fly one process of a mission as a program of its own, under a controller",
                   "node nadir_spin flight --address tcp://127.0.0.1:7000")
     one.add_argument("mission", help="the name of a mission, or its folder")
-    one.add_argument("process", help="what to fly here: flight, world, ...")
+    one.add_argument("process", help="what to fly here: flight, world, ...; several, as in world,flight, or all: each "
+                     "in a program of its own")
     one.add_argument("scenario", nargs="?", help="whose set-up to take, up to its run: what it changes and records; "
                      "default: the mission's first")
     one.add_argument("--free", action="store_true", help="without a scenario, all outputs recorded every second")
@@ -30,6 +33,9 @@ def add(command):
                      "tcp://127.0.0.1:7000")
     one.add_argument("--simulation", metavar="NAME", help="what the controller calls the run; default: "
                      "FLEDGE_SIMULATION, else the mission's name")
+    one.add_argument("--until", metavar="DURATION", help="with the controller here too, which ends the run then (90s, "
+                     "10min, 2h): nothing else is to be started")
+    one.add_argument("--seed", type=int, metavar="N", help="of the random streams, with --until; default: 0")
     one.add_argument("--record", metavar="DIR", help="write the record of this process into DIR/NODE.mcap")
     one.add_argument("--keys", metavar="PATH", help="the keys of this node (fledge keys); default: FLEDGE_KEYS")
     one.add_argument("--patience", type=_seconds, default=60.0, metavar="S", help="for the controller to be there; "
@@ -40,36 +46,165 @@ def add(command):
 
 def node(options):
     import fledge
-    from fledge import cosim
 
     sim = fledge.load(options.mission, **given_parameters(options))
     scenario = set_up(sim, options.scenario, options.free)
-    part = cosim.split(sim, options.process)
-    name = options.name or os.environ.get("FLEDGE_NODE") or options.process
+    names = [name.strip() for name in options.process.split(",")]
+    if names == ["all"] and "all" not in sim._processes:
+        names = [process.name for process in sim.processes if process._core_process.tasks]
+    for name in names:
+        sim.process(name)  # raises, with those that there are
+    if len(names) > 1 and options.name:
+        raise Failure("node: --name is for one process; several are called as they are")
     if options.record:
-        folder = Path(options.record)
-        folder.mkdir(parents=True, exist_ok=True)
-        sim.archive(folder / f"{name}.mcap", mission=sim.name, scenario=scenario, fledge=fledge.__version__,
-                    process=options.process)
-    say(f"{sim.name}, {scenario}: {options.process} as the node {name}")
+        Path(options.record).mkdir(parents=True, exist_ok=True)
     signal.signal(signal.SIGTERM, _terminate)
-    problem, code = None, 1
+    if options.until is None and options.seed is not None:
+        raise Failure("node: the seed is the controller's to give; --seed is for a run with --until")
+    if len(names) > 1 or options.until is not None:
+        from fledge import cosim
+
+        cosim.check(sim)
+        return _several(sim, scenario, names, options)
+    return _one(sim, scenario, names[0], options)
+
+
+def _one(sim, scenario, process, options, address=None, quiet=False):
+    """Fly one process in this program, until the end of the run."""
+    import fledge
+    from fledge import cosim
+
+    part = cosim.split(sim, process)
+    name = options.name or (not quiet and os.environ.get("FLEDGE_NODE")) or process
+    if options.record:
+        sim.archive(Path(options.record) / f"{name}.mcap", mission=sim.name, scenario=scenario,
+                    fledge=fledge.__version__, process=process)
+    tell = (lambda text: None) if quiet else say
+    tell(f"{sim.name}, {scenario}: {process} as the node {name}")
+    problem, reason, code = None, None, 1
     try:
-        problem = part.serve(options.address, simulation=options.simulation, name=name, keys=options.keys,
-                             patience=options.patience, delay=options.delay)
+        problem = reason = part.serve(address or options.address, simulation=options.simulation, name=name,
+                                      keys=options.keys, patience=options.patience, delay=options.delay)
     except KeyboardInterrupt:
         problem, code = "interrupted", 130
     except Exception as error:
         problem, code = str(error), 2 if isinstance(error, fledge.SetupError) else 1
-    say(f"  flown    {sim.time:g} s")
+    tell(f"  flown    {sim.time:g} s")
     path = sim.close_archive(outcome=problem or "passed", ended=f"{sim.time:g} s")
     if path:
-        say(f"  record   {path} ({size_of(path)})")
+        tell(f"  record   {path} ({size_of(path)})")
     elif options.record:
-        say("  record   none" + ("" if problem else f": nothing of {options.process} is recorded"))
+        tell("  record   none" + ("" if problem else f": nothing of {process} is recorded"))
+    if problem and quiet and code == 1 and options.until is not None and problem == reason:
+        return 1  # the controller, which is here too, tells why
     if problem:
-        raise Failure(f"{sim.name}, {options.process}: {problem}", code)
+        raise Failure(f"{sim.name}, {process}: {problem}", code)
     return 0
+
+
+def _several(sim, scenario, names, options):
+    """Fly each of several processes in a program of its own; with --until, this one is their controller."""
+    from fledge import cosim
+    from fledge.cli import parse_duration
+
+    end = None if options.until is None else parse_duration(options.until, "--until")
+    address = options.address or os.environ.get("FLEDGE_ADDRESS")
+    if end is not None:
+        address = address or f"ipc://@fledge-{sim.name}-{os.getpid()}"
+        options.simulation = options.simulation or sim.name
+    say(f"{sim.name}, {scenario}: {len(names)} programs" + (f", {', '.join(names)}" if len(names) < 9 else ""))
+    begun, problem = perf_counter(), ""
+    with _Programs() as programs:
+        for name in names:
+            programs.start(name, lambda name=name: _one(sim, scenario, name, options, address, quiet=True))
+        if end is not None:  # made after the forks, for sockets belong to one program
+            controller = cosim.Controller(options.simulation, names, end, seed=options.seed or 0, address=address,
+                                          keys=options.keys, join=options.patience, report=say)
+            problem = controller.run(programs.look)
+        failed = programs.wait()
+    took = perf_counter() - begun
+    if failed and problem in ("", STOPPED):
+        problem = failed[0] + (f", and {len(failed) - 1} others" if len(failed) > 1 and not problem else "")
+    if problem:
+        raise Failure(f"{sim.name}: {problem}", 1)
+    say(f"  flown    {f'{end:g} s' if end is not None else 'to the end'} in {took:.3g} s"
+        + (f", {end / took:,.0f} times real time" if end else ""))
+    if options.record:
+        made = [f"{name}.mcap" for name in names if (Path(options.record) / f"{name}.mcap").exists()]
+        say(f"  record   {len(made)} in {options.record}: {', '.join(made[:4])}" + (", ..." if len(made) > 4 else ""))
+    return 0
+
+
+STOPPED = "the user ended it"  # what the controller says where its poll ends the run
+
+
+class _Programs:
+    """Copies of this program, a process each, which all end with it."""
+
+    GRACE = 1.0  # [s] for the controller to see itself that one is gone, and to say why
+
+    def __init__(self):
+        self.running, self.failed, self.since = {}, [], None
+
+    def start(self, name, work):
+        import ctypes
+
+        sys.stdout.flush()
+        sys.stderr.flush()
+        parent, pid = os.getpid(), os.fork()
+        if pid:
+            self.running[pid] = name
+            return
+        code = 70
+        try:
+            ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+            if os.getppid() == parent:
+                code = work()
+        except Failure as error:
+            print(f"fledge: {error}", file=sys.stderr)
+            code = error.code
+        except BaseException as error:
+            print(f"fledge: {type(error).__name__}: {error}", file=sys.stderr)
+        finally:
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(code)
+
+    def look(self):
+        """Whether the run can go on: none has failed, or the controller has not had the time to see it."""
+        for pid in list(self.running):
+            self._reap(pid, os.WNOHANG)
+        if self.failed and self.since is None:
+            self.since = monotonic()
+        return self.since is None or monotonic() - self.since < self.GRACE
+
+    def _reap(self, pid, how):
+        ended, status = os.waitpid(pid, how)
+        if ended:
+            name = self.running.pop(pid)
+            if status:
+                self.failed.append(f"{name} " + (f"was ended by signal {os.WTERMSIG(status)}" if os.WIFSIGNALED(status)
+                                                 else "ended early"))
+
+    def wait(self):
+        """Until all have ended; returns what became of those that did not end well."""
+        while self.running:
+            self._reap(next(iter(self.running)), 0)
+        return self.failed
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        """Those that are left had no regular end: they are asked to end, then killed."""
+        for number, patience in ((signal.SIGTERM, 5.0), (signal.SIGKILL, None)):
+            for pid in self.running:
+                os.kill(pid, number)
+            until = monotonic() + (patience or 0.0)
+            while self.running and (patience is None or monotonic() < until):
+                for pid in list(self.running):
+                    self._reap(pid, os.WNOHANG)
+                sleep(0.01)
 
 
 def _terminate(number, frame):

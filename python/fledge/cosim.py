@@ -134,9 +134,12 @@ class Controller:
                                    unencrypted, float(join), float(reply), sharing, report or (lambda text: None))
         self.address = self._core.address
 
-    def run(self):
-        """From the first greeting to the end; returns its reason, "" if it is the regular one."""
-        return self._core.run()
+    def run(self, poll=None):
+        """From the first greeting to the end; returns its reason, "" if it is the regular one.
+
+        poll: is called about ten times a second; a false value ends the run.
+        """
+        return self._core.run(poll)
 
 
 # --- what cannot be split --------------------------------------------------------------------------

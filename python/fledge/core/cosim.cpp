@@ -250,7 +250,7 @@ public:
 
     std::string address() const { return router_->address(); }
 
-    std::string run() { return run_watched(*router_); }
+    std::string run(const std::function<bool()> &poll) { return run_watched(*router_, poll); }
 
 private:
     zmq::context_t context_;

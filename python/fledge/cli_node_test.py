@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`fledge node`: one process, several, and all with the controller; and that nothing of them stays behind."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import fledge
+from fledge import cli
+from fledge.archive import Archive
+from fledge.cli_node import _second_run, set_up
+
+ENVIRONMENT = {name: value for name, value in os.environ.items() if not name.startswith("FLEDGE_NODE")} | {
+    "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+
+
+def command(*arguments):
+    return [sys.executable, "-m", "fledge.cli", *map(str, arguments)]
+
+
+def fledge_(*arguments, code=0):
+    """Run the command line; returns what it said."""
+    done = subprocess.run(command(*arguments), capture_output=True, text=True, env=ENVIRONMENT, timeout=120)
+    assert done.returncode == code, done.stdout + done.stderr
+    return done.stdout + done.stderr
+
+
+class Group:
+    """A command in a session of its own, all of which ends with the test."""
+
+    def __init__(self, *arguments):
+        self.process = subprocess.Popen(command(*arguments), stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                                        text=True, env=ENVIRONMENT, start_new_session=True)
+
+    def members(self):
+        found = []
+        for status in Path("/proc").glob("[0-9]*/stat"):
+            try:
+                fields = status.read_text().rpartition(")")[2].split()
+            except OSError:
+                continue
+            if int(fields[3]) == self.process.pid and fields[0] != "Z":
+                found.append(int(status.parent.name))
+        return found
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        for pid in self.members():
+            try:
+                os.kill(pid, signal.SIGKILL)
+            except ProcessLookupError:
+                pass
+        self.process.wait()
+        self.process.stdout.close()
+
+
+def test_all_processes_write_what_the_run_in_one_writes(tmp_path):
+    # Records of the same times: the world's instants are not flight's, so every second.
+    text = fledge_("node", "inertial_pointing", "all", "--until", "20min", "--seed", 4, "--record", tmp_path / "apart")
+    assert "2 programs, world, flight" in text and "record   2 in" in text
+    fledge_("run", "inertial_pointing", "--seed", 4, "--no-plots", "--out", tmp_path / "one")
+    one, apart = Archive(tmp_path / "one/run.mcap"), {}
+    for name in ("flight", "world"):
+        archive = Archive(tmp_path / f"apart/{name}.mcap")
+        assert archive.complete and archive.metadata["run"]["seed"] == "4"
+        assert archive.metadata["run"]["process"] == name and archive.metadata["end"]["outcome"] == "passed"
+        apart.update((topic, archive) for topic in archive.topics)
+    assert sorted(apart) == sorted(one.topics) and len(apart) == 6
+    for topic, archive in apart.items():
+        assert archive.time(topic).tobytes() == one.time(topic).tobytes()
+        assert archive[topic].tobytes() == one[topic].tobytes(), topic
+
+
+@pytest.mark.parametrize("which", ["the command", "a program of it"])
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
+def test_nothing_stays_behind(which, number):
+    with Group("node", "constellation", "all", "--until", "1000h", "--set", "spacecraft=2") as group:
+        deadline = time.monotonic() + 30
+        while len(group.members()) < 5:
+            assert time.monotonic() < deadline and group.process.poll() is None
+            time.sleep(0.01)
+        programs = [pid for pid in group.members() if pid != group.process.pid]
+        os.kill(group.process.pid if which == "the command" else programs[0], number)
+        assert group.process.wait(30) in ((-9, 130) if which == "the command" else (1,))
+        said = group.process.stdout.read()
+        assert which == "the command" or said.count("\n") <= 3 and "sat" in said, said
+        while group.members():
+            assert time.monotonic() < deadline + 30, "a program goes on"
+            time.sleep(0.01)
+
+
+@pytest.mark.parametrize("arguments, says", [
+    (["nadir_spin", "ground"], "nadir_spin has no process 'ground'; it has world, flight"),
+    (["nadir_spin", "flight,ground"], "nadir_spin has no process 'ground'"),
+    (["nadir_spin", "all", "--name", "one"], "--name is for one process"),
+    (["nadir_spin", "flight", "--seed", 3], "the seed is the controller's to give"),
+    (["nadir_spin", "all", "--until", "soon"], "--until: expected a duration such as 90s, 10min or 2h; found 'soon'"),
+    (["nadir_spin", "flight", "spni"], "the mission nadir_spin has no scenario 'spni'; it has spin"),
+    (["nadir_spin", "flight", "spin", "--free"], "give a scenario or --free, not both"),
+    (["nadir_spin", "flight", "--set", "speed"], "--set speed: expected NAME=VALUE"),
+    (["nadir_spin", "flight", "--set", "speed=3"], "the mission nadir_spin has no parameter 'speed'; it has none"),
+    (["single_spiral", "flight"], "runs again here, and what it does between its runs cannot be done"),
+    (["nadir_spin", "flight", "--keys", "nowhere"], "nowhere"),
+])
+def test_wrong_commands(arguments, says, capsys):
+    before = signal.getsignal(signal.SIGTERM)
+    try:
+        assert cli.main(["node", *map(str, arguments)]) == 2
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert says in capsys.readouterr().err
+
+
+def test_a_scenario_s_set_up_is_done_and_its_run_is_not():
+    sim = fledge.load("asterisk_scan")
+    before = sim.flight.rasters.angles.copy()
+    assert set_up(sim, "wide") == "wide"
+    assert (sim.flight.rasters.angles != before).any() and len(sim._core.logs) == 7
+    assert sim._core.now == -1 and callable(sim.run)
+    sim = fledge.load("asterisk_scan")
+    assert set_up(sim, free=True) == "free" and len(sim._core.logs) > 7
+
+
+def test_a_second_run_is_found():
+    for name, twice in (("nadir_spin", {"spin": False}), ("single_spiral", {"spiral": True}),
+                        ("two_body_pointing", {"earth_and_sun": False, "near_conjunction": True})):
+        found = fledge.load(name).mission.scenarios
+        assert {scenario: _second_run(function) is not None for scenario, function in found.items()} == twice
+    file, line = _second_run(found["near_conjunction"])
+    assert "sim.run(60" in Path(file).read_text().splitlines()[line - 1]
