@@ -29,6 +29,14 @@ constexpr const char *usage =
     "                        joins=any: when it comes), rejoins (it may come again), save=SECONDS (from\n"
     "                        one snapshot to the next), reply=SECONDS\n"
     "  --address ADDRESS     where programs greet: tcp://127.0.0.1:7000 (default), ipc://@NAME\n"
+    "  --asynchronous NAME[:TOPIC,TOPIC...]\n"
+    "                        a program that steps with nobody (a ground system) and writes these, if nodes\n"
+    "                        want them; without topics, all that begin with /NAME/\n"
+    "  --watch TOPIC         have it written, for those who watch, even if no node wants it\n"
+    "  --frontend ADDRESS    where asynchronous programs publish, and\n"
+    "  --backend ADDRESS     where they and those who watch subscribe; default: free ports beside ADDRESS,\n"
+    "                        of which they are told when they greet there\n"
+    "  --no-broker           neither: nobody watches\n"
     "  --keys DIR            encrypt, and let in only whose keys are allowed there (./fledge keys);\n"
     "                        needed where others can reach the address. Default: FLEDGE_KEYS\n"
     "  --unencrypted-beyond-machine\n"
@@ -130,9 +138,26 @@ void add_node(Options &o, std::string_view text)
     o.router.replies.push_back(reply);
 }
 
+/// NAME[:TOPIC,TOPIC...]
+AsynchronousConfig asynchronous(std::string_view text)
+{
+    const auto colon = std::min(text.find(':'), text.size());
+    AsynchronousConfig program{std::string(text.substr(0, colon)), {}};
+    for (text.remove_prefix(std::min(colon + 1, text.size())); !text.empty();) {
+        const auto end = std::min(text.find(','), text.size());
+        program.topics.emplace_back(text.substr(0, end));
+        text.remove_prefix(std::min(end + 1, text.size()));
+    }
+    if (program.name.empty()) {
+        refuse("--asynchronous needs a name");
+    }
+    return program;
+}
+
 Options options(int argc, char **argv)
 {
     Options o;
+    o.router.broker = true;
     o.router.address = "tcp://127.0.0.1:7000";
     bool until = false;
     std::vector<std::string_view> nodes;
@@ -156,6 +181,16 @@ Options options(int argc, char **argv)
             nodes.push_back(value());
         } else if (option == "--address") {
             o.router.address = value();
+        } else if (option == "--asynchronous") {
+            o.controller.asynchronous.push_back(asynchronous(value()));
+        } else if (option == "--watch") {
+            o.controller.watched.emplace_back(value());
+        } else if (option == "--frontend") {
+            o.router.frontend = value();
+        } else if (option == "--backend") {
+            o.router.backend = value();
+        } else if (option == "--no-broker") {
+            o.router.broker = false;
         } else if (option == "--keys") {
             o.router.keys = value();
         } else if (option == "--unencrypted-beyond-machine") {
@@ -223,6 +258,13 @@ int main(int argc, char **argv)
                         o.controller.nodes[id].name.c_str(), static_cast<unsigned long long>(times.ticks),
                         static_cast<double>(times.compute) * 1e-9, static_cast<double>(times.transport) * 1e-9,
                         static_cast<double>(times.wait) * 1e-9);
+        }
+        if (const BrokerCounts counts = router.broker() ? router.broker()->counts() : BrokerCounts{};
+            counts.dropped || counts.refused) {
+            std::fprintf(stderr, "the broker dropped %llu of %llu messages, and refused %llu\n",
+                         static_cast<unsigned long long>(counts.dropped),
+                         static_cast<unsigned long long>(counts.published),
+                         static_cast<unsigned long long>(counts.refused));
         }
         if (!reason.empty()) {
             std::fprintf(stderr, "the run ended early: %s\n", reason.c_str());

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cosim/delegate.h"
 
+#include "cosim/greeting.h"
 #include "cosim/shared_channel.h"
-
-#include <cstdlib>
 
 namespace fledge::cosim {
 
@@ -45,26 +44,6 @@ struct Answer {
     }
 };
 
-/// A controller that listens everywhere does not know by which name it is reached.
-std::string reachable(std::string address, const std::string &controller)
-{
-    constexpr std::string_view anywhere = "tcp://0.0.0.0:";
-    if (address.starts_with(anywhere)) {
-        address = controller.substr(0, controller.rfind(':') + 1) + address.substr(anywhere.size());
-    }
-    return address;
-}
-
-void fill_in(std::string &text, const char *what, const char *variable)
-{
-    if (const char *value = std::getenv(variable); text.empty() && value) {
-        text = value;
-    }
-    if (text.empty()) {
-        throw LinkError(std::string("a node needs its ") + what + ", given here or by " + variable);
-    }
-}
-
 } // namespace
 
 Message answer(Node &node, const Message &request)
@@ -74,9 +53,7 @@ Message answer(Node &node, const Message &request)
 
 Delegate::Delegate(zmq::context_t &context, DelegateConfig config) : context_(context), config_(std::move(config))
 {
-    fill_in(config_.simulation, "simulation", "FLEDGE_SIMULATION");
-    fill_in(config_.node, "name", "FLEDGE_NODE");
-    fill_in(config_.address, "address", "FLEDGE_ADDRESS");
+    ask_environment(config_.simulation, config_.node, config_.address);
     hello_ = {protocol_version, protocol_version, config_.simulation, config_.node};
     if (const std::string place = place_of_keys(config_.keys); !place.empty()) {
         keys_ = read_client_keys(place, config_.node);
@@ -86,36 +63,7 @@ Delegate::Delegate(zmq::context_t &context, DelegateConfig config) : context_(co
 /// Returns the way to the node's own socket.
 Welcome Delegate::greet()
 {
-    zmq::socket_t lobby(context_, zmq::socket_type::dealer);
-    set_up(lobby, config_.limits);
-    lobby.set(zmq::sockopt::linger, 0);
-    if (keys_) {
-        use_keys(lobby, *keys_);
-    }
-    Handshake handshake(context_, lobby, keys_.has_value());
-    try {
-        lobby.connect(config_.address);
-    } catch (const zmq::error_t &error) {
-        throw LinkError("cannot connect to the controller at " + config_.address + ": " + error.what());
-    }
-    lobby.send(zmq::buffer(encode({1, hello_})), zmq::send_flags::none);
-    zmq::message_t reply;
-    zmq::pollitem_t items[] = {{lobby.handle(), 0, ZMQ_POLLIN, 0}, handshake.events()};
-    for (const auto end = Clock::now() + config_.patience; !lobby.recv(reply, zmq::recv_flags::dontwait);) {
-        if (!handshake.failure().empty()) {
-            throw LinkError("the controller at " + config_.address + " does not let " + config_.node + " in: " +
-                            handshake.failure());
-        }
-        const auto rest = std::chrono::ceil<std::chrono::milliseconds>(end - Clock::now());
-        if (rest.count() <= 0) {
-            throw LinkError("no controller answers at " + config_.address);
-        }
-        poll(items, rest);
-    }
-    Frame frame = decode({reply.data<std::byte>(), reply.size()}, config_.limits);
-    if (const auto *refused = std::get_if<Refused>(&frame.message)) {
-        throw LinkError("the controller refuses " + config_.node + ": " + refused->reason);
-    }
+    Frame frame = cosim::greet(context_, config_.address, keys_, hello_, config_.patience, config_.limits);
     auto *welcome = std::get_if<Welcome>(&frame.message);
     if (!welcome) {
         throw ProtocolError(std::string("the controller answers a Hello with ") + kind_name(frame.message));

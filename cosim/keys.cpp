@@ -9,6 +9,7 @@
 #include <fstream>
 #include <sstream>
 #include <string_view>
+#include <utility>
 
 namespace fledge::cosim {
 
@@ -194,7 +195,7 @@ Handshake::Handshake(zmq::context_t &context, zmq::socket_t &socket, bool keyed)
     static std::atomic<unsigned> count{0};
     const std::string name = "inproc://fledge-handshake-" + std::to_string(count++);
     if (zmq_socket_monitor(socket_.handle(), name.c_str(),
-                           ZMQ_EVENT_HANDSHAKE_SUCCEEDED | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH |
+                           ZMQ_EVENT_DISCONNECTED | ZMQ_EVENT_HANDSHAKE_SUCCEEDED | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH |
                                ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL | ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL)) {
         throw KeyError(std::string("cannot watch a socket: ") + zmq_strerror(zmq_errno()));
     }
@@ -214,6 +215,10 @@ const std::string &Handshake::failure()
         if (kind == ZMQ_EVENT_HANDSHAKE_SUCCEEDED) {
             made_ = true;
             broken_off_ = 0;
+        } else if (kind == ZMQ_EVENT_DISCONNECTED) {
+            if (std::exchange(made_, false)) {
+                lost_ = std::chrono::steady_clock::now();
+            }
         } else if (kind == ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL) {
             // It may have been killed just now; again and again it is something else.
             if (++broken_off_ >= most_broken_off) {

@@ -20,7 +20,9 @@
 //         secret-key = "..."         in NAME.secret
 #pragma once
 
+#include <chrono>
 #include <filesystem>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -83,11 +85,17 @@ public:
     const std::string &failure();
     /// Whether the connection is made.
     bool made() const { return made_; }
+    /// Whether it was, and has been gone for so long. libzmq tries to make it again.
+    bool gone_for(std::chrono::milliseconds time) const
+    {
+        return lost_ && !made_ && std::chrono::steady_clock::now() - *lost_ >= time;
+    }
 
 private:
     zmq::socket_t &socket_;
     zmq::socket_t monitor_;
     bool keyed_, made_ = false;
+    std::optional<std::chrono::steady_clock::time_point> lost_;
     int broken_off_ = 0;
     std::string failure_;
 };

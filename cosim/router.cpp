@@ -13,6 +13,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto look = 100ms;
+constexpr std::size_t most_attaching = 1000;
 constexpr auto spin = 20us; ///< before one sleeps, if there is a processor for each program
 
 /// What is watched, by keys.
@@ -35,7 +36,7 @@ Router::Router(zmq::context_t &context, ControllerConfig controller, RouterConfi
     : context_(context),
       config_(std::move(config)),
       simulation_(controller.simulation),
-      controller_(telling(controller, !config_.witnesses.empty())),
+      controller_(telling(with_broker(controller), config_.broker || !config_.witnesses.empty())),
       lobby_(context, zmq::socket_type::router),
       nodes_(controller.nodes.size())
 {
@@ -44,13 +45,6 @@ Router::Router(zmq::context_t &context, ControllerConfig controller, RouterConfi
     }
     for (const AsynchronousConfig &program : controller.asynchronous) {
         names_.push_back(program.name);
-    }
-    if (!config_.keys.empty()) {
-        gate_ = std::make_unique<Gate>(context_, config_.keys);
-    } else if (!is_local(config_.address) && !config_.unencrypted_beyond_machine) {
-        throw LinkError(config_.address +
-                        " can be reached from other machines, which needs keys: ./fledge keys new controller, "
-                        "and --keys; or listen at tcp://127.0.0.1");
     }
     set_up(lobby_, config_.limits);
     if (gate_) {
@@ -117,6 +111,9 @@ std::string Router::run(const std::function<bool()> &poll)
     spin_ = Spin(spins_);
     auto waited = begun_;
     while (!controller_.done()) {
+        if (broker_ && broker_->heard()) {
+            hear_programs();
+        }
         call_hosted();
         const bool busy = listen_to_shared();
         listen_again();
@@ -233,12 +230,100 @@ void Router::greet()
                 report("a program was not let in: " + why);
                 throw ProtocolError(why);
             }
+            if (m->role == Role::asynchronous) {
+                attach(*m);
+                continue;
+            }
             controller_.hello(0, *m);
         } catch (const ProtocolError &error) {
             reply(greeting_peer_, Refused{error.what()});
         }
         act();
     }
+}
+
+/// Before the controller, which hands its addresses on.
+ControllerConfig Router::with_broker(ControllerConfig controller)
+{
+    if (!config_.keys.empty()) {
+        gate_ = std::make_unique<Gate>(context_, config_.keys);
+    }
+    check_address(config_.address);
+    if (config_.broker) {
+        BrokerConfig broker;
+        const bool tcp = config_.address.starts_with("tcp://");
+        const std::string any = config_.address.substr(0, config_.address.rfind(':') + 1) + "*";
+        broker.frontend = !config_.frontend.empty() ? config_.frontend : tcp ? any : config_.address + "-frontend";
+        broker.backend = !config_.backend.empty() ? config_.backend : tcp ? any : config_.address + "-backend";
+        broker.limits = config_.limits;
+        check_address(broker.frontend);
+        check_address(broker.backend);
+        broker_ = std::make_unique<Broker>(context_, broker, gate_.get());
+        controller.frontend = broker_->frontend();
+        controller.backend = broker_->backend();
+        config_.witnesses.push_back(broker_.get());
+    } else if (!controller.asynchronous.empty()) {
+        throw LinkError("asynchronous programs, such as " + controller.asynchronous.front().name +
+                        ", need a broker, and this controller has none");
+    }
+    return controller;
+}
+
+void Router::check_address(const std::string &address) const
+{
+    if (!gate_ && !is_local(address) && !config_.unencrypted_beyond_machine) {
+        throw LinkError(address + " can be reached from other machines, which needs keys: ./fledge keys new "
+                                  "controller, and --keys; or listen at tcp://127.0.0.1");
+    }
+}
+
+/// An asynchronous program greets. What it needs to know is known when the nodes have met.
+void Router::attach(const Hello &hello)
+{
+    const auto refuse = [&](const std::string &why) { reply(greeting_peer_, Refused{why}); };
+    if (hello.oldest > protocol_version || hello.newest < protocol_version) {
+        return refuse("this controller speaks version " + std::to_string(protocol_version) + " of the format");
+    }
+    if (hello.simulation != simulation_) {
+        return refuse("this is the simulation " + simulation_ + ", not " + hello.simulation);
+    }
+    if (!broker_) {
+        return refuse("this controller has no broker, so nobody can watch");
+    }
+    if (controller_.finishing() || controller_.done()) {
+        return refuse("the run is over");
+    }
+    if (controller_.matched()) {
+        return reply(greeting_peer_, attached());
+    }
+    if (attaching_.size() >= most_attaching) {
+        return refuse("too many wait for the run to begin");
+    }
+    attaching_.push_back(greeting_peer_);
+}
+
+Message Router::attached() const
+{
+    return Attached{broker_->frontend(), broker_->backend(), controller_.channels()};
+}
+
+void Router::answer_attaching()
+{
+    for (const Bytes &peer : std::exchange(attaching_, {})) {
+        reply(peer, controller_.matched() ? attached() : Message(Refused{"the run is over: " + outcome_}));
+    }
+}
+
+/// What asynchronous programs wrote enters before the next tick goes out.
+void Router::hear_programs()
+{
+    for (const Broker::Written &written : broker_->take()) {
+        if (const std::string why = controller_.inject(written.program, written.topic, written.payload);
+            !why.empty()) {
+            broker_->refuse(written.program + " writes " + written.topic + ": " + why);
+        }
+    }
+    act();
 }
 
 /// Within one program, at inproc://, libzmq asks nobody for keys.
@@ -422,11 +507,13 @@ void Router::act()
                 this->report(report->text);
             } else if (const auto *began = std::get_if<action::Began>(&a)) {
                 tell([&](Witness &w) { w.began(began->exchange); });
+                answer_attaching();
             } else if (const auto *wrote = std::get_if<action::Wrote>(&a)) {
                 tell([&](Witness &w) { w.wrote(names_[wrote->node], wrote->records); });
             } else if (const auto *done = std::get_if<action::Done>(&a)) {
                 outcome_ = done->reason;
                 tell([&](Witness &w) { w.ended(done->reason); });
+                answer_attaching();
             }
         }
     }
@@ -452,6 +539,12 @@ void Router::look_at_clock(const std::function<bool()> &poll)
     looked_ = Clock::now();
     if (gate_) {
         for (const std::string &text : gate_->take_reports()) {
+            report(text);
+        }
+    }
+    if (broker_) {
+        broker_->tend();
+        for (const std::string &text : broker_->take_reports()) {
             report(text);
         }
     }

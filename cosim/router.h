@@ -5,6 +5,7 @@
 // only connect. (Thesis, appendix C.)
 #pragma once
 
+#include "cosim/broker.h"
 #include "cosim/controller.h"
 #include "cosim/delegate.h"
 #include "cosim/gate.h"
@@ -25,6 +26,8 @@ struct RouterConfig {
     std::string address;        ///< where nodes greet; of a TCP port "*", any free one
     std::string keys;           ///< a folder (keys.h): only programs whose keys are there are let in
     bool unencrypted_beyond_machine = false; ///< without keys, allow an address that others can reach
+    bool broker = false;        ///< for those who watch, and for asynchronous programs (broker.h)
+    std::string frontend, backend; ///< its addresses; "": beside `address`, where there is room
     std::chrono::milliseconds join{60'000};   ///< for all nodes to be there
     std::chrono::milliseconds reply{60'000};  ///< for a node to answer, computing included; 0: for ever
     std::vector<std::chrono::milliseconds> replies; ///< the same, node by node; empty: `reply` for all
@@ -64,6 +67,8 @@ public:
     /// Until now. The three add up to all the time since the node was ready, less `asked`.
     NodeTimes times(NodeId node) const;
     const Controller &controller() const { return controller_; }
+    /// Null if there is none.
+    const Broker *broker() const { return broker_.get(); }
 
 private:
     using Clock = std::chrono::steady_clock;
@@ -92,6 +97,12 @@ private:
     void call_hosted();
     void heard(NodeId id, Frame frame);
     bool keyed() const;
+    ControllerConfig with_broker(ControllerConfig controller);
+    void check_address(const std::string &address) const;
+    void attach(const Hello &hello);
+    Message attached() const;
+    void answer_attaching();
+    void hear_programs();
     void report(const std::string &text);
     void reply(std::span<const std::byte> peer, const Message &message);
     void look_at_clock(const std::function<bool()> &poll);
@@ -100,8 +111,10 @@ private:
     RouterConfig config_;
     std::string simulation_;
     std::vector<std::string> names_;
-    Controller controller_;
     std::unique_ptr<Gate> gate_; ///< none without keys. Outlives all sockets
+    std::unique_ptr<Broker> broker_;
+    std::vector<Bytes> attaching_; ///< libzmq's names of asynchronous programs that wait for the matching
+    Controller controller_;
     zmq::socket_t lobby_;
     std::string address_;
     std::vector<Place> nodes_;

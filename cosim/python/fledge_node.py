@@ -16,6 +16,15 @@
 
     node.run()
 
+A program that steps with nobody, a viewer or a ground system, watches and writes as an Observer, on a
+thread of its own or beside a script:
+
+    with Observer("spin", "ground") as observer:
+        observer.subscribe("/thermal/")
+        for message in observer:                      # until the run is over
+            print(message.topic, message.t, message["T"])
+            observer.write("/ground/heater", {"on": 1})
+
 Messages are dicts from the true names of their fields (nested ones with dots) to numbers, or lists
 of numbers in memory order. Where a field is an enumeration or holds a text, a str may be given; what
 is read has the name of an enumeration's value as `.name`, and text() makes a str of its numbers.
@@ -31,6 +40,7 @@ import pathlib
 import re
 import struct
 import textwrap
+import threading
 import time
 import zlib
 
@@ -396,29 +406,16 @@ class Node:
         return self.reason
 
     def _hello(self):
-        w = _Writer()
-        w.number("B", VERSION)
-        w.number("B", VERSION)
-        w.number("B", 0)  # a node
-        w.number("B", 0)  # without shared memory
-        w.text(self.simulation)
-        w.text(self.name)
-        return w.frame("Hello", 1)
+        return _hello(self.simulation, self.name, role=0)
 
     def _greet(self, context):
-        with context.socket(zmq.DEALER) as lobby:
-            _set_up(lobby, 0, self._keys)
-            r = _Reader(_ask(lobby, self.address, self._hello(), self.patience, self._keys))
-            if r.kind == "Refused":
-                raise NodeError(f"the controller refuses {self.name}: {r.text()}")
-            if r.kind != "Welcome":
-                raise NodeError(f"the controller answers a Hello with {r.kind}")
-            address = r.text()
-            r.text(), r.number("Q")  # shared memory, which is not for Python
-            r.end()
-            if address.startswith("tcp://0.0.0.0:"):  # it listens everywhere
-                address = self.address.rpartition(":")[0] + ":" + address.rpartition(":")[2]
-            return address
+        r = _greet(context, self.address, self._hello(), self.name, self.patience, self._keys)
+        if r.kind != "Welcome":
+            raise NodeError(f"the controller answers a Hello with {r.kind}")
+        address = r.text()
+        r.text(), r.number("Q")  # shared memory, which is not for Python
+        r.end()
+        return _reachable(address, self.address)
 
     def _serve(self, link, monitor):
         poller = zmq.Poller()
@@ -542,6 +539,174 @@ class Node:
         self._counts[channel] = count
 
 
+class Seen(dict):
+    """A message as it was written: a dict, with .topic, .node, .t [ns] (-1 before the first step), .count (on
+    its topic; 0: what it held at the beginning) and .missed (messages between the one seen before and this)."""
+
+    def __init__(self, topic, node, t, count, missed, values):
+        super().__init__(values)
+        self.topic, self.node, self.t, self.count, self.missed = topic, node, t, count, missed
+
+
+class Observer:
+    """A program that steps with nobody. It comes and goes as it likes, sees what nodes write, and may write what
+    nodes read and the controller's configuration says comes from it. The run never waits for it: what
+    it does not take in time it misses, and is told how much.
+
+    simulation, name, address, keys: as of a Node
+    patience: [s] for the controller to be there, and the nodes to have met
+
+    It is for one thread, but write() may be called by others. Close it, or use `with`.
+    """
+
+    def __init__(self, simulation=None, name=None, address=None, *, patience=60, keys=None):
+        self.simulation = _given("simulation", simulation, "FLEDGE_SIMULATION")
+        self.name = _given("name", name, "FLEDGE_NODE")
+        self.address = _given("address", address, "FLEDGE_ADDRESS")
+        self.patience = patience
+        self.topics = {}    #: topic -> Schema, of all that there are
+        self.missed = 0     #: messages, of all topics
+        self.reason = None  #: of the end of the run, once it is over; "" at the regular one
+        self.t = 0          #: [ns] of the newest message
+        self._keys = _read_keys(keys or os.environ.get("FLEDGE_KEYS"), self.name)
+        self._seen = {}     # topic -> (count, t) of the last message
+        self._counts = {}   # topic -> messages written
+        self._lock = threading.Lock()
+        self._written = None
+        self._context = zmq.Context()
+        self._socket = self._context.socket(zmq.SUB)
+        self._handshake = _Handshake(self._socket, self._keys)
+        try:
+            self._attach()
+            _set_up(self._socket, 0, self._keys)
+            self._socket.subscribe("finish")
+            self._socket.connect(self._backend)
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+    def close(self):
+        if not self._context.closed:
+            self._handshake.close()
+            self._socket.close(0)
+            if self._written:
+                self._written.close()
+            self._context.term()
+
+    def subscribe(self, *topics):
+        """See all topics that begin like one of these; "": all. Of each the last comes at once."""
+        for topic in topics:
+            self._socket.subscribe(topic)
+
+    def next(self, timeout=None):
+        """The next message, a Seen. None if none comes in time [s], or the run is over. Raises NodeError if the
+        controller is gone."""
+        end = None if timeout is None else time.monotonic() + timeout
+        while self.reason is None:
+            rest = 0.1 if end is None else max(0, min(0.1, end - time.monotonic()))
+            if _wait(self._socket, self._handshake, rest, f"the broker at {self._backend}"):
+                seen = self._read(self._socket.recv_multipart())
+                if seen is not None:
+                    return seen
+            elif self._handshake.lost and time.monotonic() - self._handshake.lost > 2:
+                raise NodeError("the controller is gone")  # one that was stopped for long would be let in again
+            elif end is not None and time.monotonic() >= end:
+                break
+        return None
+
+    def __iter__(self):
+        while self.reason is None:
+            seen = self.next()
+            if seen is not None:
+                yield seen
+
+    def write(self, topic, values):
+        """Write a message. Where it begins with a Fledge head, that is filled in unless it is given."""
+        with self._lock:
+            schema = self._schema(topic)
+            count = self._counts.get(topic, 0) + 1
+            if schema.fields and schema.fields[0][0] == "head.t":
+                values = {"head.t": self.t, "head.quality": 3, "head.sequence": count} | values
+            w = _Writer()
+            w.number("q", 0)
+            w.number("I", 0)
+            w.number("I", count)
+            w.bytes(b"\0\1\0\0" + schema.pack(values))
+            w.text(self.name)
+            if not self._written:
+                self._prepare_writing()
+            if not self._written.poll(1000 * self.patience, zmq.POLLOUT):
+                raise NodeError(f"the broker at {self._frontend} takes no more")
+            self._written.send_multipart([topic.encode(), w.frame("Published", 0)])
+            self._counts[topic] = count
+
+    def _attach(self):
+        r = _greet(self._context, self.address, _hello(self.simulation, self.name, role=1), self.name, self.patience,
+                   self._keys)
+        if r.kind != "Attached":
+            raise NodeError(f"the controller answers an asynchronous program with {r.kind}")
+        self._frontend, self._backend = (_reachable(r.text(), self.address) for _ in range(2))
+        for _, topic, (name, text) in r.channels():
+            if topic not in self.topics or self.topics[topic].text != text:
+                self.topics[topic] = Schema(name, text)
+        r.end()
+
+    def _schema(self, topic):
+        if topic not in self.topics:
+            self._attach()  # nodes may have joined
+        if topic not in self.topics:
+            raise NodeError(f"there is no topic {topic}; there are {', '.join(self.topics) or 'none'}")
+        return self.topics[topic]
+
+    def _read(self, parts):
+        """A Seen; None for what has been seen already, and for the end."""
+        if len(parts) != 2:
+            raise NodeError("the broker sends a message that is not of two parts")
+        topic, r = parts[0].decode(), _Reader(parts[1])
+        if r.kind == "Finish":
+            self.reason = r.text()
+            return None
+        if r.kind != "Published":
+            raise NodeError(f"the broker sends {r.kind}")
+        t, _, count, payload = r.record()
+        node = r.name()
+        r.end()
+        before, at = self._seen.get(topic, (None, None))
+        if (before, at) == (count, t):
+            return None  # it came again for another, who subscribed
+        self._seen[topic] = (count, t)
+        missed = 0 if before is None else max(0, count - before - 1 if count > before else count - 1)
+        self.missed += missed
+        self.t = max(self.t, t)
+        with self._lock:
+            schema = self._schema(topic)
+        return Seen(topic, node, t, count, missed, schema.unpack(payload))
+
+    def _prepare_writing(self):
+        """What is sent before the broker has said that it listens would be lost."""
+        socket = self._context.socket(zmq.XPUB)
+        _set_up(socket, 1000, self._keys)
+        socket.xpub_nodrop = True
+        handshake = _Handshake(socket, self._keys)
+        try:
+            socket.connect(self._frontend)
+            if not _wait(socket, handshake, self.patience, f"the broker at {self._frontend}"):
+                raise NodeError(f"no broker listens at {self._frontend}")
+            socket.recv()
+        except BaseException:
+            handshake.close()
+            socket.close(0)
+            raise
+        handshake.close()
+        self._written = socket
+
+
 def _given(what, value, variable):
     value = value or os.environ.get(variable)
     if not value:
@@ -579,41 +744,96 @@ def _read_keys(place, name):
     return *own, controller
 
 
-def _ask(socket, address, question, patience, keys):
-    """The controller's answer, or a NodeError that says why none comes."""
-    monitor = socket.get_monitor_socket(zmq.EVENT_HANDSHAKE_FAILED_AUTH | zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL
-                                        | zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL)
+class _Handshake:
+    """Watches a socket that connects: libzmq itself would try for ever, and tell nobody why."""
+
+    def __init__(self, socket, keys):
+        self.socket, self.keys, self.made, self.lost, self._broken_off = socket, keys, False, None, 0
+        self.monitor = socket.get_monitor_socket(
+            zmq.EVENT_DISCONNECTED | zmq.EVENT_HANDSHAKE_SUCCEEDED | zmq.EVENT_HANDSHAKE_FAILED_AUTH
+            | zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL | zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL)
+
+    def look(self, where):
+        """Raises NodeError if this program is not let in there."""
+        while self.monitor.poll(0):
+            kind, value = struct.unpack("=HI", self.monitor.recv_multipart()[0])
+            why = self._refusal(kind, value)
+            if why:
+                raise NodeError(f"{where} does not let this program in: {why}")
+
+    def _refusal(self, kind, value):
+        if kind == zmq.EVENT_HANDSHAKE_SUCCEEDED:
+            self.made, self.lost, self._broken_off = True, None, 0
+        elif kind == zmq.EVENT_DISCONNECTED:
+            if self.made:
+                self.made, self.lost = False, time.monotonic()
+        elif kind == zmq.EVENT_HANDSHAKE_FAILED_AUTH:
+            return "it does not know this key: ./fledge keys allow, where the controller runs, lets it in"
+        elif kind == zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL and value == zmq.PROTOCOL_ERROR_ZMTP_MECHANISM_MISMATCH:
+            return ("it uses no keys, and this program does" if self.keys else
+                    "it asks for keys, and this program has none: give it some by FLEDGE_KEYS "
+                    "(./fledge keys new makes them)")
+        else:
+            self._broken_off += 1
+            if self._broken_off >= 5:  # it may have been killed just now; again and again it is something else
+                return ("what listens there breaks off when it sees these keys: controller.public here is not that "
+                        "of this controller, or it uses no keys" if self.keys else
+                        "what listens there breaks off: it is no controller, or it asks for keys")
+        return None
+
+    def close(self):
+        self.socket.disable_monitor()
+        self.monitor.close(0)
+
+
+def _wait(socket, handshake, patience, where):
+    """Whether something came to the socket in time [s]. Raises NodeError if this program is not let in."""
     poller = zmq.Poller()
     poller.register(socket, zmq.POLLIN)
-    poller.register(monitor, zmq.POLLIN)
-    broken_off, end = 0, time.monotonic() + patience
-    try:
-        socket.connect(address)
-        socket.send(question)
-        while True:
-            ready = dict(poller.poll(max(0, 1000 * (end - time.monotonic()))))
-            if socket in ready:
-                return socket.recv()
-            if not ready:
-                raise NodeError(f"no controller answers at {address}")
-            kind, value = struct.unpack("=HI", monitor.recv_multipart()[0])
-            if kind == zmq.EVENT_HANDSHAKE_FAILED_AUTH:
-                why = "it does not know this key: ./fledge keys allow, where the controller runs, lets it in"
-            elif kind == zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL and value == zmq.PROTOCOL_ERROR_ZMTP_MECHANISM_MISMATCH:
-                why = ("it uses no keys, and this program does" if keys else
-                       "it asks for keys, and this program has none: give it some by FLEDGE_KEYS "
-                       "(./fledge keys new makes them)")
-            else:
-                broken_off += 1
-                if broken_off < 5:  # it may have been killed just now; again and again it is something else
-                    continue
-                why = ("what listens there breaks off when it sees these keys: controller.public here is not that "
-                       "of this controller, or it uses no keys" if keys else
-                       "what listens there breaks off: it is no controller, or it asks for keys")
-            raise NodeError(f"the controller at {address} does not let this program in: {why}")
-    finally:
-        socket.disable_monitor()
-        monitor.close(0)
+    poller.register(handshake.monitor, zmq.POLLIN)
+    end = time.monotonic() + patience
+    while True:
+        ready = dict(poller.poll(max(0, 1000 * (end - time.monotonic()))))
+        if socket in ready or not ready:
+            return bool(ready)
+        handshake.look(where)
+
+
+def _hello(simulation, name, role):
+    w = _Writer()
+    w.number("B", VERSION)
+    w.number("B", VERSION)
+    w.number("B", role)
+    w.number("B", 0)  # without shared memory
+    w.text(simulation)
+    w.text(name)
+    return w.frame("Hello", 1)
+
+
+def _greet(context, address, hello, name, patience, keys):
+    """The controller's answer, as a reader."""
+    with context.socket(zmq.DEALER) as lobby:
+        _set_up(lobby, 0, keys)
+        handshake = _Handshake(lobby, keys)
+        try:
+            lobby.connect(address)
+            lobby.send(hello)
+            if not _wait(lobby, handshake, patience, f"the controller at {address}"):
+                raise NodeError(f"no controller answers at {address}" if not handshake.made else
+                                f"the controller at {address} has no answer: not all nodes are there")
+            r = _Reader(lobby.recv())
+        finally:
+            handshake.close()
+    if r.kind == "Refused":
+        raise NodeError(f"the controller refuses {name}: {r.text()}")
+    return r
+
+
+def _reachable(address, controller):
+    """A controller that listens everywhere does not know by which name it is reached."""
+    if address.startswith("tcp://0.0.0.0:"):
+        return controller.rpartition(":")[0] + ":" + address.rpartition(":")[2]
+    return address
 
 
 def _set_up(socket, linger, keys):

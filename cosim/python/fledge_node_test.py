@@ -6,6 +6,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -18,7 +19,7 @@ CONTROLLER = Path(_core.__file__).resolve().parents[1] / "cosim" / "fledge_contr
 pytestmark = pytest.mark.skipif(not CONTROLLER.exists(), reason="the controller is not built")
 
 sys.path.insert(0, str(HERE))
-from fledge_node import Node, NodeError, Schema, ms, text  # noqa: E402
+from fledge_node import Node, NodeError, Observer, Schema, ms, text  # noqa: E402
 
 # The two programs of most tests: a mass, and a spring that pulls it back.
 MASS = """
@@ -330,6 +331,116 @@ def test_beyond_the_machine_needs_keys():
     process = subprocess.run([CONTROLLER, "--simulation", "spring", "--until", "1", "--node", "mass", "--address",
                               "tcp://0.0.0.0:*"], stderr=subprocess.PIPE, timeout=20, text=True)
     assert process.returncode == 1 and "needs keys: ./fledge keys new controller" in process.stderr
+
+
+# A mass on a spring that is commanded: how strongly it pulls comes from outside.
+COMMANDED = SPRING.replace(
+    'node.writes(', 'node.reads("/ground/stiffness", text="float64 k  # k [N/m]")\nnode.writes(', 1).replace(
+        '-x for x', 'node["/ground/stiffness"]["k"] * -x for x')
+
+
+def test_an_observer_sees_what_nodes_write_and_a_ground_system_writes(programs):
+    controller = Controller("--node", "mass", "--node", "spring", "--asynchronous", "ground", until="1e6")
+    programs += [start(MASS, controller.address, "next_instant"),
+                 start(COMMANDED, controller.address, "same_instant"), controller.process]
+    with Observer("spring", "ground", controller.address) as ground, \
+            Observer("spring", "viewer", controller.address) as viewer:
+        assert set(viewer.topics) == {"/ground/stiffness", "/mass/state", "/spring/force"}
+        viewer.subscribe("/spring/", "/ground/")
+        for message in viewer:
+            assert message.topic in ("/spring/force", "/ground/stiffness")
+            if message.count > 10:
+                assert message["F"] == [0, 0] and message.node == "spring"
+                break
+        ground.write("/ground/stiffness", {"k": 2.0})
+        told = None
+        for message in viewer:
+            if message.topic == "/ground/stiffness" and message.count:
+                told = message
+                assert (message["k"], message.count, message.node) == (2.0, 1, "ground")
+            if message.topic == "/spring/force" and any(message["F"]):
+                assert told and message.t >= told.t
+                break
+        # One that comes now is told at once what was written long ago.
+        with Observer("spring", "late", controller.address) as late:
+            late.subscribe("/ground/stiffness")
+            message = late.next(20)
+            assert (message["k"], message.t, message.missed) == (2.0, told.t, 0)
+        with pytest.raises(NodeError, match="there is no topic /ground/x; there are /ground/stiffness, /mass/state"):
+            ground.write("/ground/x", {})
+        with pytest.raises(NodeError, match="has no field q; it has k"):
+            ground.write("/ground/stiffness", {"q": 1})
+        viewer.write("/ground/stiffness", {"k": 3.0})
+        controller.process.send_signal(signal.SIGINT)
+        code, errors = controller.end()
+        assert "viewer writes /ground/stiffness: /ground/stiffness does not come from viewer" in errors
+        for message in viewer:
+            pass
+        assert viewer.reason == "the user ended it"
+    assert [program.wait(timeout=20) for program in programs[:2]] == [0, 0]
+
+
+def test_an_observer_on_a_second_thread_beside_a_node():
+    controller = Controller("--node", "mass", "--watch", "/mass/state", until="0.5")
+    node = Node("spring", "mass", controller.address, every=ms)
+    node.writes("/mass/state", "State", "float64 x  # x [m]")
+    ready = threading.Event()
+
+    @node.step
+    def step(t):
+        assert ready.wait(20)
+        node["/mass/state"] = {"x": t}
+
+    seen = []
+
+    def watch():
+        with Observer("spring", "viewer", controller.address) as observer:
+            observer.subscribe("/mass/")
+            seen.append(observer.next(20))
+            ready.set()
+            seen.extend(observer)
+
+    thread = threading.Thread(target=watch)
+    thread.start()
+    assert node.run() == ""
+    thread.join(20)
+    assert controller.end() == (0, "")
+    assert [(m.t, m.count, m["x"]) for m in seen] == [(-1, 0, 0)] + [(k * ms, k + 1, k * ms) for k in range(501)]
+
+
+def test_an_observer_whose_controller_is_killed_says_so(programs):
+    controller = Controller("--node", "mass", "--node", "spring", until="1e6")
+    programs += spring(programs, controller)
+    with Observer("spring", "viewer", controller.address) as viewer:
+        viewer.subscribe("")
+        assert viewer.next(20)
+        controller.process.kill()
+        controller.process.communicate()
+        with pytest.raises(NodeError, match="the controller is gone"):
+            for _ in viewer:
+                pass
+
+
+def test_an_observer_is_refused_with_the_reason(tmp_path):
+    controller = Controller("--node", "mass", "--no-broker")
+    with pytest.raises(NodeError, match="refuses viewer: this controller has no broker"):
+        Observer("spring", "viewer", controller.address)
+    with pytest.raises(NodeError, match="this is the simulation spring, not string"):
+        Observer("string", "viewer", controller.address)
+    controller.process.send_signal(signal.SIGTERM)
+    controller.end()
+    fledge_keys(tmp_path, "new", "controller", "viewer")
+    controller = Controller("--node", "mass", "--keys", tmp_path)
+    with pytest.raises(NodeError, match="it does not know this key"):
+        Observer("spring", "viewer", controller.address, keys=tmp_path)
+    fledge_keys(tmp_path, "allow", "viewer", "--as", "ground")
+    time.sleep(0.3)
+    with pytest.raises(NodeError, match="its key viewer is not allowed to speak as viewer"):
+        Observer("spring", "viewer", controller.address, keys=tmp_path)
+    with pytest.raises(NodeError, match="has no answer: not all nodes are there"):
+        Observer("spring", "ground", controller.address, keys=tmp_path / "viewer.secret", patience=0.5)
+    controller.process.send_signal(signal.SIGTERM)
+    controller.end()
 
 
 def test_without_a_controller_it_gives_up():
