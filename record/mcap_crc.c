@@ -17,9 +17,9 @@ static uint32_t times_x(uint32_t a)
 
 void mcap_crc_init(McapCrc *c)
 {
-    for (uint32_t b = 0; b < 256u; b++) {
+    for (uint32_t b = 0; b < MCAP_CRC_ENTRIES; b++) {
         uint32_t r = b;
-        for (int bit = 0; bit < 8; bit++) {
+        for (int bit = MCAP_CRC_TABLES > 0 ? 8 : 4; bit > 0; bit--) {
             r = times_x(r);
         }
         c->table[0][b] = r;
@@ -107,7 +107,13 @@ uint32_t mcap_crc_update(const McapCrc *c, uint32_t crc, const void *bytes, size
     }
 #endif
     for (; n > 0u; n--) {
+#if MCAP_CRC_TABLES > 0
         r = (r >> 8) ^ c->table[0][(r ^ *p) & 0xFFu];
+#else
+        r ^= *p;
+        r = (r >> 4) ^ c->table[0][r & 0xFu];
+        r = (r >> 4) ^ c->table[0][r & 0xFu];
+#endif
         p++;
     }
     return ~r;

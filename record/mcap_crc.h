@@ -14,13 +14,15 @@
 extern "C" {
 #endif
 
-/** 8, or 1 for who has little memory: 1 KiB instead of 8, and a byte a step. */
+/** 8 tables; for who has little memory 1: a KiB instead of 8, a byte a step; or 0: 64 bytes, half a
+ *  byte a step. */
 #ifndef MCAP_CRC_TABLES
 #define MCAP_CRC_TABLES 8
 #endif
+#define MCAP_CRC_ENTRIES (MCAP_CRC_TABLES > 0 ? 256 : 16)
 
 typedef struct McapCrc {
-    uint32_t table[MCAP_CRC_TABLES][256]; ///< table[k][b]: the remainder of byte b followed by k zero bytes
+    uint32_t table[MCAP_CRC_TABLES > 0 ? MCAP_CRC_TABLES : 1][MCAP_CRC_ENTRIES]; ///< table[k][b]: the remainder of byte b followed by k zero bytes
 } McapCrc;
 
 void mcap_crc_init(McapCrc *c);

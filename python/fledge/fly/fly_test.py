@@ -51,9 +51,11 @@ def everywhere():
 def test_flight_puts_out_the_same_bits_on_every_target(mission, folder, capsys):
     out = folder / mission
     span = [] if WHOLE else ["--for", "3min"]
-    assert cli.main(["fly", mission, *span, "--on", everywhere(), "--out", str(out)]) == 0, capsys.readouterr()
-    rows = [line.split() for line in capsys.readouterr().out.splitlines() if line.startswith("  ")]
     names = everywhere().split(",")
+    if mission != "nadir_spin" and not WHOLE:
+        names = [name for name in names if name != "sparc64"]     # which nobody asked for
+    assert cli.main(["fly", mission, *span, "--on", ",".join(names), "--out", str(out)]) == 0, capsys.readouterr()
+    rows = [line.split() for line in capsys.readouterr().out.splitlines() if line.startswith("  ")]
     assert [row[0] for row in rows[1:-1]] == names
     assert {row[1] for row in rows[1:-1]} == {"19201" if WHOLE else "361"}
     assert len({row[2] for row in rows[1:-1]}) == 1 and len(rows[1][2]) == 16
@@ -124,8 +126,9 @@ def test_through_converters_it_is_the_same_to_within_their_counts(tmp_path, caps
     for moment in (700.0, 800.0):
         assert P / (2 * math.sqrt(K / 4 * moment)) > 0.999
     settled, end = 25 * 60, (160 if WHOLE else 35) * 60
-    assert cli.main(["fly", "nadir_spin", "--for", f"{end}s", "--on", everywhere(), "--board", str(CONVERTERS),
-                     "--out", str(tmp_path)]) == 0, capsys.readouterr()
+    two = "linux,sparc64" if not TARGETS["sparc64"].missing() else "linux"      # which must not differ either
+    assert cli.main(["fly", "nadir_spin", "--for", f"{end}s", "--on", two, "--board", str(CONVERTERS), "--out",
+                     str(tmp_path)]) == 0, capsys.readouterr()
     capsys.readouterr()
     desktop, linux = (Archive(tmp_path / f"{name}.mcap") for name in ("desktop", "linux"))
     late = linux.time("error") >= settled
@@ -158,11 +161,12 @@ def test_through_converters_it_is_the_same_to_within_their_counts(tmp_path, caps
 
 def test_nadir_spin_is_small(folder):
     """Flight modules, generated code, runner and record: under 48 KiB of text and 8 KiB of memory, without the C
-    library; the generated code under 4 KiB, its messages' definitions, for the record, aside."""
+    library; 1.5 KiB are left for the stack. The generated code is under 4 KiB, its messages' definitions, for the
+    record, aside."""
     job = Job("nadir_spin", duration=1.0, folder=folder / "nadir_spin")
     target = TARGETS["linux"]
     code, memory = target.sizes(target.build(job))
-    assert 20 * 1024 < code < 48 * 1024 and 4 * 1024 < memory < 8 * 1024
+    assert 20 * 1024 < code < 48 * 1024 and 4 * 1024 < memory <= 6.5 * 1024
     objects = {path.stem.partition("_")[2]: path for path in (job.folder / "linux/o").glob("*.o")}
     written = 0
     for name in ("nadir_spin", "nadir_spin_board", "nadir_spin_io", "nadir_spin_host"):
@@ -266,6 +270,7 @@ def started(folder, *more):
     """`fledge fly`, long enough to be disturbed, in a process of its own."""
     return subprocess.Popen([sys.executable, "-m", "fledge.cli", "fly", "nadir_spin", "--on", "linux", "--out",
                              str(folder), *more], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                            env=loop.environment(),
                             preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler))
 
 
@@ -388,7 +393,7 @@ def test_it_joins_a_run_whose_controller_is_elsewhere(folder, tmp_path, encrypte
     try:
         address = controller.stdout.readline().split()[-1]
         world = subprocess.Popen([sys.executable, "-m", "fledge.cli", "node", "nadir_spin", "world", "--address",
-                                  address, *keys], stdout=subprocess.DEVNULL)
+                                  address, *keys], stdout=subprocess.DEVNULL, env=loop.environment())
         out = folder / "nadir_spin"
         assert cli.main(["fly", "nadir_spin", "--on", "linux", "--join", address, *keys, "--out", str(out)]) == 0
         assert world.wait(timeout=30) == 0
@@ -406,3 +411,24 @@ def test_it_joins_a_run_whose_controller_is_elsewhere(folder, tmp_path, encrypte
     sim.close_archive()
     assert compare(Archive(tmp_path / "desktop.mcap"), Archive(out / "linux.mcap"),
                    ["motor.command", "tracking.error"]) == []
+
+
+def test_it_flies_in_a_simulation_from_a_file(folder, tmp_path):
+    """As a node of `fledge up`, which tells it by the environment where to go."""
+    (tmp_path / "sim.toml").write_text(f'''
+simulation = "nadir_spin"
+until = 20
+address = "ipc://@fledge-fly-test-{os.getpid()}"
+[[node]]
+name = "world"
+mission = "nadir_spin"
+process = "world"
+[[node]]
+name = "flight"
+command = ["{sys.executable}", "-m", "fledge.cli", "fly", "nadir_spin", "--join", "--out", "{folder}/nadir_spin"]
+''')
+    done = subprocess.run([sys.executable, "-m", "fledge.cli", "up", "sim.toml"], cwd=tmp_path, capture_output=True,
+                          text=True, timeout=120, env=loop.environment())
+    assert done.returncode == 0, done.stdout + done.stderr
+    with Archive(folder / "nadir_spin/linux.mcap") as record:
+        assert len(record.time_ns("motor.command")) == 41

@@ -81,6 +81,15 @@ def _what_failed(results, log, title):
     return f"the flight of {title} ended early: {codes}; {log} ends with\n    " + "\n    ".join(lines[-12:])
 
 
+def environment():
+    """For programs that start in any folder: Python finds what this one finds, and the keys are where they were."""
+    found = {**os.environ, "PYTHONUNBUFFERED": "1",
+             "PYTHONPATH": os.pathsep.join(os.path.abspath(path) for path in sys.path if path)}
+    if found.get("FLEDGE_KEYS"):
+        found["FLEDGE_KEYS"] = os.path.abspath(found["FLEDGE_KEYS"])
+    return found
+
+
 class HowFar:
     """What the controller says of how far the run is, for the bar."""
 
@@ -111,14 +120,11 @@ class Program:
         self.name = name
         self.out = open(f"{log.name}.{name}", "w+", encoding="utf-8", errors="replace")
         Path(self.out.name).unlink()
-        environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
-        if environment.get("FLEDGE_KEYS"):
-            environment["FLEDGE_KEYS"] = os.path.abspath(environment["FLEDGE_KEYS"])
         self.log = log
         try:
             self.process = subprocess.Popen([build.native("fledge_guard", "cosim"), "--", *map(str, command)],
                                             stdin=subprocess.PIPE, stdout=self.out, stderr=subprocess.STDOUT,
-                                            cwd=folder, env=environment, pass_fds=descriptors)
+                                            cwd=folder, env=environment(), pass_fds=descriptors)
         except BaseException:
             self.out.close()
             raise
