@@ -22,7 +22,8 @@ extern "C" {
 #define MCAP_CRC_ENTRIES (MCAP_CRC_TABLES > 0 ? 256 : 16)
 
 typedef struct McapCrc {
-    uint32_t table[MCAP_CRC_TABLES > 0 ? MCAP_CRC_TABLES : 1][MCAP_CRC_ENTRIES]; ///< table[k][b]: the remainder of byte b followed by k zero bytes
+    /** table[k][b]: the remainder of byte b, or of half a byte, followed by k zero bytes. */
+    uint32_t table[MCAP_CRC_TABLES > 0 ? MCAP_CRC_TABLES : 1][MCAP_CRC_ENTRIES];
 } McapCrc;
 
 void mcap_crc_init(McapCrc *c);
