@@ -212,6 +212,25 @@ class _Reader(Tables):
             if folder and not Path(folder).exists():
                 self.refuse(where, f"`{key}` is a folder made by ./fledge keys", f"there is no {folder}",
                             "make it, or give the right one")
+            elif folder and where == ("keys",):
+                self.allowed(plan, Path(folder))
+
+    def allowed(self, plan: Plan, folder: Path) -> None:
+        """Whether the controller has its keys, and lets all in."""
+        from fledge import keys
+
+        if not (folder / "controller.secret").exists():
+            self.refuse(("keys",), "the controller has keys of its own", f"there is no {folder}/controller.secret",
+                        f"./fledge keys new controller --keys {folder} makes them")
+        try:
+            known = keys.allowed(folder)
+        except keys.KeysError as error:
+            self.refuse(("keys",), "keys can be read", str(error), "mend or remove it")
+            return
+        for i, p in enumerate(plan.nodes):
+            if not any(p.name in key.nodes or "*" in key.nodes for key in known):
+                self.refuse(("node", i, "name"), "a node is let in by its key", f"no key in {folder}/allowed is for "
+                            f"{p.name}", f"./fledge keys allow KEY --as {p.name} --keys {folder} lets it in")
 
     @staticmethod
     def place(plan: Plan, i: int, key: str) -> tuple:

@@ -6,6 +6,7 @@ import sys
 
 import pytest
 
+from fledge import keys
 from fledge.up.description import SimError, busy, read
 
 GOOD = """
@@ -206,6 +207,13 @@ def test_a_host_needs_keys_or_trust(folder):
     plan = read(write(folder, "unencrypted = true\n" + text))
     assert plan.beyond and plan.listening() == "tcp://127.0.0.1:*"
     (folder / "keys").mkdir()
+    assert complaints(folder, 'keys = "keys"\n' + text) == [
+        (1, "the controller has keys of its own; there is no FOLDER/keys/controller.secret; ./fledge keys new controller "
+            "--keys FOLDER/keys makes them"),
+        (3, "a node is let in by its key; no key in FOLDER/keys/allowed is for mass; ./fledge keys allow KEY --as mass "
+            "--keys FOLDER/keys lets it in")]
+    keys.new(folder / "keys", ["controller", "lab"])
+    keys.allow(folder / "keys", ["lab"], ["mass", "spring"])
     plan = read(write(folder, 'keys = "keys"\n' + text))
     assert plan.keys == str(folder / "keys")
 

@@ -124,17 +124,22 @@ def test_a_program_that_is_killed_goes_on_as_if_nothing_had_been(mark, tmp_path)
     rng = random.Random(SEED)
     kills = CYCLES or 4
     simulation = f"again-{os.getpid()}"
+    until = kills + 2
     (tmp_path / "alone").mkdir()
-    alone = start(write_pair(tmp_path / "alone", until=3, simulation=simulation), mark)
-    assert alone.wait(60) == 0, alone.communicate()[0]
-    alone.communicate()
-    file = write_pair(tmp_path, until=3, simulation=simulation, mass='env = { STAYS_AT = "2", NAP = "0.001" }',
+    alone = start(write_pair(tmp_path / "alone", until=until, simulation=simulation), mark)
+    out, _ = alone.communicate(timeout=120)
+    assert alone.returncode == 0, out
+    file = write_pair(tmp_path, until=until, simulation=simulation,
+                      mass=f'env = {{ STAYS_AT = "{until - 1}", NAP = "0.02" }}',
                       spring=f'on_loss = "restart"\nrestarts = {kills}')
     process = start(file, mark)
-    for k in range(kills):
+    lines = 0
+    for k in range(kills):      # one that does not get further would be given up
         wait_for(lambda: said(tmp_path, simulation, "spring").count("the spring is there") > k)
-        time.sleep(rng.uniform(0.0, 0.4))
+        wait_for(lambda: said(tmp_path, simulation, "mass").count("\n") > lines)
+        time.sleep(rng.uniform(0.0, 0.2))
         os.kill(wait_for(lambda: named(mark, VICTIMS["spring"]))[0], signal.SIGKILL)
+        lines = said(tmp_path, simulation, "mass").count("\n")
     wait_for(lambda: said(tmp_path, simulation, "spring").count("the spring is there") > kills)
     (tmp_path / "go").touch()
     out, _ = process.communicate(timeout=120)

@@ -257,6 +257,12 @@ class Session:
             command += ["--record", str(self.folder.resolve())]
         return command
 
+    def _by_hand(self, r: _Running) -> str:
+        """The variables that tell a program where to go."""
+        keys = r.program.keys or self.plan.keys
+        return " ".join([f"FLEDGE_SIMULATION={self.plan.simulation}", f"FLEDGE_NODE={r.program.name}",
+                         f"FLEDGE_ADDRESS={self._address}", *([f"FLEDGE_KEYS={keys}"] if keys else [])])
+
     def _end(self, r: _Running) -> None:
         r.ending = True
         r.process.end()
@@ -281,8 +287,7 @@ class Session:
             if not self._signals:
                 for r in self._running.values():
                     if r.program.by_hand:
-                        self.view.happens(f"  by hand  FLEDGE_SIMULATION={self.plan.simulation} "
-                                          f"FLEDGE_NODE={r.program.name} FLEDGE_ADDRESS={self._address}")
+                        self.view.happens(f"  start {r.program.name} with {self._by_hand(r)}")
                     else:
                         self._start_program(r)
         if "report" in said:
@@ -340,19 +345,18 @@ class Session:
             if r.process.code:
                 self.view.happens(f"  {name}, for which nobody waits, {r.dead}")
             return
-        if r.state in ("absent", "joining") and p.joins is None and p.on_loss != "restart":
-            r.dealt_with = True
+        r.dealt_with = True
+        if r.state in ("absent", "joining") and p.on_loss != "restart":
             self._failed[name] = r.dead
-            if r.state == "absent":
+            if p.joins == WHEN_IT_COMES:
+                self.view.happens(f"  {name} {r.dead} before it took part")
+            elif r.state == "absent":
                 self.stop(f"{name} {r.dead} before it took part")
             return
-        if r.state == "finished":
-            r.dealt_with = True
+        if p.on_loss == "pause" and r.state not in ("finished", "left"):
+            self.view.happens(f"  {name} {r.dead}; to go on, start it again with {self._by_hand(r)}")
+        if p.on_loss != "restart" or r.state in ("finished", "left"):
             return
-        if p.on_loss != "restart":
-            r.dealt_with = True
-            return
-        r.dealt_with = True
         if r.started > p.restarts:
             self._failed[name] = r.dead
             times = f"had been started again {p.restarts} times" if p.restarts != 1 else "had been started again once"
@@ -379,11 +383,12 @@ class Session:
             row.state, row.bad = f"restart {r.started} of {p.restarts}", True
         elif p.asynchronous:
             row.state = r.dead.removeprefix("was ") or ("runs" if r.process else "starting")
-        elif r.dead and r.state not in ("finished",):
+        elif r.dead and r.state not in ("finished", "left"):
             row.state = r.dead.removeprefix("was ").replace("ended with exit code", "exit code")
-            row.bad = bool(r.process.code) or r.state != "finished"
+            row.bad = True
         elif r.state == "absent":
-            row.state = "by hand" if p.by_hand else "starting"
+            row.state = "by hand" if p.by_hand else "starting" if p.joins is None else \
+                p.joins if p.joins == WHEN_IT_COMES else f"joins at {p.joins:g} s"
         elif r.state == "running" and row.asked > _BUSY:
             row.state, row.bad = f"busy {row.asked:.0f} s", True
         else:

@@ -2,6 +2,7 @@
 """`fledge up` from outside: real programs around the real controller."""
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -38,7 +39,7 @@ def test_two_programs_fly_to_the_end(mark, tmp_path):
     assert re.search(r"\n  flown    2 s in [\d.]+ s, [\d.]+ times real time\n", done.stdout)
     assert done.stdout.endswith("  logs     runs/pair/log\n")
     said = logs(tmp_path)
-    assert said["mass"].splitlines()[0] == "the mass is at 1.0" and len(said["mass"].splitlines()) == 3
+    assert said["mass"].splitlines()[0] == "the mass is at 1.0" and said["mass"].endswith("the mass leaves\n")
     assert sorted(said) == ["all", "controller", "mass", "spring"]
     assert re.search(r"^ +\d+\.\d{3} spring     \| the spring is there$", said["all"], re.M)
 
@@ -59,15 +60,15 @@ def test_who_is_slow_is_seen(mark, tmp_path):
     done = up(write_pair(tmp_path, until=0.5, mass='env = { NAP = "0.004" }'), mark=mark)
     assert done.returncode == 0, done.stderr
     assert re.search(r"\nmass .* slowest\n", done.stdout)
-    row = re.search(r"\nspring +finished .* ([\d.]+) s +([\d.]+) s +([\d.]+) s", done.stdout)
-    assert float(row[3]) > 0.18     # it waited for 51 naps
+    row = re.search(r"\nspring +finished .* ([\d.]+) (m?)s  [#=.]+\n", done.stdout)
+    assert float(row[1]) * (1e-3 if row[2] else 1) > 0.18     # it waited for 51 naps
 
 
 def test_mistakes_are_told_before_anything_starts(mark, tmp_path):
     file = write_pair(tmp_path, spring='on_los = "hold"')
     done = up(file, mark=mark)
     assert done.returncode == 2 and done.stdout == ""
-    assert done.stderr == (f"fledge: up: the simulation cannot be started\n{file}:11: only known keys count; there is "
+    assert done.stderr == (f"fledge: up: the simulation cannot be started\n{file}:12: only known keys count; there is "
                            "`on_los`; did you mean `on_loss`?\n")
     assert not (tmp_path / "runs").exists()
     done = up(tmp_path / "nothing.toml", mark=mark)
@@ -134,6 +135,146 @@ def test_one_line_per_host(mark, tmp_path):
     done = up(file, mark=mark, env={"FLEDGE_PRESET": preset})
     assert done.returncode == 0, done.stderr + done.stdout
     assert "listening at tcp://127.0.0.1:" in logs(tmp_path)["controller"]
+
+
+EYE = """
+import os
+from fledge_node import Node, s
+node = Node(every=1 * s)
+node.reads("/mass/state", "same_instant")
+
+@node.step
+def step(t):
+    print("at", t // 10**9, node["/mass/state"]["x"][0])
+    if t == int(os.environ.get("LEAVES_AT", -1)) * 10**9:
+        node.leave()
+
+node.run()
+"""
+
+
+def with_eye(folder, more="", **kwargs):
+    file = write_pair(folder, **kwargs)
+    (folder / "eye.py").write_text(EYE)
+    with open(file, "a") as text:
+        text.write(f'\n[[node]]\nname = "eye"\ncommand = ["{sys.executable}", "eye.py"]\n{more}\n')
+    return file
+
+
+def test_one_that_joins_later_sees_what_it_would_have_seen(mark, tmp_path):
+    (tmp_path / "late").mkdir()
+    assert up(with_eye(tmp_path, until=5), mark=mark).returncode == 0
+    whole = logs(tmp_path)["eye"].splitlines()
+    done = up(with_eye(tmp_path / "late", "joins = 2", until=5), mark=mark)
+    assert done.returncode == 0, done.stderr
+    assert [line.split()[1] for line in whole] == ["0", "1", "2", "3", "4", "5"]
+    assert logs(tmp_path / "late")["eye"].splitlines() == whole[3:]
+
+
+def test_one_that_leaves_holds_nobody_up(mark, tmp_path):
+    done = up(with_eye(tmp_path, 'env = { LEAVES_AT = "2" }', until=5), mark=mark)
+    assert done.returncode == 0, done.stderr + done.stdout
+    assert len(logs(tmp_path)["eye"].splitlines()) == 3
+    assert re.search(r"\neye +(left|finished) +2\.00 s ", done.stdout), done.stdout
+
+
+def test_a_late_one_that_fails_ends_the_run_at_once(mark, tmp_path):
+    file = with_eye(tmp_path, "joins = 500", until=1e6)
+    (tmp_path / "eye.py").write_text("exit(3)")
+    done = up(file, mark=mark)
+    assert done.returncode == 1
+    assert done.stderr == "fledge: pair ended early: eye ended with exit code 3 before it took part\n"
+
+
+def test_without_one_that_nobody_needs_the_run_goes_on(mark, tmp_path):
+    file = with_eye(tmp_path, 'on_loss = "hold"', until=5)
+    (tmp_path / "eye.py").write_text(EYE.replace("    print", "    1 / (t - 2 * 10**9)\n    print"))
+    done = up(file, mark=mark)
+    assert done.returncode == 1, "something failed, though the run came to its end"
+    assert "eye: it failed: ZeroDivisionError" in done.stdout and re.search(r"\nmass +finished +5\.00 s", done.stdout)
+    assert done.stderr == "fledge: pair came to its end, but eye failed\n"
+
+
+def test_one_may_be_started_by_hand_and_again(mark, tmp_path):
+    """What it needs is shown; with a pause, the run waits for it."""
+    file = write_pair(tmp_path, until=2, mass='env = { STAYS_AT = "1" }', spring='on_loss = "pause"')
+    text = file.read_text()
+    file.write_text(re.sub(r"command = .*spring.py.*", "by_hand = true", text))
+    process = subprocess.Popen([sys.executable, "-m", "fledge.cli", "up", str(file)], cwd=tmp_path, env=mark.env,
+                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    try:
+        assert process.stdout.readline() == "pair: 2 nodes, 2 s\n"
+        shown = re.fullmatch(r"  start spring with (FLEDGE_SIMULATION=pair FLEDGE_NODE=spring FLEDGE_ADDRESS=\S+)\n",
+                             process.stdout.readline())
+        told = dict(word.split("=", 1) for word in shown[1].split())
+        path = os.pathsep.join([str(BUILT.parents[2] / "cosim/python"), os.environ.get("PYTHONPATH", "")])
+        spring = [sys.executable, str(tmp_path / "spring.py")]
+        first = subprocess.Popen(spring, env=mark.env | told | {"PYTHONPATH": path})
+        while "the mass is at" not in logs(tmp_path).get("mass", ""):
+            time.sleep(0.02)
+        first.kill()
+        first.wait()
+        assert "; the run waits for it" in process.stdout.readline()
+        second = subprocess.Popen(spring, env=mark.env | told | {"PYTHONPATH": path})
+        (tmp_path / "go").touch()
+        out, _ = process.communicate(timeout=60)
+        assert process.returncode == 0, out
+        assert second.wait(20) == 0
+    finally:
+        process.kill()
+        process.communicate()
+        mark.kill()
+
+
+def test_a_mission_without_a_file(mark, tmp_path):
+    done = up("nadir_spin", "--until", "60s", mark=mark, folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("nadir_spin: 2 nodes, 60 s\n")
+    assert re.search(r"\nworld +finished +60\.00 s .*\nflight +finished +60\.00 s ", done.stdout)
+    assert "  record   runs/nadir_spin/flight.mcap (" in done.stdout
+    whole = up("nadir_spin", "--check", mark=mark, folder=tmp_path)
+    assert whole.stdout == "nadir_spin: nothing is wrong with it: 2 nodes, 9600 s\n"
+    wrong = up("nadir_spin", "spun", mark=mark, folder=tmp_path)
+    assert wrong.returncode == 2 and "has no scenario 'spun'; it has spin" in wrong.stderr
+
+
+@pytest.fixture
+def namespace():
+    """Another network namespace, and the address by which it reaches this one."""
+    name, near, far = f"fledge-{os.getpid()}", f"fl{os.getpid()}a", f"fl{os.getpid()}b"
+
+    def ip(*words):
+        return subprocess.run(["ip", *words], capture_output=True, text=True)
+
+    if not shutil.which("ip") or (made := ip("netns", "add", name)).returncode:
+        pytest.skip("no network namespace can be made: " + (made.stderr.strip() if shutil.which("ip") else "no ip"))
+    try:
+        for words in (f"link add {near} type veth peer name {far} netns {name}", f"addr add 198.18.7.1/30 dev {near}",
+                      f"link set {near} up", f"-n {name} addr add 198.18.7.2/30 dev {far}",
+                      f"-n {name} link set {far} up"):
+            done = ip(*words.split())
+            if done.returncode:
+                pytest.skip(f"ip {words}: {done.stderr.strip()}")
+        yield name, "198.18.7.1"
+    finally:
+        ip("link", "del", near)
+        ip("netns", "del", name)
+
+
+def test_beyond_the_network_with_keys(mark, tmp_path, namespace):
+    from fledge import keys
+
+    name, address = namespace
+    keys.new(tmp_path / "keys", ["controller", "mass", "spring"])
+    keys.allow(tmp_path / "keys", ["mass", "spring"])
+    file = write_pair(tmp_path, until=1, top=f'address = "tcp://{address}:*"\nkeys = "keys"',
+                      spring=f'launcher = "ip netns exec {name}"')
+    done = up(file, mark=mark)
+    assert done.returncode == 0, done.stderr + done.stdout
+    assert f"listening at tcp://{address}:" in logs(tmp_path)["controller"]
+    keys.deny(tmp_path / "keys", ["spring"])
+    done = up(file, mark=mark)
+    assert done.returncode == 2 and "a node is let in by its key; no key in " in done.stderr
 
 
 def test_a_folder_is_one_runs_at_a_time(mark, tmp_path):
