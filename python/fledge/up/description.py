@@ -28,10 +28,11 @@ WHEN_IT_COMES = "when it comes"
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
 _PLACEHOLDER = re.compile(r"\{(\w+)\}")
 _TOP = ("simulation", "until", "seed", "pace", "transport", "address", "keys", "unencrypted", "record",
-        "exchange", "join", "reply", "node", "asynchronous")
+        "exchange", "watch", "join", "reply", "node", "asynchronous")
 _START = ("name", "mission", "process", "scenario", "free", "parameters", "command", "by_hand", "directory", "env",
           "host", "launcher", "fledge", "keys")
 _NODE = (*_START, "on_loss", "restarts", "joins", "rejoins", "save_every", "reply")
+_ASYNCHRONOUS = (*_START, "writes")
 _OF_MISSION = ("process", "scenario", "free", "parameters")
 SSH = ("ssh", "-o", "BatchMode=yes", "-o", "ServerAliveInterval=5", "{host}")
 
@@ -58,6 +59,7 @@ class Program:
     fledge: str | None = None           # where Fledge is on the host
     keys: str | None = None
     asynchronous: bool = False
+    writes: list[str] = field(default_factory=list)     # topics, of an asynchronous one
     on_loss: str = "abort"
     restarts: int = 0
     joins: float | str | None = None    # [s] simulated; None: at the start
@@ -79,6 +81,7 @@ class Plan:
     keys: str | None = None
     unencrypted: bool = False
     record: bool = True                 # of each process of a mission
+    watch: list[str] = field(default_factory=list)      # topics that are written though no node wants them
     exchange: bool = False              # of all that nodes write to one another
     join: float = 60.0                  # [s]
     reply: float = 60.0                 # [s]
@@ -163,6 +166,7 @@ class _Reader(Tables):
             unencrypted=self.value(data, (), "unencrypted", (bool,), "true or false", False),
             record=self.value(data, (), "record", (bool,), "true or false", True),
             exchange=self.value(data, (), "exchange", (bool,), "true or false", False),
+            watch=self.topics(data, (), "watch"),
             join=self.seconds(data, (), "join", 60.0),
             reply=self.seconds(data, (), "reply", 60.0))
         if "simulation" in data and not _NAME.fullmatch(plan.simulation):
@@ -240,7 +244,7 @@ class _Reader(Tables):
     # ---- a program
 
     def program(self, table: dict, path: tuple, names: dict, asynchronous: bool) -> Program:
-        self.keys(table, path, _START if asynchronous else _NODE)
+        self.keys(table, path, _ASYNCHRONOUS if asynchronous else _NODE)
         p = Program(self.name(table, path, names), asynchronous=asynchronous)
         p.mission = self.text(table, path, "mission", None) or None
         p.process = self.text(table, path, "process", None) or None
@@ -262,7 +266,9 @@ class _Reader(Tables):
                             "it is relative to the file's")
                 p.command = None
         self.what(table, path, p)
-        if not asynchronous:
+        if asynchronous:
+            p.writes = self.topics(table, path, "writes")
+        else:
             self.taking_part(table, path, p)
         return p
 
@@ -395,6 +401,14 @@ class _Reader(Tables):
             self.refuse((*path, key), f"`{key}` is a list of texts, the program first", f"it is {shown(table[key])}",
                         f"write for example {example}")
             return None
+        return value
+
+    def topics(self, table: dict, path: tuple, key: str) -> list[str]:
+        value = table.get(key, [])
+        if not isinstance(value, list) or not all(isinstance(t, str) and re.fullmatch(r"/[^,\s]+", t) for t in value):
+            self.refuse((*path, key), f"`{key}` is a list of topics", f"it is {shown(value)}",
+                        'write for example ["/ground/command"]')
+            return []
         return value
 
     def environment(self, table: dict, path: tuple) -> dict[str, str]:

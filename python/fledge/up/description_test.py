@@ -160,6 +160,9 @@ NODE = '[[node]]\nname = "mass"\ncommand = ["python3", "mass.py"]\n'
     ('[[node]]\nname = "world"\nmission = "nadir_spin"\nprocess = "flihgt"', 4, "the process is one of the "
      "mission's; "
      "nadir_spin has no `flihgt`; did you mean `flight`?"),
+    (NODE + 'writes = ["/mass/state"]', 4, "only known keys count; there is `writes`; choose name, mission"),
+    ('watch = "/mass/state"\n' + NODE, 1, '`watch` is a list of topics; it is "/mass/state"; write for example '
+     '["/ground/command"]'),
     ('node = 3', 1, "`node` is an array of tables; it is 3; write [[node]]"),
 ])
 def test_mistakes_are_told_with_their_line(folder, text, line, complaint):
@@ -208,8 +211,8 @@ def test_a_host_needs_keys_or_trust(folder):
     assert plan.beyond and plan.listening() == "tcp://127.0.0.1:*"
     (folder / "keys").mkdir()
     assert complaints(folder, 'keys = "keys"\n' + text) == [
-        (1, "the controller has keys of its own; there is no FOLDER/keys/controller.secret; ./fledge keys new controller "
-            "--keys FOLDER/keys makes them"),
+        (1, "the controller has keys of its own; there is no FOLDER/keys/controller.secret; ./fledge keys new "
+            "controller --keys FOLDER/keys makes them"),
         (3, "a node is let in by its key; no key in FOLDER/keys/allowed is for mass; ./fledge keys allow KEY --as mass "
             "--keys FOLDER/keys lets it in")]
     keys.new(folder / "keys", ["controller", "lab"])

@@ -22,7 +22,7 @@ _LOOK = 0.1         # [s]
 _FINISH = 12.0      # [s] for the controller to bring a run to its end
 _LEAVE = 10.0       # [s] for programs to end by themselves when the run has
 _GIVE_UP = 15.0     # [s] for guards to kill what does not
-_HUNG = 1.0         # [s] between the loss of a node and the end of its program, if that does not end itself
+_HUNG = 1.0         # [s] for a program to end by itself when its node is lost, or nobody waits for it
 _BUSY = 2.0         # [s] after which a request that is not answered is to be seen
 _LAST_LINES = 12    # of a program that failed
 
@@ -142,12 +142,15 @@ class Session:
 
     def _leave(self) -> None:
         """Let programs end by themselves; those that nobody waits for are asked to."""
-        until = time.monotonic() + (_LEAVE if self._signals < 2 else 0.0)
+        begun = time.monotonic()
         for r in self._running.values():
-            if r.process and (r.program.asynchronous or r.state == "absent"):
+            if r.process and r.state == "absent" and not r.program.asynchronous:
                 self._end(r)    # nobody has told it
-        while time.monotonic() < until and self._signals < 2 and any(
+        while (spent := time.monotonic() - begun) < _LEAVE and self._signals < 2 and any(
                 r.process and not r.process.look() for r in self._running.values()):
+            for r in self._running.values():
+                if r.program.asynchronous and r.process and not r.ending and spent > _HUNG:
+                    self._end(r)
             select.select([], [], [], 0.02)
             self._look_at_ends()
         for r in self._running.values():
@@ -201,6 +204,11 @@ class Session:
             command += ["--keys", plan.keys]
         elif plan.beyond and plan.unencrypted:
             command.append("--unencrypted-beyond-machine")
+        for topic in plan.watch:
+            command += ["--watch", topic]
+        for p in plan.programs:
+            if p.asynchronous:
+                command += ["--asynchronous", ":".join([p.name, *filter(None, [",".join(p.writes)])])]
         for p in plan.nodes:
             joins = "" if p.joins is None else "any" if p.joins == WHEN_IT_COMES else repr(p.joins)
             more = [f"joins={joins}"] * bool(joins) + ["rejoins"] * p.rejoins
