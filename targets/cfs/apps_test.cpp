@@ -117,6 +117,7 @@ TEST_F(Apps, AnAppThatEndsByItselfLeavesNothing)
     }
     EXPECT_EQ(pocket_running(), 0u);
     EXPECT_EQ(last_status, CFE_ES_RunStatus_APP_ERROR);
+    EXPECT_EQ(pocket_counts().apps_failed, 1u);
     const auto before = pocket_counts().no_subscriber;
     EXPECT_TRUE(ingest(command(0x18c0, 5)));
     EXPECT_EQ(pocket_counts().no_subscriber, before + 1);

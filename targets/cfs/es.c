@@ -279,6 +279,7 @@ void CFE_ES_ExitApp(uint32 ExitStatus)
     pocket_sb_forget_locked(index);
     pocket_tbl_forget_locked(index);
     pocket_osal_forget_locked(index);
+    pocket_core.counts.apps_failed += ExitStatus == CFE_ES_RunStatus_APP_ERROR ? 1u : 0u;
     app->events = false;
     app->n_filters = 0;
     app->generation++;

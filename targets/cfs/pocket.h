@@ -36,6 +36,7 @@ typedef struct PocketCounts {
     uint32 errors;        ///< events of ERROR or CRITICAL, the pocket's own included
     uint32 table_commands;
     uint32 table_errors; ///< commands to the tables that were refused
+    uint32 apps_failed;  ///< that ended with CFE_ES_RunStatus_APP_ERROR
 } PocketCounts;
 
 /** Once per program, or again after pocket_stop. */

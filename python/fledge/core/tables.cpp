@@ -208,7 +208,20 @@ void bind_tables(py::module_ &m)
                 return list;
             },
             "(name, value) of each, of an enum")
+        .def_property_readonly(
+            "bounds",
+            [](const Field &f) {
+                const auto end = [&](std::uint32_t has, double x) {
+                    return f.bounds & has ? py::object(py::float_(x)) : py::none();
+                };
+                return py::make_tuple(end(FLEDGE_HAS_LO, f.lo), end(FLEDGE_HAS_HI, f.hi),
+                                      static_cast<bool>(f.bounds & FLEDGE_LO_OPEN),
+                                      static_cast<bool>(f.bounds & FLEDGE_HI_OPEN));
+            },
+            "(lowest or None, highest or None, whether the lowest itself is excluded, and the highest)")
         .def_property_readonly("required", flag(FLEDGE_REQUIRED))
+        .def_property_readonly("non_zero", flag(FLEDGE_NON_ZERO))
+        .def_property_readonly("inertia", flag(FLEDGE_INERTIA))
         .def_property_readonly("optional", flag(FLEDGE_OPTIONAL))
         .def_property_readonly("assumed", flag(FLEDGE_ASSUMED))
         .def_property_readonly("spare", flag(FLEDGE_SPARE));

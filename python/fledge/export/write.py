@@ -13,22 +13,34 @@ def write(mission, folder, more=None):
 
 
 def write_files(files, folder):
-    """Write name -> text into a folder. Nothing is half written: each file takes its name when whole, and only
-    after all could be written. A file that already says the same is left alone, as builds like it."""
+    """Write name -> text or bytes into a folder; names may have folders of their own. Nothing is half written: each
+    file takes its name when whole, and only after all could be written. A file that already says the same is left
+    alone, as builds like it."""
     folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    fresh = []
+    fresh, made = [], []
+    done = False
     try:
-        for name, text in files.items():
+        for name, content in files.items():
             part = folder / (name + ".part")
+            made += make(part.parent)
             fresh.append((part, folder / name))
-            part.write_text(text, encoding="utf-8", newline="\n")
+            part.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8"))
         for part, whole in fresh:
             if whole.exists() and whole.read_bytes() == part.read_bytes():
                 part.unlink()
             else:
                 os.replace(part, whole)
+        done = True
     finally:
         for part, _ in fresh:
             part.unlink(missing_ok=True)
+        for one in reversed([] if done else made):
+            one.rmdir()
     return [whole for _, whole in fresh]
+
+
+def make(folder):
+    """Make a folder and those above it; returns those that were not there."""
+    made = [one for one in (folder, *folder.parents) if not one.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    return made[::-1]

@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The whole folder of an app."""
+
+from pathlib import Path
+
+from fledge.export import board as boards_of
+from fledge.export import c_source
+from fledge.export.cfs import around, joint, packets, sources, tables
+from fledge.export.cfs.app import check_taken
+from fledge.export.read import ExportError
+from fledge.export.write import write_files
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parents[3]
+
+
+def emit(mission, app, files=(), outputs=(), roots=()):
+    """Path in the folder -> text or bytes. files, outputs: of boards, as export.emit_board; roots: folders of
+    modules that are not Fledge's own."""
+    app.check_topics(mission)
+    found = tables.tables(mission, app)
+    flown, boards = flown_by(mission, files, outputs)
+    prefix, name = app.prefix, app.name
+
+    src, inc = {}, {}
+    for template in sorted((HERE / "templates").glob("*.in")):
+        text = template.read_text(encoding="utf-8").replace("@APP@", prefix).replace("@app@", name)
+        text = text.replace("@mission@", mission.name).replace("@title@", mission.title)
+        file = f"{name}_{template.name.removesuffix('.in')}"
+        (inc if file.endswith("ids.h") else src)[file] = text
+    inc |= {f"{name}_msgids.h": packets.msgids(mission, app), f"{name}_msg.h": packets.msg(mission, app),
+            f"{name}_tbl.h": tables.header(app, found)}
+    src |= {f"{name}_mission.h": joint.header(mission, app, found, boards),
+            f"{name}_mission.c": joint.source(mission, app, found)}
+    for file in src.keys() & flown.keys():
+        raise ExportError(f"--app {name}: {mission.title} or one of its boards has a file {file} of its own; choose "
+                          "another name")
+    src |= {file: text for file, text in flown.items() if file.endswith((".c", ".h"))}
+    src |= sources.collect(mission, [*map(Path, roots), ROOT], src | inc)
+    code = {file: text for file, text in src.items() if file.endswith(".c")}
+    src |= {file: sources.renamed(app, text) for file, text in code.items()}
+    src[f"{name}_names.h"] = sources.names_header(app, code.values())
+
+    out = {f"fsw/inc/{file}": text for file, text in inc.items()} | {f"fsw/src/{f}": t for f, t in src.items()}
+    out |= {f"fsw/tables/{t.stem}.c": tables.source(app, t) for t in found}
+    out |= {f"cf/{t.stem}.tbl": tables.tbl(app, t) for t in found}
+    out |= {f"board/{file}": text for file, text in flown.items() if not file.endswith((".c", ".h"))}
+    out |= {"CMakeLists.txt": around.cmake(app, sorted(code), found), "README.md": around.readme(mission, app, found),
+            "install/targets.cmake": around.targets(app), "install/cfe_es_startup.scr": around.startup(app),
+            "install/sch_lab_table.c": around.schedule(app)}
+    return dict(sorted(out.items()))
+
+
+def flown_by(mission, files, outputs):
+    """The mission's C with its boards', and the boards."""
+    texts = [(Path(file), Path(file).read_text(encoding="utf-8")) for file in files]
+    own = f"{boards_of.board_name(mission)}.toml"
+    boards = boards_of.read(mission, texts or [(own, boards_of.toml(mission, outputs))])
+    return c_source.emit(mission) | boards_of.emit_board(mission, files, outputs), boards
+
+
+def write(mission, app, folder, files=(), outputs=(), roots=()):
+    """Write the folder, whole or not at all; returns the paths."""
+    texts = emit(mission, app, files, outputs, roots)
+    check_taken(mission, app, folder)
+    return write_files(texts, folder)

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where an app's C, the same for all missions, meets the one that it flies."""
+
+from fledge.export import c_run
+from fledge.export.c_text import wrap
+from fledge.export.cfs.packets import guarded
+from fledge.export.cfs.tables import layout_checks, rules
+
+
+def header(mission, app, found, boards):
+    prefix, upper = app.prefix, mission.name.upper()
+    longest = max(m.struct.size for m in mission.outputs)
+    return guarded(app, "mission", f"What {prefix} flies: {mission.title}.", [
+        '#include "cfe.h"', "", f'#include "{mission.name}.h"', f'#include "{mission.name}_io.h"',
+        '#include "targets/mission_check.h"', "",
+        f"typedef {mission.struct()} {prefix}_Mission_t;", "",
+        f"#define {prefix}_MESSAGES {upper}_MESSAGES",
+        f"#define {prefix}_LONGEST_MESSAGE {longest} /* [bytes] */",
+        f"#define {prefix}_BOARDS {len(boards)}",
+        f"#define {prefix}_TABLES {len(found)}", "",
+        "/** The parameters of a module as a table. */", f"typedef struct {prefix}_Table {{",
+        "    const char *Name; /* as the bus knows it, without the app's */",
+        "    const char *File; /* what it is loaded from at the start */", "    const MissionRule *Rules;",
+        "    uint32 NumRules;", "    int32 (*Validate)(void *Content);", f"}} {prefix}_Table_t;", "",
+        f"extern const {prefix}_Table_t {prefix}_Tables[{prefix}_TABLES + 1];", "",
+        "/** Look at what a table shall hold: CFE_SUCCESS, or an error after an event. */",
+        f"int32 {prefix}_ValidateTable(uint32 Index, const void *Content);", "",
+        "/** A module's parameters were changed: tell those who read them, at t [ns]. */",
+        f"void {prefix}_Publish({prefix}_Mission_t *Mission, uint32 Index, int64 t);", "",
+        "/** Ask for a mode; false: there is none of this number. */",
+        f"bool {prefix}_Enter({prefix}_Mission_t *Mission, uint32 Mode);", "",
+        "/** The mode in effect. */", f"uint32 {prefix}_ModeOf(const {prefix}_Mission_t *Mission);", "",
+        "/** Flight's time [ns] as cFE's. */", f"CFE_TIME_SysTime_t {prefix}_SysTime(int64 t);", ""])
+
+
+def source(mission, app, found):
+    prefix, name = app.prefix, mission.name
+    lines = ["/* SPDX-License-Identifier: Apache-2.0 */",
+             *wrap(f"What is {mission.title}'s own in {prefix}: the rules of its parameters, and its calls.".split(),
+                   "/* ", " * ", " */"),
+             f'#include "{app.name}_mission.h"', f'#include "{app.name}_tbl.h"', "", "#include <stddef.h>", "",
+             "/* A table is the bytes of its module's parameters: a compiler refuses another layout. */",
+             "#define SAME(a, b, name) typedef char same_##name[(a) == (b) ? 1 : -1]",
+             *layout_checks(app, found), ""]
+    for i, table in enumerate(found):
+        lines += rules(app, table)
+        lines += [f"static int32 Validate{table.name}(void *Content)", "{",
+                  f"    return {prefix}_ValidateTable({i}, Content);", "}", ""]
+    lines += [f"const {prefix}_Table_t {prefix}_Tables[{prefix}_TABLES + 1] = {{"]
+    for table in found:
+        lines += wrap([f'"{table.name}",', f'"{table.file}",', f"Rules{table.name},",
+                       f"sizeof Rules{table.name} / sizeof Rules{table.name}[0],", f"Validate{table.name}"],
+                      "    {", "     ", "},")
+    lines += ["    {NULL, NULL, NULL, 0, NULL},", "};", "",
+              f"void {prefix}_Publish({prefix}_Mission_t *Mission, uint32 Index, int64 t)", "{"]
+    configuration = [(i, t.module) for i, t in enumerate(found) if t.module in mission.configuration]
+    if configuration:
+        lines.append("    switch (Index) {")
+        for i, module in configuration:
+            lines += [f"    case {i}:", f"        {name}_publish_{module.name}(Mission, t);", "        break;"]
+        lines += ["    default:", "        break; /* read where it stands, at the next tick */", "    }"]
+    else:
+        lines += ["    (void)Mission;", "    (void)Index;", "    (void)t;"]
+    lines += ["}", "", f"bool {prefix}_Enter({prefix}_Mission_t *Mission, uint32 Mode)", "{"]
+    if mission.modes:
+        last = c_run.mode(mission, mission.modes[-1])
+        lines += [f"    if (Mode > {last}) {{", "        return false;", "    }",
+                  f"    {name}_enter(Mission, ({mission.struct()}Mode)Mode);", "    return true;"]
+    else:
+        lines += ["    (void)Mission;", "    (void)Mode;", "    return false;"]
+    lines += ["}", "", f"uint32 {prefix}_ModeOf(const {prefix}_Mission_t *Mission)", "{"]
+    lines += ["    return (uint32)Mission->mode.current;"] if mission.modes else ["    (void)Mission;", "    return 0;"]
+    lines += ["}", "", f"CFE_TIME_SysTime_t {prefix}_SysTime(int64 t)", "{", "    CFE_TIME_SysTime_t Time = {0, 0};",
+              "    if (t > 0) {", "        Time.Seconds = (uint32)(t / 1000000000);",
+              "        Time.Subseconds = (uint32)(((uint64)(t % 1000000000) << 32) / 1000000000u);", "    }",
+              "    return Time;", "}", ""]
+    return "\n".join(lines)

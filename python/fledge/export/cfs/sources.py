@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The source that an app takes along: every file that it needs, and a name of its own for every function and table
+in them, so that two apps can be linked into one core.
+
+The names are changed by a header of #defines, which each file includes first; else a copy is the file as it is.
+"""
+
+import re
+from pathlib import Path
+
+from fledge.export.read import ExportError
+
+# Of Fledge's own, what every app needs besides its modules.
+ALWAYS = ["registers/lane.c", "registers/field.c", "registers/clock.c", "registers/message.c", "registers/shared_file.c",
+          "targets/mission_io.c", "targets/mission_check.c"]
+INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"([^"]+)"', re.MULTILINE)
+WORD = re.compile(r"[A-Za-z_]\w*")
+NO_NAMES = frozenset(["if", "for", "while", "switch", "return", "sizeof", "do", "else"])
+
+
+def collect(mission, roots, generated):
+    """Path -> text of the C files and headers that the mission's modules, the registers and `generated` (name ->
+    text) include and call, from the folders `roots`."""
+    found = {}
+
+    def take(path, by):
+        if path in found or path in generated:
+            return
+        file = next((root / path for root in roots if (root / path).is_file()), None)
+        if file is None:
+            raise ExportError(f"{by} needs {path}, which is in none of {', '.join(map(str, roots))}")
+        found[path] = file.read_text(encoding="utf-8")
+        for other in INCLUDE.findall(found[path]):
+            take(relative(other, path, roots), path)
+
+    for name, text in generated.items():
+        for other in INCLUDE.findall(text):
+            if "/" in other:
+                take(other, name)
+    for path in [*mission.sources(), *ALWAYS]:
+        take(path, mission.title)
+    # What is called and not there: of the C files beside the headers, those that have it.
+    beside = candidates(found, roots)
+    while True:
+        words = set(WORD.findall("\n".join(found.values())))
+        more = [path for path, names in beside.items() if path not in found and names & words]
+        if not more:
+            return dict(sorted(found.items()))
+        for path in more:
+            take(path, mission.title)
+
+
+def relative(include, path, roots):
+    """What a file includes, from a root: beside itself, or from there."""
+    beside = (Path(path).parent / include).as_posix()
+    return beside if any((root / beside).is_file() for root in roots) else include
+
+
+def candidates(found, roots):
+    """Path -> what it defines, of the C files in the folders of those found, without tests and tools."""
+    folders = {Path(path).parent for path in found}
+    result = {}
+    for folder in sorted(folders):
+        for root in roots:
+            for file in sorted((root / folder).glob("*.c")):
+                path = (folder / file.name).as_posix()
+                if path not in result and folder.parts[:1] not in (("registers",), ("targets",)):
+                    names = external(file.read_text(encoding="utf-8"))
+                    if "main" not in names:
+                        result[path] = names
+    return result
+
+
+def external(text):
+    """The functions and objects that a C file defines for others."""
+    text = re.sub(r"/\*.*?\*/", " ", text, flags=re.DOTALL)
+    text = re.sub(r'"(?:\\.|[^"\\\n])*"|\'(?:\\.|[^\'\\\n])*\'', '""', text)
+    text = re.sub(r"//[^\n]*", " ", text)
+    text = re.sub(r"^[ \t]*#(?:[^\n]*\\\n)*[^\n]*", " ", text, flags=re.MULTILINE)
+    names = set()
+    for head, body in declarations(text):
+        head = " ".join(head.split())
+        words = WORD.findall(head)
+        if not words or {"static", "typedef"} & set(words) or "extern" in words and "=" not in head:
+            continue
+        before = head.partition("=")[0]
+        call = re.match(r"(?:[\w*\s]|__attribute__\s*\(\(.*?\)\)\s)*?\b(\w+)\s*\(", before)
+        if call:
+            if body and "=" not in head and call[1] not in NO_NAMES:
+                names.add(call[1])
+            continue
+        declared = re.findall(r"\b([A-Za-z_]\w*)\s*(?:\[[^\]]*\]\s*)*$", before)
+        if declared and len(words) > 1 and not re.fullmatch(r"(?:struct|enum|union)\s+\w+", before.strip()):
+            names.add(declared[0])
+    return names
+
+
+def declarations(text):
+    """(text, whether a body follows) of what stands outside of all braces."""
+    depth, start, i = 0, 0, 0
+    head = ""
+    while i < len(text):
+        c = text[i]
+        if c == "{":
+            if depth == 0:
+                head += text[start:i]
+            depth += 1
+        elif c == "}":
+            depth -= 1
+            if depth == 0:
+                start = i + 1
+                is_function = head.rstrip().endswith(")") and "=" not in head
+                if is_function:
+                    yield head, True
+                    head = ""
+        elif c == ";" and depth == 0:
+            yield head + text[start:i], False
+            head, start = "", i + 1
+        i += 1
+
+
+def names_header(app, texts):
+    """The header of #defines for all that is external in these C files; the entry point stays."""
+    names = sorted(set().union(*(external(text) for text in texts)) - {f"{app.prefix}_AppMain"})
+    names = [name for name in names if not name.startswith(f"{app.prefix}_")]
+    guard = f"{app.prefix}_NAMES_H"
+    return "\n".join(["/* SPDX-License-Identifier: Apache-2.0 */",
+                      f"/* Whatever {app.prefix} links with others is called {app.prefix}_...: other apps may bring the",
+                      " * same source along, and one core may be linked with all of them. */",
+                      f"#ifndef {guard}", f"#define {guard}", "",
+                      *(f"#define {name} {app.prefix}_{name}" for name in names), "", "#endif", ""])
+
+
+def renamed(app, text):
+    """A C file with the header of names in front."""
+    return f'#include "{app.name}_names.h"\n' + text

@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parameters as cFE tables, one for each module that has any: what an operator changes, uploads and reads back is
+one module's, and nothing else is touched.
+
+A table's content is the module's `par` as it lies in memory. `.tbl` files are written here, in either byte order:
+cFE's file header and the table's, big-endian, then the content in the target's order.
+"""
+
+import struct as packing
+from dataclasses import dataclass
+
+from fledge.export import names
+from fledge.export.board import WIDTHS
+from fledge.export.c_text import plain, string, wrap
+from fledge.export.c_values import literal
+from fledge.export.cfs.packets import camel, guarded, struct
+from fledge.export.read import Module
+
+NAME_MAX, FILE_MAX = 15, 19          # CFE_MISSION_TBL_MAX_NAME_LENGTH, OS_MAX_FILE_NAME, less the end of a text
+INTEGERS = {"i8": "b", "u8": "B", "i16": "h", "u16": "H", "i32": "i", "u32": "I", "i64": "q", "u64": "Q", "enum": "i",
+            "f64": "d", "f32": "f"}
+
+
+@dataclass
+class Table:
+    module: Module
+    name: str                        # Control
+    stem: str                        # nav_control: of its source and of its .tbl
+    fields: list
+    content: bytes                   # little-endian
+    start: int                       # [bytes] where par begins in the module
+
+    @property
+    def file(self):
+        return f"/cf/{self.stem}.tbl"
+
+
+def tables(mission, app):
+    """Those of all modules with parameters, in the order of the mission's list of parameters."""
+    found, taken_names, taken_stems = [], set(), set()
+    for module in mission.modules:
+        fields = module.fields("par")
+        if fields:
+            start, end = fields[0].offset, fields[-1].offset + fields[-1].size
+            name = shortened(camel(names.identifier(module.name)), NAME_MAX, taken_names)
+            stem = shortened(f"{app.name}_{module.name.lower()}", FILE_MAX - len(".tbl"), taken_stems)
+            found.append(Table(module, name, stem, fields, module.memory[start:end], start))
+    return found
+
+
+def shortened(text, longest, taken):
+    """A text that is short enough, and not taken: the later of two has a number at its end."""
+    name, n = text[:longest].rstrip("_"), 2
+    while name.lower() in taken:
+        name, n = text[:longest - len(str(n))].rstrip("_") + str(n), n + 1
+    taken.add(name.lower())
+    return name
+
+
+# --- files -----------------------------------------------------------------------------------------
+
+def tbl(app, table):
+    """The bytes of a .tbl file. It says no time, so that the same parameters give the same bytes."""
+    content = table.content if app.order == "little" else swapped(table.fields, table.content, table.start)
+    header = packing.pack(">4s7I32s", b"cFE1", 8, 64, 0, 0, 0, 0, 0, f"{table.module.path} parameters".encode()[:31])
+    return header + packing.pack(">3I40s", 0, 0, len(content), f"{app.prefix}.{table.name}".encode()) + content
+
+
+def swapped(fields, content, start=0):
+    """The same numbers in the other byte order."""
+    out = bytearray(content)
+    for field in fields:
+        at = field.offset - start
+        if field.type == "struct":
+            for i in range(at, at + field.size, field.struct.size):
+                out[i:i + field.struct.size] = swapped(field.struct.fields, content[i:i + field.struct.size])
+        else:
+            width = WIDTHS[field.type]
+            for i in range(at, at + field.size, width):
+                out[i:i + width] = content[i:i + width][::-1]
+    return bytes(out)
+
+
+def header(app, found):
+    """app_tbl.h"""
+    parts = ['#include "common_types.h"', ""]
+    for table in found:
+        parts.append(struct(f"{app.prefix}_{table.name}", table.fields,
+                            f"{table.module.path}, a {table.module.type}"))
+    return guarded(app, "tbl", f"The tables of {app.prefix}: the parameters of its modules.", parts)
+
+
+def source(app, table):
+    """The source of one table, for the build of a cFS tree."""
+    name = f"{app.prefix}_{table.name}"
+    return "\n".join(["/* SPDX-License-Identifier: Apache-2.0 */",
+                      f"/* The parameters of {plain(table.module.path)}, as its app was exported with. */",
+                      '#include "cfe_tbl_filedef.h"', "", f'#include "{app.name}_tbl.h"', "",
+                      "/* Not const, for the tool that makes a table of it; declared, for compilers that ask. */",
+                      f"extern {name}_t {name};",
+                      f"{name}_t {name} = {{", *values(table.fields, table.content, table.start), "};", "",
+                      f"CFE_TBL_FILEDEF({name}, {app.prefix}.{table.name}, {table.module.name} parameters, "
+                      f"{table.stem}.tbl)", ""])
+
+
+def values(fields, content, start=0, indent="    "):
+    """Designated initialisers of everything, exactly."""
+    for field in fields:
+        raw = content[field.offset - start:field.offset - start + field.size]
+        text = nested(field, raw, list(field.shape))
+        yield from wrap(f".{field.name} = {text},".split(" "), indent, indent + "    ")
+
+
+def nested(field, raw, shape):
+    if shape and not (field.type == "char" and len(shape) == 1):
+        size = len(raw) // shape[0]
+        return "{" + ", ".join(nested(field, raw[i:i + size], shape[1:])
+                               for i in range(0, len(raw), size)) + "}"
+    if field.type == "char":
+        return string(raw.rstrip(b"\0")) if len(raw) > 1 else f"{raw[0]}"
+    if field.type == "struct":
+        return "{" + " ".join(line.strip() for line in values(field.struct.fields, raw)) + "}"
+    if field.type == "enum":
+        return str(packing.unpack("=i", raw)[0])
+    return literal(field, raw)
+
+
+# --- rules -----------------------------------------------------------------------------------------
+
+def rules(app, table):
+    """The MissionRules of a table, as C."""
+    lines = [f"static const MissionRule Rules{table.name}[] = {{"]
+    for row in rule_rows(table.fields, table.start):
+        lines += wrap([f"{item}," for item in row[:-1]] + [row[-1]], "    {", "     ", "},")
+    return [*lines, "};", ""]
+
+
+def rule_rows(fields, start, prefix="", base=0):
+    places = {f.name: f.offset - start + base for f in fields}
+    for f in fields:
+        at = f.offset - start + base
+        if f.type == "struct":
+            for i, k in enumerate(range(at, at + f.size, f.struct.size)):
+                index = f"[{i}]" if f.shape else ""
+                yield from rule_rows(f.struct.fields, 0, f"{prefix}{f.name}{index}.", k)
+            continue
+        if f.type == "char" or f.spare:
+            continue
+        low, high, low_open, high_open = f.bounds
+        flags = [name for name, on in (
+            ("MISSION_HAS_LOW", low is not None), ("MISSION_HAS_HIGH", high is not None),
+            ("MISSION_LOW_OPEN", low_open and low is not None), ("MISSION_HIGH_OPEN", high_open and high is not None),
+            ("MISSION_NON_ZERO", f.non_zero), ("MISSION_INERTIA", f.inertia)) if on]
+        if f.type not in ("f64", "f32") and not flags:
+            continue                                   # whole numbers are finite
+        n = f.size // WIDTHS[f.type]
+        rule = f.rule.removeprefix("required").removeprefix(", ")
+        text = "finite" + (f", {rule}" if rule else "")
+        text += f" {f.unit}" if f.unit not in ("", "-") and (low is not None or high is not None) else ""
+        yield [string((prefix + f.name).encode()), string(text.encode()), f"{at}u", f"{n}u",
+               f"{n // f.shape[0] if f.shape else 1}u", f"{places[f.count]}u" if f.count else "MISSION_ALL",
+               " | ".join(flags) or "0u", "MISSION_" + {"enum": "I32"}.get(f.type, f.type.upper()),
+               repr(low or 0.0), repr(high or 0.0)]
+
+
+def layout_checks(app, found):
+    """Lines that a compiler refuses where a table is not its module's parameters."""
+    lines = []
+    for table in found:
+        name, module = f"{app.prefix}_{table.name}_t", table.module
+        lines.append(f"SAME(sizeof({name}), sizeof((({module.type} *)0)->par), {table.name});")
+        for f in table.fields:
+            lines.append(f"SAME(offsetof({name}, {f.name}), offsetof({module.type}, par.{f.name}) - "
+                         f"offsetof({module.type}, par), {table.name}_{f.name});")
+    return [one for line in lines for one in wrap(line.split(" "), "", "     ")]
+
+
