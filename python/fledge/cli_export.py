@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`fledge export c MISSION`: what flies, as source without Python.
+"""`fledge export c MISSION`: what flies, as source without Python; `fledge export cfs MISSION --app NAME`: as an app
+of the core Flight System.
 
 Exit codes as of all commands: 0 written; 2 the command line or the mission is wrong, and nothing is written.
 """
@@ -12,14 +13,20 @@ from fledge.cli_node import add_parameters, given_parameters
 def add(command):
     """Add the subcommand, by the function of cli.parser() that adds one."""
     one = command("export", export, "write what flies in a mission as C", "export c nadir_spin --out nadir_spin_c")
-    one.add_argument("form", choices=["c"], help="c: MISSION.h and MISSION.c, in C99")
+    one.add_argument("form", choices=["c", "cfs"], help="c: MISSION.h and MISSION.c, in C99; cfs: an app for the apps "
+                     "folder of a cFS tree")
     one.add_argument("mission", help="the name of a mission, or its folder")
     one.add_argument("--tasks", metavar="NAMES", help="only these, as in gnc,telemetry; default: all")
     one.add_argument("--board", nargs="*", metavar="FILE", help="with the board that its messages pass and the tables "
                      "of how; default: a board of its own, which carries them whole")
     one.add_argument("--outputs", metavar="PATHS", help="which that board carries besides what the world reads, as in "
                      "flight.tracking.error,flight.spin.euler; all: every one")
-    one.add_argument("--out", metavar="DIR", help="default: runs/MISSION/c")
+    one.add_argument("--app", metavar="NAME", help="cfs: the app's name, as in nav; its C is called NAV_...")
+    one.add_argument("--topic", metavar="N", default=None, help="cfs: the first of its message ids, less 0x1800 for "
+                     "commands and 0x0800 for telemetry; default: 0xC0")
+    one.add_argument("--order", choices=["little", "big"], default=None, help="cfs: byte order of the target, for .tbl "
+                     "files; default: little")
+    one.add_argument("--out", metavar="DIR", help="default: runs/MISSION/c, or runs/MISSION/cfs/APP")
     add_parameters(one)
 
 
@@ -29,18 +36,43 @@ def export(options):
     from fledge._console import Failure, say
 
     tasks = [name.strip() for name in options.tasks.split(",")] if options.tasks is not None else None
-    mission = exports.read(fledge.load(options.mission, **given_parameters(options)), tasks)
-    if options.outputs and options.board != []:
+    if options.form == "cfs" and not options.app:
+        raise Failure("export cfs: name the app, as in --app nav")
+    if options.form == "c" and (options.app or options.topic or options.order):
+        raise Failure("export c: --app, --topic and --order are for `export cfs`")
+    if options.outputs and options.board:
+        raise Failure("export: --outputs is for the mission's own board; give --board without files")
+    if options.outputs and options.board is None and options.form == "c":
         raise Failure("export: --outputs is for the mission's own board; give --board, without files")
-    more = {}
-    if options.board is not None:
-        more = exports.emit_board(mission, options.board, outputs_of(options.outputs))
+    mission = exports.read(fledge.load(options.mission, **given_parameters(options)), tasks)
     folder = Path(options.out) if options.out else Path("runs") / mission.title / options.form
-    for path in exports.write(mission, folder, more):
+    if options.form == "cfs":
+        paths = export_cfs(mission, options, folder if options.out else folder / options.app)
+    else:
+        more = {}
+        if options.board is not None:
+            more = exports.emit_board(mission, options.board, outputs_of(options.outputs))
+        paths = exports.write(mission, folder, more)
+    for path in paths:
         say(f"  wrote  {path}")
     for what in mission.left_out:
         say(f"  left out  {what}")
     return 0
+
+
+def export_cfs(mission, options, folder):
+    """Write an app's folder; returns the paths."""
+    from fledge import project
+    from fledge._console import Failure
+    from fledge.export import cfs
+
+    try:
+        topic = int(options.topic or "0xC0", 0)
+    except ValueError:
+        raise Failure(f"export cfs: --topic must be a number, as 0xC0; found {options.topic}") from None
+    app = cfs.App(options.app, topic, options.order or "little")
+    ours = project.folder()
+    return cfs.write(mission, app, folder, options.board or (), outputs_of(options.outputs), [ours] if ours else [])
 
 
 def outputs_of(text):

@@ -26,6 +26,7 @@ extern const uint32 fledge_apps_n;
 static volatile sig_atomic_t stopped;
 static uint32 listened[LISTENED_MAX];
 static uint32 n_listened;
+static CFE_SB_PipeId_t ground_pipe; /* of what is listened to */
 
 static void stop(int signal_number)
 {
@@ -91,20 +92,24 @@ static void command(const char *line)
     (void)pocket_ingest(packet, n);
 }
 
-/* Packets go out from a task of their own. */
-static void listen_to_apps(void)
+/* Before any app starts, so that nothing is missed. */
+static CFE_Status_t listen_to_apps(void)
 {
-    CFE_SB_PipeId_t pipe;
+    CFE_Status_t status = CFE_SB_CreatePipe(&ground_pipe, 60, "GROUND");
+    for (uint32 i = 0; i < n_listened && status == CFE_SUCCESS; i++) {
+        status = CFE_SB_SubscribeEx(CFE_SB_ValueToMsgId(listened[i]), ground_pipe,
+                                    CFE_SB_DEFAULT_QOS, 60);
+    }
+    return status;
+}
+
+/* Packets go out from a task of their own. */
+static void send_to_ground(void)
+{
     CFE_SB_Buffer_t *buffer;
     static char line[LINE_MAX_BYTES];
     static const char digits[] = "0123456789abcdef";
-    if (CFE_SB_CreatePipe(&pipe, 60, "GROUND") != CFE_SUCCESS) {
-        return;
-    }
-    for (uint32 i = 0; i < n_listened; i++) {
-        (void)CFE_SB_SubscribeEx(CFE_SB_ValueToMsgId(listened[i]), pipe, CFE_SB_DEFAULT_QOS, 60);
-    }
-    while (CFE_SB_ReceiveBuffer(&buffer, pipe, CFE_SB_PEND_FOREVER) == CFE_SUCCESS) {
+    while (CFE_SB_ReceiveBuffer(&buffer, ground_pipe, CFE_SB_PEND_FOREVER) == CFE_SUCCESS) {
         const uint8 *p = (const uint8 *)buffer;
         const size_t size = ((size_t)p[4] << 8 | p[5]) + 7u;
         for (size_t i = 0; i < size && 2u * i + 2u < sizeof line; i++) {
@@ -196,7 +201,9 @@ int main(int argc, char **argv)
     pocket_boot(root, fledge_apps, fledge_apps_n);
     pocket_quiet(quiet != 0);
     if (n_listened > 0u &&
-        OS_TaskCreate(&task, "GROUND", listen_to_apps, NULL, 16384, 100, 0) != OS_SUCCESS) {
+        (listen_to_apps() != CFE_SUCCESS ||
+         OS_TaskCreate(&task, "GROUND", send_to_ground, NULL, 16384, 100, 0) != OS_SUCCESS)) {
+        (void)fprintf(stderr, "%s: so many ids cannot be listened to\n", argv[0]);
         return 1;
     }
     if (pocket_run_script(script) < 0) {

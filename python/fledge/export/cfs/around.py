@@ -108,6 +108,6 @@ Flight's time is the packets' time. Payloads are in the processor's byte order, 
 
 | id | | payload | bytes |
 |---|---|---|---|
-| {ids[f"{prefix}_HK_TLM_MID"]:#06x} | housekeeping | | 88 |
+| {ids[f"{prefix}_HK_TLM_MID"]:#06x} | housekeeping | | 80 |
 {packets}
 """

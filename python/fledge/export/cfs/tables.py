@@ -97,10 +97,18 @@ def source(app, table):
                       f"/* The parameters of {plain(table.module.path)}, as its app was exported with. */",
                       '#include "cfe_tbl_filedef.h"', "", f'#include "{app.name}_tbl.h"', "",
                       "/* Not const, for the tool that makes a table of it; declared, for compilers that ask. */",
-                      f"extern {name}_t {name};",
+                      *placed(table, name),
                       f"{name}_t {name} = {{", *values(table.fields, table.content, table.start), "};", "",
                       f"CFE_TBL_FILEDEF({name}, {app.prefix}.{table.name}, {table.module.name} parameters, "
                       f"{table.stem}.tbl)", ""])
+
+
+def placed(table, name):
+    """What is all zero has no bytes in an object file, where the tool would look for them, unless it is told to."""
+    if any(table.content):
+        return [f"extern {name}_t {name};"]
+    return ["/* All zero: still with bytes of its own in the object file, for that tool. */",
+            f"extern {name}_t {name} __attribute__((section(\".data\")));"]
 
 
 def values(fields, content, start=0, indent="    "):

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Exported apps on the pocket cFE: one program, and the folder that it runs in."""
+
+import functools
+import subprocess
+import tempfile
+from pathlib import Path
+
+from fledge.export.cfs.around import startup
+
+ROOT = Path(__file__).resolve().parents[4]
+FLAGS = ["-std=c99", "-pedantic", "-Wall", "-Wstrict-prototypes", "-Wwrite-strings", "-Wpointer-arith", "-Werror",
+         "-fno-common"]
+EXACT = ["-ffp-contract=off", "-fno-math-errno"]
+
+
+def build(apps, folder, compiler="gcc", options=("-O2",)):
+    """Compile (App, its folder) pairs, and link them into folder/core; the tables and the start-up script go to
+    folder/cf. Returns the program. Raises CalledProcessError with what the compiler says."""
+    folder = Path(folder)
+    objects = folder / "objects"
+    (folder / "cf").mkdir(parents=True, exist_ok=True)
+    (folder / "ram").mkdir(exist_ok=True)
+    linked = []
+    for app, source in apps:
+        linked += compiled(app, source, objects / app.name, compiler, options)
+        for table in sorted(Path(source, "cf").glob("*.tbl")):
+            (folder / "cf" / table.name).write_bytes(table.read_bytes())
+    (folder / "cf/cfe_es_startup.scr").write_text("".join(startup(app) for app, _ in apps) + "!\n")
+    listed = objects / "apps.c"
+    listed.write_text(app_list([app for app, _ in apps]))
+    run(compiler, *FLAGS, *options, *included(), "-c", listed, "-o", objects / "apps.o")
+    program = folder / "core"
+    run(compiler, *options, *linked, objects / "apps.o", *pocket(compiler, tuple(options)), "-lpthread", "-lm", "-o",
+        program)
+    return program
+
+
+def compiled(app, source, objects, compiler="gcc", options=("-O2",)):
+    """The object files of an app, by the flags that a cFS tree imposes."""
+    objects.mkdir(parents=True, exist_ok=True)
+    files = sorted(Path(source, "fsw/src").rglob("*.c"))
+    made = []
+    for file in files:
+        made.append(objects / (str(file.relative_to(Path(source, "fsw/src"))).replace("/", "_") + ".o"))
+    in_folder(files, made, compiler, [*FLAGS, *EXACT, *options, *included(), "-I", Path(source, "fsw/inc"), "-I",
+                                      Path(source, "fsw/src")])
+    return made
+
+
+def in_folder(files, made, compiler, options):
+    """Compile many files by two compilers side by side."""
+    jobs = []
+    try:
+        for file, to in zip(files, made):
+            if len(jobs) == 2:
+                finish(jobs.pop(0))
+            jobs.append(subprocess.Popen(list(map(str, [compiler, *options, "-c", file, "-o", to])),
+                                         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True))
+        while jobs:
+            finish(jobs.pop(0))
+    finally:
+        for job in jobs:
+            job.kill()
+            job.wait()
+
+
+def finish(job):
+    said, _ = job.communicate()
+    if job.returncode:
+        raise subprocess.CalledProcessError(job.returncode, job.args, said)
+
+
+def run(*command):
+    subprocess.run(list(map(str, command)), check=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+
+
+def included():
+    return ["-I", ROOT, "-I", ROOT / "targets/cfs/inc"]
+
+
+@functools.cache
+def pocket(compiler="gcc", options=("-O2",)):
+    """The objects of the pocket cFE and its host, compiled once."""
+    folder = tempfile.TemporaryDirectory()
+    kept.append(folder)
+    files = sorted((ROOT / "targets/cfs").glob("*.c"))
+    made = [Path(folder.name, file.stem + ".o") for file in files]
+    in_folder(files, made, compiler, [*FLAGS, *options, *included()])
+    return made
+
+
+kept = []
+
+
+def app_list(apps):
+    """The table that the host starts from."""
+    return "\n".join(["/* SPDX-License-Identifier: Apache-2.0 */", '#include "targets/cfs/pocket.h"', "",
+                      *(f"void {app.prefix}_AppMain(void);" for app in apps), "",
+                      "extern const PocketApp fledge_apps[];", "extern const uint32 fledge_apps_n;",
+                      "const PocketApp fledge_apps[] = {",
+                      *(f'    {{"{app.prefix}_AppMain", {app.prefix}_AppMain}},' for app in apps), "};",
+                      f"const uint32 fledge_apps_n = {len(apps)};", ""])

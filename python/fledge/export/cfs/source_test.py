@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: Apache-2.0
+"""An exported app's folder: whole, clean under what a cFS tree imposes, for every version, beside other apps."""
+
+import re
+import struct
+import subprocess
+
+import pytest
+
+import fledge
+from fledge import cli, export
+from fledge.export import cfs
+from fledge.export.cfs import hosted, sources, tables
+from fledge.export.cfs.testing import HERE, ROOT, Core, command, read_tbl
+from fledge.export.run_test import FLIGHT, WORLD
+from fledge.export.source_test import mission_of
+from fledge.export.testing import COMPILERS
+
+STRICTER = ["-Wextra", "-Wconversion", "-Wmissing-prototypes"]
+
+
+@pytest.fixture(scope="module")
+def nadir():
+    return export.read(fledge.load("nadir_spin"))
+
+
+@pytest.fixture(scope="module")
+def written(nadir, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("nadir") / "nadir"
+    cfs.write(nadir, cfs.App("nadir"), folder)
+    return folder
+
+
+@pytest.mark.parametrize("version", ["caelum", "draco"])
+@pytest.mark.parametrize("compiler", COMPILERS)
+def test_it_compiles_under_the_flags_and_headers_of_every_version(written, version, compiler, tmp_path):
+    included = ["-I", HERE / version, "-I", written / "fsw/inc"]
+    app = sorted((written / "fsw/src").rglob("*.c"))
+    only = [file for file in app if file.name.startswith("nadir_") and "spin" not in file.name]
+    assert {file.name for file in only} == {f"nadir_{n}.c" for n in ("app", "cmds", "params", "child", "mission")}
+    flags = [*hosted.FLAGS, *STRICTER, *(["-Wcast-align=strict"] if compiler == "gcc" else [])]
+    subprocess.run(list(map(str, [compiler, *flags, "-fsyntax-only", *included, "-I", written / "fsw/src",
+                                  *(only if version == "caelum" else app)])), check=True, cwd=tmp_path)
+    subprocess.run(list(map(str, [compiler, *flags, "-fsyntax-only", *included,
+                                  *sorted((written / "fsw/tables").glob("*.c"))])), check=True, cwd=tmp_path)
+
+
+def test_the_build_names_every_file_and_no_other(written):
+    text = (written / "CMakeLists.txt").read_text()
+    listed = set(re.findall(r"fsw/\S+\.c", text))
+    assert listed == {file.relative_to(written).as_posix() for file in written.rglob("*.c")} - {"install/sch_lab_table.c"}
+    assert "-ffp-contract=off" in text and "project(CFE_NADIR C)" in text
+
+
+def test_copies_are_the_files_as_they_are(written):
+    for file in sorted((written / "fsw/src").rglob("*")):
+        ours = ROOT / file.relative_to(written / "fsw/src")
+        if ours.is_file():
+            text = file.read_text()
+            if file.suffix == ".c":
+                first, _, text = text.partition("\n")
+                assert first == '#include "nadir_names.h"'
+            assert text == ours.read_text(), file
+
+
+def test_two_apps_are_linked_into_one_core_and_both_run(nadir, tmp_path):
+    other = export.read(fledge.load("two_body_pointing"))
+    apps = [(cfs.App("nav", 0xC0), nadir), (cfs.App("point", 0xE0), other)]
+    for app, mission in apps:
+        cfs.write(mission, app, tmp_path / "apps" / app.name)
+    program = hosted.build([(app, tmp_path / "apps" / app.name) for app, _ in apps], tmp_path / "run", options=["-O0"])
+    core = Core(program)
+    try:
+        core.until(lambda line: "flies nadir_spin" in line or "flies two_body_pointing" in line)
+        core.send(command(0x18C0, 0))
+        core.until("NAV 2:")
+        core.send(command(0x18E0, 0))
+        core.until("POINT 2:")
+    finally:
+        core.kill()
+    # Whatever is seen from outside of an app has its prefix: the linker looked only at what these two have.
+    for app, _ in apps:
+        objects = sorted((tmp_path / "run/objects" / app.name).glob("*.o"))
+        listed = subprocess.run(["nm", "-g", "--defined-only", *map(str, objects)], check=True, capture_output=True,
+                                text=True).stdout
+        assert [line for line in listed.splitlines() if len(line.split()) == 3
+                and not line.split()[2].startswith(app.prefix + "_")] == []
+
+
+def test_the_same_mission_gives_the_same_bytes_and_a_folder_of_the_same_is_left_alone(nadir, written):
+    before = {file: file.stat().st_mtime_ns for file in written.rglob("*") if file.is_file()}
+    cfs.write(export.read(fledge.load("nadir_spin", seed=9)), cfs.App("nadir"), written)
+    assert before == {file: file.stat().st_mtime_ns for file in written.rglob("*") if file.is_file()}
+
+
+@pytest.mark.parametrize("text, names", [
+    ("int f(void) { return g(1); }\nstatic int h(int a)\n{ return a; }", {"f"}),
+    ("/* int f(void) { */ const T table[2] = {{1}, {2}};\nstatic T other;\nextern const T third;", {"table"}),
+    ("#define F(x) \\\n  int x(void) {\nunsigned long\nlong_one(const char *a,\n  int (*b)(int))\n{ if (a) { } }", {"long_one"}),
+    ("typedef struct S { int a; } S;\nstruct S one;\nS *two, x;\nenum { A, B };\nstruct S;\nint f(void);", {"one", "x"}),
+    ('extern const S s;\nconst S s = {"int t(void) {", 1};\nint n;\nstatic inline int k(void) { return 0; }', {"s", "n"}),
+])
+def test_what_a_file_defines_for_others_is_found(text, names):
+    assert sources.external(text) == names
+
+
+# --- tables ----------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize("order", ["little", "big"])
+@pytest.mark.parametrize("name", sorted(fledge.missions()))
+def test_table_files_read_back_as_the_parameters(name, order):
+    mission = export.read(fledge.load(name))
+    app = cfs.App("nav", order=order)
+    for table in tables.tables(mission, app):
+        content_id, subtype, full, about, content = read_tbl(tables.tbl(app, table))
+        assert (content_id, subtype) == (b"cFE1", 8)
+        assert full == f"NAV.{table.name}" and table.module.path in about and len(table.name) <= 15
+        end = "<" if order == "little" else ">"
+        for field in table.fields:                      # each number by itself, as a ground tool would
+            letter = tables.INTEGERS[field.type]
+            n = field.size // struct.calcsize(letter)
+            at = field.offset - table.start
+            assert struct.unpack_from(f"{end}{n}{letter}", content, at) == \
+                struct.unpack_from(f"={n}{letter}", table.module.memory, field.offset)
+
+
+def test_the_sources_of_tables_hold_the_same_bytes(written, nadir, tmp_path):
+    app = cfs.App("nadir")
+    for table in tables.tables(nadir, app):
+        obj = tmp_path / f"{table.stem}.o"
+        subprocess.run(list(map(str, ["gcc", *hosted.FLAGS, "-Wcast-align=strict", "-I", HERE / "caelum", "-I",
+                                      written / "fsw/inc", "-c", written / f"fsw/tables/{table.stem}.c", "-o", obj])),
+                       check=True)
+        subprocess.run(["objcopy", "-O", "binary", "-j", ".data", obj, obj.with_suffix(".bin")], check=True)
+        raw = obj.with_suffix(".bin").read_bytes()
+        assert table.content in raw
+        for text in (f"NADIR.{table.name}", f"{table.stem}.tbl", f"NADIR_{table.name}"):
+            assert text.encode() + b"\0" in raw
+        assert len(f"{table.stem}.tbl") <= 19
+
+
+def test_long_names_are_shortened_and_stay_apart():
+    taken = set()
+    names = [tables.shortened(text, 8, taken) for text in ("controller_a", "controller_b", "Controlle", "short")]
+    assert names == ["controll", "control2", "Control3", "short"] and len({n.lower() for n in names}) == 4
+
+
+# --- what is refused -------------------------------------------------------------------------------
+
+@pytest.mark.parametrize("arguments, says", [
+    ([], "name the app, as in --app nav"),
+    (["--app", "Nav"], "--app Nav: an app's name has 1 to 12"),
+    (["--app", "navigation_computer"], "an app's name has 1 to 12"),
+    (["--app", "sample_app"], "--app sample_app: a cFS build has this name already"),
+    (["--app", "int"], "--app int: a cFS build has this name already"),
+    (["--app", "nav", "--topic", "ten"], "--topic must be a number, as 0xC0; found ten"),
+    (["--app", "nav", "--topic", "0x1A"], "0x0 to 0x1f are of the core's services"),
+    (["--app", "nav", "--topic", "0x7A"], "0x80 to 0x9f are of the apps that come with cFS"),
+    (["--app", "nav", "--topic", "0x7FC"], "needs topics up to 0x805; the highest is 0x7ff"),
+])
+def test_the_command_writes_nothing_where_it_refuses(arguments, says, tmp_path, capsys):
+    out = tmp_path / "apps/nav"
+    assert cli.main(["export", "cfs", "nadir_spin", *arguments, "--out", str(out)]) == 2
+    assert says in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_ids_that_another_app_of_the_tree_has_are_refused(tmp_path, capsys):
+    other = tmp_path / "apps/dish/fsw/platform_inc/dish_msgids.h"
+    other.parent.mkdir(parents=True)
+    other.write_text("#define DISH_CMD_MID      0x18A1\n#define DISH_HK_TLM_MID ( 0x08C3)\n#define DISH_X_MID (0x08C4)\n")
+    out = tmp_path / "apps/nav"
+    assert cli.main(["export", "cfs", "nadir_spin", "--app", "nav", "--out", str(out)]) == 2
+    assert "NAV_SPIN_REFERENCE_TLM_MID would be 0x08C4, which is DISH_X_MID in" in capsys.readouterr().err
+    assert not out.exists()
+    assert cli.main(["export", "cfs", "nadir_spin", "--app", "nav", "--topic", "0xE0", "--out", str(out)]) == 0
+    assert "NAV_CMD_MID" in (out / "fsw/inc/nav_msgids.h").read_text()
+    # Again into the same place: its own ids are no conflict.
+    assert cli.main(["export", "cfs", "nadir_spin", "--app", "nav", "--topic", "0xE0", "--out", str(out)]) == 0
+
+
+def test_a_folder_that_cannot_be_written_leaves_nothing(nadir, tmp_path):
+    (tmp_path / "apps/nav/fsw").mkdir(parents=True)
+    (tmp_path / "apps/nav/fsw/src").write_text("a file where a folder shall be")
+    with pytest.raises(OSError):
+        cfs.write(nadir, cfs.App("nav"), tmp_path / "apps/nav")
+    assert sorted(p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*")) == [
+        "apps", "apps/nav", "apps/nav/fsw", "apps/nav/fsw/src"]
+
+
+def test_modes_subsets_and_words_export_as_well(tmp_path):
+    mission = export.read(fledge.load(mission_of(tmp_path, FLIGHT, WORLD)), ["control"])
+    files = cfs.emit(mission, cfs.App("part"))
+    assert "0 wait, 1 point, 2 rest" in files["fsw/inc/part_msg.h"]
+    assert "part_control.tbl" in files["README.md"]

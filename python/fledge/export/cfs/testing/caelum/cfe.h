@@ -1,0 +1,102 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* For tests: what an app uses, as Caelum has it: ids are numbers, there is no CFE_MSG_PTR, the
+ * bus takes messages that are not const, codes are int32. */
+#ifndef CFE_H
+#define CFE_H
+
+#include "common_types.h"
+
+typedef int32 CFE_Status_t;
+typedef uint32 CFE_SB_MsgId_Atom_t;
+typedef uint32 CFE_SB_MsgId_t;
+typedef uint32 CFE_SB_PipeId_t;
+typedef uint32 CFE_ES_TaskId_t;
+typedef uint32 osal_id_t;
+static inline CFE_SB_MsgId_t CFE_SB_ValueToMsgId(CFE_SB_MsgId_Atom_t v)
+{
+    return v;
+}
+static inline CFE_SB_MsgId_Atom_t CFE_SB_MsgIdToValue(CFE_SB_MsgId_t id)
+{
+    return id;
+}
+typedef struct CFE_MSG_CommandSecondaryHeader {
+    uint8 FunctionCode;
+    uint8 Checksum;
+} CFE_MSG_CommandSecondaryHeader_t;
+typedef union CFE_MSG_Message {
+    uint8 CCSDS[6];
+    uint8 Byte[6];
+} CFE_MSG_Message_t;
+typedef struct CFE_MSG_CommandHeader {
+    CFE_MSG_Message_t Msg;
+    CFE_MSG_CommandSecondaryHeader_t Sec;
+} CFE_MSG_CommandHeader_t;
+typedef struct CFE_MSG_TelemetryHeader {
+    CFE_MSG_Message_t Msg;
+    uint8 Time[6];
+    uint8 Spare[4];
+} CFE_MSG_TelemetryHeader_t;
+typedef union CFE_SB_Msg {
+    CFE_MSG_Message_t Msg;
+    long long int LongInt;
+    long double LongDouble;
+} CFE_SB_Buffer_t;
+typedef struct CFE_TIME_SysTime {
+    uint32 Seconds;
+    uint32 Subseconds;
+} CFE_TIME_SysTime_t;
+typedef size_t CFE_MSG_Size_t;
+typedef uint16 CFE_MSG_FcnCode_t;
+typedef int16 CFE_TBL_Handle_t;
+typedef int32 (*CFE_TBL_CallbackFuncPtr_t)(void *);
+typedef enum CFE_TBL_SrcEnum { CFE_TBL_SRC_FILE, CFE_TBL_SRC_ADDRESS } CFE_TBL_SrcEnum_t;
+
+#define CFE_SUCCESS (0)
+#define CFE_STATUS_EXTERNAL_RESOURCE_FAIL ((int32)0xc8000005)
+#define CFE_SB_TIME_OUT ((int32)0xca000001)
+#define CFE_SB_NO_MESSAGE ((int32)0xca000002)
+#define CFE_TBL_ERR_INVALID_NAME ((int32)0xcc000002)
+#define CFE_TBL_INFO_UPDATED ((int32)0x4c00000e)
+#define CFE_TBL_OPT_DEFAULT 0
+#define CFE_EVS_EventFilter_BINARY 0
+#define CFE_EVS_EventType_INFORMATION 2
+#define CFE_EVS_EventType_ERROR 3
+#define CFE_ES_RunStatus_APP_RUN 1
+#define CFE_ES_RunStatus_APP_EXIT 2
+#define CFE_ES_RunStatus_APP_ERROR 3
+#define CFE_ES_TASK_STACK_ALLOCATE NULL
+#define OS_SUCCESS 0
+
+bool CFE_ES_RunLoop(uint32 *);
+void CFE_ES_ExitApp(uint32);
+void CFE_ES_WaitForStartupSync(uint32);
+int32 CFE_ES_WriteToSysLog(const char *, ...) OS_PRINTF(1, 2);
+int32 CFE_ES_CreateChildTask(CFE_ES_TaskId_t *, const char *, void (*)(void), void *, size_t, uint8,
+                             uint32);
+void CFE_ES_ExitChildTask(void);
+int32 CFE_EVS_Register(const void *, uint16, uint16);
+int32 CFE_EVS_SendEvent(uint16, uint16, const char *, ...) OS_PRINTF(3, 4);
+int32 CFE_SB_CreatePipe(CFE_SB_PipeId_t *, uint16, const char *);
+int32 CFE_SB_Subscribe(CFE_SB_MsgId_t, CFE_SB_PipeId_t);
+int32 CFE_SB_ReceiveBuffer(CFE_SB_Buffer_t **, CFE_SB_PipeId_t, int32);
+int32 CFE_SB_TransmitMsg(CFE_MSG_Message_t *, bool);
+int32 CFE_MSG_Init(CFE_MSG_Message_t *, CFE_SB_MsgId_t, CFE_MSG_Size_t);
+int32 CFE_MSG_GetMsgId(const CFE_MSG_Message_t *, CFE_SB_MsgId_t *);
+int32 CFE_MSG_GetSize(const CFE_MSG_Message_t *, CFE_MSG_Size_t *);
+int32 CFE_MSG_GetFcnCode(const CFE_MSG_Message_t *, CFE_MSG_FcnCode_t *);
+int32 CFE_MSG_ValidateChecksum(const CFE_MSG_Message_t *, bool *);
+int32 CFE_MSG_GenerateChecksum(CFE_MSG_Message_t *);
+int32 CFE_MSG_SetMsgTime(CFE_MSG_Message_t *, CFE_TIME_SysTime_t);
+int32 CFE_TBL_Register(CFE_TBL_Handle_t *, const char *, size_t, uint16, CFE_TBL_CallbackFuncPtr_t);
+int32 CFE_TBL_Load(CFE_TBL_Handle_t, CFE_TBL_SrcEnum_t, const void *);
+int32 CFE_TBL_Manage(CFE_TBL_Handle_t);
+int32 CFE_TBL_GetAddress(void **, CFE_TBL_Handle_t);
+int32 CFE_TBL_ReleaseAddress(CFE_TBL_Handle_t);
+int32 OS_TaskDelay(uint32);
+int32 OS_BinSemCreate(osal_id_t *, const char *, uint32, uint32);
+int32 OS_BinSemGive(osal_id_t);
+int32 OS_BinSemTimedWait(osal_id_t, uint32);
+int32 OS_BinSemDelete(osal_id_t);
+
+#endif
