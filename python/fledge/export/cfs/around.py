@@ -36,8 +36,8 @@ def schedule(app):
     """Entries for sch_lab's table. The wake-ups are the app's own affair."""
     mid = f"{app.prefix}_SEND_HK_MID"
     return "\n".join(["/* SPDX-License-Identifier: Apache-2.0 */",
-                      f"/* For fsw/tables/sch_lab_table.c: {app.prefix}'s housekeeping every second (TickRate 100). Above:",
-                      " *", f' *     #include "{app.name}_msgids.h"', " *",
+                      f"/* For fsw/tables/sch_lab_table.c: {app.prefix}'s housekeeping every second (TickRate 100).",
+                      " * Above:", " *", f' *     #include "{app.name}_msgids.h"', " *",
                       " * and in the table, of Draco and 7.x, where an entry has a function code: */",
                       f"{{CFE_SB_MSGID_WRAP_VALUE({mid}), 100, 0}},", "",
                       "/* or of Caelum, where the rate counts seconds:", " *",

@@ -97,7 +97,8 @@ def test_noop_and_reset_of_the_counters(core):
     (command(SEND_HK, 0, b"xx"), "NAV 22: A request has 10 bytes, expected 8", "bad_length"),
     (command(WAKEUP, 0, b"xx"), "NAV 22: A request has 10 bytes, expected 8", "bad_length"),
     (load("Nothing", "/cf/nav_control.tbl"), "NAV 7: Table Nothing is not loaded", "refused"),
-    (load("Control", "/cf/absent.tbl"), "NAV 7: Table Control is not loaded from /cf/absent.tbl: 0xCC00002C", "refused"),
+    (load("Control", "/cf/absent.tbl"), "NAV 7: Table Control is not loaded from /cf/absent.tbl: 0xCC00002C",
+     "refused"),
     (load("Control", "/cf/nav_motor.tbl"), "NAV 7: Table Control is not loaded", "refused"),
 ])
 def test_what_is_refused_is_an_event_and_a_counter(core, packet, event, counter):

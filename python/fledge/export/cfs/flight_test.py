@@ -49,5 +49,3 @@ def test_an_app_puts_out_the_same_bits(name, tmp_path):
     assert difference is None
     assert ticks >= 1200
     assert report["errors"] == 0 and report["overflow"] == 0
-
-

@@ -11,8 +11,8 @@ from pathlib import Path
 from fledge.export.read import ExportError
 
 # Of Fledge's own, what every app needs besides its modules.
-ALWAYS = ["registers/lane.c", "registers/field.c", "registers/clock.c", "registers/message.c", "registers/shared_file.c",
-          "targets/mission_io.c", "targets/mission_check.c"]
+ALWAYS = ["registers/lane.c", "registers/field.c", "registers/clock.c", "registers/message.c",
+          "registers/shared_file.c", "targets/mission_io.c", "targets/mission_check.c"]
 INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"([^"]+)"', re.MULTILINE)
 WORD = re.compile(r"[A-Za-z_]\w*")
 NO_NAMES = frozenset(["if", "for", "while", "switch", "return", "sizeof", "do", "else"])
@@ -89,9 +89,11 @@ def external(text):
             if body and "=" not in head and call[1] not in NO_NAMES:
                 names.add(call[1])
             continue
-        declared = re.findall(r"\b([A-Za-z_]\w*)\s*(?:\[[^\]]*\]\s*)*$", before)
-        if declared and len(words) > 1 and not re.fullmatch(r"(?:struct|enum|union)\s+\w+", before.strip()):
-            names.add(declared[0])
+        if len(words) > 1 and not re.fullmatch(r"(?:struct|enum|union)\s+\w+", before.strip()):
+            for one in before.split(","):               # `S *two, x[3];` has two
+                declared = re.search(r"([A-Za-z_]\w*)\s*(?:\[[^\]]*\]\s*)*$", one.strip())
+                if declared:
+                    names.add(declared[1])
     return names
 
 
@@ -125,8 +127,8 @@ def names_header(app, texts):
     names = [name for name in names if not name.startswith(f"{app.prefix}_")]
     guard = f"{app.prefix}_NAMES_H"
     return "\n".join(["/* SPDX-License-Identifier: Apache-2.0 */",
-                      f"/* Whatever {app.prefix} links with others is called {app.prefix}_...: other apps may bring the",
-                      " * same source along, and one core may be linked with all of them. */",
+                      f"/* Whatever {app.prefix} links with others is called {app.prefix}_...: other apps may bring",
+                      " * the same source along, and one core may be linked with all of them. */",
                       f"#ifndef {guard}", f"#define {guard}", "",
                       *(f"#define {name} {app.prefix}_{name}" for name in names), "", "#endif", ""])
 

@@ -181,5 +181,3 @@ def layout_checks(app, found):
             lines.append(f"SAME(offsetof({name}, {f.name}), offsetof({module.type}, par.{f.name}) - "
                          f"offsetof({module.type}, par), {table.name}_{f.name});")
     return [one for line in lines for one in wrap(line.split(" "), "", "     ")]
-
-

@@ -15,7 +15,7 @@ from fledge.export.testing import STRICT, fly
 from fledge.export.write import write_files
 
 ROOT = hosted.ROOT
-HERE = Path(__file__).resolve().parent
+HERE = ROOT / "targets/cfs/testing"
 LONG_NS = 60_000_000_000
 PATIENCE = 60        # s
 
