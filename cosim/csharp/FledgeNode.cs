@@ -767,14 +767,37 @@ public sealed class Frame
             throw new NodeError("there is no frame of kind " + kind);
         }
         var reader = new Reader { frame = frame, little = little, kind = kinds[kind - 1] };
+        return new Frame(reader.kind, (uint)Raw.Get(frame, 16, 4, little), ReadAll(reader, bodies[kind - 1]));
+    }
+
+    /// The bytes of a body without a header, little-endian.
+    internal static byte[] Pack(string form, params object[] values)
+    {
+        var writer = new Writer { little = true };
+        int at = 0;
+        Write(writer, new List<object>(values), form, ref at);
+        var body = new byte[writer.size - HeaderSize];
+        Array.Copy(writer.bytes, HeaderSize, body, 0, body.Length);
+        return body;
+    }
+
+    internal static List<object> Unpack(string form, byte[] body)
+    {
+        var frame = new byte[HeaderSize + body.Length];
+        body.CopyTo(frame, HeaderSize);
+        return ReadAll(new Reader { frame = frame, little = true, kind = "snapshot" }, form);
+    }
+
+    static List<object> ReadAll(Reader reader, string form)
+    {
         var body = new List<object>();
         int at = 0;
-        Read(reader, body, bodies[kind - 1], ref at);
-        if (reader.at != frame.Length)
+        Read(reader, body, form, ref at);
+        if (reader.at != reader.frame.Length)
         {
-            throw reader.Wrong(frame.Length - reader.at + " bytes are left over");
+            throw reader.Wrong(reader.frame.Length - reader.at + " bytes are left over");
         }
-        return new Frame(reader.kind, (uint)Raw.Get(frame, 16, 4, little), body);
+        return body;
     }
 
     static int SizeOf(char code)
@@ -1300,6 +1323,12 @@ public sealed class Node
     public string Reason { get; private set; } ///< of its end; "" at the regular one
     public Action<long> Step;                  ///< called with each instant [ns]
 
+    /// What returns all that another program of this name needs to go on from here, and what takes it
+    /// before the first step of that one. With both, one that was lost is started again without all its
+    /// steps from the beginning.
+    public Func<byte[]> Saves;
+    public Action<byte[]> Restores;
+
     /// Read a topic. Without a definition, it is as its writer says.
     public void Reads(string topic, Latency latency = Latency.SameInstant, bool optional = false, string name = "",
                       string text = "")
@@ -1399,7 +1428,7 @@ public sealed class Node
     sealed class Output
     {
         public Schema schema;
-        public Message latest; // as last written, at t, or what it holds at first
+        public Message latest; // as last written, at t, or what it holds at first; null: from a snapshot
         public long t;
         public uint sequence;
         public bool asked, written;
@@ -1529,17 +1558,19 @@ public sealed class Node
             try
             {
                 // In this order: what was sent before the controller went counts.
-                if (Wait(clock, link, monitor) != link)
+                Socket from = Wait(clock, link, monitor);
+                if (from != link)
                 {
-                    throw new Gone();
+                    throw new Gone(from == null ? "the controller let this program in, but asks nothing of it"
+                                                : "the controller is gone");
                 }
                 Frame request = Receive(link);
                 number = request.Number;
                 link.Send(Answer(request).Encode());
             }
-            catch (Gone)
+            catch (Gone gone)
             {
-                throw new NodeError("the controller is gone");
+                throw new NodeError(gone.Message);
             }
             catch (Exception error)
             {
@@ -1550,7 +1581,10 @@ public sealed class Node
         }
     }
 
-    sealed class Gone : Exception {}
+    sealed class Gone : Exception
+    {
+        public Gone(string text) : base(text) {}
+    }
 
     /// The reply to a request.
     Frame Answer(Frame request)
@@ -1566,7 +1600,7 @@ public sealed class Node
             Start((List<List<object>>)body[0]);
             return new Frame("Ready", number);
         case "Tick": return new Frame("Tock", number, Tick((long)body[0], (List<List<object>>)body[1]));
-        case "Save": return new Frame("Saved", number, new byte[0]); // it cannot
+        case "Save": return new Frame("Saved", number, Snapshot());
         case "Finish":
             Reason = (string)body[0];
             return new Frame("Finished", number);
@@ -1585,6 +1619,7 @@ public sealed class Node
         Seed = (ulong)body[0];
         End = (long)body[1];
         var start = (long)body[2];
+        var snapshot = (byte[])body[5];
         if (Step == null)
         {
             throw new NodeError("there is no step function");
@@ -1594,7 +1629,62 @@ public sealed class Node
         {
             next += ((start - offset) / every + 1) * every;
         }
-        return new object[] { new List<List<object>> { Items(every, offset) }, 0, 0 };
+        if (snapshot.Length > 0)
+        {
+            GoOnFrom(snapshot);
+        }
+        int saves = Saves != null && Restores != null ? 1 : 0;
+        return new object[] { new List<List<object>> { Items(every, offset) }, 0, saves };
+    }
+
+    const string ofSnapshot = "[np][nqIp]p"; // what was seen; what was written; the program's own
+
+    byte[] Snapshot()
+    {
+        if (Saves == null || Restores == null || outputs.Values.Any(o => o.sequence > 0 && !o.schema.Given))
+        {
+            return new byte[0]; // it cannot
+        }
+        var seen = new List<List<object>>();
+        foreach (Want want in wants.Where(w => w.payload != null))
+        {
+            seen.Add(Items(want.topic, want.payload));
+        }
+        var said = new List<List<object>>();
+        foreach (var output in outputs.Where(o => o.Value.sequence > 0))
+        {
+            said.Add(Items(output.Key, output.Value.t, output.Value.sequence, Packed(output.Value)));
+        }
+        return Frame.Pack(ofSnapshot, seen, said, Saves());
+    }
+
+    void GoOnFrom(byte[] snapshot)
+    {
+        if (Restores == null)
+        {
+            throw new NodeError("there is a snapshot to go on from, but no Restores");
+        }
+        List<object> body = Frame.Unpack(ofSnapshot, snapshot);
+        foreach (List<object> item in (List<List<object>>)body[0])
+        {
+            Want want = wants.Find(w => w.topic == (string)item[0]);
+            if (want != null)
+            {
+                want.payload = (byte[])item[1];
+            }
+        }
+        foreach (List<object> item in (List<List<object>>)body[1])
+        {
+            Output output;
+            if (outputs.TryGetValue((string)item[0], out output))
+            {
+                output.latest = null;
+                output.t = (long)item[1];
+                output.sequence = (uint)item[2];
+                output.payload = (byte[])item[3];
+            }
+        }
+        Restores((byte[])body[2]);
     }
 
     List<List<object>> Desired()
@@ -1641,6 +1731,10 @@ public sealed class Node
     static byte[] Packed(Output output)
     {
         Message message = output.latest;
+        if (message == null)
+        {
+            return output.payload;
+        }
         if (output.sequence > 0 && output.schema.Fields.Count > 0 && output.schema.Fields[0].Name == "head.t")
         {
             message = new Message();

@@ -241,6 +241,13 @@ class _Reader:
             raise NodeError(f"there is no frame of kind {kind}")
         self.kind = KINDS[kind - 1]
 
+    @classmethod
+    def of(cls, snapshot):
+        """Reads what a _Writer of this file has in its body."""
+        self = cls.__new__(cls)
+        self.kind, self.order, self.body, self.at = "snapshot", "<", snapshot, 0
+        return self
+
     def number(self, code):
         size = struct.calcsize(code)
         while self.at % size:
@@ -330,15 +337,16 @@ class Node:
         self._wants = {}     # topic -> (latency, optional, Schema)
         self._writes = {}    # topic -> [Schema, initial value]
         self._channels = {}  # channel -> topic, of what is read
-        self._values = {}    # topic -> payload or dict, as last seen
+        self._seen = {}      # topic -> payload, as last seen
+        self._values = {}    # topic -> dict of it, once somebody has looked
         self._counts = {}    # channel -> messages, read or written
         self._offers = {}    # topic -> channel, of what is written
-        self._latest = {}    # topic -> (time, count, dict), as last written
+        self._latest = {}    # topic -> (time, count, dict), as last written; from a snapshot, bytes
         self._sequence = {}  # topic -> of its head
         self._coming = []    # records that no instant has seen
         self._now = -1       # the instant of the last step
         self._leaving = False
-        self._step = None
+        self._step = self._save = self._restore = None
 
     def reads(self, topic, latency="same_instant", optional=False, name="", text=""):
         """Read a topic. Without a definition, it is as its writer says."""
@@ -360,10 +368,9 @@ class Node:
         """What was read last, a dict; None where nobody writes an optional topic."""
         if topic not in self._wants:
             raise NodeError(f"{self.name} does not read {topic}; it reads {', '.join(self._wants) or 'nothing'}")
-        value = self._values.get(topic)
-        if isinstance(value, bytes):  # nobody has looked at it yet
-            value = self._values[topic] = self._wants[topic][2].unpack(value)
-        return value
+        if topic not in self._values and topic in self._seen:
+            self._values[topic] = self._wants[topic][2].unpack(self._seen[topic])
+        return self._values.get(topic)
 
     def __setitem__(self, topic, values):
         """Write a message, now."""
@@ -373,6 +380,17 @@ class Node:
         self._latest[topic] = (self._now, self._sequence[topic], dict(values))
         if topic in self._offers:
             self._written[topic] = self._packed(topic)
+
+    def saves(self, function):
+        """The function that returns, as bytes, all that another program of this name needs to go on from
+        here. With restores(), one that was lost is started again without all its steps from the beginning."""
+        self._save = function
+        return function
+
+    def restores(self, function):
+        """The function that takes what saves() returned, before the first step of the other program."""
+        self._restore = function
+        return function
 
     def leave(self):
         """Take no further part in the run: what this step writes is the last. run() returns then."""
@@ -384,6 +402,8 @@ class Node:
         if topic not in self._latest:
             return schema.pack(initial)
         t, sequence, values = self._latest[topic]
+        if isinstance(values, bytes):
+            return values
         if schema.fields and schema.fields[0][0] == "head.t":
             values = {"head.t": t, "head.quality": 3, "head.sequence": sequence} | values
         return schema.pack(values)
@@ -421,38 +441,47 @@ class Node:
         poller = zmq.Poller()
         poller.register(link, zmq.POLLIN)
         poller.register(monitor, zmq.POLLIN)
+        patience = 1000 * self.patience  # for the first request
         while self.reason is None:
-            ready = dict(poller.poll())
+            ready = dict(poller.poll(patience))
+            if not ready:
+                raise NodeError("the controller let this program in, but asks nothing of it")
             if link not in ready:
                 raise NodeError("the controller is gone")
-            r = _Reader(link.recv())
-            w = _Writer()
-            answer = getattr(self, "_on_" + r.kind, None)
+            frame, patience, number, w = link.recv_multipart(), None, 0, _Writer()
             try:
+                if len(frame) != 1:
+                    raise NodeError(f"a frame is one part, not {len(frame)}")
+                r = _Reader(frame[0])
+                number = r.request
+                answer = getattr(self, "_on_" + r.kind, None)
                 if not answer:
                     raise NodeError(f"the controller sent {r.kind}, which is no request")
                 kind = answer(r, w)
             except BaseException as error:
                 w = _Writer()
                 w.text(f"{type(error).__name__}: {error}".replace("\0", ""))
-                link.send(w.frame("Failed", r.request))
+                link.send(w.frame("Failed", number))
                 raise
             link.send(w.frame(kind, r.request))
 
     def _on_Initialize(self, r, w):
         self.seed, self.end, start = r.number("Q"), r.number("q"), r.number("q")
-        r.text(), r.text(), r.bytes()
+        r.text(), r.text()
+        snapshot = r.bytes()
         r.end()
         if self._step is None:
             raise NodeError("there is no step function")
         self._next = self.offset
         if start >= self.offset:  # in the place of one that was lost
             self._next += ((start - self.offset) // self.every + 1) * self.every
+        if snapshot:
+            self._go_on_from(_Reader.of(snapshot))
         w.number("I", 1)
         w.number("q", self.every)
         w.number("q", self.offset)
         w.number("B", 0)  # it writes at its instants only
-        w.number("B", 0)  # it makes no snapshots
+        w.number("B", bool(self._save and self._restore))
         return "Initialized"
 
     def _on_ProvideDesired(self, r, w):
@@ -501,7 +530,9 @@ class Node:
             self._now = self._next
             while self._coming and self._coming[0][0] <= self._now:
                 _, channel, payload = self._coming.pop(0)
-                self._values[self._channels[channel]] = payload
+                topic = self._channels[channel]
+                self._seen[topic] = payload
+                self._values.pop(topic, None)
             self._written = {}
             self._step(self._now)
             for topic, message in self._written.items():
@@ -525,8 +556,36 @@ class Node:
     def _on_Save(self, r, w):
         r.number("q")
         r.end()
-        w.bytes(b"")  # it cannot
+        snapshot = b""  # it cannot
+        if self._save and self._restore and all(self._writes[topic][0].text for topic in self._latest):
+            snapshot = self._snapshot()
+        w.bytes(snapshot)
         return "Saved"
+
+    def _snapshot(self):
+        w = _Writer()
+        w.number("I", len(self._seen))
+        for topic, payload in self._seen.items():
+            w.text(topic)
+            w.bytes(payload)
+        w.number("I", len(self._latest))
+        for topic, (t, sequence, _) in self._latest.items():
+            w.text(topic)
+            w.number("q", t)
+            w.number("I", sequence)
+            w.bytes(self._packed(topic))
+        w.bytes(self._save())
+        return bytes(w.body)
+
+    def _go_on_from(self, r):
+        if not self._restore:
+            raise NodeError("there is a snapshot to go on from, but no restores()")
+        self._seen = dict(r.list(lambda: (r.text(), r.bytes()), 8))
+        for topic, t, sequence, message in r.list(lambda: (r.text(), r.number("q"), r.number("I"), r.bytes()), 20):
+            self._latest[topic] = t, sequence, message
+            self._sequence[topic] = sequence
+        self._restore(r.bytes())
+        r.end()
 
     def _on_Finish(self, r, w):
         self.reason = r.text()

@@ -77,14 +77,28 @@ class Controller:
     """The controller's program. `address` is where it listens."""
 
     def __init__(self, *options, address="tcp://127.0.0.1:*", until="1"):
+        status, told = os.pipe()
         self.process = subprocess.Popen(
-            [CONTROLLER, "--simulation", "spring", "--until", until, "--address", address, "--seed", "7", *options],
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+            [CONTROLLER, "--simulation", "spring", "--until", until, "--address", address, "--seed", "7",
+             "--status", str(told), *options],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, pass_fds=[told])
+        os.close(told)
+        self._status = os.fdopen(status)
         self.address = self.process.stdout.readline().removeprefix("listening at ").strip()
+
+    def wait_for(self, **states):
+        """Until these nodes are so: "joining", "running" (and have stepped)."""
+        for line in self._status:
+            nodes = {node["name"]: node for node in json.loads(line).get("nodes", [])}
+            if nodes and all(nodes[name]["state"] == state and (state != "running" or nodes[name]["ticks"] > 0)
+                             for name, state in states.items()):
+                return
+        raise AssertionError(f"the run is over, and it was never {states}")
 
     def end(self):
         """(exit code, what it complained of)"""
-        _, errors = self.process.communicate(timeout=30)
+        _, errors = self.process.communicate(timeout=60)
+        self._status.close()
         return self.process.returncode, errors.strip()
 
 
@@ -111,7 +125,7 @@ def spring(programs, controller, latencies=("next_instant", "same_instant")):
 
 
 def result(program):
-    out, errors = program.communicate(timeout=30)
+    out, errors = program.communicate(timeout=60)
     assert program.returncode == 0, errors
     return json.loads(out)
 
@@ -147,7 +161,7 @@ def test_a_program_in_c_takes_the_place_of_one_in_python(programs):
                  controller.process]
     assert controller.end() == (0, "")
     assert result(programs[0])["seen"] == alone(101)
-    assert programs[1].communicate(timeout=20) == (None, b"") and programs[1].returncode == 0
+    assert programs[1].communicate(timeout=60) == (None, b"") and programs[1].returncode == 0
 
 
 def test_a_program_in_c_says_what_is_wrong(programs):
@@ -159,8 +173,8 @@ def test_a_program_in_c_says_what_is_wrong(programs):
     code, errors = controller.end()
     why = "/mass/state has 32 bytes where it is written, which is not the size of the struct here"
     assert (code, errors) == (1, "the run ended early: spring: it failed: " + why)
-    assert programs[1].communicate(timeout=20)[1].decode() == f"spring: {why}\n" and programs[1].returncode == 1
-    programs[0].communicate(timeout=20)
+    assert programs[1].communicate(timeout=60)[1].decode() == f"spring: {why}\n" and programs[1].returncode == 1
+    programs[0].communicate(timeout=60)
 
 
 def test_a_definition_is_needed_on_one_side_only(programs):
@@ -187,19 +201,19 @@ def test_with_exchanges_each_sees_what_the_other_had_before(programs):
 def test_a_killed_program_ends_the_run_for_all(programs, victim):
     controller = Controller("--node", "mass", "--node", "spring", until="1e6")
     pair = spring(programs, controller)
-    time.sleep(1.0)
+    controller.wait_for(mass="running", spring="running")
     pair[victim].kill()
     code, errors = controller.end()
     name = ["mass", "spring"][victim]
     assert code == 1 and re.match(f"the run ended early: {name}: its connection is gone", errors), errors
-    out, _ = pair[1 - victim].communicate(timeout=20)
+    out, _ = pair[1 - victim].communicate(timeout=60)
     assert name + ": its connection is gone" in json.loads(out)["reason"]
 
 
 def test_a_program_that_is_killed_before_the_run_is_named(programs):
     controller = Controller("--node", "mass", "--node", "spring")
     programs += [start(MASS, controller.address, "next_instant"), controller.process]
-    time.sleep(1.0)
+    controller.wait_for(mass="joining")
     programs[0].kill()
     assert controller.end() == (1, "the run ended early: mass: its connection is gone")
 
@@ -207,7 +221,7 @@ def test_a_program_that_is_killed_before_the_run_is_named(programs):
 def test_ctrl_c_of_the_controller_ends_all(programs):
     controller = Controller("--node", "mass", "--node", "spring", until="1e6")
     pair = spring(programs, controller)
-    time.sleep(1.0)
+    controller.wait_for(mass="running", spring="running")
     controller.process.send_signal(signal.SIGINT)
     assert controller.end() == (1, "the run ended early: the user ended it")
     assert [result(program)["reason"] for program in pair] == ["the user ended it"] * 2
@@ -216,18 +230,18 @@ def test_ctrl_c_of_the_controller_ends_all(programs):
 def test_a_program_whose_controller_is_killed_says_so(programs):
     controller = Controller("--node", "mass", "--node", "spring", until="1e6")
     pair = spring(programs, controller)
-    time.sleep(1.0)
+    controller.wait_for(mass="running", spring="running")
     controller.process.kill()
     controller.process.communicate()
     for program in pair:
-        _, errors = program.communicate(timeout=20)
+        _, errors = program.communicate(timeout=60)
         assert program.returncode == 1 and "NodeError: the controller is gone" in errors
 
 
 def test_a_run_goes_on_without_a_program_where_its_policy_says_so(programs):
     controller = Controller("--node", "mass", "--node", "spring:hold", until="200")
     mass, force = spring(programs, controller)
-    time.sleep(1.0)
+    controller.wait_for(mass="running", spring="running")
     force.kill()
     code, errors = controller.end()
     assert code == 0
@@ -245,9 +259,9 @@ def test_an_error_of_a_step_reaches_the_user(programs):
     assert code == 1
     assert errors == ("the run ended early: spring: it failed: ZeroDivisionError: division by zero "
                       "(it had reached 0.29 s)")
-    out, _ = programs[0].communicate(timeout=20)
+    out, _ = programs[0].communicate(timeout=60)
     assert json.loads(out)["reason"] == errors.removeprefix("the run ended early: ")
-    assert "ZeroDivisionError" in programs[1].communicate(timeout=20)[1]
+    assert "ZeroDivisionError" in programs[1].communicate(timeout=60)[1]
 
 
 def test_definitions_that_differ_are_refused_with_the_field(programs):
@@ -259,7 +273,7 @@ def test_definitions_that_differ_are_refused_with_the_field(programs):
     assert code == 1 and "field head.t is at another place" not in errors
     assert "spring wants /mass/state of mass, but field " in errors
     for program in programs[:2]:
-        program.communicate(timeout=20)
+        program.communicate(timeout=60)
 
 
 def test_a_program_that_is_not_expected_is_told():
@@ -288,7 +302,7 @@ def test_with_keys_programs_in_python_and_c_take_part(programs, tmp_path, monkey
                  controller.process]
     assert controller.end() == (0, "")
     assert result(programs[0])["seen"] == alone(101)
-    assert programs[1].communicate(timeout=20) == (None, b"")
+    assert programs[1].communicate(timeout=60) == (None, b"")
 
 
 def test_who_has_no_right_key_is_told_at_once(programs, tmp_path, monkeypatch):
