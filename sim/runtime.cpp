@@ -323,48 +323,54 @@ void Simulation::Runtime::ready_for(Ns t)
     }
 }
 
+/// The next instant of a task, in the mode that its process is in or was asked to enter.
+Ns Simulation::Runtime::next_of(const RunTask &task) const
+{
+    const Process &process = *task.process;
+    if (task.active) {
+        return task.next;
+    }
+    return simulation.mode_asked_ && process.pending_ >= 0 && process.active(*task.task, process.pending_)
+               ? on_grid(task, now + 1)
+               : never;
+}
+
 Ns Simulation::Runtime::next_instant() const
 {
     Ns t = never;
     for (const RunTask &task : tasks) {
-        const Process &process = *task.process;
-        if (task.active) {
-            t = std::min(t, task.next);
-        } else if (simulation.mode_asked_ && process.pending_ >= 0 &&
-                   process.active(*task.task, process.pending_)) {
-            t = std::min(t, on_grid(task, now + 1));
-        }
+        t = std::min(t, next_of(task));
     }
     return t;
 }
 
-void Simulation::Runtime::enter_modes(Ns t)
+/// Enter the mode that was asked for, if this is an instant of the process: those of others are not seen
+/// by its computer. Called in its turn, so that who runs before it sees nothing of it yet.
+void Simulation::Runtime::enter_mode(Process &process, Ns t)
 {
-    simulation.mode_asked_ = false;
-    for (const auto &process : simulation.processes_) {
-        if (process->pending_ < 0) {
+    const auto its_own = [&](const RunTask &task) { return task.process == &process && next_of(task) == t; };
+    if (std::none_of(tasks.begin(), tasks.end(), its_own)) {
+        return;
+    }
+    process.mode_ = process.pending_;
+    process.pending_ = -1;
+    for (RunTask &task : tasks) {
+        if (task.process != &process) {
             continue;
         }
-        process->mode_ = process->pending_;
-        process->pending_ = -1;
-        for (RunTask &task : tasks) {
-            if (task.process != process.get()) {
-                continue;
-            }
-            const bool active = process->active(*task.task, process->mode_);
-            if (active && !task.active) {
-                for (const auto &instance : task.task->run) {
-                    if (instance->model()) {
-                        instance->model()->reset(t);
-                    } else {
-                        reset_of(*instance)(instance->memory());
-                    }
+        const bool active = process.active(*task.task, process.mode_);
+        if (active && !task.active) {
+            for (const auto &instance : task.task->run) {
+                if (instance->model()) {
+                    instance->model()->reset(t);
+                } else {
+                    reset_of(*instance)(instance->memory());
                 }
-                task.next = on_grid(task, t);
-                task.last = -1;
             }
-            task.active = active;
+            task.next = on_grid(task, t);
+            task.last = -1;
         }
+        task.active = active;
     }
 }
 
@@ -441,13 +447,17 @@ void Simulation::Runtime::instant()
             copy_words(exchange.from, exchange.held.data(), exchange.words);
         }
     }
-    if (simulation.mode_asked_) {
-        enter_modes(t);
-    }
     for (RunTask &task : tasks) {
+        if (simulation.mode_asked_ && task.process->pending_ >= 0) {
+            enter_mode(*task.process, t);
+        }
         if (task.active && task.next == t) {
             run_task(task, t);
         }
+    }
+    if (simulation.mode_asked_) {
+        simulation.mode_asked_ = std::any_of(simulation.processes_.begin(), simulation.processes_.end(),
+                                             [](const auto &process) { return process->pending_ >= 0; });
     }
     now = t;
     if (simulation.has_events_) {

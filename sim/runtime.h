@@ -85,7 +85,8 @@ struct Simulation::Runtime {
 
 private:
     void lay_out_wires(const Instance &consumer);
-    void enter_modes(Ns t);
+    Ns next_of(const RunTask &task) const;
+    void enter_mode(Process &process, Ns t);
     void run_task(RunTask &task, Ns t);
     void run_events(Ns t);
     void publish(const Configuration &module, Ns t);

@@ -115,7 +115,7 @@ public:
     /// Begin in this mode. The first one added is the default.
     void start_in(const std::string &mode);
 
-    /// Ask for a mode; it takes effect at the next instant.
+    /// Ask for a mode; it takes effect at the next instant of this process.
     void enter(const std::string &mode);
     /// The mode in force; "" if the process has none.
     const std::string &mode() const;

@@ -303,6 +303,40 @@ TEST(Modes, TakeEffectAtTheNextInstantAndResetWhatBecomesActive)
                 HasSubstr("process flight has no mode third; it has first and second"));
 }
 
+TEST(Modes, AreEnteredAtAnInstantOfTheirProcessAndInItsTurn)
+{
+    // The instants of the world are none of flight's. Who runs before it sees its reset only afterwards.
+    Simulation sim;
+    Process &world = sim.add_process("world");
+    Process &flight = sim.add_process("flight");
+    auto source = make(flight, "source", source_type);
+    auto idle = make(flight, "idle", source_type);
+    auto reader = make(world, "reader", scale_type);
+    face<Source>(source).par.value = face<Source>(idle).par.value = 1.0;
+    face<Scale>(reader).par.gain = 1.0;
+    world.add_task({"look", 10 * ms, 0, 0, {reader}});
+    flight.add_task({"idle", 100 * ms, 0, 0, {idle}});
+    flight.add_task({"work", 100 * ms, 50 * ms, 0, {source}});
+    flight.add_mode({"working", {"work"}});
+    flight.add_mode({"resting", {}});
+    sim.connect(port(source, "number"), port(reader, "number"));
+    sim.run_until(60 * ms);
+    EXPECT_EQ(face<Scale>(reader).out.number.x, 1.0);
+    flight.enter("resting");
+    sim.run_until(90 * ms);
+    EXPECT_EQ(flight.mode(), "working") << "it has had no instant since";
+    sim.run_until(100 * ms);
+    EXPECT_EQ(flight.mode(), "resting");
+    flight.enter("working");
+    sim.run_until(140 * ms);
+    EXPECT_EQ(face<Scale>(reader).in.number.head.sequence, 1u) << "not yet reset";
+    sim.run_until(150 * ms);
+    EXPECT_EQ(flight.mode(), "working");
+    EXPECT_EQ(face<Scale>(reader).in.number.head.t, 50 * ms) << "it ran before flight did";
+    EXPECT_EQ(face<Source>(source).out.number.head.t, 150 * ms);
+    EXPECT_EQ(face<Source>(source).out.number.head.sequence, 1u) << "reset, then updated";
+}
+
 namespace {
 
 Condition below(const std::shared_ptr<Instance> &tank, double x)
