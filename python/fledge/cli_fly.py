@@ -17,6 +17,7 @@ def add(command):
                   "fly nadir_spin --on desktop,linux,aarch64")
     one.add_argument("mission", help="the name of a mission, or its folder")
     one.add_argument("scenario", nargs="?", help="whose set-up and duration to take; default: the mission's first")
+    one.add_argument("--free", action="store_true", help="without a scenario; with --for")
     one.add_argument("--on", default="desktop,linux", metavar="TARGETS", help="of desktop, linux, aarch64; default: "
                      "desktop,linux. The desktop is always flown, for the others are held against it")
     one.add_argument("--for", dest="duration", metavar="DURATION", help="fly only so long (90s, 10min, 2h)")
@@ -51,8 +52,10 @@ def fly(options):
     if not duration and options.duration:
         raise Failure("--for: fly longer than 0 s")
     part = options.build or options.join is not None       # then it does not matter for how long
+    if options.free and (options.scenario or not (duration or part)):
+        raise Failure("fly: --free is without a scenario, and for as long as --for says")
     job = Job(options.mission, options.scenario, duration or (1.0 if part else None), options.seed, options.board,
-              options.out)
+              options.out, options.free)
     others = [TARGETS[name] for name in names if name != "desktop"]
     if options.join is not None and len(others) != 1:
         raise Failure(f"--join: say with --on which target it is, one; found {len(others)}")

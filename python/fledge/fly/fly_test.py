@@ -84,6 +84,30 @@ def test_offsets_rates_modes_and_events_cross_a_board_too(tmp_path):
     assert 0 < sequence[-1] < len(sequence)           # there was a mode in which it rested
 
 
+def test_latency_of_one_exchange_crosses_a_board_too(tmp_path):
+    """What flight is told, and what it commands, one exchange late."""
+    mission = tmp_path / "late"
+    shutil.copytree(build.ROOT / "missions/nadir_spin", mission)
+    world = (mission / "world.py").read_text()
+    for wire in ("w.nav.attitude  >> f.tracking.attitude", "f.motor.command >> w.wheels.command"):
+        assert wire in world
+        world = world.replace(wire, f"({wire}).latency(1)")
+    (mission / "world.py").write_text(world)
+    assert cli.main(["fly", str(mission), "--for", "2min", "--on", "linux", "--out", str(tmp_path / "out")]) == 0
+    late, prompt = Archive(tmp_path / "out/linux.mcap"), fledge.load("nadir_spin")
+    log = prompt.record(prompt.flight.tracking.error, every=0.5)
+    prompt.run(120.0)
+    assert (late["error.sigma_BR"][1:] != log["error.sigma_BR"][1:]).any()      # the latency matters
+
+
+def test_without_a_scenario(folder, capsys):
+    out = str(folder / "single_spiral")
+    assert cli.main(["fly", "single_spiral", "--out", out]) == 2
+    assert "what it does between its runs no target is told" in capsys.readouterr().err
+    assert cli.main(["fly", "single_spiral", "--free", "--out", out]) == 2
+    assert cli.main(["fly", "single_spiral", "--free", "--for", "1min", "--on", "linux", "--out", out]) == 0
+
+
 def test_a_difference_is_seen_and_told(folder, capsys, monkeypatch):
     """The target gets another gain than the desktop has."""
     real = Linux.build

@@ -18,15 +18,15 @@ class Job:
     """A mission's scenario, as it stands before its run; all of it goes into `folder`, what is exported into its c/.
 
     scenario: its name; None: the mission's first. duration: [s]; None: as long as the scenario runs.
-    boards: files of boards that the messages pass; none: a board that carries them whole.
+    boards: files of boards that the messages pass; none: a board that carries them whole. free: take no scenario.
     """
 
-    def __init__(self, mission, scenario=None, duration=None, seed=0, boards=(), folder=None):
+    def __init__(self, mission, scenario=None, duration=None, seed=0, boards=(), folder=None, free=False):
         self.sim = fledge.load(mission)
         self.asked = mission                 # as other programs are to load it
         self.seed, self.boards = seed, [Path(path).resolve() for path in boards]
         self.sim.seed = seed
-        self.scenario, runs = begin(self.sim, scenario, duration is not None)
+        self.scenario, runs = ("free", 0.0) if free else begin(self.sim, scenario, duration is not None)
         self.duration = runs if duration is None else duration
         self.mission = export.read(self.sim)
         self.folder = Path(folder) if folder else Path("runs") / self.mission.title / "fly"
@@ -139,7 +139,7 @@ def begin(sim, scenario, free=False):
     several = _second_run(known[name])
     if several:
         raise Failure(f"{several[0]}, line {several[1]}: the scenario {name} runs again here, and what it does between "
-                      "its runs no target is told; choose another scenario")
+                      "its runs no target is told; choose another scenario, or --free with --for")
     from fledge.process import _time
 
     return name, _time(asked[0], "run") / 1e9
