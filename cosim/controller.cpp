@@ -13,7 +13,8 @@ constexpr int most_tries = 3;
 
 } // namespace
 
-Controller::Controller(ControllerConfig config) : config_(std::move(config)), horizon_(config_.horizon)
+Controller::Controller(ControllerConfig config)
+    : config_(std::move(config)), horizon_(config_.horizon)
 {
     if (config_.end < 0 || config_.end > longest_time || config_.batch < 1 || config_.ahead < 4 ||
         config_.nodes.empty()) {
@@ -28,12 +29,15 @@ Controller::Controller(ControllerConfig config) : config_(std::move(config)), ho
                 throw std::invalid_argument("two nodes are called " + node.name);
             }
         }
-        if (node.joins == Join::at_time && (node.joins_after < 0 || node.joins_after >= config_.end)) {
+        if (node.joins == Join::at_time &&
+            (node.joins_after < 0 || node.joins_after >= config_.end)) {
             throw std::invalid_argument(node.name + " joins after " + when(node.joins_after) +
-                                        "; expected a time from 0 to before the end at " + when(config_.end));
+                                        "; expected a time from 0 to before the end at " +
+                                        when(config_.end));
         }
         if (node.save_every < 0) {
-            throw std::invalid_argument(node.name + " saves every " + std::to_string(node.save_every) +
+            throw std::invalid_argument(node.name + " saves every " +
+                                        std::to_string(node.save_every) +
                                         " ns; expected a time > 0, or 0 for where there is need");
         }
         nodes_.emplace_back().config = node;
@@ -81,7 +85,8 @@ void Controller::hello(std::uint64_t peer, const Hello &hello)
     }
     const auto found = std::find(names.begin(), names.end(), hello.node);
     if (found == names.end()) {
-        return refuse(config_.simulation + " has no node " + hello.node + "; it has " + format_list(names));
+        return refuse(config_.simulation + " has no node " + hello.node + "; it has " +
+                      format_list(names));
     }
     const auto id = static_cast<NodeId>(found - names.begin());
     Node &node = nodes_[id];
@@ -101,7 +106,8 @@ void Controller::hello(std::uint64_t peer, const Hello &hello)
     node.number = 0;
     act(action::Accept{peer, id});
     if (node.scheduled()) {
-        node.reached = node.config.joins_after; // known by now, so it can prepare while the others run
+        node.reached =
+            node.config.joins_after; // known by now, so it can prepare while the others run
         initialize(id);
     } else if (node.joining) {
         look_for_joiners();
@@ -115,8 +121,9 @@ void Controller::initialize(NodeId id)
 {
     const Node &node = nodes_[id];
     const bool from_log = node.returning && node.kept;
-    send<Initialize, Initialized>(id, {config_.seed, config_.end, from_log ? node.saved : node.reached,
-                                       config_.frontend, config_.backend, from_log ? node.snapshot : Bytes{}});
+    send<Initialize, Initialized>(id, {config_.seed, config_.end,
+                                       from_log ? node.saved : node.reached, config_.frontend,
+                                       config_.backend, from_log ? node.snapshot : Bytes{}});
 }
 
 void Controller::ask(NodeId id, Message request, std::size_t kind_of_reply)
@@ -124,7 +131,8 @@ void Controller::ask(NodeId id, Message request, std::size_t kind_of_reply)
     Node &node = nodes_[id];
     node.awaited = true;
     node.expected = kind_of_reply;
-    actions_.emplace_back(std::in_place_type<action::Send>, id, Frame{++node.number, std::move(request)});
+    actions_.emplace_back(std::in_place_type<action::Send>, id,
+                          Frame{++node.number, std::move(request)});
 }
 
 void Controller::received(NodeId id, Frame frame)
@@ -140,7 +148,8 @@ void Controller::received(NodeId id, Frame frame)
         !std::holds_alternative<Finished>(frame.message)) {
         return; // the reply to what was asked before the end
     }
-    const std::string found = std::string(kind_name(frame.message)) + " " + std::to_string(frame.number);
+    const std::string found =
+        std::string(kind_name(frame.message)) + " " + std::to_string(frame.number);
     if (!node.awaited) {
         return lost(id, "it sent " + found + ", which nobody asked for");
     }
@@ -247,17 +256,15 @@ void Controller::give_up(NodeId id)
     Node &node = nodes_[id];
     const Ns next = node.safe();
     node.member = false;
-    changes_.push_back({Change::given_up, id, node.reached});
+    changes_.push_back({Change::given_up, id, std::max(node.reached, met_)}); // it was there when they met
     for (std::uint32_t channel = 0; channel < topics_.size() && node.config.on_loss == Policy::drop; channel++) {
-        const Topic &topic = topics_[channel];
+        Topic &topic = topics_[channel];
         if (topic.writer != id || next > config_.end) {
             continue;
         }
         Bytes nothing(topic.schema.size + 4);
         nothing[1] = static_cast<std::byte>(native_order());
-        for (const std::size_t w : topic.wires) {
-            push(wires_[w], next, nothing);
-        }
+        write_ahead(topic, next, nothing);
         if (config_.tell) {
             act(action::Wrote{id, {{channel, topic.count + 1, next, nothing}}});
         }
@@ -313,9 +320,10 @@ std::vector<std::string> Controller::absent() const
     std::vector<std::string> names;
     const bool met = all_met();
     for (const Node &node : nodes_) {
-        const bool awaited =
-            node.stage == Stage::absent && (begun_ ? met && node.scheduled() && due(node) : node.member);
-        if (awaited || (node.stage == Stage::lost && node.member && node.config.on_loss == Policy::restart)) {
+        const bool awaited = node.stage == Stage::absent &&
+                             (begun_ ? met && node.scheduled() && due(node) : node.member);
+        if (awaited ||
+            (node.stage == Stage::lost && node.member && node.config.on_loss == Policy::restart)) {
             names.push_back(node.config.name);
         }
     }
@@ -330,13 +338,18 @@ const char *Controller::state(NodeId id) const
     }
     switch (node.stage) {
     case Stage::absent:
-    case Stage::dismissed: return node.been ? "left" : "absent";
-    case Stage::finished: return "finished";
-    case Stage::lost: return "lost";
+    case Stage::dismissed:
+        return node.been ? "left" : "absent";
+    case Stage::finished:
+        return "finished";
+    case Stage::lost:
+        return "lost";
     case Stage::idle:
     case Stage::saving:
-    case Stage::ticking: return "running";
-    default: return node.member && begun_ ? "running" : "joining";
+    case Stage::ticking:
+        return "running";
+    default:
+        return node.member && begun_ ? "running" : "joining";
     }
 }
 
@@ -372,8 +385,9 @@ void Controller::look_whether_done()
 
 void Controller::finish_if_complete()
 {
-    if (phase_ == Phase::running &&
-        std::all_of(nodes_.begin(), nodes_.end(), [&](const Node &n) { return complete(n, config_.end); })) {
+    if (phase_ == Phase::running && std::all_of(nodes_.begin(), nodes_.end(), [&](const Node &n) {
+            return complete(n, config_.end) && !n.scheduled();
+        })) {
         finish("");
     }
 }
@@ -392,18 +406,22 @@ void Controller::reply(NodeId id, Finished &)
 /// All that take part.
 bool Controller::all_at(Stage stage) const
 {
-    return std::all_of(nodes_.begin(), nodes_.end(), [&](const Node &n) { return n.over() || n.stage == stage; });
+    return std::all_of(nodes_.begin(), nodes_.end(),
+                       [&](const Node &n) { return n.over() || n.stage == stage; });
 }
 
+/// Nobody takes part, nor is to come.
 bool Controller::all_over() const
 {
-    return std::all_of(nodes_.begin(), nodes_.end(), [](const Node &n) { return n.over(); });
+    return std::all_of(nodes_.begin(), nodes_.end(),
+                       [](const Node &n) { return n.over() && !n.scheduled(); });
 }
 
 bool Controller::paused() const
 {
     return std::any_of(nodes_.begin(), nodes_.end(), [](const Node &n) {
-        return n.member && n.config.on_loss == Policy::pause && (n.returning || n.stage == Stage::lost);
+        return n.member && n.config.on_loss == Policy::pause &&
+               (n.returning || n.stage == Stage::lost);
     });
 }
 

@@ -49,9 +49,9 @@ struct NodeConfig {
     std::string name;
     Policy on_loss = Policy::abort;
     Join joins = Join::at_start;
-    Ns joins_after = -1;   ///< at_time: it begins after this instant
-    bool rejoins = false;  ///< one that left or was given up (hold, drop) may come again
-    Ns save_every = 0;     ///< of simulated time, from one snapshot to the next; 0: where there is need
+    Ns joins_after = -1;  ///< at_time: it begins after this instant
+    bool rejoins = false; ///< one that left or was given up (hold, drop) may come again
+    Ns save_every = 0; ///< of simulated time, from one snapshot to the next; 0: where there is need
     std::vector<Rate> steps = {}; ///< as it has to step; empty: as it says itself
 };
 
@@ -74,8 +74,9 @@ struct ControllerConfig {
     std::uint32_t batch = 1000;    ///< most instants in one tick
     std::uint32_t ahead = 4096;    ///< most messages that wait for one reader; at least 4
     bool tell = false;             ///< give Began and Wrote, for records and for those who watch
-    std::size_t log = std::size_t{256} << 20; ///< most bytes that are kept for one that is to be restarted
-    Ns horizon = for_ever;         ///< nobody goes beyond it: for pacing, see set_horizon()
+    std::size_t log = std::size_t{256}
+                      << 20; ///< most bytes that are kept for one that is to be restarted
+    Ns horizon = for_ever;   ///< nobody goes beyond it: for pacing, see set_horizon()
 };
 
 /// Who takes part, and what passes between them.
@@ -150,8 +151,8 @@ struct Done {
 
 } // namespace action
 
-using Action = std::variant<action::Accept, action::Refuse, action::Send, action::ShutOut, action::Report,
-                            action::Began, action::Wrote, action::Done>;
+using Action = std::variant<action::Accept, action::Refuse, action::Send, action::ShutOut,
+                            action::Report, action::Began, action::Wrote, action::Done>;
 
 class Controller {
 public:
@@ -177,7 +178,7 @@ public:
 
     /// For pacing: let the nodes go on, up to and including this instant.
     void set_horizon(Ns horizon);
-    /// The first instant after the horizon at which a node steps; for_ever if there is none.
+    /// The first instant after the horizon at which a node steps, or the end; for_ever if it is behind.
     Ns next_due() const;
     /// The first instant after t at which the node steps, as it said.
     Ns next_after(NodeId node, Ns t) const { return nodes_[node].next_after(t); }
@@ -244,6 +245,8 @@ private:
         Ns since = -1;           ///< the writer was asked for it after this instant
         std::uint32_t count = 0; ///< written since the last Start
         Ns last = -1;            ///< when it was written
+        std::deque<Pending> ahead; ///< written at times that some have not reached, by no node's step
+        Bytes held;                ///< what it holds until then
         std::vector<std::size_t> wires;
         std::vector<NodeId> wanted_by;
     };
@@ -267,21 +270,24 @@ private:
         Ns reached = -1, until = -1;
 
         // What another program of its name needs to take its place.
-        bool kept = false;                ///< all of it is there
+        bool kept = false; ///< all of it is there
         Bytes snapshot;
-        Ns saved = -1;                    ///< the time of the snapshot; without one, of its beginning
-        std::vector<Record> told;         ///< what it was sent and sees after `saved`
+        Ns saved = -1;            ///< the time of the snapshot; without one, of its beginning
+        std::vector<Record> told; ///< what it was sent and sees after `saved`
         std::map<std::uint32_t, std::vector<Record>> said; ///< what it wrote after it, by channel
-        std::size_t logged = 0;           ///< bytes of the two
-        std::size_t told_again = 0;       ///< so many of `told`
+        std::size_t logged = 0;                            ///< bytes of the two
+        std::size_t told_again = 0;                        ///< so many of `told`
         std::map<std::uint32_t, std::size_t> said_again;
-        Ns replayed = -1;                 ///< as `reached`, of the one that comes back
-        int tries = 0;                    ///< restarts since it last went further
+        Ns replayed = -1; ///< as `reached`, of the one that comes back
+        int tries = 0;    ///< restarts since it last went further
 
         Ns next_after(Ns t) const; ///< the first instant after t
         Ns safe() const;           ///< the first instant at which it may still write
         bool connected() const;
-        bool over() const { return !member || stage == Stage::finished; } ///< it writes nothing more
+        bool over() const
+        {
+            return !member || stage == Stage::finished;
+        } ///< it writes nothing more
         /// It has not come yet, and the run waits for it at its time.
         bool scheduled() const { return config.joins == Join::at_time && !been; }
     };
@@ -308,7 +314,10 @@ private:
     bool all_at(Stage stage) const;
     bool all_over() const;
     bool paused() const;
-    template <class A> void act(A what) { actions_.emplace_back(std::in_place_type<A>, std::move(what)); }
+    template <class A> void act(A what)
+    {
+        actions_.emplace_back(std::in_place_type<A>, std::move(what));
+    }
     void report(std::string text) { act(action::Report{std::move(text)}); }
 
     // controller_matching.cpp
@@ -322,14 +331,16 @@ private:
     void match();
     void spoil_matching();
     void resume();
+    void start(NodeId id);
+
+    // controller_wiring.cpp
     void number_topics();
     void ask_for_match(NodeId id);
     void take_offers(NodeId id);
     void connect();
     void list_wires();
-    const Bytes &value(const Topic &topic) const;
+    const Bytes &value(const Topic &topic, Ns t) const;
     std::string find_cycle() const;
-    void start(NodeId id);
     Exchange exchange() const;
 
     // controller_restart.cpp
@@ -341,20 +352,24 @@ private:
     void hear_again(NodeId id, const Tock &m);
     void come_back(NodeId id);
 
-    std::string fault_of(NodeId id, const Tock &m) const;
-    void push(Wire &wire, Ns written, const Bytes &payload);
+    // controller_asynchronous.cpp
     void take_asynchronous();
     Ns earliest(const Wire &wire) const;
+
+    // controller_ticks.cpp
+    std::string fault_of(NodeId id, const Tock &m) const;
+    void push(Wire &wire, Ns written, const Bytes &payload);
+    void write_ahead(Topic &topic, Ns written, const Bytes &payload);
     void grant(NodeId id);
     void grant_all();
     void grant_around(NodeId id);
-    void deliver(Node &node, Tick &tick);
     Ns limit(const Node &node) const;
     bool complete(const Node &node, Ns t) const;
 
     ControllerConfig config_;
     std::vector<Node> nodes_;
-    std::vector<Topic> topics_; ///< by channel number, which is the order of their names at each matching
+    std::vector<Topic>
+        topics_; ///< by channel number, which is the order of their names at each matching
     std::map<std::string, std::uint32_t> channels_; ///< by topic
     std::vector<Wire> wires_;
     std::vector<Action> actions_;
@@ -366,6 +381,12 @@ private:
     Ns horizon_ = for_ever, last_ = 0; ///< nobody goes beyond last_, by end, horizon and boundary
     std::optional<Ns> called_;         ///< where all meet for those who came of themselves
     std::optional<Ns> boundary_;       ///< where all meet next
+    struct Injection {
+        std::string program, topic;
+        Bytes payload;
+    };
+    std::vector<Injection> injected_; ///< while nodes are matched
+    Ns met_ = -1;                      ///< where they met last
     bool spoilt_ = false;              ///< the matching has to be done again
     struct {
         std::vector<Topic> topics;

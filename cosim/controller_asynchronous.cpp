@@ -29,7 +29,8 @@ void Controller::take_asynchronous()
                                        ", an asynchronous program, and no reader defines it; one of them has to");
             }
             topic.writer = id;
-            topic.since = topic.last = boundary_.value_or(-1);
+            topic.since = topic.last = met_;
+            topic.ahead.clear();
             topic.initial.assign(topic.schema.size + 4, std::byte{0});
             topic.initial[1] = static_cast<std::byte>(native_order());
         }
@@ -73,22 +74,23 @@ std::string Controller::inject(const std::string &program, const std::string &na
         return "a message of " + name + " has " + std::to_string(payload.size()) +
                " bytes; expected a CDR header and " + std::to_string(topic.schema.size);
     }
-    Ns written = topic.last + 1;
+    if (phase_ == Phase::matching) {
+        injected_.push_back({program, name, payload}); // the wires may be laid anew
+        return "";
+    }
+    Ns written = std::max(topic.last, met_) + 1; // those who joined have seen what came before
     for (const std::size_t w : topic.wires) {
         const Wire &wire = wires_[w];
         if (wire.pending.size() >= config_.ahead) {
             return nodes_[wire.to].config.name + " has not yet seen " + std::to_string(wire.pending.size()) +
                    " messages of " + name;
         }
-        if (!nodes_[wire.to].over()) {
-            written = std::max(written, earliest(wire));
-        }
+        const Node &reader = nodes_[wire.to];
+        written = std::max(written, reader.over() ? reader.reached + 1 : earliest(wire));
     }
     topic.count++;
     topic.last = written;
-    for (const std::size_t w : topic.wires) {
-        push(wires_[w], written, payload);
-    }
+    write_ahead(topic, written, payload);
     if (config_.tell) {
         act(action::Wrote{*topic.writer, {{channel->second, topic.count, written, payload}}});
     }

@@ -18,9 +18,10 @@ Ns Controller::Node::next_after(Ns t) const
 {
     Ns next = for_ever;
     for (const Rate &rate : rates) {
-        next = std::min(next, t < rate.offset
-                                  ? rate.offset
-                                  : rate.offset + ((t - rate.offset) / rate.period + 1) * rate.period);
+        next =
+            std::min(next, t < rate.offset
+                               ? rate.offset
+                               : rate.offset + ((t - rate.offset) / rate.period + 1) * rate.period);
     }
     return next;
 }
@@ -67,7 +68,10 @@ void Controller::set_horizon(Ns horizon)
 
 Ns Controller::next_due() const
 {
-    Ns next = for_ever;
+    if (horizon_ >= config_.end) {
+        return for_ever;
+    }
+    Ns next = config_.end;
     for (const Node &node : nodes_) {
         if (!node.over()) {
             next = std::min(next, node.next_after(horizon_));
@@ -102,11 +106,11 @@ void Controller::reply(NodeId id, Tock &m)
         Topic &topic = topics_[record.channel];
         topic.count = record.count;
         topic.last = record.t;
-        if (topic.wires.empty()) {
-            topic.initial = record.payload; // watched only, so far
-        }
         for (const std::size_t w : topic.wires) {
             push(wires_[w], record.t, record.payload);
+        }
+        if (topic.wires.empty()) {
+            topic.initial = record.payload; // for a reader that joins
         }
     }
     if (node.kept) {
@@ -136,7 +140,8 @@ std::string Controller::fault_of(NodeId id, const Tock &m) const
     std::vector<bool> seen(topics_.size());
     for (const Record &record : m.records) {
         if (record.channel >= topics_.size() || topics_[record.channel].writer != id) {
-            return "it wrote on channel " + std::to_string(record.channel) + ", which is not its own";
+            return "it wrote on channel " + std::to_string(record.channel) +
+                   ", which is not its own";
         }
         const Topic &topic = topics_[record.channel];
         auto &[count, last] = ends[record.channel];
@@ -147,8 +152,9 @@ std::string Controller::fault_of(NodeId id, const Tock &m) const
         }
         const std::string what = "message " + std::to_string(record.count) + " of " + topic.name;
         if (record.count != count + 1) {
-            return record.count <= count ? "duplicate: " + what + " came before"
-                                         : "gap: " + what + " follows message " + std::to_string(count);
+            return record.count <= count
+                       ? "duplicate: " + what + " came before"
+                       : "gap: " + what + " follows message " + std::to_string(count);
         }
         if (record.t <= node.reached) {
             return "late: " + what + " is of " + when(record.t) + ", and others have passed it";
@@ -181,10 +187,10 @@ void Controller::push(Wire &wire, Ns written, const Bytes &payload)
         wire.last = payload; // for one that joins
         return;
     }
-    const Ns seen = wire.latency == Latency::same_instant   ? written
-                    : wire.latency == Latency::next_instant ? written + 1
-                                                            : (written + wire.exchange - 1) / wire.exchange *
-                                                                      wire.exchange + 1;
+    const Ns seen = wire.latency == Latency::same_instant ? written
+                    : wire.latency == Latency::next_instant
+                        ? written + 1
+                        : (written + wire.exchange - 1) / wire.exchange * wire.exchange + 1;
     while (wire.pending.size() > wire.delivered) {
         const Ns before = wire.pending.back().t;
         if (before < seen && (reader.any_time || reader.next_after(before - 1) < seen)) {
@@ -198,8 +204,8 @@ void Controller::push(Wire &wire, Ns written, const Bytes &payload)
 void Controller::grant(NodeId id)
 {
     Node &node = nodes_[id];
-    if (phase_ != Phase::running || !node.member || node.stage != Stage::idle || node.returning || paused() ||
-        complete(node, last_) || save_if_due(id)) {
+    if (phase_ != Phase::running || !node.member || node.stage != Stage::idle || node.returning ||
+        paused() || complete(node, last_) || save_if_due(id)) {
         return;
     }
     for (const std::size_t w : node.out) {
@@ -217,7 +223,8 @@ void Controller::grant(NodeId id)
             if (!node.any_time && t > most) {
                 return;
             }
-            for (Ns next = node.next_after(t); next <= most && n < batch; next = node.next_after(t), n++) {
+            for (Ns next = node.next_after(t); next <= most && n < batch;
+                 next = node.next_after(t), n++) {
                 t = next;
             }
             if (!node.any_time || n == batch) {
@@ -230,7 +237,8 @@ void Controller::grant(NodeId id)
         std::size_t records = 0;
         for (const std::size_t w : node.in) {
             const Wire &wire = wires_[w];
-            for (auto i = wire.delivered; i < wire.pending.size() && wire.pending[i].t <= tick.until; i++) {
+            for (auto i = wire.delivered;
+                 i < wire.pending.size() && wire.pending[i].t <= tick.until; i++) {
                 records++;
             }
         }
