@@ -1026,11 +1026,11 @@ public sealed class Frame
 /// A socket of libzmq.
 sealed class Socket : IDisposable
 {
-    public const int Pair = 0, Dealer = 5, Subscriber = 2;
-    public const short In = 1;
+    public const int Pair = 0, Subscriber = 2, Dealer = 5, Publisher = 9; // the last as XPUB
+    const short readable = 1, writable = 2;
     const int linger_ = 17, largest_ = 22, heartbeat = 75, silence = 77; // options
-    const int publicKey = 48, secretKey = 49, serverKey = 50;
-    const int dontWait = 1, interrupted = 4;
+    const int publicKey = 48, secretKey = 49, serverKey = 50, subscribe = 6, noDrop = 69;
+    const int dontWait = 1, sendMore = 2, interrupted = 4;
 
     public readonly IntPtr handle;
 
@@ -1051,7 +1051,13 @@ sealed class Socket : IDisposable
             Set(secretKey, Encoding.ASCII.GetBytes(keys.Secret + "\0"));
             Set(serverKey, Encoding.ASCII.GetBytes(keys.Controller + "\0"));
         }
+        if (type == Publisher)
+        {
+            Set(noDrop, BitConverter.GetBytes(1));
+        }
     }
+
+    public void Subscribe(string topic) { Set(subscribe, Encoding.UTF8.GetBytes(topic)); }
 
     public void Dispose() { zmq_close(handle); }
 
@@ -1072,11 +1078,15 @@ sealed class Socket : IDisposable
     }
 
     /// To a side that is gone it does nothing; in lock step only a few frames are ever on their way.
-    public void Send(byte[] frame)
+    public void Send(params byte[][] parts)
     {
-        while (zmq_send(handle, frame, (UIntPtr)frame.Length, dontWait) < 0 &&
-               Marshal.GetLastWin32Error() == interrupted)
+        for (int i = 0; i < parts.Length; i++)
         {
+            int flags = dontWait | (i + 1 < parts.Length ? sendMore : 0);
+            while (zmq_send(handle, parts[i], (UIntPtr)parts[i].Length, flags) < 0 &&
+                   Marshal.GetLastWin32Error() == interrupted)
+            {
+            }
         }
     }
 
@@ -1112,17 +1122,42 @@ sealed class Socket : IDisposable
     }
 
     [StructLayout(LayoutKind.Sequential)]
-    public struct Item
+    struct Item
     {
         public IntPtr socket;
         public int fd;
         public short events, found;
     }
 
-    /// Wait until something has come to one of these, for so many milliseconds at most.
-    public static bool Wait(Item[] items, long most)
+    /// The first of these to which something has come; null if none has after so many seconds (negative:
+    /// for ever) on a clock. `look` is called ten times a second.
+    public static Socket First(Stopwatch clock, double most, Action look, params Socket[] sockets)
     {
-        int n = zmq_poll(items, items.Length, (IntPtr)most);
+        var items = Array.ConvertAll(sockets, x => new Item { socket = x.handle, events = readable });
+        for (;;)
+        {
+            look();
+            double rest = most < 0 ? 0.1 : Math.Min(0.1, most - clock.Elapsed.TotalSeconds);
+            if (Poll(items, rest))
+            {
+                return sockets[Array.FindIndex(items, i => i.found != 0)];
+            }
+            if (most >= 0 && clock.Elapsed.TotalSeconds >= most)
+            {
+                return null;
+            }
+        }
+    }
+
+    /// Whether something can be sent, after so many seconds at most.
+    public bool TakesMore(double most)
+    {
+        return Poll(new[] { new Item { socket = handle, events = writable } }, most);
+    }
+
+    static bool Poll(Item[] items, double seconds)
+    {
+        int n = zmq_poll(items, items.Length, (IntPtr)(long)Math.Ceiling(1000 * Math.Max(0, seconds)));
         if (n < 0 && Marshal.GetLastWin32Error() != interrupted)
         {
             throw Error("cannot wait");
@@ -1138,7 +1173,8 @@ sealed class Socket : IDisposable
     /// What libzmq's own thread tells of a socket. It is to end before that.
     public sealed class Monitor : IDisposable
     {
-        public const int Disconnected = 0x0200, FailedNoDetail = 0x0800, FailedProtocol = 0x2000, FailedAuth = 0x4000;
+        public const int Disconnected = 0x0200, FailedNoDetail = 0x0800, Succeeded = 0x1000, FailedProtocol = 0x2000,
+                         FailedAuth = 0x4000;
         public readonly Socket events;
         readonly Socket watched;
         static int monitors;
@@ -1244,30 +1280,6 @@ sealed class Keys
         }
     }
 
-    /// Why the controller does not let this program in, by what libzmq tells; null if it may yet.
-    public static string Failure(byte[] told, bool keyed, ref int brokenOff)
-    {
-        const uint mechanismMismatch = 0x11000002;
-        int kind = BitConverter.ToUInt16(told, 0);
-        if (kind == Socket.Monitor.FailedAuth)
-        {
-            return "it does not know this key: ./fledge keys allow, where the controller runs, lets it in";
-        }
-        if (kind == Socket.Monitor.FailedProtocol && BitConverter.ToUInt32(told, 2) == mechanismMismatch)
-        {
-            return keyed ? "it uses no keys, and this program does"
-                         : "it asks for keys, and this program has none: give it some by FLEDGE_KEYS " +
-                               "(./fledge keys new makes them)";
-        }
-        if (++brokenOff < 5) // it may have been killed just now; again and again it is something else
-        {
-            return null;
-        }
-        return keyed ? "what listens there breaks off when it sees these keys: controller.public here is not that of " +
-                           "this controller, or it uses no keys"
-                     : "what listens there breaks off: it is no controller, or it asks for keys";
-    }
-
     /// Permissions of a file, by Linux' statx, whose struct is the same on all machines; 0 elsewhere.
     static int Mode(string file)
     {
@@ -1290,6 +1302,171 @@ sealed class Keys
     [DllImport("libc.so.6")] static extern int statx(int folder, string file, int flags, uint mask, byte[] found);
 }
 
+/// What Fledge's messages begin with.
+static class Head
+{
+    /// A message with its head, where it begins with one; what is given stays.
+    public static Message FilledIn(Schema schema, Message message, long t, uint sequence)
+    {
+        if (schema.Fields.Count == 0 || schema.Fields[0].Name != "head.t")
+        {
+            return message;
+        }
+        var whole = new Message { ["head.t"] = t, ["head.quality"] = 3, ["head.sequence"] = (long)sequence };
+        foreach (var field in message)
+        {
+            whole[field.Key] = field.Value;
+        }
+        return whole;
+    }
+}
+
+// ---- greeting
+
+/// Watches a socket that connects: libzmq itself would try for ever, and tell nobody why.
+sealed class Handshake : IDisposable
+{
+    public bool Made { get; private set; }
+    public Stopwatch Lost { get; private set; } ///< since it was; null if it is not
+    readonly Socket.Monitor monitor;
+    readonly bool keyed;
+    int brokenOff;
+
+    public Handshake(IntPtr context, Socket socket, Keys keys)
+    {
+        keyed = keys != null;
+        monitor = new Socket.Monitor(context, socket, Socket.Monitor.Disconnected | Socket.Monitor.Succeeded |
+                                                          Socket.Monitor.FailedAuth | Socket.Monitor.FailedProtocol |
+                                                          Socket.Monitor.FailedNoDetail);
+    }
+
+    public void Dispose() { monitor.Dispose(); }
+
+    /// Whether something comes to the socket in time [s]. Throws if this program is not let in.
+    public bool Wait(Socket socket, double most, Action look, string where)
+    {
+        var clock = Stopwatch.StartNew();
+        for (;;)
+        {
+            Socket first = Socket.First(clock, most, look, socket, monitor.events);
+            if (first != monitor.events)
+            {
+                return first != null;
+            }
+            string why = Refusal(monitor.events.Receive()[0]);
+            if (why != null)
+            {
+                throw new NodeError(where + " does not let this program in: " + why);
+            }
+        }
+    }
+
+    string Refusal(byte[] told)
+    {
+        const uint mechanismMismatch = 0x11000002;
+        switch (BitConverter.ToUInt16(told, 0))
+        {
+        case Socket.Monitor.Succeeded:
+            Made = true;
+            Lost = null;
+            brokenOff = 0;
+            return null;
+        case Socket.Monitor.Disconnected:
+            if (Made)
+            {
+                Made = false;
+                Lost = Stopwatch.StartNew();
+            }
+            return null;
+        case Socket.Monitor.FailedAuth:
+            return "it does not know this key: ./fledge keys allow, where the controller runs, lets it in";
+        case Socket.Monitor.FailedProtocol:
+            if (BitConverter.ToUInt32(told, 2) == mechanismMismatch)
+            {
+                return keyed ? "it uses no keys, and this program does"
+                             : "it asks for keys, and this program has none: give it some by FLEDGE_KEYS " +
+                                   "(./fledge keys new makes them)";
+            }
+            break;
+        }
+        if (++brokenOff < 5) // it may have been killed just now; again and again it is something else
+        {
+            return null;
+        }
+        return keyed ? "what listens there breaks off when it sees these keys: controller.public here is not that of " +
+                           "this controller, or it uses no keys"
+                     : "what listens there breaks off: it is no controller, or it asks for keys";
+    }
+}
+
+/// What nodes and observers do first.
+sealed class Greeting
+{
+    public readonly string Simulation, Name, Address;
+    public readonly double Patience;
+    public readonly Keys Keys;
+
+    public Greeting(string simulation, string name, string address, double patience, string keys)
+    {
+        Simulation = Given("simulation", simulation, "FLEDGE_SIMULATION");
+        Name = Given("name", name, "FLEDGE_NODE");
+        Address = Given("address", address, "FLEDGE_ADDRESS");
+        Patience = patience;
+        string place = string.IsNullOrEmpty(keys) ? Environment.GetEnvironmentVariable("FLEDGE_KEYS") : keys;
+        Keys = string.IsNullOrEmpty(place) ? null : new Keys(place, Name);
+    }
+
+    static string Given(string what, string value, string variable)
+    {
+        value = string.IsNullOrEmpty(value) ? Environment.GetEnvironmentVariable(variable) : value;
+        if (string.IsNullOrEmpty(value))
+        {
+            throw new NodeError("a node needs its " + what + ", given here or by " + variable);
+        }
+        return value;
+    }
+
+    public byte[] Hello(int role)
+    {
+        return new Frame("Hello", 1, Frame.Version, Frame.Version, role, 0, Simulation, Name).Encode();
+    }
+
+    /// The controller's answer, of this kind.
+    public Frame Ask(IntPtr context, int role, string expected, Action look)
+    {
+        using (var lobby = new Socket(context, Socket.Dealer, 0, Keys))
+        using (var handshake = new Handshake(context, lobby, Keys))
+        {
+            lobby.Connect(Address);
+            lobby.Send(Hello(role));
+            if (!handshake.Wait(lobby, Patience, look, "the controller at " + Address))
+            {
+                throw new NodeError(handshake.Made ? "the controller at " + Address +
+                                                         " has no answer: not all nodes are there"
+                                                   : "no controller answers at " + Address);
+            }
+            Frame frame = Frame.Decode(lobby.Receive()[0]);
+            if (frame.Kind == "Refused")
+            {
+                throw new NodeError("the controller refuses " + Name + ": " + frame.Body[0]);
+            }
+            if (frame.Kind != expected)
+            {
+                throw new NodeError("the controller answers a Hello with " + frame.Kind);
+            }
+            return frame;
+        }
+    }
+
+    /// A controller that listens everywhere does not know by which name it is reached.
+    public string Reachable(string address)
+    {
+        return address.StartsWith("tcp://0.0.0.0:", StringComparison.Ordinal)
+                   ? Address.Substring(0, Address.LastIndexOf(':')) + address.Substring(address.LastIndexOf(':'))
+                   : address;
+    }
+}
+
 // ---- the node
 
 /// One program's part in a run. Not for several threads.
@@ -1302,9 +1479,7 @@ public sealed class Node
     public Node(string simulation = null, string name = null, string address = null, long every = 0, long offset = 0,
                 double patience = 60, string keys = null)
     {
-        Simulation = Given("simulation", simulation, "FLEDGE_SIMULATION");
-        Name = Given("name", name, "FLEDGE_NODE");
-        Address = Given("address", address, "FLEDGE_ADDRESS");
+        greeting = new Greeting(simulation, name, address, patience, keys);
         if (every <= 0 || offset < 0)
         {
             throw new NodeError(Name + ": it steps at offset + k every, with every > 0 and offset >= 0, found " +
@@ -1312,12 +1487,10 @@ public sealed class Node
         }
         this.every = every;
         this.offset = offset;
-        this.patience = patience;
-        string place = string.IsNullOrEmpty(keys) ? Environment.GetEnvironmentVariable("FLEDGE_KEYS") : keys;
-        this.keys = string.IsNullOrEmpty(place) ? null : new Keys(place, Name);
     }
 
-    public readonly string Simulation, Name, Address;
+    public string Simulation { get { return greeting.Simulation; } }
+    public string Name { get { return greeting.Name; } }
     public ulong Seed { get; private set; }    ///< of the run, once it has begun
     public long End { get; private set; }      ///< [ns] of the run
     public string Reason { get; private set; } ///< of its end; "" at the regular one
@@ -1398,12 +1571,13 @@ public sealed class Node
         IntPtr context = Socket.zmq_ctx_new();
         try
         {
-            string address = Greet(context);
-            using (var link = new Socket(context, Socket.Pair, 1000, keys))
+            // What follows the address is for shared memory, which C# leaves alone.
+            Frame welcome = greeting.Ask(context, 0, "Welcome", Look);
+            using (var link = new Socket(context, Socket.Pair, 1000, greeting.Keys))
             using (var monitor = new Socket.Monitor(context, link, Socket.Monitor.Disconnected))
             {
-                link.Connect(address);
-                link.Send(Hello());
+                link.Connect(greeting.Reachable((string)welcome.Body[0]));
+                link.Send(greeting.Hello(0));
                 Serve(link, monitor.events);
             }
         }
@@ -1447,23 +1621,12 @@ public sealed class Node
     readonly Dictionary<string, Output> outputs = new Dictionary<string, Output>(); // by topic
     readonly Dictionary<uint, Want> channels = new Dictionary<uint, Want>();        // of what is read
     readonly List<Output> written = new List<Output>();                             // in this step
+    readonly Greeting greeting;
     readonly long every, offset;
-    readonly double patience;
-    readonly Keys keys;
     List<Coming> coming = new List<Coming>(); // that no instant has seen
     long next, now = -1;
     bool leaving;
     volatile bool stopped;
-
-    static string Given(string what, string value, string variable)
-    {
-        value = string.IsNullOrEmpty(value) ? Environment.GetEnvironmentVariable(variable) : value;
-        if (string.IsNullOrEmpty(value))
-        {
-            throw new NodeError("a node needs its " + what + ", given here or by " + variable);
-        }
-        return value;
-    }
 
     static string List(IEnumerable<string> names)
     {
@@ -1471,100 +1634,35 @@ public sealed class Node
         return list == "" ? "nothing" : list;
     }
 
-    byte[] Hello()
+    void Look()
     {
-        return new Frame("Hello", 1, Frame.Version, Frame.Version, 0, 0, Simulation, Name).Encode();
-    }
-
-    string Greet(IntPtr context)
-    {
-        const int failures =
-            Socket.Monitor.FailedAuth | Socket.Monitor.FailedProtocol | Socket.Monitor.FailedNoDetail;
-        using (var lobby = new Socket(context, Socket.Dealer, 0, keys))
-        using (var monitor = new Socket.Monitor(context, lobby, failures))
+        if (stopped)
         {
-            lobby.Connect(Address);
-            lobby.Send(Hello());
-            int brokenOff = 0;
-            Socket from;
-            for (var clock = Stopwatch.StartNew(); (from = Wait(clock, lobby, monitor.events)) != lobby;)
-            {
-                if (from == null)
-                {
-                    throw new NodeError("no controller answers at " + Address);
-                }
-                string why = Keys.Failure(from.Receive()[0], keys != null, ref brokenOff);
-                if (why != null)
-                {
-                    throw new NodeError("the controller at " + Address + " does not let this program in: " + why);
-                }
-            }
-            Frame frame = Receive(lobby);
-            if (frame.Kind == "Refused")
-            {
-                throw new NodeError("the controller refuses " + Name + ": " + frame.Body[0]);
-            }
-            if (frame.Kind != "Welcome")
-            {
-                throw new NodeError("the controller answers a Hello with " + frame.Kind);
-            }
-            var address = (string)frame.Body[0]; // what follows is for shared memory, which C# leaves alone
-            if (address.StartsWith("tcp://0.0.0.0:", StringComparison.Ordinal)) // it listens everywhere
-            {
-                address = Address.Substring(0, Address.LastIndexOf(':')) + address.Substring(address.LastIndexOf(':'));
-            }
-            return address;
+            throw new NodeError("the program ended it");
         }
-    }
-
-    /// The first of the sockets to which something has come; null if patience ends before (no clock: never).
-    Socket Wait(Stopwatch clock, params Socket[] sockets)
-    {
-        var items = Array.ConvertAll(sockets, x => new Socket.Item { socket = x.handle, events = Socket.In });
-        for (;;)
-        {
-            if (stopped)
-            {
-                throw new NodeError("the program ended it");
-            }
-            const long look = 100; // [ms] whether it was stopped
-            long rest = clock == null ? look : (long)(1000 * patience) - clock.ElapsedMilliseconds;
-            if (Socket.Wait(items, Math.Max(0, Math.Min(look, rest))))
-            {
-                return sockets[Array.FindIndex(items, i => i.found != 0)];
-            }
-            if (clock != null && rest <= look)
-            {
-                return null;
-            }
-        }
-    }
-
-    static Frame Receive(Socket socket)
-    {
-        var parts = socket.Receive();
-        if (parts.Count != 1)
-        {
-            throw new NodeError("a frame is one part, not " + parts.Count);
-        }
-        return Frame.Decode(parts[0]);
     }
 
     void Serve(Socket link, Socket monitor)
     {
-        for (var clock = Stopwatch.StartNew(); Reason == null; clock = null)
+        var clock = Stopwatch.StartNew();
+        for (double most = greeting.Patience; Reason == null; most = -1) // the first request comes in time
         {
             uint number = 0;
             try
             {
                 // In this order: what was sent before the controller went counts.
-                Socket from = Wait(clock, link, monitor);
+                Socket from = Socket.First(clock, most, Look, link, monitor);
                 if (from != link)
                 {
                     throw new Gone(from == null ? "the controller let this program in, but asks nothing of it"
                                                 : "the controller is gone");
                 }
-                Frame request = Receive(link);
+                List<byte[]> parts = link.Receive();
+                if (parts.Count != 1)
+                {
+                    throw new NodeError("a frame is one part, not " + parts.Count);
+                }
+                Frame request = Frame.Decode(parts[0]);
                 number = request.Number;
                 link.Send(Answer(request).Encode());
             }
@@ -1735,16 +1833,9 @@ public sealed class Node
         {
             return output.payload;
         }
-        if (output.sequence > 0 && output.schema.Fields.Count > 0 && output.schema.Fields[0].Name == "head.t")
+        if (output.sequence > 0)
         {
-            message = new Message();
-            message["head.t"] = output.t;
-            message["head.quality"] = 3;
-            message["head.sequence"] = (long)output.sequence;
-            foreach (var field in output.latest)
-            {
-                message[field.Key] = field.Value;
-            }
+            message = Head.FilledIn(output.schema, message, output.t, output.sequence);
         }
         return output.schema.Pack(message);
     }
@@ -1807,6 +1898,249 @@ public sealed class Node
         coming.RemoveRange(0, seen);
         long compute = (long)(clock.ElapsedTicks * (1e9 / Stopwatch.Frequency));
         return new object[] { until, compute, leaving ? 1 : 0, tock };
+    }
+}
+
+// ---- the observer
+
+/// A message of some node, as it was written.
+public sealed class Seen
+{
+    public string Topic, Node;
+    public long T;             ///< [ns] of writing; -1: before the first step
+    public uint Count, Missed; ///< on its topic (0: what it held at the beginning); since the one seen before
+    public Message Message;
+    public Value this[string field] { get { return Message[field]; } }
+}
+
+/// A program that steps with nobody. It comes and goes as it likes, sees what nodes write, and may write
+/// what nodes read and the controller's configuration says comes from it. The run never waits for it:
+/// what it does not take in time it misses, and is told how much.
+///
+///     using (var observer = new Observer("spring", "ground", "tcp://127.0.0.1:7000"))
+///     {
+///         observer.Subscribe("/mass/");
+///         foreach (Seen mass in observer) // until the run is over
+///             observer.Write("/ground/stiffness", new Message { ["k"] = 2 });
+///     }
+///
+/// It is for one thread, but Write() may be called by others.
+public sealed class Observer : IEnumerable<Seen>, IDisposable
+{
+    /// As for a node; patience [s] also for the nodes to have met.
+    public Observer(string simulation = null, string name = null, string address = null, double patience = 60,
+                    string keys = null)
+    {
+        greeting = new Greeting(simulation, name, address, patience, keys);
+        context = Socket.zmq_ctx_new();
+        try
+        {
+            Attach();
+            socket = new Socket(context, Socket.Subscriber, 0, greeting.Keys);
+            handshake = new Handshake(context, socket, greeting.Keys);
+            socket.Subscribe("finish");
+            socket.Connect(backend);
+        }
+        catch
+        {
+            Dispose();
+            throw;
+        }
+    }
+
+    public readonly Dictionary<string, Schema> Topics = new Dictionary<string, Schema>(); ///< all that there are
+    public ulong Missed { get; private set; }  ///< messages, of all topics
+    public string Reason { get; private set; } ///< of the end of the run, once it is over; "" at the regular one
+    public long T { get; private set; }        ///< [ns] of the newest message
+
+    /// See all topics that begin like one of these; "": all. Of each the last comes at once.
+    public void Subscribe(params string[] topics)
+    {
+        foreach (string topic in topics)
+        {
+            socket.Subscribe(topic);
+        }
+    }
+
+    /// The next message. Null if none comes in time [s] (negative: any), or the run is over. Throws NodeError
+    /// if the controller is gone.
+    public Seen Next(double most = -1)
+    {
+        var clock = Stopwatch.StartNew();
+        while (Reason == null)
+        {
+            double rest = most < 0 ? 0.1 : Math.Max(0, Math.Min(0.1, most - clock.Elapsed.TotalSeconds));
+            if (handshake.Wait(socket, rest, () => {}, "the broker at " + backend))
+            {
+                Seen seen = Read(socket.Receive());
+                if (seen != null)
+                {
+                    return seen;
+                }
+            }
+            else if (handshake.Lost != null && handshake.Lost.Elapsed.TotalSeconds > 2)
+            {
+                throw new NodeError("the controller is gone"); // one that was stopped for long would be let in again
+            }
+            else if (most >= 0 && clock.Elapsed.TotalSeconds >= most)
+            {
+                break;
+            }
+        }
+        return null;
+    }
+
+    public IEnumerator<Seen> GetEnumerator()
+    {
+        for (Seen seen; (seen = Next()) != null;)
+        {
+            yield return seen;
+        }
+    }
+    IEnumerator IEnumerable.GetEnumerator() { return GetEnumerator(); }
+
+    /// Write a message. Where it begins with a Fledge head, that is filled in unless it is given.
+    public void Write(string topic, Message message)
+    {
+        lock (mutex)
+        {
+            Schema schema = SchemaOf(topic);
+            uint count;
+            counts.TryGetValue(topic, out count);
+            count++;
+            byte[] payload = schema.Pack(Head.FilledIn(schema, message, T, count));
+            if (written == null)
+            {
+                PrepareWriting();
+            }
+            if (!written.TakesMore(greeting.Patience))
+            {
+                throw new NodeError("the broker at " + frontend + " takes no more");
+            }
+            written.Send(Encoding.UTF8.GetBytes(topic),
+                         new Frame("Published", 0, 0L, 0U, count, payload, greeting.Name).Encode());
+            counts[topic] = count;
+        }
+    }
+
+    public void Dispose()
+    {
+        if (context == IntPtr.Zero)
+        {
+            return;
+        }
+        foreach (IDisposable part in new IDisposable[] { handshake, socket, written })
+        {
+            if (part != null)
+            {
+                part.Dispose();
+            }
+        }
+        Socket.zmq_ctx_term(context);
+        context = IntPtr.Zero;
+    }
+
+    struct Place
+    {
+        public uint count;
+        public long t;
+    }
+
+    readonly Greeting greeting;
+    readonly Socket socket;
+    readonly Handshake handshake;
+    readonly Dictionary<string, Place> places = new Dictionary<string, Place>(); // by topic: what was seen last
+    readonly Dictionary<string, uint> counts = new Dictionary<string, uint>();   // by topic: messages written
+    readonly object mutex = new object();
+    IntPtr context;
+    string frontend, backend;
+    Socket written;
+
+    void Attach()
+    {
+        Frame attached = greeting.Ask(context, 1, "Attached", () => {});
+        frontend = greeting.Reachable((string)attached.Body[0]);
+        backend = greeting.Reachable((string)attached.Body[1]);
+        foreach (List<object> channel in (List<List<object>>)attached.Body[2])
+        {
+            Topics[(string)channel[1]] = Schema.AsSent((string)channel[2], (string)channel[3]);
+        }
+    }
+
+    Schema SchemaOf(string topic)
+    {
+        if (!Topics.ContainsKey(topic))
+        {
+            Attach(); // nodes may have joined
+        }
+        Schema schema;
+        if (!Topics.TryGetValue(topic, out schema))
+        {
+            throw new NodeError("there is no topic " + topic + "; there are " +
+                                (Topics.Count == 0 ? "none" : string.Join(", ", Topics.Keys)));
+        }
+        return schema;
+    }
+
+    /// Null for what has been seen already, and for the end.
+    Seen Read(List<byte[]> parts)
+    {
+        if (parts.Count != 2)
+        {
+            throw new NodeError("the broker sends a message that is not of two parts");
+        }
+        Frame frame = Frame.Decode(parts[1]);
+        if (frame.Kind == "Finish")
+        {
+            Reason = (string)frame.Body[0];
+            return null;
+        }
+        if (frame.Kind != "Published")
+        {
+            throw new NodeError("the broker sends " + frame.Kind);
+        }
+        string topic = Encoding.UTF8.GetString(parts[0]);
+        var t = (long)frame.Body[0];
+        var count = (uint)frame.Body[2];
+        Place before;
+        bool known = places.TryGetValue(topic, out before);
+        if (known && before.count == count && before.t == t)
+        {
+            return null; // it came again for another, who subscribed
+        }
+        places[topic] = new Place { count = count, t = t };
+        uint missed = !known || count == 0 ? 0 : count > before.count ? count - before.count - 1 : count - 1;
+        Missed += missed;
+        T = Math.Max(T, t);
+        lock (mutex)
+        {
+            return new Seen { Topic = topic, Node = (string)frame.Body[4], T = t, Count = count, Missed = missed,
+                              Message = SchemaOf(topic).Unpack((byte[])frame.Body[3]) };
+        }
+    }
+
+    /// What is sent before the broker has said that it listens would be lost.
+    void PrepareWriting()
+    {
+        var publisher = new Socket(context, Socket.Publisher, 1000, greeting.Keys);
+        try
+        {
+            using (var made = new Handshake(context, publisher, greeting.Keys))
+            {
+                publisher.Connect(frontend);
+                if (!made.Wait(publisher, greeting.Patience, () => {}, "the broker at " + frontend))
+                {
+                    throw new NodeError("no broker listens at " + frontend);
+                }
+                publisher.Receive();
+            }
+        }
+        catch
+        {
+            publisher.Dispose();
+            throw;
+        }
+        written = publisher;
     }
 }
 

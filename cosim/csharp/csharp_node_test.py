@@ -16,8 +16,8 @@ import zmq
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent / "python"))
 from fledge_node import _Reader, _Writer  # noqa: E402
-from fledge_node_test import (CONTROLLER, MASS, Controller, alone, fledge_keys, programs,  # noqa: E402, F401
-                              result, start)
+from fledge_node_test import (COMMANDED, CONTROLLER, MASS, Controller, alone, fledge_keys,  # noqa: E402, F401
+                              programs, result, start)
 
 pytestmark = [pytest.mark.skipif(not CONTROLLER.exists(), reason="the controller is not built"),
               pytest.mark.skipif(not shutil.which("mcs"), reason="mono-mcs is not installed")]
@@ -31,12 +31,23 @@ def clean():
 
 
 @pytest.fixture(scope="session")
-def spring(tmp_path_factory):
-    program = tmp_path_factory.mktemp("csharp") / "spring.exe"
-    done = subprocess.run(["mcs", "-warn:4", "-warnaserror", f"-out:{program}", HERE / "testing/spring.cs",
-                           HERE / "FledgeNode.cs"], capture_output=True, text=True, env=clean())
-    assert done.returncode == 0 and not done.stderr, done.stdout + done.stderr
-    return program
+def built(tmp_path_factory):
+    """Compiles a program of testing/."""
+    folder = tmp_path_factory.mktemp("csharp")
+
+    def build(name):
+        program = folder / f"{name}.exe"
+        done = subprocess.run(["mcs", "-warn:4", "-warnaserror", f"-out:{program}", HERE / f"testing/{name}.cs",
+                               HERE / "FledgeNode.cs"], capture_output=True, text=True, env=clean())
+        assert done.returncode == 0 and not done.stderr, done.stdout + done.stderr
+        return program
+
+    return build
+
+
+@pytest.fixture(scope="session")
+def spring(built):
+    return built("spring")
 
 
 def start_spring(program, controller, latency="same_instant", how="", **environment):
@@ -297,3 +308,47 @@ def test_garbage_from_a_controller_is_refused(programs, spring, language, frame,
         assert failed.kind == "Failed"
         assert why in failed.text()
         assert why in programs[0].communicate(timeout=60)[1] and programs[0].returncode == 1
+
+
+def start_ground(program, address):
+    return subprocess.Popen(["mono", program, address], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                            stdin=subprocess.DEVNULL, text=True, env=clean())
+
+
+def test_an_observer_sees_what_nodes_write_and_writes_itself(programs, built):
+    controller = Controller("--node", "mass", "--node", "spring", "--asynchronous", "ground", until="1e6")
+    programs += [start(MASS, controller.address, "next_instant"),
+                 start(COMMANDED, controller.address, "same_instant"), controller.process]
+    programs.append(start_ground(built("ground"), controller.address))
+    ground = programs[-1]
+    assert ground.stdout.readline() == "topics /ground/stiffness /mass/state /spring/force\n"
+    assert ground.stdout.readline() == "pulls\n", ground.communicate()
+    assert ground.stdout.readline() == "there is no topic /ground/x; there are /ground/stiffness, /mass/state, " \
+                                       "/spring/force\n"
+    assert ground.stdout.readline() == "ready\n"
+    controller.process.send_signal(signal.SIGINT)
+    assert controller.end() == (1, "the run ended early: the user ended it")
+    assert ground.communicate(timeout=60) == ("reason the user ended it\n", "") and ground.returncode == 0
+    for program in programs[:2]:
+        program.communicate(timeout=60)
+
+
+def test_an_observer_is_told_why_it_sees_nothing(programs, built):
+    controller = Controller("--node", "mass", "--node", "spring", "--no-broker")
+    programs += [start_ground(built("ground"), controller.address), controller.process]
+    assert "the controller refuses ground: this controller has no broker" in programs[0].communicate(timeout=60)[1]
+    controller.process.kill()
+    controller.process.communicate()
+
+
+def test_an_observer_says_that_the_controller_is_gone(programs, built):
+    controller = Controller("--node", "mass", "--node", "spring", "--asynchronous", "ground", until="1e6")
+    programs += [start(MASS, controller.address, "next_instant"),
+                 start(COMMANDED, controller.address, "same_instant"), controller.process]
+    programs.append(start_ground(built("ground"), controller.address))
+    assert any(line == "ready\n" for line in programs[-1].stdout)
+    controller.process.kill()
+    controller.process.communicate()
+    assert programs[-1].communicate(timeout=60)[1] == "ground: the controller is gone\n"
+    for program in programs[:2]:
+        program.communicate(timeout=60)

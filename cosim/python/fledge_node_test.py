@@ -251,6 +251,38 @@ def test_a_run_goes_on_without_a_program_where_its_policy_says_so(programs):
     assert len(seen) == 20001 and len({force for _, force, _ in seen[-1000:]}) == 1
 
 
+@pytest.mark.parametrize("way", ["from the beginning", "from a snapshot"])
+def test_another_goes_on_where_one_was_killed(programs, way):
+    saving = MASS.replace("@node.step\n", """
+import os, struct
+@node.saves
+def save():
+    return struct.pack("<4d", *x, *v)
+
+@node.restores
+def restore(snapshot):
+    numbers = struct.unpack("<4d", snapshot)
+    x[:], v[:] = numbers[:2], numbers[2:]
+
+@node.step
+""") if way == "from a snapshot" else MASS
+    dying = saving.replace("    seen.append", "    if t == 3 * 10**9: os.kill(os.getpid(), 9)\n    seen.append")
+    controller = Controller("--node", "mass:restart,save=1", "--node", "spring", until="5")
+    force = start(SPRING, controller.address, "same_instant")
+    mass = start(dying.replace("import sys", "import os, sys"), controller.address, "next_instant")
+    programs += [force, mass, controller.process]
+    mass.communicate(timeout=60)
+    assert mass.returncode == -signal.SIGKILL
+    programs.append(start(saving, controller.address, "next_instant"))
+    steps = result(programs[-1])["seen"]
+    assert controller.end()[0] == 0
+    whole = alone(501)
+    # Those who read it do not see that it was another.
+    assert [row[3] for row in result(force)["seen"]] == [x for _, _, x in whole]
+    first = 0 if way == "from the beginning" else steps[0][0] // (10 * ms)
+    assert steps == whole[first:] and (way == "from the beginning" or 200 < first <= 300)
+
+
 def test_an_error_of_a_step_reaches_the_user(programs):
     controller = Controller("--node", "mass", "--node", "spring")
     broken = SPRING.replace("state = node", "1 / (30 - len(seen)); state = node")
