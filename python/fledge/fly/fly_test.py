@@ -84,20 +84,21 @@ def test_offsets_rates_modes_and_events_cross_a_board_too(tmp_path):
     assert 0 < sequence[-1] < len(sequence)           # there was a mode in which it rested
 
 
-def test_latency_of_one_exchange_crosses_a_board_too(tmp_path):
-    """What flight is told, and what it commands, one exchange late."""
+def test_latency_and_random_draws_cross_a_board_too(tmp_path):
+    """What flight is told by a sensor with noise, and what it commands, one exchange late."""
     mission = tmp_path / "late"
     shutil.copytree(build.ROOT / "missions/nadir_spin", mission)
     world = (mission / "world.py").read_text()
     for wire in ("w.nav.attitude  >> f.tracking.attitude", "f.motor.command >> w.wheels.command"):
         assert wire in world
         world = world.replace(wire, f"({wire}).latency(1)")
+    assert "world.Navigation()" in world
+    world = world.replace("world.Navigation()", "world.Navigation(rate_noise=[1e-5] * 3, attitude_noise=[1e-4] * 3)")
     (mission / "world.py").write_text(world)
-    assert cli.main(["fly", str(mission), "--for", "2min", "--on", "linux", "--out", str(tmp_path / "out")]) == 0
-    late, prompt = Archive(tmp_path / "out/linux.mcap"), fledge.load("nadir_spin")
-    log = prompt.record(prompt.flight.tracking.error, every=0.5)
-    prompt.run(120.0)
-    assert (late["error.sigma_BR"][1:] != log["error.sigma_BR"][1:]).any()      # the latency matters
+    for seed in ("7", "8"):
+        assert cli.main(["fly", str(mission), "--for", "2min", "--seed", seed, "--on", "linux", "--out",
+                         str(tmp_path / f"out{seed}")]) == 0
+    assert compare(*(Archive(tmp_path / f"out{seed}/linux.mcap") for seed in ("7", "8"))) != []
 
 
 def test_without_a_scenario(folder, capsys):
