@@ -18,8 +18,8 @@ def add(command):
     one.add_argument("mission", help="the name of a mission, or its folder")
     one.add_argument("scenario", nargs="?", help="whose set-up and duration to take; default: the mission's first")
     one.add_argument("--free", action="store_true", help="without a scenario; with --for")
-    one.add_argument("--on", default="desktop,linux", metavar="TARGETS", help="of desktop, linux, aarch64; default: "
-                     "desktop,linux. The desktop is always flown, for the others are held against it")
+    one.add_argument("--on", default="desktop,linux", metavar="TARGETS", help="of desktop, linux, aarch64, sparc64, "
+                     "cfs; default: desktop,linux. The desktop is always flown, for the others are held against it")
     one.add_argument("--for", dest="duration", metavar="DURATION", help="fly only so long (90s, 10min, 2h)")
     one.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
     one.add_argument("--board", nargs="+", default=[], metavar="FILE", help="boards that the messages pass, as "
@@ -27,6 +27,8 @@ def add(command):
     one.add_argument("--within", action="append", default=[], type=_bound, metavar="FIELD=BOUND", help="with words "
                      "that round: how far a field may be from the desktop's, as in tracking.error.sigma_BR=1e-4")
     one.add_argument("--settled", metavar="DURATION", help="from when on --within holds; default: the beginning")
+    one.add_argument("--cfs", metavar="DIR", help="with --on cfs: build and fly in a copy of this cFS tree, instead of "
+                     "on the pocket cFE")
     one.add_argument("--build", action="store_true", help="only build, and say where it is and how large")
     one.add_argument("--join", nargs="?", const="", metavar="ADDRESS", help="fly as the node `flight` of a run whose "
                      "controller is elsewhere, on one target; default: FLEDGE_ADDRESS, FLEDGE_SIMULATION, FLEDGE_NODE")
@@ -37,7 +39,7 @@ def add(command):
 def fly(options):
     from fledge import cli
     from fledge._console import Failure, say
-    from fledge.fly import TARGETS, Job
+    from fledge.fly import TARGETS, Job, RealCfs
 
     names = [name.strip() for name in options.on.split(",") if name.strip()]
     for name in names:
@@ -47,6 +49,9 @@ def fly(options):
         missing = TARGETS[name].missing()
         if missing:
             raise Failure(f"fly: {name} needs {' and '.join(missing)}, not installed here")
+    if options.cfs and "cfs" not in names:
+        raise Failure("fly: --cfs is for --on cfs")
+    targets = {**TARGETS, **({"cfs": RealCfs(options.cfs)} if options.cfs else {})}
     duration = cli.parse_duration(options.duration) if options.duration else None
     settled = cli.parse_duration(options.settled) if options.settled else 0.0
     if not duration and options.duration:
@@ -56,7 +61,7 @@ def fly(options):
         raise Failure("fly: --free is without a scenario, and for as long as --for says")
     job = Job(options.mission, options.scenario, duration or (1.0 if part else None), options.seed, options.board,
               options.out, options.free)
-    others = [TARGETS[name] for name in names if name != "desktop"]
+    others = [targets[name] for name in names if name != "desktop"]
     if options.join is not None and len(others) != 1:
         raise Failure(f"--join: say with --on which target it is, one; found {len(others)}")
     if options.within and not job.rounds:
@@ -69,22 +74,22 @@ def fly(options):
             return _build(job, others)
         if options.join is not None:
             return _join(job, others[0], options.join, options.keys)
-        return _fly(job, list(dict.fromkeys(["desktop", *names])), options.within, settled)
+        return _fly(job, {name: targets[name] for name in ["desktop", *names]}, options.within, settled)
 
 
-def _fly(job, names, bounds, settled):
+def _fly(job, targets, bounds, settled):
     from fledge._console import Failure, say
     from fledge.archive import Archive
     from fledge.compare import compare, digest
-    from fledge.fly import TARGETS, table
+    from fledge.fly import table
 
     whole = f"{job.mission.title}, {job.scenario}, {job.duration:g} s"
     say(whole + (f", through {', '.join(path.name for path in job.boards)}" if job.boards else ""))
 
     rows, same, first, archives = [], True, None, {}
-    for name in names:
+    for name, target in targets.items():
         try:
-            flown = TARGETS[name].fly(job)
+            flown = target.fly(job)
         except Failure as error:
             print(f"  {name}: {error}", file=sys.stderr)
             rows.append((name, None, "", "did not fly"))

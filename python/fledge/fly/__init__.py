@@ -4,11 +4,15 @@
     job.py      what is flown: a mission's scenario, exported, and for how long
     build.py    C to programs, by ninja; how large they are
     target.py   where it flies: the desktop, a Linux process, the same for aarch64
+    cfs.py      and as an app of the core Flight System
     loop.py     the programs of one flight: controller, world, and the node of the target's board
     table.py    the one table
 """
 
 from fledge.fly.job import Job
+from fledge.fly.cfs import Cfs, RealCfs
 from fledge.fly.target import TARGETS, Flown, Target
 
-__all__ = ["TARGETS", "Flown", "Job", "Target"]
+TARGETS[Cfs.name] = Cfs()
+
+__all__ = ["TARGETS", "Flown", "Job", "RealCfs", "Target"]

@@ -7,6 +7,7 @@ from fledge.export import board as boards_of
 from fledge.export import c_source
 from fledge.export.cfs import around, joint, packets, sources, tables
 from fledge.export.cfs.app import check_taken
+from fledge.export.host import emit_host
 from fledge.export.read import ExportError
 from fledge.export.write import write_files
 
@@ -14,12 +15,13 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[3]
 
 
-def emit(mission, app, files=(), outputs=(), roots=()):
+def emit(mission, app, files=(), outputs=(), roots=(), watched=False):
     """Path in the folder -> text or bytes. files, outputs: of boards, as export.emit_board; roots: folders of
-    modules that are not Fledge's own."""
+    modules that are not Fledge's own; watched: with a record of its own, for `fledge fly`."""
     app.check_topics(mission)
     found = tables.tables(mission, app)
     flown, boards = flown_by(mission, files, outputs)
+    flown |= emit_host(mission) if watched else {}
     prefix, name = app.prefix, app.name
 
     src, inc = {}, {}
@@ -30,13 +32,14 @@ def emit(mission, app, files=(), outputs=(), roots=()):
         (inc if file.endswith("ids.h") else src)[file] = text
     inc |= {f"{name}_msgids.h": packets.msgids(mission, app), f"{name}_msg.h": packets.msg(mission, app),
             f"{name}_tbl.h": tables.header(app, found)}
-    src |= {f"{name}_mission.h": joint.header(mission, app, found, boards),
+    src |= {f"{name}_mission.h": joint.header(mission, app, found, boards, watched),
             f"{name}_mission.c": joint.source(mission, app, found)}
     for file in src.keys() & flown.keys():
         raise ExportError(f"--app {name}: {mission.title} or one of its boards has a file {file} of its own; choose "
                           "another name")
     src |= {file: text for file, text in flown.items() if file.endswith((".c", ".h"))}
-    src |= sources.collect(mission, [*map(Path, roots), ROOT], src | inc)
+    src |= sources.collect(mission, [*map(Path, roots), ROOT], src | inc,
+                           sources.WATCHED if watched else [])
     code = {file: text for file, text in src.items() if file.endswith(".c")}
     src |= {file: sources.renamed(app, text) for file, text in code.items()}
     src[f"{name}_names.h"] = sources.names_header(app, code.values())
@@ -59,8 +62,8 @@ def flown_by(mission, files, outputs):
     return c_source.emit(mission) | boards_of.emit_board(mission, files, outputs), boards
 
 
-def write(mission, app, folder, files=(), outputs=(), roots=()):
+def write(mission, app, folder, files=(), outputs=(), roots=(), watched=False):
     """Write the folder, whole or not at all; returns the paths."""
-    texts = emit(mission, app, files, outputs, roots)
+    texts = emit(mission, app, files, outputs, roots, watched)
     check_taken(mission, app, folder)
     return write_files(texts, folder)

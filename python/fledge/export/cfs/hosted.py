@@ -84,13 +84,17 @@ def pocket(compiler="gcc", options=("-O2",)):
     """The objects of the pocket cFE and its host, compiled once."""
     folder = tempfile.TemporaryDirectory()
     kept.append(folder)
-    files = sorted((ROOT / "targets/cfs").glob("*.c"))
+    files = pocket_sources()
     made = [Path(folder.name, file.stem + ".o") for file in files]
     in_folder(files, made, compiler, [*FLAGS, *options, *included()])
     return made
 
 
 kept = []
+
+
+def pocket_sources():
+    return sorted(file for file in (ROOT / "targets/cfs").glob("*.c") if file.name != "watch.c")
 
 
 def app_list(apps):

@@ -7,13 +7,14 @@ from fledge.export.cfs.packets import guarded
 from fledge.export.cfs.tables import layout_checks, rules
 
 
-def header(mission, app, found, boards):
+def header(mission, app, found, boards, watched=False):
     prefix, upper = app.prefix, mission.name.upper()
     longest = max(m.struct.size for m in mission.outputs)
     return guarded(app, "mission", f"What {prefix} flies: {mission.title}.", [
         '#include "cfe.h"', "", f'#include "{mission.name}.h"', f'#include "{mission.name}_io.h"',
         '#include "targets/mission_check.h"', "",
         f"typedef {mission.struct()} {prefix}_Mission_t;", "",
+        *(['#include "targets/cfs/watch.h"', f"#define {prefix}_WATCH fledge_watch", ""] if watched else []),
         f"#define {prefix}_MESSAGES {upper}_MESSAGES",
         f"#define {prefix}_LONGEST_MESSAGE {longest} /* [bytes] */",
         f"#define {prefix}_BOARDS {len(boards)}",

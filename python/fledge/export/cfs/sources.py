@@ -13,12 +13,13 @@ from fledge.export.read import ExportError
 # Of Fledge's own, what every app needs besides its modules.
 ALWAYS = ["registers/lane.c", "registers/field.c", "registers/clock.c", "registers/message.c",
           "registers/shared_file.c", "targets/mission_io.c", "targets/mission_check.c"]
+WATCHED = ["targets/mission_host.c", "targets/cfs/watch.c", "record/mcap.c", "record/mcap_crc.c", "record/file_sink.c"]
 INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"([^"]+)"', re.MULTILINE)
 WORD = re.compile(r"[A-Za-z_]\w*")
 NO_NAMES = frozenset(["if", "for", "while", "switch", "return", "sizeof", "do", "else"])
 
 
-def collect(mission, roots, generated):
+def collect(mission, roots, generated, more=()):
     """Path -> text of the C files and headers that the mission's modules, the registers and `generated` (name ->
     text) include and call, from the folders `roots`."""
     found = {}
@@ -37,7 +38,7 @@ def collect(mission, roots, generated):
         for other in INCLUDE.findall(text):
             if "/" in other:
                 take(other, name)
-    for path in [*mission.sources(), *ALWAYS]:
+    for path in [*mission.sources(), *ALWAYS, *more]:
         take(path, mission.title)
     # What is called and not there: of the C files beside the headers, those that have it.
     beside = candidates(found, roots)
@@ -64,7 +65,7 @@ def candidates(found, roots):
         for root in roots:
             for file in sorted((root / folder).glob("*.c")):
                 path = (folder / file.name).as_posix()
-                if path not in result and folder.parts[:1] not in (("registers",), ("targets",)):
+                if path not in result and folder.parts[:1] not in (("registers",), ("targets",), ("record",)):
                     names = external(file.read_text(encoding="utf-8"))
                     if "main" not in names:
                         result[path] = names

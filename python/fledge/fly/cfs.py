@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A mission as an app of the core Flight System: on the pocket cFE, or in a real tree.
+
+The app is that of `fledge export cfs`, with one thing more: after each tick it writes a record of its own
+(targets/cfs/watch.c). Its outputs are held against the desktop's like those of every target.
+"""
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+from fledge._console import Failure
+from fledge.export import cfs
+from fledge.export.cfs import around, hosted
+from fledge.export.write import write_files
+from fledge.fly import build
+from fledge.fly.target import Target
+
+APP = cfs.App("fsw")
+
+
+class Cfs(Target):
+    """On the pocket cFE, targets/cfs, in a process of its own."""
+
+    name = "cfs"
+    about = "an app of the core Flight System, on the pocket cFE or (--cfs DIR) in a real tree"
+    needs = ("gcc",)
+
+    def app(self, job):
+        """Write the app, and return its folder."""
+        folder = job.folder / self.name / APP.name
+        cfs.write(job.mission, APP, folder, job.boards, (), job.roots[:-1], watched=True)
+        return folder.resolve()
+
+    def build(self, job):
+        app, folder = self.app(job), (job.folder / self.name).resolve()
+        (folder / "cf").mkdir(exist_ok=True)
+        write_files({"apps.c": hosted.app_list([APP]), "cf/cfe_es_startup.scr": around.startup(APP),
+                     **{f"cf/{file.name}": file.read_bytes() for file in sorted((app / "cf").iterdir())}}, folder)
+        sources = [*sorted((app / "fsw/src").rglob("*.c")), folder / "apps.c", *hosted.pocket_sources()]
+        return build.program(folder, "core", sources, [app / "fsw/inc", app / "fsw/src", build.ROOT,
+                                                       build.ROOT / "targets/cfs/inc"], link=["-lpthread", "-lm"])
+
+    def command(self, built, record):
+        return ["env", "FLEDGE_REGISTERS={registers}", f"FLEDGE_RECORD={record}", str(built.resolve()), "--root",
+                str(built.resolve().parent), "--quiet"]
+
+    def sizes(self, built):
+        return build.sizes(built)
+
+    def _flown(self, built, record, said):
+        flown = super()._flown(built, record, said)
+        flown.cpu_of = "core and record too"
+        return flown
+
+
+class RealCfs(Cfs):
+    """In a tree of Caelum, Draco or 7.x. The tree is copied, and its own make builds it."""
+
+    needs = ("make", "cmake", "gcc")
+
+    def __init__(self, tree):
+        self.tree = Path(tree).resolve()
+        missing = [name for name in ("cfe", "osal", "psp") if not (self.tree / name).is_dir()]
+        if missing:
+            raise Failure(f"--cfs {tree}: this is no cFS tree, for it has no {', '.join(missing)}; give the folder "
+                          "that cfe, osal and psp are in, with all its submodules")
+
+    def build(self, job):
+        copy = (job.folder / "cfs_tree").resolve()
+        shutil.copytree(self.tree, copy, ignore=shutil.ignore_patterns(".git", "build"), dirs_exist_ok=True,
+                        symlinks=True)
+        definitions = defined(copy)
+        app = self.app(job)
+        shutil.copytree(app, copy / "apps" / APP.name, dirs_exist_ok=True)
+        targets = definitions / "targets.cmake"
+        text = targets.read_text(encoding="utf-8")
+        if around.targets(APP) not in text:
+            targets.write_text(text.rstrip("\n") + "\n" + around.targets(APP), encoding="utf-8")
+        for script in sorted(definitions.glob("*cfe_es_startup.scr")):
+            script.write_text(started(script.read_text(encoding="utf-8")), encoding="utf-8")
+        make = ["make", "-C", copy, "SIMULATION=native", f"MISSIONCONFIG={definitions.name.removesuffix('_defs')}"]
+        for goal in ("prep", "install"):
+            done = subprocess.run([*map(str, make), goal], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+                                  errors="replace")
+            if done.returncode:
+                raise Failure(f"{copy}: make {goal} failed:\n" + "\n".join(done.stdout.splitlines()[-30:]), 1)
+        found = sorted(copy.glob("build*/exe/cpu1/core-cpu1"))
+        if not found:
+            raise Failure(f"{copy}: make install left no exe/cpu1/core-cpu1", 1)
+        return found[0]
+
+    def command(self, built, record):
+        folder = next(path for path in built.parents if path.name == "cfs_tree").parent   # the job's
+        return ["env", "-C", str(built.parent), "FLEDGE_REGISTERS={registers}", "FLEDGE_END=1",
+                f"FLEDGE_RECORD={folder / record}", f"./{built.name}"]
+
+    def sizes(self, built):
+        done = subprocess.run(["size", built], capture_output=True, text=True, check=True)
+        text, data, bss = map(int, done.stdout.splitlines()[1].split()[:3])
+        return text, data + bss
+
+
+def defined(tree):
+    """The folder of a tree's definitions; a fresh clone has them as a sample only, as its README says."""
+    found = sorted(path.parent for path in tree.glob("*_defs/targets.cmake"))
+    if not found and (tree / "cfe/cmake/sample_defs").is_dir():
+        shutil.copytree(tree / "cfe/cmake/sample_defs", tree / "sample_defs")
+        if not (tree / "Makefile").is_file():
+            shutil.copy(tree / "cfe/cmake/Makefile.sample", tree / "Makefile")
+        found = [tree / "sample_defs"]
+    if not found:
+        raise Failure(f"{tree} has no definitions, such as sample_defs/targets.cmake")
+    return next((path for path in found if path.name == "sample_defs"), found[0])
+
+
+def started(script):
+    """A start-up script with the app in it, before the end of what counts."""
+    line = around.startup(APP)
+    if line in script:
+        return script
+    end = re.search(r"^!", script, re.MULTILINE)
+    at = end.start() if end else len(script)
+    return script[:at] + line + script[at:]

@@ -1,0 +1,81 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#define _POSIX_C_SOURCE 200809L
+#include "targets/cfs/watch.h"
+
+#include "record/file_sink.h"
+#include "targets/mission_host.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <time.h>
+#include <unistd.h>
+
+static struct {
+    MissionHost host; /* with the app's memory */
+    MissionRecord record;
+    FileSink sink;
+    uint32_t ticks;
+    int open;
+    int failed;
+    int64_t before; /* [ns] of processor time until the first tick */
+} watch;
+
+/* [ns] All of the process, its core included. */
+static int64_t processor_time(void)
+{
+    struct timespec t = {0, 0};
+    (void)clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
+    return (int64_t)t.tv_sec * INT64_C(1000000000) + t.tv_nsec;
+}
+
+static void start(const void *mission)
+{
+    const char *path = getenv("FLEDGE_RECORD");
+    watch.host = fledge_mission;
+    watch.host.mission = (void *)(uintptr_t)mission;
+    watch.before = processor_time();
+    watch.failed = path == NULL || file_sink_open(&watch.sink, path) != 0;
+    watch.open = !watch.failed;
+    if (watch.open) {
+        watch.failed = mission_record_open(&watch.record, &watch.host, file_sink_write, &watch.sink,
+                                           "cfs") != MCAP_OK;
+    }
+}
+
+static void finish(const MissionIoCounts *counts)
+{
+    const double spent = (double)(processor_time() - watch.before);
+    if (watch.open) {
+        const int whole = mission_record_close(&watch.record) == MCAP_OK && !watch.failed;
+        watch.failed = file_sink_close(&watch.sink, whole) != 0 || !whole;
+        watch.open = 0;
+    }
+    if (watch.failed) {
+        (void)printf("the record could not be written\n");
+    } else {
+        (void)printf("ticks %" PRIu32 "\ncpu_ns %.0f\nrefused %" PRIu32 "\ncorrupt %" PRIu32
+                     "\nsaturated %" PRIu32 "\n",
+                     watch.ticks, spent / (watch.ticks > 0u ? watch.ticks : 1u), counts->refused,
+                     counts->corrupt, counts->saturated);
+    }
+    (void)fflush(stdout);
+    if (getenv("FLEDGE_END") != NULL) {
+        _exit(watch.failed ? 1 : 0);
+    }
+}
+
+void fledge_watch(const void *mission, int64_t t, const MissionIoCounts *counts)
+{
+    if (t < 0) {
+        finish(counts);
+        return;
+    }
+    if (watch.ticks == 0u) {
+        start(mission);
+    }
+    watch.ticks++;
+    if (!watch.failed && mission_record_take(&watch.record, &watch.host, t) != MCAP_OK) {
+        watch.failed = 1;
+    }
+}
