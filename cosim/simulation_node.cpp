@@ -90,9 +90,9 @@ void SimulationNode::read(const std::string &topic, const sim::Port &to, Latency
 
 Initialized SimulationNode::initialize(const Initialize &request)
 {
-    if (request.start >= 0) {
-        throw sim::SetupError("it cannot begin at " + sim::format_time(request.start) +
-                              ", without a snapshot of then");
+    if (request.start >= 0 && request.snapshot.empty()) {
+        throw sim::SetupError("it cannot begin after " + sim::format_time(request.start) +
+                              " without a snapshot of then");
     }
     // Stand-ins are models, which have to step: with the process, so that no instant is added.
     if (!stand_ins_.empty() && others_.tasks().empty() && !process_.tasks().empty()) {
@@ -101,7 +101,15 @@ Initialized SimulationNode::initialize(const Initialize &request)
     }
     simulation_.set_seed(request.seed);
     simulation_.prepare();
+    if (!request.snapshot.empty()) {
+        simulation_.restore(request.snapshot);
+        if (simulation_.now() > request.start || simulation_.next() <= request.start) {
+            throw sim::SetupError("its snapshot is of " + sim::format_time(simulation_.now()) +
+                                  ", but it is to begin after " + sim::format_time(request.start));
+        }
+    }
     Initialized answer;
+    answer.saves = true;
     for (const sim::Task &task : process_.tasks()) {
         answer.rates.push_back({task.period, task.offset});
     }
@@ -126,6 +134,12 @@ std::vector<Offer> SimulationNode::match(const std::vector<Channel> &asked)
         }
     }
     return offers;
+}
+
+/// What others told it last is in the stand-ins; what is yet to come, the controller sends anew.
+Bytes SimulationNode::save()
+{
+    return simulation_.snapshot();
 }
 
 void SimulationNode::start(const std::vector<Channel> &wired)

@@ -34,6 +34,7 @@ public:
     std::vector<Offer> match(const std::vector<Channel> &asked) override;
     void start(const std::vector<Channel> &wired) override;
     Tock tick(const Tick &tick) override;
+    Bytes save() override;
 
 private:
     struct StandIn;

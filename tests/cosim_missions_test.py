@@ -16,6 +16,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 import traceback
 from pathlib import Path
@@ -130,12 +131,16 @@ class Fork:
         assert not problem, problem
         return value
 
+    def killed(self):
+        """Wait until it is."""
+        os.close(self.reader)
+        assert os.WTERMSIG(os.waitpid(self.pid, 0)[1]) == signal.SIGKILL
+        self.pid = None
+
     def end(self):
-        try:
+        if self.pid is not None:
             os.kill(self.pid, signal.SIGKILL)
-        except ProcessLookupError:
-            pass
-        os.waitpid(self.pid, 0)
+            os.waitpid(self.pid, 0)
 
 
 def be_node(folder, process, address, wait, delay):
@@ -147,11 +152,11 @@ def be_node(folder, process, address, wait, delay):
     return Fork(work)
 
 
-def be_controller(address, wait, sharing):
+def be_controller(address, wait, sharing, on_loss="abort", save_every=0):
     def work():
         time.sleep(wait)
-        return cosim.Controller("identity", ["flight", "world"], SPAN, seed=SEED, address=address,
-                                sharing=sharing).run()
+        return cosim.Controller("identity", [("flight", on_loss), ("world", on_loss)], SPAN, seed=SEED, address=address,
+                                sharing=sharing, save_every=save_every).run()
     return Fork(work)
 
 
@@ -193,10 +198,56 @@ def apart(folder, transport, draw):
 
 @pytest.mark.parametrize("transport", TRANSPORTS)
 def test_two_programs_give_the_bits_of_one(mission, together, transport):
-    for draw in range(20 if LONG else 2):
+    for draw in range(6 if LONG else 2):
         found = apart(mission, transport, f"{mission.name} {transport} {draw}")
         assert sorted(found) == sorted(together)
         assert {p for p in found if found[p] != together[p]} == set(), f"draw {draw}"
+
+
+@pytest.mark.parametrize("save_every", [0, 4], ids=["from the beginning", "from a snapshot"])
+@pytest.mark.parametrize("lost", ["flight", "world"])
+def test_a_program_that_is_killed_and_started_again_goes_on_with_the_same_bits(mission, lost, save_every, tmp_path):
+    one = prepared(mission, SEED)
+    one.run(SPAN)
+    address, other = address_of("ipc"), {"flight": "world", "world": "flight"}[lost]
+
+    def be_killed():
+        sim = prepared(mission)
+        node = cosim.split(sim, lost)
+
+        def kill():
+            while sim._core.now < SPAN * 1e9 / 2:
+                time.sleep(0.001)
+            os.kill(os.getpid(), signal.SIGKILL)
+
+        threading.Thread(target=kill, daemon=True).start()
+        node.serve(address, simulation="identity", delay=0.01)
+
+    def be_again():
+        sim = prepared(mission)
+        (tmp_path / "lost.mcap.part").touch()
+        sim.archive(tmp_path / "lost.mcap")
+        reason = cosim.split(sim, lost).serve(address, simulation="identity")
+        assert sim.close_archive() == str(tmp_path / ("lost-2.mcap" if save_every else "lost.mcap"))
+        return reason, {log.path: (log.times(), log.bytes()) for log in sim._core.logs}
+
+    programs = [be_controller(address, 0, "allowed", "restart", save_every), be_node(mission, other, address, 0, 0), Fork(be_killed)]
+    try:
+        programs[2].killed()
+        programs.append(Fork(be_again))
+        reason, records = programs[3].result()
+        assert (reason, programs[0].result()) == ("", "")
+        whole = programs[1].result()
+    finally:
+        for program in programs:
+            program.end()
+    together = hashes(one)
+    assert {path for path in whole if whole[path] != together[path]} == set() and whole
+    for log in one._core.logs:
+        if log.path.startswith(lost):
+            times, messages = records[log.path]
+            assert len(times) < len(log.times()) if save_every else len(times) == len(log.times())
+            assert log.times().endswith(times) and log.bytes().endswith(messages), log.path
 
 
 def test_latencies_noise_and_seeds_do_matter(mission, together):

@@ -106,9 +106,21 @@ class Node:
                 simulation or os.environ.get("FLEDGE_SIMULATION") or self.simulation.name,
                 name or os.environ.get("FLEDGE_NODE") or self.process,
                 address or os.environ.get("FLEDGE_ADDRESS") or DEFAULT_ADDRESS, str(keys or ""),
-                float(patience), float(delay), self.simulation._open_archive)
+                float(patience), float(delay), self._begin)
         finally:
             self.simulation.wall += perf_counter() - begun
+
+    def _begin(self):
+        """The run begins, or goes on from a snapshot of a program that was lost, whose record is kept."""
+        sim = self.simulation
+        if sim._archive and sim._core.now >= 0:
+            from fledge.simulation import _next_name
+
+            path, metadata = sim._archive
+            while os.path.exists(path) or os.path.exists(path + ".part"):
+                path = _next_name(path)
+            sim._archive = (path, metadata)
+        sim._open_archive()
 
     def __repr__(self):
         return f"<{self.process} of {self.simulation.name} as a node>"
@@ -117,21 +129,23 @@ class Node:
 class Controller:
     """What joins programs into one simulation, in this program. `address` is where nodes greet.
 
-    nodes: names, or (name, what a loss means: "abort", "pause", "hold", "drop"); end: of the run, a
+    nodes: names, or (name, what a loss means: "abort", "pause", "hold", "drop", "restart"); end: of the run, a
     time; address: with "*" for a TCP port, any free one; keys: a folder of keys (fledge keys); else
     FLEDGE_KEYS; unencrypted: without keys, allow an address that others can reach all the same; join,
     reply: how long to wait for all nodes, and for an answer [s]; sharing: of memory with nodes on this
-    machine, "allowed", "required" or "forbidden"; report: what is called with a text that the user
+    machine, "allowed", "required" or "forbidden"; save_every: the time from one snapshot to the next, of nodes
+    that are restarted, 0: as there is need; report: what is called with a text that the user
     should know.
     """
 
     def __init__(self, simulation, nodes, end, *, seed=0, address=DEFAULT_ADDRESS, keys=None, unencrypted=False,
-                 join=60.0, reply=60.0, sharing="allowed", report=None):
+                 join=60.0, reply=60.0, sharing="allowed", save_every=0, report=None):
         from fledge.process import _time
 
         nodes = [(one, "abort") if isinstance(one, str) else tuple(one) for one in nodes]
         self._core = _core.Control(simulation, nodes, _time(end, "Controller: end"), seed, address, str(keys or ""),
-                                   unencrypted, float(join), float(reply), sharing, report or (lambda text: None))
+                                   unencrypted, float(join), float(reply), sharing,
+                                   _time(save_every, "Controller: save_every"), report or (lambda text: None))
         self.address = self._core.address
 
     def run(self, poll=None):

@@ -39,12 +39,13 @@ cosim::Policy policy_of(const std::string &name)
     for (const auto &[known, policy] : {std::pair{"abort", cosim::Policy::abort},
                                         {"pause", cosim::Policy::pause},
                                         {"hold", cosim::Policy::hold},
-                                        {"drop", cosim::Policy::drop}}) {
+                                        {"drop", cosim::Policy::drop},
+                                        {"restart", cosim::Policy::restart}}) {
         if (name == known) {
             return policy;
         }
     }
-    throw py::value_error("on_loss: expected abort, pause, hold or drop; found " + name);
+    throw py::value_error("on_loss: expected abort, pause, hold, drop or restart; found " + name);
 }
 
 cosim::Sharing sharing_of(const std::string &name)
@@ -225,7 +226,8 @@ class Control {
 public:
     Control(const std::string &simulation, const std::vector<std::pair<std::string, std::string>> &nodes, Ns end,
             std::uint64_t seed, const std::string &address, const std::string &keys, bool unencrypted, double join,
-            double reply, const std::string &sharing, std::function<void(const std::string &)> report)
+            double reply, const std::string &sharing, Ns save_every,
+            std::function<void(const std::string &)> report)
     {
         cosim::ControllerConfig controller;
         controller.simulation = simulation;
@@ -233,6 +235,7 @@ public:
             cosim::NodeConfig node;
             node.name = name;
             node.on_loss = policy_of(policy);
+            node.save_every = save_every;
             controller.nodes.push_back(std::move(node));
         }
         controller.end = end;
@@ -338,8 +341,7 @@ void bind_cosim(py::module_ &m)
     py::class_<Control>(m, "Control", "The controller of a co-simulation.")
         .def(py::init<const std::string &, const std::vector<std::pair<std::string, std::string>> &, Ns,
                       std::uint64_t, const std::string &, const std::string &, bool, double, double,
-                      const std::string &,
-                      std::function<void(const std::string &)>>())
+                      const std::string &, Ns, std::function<void(const std::string &)>>())
         .def_property_readonly("address", &Control::address)
         .def("run", &Control::run);
     py::class_<Replay>(m, "Replay", "A node of a co-simulation alone, against the record of the others.")
