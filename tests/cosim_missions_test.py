@@ -231,7 +231,8 @@ def test_a_program_that_is_killed_and_started_again_goes_on_with_the_same_bits(m
         assert sim.close_archive() == str(tmp_path / ("lost-2.mcap" if save_every else "lost.mcap"))
         return reason, {log.path: (log.times(), log.bytes()) for log in sim._core.logs}
 
-    programs = [be_controller(address, 0, "allowed", "restart", save_every), be_node(mission, other, address, 0, 0), Fork(be_killed)]
+    programs = [be_controller(address, 0, "allowed", "restart", save_every), be_node(mission, other, address, 0, 0),
+                Fork(be_killed)]
     try:
         programs[2].killed()
         programs.append(Fork(be_again))
