@@ -106,10 +106,10 @@ void Router::call_hosted()
 
 std::string Router::run(const std::function<bool()> &poll)
 {
-    begun_ = looked_ = Clock::now();
+    looked_ = complete_ = Clock::now();
     spins_ = std::thread::hardware_concurrency() > nodes_.size() - hosted_.size() ? spin : 0us;
     spin_ = Spin(spins_);
-    auto waited = begun_;
+    auto waited = looked_;
     while (!controller_.done()) {
         if (broker_ && broker_->heard()) {
             hear_programs();
@@ -548,7 +548,10 @@ void Router::look_at_clock(const std::function<bool()> &poll)
             report(text);
         }
     }
-    if (const auto absent = controller_.absent(); !absent.empty() && looked_ - begun_ >= config_.join) {
+    const auto absent = controller_.absent();
+    if (absent.empty()) {
+        complete_ = looked_;
+    } else if (looked_ - complete_ >= config_.join) {
         controller_.stop(sim::format_list(absent) + " did not come within " +
                          sim::format_time(std::chrono::nanoseconds(config_.join).count()));
     }

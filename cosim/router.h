@@ -129,7 +129,8 @@ private:
     std::deque<std::pair<NodeId, Frame>> calls_; ///< to hosted nodes, in the order of asking
     Bytes greeting_peer_;                   ///< libzmq's name of who is being greeted
     unsigned opened_ = 0;
-    Clock::time_point begun_, looked_;
+    Clock::time_point looked_;
+    Clock::time_point complete_; ///< when all were there that the run needs, or it began
     std::string outcome_;
 };
 

@@ -23,7 +23,11 @@ public:
     {
     }
 
-    Initialized initialize(const Initialize &) override { return {{{10, 0}}, false}; }
+    Initialized initialize(const Initialize &m) override
+    {
+        next_ = m.start < 0 ? 0 : m.start + 10;
+        return {{{10, 0}}, false};
+    }
     std::vector<Want> desired() override { return {{reads_, latency_, false, schema_}}; }
     std::vector<Offer> match(const std::vector<Channel> &asked) override
     {
@@ -42,6 +46,9 @@ public:
         tock.reached = tick.until;
         for (; next_ <= tick.until; next_ += 10) {
             std::this_thread::sleep_for(nap_);
+            if (next_ == quits_at) {
+                throw std::runtime_error("enough");
+            }
             tock.records.push_back({channel_, ++count_, next_, word()});
             steps++;
         }
@@ -49,6 +56,7 @@ public:
     }
 
     int steps = 0;
+    Ns quits_at = -1;
 
 private:
     static Bytes word()
@@ -128,6 +136,32 @@ TEST(Status, TimeIsSpentComputingOnTheWayOrWaiting)
         EXPECT_EQ(t.asked, 0);
         EXPECT_LE(t.compute + t.transport + t.wait, all);
     }
+}
+
+TEST(Status, HowLongOneMayBeAwayCountsFromItsLoss)
+{
+    zmq::context_t context;
+    ControllerConfig config = two(890);
+    config.nodes[1].on_loss = Policy::restart;
+    RouterConfig at;
+    at.address = "inproc://status-away";
+    at.join = 2s;
+    Router router(context, config, at);
+    Sleeper slow("/quick/n", "/slow/n", Latency::next_instant, 25ms);
+    Sleeper first("/slow/n", "/quick/n", Latency::same_instant, 0ms), second = first;
+    first.quits_at = 840; // later than `join` after the start
+    const auto serve = [&](const char *name, Node &node) {
+        return Delegate(context, {"test", name, router.address(), 10s, {}, {}}).serve(node);
+    };
+    auto a = std::async(std::launch::async, serve, "slow", std::ref(slow));
+    auto b = std::async(std::launch::async, [&] {
+        EXPECT_THROW(serve("quick", first), std::runtime_error);
+        std::this_thread::sleep_for(300ms); // until it has been missed
+        return serve("quick", second);
+    });
+    EXPECT_EQ(router.run(), "");
+    EXPECT_EQ(a.get(), "");
+    EXPECT_EQ(b.get(), "");
 }
 
 TEST(Status, ItIsToldInLines)

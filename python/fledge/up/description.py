@@ -105,7 +105,7 @@ class Plan:
             return f"tcp://{own_address(hosts[0])}:*"
         if self.transport == "tcp":
             return "tcp://127.0.0.1:*"
-        return f"ipc://@fledge-{self.simulation}-{os.getpid()}-{secrets.token_hex(4)}"
+        return f"ipc://@fledge-{self.simulation[:40]}-{os.getpid()}-{secrets.token_hex(4)}"
 
 
 def is_local(address: str) -> bool:

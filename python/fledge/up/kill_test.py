@@ -21,6 +21,7 @@ pytestmark = pytest.mark.skipif(not (BUILT / "fledge_guard").exists() or not (BU
                                 reason="the controller is not built")
 
 CYCLES = int(os.environ.get("FLEDGE_KILL_CYCLES", 0))
+SHORT = 3 if os.environ.get("FLEDGE_PRESET") == "asan" else 7     # programs start slowly under the sanitizer
 SEED = int(os.environ.get("FLEDGE_KILL_SEED", 1))
 
 VICTIMS = {     # by what stands in the command line
@@ -99,13 +100,13 @@ def chosen():
     rng = random.Random(SEED)
     pairs = [(phase, victim) for phase in PHASES for victim in VICTIMS]
     picked = []
-    while len(picked) < (CYCLES or 7):
+    while len(picked) < (CYCLES or SHORT):
         rng.shuffle(pairs)
         if CYCLES:
             picked += pairs
         else:       # each victim once
             picked += {victim: (phase, victim) for phase, victim in pairs}.values()
-    return picked[:CYCLES or 7]
+    return picked[:CYCLES or SHORT]
 
 
 def test_nothing_is_left_of_a_run_whoever_is_killed(mark, tmp_path):
