@@ -1033,6 +1033,7 @@ sealed class Socket : IDisposable
     const int dontWait = 1, sendMore = 2, interrupted = 4;
 
     public readonly IntPtr handle;
+    readonly IntPtr message = Marshal.AllocHGlobal(64); // a zmq_msg_t
 
     public Socket(IntPtr context, int type, int linger, Keys keys = null)
     {
@@ -1059,7 +1060,11 @@ sealed class Socket : IDisposable
 
     public void Subscribe(string topic) { Set(subscribe, Encoding.UTF8.GetBytes(topic)); }
 
-    public void Dispose() { zmq_close(handle); }
+    public void Dispose()
+    {
+        zmq_close(handle);
+        Marshal.FreeHGlobal(message);
+    }
 
     void Set(int option, byte[] value)
     {
@@ -1094,29 +1099,21 @@ sealed class Socket : IDisposable
     public List<byte[]> Receive()
     {
         var parts = new List<byte[]>();
-        IntPtr message = Marshal.AllocHGlobal(64); // zmq_msg_t
-        try
+        for (bool more = true; more;)
         {
-            for (bool more = true; more;)
+            zmq_msg_init(message);
+            while (zmq_msg_recv(message, handle, 0) < 0)
             {
-                zmq_msg_init(message);
-                while (zmq_msg_recv(message, handle, 0) < 0)
+                if (Marshal.GetLastWin32Error() != interrupted)
                 {
-                    if (Marshal.GetLastWin32Error() != interrupted)
-                    {
-                        throw Error("cannot receive");
-                    }
+                    throw Error("cannot receive");
                 }
-                var part = new byte[(int)zmq_msg_size(message)];
-                Marshal.Copy(zmq_msg_data(message), part, 0, part.Length);
-                parts.Add(part);
-                more = zmq_msg_more(message) != 0;
-                zmq_msg_close(message);
             }
-        }
-        finally
-        {
-            Marshal.FreeHGlobal(message);
+            var part = new byte[(int)zmq_msg_size(message)];
+            Marshal.Copy(zmq_msg_data(message), part, 0, part.Length);
+            parts.Add(part);
+            more = zmq_msg_more(message) != 0;
+            zmq_msg_close(message);
         }
         return parts;
     }
