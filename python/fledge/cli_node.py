@@ -129,6 +129,10 @@ def _several(sim, scenario, names, options):
         raise Failure(f"{sim.name}: {problem}", 1)
     say(f"  flown    {f'{end:g} s' if end is not None else 'to the end'} in {took:.3g} s"
         + (f", {end / took:,.0f} times real time" if end else ""))
+    if end is not None:
+        times = controller.times
+        ticks, slowest = sum(t[0] for t in times.values()), max(times, key=lambda name: times[name][1])
+        say(f"  ticks    {ticks}, {ticks / took:,.0f} per second; {slowest} computed longest, {times[slowest][1]:.3g} s")
     if options.record:
         made = [f"{name}.mcap" for name in names if (Path(options.record) / f"{name}.mcap").exists()]
         say(f"  record   {len(made)} in {options.record}: {', '.join(made[:4])}" + (", ..." if len(made) > 4 else ""))
@@ -159,7 +163,7 @@ class _Programs:
         try:
             ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
             if os.getppid() == parent:
-                code = work()
+                code = int(work() or 0)
         except Failure as error:
             print(f"fledge: {error}", file=sys.stderr)
             code = error.code

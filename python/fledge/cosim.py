@@ -147,6 +147,13 @@ class Controller:
                                    unencrypted, float(join), float(reply), sharing,
                                    _time(save_every, "Controller: save_every"), report or (lambda text: None))
         self.address = self._core.address
+        self._nodes = [name for name, _ in nodes]
+
+    @property
+    def times(self):
+        """Of each node, by name: its ticks, and the wall time [s] computing, on the way, and waiting for others."""
+        return {name: (ticks, *(ns / 1e9 for ns in spent))
+                for name, (ticks, *spent) in zip(self._nodes, self._core.times)}
 
     def run(self, poll=None):
         """From the first greeting to the end; returns its reason, "" if it is the regular one.

@@ -228,6 +228,7 @@ public:
             std::uint64_t seed, const std::string &address, const std::string &keys, bool unencrypted, double join,
             double reply, const std::string &sharing, Ns save_every,
             std::function<void(const std::string &)> report)
+        : nodes_(nodes.size())
     {
         cosim::ControllerConfig controller;
         controller.simulation = simulation;
@@ -255,8 +256,20 @@ public:
 
     std::string run(const std::function<bool()> &poll) { return run_watched(*router_, poll); }
 
+    /// (ticks, ns of wall time computing, on the way, waiting) of each node.
+    std::vector<std::tuple<std::uint64_t, Ns, Ns, Ns>> times() const
+    {
+        std::vector<std::tuple<std::uint64_t, Ns, Ns, Ns>> found;
+        for (cosim::NodeId id = 0; id < nodes_; id++) {
+            const cosim::NodeTimes t = router_->times(id);
+            found.emplace_back(t.ticks, t.compute, t.transport, t.wait);
+        }
+        return found;
+    }
+
 private:
     zmq::context_t context_;
+    std::size_t nodes_;
     std::unique_ptr<cosim::Router> router_;
 };
 
@@ -343,6 +356,7 @@ void bind_cosim(py::module_ &m)
                       std::uint64_t, const std::string &, const std::string &, bool, double, double,
                       const std::string &, Ns, std::function<void(const std::string &)>>())
         .def_property_readonly("address", &Control::address)
+        .def_property_readonly("times", &Control::times)
         .def("run", &Control::run);
     py::class_<Replay>(m, "Replay", "A node of a co-simulation alone, against the record of the others.")
         .def(py::init<const std::string &, const std::string &, std::uint64_t, Ns, const std::vector<Replay::Part> &,
