@@ -114,6 +114,14 @@ def test_a_killed_program_ends_the_run_for_all(programs, spring, victim):
         assert "spring: its connection is gone" in result(both[0])["reason"]
 
 
+def test_one_that_is_killed_before_the_run_is_named(programs, spring):
+    controller = Controller("--node", "mass", "--node", "spring")
+    programs += [start_spring(spring, controller), controller.process]
+    controller.wait_for(spring="joining")
+    programs[0].kill()
+    assert controller.end() == (1, "the run ended early: spring: its connection is gone")
+
+
 def test_ctrl_c_of_the_controller_ends_it(programs, spring):
     controller = Controller("--node", "mass", "--node", "spring", until="1e6")
     both = pair(programs, spring, controller)

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Frames, definitions and messages, with what C++ makes of them, for readers in other languages:
+// Frames, definitions and messages (all that Fledge has among them), with what C++ makes of them, for readers in
+// other languages:
 //
 //     frame HEX                          is read, and written as the same bytes
 //     garbage HEX WHY                    is refused
@@ -7,10 +8,16 @@
 //     nonsense HEX WHY                   is refused
 //     message HEX LITTLE BIG             a message by its definition, as a payload in both orders
 #include "cosim/testing/frames.h"
+#include "sim/table.h"
 
 #include <bit>
 #include <cmath>
 #include <cstdio>
+
+extern "C" {
+extern const FledgeLibrary fledge_library_flight;
+extern const FledgeLibrary fledge_library_world;
+}
 
 using namespace fledge::cosim;
 using namespace fledge::cosim::testing;
@@ -124,6 +131,15 @@ int main()
         std::mt19937_64 numbers(5);
         for (int i = 0; i < 50; i++) {
             tell_message(text, numbers);
+        }
+    }
+    std::mt19937_64 numbers(6);
+    for (const FledgeLibrary *library : {&fledge_library_flight, &fledge_library_world}) {
+        for (std::uint32_t i = 0; i < library->n; i++) {
+            if (const char *text = library->structs[i]->schema) {
+                tell_schema(text);
+                tell_message(text, numbers);
+            }
         }
     }
     return 0;
