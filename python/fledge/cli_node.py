@@ -132,7 +132,8 @@ def _several(sim, scenario, names, options):
     if end is not None:
         times = controller.times
         ticks, slowest = sum(t[0] for t in times.values()), max(times, key=lambda name: times[name][1])
-        say(f"  ticks    {ticks}, {ticks / took:,.0f} per second; {slowest} computed longest, {times[slowest][1]:.3g} s")
+        say(f"  ticks    {ticks}, {ticks / took:,.0f} per second; {slowest} computed longest, "
+            f"{times[slowest][1]:.3g} s")
     if options.record:
         made = [f"{name}.mcap" for name in names if (Path(options.record) / f"{name}.mcap").exists()]
         say(f"  record   {len(made)} in {options.record}: {', '.join(made[:4])}" + (", ..." if len(made) > 4 else ""))
