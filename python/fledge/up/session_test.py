@@ -182,6 +182,24 @@ def with_eye(folder, more="", **kwargs):
     return file
 
 
+def test_one_that_joins_later_sees_what_it_would_have_seen(mark, tmp_path):
+    (tmp_path / "late").mkdir()
+    assert up(with_eye(tmp_path, until=5), mark=mark).returncode == 0
+    whole = logs(tmp_path)["eye"].splitlines()
+    done = up(with_eye(tmp_path / "late", "joins = 2", until=5), mark=mark)
+    assert done.returncode == 0, done.stderr
+    assert [line.split()[1] for line in whole] == ["0", "1", "2", "3", "4", "5"]
+    assert logs(tmp_path / "late")["eye"].splitlines() == whole[3:]
+
+
+def test_a_late_one_that_fails_ends_the_run_at_once(mark, tmp_path):
+    file = with_eye(tmp_path, "joins = 500", until=1e6)
+    (tmp_path / "eye.py").write_text("exit(3)")
+    done = up(file, mark=mark)
+    assert done.returncode == 1
+    assert done.stderr == "fledge: pair ended early: eye ended with exit code 3 before it took part\n"
+
+
 def test_one_that_leaves_holds_nobody_up(mark, tmp_path):
     done = up(with_eye(tmp_path, 'env = { LEAVES_AT = "2" }', until=5), mark=mark)
     assert done.returncode == 0, done.stderr + done.stdout
