@@ -8,6 +8,9 @@ the median over groups of rounds.
 - `libzmq_req_rep`: 64 bytes there and back over bare sockets, between two programs.
 - `tick_*`: one node gets 64 bytes in a tick and returns 64 bytes in its tock, both complete.
 - `pair_*`: two nodes that step one after the other, against two round trips.
+- `futex_barrier`: so many programs, released by one futex all at once; the last one wakes the first.
+- `tick_shm_*`: so many nodes that step at once, 64 bytes to and from each, over shared memory; their
+  partner lives in the controller's program. `ring_shm_*`: the same, each with its neighbour.
 """
 import pathlib
 import subprocess
@@ -36,6 +39,10 @@ def pair_by_pair(ours, theirs, scale=1.0):
 CASES = {
     "req_rep_ipc": ("req_rep", "ipc"), "tick_ipc": ("tick", "ipc"), "pair_ipc": ("pair", "ipc"),
     "req_rep_tcp": ("req_rep", "tcp"), "tick_tcp": ("tick", "tcp"), "pair_tcp": ("pair", "tcp"),
+    "futex_1": ("barrier", "-", 1), "tick_shm_1": ("tick", "shm"),
+    "futex_4": ("barrier", "-", 4), "tick_shm_4": ("hub", "shm", 4), "ring_shm_4": ("ring", "shm", 4),
+    "futex_16": ("barrier", "-", 16, 2000), "tick_shm_16": ("hub", "shm", 16, 2000),
+    "ring_shm_16": ("ring", "shm", 16, 2000),
 }
 
 
@@ -57,4 +64,12 @@ def main(arguments):
         figure = f"two {transport} round trips"
         rows.add("libzmq_req_rep", figure, [2 * t for t in bare], "us")
         rows.add(f"pair_{transport}", figure, pair, "us", "libzmq_req_rep", note=pair_by_pair(pair, bare, 2.0))
+    for nodes in (1, 4, 16):
+        bare, tick = samples[f"futex_{nodes}"], samples[f"tick_shm_{nodes}"]
+        figure = f"round of {nodes}"
+        rows.add("futex_barrier", figure, bare, "us")
+        rows.add(f"tick_shm_{nodes}", figure, tick, "us", "futex_barrier", note=pair_by_pair(tick, bare))
+        if nodes > 1:
+            ring = samples[f"ring_shm_{nodes}"]
+            rows.add(f"ring_shm_{nodes}", figure, ring, "us", "futex_barrier", note=pair_by_pair(ring, bare))
     report(rows, chosen)

@@ -101,6 +101,52 @@ private:
     Ns next_ = 0;
 };
 
+/// Writes 64 bytes that all read, and reads 64 bytes of each.
+class Hub final : public Node {
+public:
+    Hub(std::uint64_t readers, SharedNumber &median) : readers_(readers), median_(median) {}
+
+    Initialized initialize(const Initialize &) override { return {{{period, 0}}, false}; }
+    std::vector<Want> desired() override
+    {
+        std::vector<Want> wants;
+        for (std::uint64_t i = 0; i < readers_; i++) {
+            wants.push_back({"/" + std::to_string(i) + "/block", Latency::next_instant, false, schema_});
+        }
+        return wants;
+    }
+    std::vector<Offer> match(const std::vector<Channel> &asked) override
+    {
+        for (const Channel &channel : asked) {
+            if (channel.topic == "/hub/block") {
+                channel_ = channel.channel;
+                return {{channel_, schema_, make_payload(std::as_bytes(std::span(block_)))}};
+            }
+        }
+        throw std::runtime_error("nobody reads the hub");
+    }
+    void start(const std::vector<Channel> &) override {}
+
+    Tock tick(const Tick &tick) override
+    {
+        watch_.lap();
+        if (tick.records.size() != readers_) {
+            throw std::runtime_error("blocks are missing");
+        }
+        block_[0]++;
+        return {tick.until, 0, {{channel_, ++count_, tick.until, make_payload(std::as_bytes(std::span(block_)))}}};
+    }
+    void finish(const std::string &) override { *median_ = watch_.median(); }
+
+private:
+    std::uint64_t readers_;
+    SharedNumber &median_;
+    Stopwatch watch_;
+    Schema schema_ = make_schema("Block", block_text);
+    std::array<std::uint64_t, 8> block_{};
+    std::uint32_t channel_ = 0, count_ = 0;
+};
+
 RouterConfig listening(const std::string &transport)
 {
     RouterConfig config;
@@ -114,6 +160,7 @@ class Run {
 public:
     explicit Run(std::uint64_t rounds)
     {
+        config_.simulation = "bench";
         config_.end = static_cast<Ns>(rounds - 1) * period;
         config_.batch = 1; // each instant has its tick, also where several could share one
     }
@@ -166,7 +213,7 @@ public:
     ControllerConfig &config() { return config_; }
 
 private:
-    ControllerConfig config_{"bench", {}, 0, 0, "", ""};
+    ControllerConfig config_;
     Children children_;
     std::vector<int> addresses_;
     std::vector<std::pair<std::string, Node *>> hosted_;
@@ -215,12 +262,27 @@ double ring(const std::string &transport, std::uint64_t k, std::uint64_t rounds)
     return *median;
 }
 
+/// k programs that step at once, and then a partner of all in the controller's.
+double hub(const std::string &transport, std::uint64_t k, std::uint64_t rounds)
+{
+    SharedNumber median;
+    Hub here(k, median);
+    Run run(rounds);
+    run.here("hub", here);
+    for (std::uint64_t i = 0; i < k; i++) {
+        run.program(std::to_string(i), [i] { return block(std::to_string(i), "hub", Latency::same_instant); });
+    }
+    run.fly(transport);
+    return *median;
+}
+
 double measure(const std::string &name, const std::string &transport, std::uint64_t k, std::uint64_t rounds)
 {
     return name == "req_rep"   ? req_rep(transport, rounds)
            : name == "barrier" ? futex_barrier(k, rounds)
            : name == "tick"    ? one_tick(transport, rounds)
            : name == "pair"    ? pair(transport, rounds)
+           : name == "hub"     ? hub(transport, k, rounds)
            : name == "ring"    ? ring(transport, k, rounds)
                                : throw std::invalid_argument("there is no case " + name);
 }

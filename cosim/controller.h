@@ -187,6 +187,9 @@ public:
 
     /// Whether the node owes a reply; how long it may, is for the caller to know.
     bool waiting_for(NodeId node) const { return nodes_[node].awaited; }
+    /// Marks some of the nodes that owe a tock, so that nothing is to be done until one of these has
+    /// answered with a whole tick: who waits for tocks need not wake for the others. False: all count.
+    bool decisive(std::vector<char> &nodes) const;
     /// The names of the nodes that are not there, and without which the run cannot begin or go on.
     std::vector<std::string> absent() const;
     /// All comings and goings after the start, in their order.
@@ -267,6 +270,7 @@ private:
         std::vector<Want> wants;
         std::vector<Offer> offers;
         std::vector<std::size_t> in, out; ///< wires
+        std::size_t waits_for = 0;        ///< in `in`: what blocked it last
         Ns reached = -1, until = -1;
 
         // What another program of its name needs to take its place.
@@ -363,6 +367,8 @@ private:
     void grant(NodeId id);
     void grant_all();
     void grant_around(NodeId id);
+    Ns bound(const Wire &wire) const;
+    bool blocked(Node &node) const;
     Ns limit(const Node &node) const;
     bool complete(const Node &node, Ns t) const;
 

@@ -31,24 +31,47 @@ Ns Controller::Node::safe() const
     return over() ? for_ever : any_time ? reached + 1 : next_after(reached);
 }
 
+/// The last instant for which what comes by this wire is known.
+Ns Controller::bound(const Wire &wire) const
+{
+    const Ns s = nodes_[wire.from].safe();
+    if (s == for_ever) {
+        return for_ever;
+    }
+    if (wire.latency == Latency::next_exchange) {
+        const Ns exchanges = s > 0 ? (s - 1) / wire.exchange : -1;
+        return (exchanges + 1) * wire.exchange;
+    }
+    return wire.latency == Latency::same_instant ? s - 1 : s;
+}
+
 /// The last instant for which all inputs are known.
 Ns Controller::limit(const Node &node) const
 {
     Ns last = last_;
     for (const std::size_t w : node.in) {
-        const Wire &wire = wires_[w];
-        const Ns s = nodes_[wire.from].safe();
-        if (s == for_ever) {
-            continue;
-        }
-        if (wire.latency == Latency::next_exchange) {
-            const Ns exchanges = s > 0 ? (s - 1) / wire.exchange : -1;
-            last = std::min(last, (exchanges + 1) * wire.exchange);
-        } else {
-            last = std::min(last, wire.latency == Latency::same_instant ? s - 1 : s);
-        }
+        last = std::min(last, bound(wires_[w]));
     }
     return last;
+}
+
+/// Whether some input of its next instant is not known yet. Who stood in its way is asked first: in a
+/// large exchange it is asked often.
+bool Controller::blocked(Node &node) const
+{
+    if (node.any_time || node.rates.empty()) {
+        return false;
+    }
+    const Ns next = node.next_after(node.reached);
+    const std::size_t n = node.in.size();
+    for (std::size_t i = 0; i < n; i++) {
+        const std::size_t at = (node.waits_for + i) % n;
+        if (bound(wires_[node.in[at]]) < next) {
+            node.waits_for = at;
+            return true;
+        }
+    }
+    return false;
 }
 
 /// Whether it has nothing more to do up to t.
@@ -213,6 +236,9 @@ void Controller::grant(NodeId id)
             return; // it is far ahead of this reader
         }
     }
+    if (blocked(node)) {
+        return;
+    }
     const Ns most = limit(node);
     Tick tick;
     for (std::uint32_t batch = config_.batch;; batch /= 2) {
@@ -268,6 +294,62 @@ void Controller::grant_all()
     for (NodeId id = 0; id < nodes_.size(); id++) {
         grant(id);
     }
+}
+
+/// Who stands still waits for somebody: for each of them one is enough, who has to come first or among
+/// others. If that one stands still too, it waits for another in its turn.
+bool Controller::decisive(std::vector<char> &nodes) const
+{
+    nodes.assign(nodes_.size(), false);
+    if (phase_ != Phase::running || boundary_ || called_) {
+        return false;
+    }
+    NodeId last = nodes_.size();
+    for (NodeId id = 0; id < nodes_.size(); id++) {
+        const Node &node = nodes_[id];
+        if (node.stage == Stage::ticking) {
+            last = id;
+            if ((node.any_time ? node.until + 1 : node.next_after(node.until)) <= limit(node)) {
+                nodes[id] = true; // it goes on by itself
+            }
+            continue;
+        }
+        if (node.awaited || node.returning) {
+            return false;
+        }
+        if (complete(node, last_)) {
+            continue;
+        }
+        const Ns next = node.any_time ? node.reached + 1 : node.next_after(node.reached);
+        std::optional<NodeId> blocker;
+        const auto blocks = [&](NodeId other) {
+            // The one that was asked last is perhaps the last to answer; one that stands still is free.
+            const bool still = nodes_[other].stage != Stage::ticking;
+            blocker = blocker && nodes_[*blocker].stage != Stage::ticking ? *blocker
+                      : still || !blocker                                 ? other
+                                                                          : std::max(*blocker, other);
+        };
+        for (const std::size_t w : node.out) {
+            if (wires_[w].pending.size() >= config_.ahead) {
+                blocks(wires_[w].to);
+            }
+        }
+        for (const std::size_t w : node.in) {
+            if (bound(wires_[w]) < next) {
+                blocks(wires_[w].from);
+            }
+        }
+        if (!blocker) {
+            return false; // it is held by something else
+        }
+        if (nodes_[*blocker].stage == Stage::ticking) {
+            nodes[*blocker] = true;
+        }
+    }
+    if (last < nodes_.size() && std::find(nodes.begin(), nodes.end(), true) == nodes.end()) {
+        nodes[last] = true;
+    }
+    return last < nodes_.size();
 }
 
 /// A node has gone on: it may go further, and so may those that wait for it, before or behind.

@@ -6,6 +6,9 @@
 
 #include <atomic>
 #include <poll.h>
+#include <sys/eventfd.h>
+#include <thread>
+#include <unistd.h>
 #include <utility>
 
 namespace fledge::cosim {
@@ -17,6 +20,7 @@ using Clock = std::chrono::steady_clock;
 
 constexpr int heartbeat_ms = 1000, silence_ms = 5000, linger_ms = 1000;
 constexpr std::chrono::milliseconds look = 100ms; ///< how often a silent side is looked for
+constexpr std::chrono::milliseconds for_ever = -1ms;
 
 } // namespace
 
@@ -69,6 +73,48 @@ Link::Link(zmq::context_t &context, const Limits &limits)
     gone(); // only from a first look on does its descriptor tell
 }
 
+/// Looks whether the controller goes, while its node sleeps without a time to wake: timers would cost
+/// each tick some hundred nanoseconds.
+class Link::Watcher {
+public:
+    Watcher(zmq::socket_t monitor, SharedChannel &channel)
+        : monitor_(std::move(monitor)), channel_(channel), stop_(eventfd(0, EFD_CLOEXEC)), thread_([this] { watch(); })
+    {
+    }
+    ~Watcher()
+    {
+        eventfd_write(stop_, 1);
+        thread_.join();
+        close(stop_);
+    }
+    Watcher(const Watcher &) = delete;
+    Watcher &operator=(const Watcher &) = delete;
+
+    bool gone() const { return gone_; }
+
+private:
+    void watch()
+    {
+        pollfd fds[] = {{descriptor(monitor_), POLLIN, 0}, {stop_, POLLIN, 0}};
+        while (!fds[1].revents) {
+            std::uint16_t kind = 0;
+            for (std::uint32_t value = 0; next_event(monitor_, kind, value);) {
+                if (kind == ZMQ_EVENT_DISCONNECTED) {
+                    gone_ = true;
+                    channel_.interrupt();
+                }
+            }
+            ::poll(fds, std::size(fds), -1);
+        }
+    }
+
+    zmq::socket_t monitor_;
+    SharedChannel &channel_;
+    int stop_;
+    std::atomic<bool> gone_{false};
+    std::thread thread_; ///< the last, for it uses the others
+};
+
 Link::~Link()
 {
     if (!socket_) {
@@ -88,6 +134,7 @@ Link::~Link()
     // libzmq's own thread tells the monitor what becomes of the socket, and would wait for ever for one
     // that was closed before.
     zmq_socket_monitor(socket_.handle(), nullptr, 0);
+    watcher_.reset();
 }
 
 Link::Link(Link &&) noexcept = default;
@@ -97,6 +144,9 @@ void Link::share(std::unique_ptr<SharedChannel> channel)
 {
     shared_ = std::move(channel);
     shared_->hide();
+    if (!shared_->is_controllers() && !gone()) {
+        watcher_ = std::make_unique<Watcher>(std::move(monitor_), *shared_);
+    }
 }
 
 std::string Link::bind(const std::string &address)
@@ -119,11 +169,11 @@ void Link::connect(const std::string &address)
     }
 }
 
-void Link::send(const Frame &frame)
+void Link::send(const Frame &frame, bool urgent)
 {
-    encode(frame, bytes_);
+    encode(frame, bytes_, native_order(), shared_ ? Sum::zero : Sum::crc);
     if (shared_) {
-        return shared_->send(bytes_);
+        return shared_->send(bytes_, urgent);
     }
     // It never waits: in lock step only a few frames are ever on their way, so a side that takes no
     // more is gone. What it sent before, perhaps that it ends the run, is still to be read.
@@ -138,7 +188,7 @@ bool Link::receive(Frame &frame)
         if (!shared_->receive(received_)) {
             return false;
         }
-        frame = decode(received_, limits_);
+        frame = decode(received_, limits_, Sum::zero);
         return true;
     }
     if (!socket_.recv(message_, zmq::recv_flags::dontwait)) {
@@ -157,13 +207,13 @@ Frame Link::wait(std::chrono::milliseconds most)
 {
     Frame frame;
     const bool limited = most.count() > 0;
-    const auto end = Clock::now() + most;
+    const auto end = limited ? Clock::now() + most : Clock::time_point::max();
     while (!receive(frame)) {
-        const auto rest = std::chrono::ceil<std::chrono::milliseconds>(end - Clock::now());
-        if (limited && rest.count() <= 0) {
+        const auto rest = limited ? std::chrono::ceil<std::chrono::milliseconds>(end - Clock::now()) : look;
+        if (rest.count() <= 0) {
             throw LinkError("nothing came within " + std::to_string(most.count()) + " ms");
         }
-        if (silent(limited ? std::min(rest, look) : look) && gone()) {
+        if (silent(limited || !watcher_ ? std::min(rest, look) : for_ever) && gone()) {
             if (receive(frame)) {
                 break;
             }
@@ -187,6 +237,9 @@ bool Link::silent(std::chrono::milliseconds most)
 
 bool Link::gone()
 {
+    if (watcher_) {
+        return watcher_->gone();
+    }
     std::uint16_t kind = 0;
     for (std::uint32_t value = 0; next_event(monitor_, kind, value);) {
         if (kind != ZMQ_EVENT_DISCONNECTED) {

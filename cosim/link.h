@@ -64,8 +64,8 @@ public:
     void share(std::unique_ptr<SharedChannel> channel);
     SharedChannel *shared() const { return shared_.get(); }
 
-    /// To a side that is gone it does nothing: wait() and gone() say so.
-    void send(const Frame &frame);
+    /// To a side that is gone it does nothing: wait() and gone() say so. `urgent`: see SharedChannel.
+    void send(const Frame &frame, bool urgent = true);
 
     /// The next frame that has come, into `frame`. False if there is none. Throws ProtocolError. A long
     /// frame that is sent through shared memory goes on its way here, too.
@@ -82,6 +82,7 @@ public:
     int events() { return descriptor(monitor_); }
 
 private:
+    class Watcher;
     bool silent(std::chrono::milliseconds most);
 
     Limits limits_;
@@ -89,6 +90,7 @@ private:
     zmq::message_t message_;
     Bytes bytes_, received_;
     std::unique_ptr<SharedChannel> shared_;
+    std::unique_ptr<Watcher> watcher_; ///< of a node that shares memory
     bool bound_ = false, made_ = false, gone_ = false;
     int strangers_ = 0;   ///< that came and have still to go
     std::string refusal_; ///< why the other side does not let this one in

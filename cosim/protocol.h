@@ -38,7 +38,7 @@
 //      5  1  version of this format
 //      6  2  kind
 //      8  4  bytes of the body
-//     12  4  CRC-32 of the body (that of zlib)
+//     12  4  CRC-32 of the body (that of zlib); 0 in shared memory
 //     16  4  number of the request; a reply repeats it
 //     20  4  0
 //
@@ -251,13 +251,16 @@ struct Frame {
 enum class Order : std::uint8_t { big = 0, little = 1 };
 Order native_order();
 
+/// Whether a frame carries a checksum: not where it never leaves the machine's memory.
+enum class Sum { zero, crc };
+
 /// The bytes of a frame, in place of what `out` holds (its room is used again). The other byte order
 /// than the machine's serves tests. Throws ProtocolError if the body exceeds 4 GiB.
-void encode(const Frame &frame, Bytes &out, Order order = native_order());
+void encode(const Frame &frame, Bytes &out, Order order = native_order(), Sum sum = Sum::crc);
 Bytes encode(const Frame &frame, Order order = native_order());
 
 /// Throws ProtocolError.
-Frame decode(std::span<const std::byte> bytes, const Limits &limits = {});
+Frame decode(std::span<const std::byte> bytes, const Limits &limits = {}, Sum sum = Sum::crc);
 
 /// A payload from a struct in the machine's order.
 Bytes make_payload(std::span<const std::byte> message);

@@ -14,6 +14,7 @@ using namespace std::chrono_literals;
 
 constexpr auto look = 100ms;
 constexpr std::size_t most_attaching = 1000;
+constexpr auto rest = 20ms; ///< how long the sockets may be left alone while all is in shared memory
 constexpr auto spin = 20us; ///< before one sleeps, if there is a processor for each program
 
 /// What is watched, by keys.
@@ -135,13 +136,24 @@ std::string Router::run(const std::function<bool()> &poll)
 void Router::wait(std::chrono::milliseconds most)
 {
     const bool sleeps = most.count() && !sharing_.empty();
+    if (bell_) {
+        bell_->wake();
+    }
     if (sleeps && spin_.spin([&] { return anything_shared(); })) {
         return;
     }
     if (sleeps) {
-        bell_->arm();
+        const bool rests = expect();
+        bell_->arm(rests ? Bell::rests : Bell::polls);
         if (anything_shared()) {
             most = 0ms;
+        } else if (rests) {
+            bell_->rest(rest);
+            bell_->disarm(false);
+            if (anything_shared()) {
+                return;
+            }
+            most = 0ms; // nobody rang for a while
         }
     }
     const auto &ready = poller_.wait(most);
@@ -168,6 +180,18 @@ void Router::wait(std::chrono::milliseconds most)
     }
 }
 
+/// Let those alone wake this program whose tocks bring the run further. Whether they all share memory.
+bool Router::expect()
+{
+    const bool some = controller_.decisive(decisive_);
+    std::size_t expected = 0;
+    for (const NodeId id : sharing_) {
+        nodes_[id].link->shared()->expect(!some || decisive_[id]);
+        expected += some && decisive_[id];
+    }
+    return some && expected == static_cast<std::size_t>(std::count(decisive_.begin(), decisive_.end(), true));
+}
+
 bool Router::anything_shared() const
 {
     return std::any_of(sharing_.begin(), sharing_.end(),
@@ -183,6 +207,9 @@ bool Router::listen_to_shared()
             listen(id); // the list may be shorter now; who was passed over is met next time
             any = true;
         }
+    }
+    if (any) {
+        bell_->wake();
     }
     return any;
 }
@@ -438,7 +465,7 @@ Welcome Router::open(NodeId id)
     Welcome welcome;
     if (bell_) {
         try {
-            place.offered = std::make_unique<SharedChannel>(*bell_, spins_, config_.limits);
+            place.offered = std::make_unique<SharedChannel>(*bell_, id, spins_, config_.limits);
             welcome.shared = place.offered->path();
             welcome.nonce = place.offered->nonce();
         } catch (const LinkError &) {

@@ -94,6 +94,7 @@ private:
     bool listen_to_shared();
     void listen_again();
     bool anything_shared() const;
+    bool expect();
     void call_hosted();
     void heard(NodeId id, Frame frame);
     bool keyed() const;
@@ -117,13 +118,14 @@ private:
     Controller controller_;
     zmq::socket_t lobby_;
     std::string address_;
+    std::optional<Bell> bell_;              ///< none: no memory is shared
     std::vector<Place> nodes_;
     Poller poller_;
-    std::optional<Bell> bell_;              ///< none: no memory is shared
     std::chrono::nanoseconds spins_{0};     ///< so long who waits looks for frames before it sleeps
     Spin spin_;
     std::vector<NodeId> sharing_;           ///< who does
     std::vector<NodeId> unsure_;
+    std::vector<char> decisive_;
     bool lobby_unsure_ = true;
     std::vector<Node *> hosted_;            ///< in the order of their coming
     std::deque<std::pair<NodeId, Frame>> calls_; ///< to hosted nodes, in the order of asking

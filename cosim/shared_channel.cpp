@@ -21,8 +21,6 @@ namespace fledge::cosim {
 
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
 constexpr char magic[8] = {'F', 'L', 'E', 'D', 'G', 'S', 'M', '1'};
 constexpr std::size_t ring_size = 16384; ///< of each way: some ticks fit in, and it stays in the cache
 constexpr std::size_t word = 8;
@@ -31,7 +29,7 @@ static_assert(std::atomic<std::uint32_t>::is_always_lock_free && std::atomic<std
 
 struct Head {
     char magic[8];
-    std::uint64_t nonce, spin;
+    std::uint64_t nonce, spin, slot;
     char bell[64], pipe[64];
 };
 
@@ -72,6 +70,7 @@ std::string text_of(const char (&from)[64])
 struct Bell::Memory {
     std::uint64_t nonce;
     alignas(64) std::atomic<std::uint32_t> armed;
+    alignas(64) std::atomic<std::uint32_t> calls[words_of_slots];
 };
 
 Bell::Memory &Bell::words() const
@@ -116,7 +115,8 @@ Bell::~Bell()
     }
 }
 
-Bell::Bell(Bell &&other) noexcept : memory_(std::move(other.memory_)), nonce_(other.nonce_)
+Bell::Bell(Bell &&other) noexcept
+    : memory_(std::move(other.memory_)), called_(other.called_), nonce_(other.nonce_)
 {
     std::swap(pipe_[0], other.pipe_[0]);
     std::swap(pipe_[1], other.pipe_[1]);
@@ -125,6 +125,7 @@ Bell::Bell(Bell &&other) noexcept : memory_(std::move(other.memory_)), nonce_(ot
 Bell &Bell::operator=(Bell &&other) noexcept
 {
     std::swap(memory_, other.memory_);
+    std::swap(called_, other.called_);
     std::swap(pipe_, other.pipe_);
     std::swap(nonce_, other.nonce_);
     return *this;
@@ -134,20 +135,57 @@ void Bell::ring()
 {
     std::atomic_thread_fence(std::memory_order_seq_cst);
     std::atomic<std::uint32_t> &armed = words().armed;
-    if (armed.load(std::memory_order_relaxed) && armed.exchange(0)) {
-        (void)!write(pipe_[1], "", 1); // a full pipe is readable already
+    switch (armed.load(std::memory_order_relaxed) ? armed.exchange(awake) : awake) {
+    case polls: (void)!write(pipe_[1], "", 1); break; // a full pipe is readable already
+    case rests: syscall(SYS_futex, &armed, FUTEX_WAKE, 1, nullptr, nullptr, 0); break;
+    default: break;
     }
 }
 
-void Bell::arm()
+void Bell::wake()
 {
-    words().armed.store(1);
+    for (std::size_t i = 0; i < words_of_slots; i++) {
+        if (const std::uint32_t who = std::exchange(called_[i], 0)) {
+            std::atomic<std::uint32_t> &calls = words().calls[i];
+            calls.fetch_add(1);
+            syscall(SYS_futex, &calls, FUTEX_WAKE_BITSET, INT_MAX, nullptr, nullptr, who);
+        }
+    }
+}
+
+std::uint32_t Bell::calls(std::size_t slot) const
+{
+    return words().calls[slot / 32 % words_of_slots].load();
+}
+
+bool Bell::sleep(std::size_t slot, std::uint32_t calls, std::chrono::milliseconds most)
+{
+    timespec until{};
+    if (most.count() >= 0) {
+        clock_gettime(CLOCK_MONOTONIC, &until);
+        const auto ns = until.tv_nsec + most.count() % 1000 * 1'000'000;
+        until = {until.tv_sec + most.count() / 1000 + ns / 1'000'000'000, ns % 1'000'000'000};
+    }
+    return !syscall(SYS_futex, &words().calls[slot / 32 % words_of_slots], FUTEX_WAIT_BITSET, calls,
+                    most.count() >= 0 ? &until : nullptr, nullptr, 1u << slot % 32) ||
+           errno == EAGAIN;
+}
+
+void Bell::rest(std::chrono::milliseconds most)
+{
+    const timespec rest = {most.count() / 1000, most.count() % 1000 * 1'000'000};
+    syscall(SYS_futex, &words().armed, FUTEX_WAIT, rests, &rest, nullptr, 0);
+}
+
+void Bell::arm(Wait how)
+{
+    words().armed.store(how, std::memory_order_relaxed);
     std::atomic_thread_fence(std::memory_order_seq_cst);
 }
 
 void Bell::disarm(bool rang)
 {
-    words().armed.store(0, std::memory_order_relaxed);
+    words().armed.store(awake, std::memory_order_relaxed);
     char bytes[256];
     while (rang && read(pipe_[0], bytes, sizeof bytes) == sizeof bytes) {
     }
@@ -163,8 +201,8 @@ struct SharedChannel::Lane {
 
 struct SharedChannel::Memory {
     Head head;
-    alignas(64) std::atomic<std::uint32_t> rung; ///< how often the controller has
-    std::atomic<std::uint32_t> asleep;           ///< the node sleeps
+    alignas(64) std::atomic<std::uint32_t> asleep;  ///< the node is
+    alignas(64) std::atomic<std::uint32_t> ignored; ///< the controller does not wait for this node
     Lane lanes[2];                               ///< to the node, to the controller
     alignas(64) std::byte rings[2][ring_size];
 };
@@ -174,13 +212,15 @@ SharedChannel::Memory &SharedChannel::words() const
     return *std::launder(reinterpret_cast<Memory *>(memory_.bytes().data()));
 }
 
-SharedChannel::SharedChannel(const Bell &bell, std::chrono::nanoseconds spin, const Limits &limits)
-    : memory_(SharedMemory::create(sizeof(Memory))), nonce_(bell.nonce()), limit_(limits.frame)
+SharedChannel::SharedChannel(Bell &bell, std::size_t slot, std::chrono::nanoseconds spin, const Limits &limits)
+    : memory_(SharedMemory::create(sizeof(Memory))), bell_(&bell), slot_(slot), nonce_(bell.nonce()),
+      limit_(limits.frame)
 {
     Memory &memory = *new (memory_.bytes().data()) Memory{};
     std::memcpy(memory.head.magic, magic, sizeof magic);
     memory.head.nonce = nonce_;
     memory.head.spin = static_cast<std::uint64_t>(spin.count());
+    memory.head.slot = slot;
     set_text(memory.head.bell, bell.memory_path());
     set_text(memory.head.pipe, bell.pipe_path());
     out_ = &memory.lanes[0];
@@ -197,7 +237,8 @@ SharedChannel::SharedChannel(const std::string &path, std::uint64_t nonce, const
     if (std::memcmp(head.magic, magic, sizeof magic) || head.nonce != nonce) {
         throw LinkError("no shared memory: " + path + " is another one");
     }
-    bell_.emplace(text_of(head.bell), text_of(head.pipe), nonce);
+    own_.emplace(text_of(head.bell), text_of(head.pipe), nonce);
+    slot_ = head.slot;
     spin_ = Spin(std::chrono::nanoseconds(std::min<std::uint64_t>(head.spin, 1'000'000)));
     in_ = &memory.lanes[0];
     out_ = &memory.lanes[1];
@@ -205,15 +246,24 @@ SharedChannel::SharedChannel(const std::string &path, std::uint64_t nonce, const
     ring_out_ = memory.rings[1];
 }
 
-void SharedChannel::ring()
+void SharedChannel::expect(bool expected)
 {
-    if (bell_) {
-        return bell_->ring();
+    if (expected != expected_) {
+        expected_ = expected;
+        words().ignored.store(!expected, std::memory_order_relaxed); // Bell::arm() follows
     }
+}
+
+void SharedChannel::ring(bool urgent)
+{
     Memory &memory = words();
-    memory.rung.fetch_add(1);
-    if (memory.asleep.load()) {
-        syscall(SYS_futex, &memory.rung, FUTEX_WAKE, INT_MAX, nullptr, nullptr, 0);
+    std::atomic_thread_fence(std::memory_order_seq_cst);
+    if (bell_) {
+        if (memory.asleep.load(std::memory_order_relaxed)) {
+            bell_->call(slot_);
+        }
+    } else if (urgent || !memory.ignored.load(std::memory_order_relaxed)) {
+        own_->ring();
     }
 }
 
@@ -223,14 +273,21 @@ void SharedChannel::wait(std::chrono::milliseconds most)
         return;
     }
     Memory &memory = words();
-    memory.asleep.store(1);
+    memory.asleep.store(1, std::memory_order_relaxed);
     std::atomic_thread_fence(std::memory_order_seq_cst);
-    const std::uint32_t rung = memory.rung.load();
-    if (!pending()) {
-        const timespec rest = {most.count() / 1000, most.count() % 1000 * 1'000'000};
-        syscall(SYS_futex, &memory.rung, FUTEX_WAIT, rung, &rest, nullptr, 0);
+    // Others of its slots' word are woken, too.
+    for (std::uint32_t calls = own_->calls(slot_);
+         !pending() && !interrupted_ && own_->sleep(slot_, calls, most);) {
+        calls = own_->calls(slot_);
     }
     memory.asleep.store(0, std::memory_order_relaxed);
+}
+
+void SharedChannel::interrupt()
+{
+    interrupted_ = true;
+    own_->call(slot_);
+    own_->wake();
 }
 
 // ---- the rings
@@ -264,7 +321,7 @@ void SharedChannel::put(std::span<const std::byte> bytes)
     written_ += filled_up(bytes.size());
 }
 
-void SharedChannel::send(std::span<const std::byte> frame)
+void SharedChannel::send(std::span<const std::byte> frame, bool urgent)
 {
     if (frame.size() > limit_) {
         throw ProtocolError("a frame of " + std::to_string(frame.size()) + " bytes; " + std::to_string(limit_) +
@@ -276,7 +333,7 @@ void SharedChannel::send(std::span<const std::byte> frame)
         put(head);
         put(frame);
         out_->written.store(written_, std::memory_order_release);
-        return ring();
+        return ring(urgent);
     }
     kept_.insert(kept_.end(), head.begin(), head.end());
     kept_.insert(kept_.end(), frame.begin(), frame.end());
@@ -289,7 +346,7 @@ bool SharedChannel::flush()
     if (kept_.empty()) {
         return true;
     }
-    out_->blocked.store(1);
+    out_->blocked.store(1, std::memory_order_relaxed);
     std::atomic_thread_fence(std::memory_order_seq_cst);
     if (const std::size_t n = std::min(room(), kept_.size() - kept_at_)) {
         put(std::span(kept_).subspan(kept_at_, n));
@@ -331,8 +388,9 @@ bool SharedChannel::receive(Bytes &frame)
     coming_.insert(coming_.end(), ring_in_, ring_in_ + (n - first));
     taken_ += n;
     missing_ -= n;
-    in_->taken.store(taken_);
-    if (in_->blocked.load()) {
+    in_->taken.store(taken_, std::memory_order_release);
+    std::atomic_thread_fence(std::memory_order_seq_cst);
+    if (in_->blocked.load(std::memory_order_relaxed)) {
         ring();
     }
     if (missing_) {

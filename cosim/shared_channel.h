@@ -9,14 +9,16 @@
 // into the memory, the worst is a ProtocolError, or a frame that decode() refuses. A frame that is
 // longer than a ring goes in pieces.
 //
-// Who waits says so, and only then is it woken: a node by a futex in its memory. The controller waits
-// for many nodes and for sockets at once, so it has a pipe for all of them (Bell).
+// Who waits says so, and only then is it woken: nodes by a futex that they have in common, so that one
+// call wakes all that have got something; the controller by another one or, where it waits for sockets at
+// the same time, by a pipe (Bell).
 #pragma once
 
 #include "cosim/protocol.h"
 #include "cosim/shared_memory.h"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <optional>
@@ -67,7 +69,7 @@ private:
     unsigned vain_ = 0, skip_ = 0;
 };
 
-/// Where nodes ring for their controller. One end each.
+/// Where nodes ring for their controller, and it for them. One end each.
 class Bell {
 public:
     struct Memory;
@@ -83,8 +85,20 @@ public:
     /// Wake the controller if it sleeps. What it is to find was written before.
     void ring();
 
-    /// From now on a ring makes fd() readable. Look once more at all that may ring, then poll.
-    void arm();
+    /// The controller's end: this node is to be woken, by the next wake().
+    void call(std::size_t slot) { called_[slot / 32 % words_of_slots] |= 1u << slot % 32; }
+    void wake();
+
+    /// A node's end: how often wake() was called for its like; sleep until it is called once more. False
+    /// if the time is over before (a negative one never is), or a signal came.
+    std::uint32_t calls(std::size_t slot) const;
+    bool sleep(std::size_t slot, std::uint32_t calls, std::chrono::milliseconds most);
+
+    /// How the controller waits: for nodes alone, by rest(); for sockets, too, by polling fd().
+    enum Wait : std::uint32_t { awake = 0, polls = 1, rests = 2 };
+    /// From now on a ring ends this wait. Look once more at all that may ring, before it begins.
+    void arm(Wait how);
+    void rest(std::chrono::milliseconds most);
     /// No longer. `rang`: fd() was readable.
     void disarm(bool rang);
     int fd() const { return pipe_[0]; }
@@ -94,9 +108,12 @@ public:
     std::uint64_t nonce() const { return nonce_; }
 
 private:
+    static constexpr std::size_t words_of_slots = 8; ///< of 32; with more nodes, some wake in vain
+
     Memory &words() const;
 
     SharedMemory memory_;
+    std::array<std::uint32_t, words_of_slots> called_{};
     int pipe_[2] = {-1, -1}; ///< to read, to write
     std::uint64_t nonce_ = 0;
 };
@@ -105,9 +122,9 @@ class SharedChannel {
 public:
     struct Memory;
 
-    /// The controller's end, with new memory. `spin`: so long the node looks for frames before it
-    /// sleeps. Throws LinkError.
-    SharedChannel(const Bell &bell, std::chrono::nanoseconds spin, const Limits &limits);
+    /// The controller's end, with new memory. The bell lives longer, and wakes the node by this slot.
+    /// `spin`: so long the node looks for frames before it sleeps. Throws LinkError.
+    SharedChannel(Bell &bell, std::size_t slot, std::chrono::nanoseconds spin, const Limits &limits);
     /// The node's end of what stands at a path. Throws LinkError if it is not there, or other memory.
     SharedChannel(const std::string &path, std::uint64_t nonce, const Limits &limits);
 
@@ -116,11 +133,12 @@ public:
     /// The other side has opened it, or never will.
     void hide() { memory_.hide(); }
 
-    bool is_controllers() const { return !bell_; }
+    bool is_controllers() const { return !own_; }
 
-    /// Put a frame in. What finds no room is kept, for flush(). Throws ProtocolError if the other side
-    /// counts nonsense, or the frame is larger than the limit.
-    void send(std::span<const std::byte> frame);
+    /// Put a frame in; a node sees it at the latest after Bell::wake(). What finds no room is kept, for flush(). `urgent`: wake the controller in any case,
+    /// also if it does not wait for this node. Throws ProtocolError if the other side counts nonsense, or
+    /// the frame is larger than the limit.
+    void send(std::span<const std::byte> frame, bool urgent = true);
     /// Put in more of what was kept. Whether nothing is left.
     bool flush();
 
@@ -130,23 +148,32 @@ public:
     /// Whether there is something to receive, or room for what was kept.
     bool pending() const;
 
-    /// The node's end: sleep until something is pending, at most so long.
+    /// The controller's end: whether it waits for this node too, when it sleeps.
+    void expect(bool expected);
+
+    /// The node's end: sleep until something is pending, at most so long; a negative time: until then or
+    /// interrupt(), by another thread.
     void wait(std::chrono::milliseconds most);
+    void interrupt();
 
 private:
     struct Lane;
 
     Memory &words() const;
-    void ring();
+    void ring(bool urgent = true);
     std::size_t filled() const;
     std::size_t room();
     void put(std::span<const std::byte> bytes);
 
     SharedMemory memory_;
-    std::optional<Bell> bell_; ///< the node's end of it; the controller has none here
+    Bell *bell_ = nullptr;    ///< the controller's
+    std::optional<Bell> own_; ///< the node's end of it
+    std::size_t slot_ = 0;
+    std::atomic<bool> interrupted_{false};
     std::uint64_t nonce_ = 0;
     Spin spin_; ///< the node's
     std::size_t limit_ = 0;
+    bool expected_ = true;
     Lane *in_ = nullptr, *out_ = nullptr;
     std::byte *ring_in_ = nullptr, *ring_out_ = nullptr;
     std::uint64_t taken_ = 0;   ///< from the ring that comes in

@@ -37,19 +37,28 @@ Bytes frame_of(std::uint32_t number)
 
 struct Ends {
     explicit Ends(Limits limits = {}, std::chrono::nanoseconds spin = 0ns)
-        : controller(bell, spin, limits), node(controller.path(), controller.nonce(), limits)
+        : controller(bell, 3, spin, limits), node(controller.path(), controller.nonce(), limits)
     {
     }
     Bell bell;
     SharedChannel controller, node;
 };
 
-/// Sleep until the node has rung, as a controller does.
+/// Sleep until the node has rung, as a controller does, in either way.
 void sleep(Bell &bell, const SharedChannel &channel)
 {
-    bell.arm();
+    static std::mt19937 random;
+    const bool rests = random() % 2;
+    bell.wake();
+    bell.arm(rests ? Bell::rests : Bell::polls);
     pollfd fd{bell.fd(), POLLIN, 0};
-    bell.disarm(!channel.pending() && poll(&fd, 1, 10'000) == 1);
+    bool rang = false;
+    if (!channel.pending() && rests) {
+        bell.rest(10'000ms);
+    } else if (!channel.pending()) {
+        rang = poll(&fd, 1, 10'000) == 1;
+    }
+    bell.disarm(rang);
 }
 
 TEST(SharedChannel, FramesOfAnyLengthArriveInOrder)
@@ -81,6 +90,7 @@ TEST(SharedChannel, FramesOfAnyLengthArriveInOrder)
                 sleep(ends.bell, ends.controller);
             }
         }
+        ends.bell.wake();
         node.join();
         EXPECT_LT(std::chrono::steady_clock::now() - start, 60s);
     }
@@ -89,7 +99,7 @@ TEST(SharedChannel, FramesOfAnyLengthArriveInOrder)
 TEST(SharedChannel, WhoSleepsIsWokenBetweenPrograms)
 {
     Bell bell;
-    SharedChannel channel(bell, 0ns, {});
+    SharedChannel channel(bell, 300, 0ns, {});
     const std::string path = channel.path();
     const pid_t child = fork();
     if (child == 0) {
@@ -136,7 +146,7 @@ std::string refusal(const std::string &path, std::uint64_t nonce)
 TEST(SharedChannel, WhatIsNotTheControllersMemoryIsRefused)
 {
     Bell bell;
-    SharedChannel channel(bell, 0ns, {});
+    SharedChannel channel(bell, 300, 0ns, {});
     const std::string path = channel.path();
     EXPECT_EQ(refusal(path, channel.nonce()), "");
     EXPECT_EQ(refusal(path, channel.nonce() + 1), "no shared memory: " + path + " is another one");
@@ -170,7 +180,7 @@ TEST(SharedChannel, LimitsHold)
     EXPECT_TRUE(ends.controller.receive(frame));
 
     Bell bell;
-    SharedChannel controller(bell, 0ns, Limits{1000, 255, 1000, 100});
+    SharedChannel controller(bell, 0, 0ns, Limits{1000, 255, 1000, 100});
     SharedChannel node(controller.path(), controller.nonce(), {});
     node.send(Bytes(1001));
     EXPECT_THROW(controller.receive(frame), ProtocolError);
