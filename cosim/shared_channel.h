@@ -135,9 +135,9 @@ public:
 
     bool is_controllers() const { return !own_; }
 
-    /// Put a frame in; a node sees it at the latest after Bell::wake(). What finds no room is kept, for flush(). `urgent`: wake the controller in any case,
-    /// also if it does not wait for this node. Throws ProtocolError if the other side counts nonsense, or
-    /// the frame is larger than the limit.
+    /// Put a frame in; a node sees it at the latest after Bell::wake(). What finds no room is kept, for
+    /// flush(). `urgent`: wake the controller in any case, also if it does not wait for this node.
+    /// Throws ProtocolError if the other side counts nonsense, or the frame is larger than the limit.
     void send(std::span<const std::byte> frame, bool urgent = true);
     /// Put in more of what was kept. Whether nothing is left.
     bool flush();
