@@ -40,7 +40,8 @@ static const char usage[] =
     "  --root DIR      has the folder cf, with tables, and perhaps ram; default: .\n"
     "  --script FILE   default: /cf/cfe_es_startup.scr\n"
     "  --quiet         no lines of events\n"
-    "  --ground        packets come in and go out as lines of hex digits\n"
+    "  --ground        packets come in and go out as lines of hex digits; `restart NAME`\n"
+    "                  starts an app anew\n"
     "  --listen IDS    of those that go out, as 0x08C0,0x08C1; a range as 0x08C0-0x08C9\n"
     "  --hold          apps go on from their start-up once a line says `go`\n";
 
@@ -137,6 +138,8 @@ static int read_ground(int *go)
         *end = '\0';
         if (strcmp(text, "go") == 0) {
             *go = 1;
+        } else if (strncmp(text, "restart ", 8) == 0) {
+            (void)pocket_restart_app(text + 8);
         } else {
             command(text);
         }

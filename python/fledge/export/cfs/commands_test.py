@@ -19,7 +19,7 @@ HOUSEKEEPING = ("time commands command_errors spare bad_checksum bad_length unkn
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory):
-    """(mission with modes, app, folder, program)."""
+    """(mission with modes, app, folder, program, the outside of its registers)."""
     folder = tmp_path_factory.mktemp("commands")
     modes = folder / "modes"
     modes.mkdir()
@@ -28,14 +28,16 @@ def built(tmp_path_factory):
     mission = export.read(fledge.load(modes))
     app = cfs.App("nav")
     cfs.write(mission, app, folder / "nav", outputs="all")
-    return mission, app, folder, hosted.build([(app, folder / "nav")], folder / "run")
+    program = hosted.build([(app, folder / "nav")], folder / "run", options=["-O1"])
+    outside = Outside(mission, folder / "outside")
+    outside.close()
+    return mission, app, folder, program, outside
 
 
 @pytest.fixture()
-def core(built, tmp_path):
-    mission, _, _, program = built
-    outside = Outside(mission, tmp_path)
-    core = Core(program, outside, listen="0x08C0-0x08E0")
+def core(built):
+    outside = built[4].begin()
+    core = Core(built[3], outside, listen="0x08C0-0x08E0")
     core.outside = outside
     try:
         core.until("NAV flies modes")
@@ -58,7 +60,7 @@ def housekeeping(core, first=None):
 
 def table_file(built, name, **changes):
     """Write a .tbl with parameters changed by (field, values) into /ram; returns its name there."""
-    mission, app, folder, _ = built
+    mission, app, folder = built[:3]
     table = next(t for t in tables.tables(mission, app) if t.name == name)
     content = bytearray(table.content)
     for field, values in changes.items():
@@ -85,7 +87,7 @@ def test_noop_and_reset_of_the_counters(core):
     assert {k: v for k, v in housekeeping(core).items() if v} == {"time": -1, "stamp": (0, 0)}
 
 
-@pytest.mark.parametrize("packet, event, counter", [
+REFUSED = [
     (command(CMD, 0, checksum=0x17), "NAV 21: Command refused: its checksum is wrong; code, found 0", "bad_checksum"),
     (bytes.fromhex("18c0c000000000"), "NAV 22: Command refused: it is shorter than its header, found 7", "bad_length"),
     (command(CMD, 0, b"x"), "NAV 22: Command refused: its length is not that of its code, found 9", "bad_length"),
@@ -100,7 +102,10 @@ def test_noop_and_reset_of_the_counters(core):
     (load("Control", "/cf/absent.tbl"), "NAV 7: Table Control is not loaded from /cf/absent.tbl: 0xCC00002C",
      "refused"),
     (load("Control", "/cf/nav_motor.tbl"), "NAV 7: Table Control is not loaded", "refused"),
-])
+]
+
+
+@pytest.mark.parametrize("packet, event, counter", REFUSED, ids=[f"{p[:8].hex()}" for p, _, _ in REFUSED])
 def test_what_is_refused_is_an_event_and_a_counter(core, packet, event, counter):
     core.send(packet)
     core.until(event)
@@ -115,8 +120,7 @@ def test_a_wakeup_without_a_tick_changes_nothing(core):
 
 
 def test_a_pipe_that_is_full_of_commands_lets_the_rest_in(built):
-    _, _, _, program = built
-    core = Core(program, listen="0x08C0", hold=True)
+    core = Core(built[3], listen="0x08C0", hold=True)
     try:
         core.until("NAV flies modes")
         for _ in range(6):                          # the app still waits for the system to be operational
@@ -180,8 +184,8 @@ def test_parameters_that_break_a_rule_stay_out(core, built, table, change, says)
     assert found["table_refusals"] == 1 and found["refused"] == 1 and found["table_updates"] == 0
 
 
-def test_without_its_tables_it_flies_with_those_it_was_exported_with(built, tmp_path):
-    mission, _, folder, program = built
+def test_without_its_tables_it_flies_with_those_it_was_exported_with(built):
+    folder, program = built[2:4]
     stored = {file: file.read_bytes() for file in (folder / "run/cf").glob("*.tbl")}
     try:
         for file in stored:
@@ -224,9 +228,26 @@ def test_flight_begins_anew_where_it_is_told_to(core):
     assert core.outside.take("flight.wheels.wheels", 0)[12:16] == struct.pack("<I", 1)   # published once since
 
 
-def test_it_ends_with_the_run_and_with_its_surroundings(built, tmp_path):
-    mission, _, _, program = built
-    outside = Outside(mission, tmp_path)
+def test_an_app_that_is_started_again_in_place_flies_on_from_nothing(core):
+    core.outside.tick(-1)
+    core.outside.tick(0)
+    core.outside.tick(100_000_000)
+    core.send(command(CMD, 0))
+    core.until("NAV 2:")
+    for _ in range(3):
+        core.write("restart NAV")
+        core.until("CFE_ES_ExitApp: NAV ends with status 5")
+        core.until("NAV flies modes")
+        found = housekeeping(core)
+        assert (found["ticks"], found["commands"], found["time"]) == (0, 0, -1)
+        core.outside.tick(200_000_000)              # it still has the registers, and the time is theirs
+        found = housekeeping(core)
+        assert (found["ticks"], found["time"]) == (1, 200_000_000)
+        assert core.outside.take("flight.wheels.wheels", 0)[12:16] == struct.pack("<I", 1)
+
+
+def test_it_ends_with_the_run_and_with_its_surroundings(built):
+    program, outside = built[3], built[4].begin()
     core = Core(program, outside)
     try:
         outside.tick(-1)
@@ -238,7 +259,7 @@ def test_it_ends_with_the_run_and_with_its_surroundings(built, tmp_path):
     finally:
         core.kill()
         outside.close()
-    outside = Outside(mission, tmp_path)
+    outside.begin()
     core = Core(program, outside)
     try:
         outside.tick(-1)

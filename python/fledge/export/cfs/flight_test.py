@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Exported apps fly: on the pocket cFE, in lock-step with their registers, they put out the desktop's bits."""
 
+import shutil
+import subprocess
+
 import pytest
 
 import fledge
@@ -13,20 +16,20 @@ from fledge.export.testing import Recorded
 NS = 1_000_000_000
 
 
-def flown(name, folder, duration):
+def flown(name, folder, duration, compiler="gcc", order="little", runner=(), **more):
     """Fly an app with what the desktop's flight is told; (ticks, where it differs or None, the core's report)."""
     sim = fledge.load(name)
     mission = export.read(sim)
-    app = cfs.App("fsw")
+    app = cfs.App("fsw", order=order)
     cfs.write(mission, app, folder / "fsw", outputs="all")
-    program = hosted.build([(app, folder / "fsw")], folder / "run")
+    program = hosted.build([(app, folder / "fsw")], folder / "run", compiler, **more)
     inputs, outputs = [m.path for m in mission.inputs], [m.path for m in mission.outputs]
     recorded = Recorded(sim, [*inputs, *outputs], sim.flight._core_process.tasks[0][1] / NS)
     sim.run(duration)
     told = {p: recorded.samples(p) for p in inputs}
     said = {p: recorded.samples(p) for p in outputs}
     outside = Outside(mission, folder / "outside")
-    core = Core(program, outside)
+    core = Core(program, outside, runner=runner)
     try:
         outside.tick(-1)
         for i, t in enumerate(recorded.times()):
@@ -49,3 +52,30 @@ def test_an_app_puts_out_the_same_bits(name, tmp_path):
     assert difference is None
     assert ticks >= 1200
     assert report["errors"] == 0 and report["overflow"] == 0
+
+
+@pytest.mark.parametrize("machine, order", [("aarch64", "little"), ("sparc64", "big")])
+def test_so_it_does_on_other_machines(machine, order, tmp_path):
+    """Of another byte order, too: its tables are files of that order."""
+    compiler, runner = f"{machine}-linux-gnu-gcc", f"qemu-{machine}"
+    for program in (compiler, runner):
+        if not shutil.which(program):
+            pytest.skip(f"{program} is not installed")
+    _, difference, report = flown("nadir_spin", tmp_path, 30.0, compiler, order, [runner], options=("-O1", "-static"))
+    assert difference is None
+    assert report["errors"] == 0                        # no table was refused
+
+
+def test_with_tables_of_the_wrong_order_it_flies_with_those_it_was_exported_with(tmp_path):
+    _, difference, report = flown("nadir_spin", tmp_path, 5.0, order="big", options=("-O1",))
+    assert difference is None
+    assert report["errors"] == 18                       # each of 6: its layout, refused by cFE, defaults
+
+
+def test_main_and_child_task_race_nowhere(tmp_path):
+    tried = subprocess.run(f"echo 'int main(void) {{ return 0; }}' > {tmp_path}/t.c && gcc -fsanitize=thread "
+                           f"{tmp_path}/t.c -o {tmp_path}/t && {tmp_path}/t", shell=True, capture_output=True)
+    if tried.returncode:
+        pytest.skip("the thread sanitizer does not start here")
+    ticks, difference, report = flown("nadir_spin", tmp_path, 20.0, options=("-O1", "-fsanitize=thread"))
+    assert difference is None and report["events"] >= 3 and report["exit"] == 0

@@ -4,12 +4,13 @@
 from fledge.export import c_run
 from fledge.export.c_text import wrap
 from fledge.export.cfs.packets import guarded
-from fledge.export.cfs.tables import layout_checks, rules
+from fledge.export.cfs.tables import HEAD_SIZE, layout_checks, rules
 
 
 def header(mission, app, found, boards, watched=False):
     prefix, upper = app.prefix, mission.name.upper()
     longest = max(m.struct.size for m in mission.outputs)
+    longest_table = HEAD_SIZE + max((len(t.content) for t in found), default=0)
     return guarded(app, "mission", f"What {prefix} flies: {mission.title}.", [
         '#include "cfe.h"', "", f'#include "{mission.name}.h"', f'#include "{mission.name}_io.h"',
         '#include "targets/mission_check.h"', "",
@@ -18,10 +19,13 @@ def header(mission, app, found, boards, watched=False):
         f"#define {prefix}_MESSAGES {upper}_MESSAGES",
         f"#define {prefix}_LONGEST_MESSAGE {longest} /* [bytes] */",
         f"#define {prefix}_BOARDS {len(boards)}",
-        f"#define {prefix}_TABLES {len(found)}", "",
+        f"#define {prefix}_TABLES {len(found)}",
+        f"#define {prefix}_TABLE_HEAD {HEAD_SIZE} /* [bytes] in front of the parameters */",
+        f"#define {prefix}_LONGEST_TABLE {longest_table} /* [bytes] */", "",
         "/** The parameters of a module as a table. */", f"typedef struct {prefix}_Table {{",
         "    const char *Name; /* as the bus knows it, without the app's */",
-        "    const char *File; /* what it is loaded from at the start */", "    const MissionRule *Rules;",
+        "    const char *File; /* what it is loaded from at the start */",
+        "    uint32 Layout;    /* what its first word must be */", "    const MissionRule *Rules;",
         "    uint32 NumRules;", "    int32 (*Validate)(void *Content);", f"}} {prefix}_Table_t;", "",
         f"extern const {prefix}_Table_t {prefix}_Tables[{prefix}_TABLES + 1];", "",
         "/** Look at what a table shall hold: CFE_SUCCESS, or an error after an event. */",
@@ -49,10 +53,10 @@ def source(mission, app, found):
                   f"    return {prefix}_ValidateTable({i}, Content);", "}", ""]
     lines += [f"const {prefix}_Table_t {prefix}_Tables[{prefix}_TABLES + 1] = {{"]
     for table in found:
-        lines += wrap([f'"{table.name}",', f'"{table.file}",', f"Rules{table.name},",
+        lines += wrap([f'"{table.name}",', f'"{table.file}",', f"{prefix}_{table.name.upper()}_LAYOUT,", f"Rules{table.name},",
                        f"sizeof Rules{table.name} / sizeof Rules{table.name}[0],", f"Validate{table.name}"],
                       "    {", "     ", "},")
-    lines += ["    {NULL, NULL, NULL, 0, NULL},", "};", "",
+    lines += ["    {NULL, NULL, 0, NULL, 0, NULL},", "};", "",
               f"void {prefix}_Publish({prefix}_Mission_t *Mission, uint32 Index, int64 t)", "{"]
     configuration = [(i, t.module) for i, t in enumerate(found) if t.module in mission.configuration]
     if configuration:

@@ -32,8 +32,10 @@ def members(fields, indent="    "):
     return lines
 
 
-def struct(name, fields, about):
-    return "\n".join([*doc(about), f"typedef struct {name} {{", *members(fields), f"}} {name}_t;", ""])
+def struct(name, fields, about, first=()):
+    """A typedef; `first` are lines of members in front."""
+    return "\n".join([*doc(about), f"typedef struct {name} {{", *(f"    {line}" for line in first), *members(fields),
+                      f"}} {name}_t;", ""])
 
 
 def guarded(app, file, about, parts):

@@ -108,6 +108,11 @@ def test_what_a_file_defines_for_others_is_found(text, names):
     assert sources.external(text) == names
 
 
+def test_an_app_may_be_called_as_its_mission(nadir, tmp_path):
+    cfs.write(nadir, cfs.App("nadir_spin"), tmp_path / "nadir_spin")
+    hosted.build([(cfs.App("nadir_spin"), tmp_path / "nadir_spin")], tmp_path / "run", options=["-O0"])
+
+
 # --- tables ----------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize("order", ["little", "big"])
@@ -120,6 +125,8 @@ def test_table_files_read_back_as_the_parameters(name, order):
         assert (content_id, subtype) == (b"cFE1", 8)
         assert full == f"NAV.{table.name}" and table.module.path in about and len(table.name) <= 15
         end = "<" if order == "little" else ">"
+        assert struct.unpack(end + "II", content[:8]) == (table.layout, 0)
+        content = content[8:]
         for field in table.fields:                      # each number by itself, as a ground tool would
             letter = tables.INTEGERS[field.type]
             n = field.size // struct.calcsize(letter)
@@ -137,7 +144,7 @@ def test_the_sources_of_tables_hold_the_same_bytes(written, nadir, tmp_path):
                        check=True)
         subprocess.run(["objcopy", "-O", "binary", "-j", ".data", obj, obj.with_suffix(".bin")], check=True)
         raw = obj.with_suffix(".bin").read_bytes()
-        assert table.content in raw
+        assert struct.pack("<II", table.layout, 0) + table.content in raw
         for text in (f"NADIR.{table.name}", f"{table.stem}.tbl", f"NADIR_{table.name}"):
             assert text.encode() + b"\0" in raw
         assert len(f"{table.stem}.tbl") <= 19

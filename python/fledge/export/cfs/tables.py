@@ -2,11 +2,13 @@
 """Parameters as cFE tables, one for each module that has any: what an operator changes, uploads and reads back is
 one module's, and nothing else is touched.
 
-A table's content is the module's `par` as it lies in memory. `.tbl` files are written here, in either byte order:
-cFE's file header and the table's, big-endian, then the content in the target's order.
+A table is a word that tells its layout, a spare one, and the module's `par` as it lies in memory. So a file of another
+byte order, or of an export before a header changed, is told from one that fits. `.tbl` files are written here, in either byte order:
+cFE's file header and the table's, big-endian, then the table in the target's order.
 """
 
 import struct as packing
+import zlib
 from dataclasses import dataclass
 
 from fledge.export import names
@@ -17,6 +19,8 @@ from fledge.export.cfs.packets import camel, guarded, struct
 from fledge.export.read import Module
 
 NAME_MAX, FILE_MAX = 15, 19          # CFE_MISSION_TBL_MAX_NAME_LENGTH, OS_MAX_FILE_NAME, less the end of a text
+HEAD_SIZE = 8
+HEAD = ["uint32 Layout; /* ..._LAYOUT: tells byte order and version of what follows */", "uint32 Spare;"]
 INTEGERS = {"i8": "b", "u8": "B", "i16": "h", "u16": "H", "i32": "i", "u32": "I", "i64": "q", "u64": "Q", "enum": "i",
             "f64": "d", "f32": "f"}
 
@@ -27,12 +31,22 @@ class Table:
     name: str                        # Control
     stem: str                        # nav_control: of its source and of its .tbl
     fields: list
-    content: bytes                   # little-endian
+    content: bytes                   # of par, little-endian
     start: int                       # [bytes] where par begins in the module
+
+    @property
+    def layout(self):
+        """A number that changes with the names, types, places and units of what is in it."""
+        return zlib.crc32(repr(described(self.fields, self.start)).encode())
 
     @property
     def file(self):
         return f"/cf/{self.stem}.tbl"
+
+
+def described(fields, start=0):
+    return [(f.name, f.type, tuple(f.shape), f.offset - start, f.unit,
+             described(f.struct.fields) if f.type == "struct" else ()) for f in fields]
 
 
 def tables(mission, app):
@@ -61,7 +75,8 @@ def shortened(text, longest, taken):
 
 def tbl(app, table):
     """The bytes of a .tbl file. It says no time, so that the same parameters give the same bytes."""
-    content = table.content if app.order == "little" else swapped(table.fields, table.content, table.start)
+    content = packing.pack({"little": "<II", "big": ">II"}[app.order], table.layout, 0)
+    content += table.content if app.order == "little" else swapped(table.fields, table.content, table.start)
     header = packing.pack(">4s7I32s", b"cFE1", 8, 64, 0, 0, 0, 0, 0, f"{table.module.path} parameters".encode()[:31])
     return header + packing.pack(">3I40s", 0, 0, len(content), f"{app.prefix}.{table.name}".encode()) + content
 
@@ -85,8 +100,9 @@ def header(app, found):
     """app_tbl.h"""
     parts = ['#include "common_types.h"', ""]
     for table in found:
-        parts.append(struct(f"{app.prefix}_{table.name}", table.fields,
-                            f"{table.module.path}, a {table.module.type}"))
+        name = f"{app.prefix}_{table.name}"
+        parts += [f"#define {name.upper()}_LAYOUT 0x{table.layout:08X}u",
+                  struct(name, table.fields, f"{table.module.path}, a {table.module.type}", HEAD)]
     return guarded(app, "tbl", f"The tables of {app.prefix}: the parameters of its modules.", parts)
 
 
@@ -97,18 +113,10 @@ def source(app, table):
                       f"/* The parameters of {plain(table.module.path)}, as its app was exported with. */",
                       '#include "cfe_tbl_filedef.h"', "", f'#include "{app.name}_tbl.h"', "",
                       "/* Not const, for the tool that makes a table of it; declared, for compilers that ask. */",
-                      *placed(table, name),
-                      f"{name}_t {name} = {{", *values(table.fields, table.content, table.start), "};", "",
+                      f"extern {name}_t {name};",
+                      f"{name}_t {name} = {{", f"    .Layout = {name.upper()}_LAYOUT,", *values(table.fields, table.content, table.start), "};", "",
                       f"CFE_TBL_FILEDEF({name}, {app.prefix}.{table.name}, {table.module.name} parameters, "
                       f"{table.stem}.tbl)", ""])
-
-
-def placed(table, name):
-    """What is all zero has no bytes in an object file, where the tool would look for them, unless it is told to."""
-    if any(table.content):
-        return [f"extern {name}_t {name};"]
-    return ["/* All zero: still with bytes of its own in the object file, for that tool. */",
-            f"extern {name}_t {name} __attribute__((section(\".data\")));"]
 
 
 def values(fields, content, start=0, indent="    "):
@@ -176,8 +184,8 @@ def layout_checks(app, found):
     lines = []
     for table in found:
         name, module = f"{app.prefix}_{table.name}_t", table.module
-        lines.append(f"SAME(sizeof({name}), sizeof((({module.type} *)0)->par), {table.name});")
+        lines.append(f"SAME(sizeof({name}), {HEAD_SIZE} + sizeof((({module.type} *)0)->par), {table.name});")
         for f in table.fields:
-            lines.append(f"SAME(offsetof({name}, {f.name}), offsetof({module.type}, par.{f.name}) - "
+            lines.append(f"SAME(offsetof({name}, {f.name}), {HEAD_SIZE} + offsetof({module.type}, par.{f.name}) - "
                          f"offsetof({module.type}, par), {table.name}_{f.name});")
     return [one for line in lines for one in wrap(line.split(" "), "", "     ")]

@@ -38,9 +38,14 @@ class Outside:
         self.so.outside_take.argtypes = [ctypes.c_uint32, ctypes.c_void_p, ctypes.c_int64]
         self.so.outside_put.argtypes = [ctypes.c_uint32, ctypes.c_void_p]
         self.messages = {m.path: (i, m.struct.size) for i, m in enumerate((*mission.inputs, *mission.outputs))}
+        self.begin()
+
+    def begin(self):
+        """A new file, all zero."""
         self.fd = self.so.outside_open()
         assert self.fd >= 0
         self.open = True
+        return self
 
     def put(self, path, raw):
         self.so.outside_put(self.messages[path][0], raw)
@@ -67,12 +72,12 @@ class Outside:
 class Core:
     """The program of hosted.build: packets to it, and its lines."""
 
-    def __init__(self, program, outside=None, listen="", hold=False):
+    def __init__(self, program, outside=None, listen="", hold=False, runner=()):
         environment = dict(os.environ)
         if outside:
             environment["FLEDGE_REGISTERS"] = f"/dev/fd/{outside.fd}"
         self.process = subprocess.Popen(
-            [str(program), "--root", str(Path(program).parent), "--ground", *(["--listen", listen] if listen else []),
+            [*runner, str(program), "--root", str(Path(program).parent), "--ground", *(["--listen", listen] if listen else []),
              *(["--hold"] if hold else [])], env=environment, pass_fds=[outside.fd] if outside else [],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         self.lines = queue.Queue()
@@ -118,8 +123,9 @@ class Core:
         while (line := self.lines.get(timeout=PATIENCE)) is not None:
             self.seen.append(line)
         self.process.wait(timeout=60)
-        return {words[0]: float(words[1]) for words in map(str.split, self.seen) if len(words) == 2 and
+        said = {words[0]: float(words[1]) for words in map(str.split, self.seen) if len(words) == 2 and
                 words[1].replace(".", "").isdigit()}
+        return said | {"exit": self.process.returncode}
 
     def kill(self):
         self.process.kill()
