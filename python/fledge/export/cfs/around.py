@@ -48,8 +48,8 @@ def schedule(app):
 def readme(mission, app, found):
     prefix, name = app.prefix, app.name
     ids = app.ids(mission)
-    tables = "\n".join(f"| `{prefix}.{t.name}` | {t.module.path}, a {t.module.type} | {HEAD_SIZE + len(t.content)} | `{t.file}` |"
-                       for t in found)
+    tables = "\n".join(f"| `{prefix}.{t.name}` | {t.module.path}, a {t.module.type} | {HEAD_SIZE + len(t.content)} | "
+                       f"`{t.file}` |" for t in found)
     packets = "\n".join(f"| {ids[f'{prefix}_{m.name.upper()}_TLM_MID']:#06x} | {m.path} | {m.struct.name} | "
                         f"{16 + m.struct.size} |" for m in mission.outputs)
     boards = f"`fsw/src/{mission.name}_io.c`"
@@ -92,8 +92,8 @@ housekeeping and lets the tables take over what the ground loaded; {CMD + 2 + ap
 
 ## Tables
 
-The parameters of each module, behind a word that tells byte order and version: a file of another is refused. What breaks
-its rules (finite, within its range, ...) is refused, with an event that
+The parameters of each module, behind a word that tells byte order and version: a file of another is refused. What
+breaks its rules (finite, within its range, ...) is refused, with an event that
 names the number. `fsw/inc/{name}_tbl.h` has their structs, with units.
 
 | table | parameters of | bytes | file |

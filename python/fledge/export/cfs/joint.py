@@ -53,7 +53,8 @@ def source(mission, app, found):
                   f"    return {prefix}_ValidateTable({i}, Content);", "}", ""]
     lines += [f"const {prefix}_Table_t {prefix}_Tables[{prefix}_TABLES + 1] = {{"]
     for table in found:
-        lines += wrap([f'"{table.name}",', f'"{table.file}",', f"{prefix}_{table.name.upper()}_LAYOUT,", f"Rules{table.name},",
+        lines += wrap([f'"{table.name}",', f'"{table.file}",', f"{prefix}_{table.name.upper()}_LAYOUT,",
+                       f"Rules{table.name},",
                        f"sizeof Rules{table.name} / sizeof Rules{table.name}[0],", f"Validate{table.name}"],
                       "    {", "     ", "},")
     lines += ["    {NULL, NULL, 0, NULL, 0, NULL},", "};", "",

@@ -3,8 +3,8 @@
 one module's, and nothing else is touched.
 
 A table is a word that tells its layout, a spare one, and the module's `par` as it lies in memory. So a file of another
-byte order, or of an export before a header changed, is told from one that fits. `.tbl` files are written here, in either byte order:
-cFE's file header and the table's, big-endian, then the table in the target's order.
+byte order, or of an export before a header changed, is told from one that fits. `.tbl` files are written here, in either
+byte order: cFE's file header and the table's, big-endian, then the table in the target's order.
 """
 
 import struct as packing
@@ -114,7 +114,8 @@ def source(app, table):
                       '#include "cfe_tbl_filedef.h"', "", f'#include "{app.name}_tbl.h"', "",
                       "/* Not const, for the tool that makes a table of it; declared, for compilers that ask. */",
                       f"extern {name}_t {name};",
-                      f"{name}_t {name} = {{", f"    .Layout = {name.upper()}_LAYOUT,", *values(table.fields, table.content, table.start), "};", "",
+                      f"{name}_t {name} = {{", f"    .Layout = {name.upper()}_LAYOUT,",
+                      *values(table.fields, table.content, table.start), "};", "",
                       f"CFE_TBL_FILEDEF({name}, {app.prefix}.{table.name}, {table.module.name} parameters, "
                       f"{table.stem}.tbl)", ""])
 

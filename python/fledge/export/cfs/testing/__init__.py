@@ -77,7 +77,8 @@ class Core:
         if outside:
             environment["FLEDGE_REGISTERS"] = f"/dev/fd/{outside.fd}"
         self.process = subprocess.Popen(
-            [*runner, str(program), "--root", str(Path(program).parent), "--ground", *(["--listen", listen] if listen else []),
+            [*runner, str(program), "--root", str(Path(program).parent), "--ground",
+             *(["--listen", listen] if listen else []),
              *(["--hold"] if hold else [])], env=environment, pass_fds=[outside.fd] if outside else [],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         self.lines = queue.Queue()
