@@ -3,8 +3,8 @@
 one module's, and nothing else is touched.
 
 A table is a word that tells its layout, a spare one, and the module's `par` as it lies in memory. So a file of another
-byte order, or of an export before a header changed, is told from one that fits. `.tbl` files are written here, in either
-byte order: cFE's file header and the table's, big-endian, then the table in the target's order.
+byte order, or of an export before a header changed, is told from one that fits. `.tbl` files are written here, in
+either byte order: cFE's file header and the table's, big-endian, then the table in the target's order.
 """
 
 import struct as packing
