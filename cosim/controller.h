@@ -392,7 +392,8 @@ private:
         Bytes payload;
     };
     std::vector<Injection> injected_; ///< while nodes are matched
-    Ns met_ = -1;                      ///< where they met last
+    Ns met_ = -1;                      ///< the last boundary
+    Ns meeting_ = -1;                  ///< that of the matching that is going on
     bool spoilt_ = false;              ///< the matching has to be done again
     struct {
         std::vector<Topic> topics;

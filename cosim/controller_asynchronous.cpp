@@ -29,7 +29,7 @@ void Controller::take_asynchronous()
                                        ", an asynchronous program, and no reader defines it; one of them has to");
             }
             topic.writer = id;
-            topic.since = topic.last = met_;
+            topic.since = topic.last = meeting_;
             topic.ahead.clear();
             topic.initial.assign(topic.schema.size + 4, std::byte{0});
             topic.initial[1] = static_cast<std::byte>(native_order());

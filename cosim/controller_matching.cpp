@@ -173,7 +173,7 @@ void Controller::begin_matching()
 {
     phase_ = Phase::matching;
     spoilt_ = false;
-    met_ = begun_ ? *boundary_ : -1;
+    meeting_ = begun_ ? *boundary_ : -1;
     faults_.clear();
     before_ = {topics_, channels_, wires_};
     for (Node &node : nodes_) {
@@ -223,7 +223,7 @@ void Controller::look_at_matching()
     }
     if (spoilt_) {
         // Nodes have heard of channels that there are no more: all are matched again, where they stand.
-        called_ = met_;
+        called_ = meeting_;
         for (Node &node : nodes_) {
             if (std::exchange(node.matching, false)) {
                 node.stage = node.member ? Stage::idle : Stage::desired;
@@ -245,9 +245,10 @@ void Controller::look_at_matching()
         }
         if (!joined.empty()) {
             report(format_list(joined) + (joined.size() == 1 ? " joins after " : " join after ") +
-                   when(met_));
+                   when(meeting_));
         }
         begun_ = true;
+        met_ = meeting_;
         if (config_.tell) {
             act(action::Began{exchange()});
         }

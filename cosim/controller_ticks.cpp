@@ -206,7 +206,7 @@ std::string Controller::fault_of(NodeId id, const Tock &m) const
 void Controller::push(Wire &wire, Ns written, const Bytes &payload)
 {
     const Node &reader = nodes_[wire.to];
-    if (reader.over() && !reader.matching) {
+    if (reader.over() && (!reader.matching || spoilt_)) {
         wire.last = payload; // for one that joins
         return;
     }

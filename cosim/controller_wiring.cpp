@@ -124,7 +124,7 @@ void Controller::take_offers(NodeId id)
             continue;
         }
         topic.writer = id;
-        topic.since = met_;
+        topic.since = meeting_;
         topic.last = topic.since;
         topic.ahead.clear();
         if (const std::string fault = cosim::fault_of(offer.schema); !fault.empty()) {
@@ -229,11 +229,11 @@ void Controller::connect()
                                        writer.config.name + " says how often it steps");
                 continue;
             }
-            const bool fresh = topic.since == met_; // its writer, to it, is new
+            const bool fresh = topic.since == meeting_; // its writer, to it, is new
             auto wire = std::find_if(wires_.begin(), wires_.end(), [&](const Wire &w) {
                 return w.to == id && w.channel == channel;
             });
-            const Bytes seen_first = fresh ? topic.initial : value(topic, met_);
+            const Bytes seen_first = fresh ? topic.initial : value(topic, meeting_);
             if (wire == wires_.end()) {
                 wires_.push_back(
                     {channel, *topic.writer, id, want.latency, exchange, {}, 0, 0, {}});
@@ -246,9 +246,9 @@ void Controller::connect()
             wire->exchange = exchange;
             wire->delivered = 0;
             wire->pending.clear();
-            wire->pending.push_back({met_ + 1, seen_first});
+            wire->pending.push_back({meeting_ + 1, seen_first});
             for (const Pending &write : topic.ahead) {
-                if (write.t > met_) {
+                if (write.t > meeting_) {
                     push(*wire, write.t, write.payload);
                 }
             }
@@ -256,10 +256,12 @@ void Controller::connect()
     }
     for (Wire &wire : wires_) {
         const Topic &topic = topics_[wire.channel];
-        if (topic.since == met_ &&
+        if (topic.since == meeting_ &&
             !nodes_[wire.to].matching) { // its reader has gone, perhaps to come again
             wire.from = *topic.writer;
             wire.last = topic.initial;
+            wire.pending.clear();
+            wire.delivered = 0;
         }
     }
     list_wires();
@@ -347,7 +349,7 @@ std::string Controller::find_cycle() const
 Exchange Controller::exchange() const
 {
     Exchange exchange;
-    exchange.after = met_;
+    exchange.after = meeting_;
     for (const Node &node : nodes_) {
         exchange.members.push_back(
             {node.config.name, !node.over(), node.rates, node.any_time, node.wants});
@@ -355,7 +357,7 @@ Exchange Controller::exchange() const
     for (const Topic &topic : topics_) {
         exchange.topics.push_back({topic.name, topic.schema,
                                    topic.writer ? nodes_[*topic.writer].config.name : "",
-                                   value(topic, met_)});
+                                   value(topic, meeting_)});
     }
     return exchange;
 }
