@@ -95,16 +95,21 @@ public:
 private:
     void watch()
     {
-        pollfd fds[] = {{descriptor(monitor_), POLLIN, 0}, {stop_, POLLIN, 0}};
-        while (!fds[1].revents) {
-            std::uint16_t kind = 0;
-            for (std::uint32_t value = 0; next_event(monitor_, kind, value);) {
-                if (kind == ZMQ_EVENT_DISCONNECTED) {
-                    gone_ = true;
+        try {
+            pollfd fds[] = {{descriptor(monitor_), POLLIN, 0}, {stop_, POLLIN, 0}};
+            while (!fds[1].revents) {
+                std::uint16_t kind = 0;
+                for (std::uint32_t value = 0; next_event(monitor_, kind, value);) {
+                    gone_ = gone_ || kind == ZMQ_EVENT_DISCONNECTED;
+                }
+                if (gone_) {
                     channel_.interrupt();
                 }
+                ::poll(fds, std::size(fds), -1);
             }
-            ::poll(fds, std::size(fds), -1);
+        } catch (const zmq::error_t &) { // the context is being closed, and with it the link
+            gone_ = true;
+            channel_.interrupt();
         }
     }
 

@@ -329,6 +329,27 @@ TEST(Delegate, WithoutItsControllerItEnds)
     EXPECT_EQ(serve_a.get(), "threw: the other side is gone");
 }
 
+TEST(Delegate, WhenItsContextIsClosedItEnds)
+{
+    for (const char *transport : {"ipc", "shm"}) {
+        zmq::context_t context, other;
+        Router router(context, two_nodes(1000), listening(transport));
+        Counter a("/b/n", "/a/n", Latency::next_instant);
+        auto serve_a = std::async(std::launch::async, [&] { return serve(other, router.address(), "a", a); });
+        bool there = false; // and waits for what comes next, without a time to wake
+        const std::string reason = router.run([&] {
+            there = router.controller().absent().size() == 1 && !router.controller().waiting_for(0);
+            if (there) {
+                std::this_thread::sleep_for(50ms);
+                other.shutdown();
+                EXPECT_TRUE(serve_a.get().starts_with("threw: ")) << transport;
+            }
+            return !there;
+        });
+        EXPECT_TRUE(there) << reason;
+    }
+}
+
 TEST(Delegate, ARunThatIsLeftEndsForItToo)
 {
     for (const char *transport : {"tcp", "inproc"}) {
