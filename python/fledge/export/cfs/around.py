@@ -18,8 +18,9 @@ def cmake(app, sources, tables):
              "# A 32-bit x86 has them with its vector unit only.",
              "if(CMAKE_SIZEOF_VOID_P EQUAL 4 AND CMAKE_SYSTEM_PROCESSOR MATCHES \"86\")",
              f"    target_compile_options({app.name} PRIVATE -msse2 -mfpmath=sse)", "endif()",
-             "# Without optimisation sqrt is a call.",
-             "if(UNIX)", f"    set_property(TARGET {app.name} APPEND PROPERTY LINK_LIBRARIES m)", "endif()"]
+             "# Without optimisation sqrt is a call: of an app that is loaded, or of the core that it is linked with.",
+             "if(UNIX)", f"    set_property(TARGET {app.name} APPEND PROPERTY LINK_LIBRARIES m)",
+             f"    set_property(TARGET {app.name} APPEND PROPERTY INTERFACE_LINK_LIBRARIES m)", "endif()"]
     if tables:
         lines += ["", f"add_cfe_tables({app.name}", "\n".join(f"    fsw/tables/{t.stem}.c" for t in tables) + ")"]
     return "\n".join([*lines, ""])
