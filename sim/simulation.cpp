@@ -344,7 +344,8 @@ std::vector<std::pair<std::string, std::string>> Simulation::ties(std::string_vi
         };
         // Whichever of the two is kept, the tie is broken.
         const auto tie = [&](const std::string &what, const Instance *whose) {
-            if (whose && (one->name == process || whose->path.starts_with(std::string(process) + "."))) {
+            if (whose && (process.empty() || one->name == process ||
+                          whose->path.starts_with(std::string(process) + "."))) {
                 found.emplace_back(what, whose->path);
             }
         };

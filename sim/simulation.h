@@ -219,9 +219,10 @@ public:
     /// empty. Events with C++ or Python callables are shared by copy of the callable.
     std::unique_ptr<Simulation> clone() const;
 
-    /// What ties a process to others, wires apart: (what it is, whose it is) of each event that looks at
-    /// the instance of another, and of each model that has a part there. Python callables are not seen.
-    std::vector<std::pair<std::string, std::string>> ties(std::string_view process) const;
+    /// What ties a process to others, or any to any, wires apart: (what it is, whose it is) of each event
+    /// that looks at the instance of another, and of each model that has a part there. Python callables
+    /// are not seen.
+    std::vector<std::pair<std::string, std::string>> ties(std::string_view process = {}) const;
 
     /// Become the simulation of one of its processes: the others with their wires and records are no part
     /// of it any more. Throws SetupError, and changes nothing, if it has run or if there are ties.

@@ -173,8 +173,7 @@ def _at(place):
 
 def _ties(simulation):
     """Events and parts that belong to two processes."""
-    for what, whose in dict.fromkeys(tie for process in simulation.processes
-                                     for tie in simulation._core.ties(process.name)):
+    for what, whose in simulation._core.ties():
         owner, name = what.split(".", 1)
         process = simulation.process(owner)
         event = process._handles.get(name)

@@ -322,7 +322,7 @@ void bind_simulation(py::module_ &m)
                 return list;
             },
             "their names, in the order in which they run")
-        .def("ties", &sim::Simulation::ties)
+        .def("ties", [](const sim::Simulation &s) { return s.ties(); })
         .def("keep", &sim::Simulation::keep)
         .def_property("seed", &sim::Simulation::seed, &sim::Simulation::set_seed)
         .def("prepare", &sim::Simulation::prepare)
