@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flying in a cFS tree: what is done to a copy of the tree, and how its core is started. The tree here is a stand-in with
-the interface of the real one's build (definitions, app list, start-up script, the three functions of CMake) and the
-pocket cFE in place of cFE."""
+"""Flying in a cFS tree: what is done to a copy of the tree, and how its core is started. The tree here is a stand-in
+with the interface of the real one's build (definitions, app list, start-up script, functions of CMake) and the pocket
+cFE in place of cFE."""
 
 import pytest
 
@@ -46,7 +46,8 @@ foreach(app ${cpu1_APPLIST})
     string(APPEND listed "void ${upper}_AppMain(void);\\n")
     string(APPEND entries "{\\"${upper}_AppMain\\", ${upper}_AppMain}, ")
 endforeach()
-file(WRITE ${CMAKE_BINARY_DIR}/apps.c "${listed}extern const PocketApp fledge_apps[];\\nextern const uint32 fledge_apps_n;\\n"
+file(WRITE ${CMAKE_BINARY_DIR}/apps.c "${listed}extern const PocketApp fledge_apps[];\\n"
+    "extern const uint32 fledge_apps_n;\\n"
     "const PocketApp fledge_apps[] = {${entries}};\\n"
     "const uint32 fledge_apps_n = sizeof fledge_apps / sizeof fledge_apps[0];\\n")
 add_executable(core-cpu1 ${pocket} ${CMAKE_BINARY_DIR}/apps.c)
@@ -65,7 +66,7 @@ def tree(tmp_path):
     (tree / "cfe/CMakeLists.txt").write_text(LISTS.replace("@ROOT@", str(build.ROOT)))
     (tree / "cfe/cmake/Makefile.sample").write_text(MAKEFILE)
     (tree / "cfe/cmake/sample_defs/targets.cmake").write_text("set(cpu1_APPLIST)\n")
-    (tree / "cfe/cmake/sample_defs/cpu1_cfe_es_startup.scr").write_text("!\n! what follows does not count\nCFE_APP...\n")
+    (tree / "cfe/cmake/sample_defs/cpu1_cfe_es_startup.scr").write_text("!\n! this does not count\nCFE_APP...\n")
     return tree
 
 
