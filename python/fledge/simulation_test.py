@@ -442,3 +442,22 @@ def test_units_of_a_changed_gain():
     sim.flight.feedback = fsw.MrpFeedback(K=1 * N * m, P=1)
     sim.flight.feedback.K = 3 * N * m
     assert sim.flight.feedback.K == 3 and (2 * minute).to(s) == 120
+
+
+def test_a_simulation_of_several_spacecraft():
+    sim = fledge.Simulation("fleet", empty=True)
+    assert sim.processes == () and sim.flights == ()
+    with pytest.raises(fledge.SetupError, match="fleet has no process 'flight'; it has none"):
+        sim.flight
+    w, a = sim.add_world("w"), sim.add_flight("a")
+    assert sim.flight is a and sim.world is w and sim.process("a") is a
+    b = sim.add_flight("b")
+    assert sim.processes == (w, a, b) and sim.flights == (a, b)
+    with pytest.raises(fledge.SetupError, match=r"several of the kind flight; take one by process\(\): a, b"):
+        sim.flight
+    with pytest.raises(fledge.SetupError, match="process a is already there"):
+        sim.add_world("a")
+    with pytest.raises(fledge.SetupError, match="process 'b c': its name must be an identifier"):
+        sim.add_flight("b c")
+    with pytest.raises(fledge.SetupError, match="fleet has no process 'c'; it has w, a, b"):
+        sim.process("c")
