@@ -11,11 +11,17 @@ the median over groups of rounds.
 - `futex_barrier`: so many programs, released by one futex all at once; the last one wakes the first.
 - `tick_shm_*`: so many nodes that step at once, 64 bytes to and from each, over shared memory; their
   partner lives in the controller's program. `ring_shm_*`: the same, each with its neighbour.
+- `nadir_spin`: the mission with world and flight in two programs, against `one_program_and_exchanges`: the
+  same in one program, and for each tick a bare round trip.
+- `constellation`: up to 128 programs on this machine (bench/cosim_scaling.py).
 """
 import pathlib
 import subprocess
 
+from bench import cosim_scaling
 from bench.rows import Rows, options, report
+
+NADIR_SPAN = 9600.0  # [s] of simulated time
 
 
 def program():
@@ -50,11 +56,14 @@ def main(arguments):
     chosen = options("cosim", arguments, 9)
     rows = Rows()
     samples = {name: [] for name in CASES}
+    spins = {"ipc": [], "shm": []}
     for i in range(chosen.runs + 1):
         for name, case in CASES.items():
             sample = rounds(*case)
             if i:  # the first warms up
                 samples[name].append(sample)
+        for way, flown in spins.items():
+            flown.append(cosim_scaling.fly("nadir_spin", NADIR_SPAN, {"ipc": "forbidden", "shm": "required"}[way]))
 
     for transport in ("ipc", "tcp"):
         bare, tick, pair = (samples[f"{name}_{transport}"] for name in ("req_rep", "tick", "pair"))
@@ -72,4 +81,12 @@ def main(arguments):
         if nodes > 1:
             ring = samples[f"ring_shm_{nodes}"]
             rows.add(f"ring_shm_{nodes}", figure, ring, "us", "futex_barrier", note=pair_by_pair(ring, bare))
+    for way, bare in (("ipc", samples["req_rep_ipc"]), ("shm", samples["futex_1"])):
+        floor = sorted(bare)[len(bare) // 2] * 1e-6
+        figure = f"nadir_spin, {way}"
+        rows.add("one_program", figure, [alone for *_, alone in spins[way]], "s")
+        rows.add("one_program_and_exchanges", figure, [alone + n * floor for n, _, alone in spins[way]], "s")
+        rows.add("nadir_spin", figure, [wall for _, wall, _ in spins[way]], "s", "one_program_and_exchanges",
+                 note=f"{spins[way][0][0]} ticks")
+    cosim_scaling.measure(rows, 1)
     report(rows, chosen)

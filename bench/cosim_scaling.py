@@ -12,38 +12,44 @@ from bench.rows import Rows, options, report
 SPAN = 120.0  # [s] of simulated time
 
 
-def fly(spacecraft):
+def fly(mission, span, sharing="allowed", **parameters):
     """(ticks, wall time of them [s], wall time of the same in one program [s])"""
     import fledge
     from fledge import cosim
     from fledge.cli_node import _Programs
 
-    sim = fledge.load("constellation", spacecraft=spacecraft)
+    sim = fledge.load(mission, **parameters)
     names = [process.name for process in sim.processes]
-    address = f"ipc://@fledge-scaling-{os.getpid()}-{spacecraft}"
+    address = f"ipc://@fledge-scaling-{os.getpid()}-{len(names)}"
     with _Programs() as programs:
         for name in names:
             programs.start(name, lambda name=name: cosim.split(sim, name).serve(address) != "")
-        controller = cosim.Controller("constellation", names, SPAN, address=address)
+        controller = cosim.Controller(mission, names, span, address=address, sharing=sharing)
         ended = controller.run()
         failed = programs.wait()
     if ended or failed:
-        raise SystemExit(f"{spacecraft} spacecraft: {ended or failed[0]}")
+        raise SystemExit(f"{mission} in {len(names)} programs: {ended or failed[0]}")
     times = controller.times
+    sim.reset()
     begun = time.perf_counter()
-    sim.run(SPAN)
+    sim.run(span)
     # All the time since a node was ready is computing, on the way, or waiting.
     return sum(t[0] for t in times.values()), max(sum(t[1:]) for t in times.values()), time.perf_counter() - begun
 
 
-def main(arguments):
-    chosen = options("cosim_scaling", arguments, 3)
-    rows = Rows()
+def measure(rows, runs):
+    """Add the figures of 2 to 64 spacecraft."""
     for spacecraft in (1 << k for k in range(1, 7)):
-        flown = [fly(spacecraft) for _ in range(chosen.runs)]
+        flown = [fly("constellation", SPAN, spacecraft=spacecraft) for _ in range(runs)]
         figure = f"{2 * spacecraft} programs"
         rows.add("one_program", figure, [SPAN / alone for *_, alone in flown], "s/s")
         rows.add("constellation", figure, [SPAN / wall for _, wall, _ in flown], "s/s", "one_program",
                  note=f"{flown[0][0]} ticks")
         rows.add("constellation", f"{figure}, ticks", [ticks / wall for ticks, wall, _ in flown], "1/s")
+
+
+def main(arguments):
+    chosen = options("cosim_scaling", arguments, 3)
+    rows = Rows()
+    measure(rows, chosen.runs)
     report(rows, chosen)
