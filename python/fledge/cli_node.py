@@ -7,6 +7,7 @@ or the mission cannot be split; 130 Ctrl-C.
 
 import argparse
 import ast
+import contextlib
 import inspect
 import os
 import signal
@@ -90,7 +91,8 @@ def _one(sim, scenario, process, options, address=None, quiet=False):
     except Exception as error:
         problem, code = str(error), 2 if isinstance(error, fledge.SetupError) else 1
     tell(f"  flown    {sim.time:g} s")
-    path = sim.close_archive(outcome=problem or "passed", ended=f"{sim.time:g} s")
+    with _undisturbed():
+        path = sim.close_archive(outcome=problem or "passed", ended=f"{sim.time:g} s")
     if path:
         tell(f"  record   {path} ({size_of(path)})")
     elif options.record:
@@ -214,6 +216,17 @@ class _Programs:
 
 def _terminate(number, frame):
     raise KeyboardInterrupt
+
+
+@contextlib.contextmanager
+def _undisturbed():
+    """A second signal, from the terminal and from the command that has started this program, finds it ending."""
+    before = {number: signal.signal(number, signal.SIG_IGN) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _seconds(text):

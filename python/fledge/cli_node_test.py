@@ -96,6 +96,19 @@ def test_nothing_stays_behind(which, number):
             time.sleep(0.01)
 
 
+def test_ctrl_c_leaves_readable_records(tmp_path):
+    with Group("node", "inertial_pointing", "all", "--until", "1000h", "--record", tmp_path) as group:
+        deadline = time.monotonic() + 30
+        while len(list(tmp_path.glob("*.part"))) < 2:
+            assert time.monotonic() < deadline and group.process.poll() is None
+            time.sleep(0.01)
+        os.killpg(group.process.pid, signal.SIGINT)
+        assert group.process.wait(30) == 130
+    for name in ("world", "flight"):
+        archive = Archive(tmp_path / f"{name}.mcap")
+        assert archive.complete and archive.metadata["end"]["outcome"] != "passed"
+
+
 @pytest.mark.parametrize("arguments, says", [
     (["nadir_spin", "ground"], "nadir_spin has no process 'ground'; it has world, flight"),
     (["nadir_spin", "flight,ground"], "nadir_spin has no process 'ground'"),
