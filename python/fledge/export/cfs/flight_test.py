@@ -10,8 +10,10 @@ import fledge
 from fledge import export
 from fledge.export import cfs
 from fledge.export.cfs import hosted
-from fledge.export.cfs.testing import Core, Outside
-from fledge.export.testing import Recorded
+from fledge.export.cfs.folder import flown_by
+from fledge.export.cfs.testing import HERE, ROOT, Core, Outside
+from fledge.export.testing import Recorded, fly
+from fledge.export.write import write_files
 
 NS = 1_000_000_000
 
@@ -79,3 +81,33 @@ def test_main_and_child_task_race_nowhere(tmp_path):
         pytest.skip("the thread sanitizer does not start here")
     ticks, difference, report = flown("nadir_spin", tmp_path, 20.0, options=("-O1", "-fsanitize=thread"))
     assert difference is None and report["events"] >= 3 and report["exit"] == 0
+
+
+def test_on_a_board_without_an_operating_system(tmp_path):
+    """Registers are memory, tasks take turns, there are no files: the same source, and the same bits."""
+    sim = fledge.load("nadir_spin")
+    mission = export.read(sim)
+    app = cfs.App("fsw")
+    cfs.write(mission, app, tmp_path / "fsw", outputs="all")
+    flags = [*hosted.FLAGS, *hosted.EXACT, "-O1", *hosted.included()]
+    objects = hosted.compiled(app, tmp_path / "fsw", tmp_path / "o", options=["-O1", "-DFSW_REGISTERS_IN_MEMORY"])
+    flown_, _ = flown_by(mission, (), "all")
+    write_files(flown_ | {"apps.c": hosted.app_list([app])}, tmp_path / "outside")
+    pocket = [f for f in hosted.pocket_sources() if f.name not in ("host.c", "port_posix.c")]
+    registers = [ROOT / "registers" / f"{name}.c" for name in ("lane", "field", "clock", "message")]
+    ours = sorted((tmp_path / "outside").glob("*.c"))
+    subprocess.run(list(map(str, ["gcc", *flags, f"-Dfledge_io={mission.name}_io", "-I", tmp_path / "outside", *pocket,
+                                  *ours, *registers, ROOT / "targets/mission_io.c", HERE / "bare.c", HERE /
+                                  "port_bare.c", *objects, fly("gcc", "-O2"), "-lm", "-o", tmp_path / "bare"])),
+                   check=True)
+    inputs, outputs = [m.path for m in mission.inputs], [m.path for m in mission.outputs]
+    recorded = Recorded(sim, [*inputs, *outputs], 0.5)
+    sim.run(120.0)
+    samples = {p: recorded.samples(p) for p in (*inputs, *outputs)}
+    times = recorded.times()
+    told = b"".join(t.to_bytes(8, "little") + b"".join(samples[p][i] for p in inputs) for i, t in enumerate(times))
+    done = subprocess.run([tmp_path / "bare"], input=told, capture_output=True, timeout=60)
+    assert done.returncode == 0, done.stderr.decode()
+    assert done.stdout == b"".join(samples[p][i] for i in range(len(times)) for p in outputs)
+    said = done.stderr.decode()
+    assert said.count("keeps its defaults") == 6 and "The run has ended after 241 ticks" in said
