@@ -62,7 +62,7 @@ def check_taken(mission, app, folder):
     """Refuse message ids that another app beside `folder` has, by the ids in its headers."""
     ours = {value: name for name, value in app.ids(mission).items()}
     folder = Path(folder)
-    for header in sorted(folder.parent.glob("*/**/*msgids*.h")):
+    for header in sorted([*folder.parent.glob("*/fsw/**/*msgids*.h"), *folder.parent.glob("*/config/*msgids*.h")]):
         if folder.name == header.relative_to(folder.parent).parts[0]:
             continue
         text = header.read_text(encoding="utf-8", errors="replace")

@@ -49,7 +49,7 @@ def schedule(app):
 def readme(mission, app, found):
     prefix, name = app.prefix, app.name
     ids = app.ids(mission)
-    tables = "\n".join(f"| `{prefix}.{t.name}` | {t.module.path}, a {t.module.type} | {HEAD_SIZE + len(t.content)} | "
+    tables = "\n".join(f"| `{prefix}.{t.name}` | {t.module.path}: {t.module.type} | {HEAD_SIZE + len(t.content)} | "
                        f"`{t.file}` |" for t in found)
     packets = "\n".join(f"| {ids[f'{prefix}_{m.name.upper()}_TLM_MID']:#06x} | {m.path} | {m.struct.name} | "
                         f"{16 + m.struct.size} |" for m in mission.outputs)

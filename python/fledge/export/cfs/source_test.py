@@ -200,8 +200,19 @@ def test_a_folder_that_cannot_be_written_leaves_nothing(nadir, tmp_path):
         "apps", "apps/nav", "apps/nav/fsw", "apps/nav/fsw/src"]
 
 
-def test_modes_subsets_and_words_export_as_well(tmp_path):
-    mission = export.read(fledge.load(mission_of(tmp_path, FLIGHT, WORLD)), ["control"])
-    files = cfs.emit(mission, cfs.App("part"))
-    assert "0 wait, 1 point, 2 rest" in files["fsw/inc/part_msg.h"]
-    assert "part_control.tbl" in files["README.md"]
+@pytest.mark.parametrize("what", ["triple_spiral", "words", "subset"])
+def test_rasters_words_modes_and_subsets_compile_as_well(what, tmp_path):
+    files, tasks = (), None
+    sim = fledge.load("nadir_spin" if what == "words" else what if what != "subset" else
+                      mission_of(tmp_path, FLIGHT, WORLD))
+    if what == "words":
+        files = [ROOT / "missions/nadir_spin/converters.toml"]
+    if what == "subset":
+        tasks = ["control"]
+    folder = tmp_path / "apps/part"
+    cfs.write(export.read(sim, tasks), cfs.App("part"), folder, files)
+    if what == "subset":
+        assert "0 wait, 1 point, 2 rest" in (folder / "fsw/inc/part_msg.h").read_text()
+    sources_ = [*(folder / "fsw/src").glob("*.c"), *(folder / "fsw/tables").glob("*.c")]
+    subprocess.run(list(map(str, ["gcc", *hosted.FLAGS, *STRICTER, "-fsyntax-only", "-I", HERE / "draco", "-I",
+                                  folder / "fsw/inc", "-I", folder / "fsw/src", *sources_])), check=True)

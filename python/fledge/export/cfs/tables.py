@@ -102,7 +102,7 @@ def header(app, found):
     for table in found:
         name = f"{app.prefix}_{table.name}"
         parts += [f"#define {name.upper()}_LAYOUT 0x{table.layout:08X}u",
-                  struct(name, table.fields, f"{table.module.path}, a {table.module.type}", HEAD)]
+                  struct(name, table.fields, f"{table.module.path}: {table.module.type}", HEAD)]
     return guarded(app, "tbl", f"The tables of {app.prefix}: the parameters of its modules.", parts)
 
 
