@@ -49,6 +49,16 @@ def test_a_number_that_makes_no_ring_is_refused(wrong):
         fledge.load("constellation", craft=4)
 
 
+def test_the_record_and_the_report_say_how_many(tmp_path):
+    from fledge import cli
+    from fledge.archive import Archive
+
+    assert cli.main(["run", "constellation", "--set", "spacecraft=2", "--no-plots", "--report", "--for", "2s", "--out",
+                     str(tmp_path)]) == 0
+    assert Archive(tmp_path / "run.mcap").metadata["run"]["parameters"] == "spacecraft=2"
+    assert "./fledge run constellation --for 2s --set spacecraft=2" in (tmp_path / "report.html").read_text()
+
+
 def test_its_parts_are_named_where_one_is_meant():
     sim = fledge.load("constellation")
     with pytest.raises(fledge.SetupError, match=r"several of the kind flight; take one by process\(\): sat0_flight"):

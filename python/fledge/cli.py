@@ -27,7 +27,8 @@ def run(options):
     folder.mkdir(parents=True, exist_ok=True)
     sim.pace = options.pace
     sim.plots = Plots(folder) if not options.no_plots else False
-    sim.archive(folder / "run.mcap", mission=sim.name, scenario=name, fledge=fledge.__version__)
+    sim.archive(folder / "run.mcap", mission=sim.name, scenario=name, fledge=fledge.__version__,
+                **sim.mission.said())
 
     report = _report(sim, name) if options.report else None
 
@@ -106,7 +107,8 @@ def _write_report(report, folder, options, code, problem, record, plots):
     verdict = {0: "flown" if options.duration else "passed", 130: "interrupted"}.get(code, "failed")
     command = ["./fledge", "run", Path(options.mission).name, *([options.scenario] if options.scenario else []),
                *(["--for", options.duration] if options.duration else []),
-               *(["--seed", str(options.seed)] if options.seed else [])]
+               *(["--seed", str(options.seed)] if options.seed else []),
+               *(one for text in options.parameters for one in ("--set", text))]
     message = (problem or "").removeprefix("failed: ") if code != 130 else ""
     return report.write(folder / "report.html", Outcome(
         verdict, message, Path(record) if record else None, None if options.no_plots else plots, shlex.join(command)))

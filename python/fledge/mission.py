@@ -51,6 +51,11 @@ class Mission:
         """Whether it is of several spacecraft: its mission.py makes the processes."""
         return (self.folder / "mission.py").exists()
 
+    def said(self):
+        """The parameters that were given, for the metadata of records; {} if none."""
+        given = ", ".join(f"{name}={value!r}" for name, value in self.parameters.items())
+        return {"parameters": given} if given else {}
+
     def summaries(self):
         """Name -> first line of the docstring, of the mission (under "") and of each scenario.
 
