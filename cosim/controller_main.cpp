@@ -43,6 +43,7 @@ constexpr const char *usage =
     "                        do without keys where others can reach the address: they read all, and\n"
     "                        may take any part\n"
     "  --seed N              of the run's random streams; default 0\n"
+    "  --pace X              X simulated seconds per second; default 0: as fast as possible\n"
     "  --join SECONDS        for all programs to be there; default 60\n"
     "  --reply SECONDS       for a program to answer, its computing included; 0: for ever; default 60\n"
     "  --record FILE         an archive of all that nodes write to one another (exchange_record.h)\n"
@@ -197,6 +198,8 @@ Options options(int argc, char **argv)
             o.router.unencrypted_beyond_machine = true;
         } else if (option == "--seed") {
             o.controller.seed = number<std::uint64_t>(option, value(), 0, ~std::uint64_t{0});
+        } else if (option == "--pace") {
+            o.router.pace = number(option, value(), 0.0);
         } else if (option == "--join") {
             o.router.join = milliseconds(number(option, value(), 0.0));
         } else if (option == "--reply") {
@@ -258,6 +261,10 @@ int main(int argc, char **argv)
                         o.controller.nodes[id].name.c_str(), static_cast<unsigned long long>(times.ticks),
                         static_cast<double>(times.compute) * 1e-9, static_cast<double>(times.transport) * 1e-9,
                         static_cast<double>(times.wait) * 1e-9);
+        }
+        if (const PaceReport *pace = router.pace(); pace && pace->overruns) {
+            std::fprintf(stderr, "%llu instants were late, by up to %.1f ms\n",
+                         static_cast<unsigned long long>(pace->overruns), static_cast<double>(pace->worst) * 1e-6);
         }
         if (const BrokerCounts counts = router.broker() ? router.broker()->counts() : BrokerCounts{};
             counts.dropped || counts.refused) {

@@ -18,16 +18,17 @@ constexpr auto rest = 20ms; ///< how long the sockets may be left alone while al
 constexpr auto spin = 20us; ///< before one sleeps, if there is a processor for each program
 
 /// What is watched, by keys.
-enum Kind : std::uint64_t { lobby, bell, frames, events, kinds };
+enum Kind : std::uint64_t { lobby, bell, timer, frames, events, kinds };
 
 std::uint64_t key(Kind kind, NodeId id = 0)
 {
     return id * kinds + kind;
 }
 
-ControllerConfig telling(ControllerConfig config, bool tell)
+ControllerConfig telling(ControllerConfig config, bool tell, bool paced)
 {
     config.tell = config.tell || tell;
+    config.horizon = paced ? -1 : config.horizon;
     return config;
 }
 
@@ -37,7 +38,8 @@ Router::Router(zmq::context_t &context, ControllerConfig controller, RouterConfi
     : context_(context),
       config_(std::move(config)),
       simulation_(controller.simulation),
-      controller_(telling(with_broker(controller), config_.broker || !config_.witnesses.empty())),
+      controller_(telling(with_broker(controller), config_.broker || !config_.witnesses.empty(),
+                          config_.pace > 0.0)),
       lobby_(context, zmq::socket_type::router),
       nodes_(controller.nodes.size())
 {
@@ -59,6 +61,10 @@ Router::Router(zmq::context_t &context, ControllerConfig controller, RouterConfi
     }
     address_ = lobby_.get(zmq::sockopt::last_endpoint);
     poller_.add(descriptor(lobby_), key(Kind::lobby));
+    if (config_.pace > 0.0) {
+        pace_.emplace(config_.pace);
+        poller_.add(pace_->fd(), key(Kind::timer));
+    }
     if (config_.sharing != Sharing::forbidden && !address_.starts_with("inproc://")) {
         try {
             bell_.emplace();
@@ -121,6 +127,10 @@ std::string Router::run(const std::function<bool()> &poll)
         const auto now = Clock::now();
         if (now - looked_ >= look) {
             look_at_clock(poll);
+        }
+        if (pace_) {
+            pace_->tend(controller_, nodes_.size(), now);
+            act();
         }
         // Who is busy with some still listens to the others.
         const bool more = busy || !calls_.empty() || controller_.done();

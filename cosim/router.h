@@ -9,6 +9,7 @@
 #include "cosim/controller.h"
 #include "cosim/delegate.h"
 #include "cosim/gate.h"
+#include "cosim/pace.h"
 #include "cosim/poller.h"
 #include "cosim/shared_channel.h"
 #include "cosim/witness.h"
@@ -31,6 +32,7 @@ struct RouterConfig {
     std::chrono::milliseconds join{60'000};   ///< for all nodes to be there
     std::chrono::milliseconds reply{60'000};  ///< for a node to answer, computing included; 0: for ever
     std::vector<std::chrono::milliseconds> replies; ///< the same, node by node; empty: `reply` for all
+    double pace = 0.0; ///< simulated seconds per second; 0: as fast as possible
     std::chrono::milliseconds finish{5'000};  ///< for a node to answer the last request
     Limits limits;
     Sharing sharing = Sharing::allowed; ///< of memory, with nodes on this machine
@@ -67,6 +69,8 @@ public:
     /// Until now. The three add up to all the time since the node was ready, less `asked`.
     NodeTimes times(NodeId node) const;
     const Controller &controller() const { return controller_; }
+    /// How it kept up; null: it is not paced.
+    const PaceReport *pace() const { return pace_ ? &pace_->report() : nullptr; }
     /// Null if there is none.
     const Broker *broker() const { return broker_.get(); }
 
@@ -120,6 +124,7 @@ private:
     std::string address_;
     std::optional<Bell> bell_;              ///< none: no memory is shared
     std::vector<Place> nodes_;
+    std::optional<Pace> pace_;              ///< none: as fast as possible
     Poller poller_;
     std::chrono::nanoseconds spins_{0};     ///< so long who waits looks for frames before it sleeps
     Spin spin_;

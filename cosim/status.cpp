@@ -67,6 +67,15 @@ std::string nodes_of(const Router &router, const ControllerConfig &config)
     return s + ']';
 }
 
+/// How it keeps up, if it is paced.
+std::string pace_of(const Router &router)
+{
+    const PaceReport *pace = router.pace();
+    return pace ? ",\"overruns\":" + std::to_string(pace->overruns) +
+                      ",\"worst\":" + seconds(static_cast<double>(pace->worst) * 1e-9)
+                : "";
+}
+
 /// What all nodes have reached that still take part; when nobody does, how far anybody came.
 Ns reached_by_all(const Router &router, const ControllerConfig &config)
 {
@@ -82,6 +91,12 @@ Ns reached_by_all(const Router &router, const ControllerConfig &config)
         }
     }
     return some ? least : most;
+}
+
+std::string state_of(const Router &router, const ControllerConfig &config)
+{
+    return ",\"t\":" + reached(reached_by_all(router, config)) + pace_of(router) +
+           ",\"nodes\":" + nodes_of(router, config);
 }
 
 } // namespace
@@ -118,14 +133,14 @@ void StatusStream::progress(const Router &router, const ControllerConfig &config
     const Controller &c = router.controller();
     write(std::string("{\"phase\":\"") + (c.running() ? "running" : c.finishing() ? "finishing" : "gathering") +
           "\",\"wall\":" + seconds(std::chrono::duration<double>(now - begun_).count()) +
-          ",\"t\":" + reached(reached_by_all(router, config)) + ",\"nodes\":" + nodes_of(router, config) + "}");
+          state_of(router, config) + "}");
 }
 
 void StatusStream::ended(const std::string &reason, const Router &router, const ControllerConfig &config)
 {
     write("{\"ended\":" + quoted(reason) +
           ",\"wall\":" + seconds(std::chrono::duration<double>(Clock::now() - begun_).count()) +
-          ",\"t\":" + reached(reached_by_all(router, config)) + ",\"nodes\":" + nodes_of(router, config) + "}");
+          state_of(router, config) + "}");
     for (int i = 0; i < 100 && !flush(); i++) { // it is the last: let it be taken
         usleep(10'000);
     }

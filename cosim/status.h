@@ -8,9 +8,10 @@
 //          "compute": 0.9, "transport": 0.1, "wait": 0.2, "asked": 0.05}, ...]}
 //     {"ended": "", "wall": 9.5, "t": 60, "nodes": [...]}
 //
-// Each on one line. Times are in seconds: `t` what is simulated (-1 before the first instant; of the
-// run: what all nodes have reached), the others of wall time, as NodeTimes has them. In the other
-// direction, if it is a socket: "stop" and a reason, on one line. Its end ends the run too.
+// Each on one line. Of a run that is paced there are also "overruns", the instants that began more than
+// 1 ms late, and "worst", the largest delay. Times are in seconds: `t` what is simulated (-1 before the
+// first instant; of the run: what all nodes have reached), the others of wall time, as NodeTimes has them.
+// In the other direction, if it is a socket: "stop" and a reason, on one line. Its end ends the run too.
 #pragma once
 
 #include "cosim/router.h"

@@ -138,6 +138,55 @@ TEST(Status, TimeIsSpentComputingOnTheWayOrWaiting)
     }
 }
 
+/// Of a run of 20 instants at a pace: how many steps there were, how long it took, how it kept up.
+struct Paced {
+    Paced(double speed, std::chrono::milliseconds nap)
+    {
+        zmq::context_t context;
+        RouterConfig at;
+        at.address = "inproc://pace";
+        at.pace = speed;
+        Router router(context, two(190), at);
+        Sleeper a("/quick/n", "/slow/n", Latency::next_instant, nap);
+        Sleeper b("/slow/n", "/quick/n", Latency::same_instant, nap);
+        const auto begun = std::chrono::steady_clock::now();
+        router.host("slow", a);
+        router.host("quick", b);
+        EXPECT_EQ(router.run(), "");
+        took = std::chrono::steady_clock::now() - begun;
+        steps = a.steps + b.steps;
+        if (router.pace()) {
+            report = *router.pace();
+        }
+    }
+    int steps;
+    std::chrono::nanoseconds took;
+    PaceReport report;
+};
+
+TEST(Pace, InstantsBeginWhenTheirTimeHasCome)
+{
+    const Paced paced(1e-6, 0ms); // an instant each 10 ms
+    EXPECT_EQ(paced.steps, 40);
+    EXPECT_GE(paced.took, 190ms);
+}
+
+TEST(Pace, WhoCannotKeepUpIsLateAndLosesNothing)
+{
+    const Paced paced(1e-5, 5ms); // an instant each 1 ms, which takes 10 ms
+    EXPECT_EQ(paced.steps, 40);
+    EXPECT_GE(paced.took, 200ms);
+    EXPECT_GE(paced.report.overruns, 1u);
+    EXPECT_GE(paced.report.worst, 8'000'000);
+}
+
+TEST(Pace, WithoutOneNothingIsWaitedFor)
+{
+    const Paced paced(0.0, 0ms);
+    EXPECT_EQ(paced.steps, 40);
+    EXPECT_EQ(paced.report.overruns, 0u);
+}
+
 TEST(Status, HowLongOneMayBeAwayCountsFromItsLoss)
 {
     zmq::context_t context;

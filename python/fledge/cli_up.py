@@ -118,7 +118,8 @@ def _tell(plan, folder, session, outcome):
     if t > 0 and wall > 0:
         say(f"  flown    {t:g} s in {wall:.3g} s, {_times(t / wall)} times real time")
     if outcome.progress.overruns:
-        say(f"  pace     {outcome.progress.overruns} instants were late")
+        say(f"  pace     {outcome.progress.overruns} instants were late, by up to "
+            f"{1e3 * outcome.progress.worst:.1f} ms")
     for record in sorted(folder.glob("*.mcap")):
         say(f"  record   {record} ({size_of(record)})")
     say(f"  logs     {folder / 'log'}")

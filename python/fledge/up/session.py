@@ -198,6 +198,8 @@ class Session:
         command = [self._controller_program, "--simulation", plan.simulation, "--until", repr(plan.until),
                    "--seed", str(plan.seed), "--address", plan.listening(), "--join", repr(plan.join),
                    "--reply", repr(plan.reply), "--status", str(status)]
+        if plan.pace:
+            command += ["--pace", repr(plan.pace)]
         if plan.exchange:
             command += ["--record", str(self.folder.resolve() / "exchange.mcap")]
         if plan.keys:
@@ -304,7 +306,7 @@ class Session:
             self.progress.phase = said["phase"]
         if "nodes" in said:
             self.progress.t = said["t"]
-            self.progress.overruns = said.get("overruns")
+            self.progress.overruns, self.progress.worst = said.get("overruns"), said.get("worst", 0.0)
             rows = {row.name: row for row in self.progress.rows}
             for node in said["nodes"]:
                 row, r = rows[node["name"]], self._running[node["name"]]

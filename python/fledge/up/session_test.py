@@ -56,6 +56,19 @@ def test_options_win_over_the_file(mark, tmp_path):
     assert done.returncode == 0 and done.stdout.startswith("pair: 2 nodes, 0.5 s\n")
 
 
+def test_a_pace_is_kept_or_it_is_said_that_it_is_not(mark, tmp_path):
+    file = write_pair(tmp_path, until=1, top="pace = 2")
+    done = up(file, mark=mark)
+    assert done.returncode == 0, done.stderr
+    wall = float(re.search(r"\n  flown    1 s in ([\d.]+) s, ", done.stdout)[1])
+    assert wall >= 0.49
+    paced = logs(tmp_path)["mass"]
+    done = up(file, "--pace", "1000", mark=mark, env={"NAP": "0.002"})
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"\n  pace     \d+ instants were late, by up to [\d.]+ ms\n", done.stdout)
+    assert logs(tmp_path)["mass"] == paced
+
+
 def test_who_is_slow_is_seen(mark, tmp_path):
     done = up(write_pair(tmp_path, until=0.5, mass='env = { NAP = "0.004" }'), mark=mark)
     assert done.returncode == 0, done.stderr

@@ -59,7 +59,8 @@ class Progress:
     wall: float = 0.0           # since all nodes were there
     t: float = -1.0
     rows: list[Row] = field(default_factory=list)
-    overruns: int | None = None     # of the pace; None: it is not paced
+    overruns: int | None = None     # instants that were late; None: it is not paced
+    worst: float = 0.0              # how late
 
 
 def slowest(rates: list[Row]) -> str | None:
