@@ -46,6 +46,7 @@ constexpr const char *usage =
     "  --pace X              X simulated seconds per second; default 0: as fast as possible\n"
     "  --join SECONDS        for all programs to be there; default 60\n"
     "  --reply SECONDS       for a program to answer, its computing included; 0: for ever; default 60\n"
+    "  --shared-memory WHICH with programs on this machine: allowed (default), forbidden, required\n"
     "  --record FILE         an archive of all that nodes write to one another (exchange_record.h)\n"
     "  --status FD           a file descriptor that is told how it goes, in lines of JSON (status.h)\n"
     "\n"
@@ -84,6 +85,14 @@ template <class T> T number(std::string_view option, std::string_view text, T le
 std::chrono::milliseconds milliseconds(double s)
 {
     return std::chrono::milliseconds(std::llround(s * 1e3));
+}
+
+Sharing sharing(std::string_view text)
+{
+    if (text == "allowed" || text == "forbidden" || text == "required") {
+        return text == "allowed" ? Sharing::allowed : text == "forbidden" ? Sharing::forbidden : Sharing::required;
+    }
+    refuse("--shared-memory: expected allowed, forbidden or required, found " + std::string(text));
 }
 
 /// NAME[:POLICY][,joins=SECONDS][,joins=any][,rejoins][,save=SECONDS][,reply=SECONDS]
@@ -204,6 +213,8 @@ Options options(int argc, char **argv)
             o.router.join = milliseconds(number(option, value(), 0.0));
         } else if (option == "--reply") {
             o.router.reply = milliseconds(number(option, value(), 0.0));
+        } else if (option == "--shared-memory") {
+            o.router.sharing = sharing(value());
         } else if (option == "--record") {
             o.record = value();
         } else if (option == "--status") {

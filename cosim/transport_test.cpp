@@ -7,8 +7,13 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <csignal>
+#include <cstdio>
 #include <cstring>
+#include <fstream>
+#include <functional>
 #include <future>
+#include <sys/wait.h>
 #include <thread>
 #include <unistd.h>
 
@@ -327,6 +332,156 @@ TEST(Delegate, WithoutItsControllerItEnds)
         EXPECT_TRUE(std::holds_alternative<Hello>(link.wait(10s).message));
     }
     EXPECT_EQ(serve_a.get(), "threw: the other side is gone");
+}
+
+/// A program of its own that does this, and is killed at the end of the test at the latest.
+class Program {
+public:
+    explicit Program(const std::function<void()> &work) : pid_(fork())
+    {
+        if (pid_ == 0) {
+            work();
+            _exit(0);
+        }
+    }
+    ~Program()
+    {
+        kill();
+        waitpid(pid_, nullptr, 0);
+    }
+    void kill() const { ::kill(pid_, SIGKILL); }
+
+private:
+    pid_t pid_;
+};
+
+TEST(SharedMemory, AControllerThatIsKilledIsMissedByANodeThatSleeps)
+{
+    const RouterConfig config = listening("shm");
+    const Program controller([&] {
+        zmq::context_t context;
+        Router(context, two_nodes(1000), config).run();
+    });
+    struct Killer : Counter {
+        using Counter::Counter;
+        std::vector<Offer> match(const std::vector<Channel> &asked) override
+        {
+            std::thread([this] {
+                std::this_thread::sleep_for(100ms); // it waits for Start by then, which never comes
+                victim->kill();
+            }).detach();
+            return Counter::match(asked);
+        }
+        const Program *victim = nullptr;
+    };
+    zmq::context_t context;
+    Killer a("/b/n", "/a/n", Latency::next_instant);
+    a.victim = &controller;
+    struct Hanging : Counter {
+        using Counter::Counter;
+        std::vector<Offer> match(const std::vector<Channel> &asked) override
+        {
+            std::this_thread::sleep_for(300ms);
+            return Counter::match(asked);
+        }
+    } b("/a/n", "/b/n", Latency::same_instant);
+    auto serve_b = std::async(std::launch::async, [&] { return serve(context, config.address, "b", b); });
+    EXPECT_EQ(serve(context, config.address, "a", a), "threw: the other side is gone");
+    EXPECT_EQ(serve_b.get(), "threw: the other side is gone");
+}
+
+TEST(SharedMemory, ANodeThatIsKilledIsMissed)
+{
+    struct Suicide : Counter {
+        using Counter::Counter;
+        void before_step(Ns t) override
+        {
+            if (t == 500) {
+                raise(SIGKILL);
+            }
+        }
+    };
+    const RouterConfig config = listening("shm");
+    const Program node([&] {
+        zmq::context_t context;
+        Suicide b("/a/n", "/b/n", Latency::same_instant);
+        serve(context, config.address, "b", b);
+    });
+    zmq::context_t context;
+    Router router(context, two_nodes(1000), config);
+    Counter a("/b/n", "/a/n", Latency::next_instant);
+    router.host("a", a);
+    EXPECT_EQ(router.run(), "b: its connection is gone (it had reached 0.00000049 s)");
+}
+
+TEST(SharedMemory, ANodeThatScribblesInItIsShutOut)
+{
+    struct Scribbler : Counter {
+        using Counter::Counter;
+        void before_step(Ns t) override
+        {
+            if (t != 500) {
+                return;
+            }
+            std::ifstream maps("/proc/self/maps");
+            for (std::string line; std::getline(maps, line);) {
+                std::uintptr_t from = 0, to = 0;
+                if (line.find("/memfd:fledge") != line.npos &&
+                    std::sscanf(line.c_str(), "%zx-%zx", &from, &to) == 2) {
+                    std::memset(reinterpret_cast<void *>(from), 0x5a, to - from);
+                }
+            }
+        }
+    };
+    const RouterConfig config = listening("shm");
+    const Program node([&] {
+        zmq::context_t context;
+        Scribbler b("/a/n", "/b/n", Latency::same_instant);
+        serve(context, config.address, "b", b);
+        std::this_thread::sleep_for(10s); // it stays connected
+    });
+    zmq::context_t context;
+    Router router(context, two_nodes(1000), config);
+    Counter a("/b/n", "/a/n", Latency::next_instant);
+    router.host("a", a);
+    EXPECT_TRUE(router.run().starts_with("b: it sent no frame: the shared memory counts "));
+    EXPECT_EQ(a.heard, 100u); // all that came before
+}
+
+TEST(SharedMemory, IsUsedWhereBothSidesHaveIt)
+{
+    const auto reason = [](Sharing controllers, Sharing nodes) {
+        zmq::context_t context;
+        RouterConfig config = listening("ipc");
+        config.sharing = controllers;
+        Router router(context, two_nodes(1000), config);
+        Counter a("/b/n", "/a/n", Latency::next_instant), b("/a/n", "/b/n", Latency::same_instant);
+        router.host("a", a);
+        auto serve_b = std::async(std::launch::async, [&]() -> std::string {
+            try {
+                DelegateConfig own;
+                own.simulation = "test";
+                own.node = "b";
+                own.address = router.address();
+                own.sharing = nodes;
+                return Delegate(context, own).serve(b);
+            } catch (const std::exception &error) {
+                return error.what();
+            }
+        });
+        const std::string routers = router.run();
+        const std::string delegates = serve_b.get();
+        return delegates.starts_with("no shared memory") ? delegates : routers;
+    };
+    using enum Sharing;
+    for (const auto &[controllers, nodes] : {std::pair{allowed, allowed}, {allowed, forbidden}, {allowed, required},
+                                             {forbidden, allowed}, {forbidden, forbidden}, {required, allowed},
+                                             {required, required}}) {
+        EXPECT_EQ(reason(controllers, nodes), "");
+    }
+    EXPECT_EQ(reason(required, forbidden),
+              "b: it does not take shared memory, which this run requires: it may be a node that cannot, or on "
+              "another machine");
 }
 
 TEST(Delegate, WhenItsContextIsClosedItEnds)
