@@ -26,6 +26,21 @@ BoardNode::BoardNode(const MissionHost &mission, registers::Backend &backend, st
     }
 }
 
+void BoardNode::load(Ns after, std::uint32_t id, Bytes block)
+{
+    const MissionIo &io = *mission_.io;
+    const std::uint32_t place = id - io.n_messages;
+    if (id < io.n_messages || place >= io.n_parameters || !mission_io_carries(&io, id)) {
+        throw registers::Error("no snorkel carries parameters of the id " + std::to_string(id));
+    }
+    if (block.size() != io.parameters[place].size) {
+        throw registers::Error(std::string("the parameters of ") + io.parameters[place].path + " have " +
+                               std::to_string(io.parameters[place].size) + " bytes, found " +
+                               std::to_string(block.size()));
+    }
+    loads_.push_back({after, id, std::move(block)});
+}
+
 Initialized BoardNode::initialize(const Initialize &request)
 {
     if (request.start >= 0) {
@@ -40,6 +55,7 @@ Initialized BoardNode::initialize(const Initialize &request)
         }
     }
     reached_ = -1;
+    loaded_ = 0;
     exchange(-1);
     Initialized answer;
     for (std::uint16_t i = 0; i < mission_.n_rates; i++) {
@@ -107,6 +123,10 @@ Tock BoardNode::tick(const Tick &tick)
             const std::uint32_t id = inputs_.at(coming_.front().channel).id;
             read_payload(coming_.front().payload, messages_[id].fields, messages_[id].held);
             mission_io_put(mission_.io, backend_.windows().data(), id, messages_[id].held.data(), &counts_);
+        }
+        for (; loaded_ < loads_.size() && loads_[loaded_].after < t; loaded_++) {
+            const Load &load = loads_[loaded_];
+            mission_io_put(mission_.io, backend_.windows().data(), load.id, load.block.data(), &counts_);
         }
         exchange(t);
         publish(t, tock.records);

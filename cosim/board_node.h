@@ -21,6 +21,11 @@ public:
     /// called. Both live as long as the node. `patience`: for flight to answer a tick.
     BoardNode(const MissionHost &mission, registers::Backend &backend, std::chrono::nanoseconds patience);
 
+    /// Parameters from the ground: put into their lane before flight's first instant after `after`. `id`:
+    /// the number of messages and the block's place. Call it in the order of time, before the run. Throws
+    /// registers::Error if no lane carries that block, or it is of another size.
+    void load(Ns after, std::uint32_t id, Bytes block);
+
     /// Flight begins anew, and shows what it puts out. Throws registers::Error if it does not answer.
     Initialized initialize(const Initialize &request) override;
     std::vector<Want> desired() override;
@@ -62,6 +67,13 @@ private:
     std::vector<Output> outputs_;
     std::map<std::uint32_t, Input> inputs_; ///< by channel
     std::deque<Record> coming_;             ///< in order of time
+    struct Load {
+        Ns after;
+        std::uint32_t id;
+        Bytes block;
+    };
+    std::vector<Load> loads_;
+    std::size_t loaded_ = 0;
     MissionIoCounts counts_{};
     Ns reached_ = -1;
 };

@@ -8,6 +8,7 @@
 #include <cstring>
 #include <dlfcn.h>
 #include <fcntl.h>
+#include <fstream>
 #include <string_view>
 #include <sys/prctl.h>
 #include <sys/wait.h>
@@ -29,6 +30,8 @@ constexpr const char *usage =
     "  --registers FILE   the register file to be made; flight attaches to it by itself\n"
     "  -- COMMAND ...     starts flight; {registers} in its arguments is what it is to attach to. It ends\n"
     "                     with this program\n"
+    "  --loads FILE       parameters from the ground: lines of a time [ns], a block's id, and its bytes in\n"
+    "                     hexadecimal; each is told before flight's first instant after its time\n"
     "  --simulation NAME  of the run; default: FLEDGE_SIMULATION, else the mission's name\n"
     "  --node NAME        of this node; default: FLEDGE_NODE, else flight\n"
     "  --address ADDRESS  of the controller; default: FLEDGE_ADDRESS, else tcp://127.0.0.1:7000\n"
@@ -40,7 +43,7 @@ constexpr const char *usage =
     "Exits with 0 at the regular end, 1 at another, 2 on a mistake in the options.\n";
 
 struct Options {
-    std::string tables, registers;
+    std::string tables, registers, loads;
     std::vector<std::string> command;
     cosim::DelegateConfig delegate;
     std::chrono::nanoseconds reply = 60s;
@@ -83,6 +86,8 @@ Options options(int argc, char **argv)
             o.tables = value;
         } else if (option == "--registers") {
             o.registers = value;
+        } else if (option == "--loads") {
+            o.loads = value;
         } else if (option == "--simulation") {
             o.delegate.simulation = value;
         } else if (option == "--node") {
@@ -214,11 +219,32 @@ private:
     bool ended_ = false;
 };
 
+void read_loads(const std::string &path, cosim::BoardNode &node)
+{
+    std::ifstream file(path);
+    cosim::Ns after = 0;
+    std::uint32_t id = 0;
+    std::string digits;
+    for (int line = 1; file >> after >> id >> digits; line++) {
+        cosim::Bytes block;
+        for (std::size_t i = 0; i + 1 < digits.size(); i += 2) {
+            block.push_back(static_cast<std::byte>(std::stoi(digits.substr(i, 2), nullptr, 16)));
+        }
+        node.load(after, id, std::move(block));
+    }
+    if (!file.eof()) {
+        throw registers::Error("--loads " + path + ": expected lines of a time, an id and bytes");
+    }
+}
+
 /// Returns the reason of an early end, "" at the regular one.
 std::string serve(const Options &o, const MissionHost &mission, registers::Backend &backend)
 {
     zmq::context_t context;
     cosim::BoardNode node(mission, backend, o.reply);
+    if (!o.loads.empty()) {
+        read_loads(o.loads, node);
+    }
     std::string reason = cosim::Delegate(context, o.delegate).serve(node);
     const MissionIoCounts &counts = node.counts();
     std::printf("outside_refused %u\noutside_corrupt %u\noutside_saturated %u\n", counts.refused, counts.corrupt,

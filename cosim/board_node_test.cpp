@@ -68,8 +68,8 @@ RegisterLane lane(std::uint32_t address, bool from_flight)
 
 const RegisterRun RUNS[] = {{8, 1}, {4, 2}, {8, 2}};
 const RegisterMessage TYPE = {"Number", sizeof(Number), 3, RUNS};
-const RegisterLane LANES[] = {lane(32, false), lane(256, false), lane(480, true)};
-const RegisterBoard BOARD = {"board", 1, 0, 1024, 1, 0, -1, REGISTER_NOWHERE, 0, 3, LANES};
+const RegisterLane LANES[] = {lane(32, false), lane(256, false), lane(480, true), lane(704, false)};
+const RegisterBoard BOARD = {"board", 1, 0, 1024, 1, 0, -1, REGISTER_NOWHERE, 0, 4, LANES};
 const RegisterBoard *const BOARDS[] = {&BOARD};
 const MissionMessage MESSAGES[] = {
     {"world.m.a", "Number", offsetof(Flight, a), sizeof(Number), MISSION_IN},
@@ -79,8 +79,12 @@ const MissionMessage MESSAGES[] = {
 };
 const MissionLane ROWS[] = {{&TYPE, 0, 0, 0, 0, 0, MISSION_F64},
                             {&TYPE, 1, 0, 1, 0, 0, MISSION_F64},
-                            {&TYPE, 2, 0, 2, 0, 0, MISSION_F64}};
-const MissionIo IO = {MESSAGES, BOARDS, ROWS, 4, 1, 3};
+                            {&TYPE, 2, 0, 2, 0, 0, MISSION_F64},
+                            {&TYPE, 5, 0, 3, 0, 0, MISSION_F64}}; // the second block of parameters
+const MissionParameters PARAMETERS[] = {{"flight.m", "M", offsetof(Flight, inner), sizeof(Number)},
+                                        {"flight.n", "N", offsetof(Flight, inner), sizeof(Number)}};
+Number block;
+const MissionIo IO = {MESSAGES, BOARDS, ROWS, 4, 1, 4, 2, PARAMETERS, &block};
 const MissionTopic TOPICS[] = {
     {"/world/m/a", 0, 0, 0}, {"/world/m/b", 0, 1, 1}, {"/flight/n/out", 0, 0, 0}, {"/flight/n/inner", 0, 0, 0}};
 const MissionDefinition DEFINITIONS[] = {{"Number", "fledge/msg/Number", TEXT}};
@@ -217,6 +221,34 @@ TEST_F(BoardNodeTest, FlightSeesWhatIsThereAtEachOfItsInstantsHoweverTheyComeInT
         EXPECT_EQ(n_told, told.size());
     }
     EXPECT_EQ(node_.counts().corrupt + node_.counts().refused + node_.counts().saturated, 0u);
+}
+
+TEST_F(BoardNodeTest, ParametersFromTheGroundCountFromTheNextInstantOnAndOnce)
+{
+    const auto bytes = [](double x) {
+        const Number n = {{0, QUALITY_NONE, 0}, x, -x};
+        const auto view = std::as_bytes(std::span(&n, 1));
+        return Bytes(view.begin(), view.end());
+    };
+    start();
+    node_.load(-1, 5, bytes(1));
+    node_.load(40, 5, bytes(2));
+    node_.load(50, 5, bytes(3)); // at 50 it is too late for that instant
+    node_.load(55, 5, bytes(4)); // and takes the place of the one before
+    for (const Ns until : {45, 50, 200}) {
+        node_.tick({until, {}});
+        flight.inner.y = 7; // flight's own, as no new block has come
+    }
+    const std::pair<Ns, double> expected[] = {{0, 1}, {10, 1}, {40, 1}, {50, 2}, {70, 4}, {100, 4}};
+    for (std::size_t i = 0; i < 6; i++) {
+        EXPECT_EQ(seen[i].first, expected[i].first);
+        EXPECT_EQ(seen[i].second.inner.x, expected[i].second) << seen[i].first;
+    }
+    EXPECT_EQ(seen[3].second.inner.y, -2);
+    EXPECT_EQ(seen[5].second.inner.y, -4);
+    EXPECT_THROW(node_.load(300, 4, bytes(5)), registers::Error); // no lane carries the first block
+    EXPECT_THROW(node_.load(300, 3, bytes(5)), registers::Error); // this is a message
+    EXPECT_THROW(node_.load(300, 5, Bytes(8)), registers::Error);
 }
 
 TEST_F(BoardNodeTest, AMessageThatIsNotTheNextOneIsAnError)

@@ -148,6 +148,20 @@ static void write_head(uint8_t *message, int64_t t)
     memcpy(message, &head, sizeof head);
 }
 
+/* A block that is new replaces the one in use, as a whole. */
+static void take_parameters(const MissionIo *io, const RegisterWindow *w, const MissionLane *row,
+                            uint8_t *mission, MissionIoCounts *counts)
+{
+    const MissionParameters *block = &io->parameters[row->message - io->n_messages];
+    RegisterInfo info;
+    const RegisterStatus status =
+        register_take_message(w + row->board, lane_of(io, row), row->type, io->block, &info);
+    if (status == REGISTER_OK) {
+        memcpy(mission + block->offset, io->block, block->size);
+    }
+    counts->corrupt += status == REGISTER_CORRUPT || status == REGISTER_SIZE;
+}
+
 /* ---- flight */
 
 uint32_t mission_io_clock(const MissionIo *io)
@@ -164,7 +178,9 @@ void mission_io_read(const MissionIo *io, const RegisterWindow *w, void *mission
 {
     for (uint32_t i = 0u; i < io->n_lanes; i++) {
         const MissionLane *row = &io->lanes[i];
-        if (io->messages[row->message].direction == MISSION_IN) {
+        if (row->message >= io->n_messages) {
+            take_parameters(io, w, row, mission, counts);
+        } else if (io->messages[row->message].direction == MISSION_IN) {
             uint8_t *message = (uint8_t *)mission + io->messages[row->message].offset;
             if (!row->type && (i == 0u || row[-1].message != row->message)) {
                 write_head(message, t);
@@ -179,8 +195,8 @@ void mission_io_write(const MissionIo *io, const RegisterWindow *w, const void *
 {
     for (uint32_t i = 0u; i < io->n_lanes; i++) {
         const MissionLane *row = &io->lanes[i];
-        const MissionMessage *m = &io->messages[row->message];
-        if (m->direction != MISSION_IN) {
+        if (row->message < io->n_messages && io->messages[row->message].direction != MISSION_IN) {
+            const MissionMessage *m = &io->messages[row->message];
             put_row(io, w, row, (const uint8_t *)mission + m->offset, counts);
         }
     }

@@ -8,6 +8,9 @@
  * it are carried too, it is written anew at each reading, now, and good. A number that no word
  * carries stays as it was.
  *
+ * A block of parameters passes whole, through a message lane, from the ground: it counts from the
+ * tick on in which it is there, once. Modules that publish their parameters are not told this way.
+ *
  * Time comes with the clock of the first board that has one. A tick before time 0 asks flight to
  * begin: it is reset, and shows all that it puts out, and nothing runs. Each tick from then on is one
  * exchange: mission_io_read, the mission's tick, mission_io_write, register_clock_finish. */
@@ -39,7 +42,7 @@ typedef enum MissionNumber {
 /** A message in a lane, or some of its numbers in a field of a lane of words. */
 typedef struct MissionLane {
     const RegisterMessage *type; ///< of a message lane; NULL: words
-    uint16_t message;            ///< its id
+    uint16_t message;            ///< its id; of n_messages + k: the k-th block of parameters
     uint16_t board;              ///< its place among the boards
     uint16_t lane;               ///< its place among the board's lanes
     uint16_t field;              ///< of the words
@@ -55,6 +58,9 @@ typedef struct MissionIo {
     uint32_t n_messages;
     uint32_t n_boards;
     uint32_t n_lanes;
+    uint32_t n_parameters;               ///< 0: no lane carries any
+    const MissionParameters *parameters; ///< NULL: none
+    void *block;                         ///< room for the largest block that a lane carries
 } MissionIo;
 
 /** What has gone wrong, counted. All zero: nothing. */

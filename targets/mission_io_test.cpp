@@ -100,7 +100,7 @@ protected:
         board_ = {"bench", 1, 0, 1024, GetParam(), 1000, -1, REGISTER_NOWHERE, 0,
                   static_cast<std::uint32_t>(lanes_.size()), lanes_.data()};
         window_ = register_window(&board_, reinterpret_cast<volatile std::uint32_t *>(memory_.data()));
-        io_ = {messages_, boards_, rows_.data(), 4, 1, static_cast<std::uint32_t>(rows_.size())};
+        io_ = {messages_, boards_, rows_.data(), 4, 1, static_cast<std::uint32_t>(rows_.size()), 0, nullptr, nullptr};
     }
 
     // Random numbers that their types, and 32 bits, hold.

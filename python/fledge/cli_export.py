@@ -26,6 +26,8 @@ def add(command):
                      "commands and 0x0800 for telemetry; default: 0xC0")
     one.add_argument("--order", choices=["little", "big"], default=None, help="cfs: byte order of the target, for .tbl "
                      "files; default: little")
+    one.add_argument("--ground", metavar="MODULES", help="of which the ground can change the parameters by that "
+                     "board, as in flight.control,flight.spin")
     one.add_argument("--out", metavar="DIR", help="default: runs/MISSION/c, or runs/MISSION/cfs/APP")
     add_parameters(one)
 
@@ -40,6 +42,8 @@ def export(options):
         raise Failure("export cfs: name the app, as in --app nav")
     if options.form == "c" and (options.app or options.topic or options.order):
         raise Failure("export c: --app, --topic and --order are for `export cfs`")
+    if options.ground and (options.form != "c" or options.board != []):
+        raise Failure("export: --ground is for the mission's own board; give --board, without files")
     if options.outputs and options.board:
         raise Failure("export: --outputs is for the mission's own board; give --board without files")
     if options.outputs and options.board is None and options.form == "c":
@@ -51,7 +55,7 @@ def export(options):
     else:
         more = {}
         if options.board is not None:
-            more = exports.emit_board(mission, options.board, outputs_of(options.outputs))
+            more = exports.emit_board(mission, options.board, outputs_of(options.outputs), listed(options.ground))
         paths = exports.write(mission, folder, more)
     for path in paths:
         say(f"  wrote  {path}")
@@ -77,4 +81,8 @@ def export_cfs(mission, options, folder):
 
 def outputs_of(text):
     """What --outputs says, as emit_board takes it."""
-    return "all" if text == "all" else [path.strip() for path in (text or "").split(",") if path.strip()]
+    return "all" if text == "all" else listed(text)
+
+
+def listed(text):
+    return [path.strip() for path in (text or "").split(",") if path.strip()]

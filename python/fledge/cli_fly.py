@@ -10,6 +10,8 @@ import os
 import re
 import sys
 
+from fledge.cli_node import add_parameters, given_parameters
+
 
 def add(command):
     """Add the subcommand, by the function of cli.parser() that adds one."""
@@ -34,6 +36,7 @@ def add(command):
                      "controller is elsewhere, on one target; default: FLEDGE_ADDRESS, FLEDGE_SIMULATION, FLEDGE_NODE")
     one.add_argument("--keys", metavar="PATH", help="of this node, for --join (fledge keys); default: FLEDGE_KEYS")
     one.add_argument("--out", metavar="DIR", help="for the records and what is built; default: runs/MISSION/fly")
+    add_parameters(one)
 
 
 def fly(options):
@@ -60,7 +63,7 @@ def fly(options):
     if options.free and (options.scenario or not (duration or part)):
         raise Failure("fly: --free is without a scenario, and for as long as --for says")
     job = Job(options.mission, options.scenario, duration or (1.0 if part else None), options.seed, options.board,
-              options.out, options.free)
+              options.out, options.free, given_parameters(options))
     others = [targets[name] for name in names if name != "desktop"]
     if options.join is not None and len(others) != 1:
         raise Failure(f"--join: say with --on which target it is, one; found {len(others)}")

@@ -22,9 +22,9 @@ WIDTHS = {"f64": 8, "i64": 8, "u64": 8, "f32": 4, "i32": 4, "u32": 4, "enum": 4,
 
 @dataclass
 class Lane:
-    """A message, or some of its numbers, in a lane."""
-    message: Message
-    id: int                          # of the message
+    """A message, some of its numbers, or a block of parameters, in a lane."""
+    message: Message                 # of parameters: one like it
+    id: int                          # of the message; of parameters: behind all messages
     board: int
     lane: int                        # its place among the board's
     field: int                       # of words
@@ -34,17 +34,49 @@ class Lane:
     scale: float                     # of the field
 
 
+@dataclass
+class Block:
+    """The parameters of a module, as a message has a struct."""
+    name: str
+    size: int
+    fields: list
+
+
+def blocks(mission):
+    """Path -> Message of each module's parameters, as MISSION_parameters has them. Those of modules that publish them
+    are None: they take effect by another way."""
+    found = {}
+    for module in mission.modules:
+        fields = module.fields("par")
+        if fields:
+            end = max(f.offset + f.size for f in fields)
+            block = Block(f"parameters_{module.name}", end - min(f.offset for f in fields), fields)
+            found[module.path] = None if module in mission.configuration else Message(
+                f"{module.name}_parameters", module.path, block, "", "in", [])
+    return found
+
+
+def _block(mission, path):
+    found = blocks(mission)
+    if not found.get(path):
+        what = "publishes its parameters, which no snorkel can change" if path in found else "has no parameters"
+        raise ExportError(f"{mission.title}: {path} {what}; choose of {', '.join(p for p, b in found.items() if b)}")
+    return found[path]
+
+
 # --- the board that carries messages whole ---------------------------------------------------------
 
-def toml(mission, outputs=()):
+def toml(mission, outputs=(), parameters=()):
     """The file of the mission's own board: a message snorkel for all that flight is told and the outside reads, and
-    for further outputs by their paths; `outputs` "all": for every one. Words are big-endian; it has the clock."""
+    for further outputs by their paths; `outputs` "all": for every one. parameters: paths of modules whose parameters
+    can be changed by it. Words are big-endian; it has the clock."""
     known = {m.path for m in mission.outputs}
     unknown = [] if outputs == "all" else sorted(set(outputs) - known)
     if unknown:
         raise ExportError(f"{mission.title}: flight puts out no {unknown[0]}; it has {', '.join(sorted(known))}")
     carried = [m for m in (*mission.inputs, *mission.outputs)
                if m.direction != "inside" or outputs == "all" or m.path in outputs]
+    carried += [_block(mission, path) for path in parameters]
     snorkels = _distinct([m.name for m in carried])
     at, parts = FIRST, []
     for message, name in zip(carried, snorkels):
@@ -57,9 +89,7 @@ doc       = "{_doc(message)}"
 form      = "message"
 direction = "{"read" if message.direction == "in" else "write"}"
 address   = {at:#x}
-message   = "{message.struct.name}"
-header    = "{message.struct.header}"
-size      = {message.struct.size}
+{_typed(message)}size      = {message.struct.size}
 carries   = "{message.path}"
 ''')
         at += size
@@ -86,7 +116,15 @@ def board_name(mission):
     return _distinct([f"{mission.name}_board"])[0]
 
 
+def _typed(message):
+    if isinstance(message.struct, Block):
+        return ""
+    return f'message   = "{message.struct.name}"\nheader    = "{message.struct.header}"\n'
+
+
 def _doc(message):
+    if isinstance(message.struct, Block):
+        return f"parameters of {message.path}"
     ends = ", ".join(message.ends)
     return f"{message.path} >> {ends}" if ends else message.path
 
@@ -140,6 +178,7 @@ class _Finder:
     def __init__(self, mission):
         self.mission = mission
         self.messages = {m.path: (i, m) for i, m in enumerate((*mission.inputs, *mission.outputs))}
+        self.blocks = blocks(mission)
         self.found, self.wrong, self.taken = [], [], {}
 
     def refuse(self, board, line, text):
@@ -164,6 +203,15 @@ class _Finder:
 
     def message(self, board, line, path, lane):
         """(id, message) of a path, if it passes that way."""
+        if path in self.blocks:
+            if not self.blocks[path]:
+                self.refuse(board, line, f"{path} publishes its parameters, which no snorkel can change")
+            elif lane.from_flight or lane.form != "message":
+                self.refuse(board, line, f"the parameters of {path} pass whole to flight: a message with direction "
+                            "\"read\"")
+            else:
+                return len(self.messages) + list(self.blocks).index(path), self.blocks[path]
+            return None
         if path not in self.messages:
             self.refuse(board, line, f"there is no message {path} in {self.mission.title}; choose of "
                         f"{', '.join(self.messages)}")
@@ -256,16 +304,17 @@ def _numbers(struct, parts, path):
 
 # --- in C ------------------------------------------------------------------------------------------
 
-def emit_board(mission, files=(), outputs=()):
+def emit_board(mission, files=(), outputs=(), parameters=()):
     """File name -> text: the boards' headers, tables and documentation, and the table of what passes where.
 
     files: of boards that somebody wrote. Without any, the mission's own, whose file is among the results; `outputs`
-    are paths of outputs that it carries besides what the world reads, or "all".
+    are paths of outputs that it carries besides what the world reads, or "all"; parameters: of modules whose
+    parameters the ground can change by it.
     """
     from registers import emit_c, emit_markdown
 
     texts = [(Path(file), Path(file).read_text(encoding="utf-8")) for file in files]
-    own = {} if texts else {f"{board_name(mission)}.toml": toml(mission, outputs)}
+    own = {} if texts else {f"{board_name(mission)}.toml": toml(mission, outputs, parameters)}
     boards = read(mission, texts or own.items())
     found = lanes(mission, boards)
     for board in boards:
@@ -288,7 +337,18 @@ def header(mission):
 def source(mission, boards, found):
     name, upper = mission.name, mission.name.upper()
     lines = [*written(mission), f'#include "{name}_io.h"', "", *(f'#include "{b.name}.h"' for b in boards)]
-    whole = {one.message.struct.name: one.message.struct for one in found if one.number is None}
+    whole = {one.message.struct.name: one.message.struct for one in found if one.number is None
+             and not isinstance(one.message.struct, Block)}
+    loads = [one for one in found if isinstance(one.message.struct, Block)]
+    for one in loads:
+        block = one.message.struct
+        runs = ", ".join(f"{{{width}u, {n}u}}" for width, n in byte_runs(block))
+        lines += ["", f"static const RegisterRun runs_{block.name}[] = {{{runs}}};",
+                  f'static const RegisterMessage {block.name} = {{"{block.name}", {block.size}u, '
+                  f"{len(byte_runs(block))}u,", f"    runs_{block.name}}};"]
+    if loads:
+        largest = max(one.message.struct.size for one in loads)
+        lines += ["", f"static uint64_t block[{-(-largest // 8)}];"]
     for struct in whole.values():
         runs = ", ".join(f"{{{width}u, {n}u}}" for width, n in byte_runs(struct))
         lines += ["", f"static const RegisterRun runs_{struct.name}[] = {{{runs}}};",
@@ -300,12 +360,16 @@ def source(mission, boards, found):
     for one in found:
         board = boards[one.board]
         kind = "enum" if one.number is None else one.number
-        lines += row("0" if one.number else f"&fledge_message_{one.message.struct.name}",
-                     f"{upper}_MSG_{one.message.name.upper()}", f"{one.board}u",
+        n = len(mission.inputs) + len(mission.outputs)
+        typed = one.message.struct.name if one in loads else f"fledge_message_{one.message.struct.name}"
+        lines += row("0" if one.number else f"&{typed}",
+                     f"{upper}_MESSAGES + {one.id - n}" if one in loads else f"{upper}_MSG_{one.message.name.upper()}",
+                     f"{one.board}u",
                      f"{board.name.upper()}_LANE_{board.lanes[one.lane].name.upper()}", f"{one.field}u",
                      f"{one.offset}u", "MISSION_" + {"enum": "i32"}.get(kind, kind).upper())
     lines += ["};", "", f"const MissionIo {name}_io = {{",
-              f"    {name}_messages, boards, lanes, {upper}_MESSAGES, {len(boards)}u, {len(found)}u", "};", ""]
+              f"    {name}_messages, boards, lanes, {upper}_MESSAGES, {len(boards)}u, {len(found)}u,",
+              f"    {upper}_PARAMETERS, {name}_parameters, block" if loads else "    0u, 0, 0", "};", ""]
     return "\n".join(lines)
 
 

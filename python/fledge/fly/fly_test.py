@@ -101,11 +101,84 @@ def test_latency_and_random_draws_cross_a_board_too(tmp_path):
     assert compare(*(Archive(tmp_path / f"out{seed}/linux.mcap") for seed in ("7", "8"))) != []
 
 
+def test_parameters_from_the_ground_cross_a_board_too(tmp_path, capsys):
+    """What a scenario changes of flight between its runs, told to a target of the other byte order."""
+    on = "linux,sparc64" if not TARGETS["sparc64"].missing() else "linux"
+    span = [] if WHOLE else ["--for", "61min"]
+    assert cli.main(["fly", "two_body_pointing", "near_conjunction", *span, "--on", on, "--out", str(tmp_path)]) == 0
+    capsys.readouterr()
+    for name in ("desktop", *on.split(",")):
+        record = Archive(tmp_path / f"{name}.mcap")
+        late = record.time("guidance.status") > 3600.0
+        status = record["guidance.status.secondary"]
+        assert (status[~late] == 2).all() and (status[late][:60] == 1).all()     # the Sun is given up
+    board = (tmp_path / "c/two_body_pointing_mission_board.toml").read_text()
+    assert 'carries   = "flight.guidance"' in board and 'carries   = "flight.control"' not in board
+
+
+PLAYS = """
+from fledge.units import s
+
+def mode(sim):
+    sim.run(5 * s)
+    sim.flight.enter("rest")
+    sim.run(5 * s)
+
+def world(sim):
+    sim.run(5 * s)
+    sim.world.nav.rate_noise = [1e-5] * 3
+    sim.run(5 * s)
+
+def published(sim):
+    sim.run(5 * s)
+    sim.flight.vehicle.I_B = [700, 700, 801]
+    sim.run(5 * s)
+
+def both(sim):
+    sim.world.nav.rate_noise = [1e-5] * 3
+    sim.run(5 * s)
+    sim.flight.control.K = 3
+    sim.run(5 * s)
+
+def steps(sim):
+    sim.run(5 * s)
+    sim.step()
+
+def fails(sim):
+    sim.run(5 * s)
+    assert False, "it was not good"
+
+def nothing(sim):
+    pass
+"""
+
+
+@pytest.mark.parametrize("play, complaint", [
+    ("mode", "asks for a mode between its runs, which no target is told"),
+    ("world", "changes world.nav between its runs; a target can only be told parameters of flight"),
+    ("published", "changes flight.vehicle between its runs, which flight publishes: no target is told when"),
+    ("both", "changes world.nav before it runs, and flight between its runs: the world's program is told only one"),
+    ("steps", "the scenario steps does more than run"),
+    ("fails", "the scenario fails fails on the desktop: it was not good"),
+    ("nothing", "the scenario nothing runs nothing"),
+])
+def test_what_no_target_can_be_told_is_refused(play, complaint, tmp_path, capsys):
+    from fledge.export.run_test import FLIGHT, WORLD
+
+    mission = tmp_path / "plays"
+    mission.mkdir()
+    (mission / "flight.py").write_text(FLIGHT)
+    (mission / "world.py").write_text(WORLD)
+    (mission / "scenarios.py").write_text(PLAYS)
+    assert cli.main(["fly", str(mission), play, "--out", str(tmp_path / "out")]) == (1 if play == "fails" else 2)
+    assert complaint in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
 def test_without_a_scenario(folder, capsys):
     out = str(folder / "single_spiral")
-    assert cli.main(["fly", "single_spiral", "--out", out]) == 2
-    assert "what it does between its runs no target is told" in capsys.readouterr().err
     assert cli.main(["fly", "single_spiral", "--free", "--out", out]) == 2
+    assert "--free is without a scenario, and for as long as --for says" in capsys.readouterr().err
     assert cli.main(["fly", "single_spiral", "--free", "--for", "1min", "--on", "linux", "--out", out]) == 0
 
 
@@ -384,7 +457,6 @@ def test_on_a_terminal_it_shows_how_far_it_is(folder, monkeypatch):
 @pytest.mark.parametrize("arguments, complaint", [
     (["nadir_spin", "--on", "desktop,vax"], "there is no target 'vax'; there are desktop, the run in one program"),
     (["nadir_spin", "spn"], "the mission nadir_spin has no scenario 'spn'; it has spin"),
-    (["two_body_pointing", "near_conjunction"], "line 35: the scenario near_conjunction runs again here"),
     (["nadir_spin", "--within", "x=1"], "--within is for boards with words that round"),
     (["nadir_spin", "--board", str(CONVERTERS), "--within", "x=1"], "--within: flight puts out no field x"),
     (["nadir_spin", "--board", "no_such.toml"], "no_such.toml"),

@@ -7,31 +7,33 @@ from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
 
-import fledge
-from fledge import SetupError, export, project
+from fledge import export, project
 from fledge._console import Failure
-from fledge.cli_node import _second_run
 from fledge.fly import build
+from fledge.fly.rehearsal import rehearse
 
 
 class Job:
     """A mission's scenario, as it stands before its run; all of it goes into `folder`, what is exported into its c/.
 
-    scenario: its name; None: the mission's first. duration: [s]; None: as long as the scenario runs.
+    scenario: its name; None: the mission's first. duration: [s]; None: as long as the scenario runs. The scenario is
+    rehearsed on the desktop: what it changes of flight between its runs goes to targets as parameters from the ground.
     boards: files of boards that the messages pass; none: a board that carries them whole. free: take no scenario.
+    parameters: of the mission, as fledge.load() takes them.
     """
 
-    def __init__(self, mission, scenario=None, duration=None, seed=0, boards=(), folder=None, free=False):
-        self.sim = fledge.load(mission)
-        self.asked = mission                 # as other programs are to load it
+    def __init__(self, mission, scenario=None, duration=None, seed=0, boards=(), folder=None, free=False,
+                 parameters=None):
+        self.asked, self.parameters = mission, parameters or {}     # as other programs are to load it
         self.seed, self.boards = seed, [Path(path).resolve() for path in boards]
-        self.sim.seed = seed
-        self.scenario, runs = ("free", 0.0) if free else begin(self.sim, scenario, duration is not None)
-        self.duration = runs if duration is None else duration
-        self.mission = export.read(self.sim)
+        play = rehearse(mission, scenario, duration, seed, free, self.parameters)
+        self.scenario, self.duration, self.loads = play.name, play.duration, play.loads
+        self.start, self.mission = play.start, play.mission
         self.folder = Path(folder) if folder else Path("runs") / self.mission.title / "fly"
         self.outputs = [export.host.topic(m.path) for m in self.mission.outputs]
-        self.files = export.emit_board(self.mission, self.boards) | export.emit_host(self.mission)
+        changed = list(dict.fromkeys(load.path for load in self.loads))
+        self.files = (export.emit_board(self.mission, self.boards, parameters=changed)
+                      | export.emit_host(self.mission))
         self.rounds = any(field.carries for board in self.described() for snorkel in board.snorkels
                           for field in snorkel.fields)      # some numbers pass as counts
 
@@ -50,6 +52,13 @@ class Job:
     def written(self):
         """The paths of all that is exported, which this writes."""
         return export.write(self.mission, self.folder / "c", self.files)
+
+    def write_loads(self):
+        """The file of what the ground changes, for the node of the board."""
+        ids = list(export.board.blocks(self.mission))
+        n = len(self.mission.inputs) + len(self.mission.outputs)
+        text = "".join(f"{load.after} {n + ids.index(load.path)} {load.block.hex()}\n" for load in self.loads)
+        return export.write_files({"loads.txt": text}, self.folder)[0]
 
     def described(self):
         """The boards that were given, as data."""
@@ -99,47 +108,3 @@ def _fields(struct, path):
             yield from _fields(field.struct, f"{path}.{field.name}")
         else:
             yield f"{path}.{field.name}"
-
-
-class _Begins(BaseException):
-    """The scenario asks for its run."""
-
-
-def begin(sim, scenario, free=False):
-    """Do what a scenario does before its run; (its name, how long it would run [s]).
-
-    What it does later, its checks and plots, is left out. free: a mission without scenarios will do.
-    """
-    known = sim.mission.scenarios
-    if scenario is None and not known:
-        if not free:
-            raise Failure(f"the mission {sim.name} has no scenarios, so say with --for how long to fly")
-        return "free", 0.0
-    name = scenario or next(iter(known))
-    if name not in known:
-        raise Failure(f"the mission {sim.name} has no scenario '{name}'; it has {', '.join(known)}")
-    asked = []
-
-    def begins(duration=None, *, until=None, **_):
-        asked.append(duration if until is None else until)
-        raise _Begins
-
-    def plainly(*_, **__):
-        raise SetupError(f"the scenario {name} goes by steps, which no target can")
-
-    sim.plots, sim.run, sim.step = False, begins, plainly
-    try:
-        known[name](sim)
-    except _Begins:
-        pass
-    finally:
-        del sim.run, sim.step
-    if not asked:
-        raise Failure(f"the scenario {name} runs nothing")
-    several = _second_run(known[name])
-    if several:
-        raise Failure(f"{several[0]}, line {several[1]}: the scenario {name} runs again here, and what it does between "
-                      "its runs no target is told; choose another scenario, or --free with --for")
-    from fledge.process import _time
-
-    return name, _time(asked[0], "run") / 1e9

@@ -30,7 +30,8 @@ def close(job, target, name, patience=60.0):
         "controller": [build.native("fledge_controller", "cosim"), *options, "--until", repr(job.duration), "--seed",
                        job.seed, "--node", "world", "--node", "flight", "--join", patience, "--reply", patience],
         "world": [sys.executable, "-m", "fledge.cli", "node", job.asked, "world",
-                  *(["--free"] if job.scenario == "free" else [job.scenario]), *options],
+                  *(["--free"] if job.scenario == "free" or job.loads else [job.scenario]), *options,
+                  *(word for name, value in job.parameters.items() for word in ("--set", f"{name}={value!r}"))],
         "flight": [*_board(job, options), "--reply", patience, "--", *target]})
 
 
@@ -41,7 +42,8 @@ def join(job, target, name, address, simulation, node):
 
 
 def _board(job, options):
-    return [build.native("fledge_board_node", "cosim"), *options, "--tables", job.tables().resolve()]
+    loads = ["--loads", job.write_loads().resolve()] if job.loads else []
+    return [build.native("fledge_board_node", "cosim"), *options, "--tables", job.tables().resolve(), *loads]
 
 
 def _run(job, name, commands):

@@ -81,13 +81,16 @@ class Desktop(Target):
     about = "the run in one program, under Python"
 
     def fly(self, job, patience=60.0):
-        sim = job.sim.clone()
+        sim = job.start.clone()
         sim.record(*(getattr(getattr(sim.flight, one), port) for one, port in
                      (m.path.split(".")[1:] for m in job.mission.outputs)), every=job.step() / 1e9)
         record = self.record(job)
         sim.archive(record, mission=sim.name, target="desktop")
         start = process_time()
         try:
+            for load in job.loads:
+                sim.run(until=load.after / 1e9)
+                sim.restore(load.snapshot)
             sim.run(until=job.duration)
         finally:
             sim.close_archive()

@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A scenario on the desktop, to see what it does besides running: what it sets up, for how long it runs, and what it
+changes between its runs. Its plots are left out; its checks must hold there, as far as it is flown."""
+
+from dataclasses import dataclass
+
+import fledge
+from fledge import SetupError, _core, export
+from fledge._console import Failure
+
+
+@dataclass
+class Load:
+    """Parameters of a module of flight, as the scenario changed them between two runs."""
+    after: int              # [ns] the last instant of the run before
+    path: str               # flight.turn
+    block: bytes
+    snapshot: bytes         # of the desktop, with all changes of that time
+
+
+class _Ends(BaseException):
+    """All that is flown has been run."""
+
+
+def rehearse(mission, scenario=None, duration=None, seed=0, free=False, parameters=None):
+    """Returns a Rehearsal. duration: [s], of what is to be flown; None: all that the scenario runs."""
+    def load():
+        return fledge.load(mission, **(parameters or {}))
+
+    sim = load()
+    sim.seed = seed
+    play = Rehearsal(sim, duration)
+    known = sim.mission.scenarios
+    if free or scenario is None and not known:
+        if duration is None:
+            raise Failure(f"the mission {sim.name} has no scenarios, so say with --for how long to fly")
+        play.name = "free"
+        play.begin()
+        return play
+    play.name = scenario or next(iter(known))
+    if play.name not in known:
+        raise Failure(f"the mission {sim.name} has no scenario '{play.name}'; it has {', '.join(known)}")
+    sim.plots, sim.run = False, play.run
+    sim.step = sim.reset = sim.restore = play.refused
+    try:
+        known[play.name](sim)
+    except _Ends:
+        pass
+    except (SetupError, Failure):
+        raise
+    except Exception as error:
+        raise Failure(f"the scenario {play.name} fails on the desktop: {error}", 1) from error
+    if play.start is None:
+        raise Failure(f"the scenario {play.name} runs nothing")
+    play.finish(load, seed)
+    return play
+
+
+class Rehearsal:
+    """name; duration [s]; start: the simulation as it stood before its first run, and mission: that exported; loads."""
+
+    def __init__(self, sim, duration):
+        self.sim, self.duration = sim, duration
+        self.name, self.start, self.mission, self.loads = "", None, None, []
+
+    def begin(self):
+        self.mission = export.read(self.sim)
+        self.start = self.sim.clone()
+
+    def run(self, duration=None, *, until=None, **_):
+        """In place of the simulation's run()."""
+        from fledge.process import _time
+
+        sim = self.sim
+        now = max(sim._core.now, 0)
+        end = now + _time(duration, "run") if until is None else _time(until, "run: until")
+        if self.start is None:
+            self.begin()
+        else:
+            self.compare(now)
+        limit = None if self.duration is None else round(self.duration * 1e9)
+        if limit is not None and end >= limit:
+            raise _Ends
+        type(sim).run(sim, until=end / 1e9, progress=False)
+        self.before = sim.snapshot(), _memory(sim)
+
+    def compare(self, now):
+        """What the scenario has changed since the last run."""
+        sim, (snapshot, before) = self.sim, self.before
+        after, changed = _memory(sim), []
+        for path, memory in after.items():
+            if memory == before[path]:
+                continue
+            low, high = _parameters(sim, path)
+            same = memory[:low] == before[path][:low] and memory[high:] == before[path][high:]
+            if not path.startswith("flight.") or not same:
+                what = "" if same else ", and not only parameters,"
+                raise Failure(f"the scenario {self.name} changes {path}{what} between its runs; a target can only be "
+                              "told parameters of flight")
+            if any(m.path == path for m in self.mission.configuration):
+                raise Failure(f"the scenario {self.name} changes {path} between its runs, which flight publishes: no "
+                              "target is told when")
+            changed.append((path, memory[low:high]))
+        if not changed and sim.snapshot() != snapshot:
+            raise Failure(f"the scenario {self.name} asks for a mode between its runs, which no target is told")
+        now_so = sim.snapshot() if changed else b""
+        self.loads += [Load(now, path, block, now_so) for path, block in changed]
+
+    def refused(self, *_, **__):
+        raise SetupError(f"the scenario {self.name} does more than run: steps, resets and restored states cannot be "
+                         "had on a target")
+
+    def finish(self, load, seed):
+        if self.duration is None:
+            self.duration = max(self.sim._core.now, 0) / 1e9
+        if self.loads:
+            # The world's program is not told of the scenario then, so it must be as its file makes it.
+            fresh = load()
+            fresh.seed = seed
+            fresh._core.prepare()
+            ours, theirs = _memory(self.start), _memory(fresh)
+            for path in theirs:
+                if not path.startswith("flight.") and ours[path] != theirs[path]:
+                    raise Failure(f"the scenario {self.name} changes {path} before it runs, and flight between its "
+                                  "runs: the world's program is told only one of them")
+
+
+def _memory(sim):
+    """Path -> bytes of every instance."""
+    return {f"{process.name}.{name}": _core.memory(one) for process in (sim.world, sim.flight)
+            for name, one in process._instances.items()}
+
+
+def _parameters(sim, path):
+    """(from, to) of the parameters in an instance's bytes."""
+    process, name = path.split(".")
+    fields = [f for f in _core.struct(getattr(sim, process)._instances[name]).fields if f.group == "par"]
+    return (fields[0].offset, max(f.offset + f.size for f in fields)) if fields else (0, 0)
