@@ -234,7 +234,7 @@ static int fly_by_ticks(void)
             return complain("registers", "the outside has ended without saying so");
         }
     }
-    return FLOWN;
+    return complain("registers", "stopped by a signal, before the outside ended the run");
 }
 
 /* By the clock of this machine; time 0 is a little after now. */
