@@ -30,7 +30,7 @@ class Cfs(Target):
     def app(self, job):
         """Write the app, and return its folder."""
         folder = job.folder / self.name / APP.name
-        cfs.write(job.mission, APP, folder, job.boards, (), job.roots[:-1], watched=True)
+        cfs.write(job.mission, APP, folder, job.board_files(), (), job.roots[:-1], watched=True)
         return folder.resolve()
 
     def build(self, job):

@@ -53,6 +53,10 @@ class Job:
         """The paths of all that is exported, which this writes."""
         return export.write(self.mission, self.folder / "c", self.files)
 
+    def board_files(self):
+        """The boards' files: those that were given, or the mission's own, which this writes."""
+        return self.boards or [path.resolve() for path in self.written if path.suffix == ".toml"]
+
     def write_loads(self):
         """The file of what the ground changes, for the node of the board."""
         ids = list(export.board.blocks(self.mission))
