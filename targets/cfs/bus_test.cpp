@@ -230,6 +230,52 @@ TEST_F(Bus, WhatIsNoPacketIsRefused)
     EXPECT_EQ(pocket_counts().no_packet, 11u);
 }
 
+TEST_F(Bus, NoBytesFromOutsideDoHarm)
+{
+    std::mt19937 random(23);
+    CFE_TBL_Handle_t table;
+    ASSERT_EQ(CFE_TBL_Register(&table, "T", 16, CFE_TBL_OPT_DEFAULT, nullptr), 0);
+    const auto p = pipe(8);
+    for (const unsigned mid : {0x1801u, 0x0801u, 0x1804u}) {
+        ASSERT_EQ(CFE_SB_Subscribe(id(mid), p), 0);
+    }
+    std::uint32_t refused = 0;
+    for (int n = 0; n < 20000; n++) {
+        Bytes b(random() % 100);
+        for (auto &byte : b) {
+            byte = std::uint8_t(random());
+        }
+        if (b.size() > 8 && random() % 4 != 0) { // most are packets by their look
+            b.resize(random() % 4 != 0 ? b.size() : 8);
+            const unsigned mids[] = {0x1801, 0x0801, 0x1804, 0x1804};
+            const unsigned mid = mids[random() % 4];
+            b[0] = std::uint8_t(mid >> 8);
+            b[1] = std::uint8_t(mid);
+            b[4] = 0;
+            b[5] = std::uint8_t(b.size() - 7);
+            b[6] = std::uint8_t(random() % 4 * 2); // none that resets the counters
+            if (random() % 2 != 0) {
+                const auto *m = reinterpret_cast<const CFE_MSG_Message_t *>(b.data());
+                CFE_MSG_GenerateChecksum(const_cast<CFE_MSG_Message_t *>(m));
+            }
+        }
+        refused += !ingest(b);
+        CFE_SB_Buffer_t *m;
+        while (CFE_SB_ReceiveBuffer(&m, p, CFE_SB_POLL) == CFE_SUCCESS) {
+            (void)bytes_of(m);
+        }
+        while (event("nobody", 0).id != 0) {
+        }
+        (void)CFE_TBL_Manage(table);
+    }
+    const auto counts = pocket_counts();
+    EXPECT_EQ(counts.no_packet, refused);
+    EXPECT_GT(counts.bad_checksum, 100u);
+    EXPECT_GT(counts.table_commands, 100u); // no operations
+    EXPECT_GT(counts.table_errors, 100u);
+    EXPECT_EQ(counts.overflow + counts.pipe_full + counts.no_buffer, 0u);
+}
+
 TEST_F(Bus, SequencesCountPerIdAndWrap)
 {
     const auto p = pipe(4);

@@ -2,6 +2,8 @@
 // Tables: files by hand, loads by the owner and by the ground, and all that is refused.
 #include "targets/cfs/testing/pocket.h"
 
+#include <random>
+
 namespace {
 
 struct Gains {
@@ -122,6 +124,37 @@ TEST_F(Tables, AFileThatIsNotTheirsIsRefusedForWhatItIs)
     EXPECT_EQ(CFE_TBL_Load(handle, CFE_TBL_SRC_FILE, "/cf/absent.tbl"), CFE_TBL_ERR_ACCESS);
     now(CFE_TBL_ERR_NEVER_LOADED);
     EXPECT_EQ(validations, 0);
+}
+
+TEST_F(Tables, NoFileDoesHarm)
+{
+    std::mt19937 random(31);
+    ASSERT_EQ(CFE_TBL_Load(handle, CFE_TBL_SRC_FILE, write(good(2.5, 3))), 0);
+    int taken = 0;
+    for (int n = 0; n < 1500; n++) {
+        File f = good(2.5, 3);
+        f.offset = random() % 3 != 0 ? 0 : std::uint32_t(random() % 40);
+        f.n = random() % 3 != 0 ? 16 : std::uint32_t(random() % 40);
+        f.data.resize(random() % 3 != 0 ? f.n : random() % 40);
+        f.cut = random() % 4 != 0 ? SIZE_MAX : random() % 160;
+        write(f);
+        if (random() % 2 != 0) { // one byte is another one
+            std::fstream file(folder / "cf/gains.tbl",
+                              std::ios::in | std::ios::out | std::ios::binary);
+            file.seekp(std::streamoff(random() % 132));
+            file.put(char(random()));
+        }
+        const auto status = CFE_TBL_Load(handle, CFE_TBL_SRC_FILE, "/cf/gains.tbl");
+        taken += status >= 0;
+        void *p;
+        ASSERT_GE(CFE_TBL_GetAddress(&p, handle), 0);
+        ASSERT_GT(static_cast<Gains *>(p)->K, 0.0);
+        ASSERT_EQ(CFE_TBL_ReleaseAddress(handle), 0);
+        while (event("nobody", 0).id != 0) {
+        }
+    }
+    EXPECT_GT(taken, 100);
+    EXPECT_LT(taken, 1400);
 }
 
 TEST_F(Tables, AFileMayHoldAPartOnceTheRestIsThere)

@@ -5,13 +5,13 @@
 #define CFE_H
 
 #include "common_types.h"
+#include "osapi.h"
 
 typedef int32 CFE_Status_t;
 typedef uint32 CFE_SB_MsgId_Atom_t;
 typedef uint32 CFE_SB_MsgId_t;
 typedef uint32 CFE_SB_PipeId_t;
 typedef uint32 CFE_ES_TaskId_t;
-typedef uint32 osal_id_t;
 static inline CFE_SB_MsgId_t CFE_SB_ValueToMsgId(CFE_SB_MsgId_Atom_t v)
 {
     return v;
@@ -66,7 +66,6 @@ typedef enum CFE_TBL_SrcEnum { CFE_TBL_SRC_FILE, CFE_TBL_SRC_ADDRESS } CFE_TBL_S
 #define CFE_ES_RunStatus_APP_EXIT 2
 #define CFE_ES_RunStatus_APP_ERROR 3
 #define CFE_ES_TASK_STACK_ALLOCATE NULL
-#define OS_SUCCESS 0
 
 bool CFE_ES_RunLoop(uint32 *);
 void CFE_ES_ExitApp(uint32);
@@ -93,10 +92,5 @@ int32 CFE_TBL_Load(CFE_TBL_Handle_t, CFE_TBL_SrcEnum_t, const void *);
 int32 CFE_TBL_Manage(CFE_TBL_Handle_t);
 int32 CFE_TBL_GetAddress(void **, CFE_TBL_Handle_t);
 int32 CFE_TBL_ReleaseAddress(CFE_TBL_Handle_t);
-int32 OS_TaskDelay(uint32);
-int32 OS_BinSemCreate(osal_id_t *, const char *, uint32, uint32);
-int32 OS_BinSemGive(osal_id_t);
-int32 OS_BinSemTimedWait(osal_id_t, uint32);
-int32 OS_BinSemDelete(osal_id_t);
 
 #endif

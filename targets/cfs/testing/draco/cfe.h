@@ -17,9 +17,6 @@ typedef struct CFE_SB_PipeId {
 typedef struct CFE_ES_TaskId {
     uint32 id;
 } CFE_ES_TaskId_t;
-typedef struct osal_id {
-    uint32 v;
-} osal_id_t;
 static inline CFE_SB_MsgId_t CFE_SB_ValueToMsgId(CFE_SB_MsgId_Atom_t v)
 {
     const CFE_SB_MsgId_t id = {v};
@@ -79,7 +76,6 @@ typedef enum CFE_TBL_SrcEnum { CFE_TBL_SRC_FILE, CFE_TBL_SRC_ADDRESS } CFE_TBL_S
 #define CFE_ES_RunStatus_APP_EXIT 2
 #define CFE_ES_RunStatus_APP_ERROR 3
 #define CFE_ES_TASK_STACK_ALLOCATE NULL
-#define OS_SUCCESS 0
 
 bool CFE_ES_RunLoop(uint32 *);
 void CFE_ES_ExitApp(uint32);
@@ -107,10 +103,5 @@ CFE_Status_t CFE_TBL_Load(CFE_TBL_Handle_t, CFE_TBL_SrcEnum_t, const void *);
 CFE_Status_t CFE_TBL_Manage(CFE_TBL_Handle_t);
 CFE_Status_t CFE_TBL_GetAddress(void **, CFE_TBL_Handle_t);
 CFE_Status_t CFE_TBL_ReleaseAddress(CFE_TBL_Handle_t);
-int32 OS_TaskDelay(uint32);
-int32 OS_BinSemCreate(osal_id_t *, const char *, uint32, uint32);
-int32 OS_BinSemGive(osal_id_t);
-int32 OS_BinSemTimedWait(osal_id_t, uint32);
-int32 OS_BinSemDelete(osal_id_t);
 
 #endif
