@@ -210,7 +210,7 @@ class Mode:
         self._process, self.name = weakref.ref(process), name
 
     def enter(self):
-        """Enter it at the next instant."""
+        """Enter it at the next instant of its process."""
         self._process()._core_process.enter(self.name)
 
     def __repr__(self):
@@ -392,7 +392,7 @@ class Process:
         self._core_process.start_in(getattr(mode, "name", mode))
 
     def enter(self, mode):
-        """Enter a mode at the next instant."""
+        """Enter a mode at the next instant of this process."""
         self._core_process.enter(getattr(mode, "name", mode))
 
     @staticmethod
