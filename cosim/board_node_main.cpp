@@ -35,6 +35,7 @@ constexpr const char *usage =
     "  --simulation NAME  of the run; default: FLEDGE_SIMULATION, else the mission's name\n"
     "  --node NAME        of this node; default: FLEDGE_NODE, else flight\n"
     "  --address ADDRESS  of the controller; default: FLEDGE_ADDRESS, else tcp://127.0.0.1:7000\n"
+    "  --keys PATH        of this node (fledge keys); default: FLEDGE_KEYS\n"
     "  --patience SECONDS for the controller, and for flight, to be there; default 60\n"
     "  --reply SECONDS    for flight to answer a tick; default 60\n"
     "\n"
@@ -94,6 +95,8 @@ Options options(int argc, char **argv)
             o.delegate.node = value;
         } else if (option == "--address") {
             o.delegate.address = value;
+        } else if (option == "--keys") {
+            o.delegate.keys = value;
         } else if (option == "--patience") {
             o.delegate.patience = std::chrono::milliseconds(static_cast<long>(seconds(option, value) * 1e3));
         } else if (option == "--reply") {

@@ -135,13 +135,11 @@ def _join(job, target, address, keys):
     from fledge._console import say
     from fledge.fly import table
 
-    if keys:
-        os.environ["FLEDGE_KEYS"] = keys
     address = address or os.environ.get("FLEDGE_ADDRESS") or "tcp://127.0.0.1:7000"
     simulation = os.environ.get("FLEDGE_SIMULATION") or job.mission.title
     node = os.environ.get("FLEDGE_NODE") or "flight"
     say(f"{job.mission.title}, {job.scenario}: {target.name} as the node {node} of {simulation} at {address}")
-    flown = target.join(job, address, simulation, node)
+    flown = target.join(job, address, simulation, node, keys)
     say(f"  flown    {flown.steps} steps, {table.cpu(flown.cpu)} each{', ' + flown.cpu_of if flown.cpu_of else ''}\n"
         f"  record   {flown.record}")
     return 0

@@ -35,9 +35,11 @@ def close(job, target, name, patience=60.0):
         "flight": [*_board(job, options), "--reply", patience, "--", *target]})
 
 
-def join(job, target, name, address, simulation, node):
+def join(job, target, name, address, simulation, node, keys=None):
     """The same for a run whose controller is at `address`, with its world: only flight is here."""
     options = ["--address", address, "--simulation", simulation, "--node", node]
+    if keys:
+        options += ["--keys", Path(keys).resolve()]
     return _run(job, name, {"flight": [*_board(job, options), "--", *target]})
 
 

@@ -62,11 +62,11 @@ class Target:
         built, record = self.build(job), self.record(job)
         return self._flown(built, record, loop.close(job, self.command(built, record.name), self.name, patience))
 
-    def join(self, job, address, simulation, node="flight"):
-        """The same as a node of a run whose controller is at `address`."""
+    def join(self, job, address, simulation, node="flight", keys=None):
+        """The same as a node of a run whose controller is at `address`; keys: of the node, else FLEDGE_KEYS."""
         built, record = self.build(job), self.record(job)
         return self._flown(built, record, loop.join(job, self.command(built, record.name), self.name, address,
-                                                    simulation, node))
+                                                    simulation, node, keys))
 
     def _flown(self, built, record, said):
         code, memory = self.sizes(built)
