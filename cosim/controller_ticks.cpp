@@ -8,6 +8,7 @@ namespace fledge::cosim {
 
 namespace {
 
+constexpr Ns fine = 10'000'000; // by which the horizon of those moves that have no instants of their own
 constexpr std::size_t most_records = 32'768; // in one tick
 
 } // namespace
@@ -97,7 +98,7 @@ Ns Controller::next_due() const
     Ns next = config_.end;
     for (const Node &node : nodes_) {
         if (!node.over()) {
-            next = std::min(next, node.next_after(horizon_));
+            next = std::min(next, node.rates.empty() ? horizon_ + fine : node.next_after(horizon_));
         }
     }
     return next;
