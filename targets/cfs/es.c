@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#define END_MS 2000 /* what an app's tasks have to end in */
+#define END_MS 10000 /* what an app's tasks have to end in */
 
 typedef struct Store {
     char name[CFE_MISSION_MAX_API_LEN + CFE_MISSION_ES_CDS_MAX_NAME_LENGTH];

@@ -221,7 +221,7 @@ int main(int argc, char **argv)
             ground = read_ground(&go);
         }
     }
-    const int ended = pocket_stop(5000);
+    const int ended = pocket_stop(15000);
     report();
     return ended && pocket_counts().apps_failed == 0u ? 0 : 1;
 }

@@ -61,6 +61,8 @@ class RealCfs(Cfs):
     needs = ("make", "cmake", "gcc")
 
     def __init__(self, tree):
+        if self.missing():
+            raise Failure(f"--cfs: a cFS tree is built with {' and '.join(self.missing())}, not installed here")
         self.tree = Path(tree).resolve()
         missing = [name for name in ("cfe", "osal", "psp") if not (self.tree / name).is_dir()]
         if missing:

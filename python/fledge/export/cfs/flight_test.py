@@ -48,9 +48,9 @@ def flown(name, folder, duration, compiler="gcc", order="little", runner=(), **m
         outside.close()
 
 
-@pytest.mark.parametrize("name", ["nadir_spin", "asterisk_scan", "two_body_pointing"])
-def test_an_app_puts_out_the_same_bits(name, tmp_path):
-    ticks, difference, report = flown(name, tmp_path, 600.0)
+def test_an_app_puts_out_the_same_bits(tmp_path):
+    """Others fly in fledge/fly/fly_test.py, in the closed loop."""
+    ticks, difference, report = flown("nadir_spin", tmp_path, 600.0)
     assert difference is None
     assert ticks >= 1200
     assert report["errors"] == 0 and report["overflow"] == 0
