@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Nothing is left behind, whoever is killed, and whenever: no process, no socket, no memory.
 
-A few cycles by default; FLEDGE_KILL_CYCLES=100 ./fledge test -k up.kill runs as many of each kind.
+A few cycles by default; as many as you like of both kinds, of kills and of restarts, are run by
+
+    FLEDGE_KILL_CYCLES=100 ./fledge exec /usr/bin/python3 -m pytest python/fledge/up/kill_test.py
 """
 import os
 import pty

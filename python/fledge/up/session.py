@@ -263,8 +263,8 @@ class Session:
             command += ["--set", f"{name}={value!r}"]
         if p.free:
             command.append("--free")
-        if self.plan.record and not p.host:
-            command += ["--record", str(self.folder.resolve())]
+        if self.plan.record:
+            command += ["--record", f"runs/{self.plan.simulation}" if p.host else str(self.folder.resolve())]
         return command
 
     def _by_hand(self, r: _Running) -> str:
