@@ -6,6 +6,8 @@ from pathlib import Path
 
 from fledge._console import Failure, say, size_of
 
+_MOST_RECORDS = 8   # that are listed one by one
+
 
 def add(command):
     """Add the subcommand, by the function of cli.parser() that adds one."""
@@ -120,7 +122,10 @@ def _tell(plan, folder, session, outcome):
     if outcome.progress.overruns:
         say(f"  pace     {outcome.progress.overruns} instants were late, by up to "
             f"{1e3 * outcome.progress.worst:.1f} ms")
-    for record in sorted(folder.glob("*.mcap")):
+    records = session.records()
+    if len(records) > _MOST_RECORDS:
+        say(f"  record   {folder}: {len(records)} files ({sum(r.stat().st_size for r in records) / 1e6:.1f} MB)")
+    for record in records if len(records) <= _MOST_RECORDS else ():
         say(f"  record   {record} ({size_of(record)})")
     say(f"  logs     {folder / 'log'}")
     for name, what in outcome.failed:

@@ -26,6 +26,7 @@ PLACEHOLDERS = ("simulation", "node", "address", "seed", "until", "record")
 WHEN_IT_COMES = "when it comes"
 
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
+_TAKEN = ("controller", "all", "exchange")      # by logs and records of our own
 _PLACEHOLDER = re.compile(r"\{(\w+)\}")
 _TOP = ("simulation", "until", "seed", "pace", "transport", "address", "keys", "unencrypted", "record",
         "exchange", "watch", "join", "reply", "node", "asynchronous")
@@ -276,9 +277,9 @@ class _Reader(Tables):
         name = self.text(table, path, "name", table.get("process", ...))
         if not isinstance(name, str) or not name:
             return "?"
-        if not _NAME.fullmatch(name) or name in ("controller", "all"):
-            self.refuse((*path, "name"), "a name is of letters, digits, `_`, `-` and `.`, and not `controller` or "
-                        "`all`", f"it is {shown(name)}", "it also names the program's log")
+        if not _NAME.fullmatch(name) or name in _TAKEN:
+            self.refuse((*path, "name"), "a name is of letters, digits, `_`, `-` and `.`, and not `controller`, "
+                        "`all` or `exchange`", f"it is {shown(name)}", "it also names the program's log")
         elif name in names:
             self.refuse((*path, "name"), "names differ", f"`{name}` stands in line "
                         f"{line_of(self.lines, names[name])} too", "rename one")

@@ -85,7 +85,7 @@ class Session:
             except OSError:
                 raise StartError(f"{self.folder} is in use by another run; end that, or give another folder by --out") \
                     from None
-            for old in self.folder.glob("*.mcap"):
+            for old in self.records():
                 old.unlink()
             self.logs = Logs(self.folder / "log", max(len(name) for name in [*self._running, "controller"]))
             adopt_strays()
@@ -403,6 +403,11 @@ class Session:
             row.state, row.bad = f"busy {row.asked:.0f} s", True
         else:
             row.state, row.bad = r.state, r.state == "lost"
+
+    def records(self) -> list[Path]:
+        """Those that there are of this run, or of one before."""
+        files = [self.folder / f"{name}.mcap" for name in [*self._running, "exchange"]]
+        return [file for file in files if file.exists()]
 
     def last_lines(self, name: str) -> list[str]:
         return self.logs.last(name, _LAST_LINES)
