@@ -89,8 +89,7 @@ NODE = '[[node]]\nname = "mass"\ncommand = ["python3", "mass.py"]\n'
     (NODE + '[[asynchronous]]\nname = "mass"\ncommand = ["sh"]', 5, "names differ; `mass` stands in line 2 too; "
      "rename one"),
     ('[[node]]\nname = "a/b"\ncommand = ["sh"]', 2, "a name is of letters, digits, `_`, `-` and `.`, and not "
-     "`controller` "
-     'or `all`; it is "a/b"; it also names the program\'s log'),
+     '`controller`, `all` or `exchange`; it is "a/b"; it also names the program\'s log'),
     ('[[node]]\ncommand = ["sh"]', 1, "`name` must be given; it is not there; give a text"),
     ("until = -1\n" + NODE, 1, "`until` is seconds, from 0 to 1e9; it is -1; write a number such as 60 or 0.5"),
     ("until = inf\n" + NODE, 1, "`until` is seconds, from 0 to 1e9; it is Infinity; write a number such as 60 "

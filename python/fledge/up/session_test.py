@@ -45,7 +45,10 @@ def test_two_programs_fly_to_the_end(mark, tmp_path):
 
 
 def test_over_tcp_and_with_a_record_of_the_exchange(mark, tmp_path):
+    (tmp_path / "here").mkdir()
+    (tmp_path / "here/other.mcap").write_text("somebody else's")
     done = up(write_pair(tmp_path, until=0.5), "--tcp", "--exchange", "--out", "here", mark=mark)
+    assert (tmp_path / "here/other.mcap").exists()
     assert done.returncode == 0, done.stderr
     assert "listening at tcp://127.0.0.1:" in (tmp_path / "here/log/controller.log").read_text()
     assert re.search(r"  record   here/exchange.mcap \([\d.]+ kB\)", done.stdout)
