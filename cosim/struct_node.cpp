@@ -24,7 +24,7 @@ void StructNode::read(const std::string &topic, Latency latency, std::span<std::
     inputs_.push_back({{topic, latency, false, std::move(schema)}, message});
 }
 
-void StructNode::write(const std::string &topic, std::span<const std::byte> message, Schema schema)
+void StructNode::write(const std::string &topic, std::span<std::byte> message, Schema schema)
 {
     check_size(schema, message.size());
     outputs_.push_back({topic, std::move(schema), message});
@@ -44,7 +44,64 @@ Initialized StructNode::initialize(const Initialize &m)
         next_ += ((m.start - rate_.offset) / rate_.period + 1) * rate_.period;
     }
     leaving_ = false;
-    return {{rate_}, false};
+    if (!m.snapshot.empty()) {
+        go_on_from(m.snapshot);
+    }
+    return {{rate_}, false, !kept_.empty()};
+}
+
+/// What a snapshot is made of.
+std::vector<std::span<std::byte>> StructNode::memory() const
+{
+    auto all = kept_;
+    for (const Input &input : inputs_) {
+        all.push_back(input.message);
+    }
+    for (const Output &output : outputs_) {
+        all.push_back(output.message);
+    }
+    return all;
+}
+
+/// The byte order, then each piece of memory with its size before it.
+Bytes StructNode::save()
+{
+    if (kept_.empty()) {
+        return {};
+    }
+    Bytes snapshot{static_cast<std::byte>(native_order())};
+    for (const auto part : memory()) {
+        const std::uint64_t size = part.size();
+        const auto head = std::as_bytes(std::span(&size, 1));
+        snapshot.insert(snapshot.end(), head.begin(), head.end());
+        snapshot.insert(snapshot.end(), part.begin(), part.end());
+    }
+    return snapshot;
+}
+
+void StructNode::go_on_from(std::span<const std::byte> snapshot)
+{
+    const auto parts = memory();
+    std::size_t size = 1;
+    for (const auto part : parts) {
+        size += sizeof(std::uint64_t) + part.size();
+    }
+    bool fits = snapshot.size() == size && snapshot[0] == static_cast<std::byte>(native_order());
+    for (std::size_t at = 1, i = 0; fits && i < parts.size(); i++) {
+        std::uint64_t told = 0;
+        std::memcpy(&told, snapshot.data() + at, sizeof told);
+        fits = told == parts[i].size();
+        at += sizeof told + parts[i].size();
+    }
+    if (!fits) {
+        throw ProtocolError("the snapshot to go on from is that of another program, or of another machine");
+    }
+    std::size_t at = 1;
+    for (const auto part : parts) {
+        at += sizeof(std::uint64_t);
+        std::copy_n(snapshot.begin() + static_cast<std::ptrdiff_t>(at), part.size(), part.begin());
+        at += part.size();
+    }
 }
 
 std::vector<Want> StructNode::desired()

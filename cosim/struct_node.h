@@ -29,7 +29,7 @@ public:
     void read(const std::string &topic, Latency latency, std::span<std::byte> message, Schema schema = {});
     /// Write a topic from `message`, which lives as long as the node. What it holds when the run begins
     /// is its initial value. Throws SchemaError.
-    void write(const std::string &topic, std::span<const std::byte> message, Schema schema = {});
+    void write(const std::string &topic, std::span<std::byte> message, Schema schema = {});
 
     template <class T>
         requires(!std::is_convertible_v<T &, std::span<const std::byte>>)
@@ -39,11 +39,23 @@ public:
         read(topic, latency, std::as_writable_bytes(std::span(&message, 1)), std::move(schema));
     }
     template <class T>
-        requires(!std::is_convertible_v<const T &, std::span<const std::byte>>)
-    void write(const std::string &topic, const T &message, Schema schema = {})
+        requires(!std::is_convertible_v<T &, std::span<const std::byte>>)
+    void write(const std::string &topic, T &message, Schema schema = {})
     {
         static_assert(std::is_trivially_copyable_v<T>);
-        write(topic, std::as_bytes(std::span(&message, 1)), std::move(schema));
+        write(topic, std::as_writable_bytes(std::span(&message, 1)), std::move(schema));
+    }
+
+    /// All that its steps depend on, besides the messages, is in this memory (and what else is told so), which
+    /// lives as long as the node, without pointers. With it one that was lost goes on from a snapshot, and not
+    /// by all its steps from the beginning.
+    void keep(std::span<std::byte> state) { kept_.push_back(state); }
+    template <class T>
+        requires(!std::is_convertible_v<T &, std::span<const std::byte>>)
+    void keep(T &state)
+    {
+        static_assert(std::is_trivially_copyable_v<T>);
+        keep(std::as_writable_bytes(std::span(&state, 1)));
     }
 
     /// Take part in a run, with a function that does what is due at an instant. Returns the reason of its
@@ -61,7 +73,7 @@ private:
     struct Output {
         std::string topic;
         Schema schema;
-        std::span<const std::byte> message;
+        std::span<std::byte> message; ///< written to by a snapshot only
     };
     struct Wired {
         std::span<std::byte> message;
@@ -80,6 +92,9 @@ private:
     std::vector<Offer> match(const std::vector<Channel> &asked) override;
     void start(const std::vector<Channel> &channels) override;
     Tock tick(const Tick &tick) override;
+    Bytes save() override;
+    void go_on_from(std::span<const std::byte> snapshot);
+    std::vector<std::span<std::byte>> memory() const;
 
     DelegateConfig config_;
     Rate rate_;
@@ -88,6 +103,7 @@ private:
     std::vector<Output> outputs_;
     std::map<std::uint32_t, Wired> wired_; ///< by channel
     std::vector<Written> written_;
+    std::vector<std::span<std::byte>> kept_;
     std::vector<Record> coming_;
     Ns next_ = 0;
     bool leaving_ = false;

@@ -70,11 +70,16 @@ int fledge_node_reads(FledgeNode *node, const char *topic, FledgeLatency latency
 }
 
 int fledge_node_writes(FledgeNode *node, const char *topic, const char *type, const char *definition,
-                       const void *message, size_t size)
+                       void *message, size_t size)
 {
     return node->attempt([&] {
-        node->node.write(topic, std::span(static_cast<const std::byte *>(message), size), schema(type, definition));
+        node->node.write(topic, std::span(static_cast<std::byte *>(message), size), schema(type, definition));
     });
+}
+
+int fledge_node_keeps(FledgeNode *node, void *state, size_t size)
+{
+    return node->attempt([&] { node->node.keep(std::span(static_cast<std::byte *>(state), size)); });
 }
 
 int fledge_node_run(FledgeNode *node, FledgeStep step, void *user)

@@ -52,7 +52,12 @@ FLEDGE_API int fledge_node_reads(FledgeNode *node, const char *topic, FledgeLate
 /** Write a topic from the struct at `message`, which lives as long as the node. What it holds when the
  *  run begins is its initial value. */
 FLEDGE_API int fledge_node_writes(FledgeNode *node, const char *topic, const char *type, const char *definition,
-                       const void *message, size_t size);
+                       void *message, size_t size);
+
+/** All that its steps depend on, besides the messages, is in this memory (and what else is told so), which
+ *  lives as long as the node, without pointers. With it one that was lost goes on from a snapshot, and not
+ *  by all its steps from the beginning. */
+FLEDGE_API int fledge_node_keeps(FledgeNode *node, void *state, size_t size);
 
 /** Take part in a run, to its regular end. */
 FLEDGE_API int fledge_node_run(FledgeNode *node, FledgeStep step, void *user);

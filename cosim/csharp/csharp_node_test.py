@@ -172,10 +172,10 @@ def test_an_error_of_its_step_reaches_the_user(programs, spring):
 
 
 def test_a_step_that_hangs_is_ended_by_the_limit(programs, spring):
-    controller = Controller("--node", "mass", "--node", "spring", "--reply", "2")
+    controller = Controller("--node", "mass", "--node", "spring", "--reply", "4")
     both = pair(programs, spring, controller, how="hangs")
     code, errors = controller.end()
-    assert code == 1 and "spring: it did not answer within 2 s" in errors
+    assert code == 1 and "spring: it did not answer within 4 s" in errors
     both[0].communicate(timeout=60)
     both[1].kill()
 
