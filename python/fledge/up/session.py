@@ -23,6 +23,7 @@ _FINISH = 12.0      # [s] for the controller to bring a run to its end
 _LEAVE = 10.0       # [s] for programs to end by themselves when the run has
 _GIVE_UP = 15.0     # [s] for guards to kill what does not
 _HUNG = 1.0         # [s] for a program to end by itself when its node is lost, or nobody waits for it
+_SILENT = 3.0       # [s] without a word from the controller, after which we decide ourselves
 _BUSY = 2.0         # [s] after which a request that is not answered is to be seen
 _LAST_LINES = 12    # of a program that failed
 
@@ -52,6 +53,7 @@ class _Running:
     lost_at: float | None = None
     ending: bool = False        # it was asked to end from here
     dead: str = ""              # what became of its last process, "" while it lives
+    died: tuple[int, float] = (0, 0.0)  # how often the controller had told of all by then, and when
     dealt_with: bool = True     # with its last end
     again_at: float | None = None
 
@@ -66,6 +68,7 @@ class Session:
         self.progress = Progress(plan.simulation, plan.until, rows=[
             Row(p.name, "by hand" if p.by_hand else "starting", takes_part=not p.asynchronous) for p in plan.programs])
         self._status = b""
+        self._told = 0                      # how often the controller has told of all
         self._address = None
         self._ended: str | None = None      # the reason, once the controller has said it
         self._asked_at: float | None = None
@@ -305,6 +308,7 @@ class Session:
         if "phase" in said:
             self.progress.phase = said["phase"]
         if "nodes" in said:
+            self._told += 1
             self.progress.t = said["t"]
             self.progress.overruns, self.progress.worst = said.get("overruns"), said.get("worst", 0.0)
             rows = {row.name: row for row in self.progress.rows}
@@ -331,7 +335,9 @@ class Session:
             if not r.dead and r.state == "lost" and r.lost_at and now - r.lost_at > _HUNG and not r.ending \
                     and p.on_loss != "pause":
                 self._end(r)    # it hangs, or has not noticed
-            if r.dead and not r.dealt_with and self._ended is None and self._asked_at is None:
+            # What the controller knows of its last moments is not here at once: it decides what they mean.
+            known = r.dead and (self._told >= r.died[0] + 2 or now - r.died[1] > _SILENT)
+            if known and not r.dealt_with and self._ended is None and self._asked_at is None:
                 self._lost(r, now)
             if r.again_at and now >= r.again_at and self._ended is None and self._asked_at is None:
                 self.logs.say(p.name, f"started again ({r.started} of {p.restarts})")
@@ -341,7 +347,7 @@ class Session:
         strays = False
         for r in self._running.values():
             if r.process and not r.dead and r.process.look():
-                r.dead = in_words(r.process.code)
+                r.dead, r.died = in_words(r.process.code), (self._told, time.monotonic())
                 strays = strays or r.process.code == 128 + signal.SIGKILL
         if strays:
             end_strays({r.process.pid for r in self._running.values() if r.process and r.process.code is None}
