@@ -113,6 +113,40 @@ def test_an_app_may_be_called_as_its_mission(nadir, tmp_path):
     hosted.build([(cfs.App("nadir_spin"), tmp_path / "nadir_spin")], tmp_path / "run", options=["-O0"])
 
 
+class Stub:
+    """As much of a mission as the search for its source looks at."""
+    title = "stub"
+
+    def __init__(self, *paths):
+        self.paths = paths
+
+    def sources(self):
+        return list(self.paths)
+
+
+def test_source_that_a_users_module_wraps_comes_along(tmp_path):
+    files = {"flight/own/mod.h": '#include "flight/legacy/old.h"\n#include "flight/msg/head.h"\n',
+             "flight/own/mod.c": '#include "flight/own/mod.h"\nvoid mod_update(void) { old_step(); }\n',
+             "flight/own/mod_test.c": "int main(void) { return 0; }\n",
+             "flight/legacy/old.h": "void old_step(void);\n",
+             "flight/legacy/old.c": '#include "old.h"\n#include "part.h"\nvoid old_step(void) { part(); }\n',
+             "flight/legacy/part.h": "void part(void);\n",
+             "flight/legacy/part.c": '#include "part.h"\nvoid part(void) {}\n',
+             "flight/legacy/unused.c": "void unused(void) {}\n"}
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    found = sources.collect(Stub("flight/own/mod.c"), [tmp_path, ROOT], {})
+    assert {name for name in found if (tmp_path / name).is_file()} == set(files) - {
+        "flight/own/mod_test.c", "flight/legacy/unused.c"}
+    assert "flight/msg/head.h" in found
+    with pytest.raises(export.ExportError, match="stub needs flight/none.c, which is in none of"):
+        sources.collect(Stub("flight/none.c"), [tmp_path, ROOT], {})
+    (tmp_path / "flight/legacy/part.h").write_text('#include "absent.h"\n')
+    with pytest.raises(export.ExportError, match=r"flight/legacy/part\.h needs absent\.h"):
+        sources.collect(Stub("flight/own/mod.c"), [tmp_path, ROOT], {})
+
+
 # --- tables ----------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize("order", ["little", "big"])
