@@ -8,6 +8,7 @@ import subprocess
 
 import pytest
 
+from fledge import cli
 from tests.tree import ROOT
 
 # What the launcher may find on the PATH besides the stand-ins: no sudo, no compiler.
@@ -167,7 +168,8 @@ def test_a_pattern_that_matches_nothing_fails(launch):
     assert "no test matches 'nothing_has_this_name'" in done.stderr
 
 
-COMMANDS = "setup demo test run new exec show list plot convert montecarlo export bench".split()
+# The launcher's own, and those of the command line proper.
+COMMANDS = ["setup", "demo", "test", "exec", *next(a.choices for a in cli.parser()._actions if a.dest == "command")]
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -175,6 +177,11 @@ def test_every_command_has_help_with_an_example(command):
     done = subprocess.run([ROOT / "fledge", command, "--help"], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert f"fledge {command}" in done.stdout and "example" in done.stdout.lower()
+
+
+def test_the_usage_names_every_command():
+    usage = subprocess.run([ROOT / "fledge", "help"], capture_output=True, text=True).stdout
+    assert [name for name in COMMANDS if not re.search(rf"  {name} ", usage)] == []
 
 
 def test_exec_finds_the_python_that_the_extension_is_built_for(launch):
