@@ -90,10 +90,6 @@ void SimulationNode::read(const std::string &topic, const sim::Port &to, Latency
 
 Initialized SimulationNode::initialize(const Initialize &request)
 {
-    if (request.start >= 0 && request.snapshot.empty()) {
-        throw sim::SetupError("it cannot begin after " + sim::format_time(request.start) +
-                              " without a snapshot of then");
-    }
     // Stand-ins are models, which have to step: with the process, so that no instant is added.
     if (!stand_ins_.empty() && others_.tasks().empty() && !process_.tasks().empty()) {
         const sim::Task &first = process_.tasks().front();
@@ -101,6 +97,9 @@ Initialized SimulationNode::initialize(const Initialize &request)
     }
     simulation_.set_seed(request.seed);
     simulation_.prepare();
+    if (request.start >= 0 && request.snapshot.empty()) {
+        simulation_.begin_after(request.start); // it joins a run
+    }
     if (!request.snapshot.empty()) {
         simulation_.restore(request.snapshot);
         if (simulation_.now() > request.start || simulation_.next() <= request.start) {

@@ -205,9 +205,10 @@ void Simulation::Runtime::lay_out_wires(const Instance &consumer)
     }
 }
 
-void Simulation::Runtime::reset()
+void Simulation::Runtime::reset(Ns after)
 {
-    now = -1;
+    const Ns start = std::max<Ns>(after, 0);
+    now = after;
     failure.clear();
     pace = {};
     for (const Wire &wire : simulation.wires_) {
@@ -228,7 +229,7 @@ void Simulation::Runtime::reset()
             if (!instance->model()) {
                 reset_of(*instance)(instance->memory());
             } else if (std::find(parts.begin(), parts.end(), instance->model()) == parts.end()) {
-                instance->model()->reset(0);
+                instance->model()->reset(start);
             }
         }
         for (const auto &event : process->events_) {
@@ -239,11 +240,11 @@ void Simulation::Runtime::reset()
     }
     for (RunTask &task : tasks) {
         task.active = task.process->active(*task.task, task.process->mode_);
-        task.next = task.offset;
+        task.next = on_grid(task, after + 1);
         task.last = -1;
     }
     for (const Configuration &module : configuration) {
-        publish(module, 0);
+        publish(module, start);
     }
     for (Exchange &exchange : exchanges) {
         copy_words(exchange.from, exchange.held.data(), exchange.words);
@@ -613,6 +614,13 @@ void Simulation::reset()
     // Anew from the parameters as they are now: they may have changed what models make room for.
     runtime_.reset();
     prepare();
+}
+
+void Simulation::begin_after(Ns t)
+{
+    reset();
+    runtime_->reset(t);
+    recorder_.rewind(t);
 }
 
 Ns Simulation::now() const

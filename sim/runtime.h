@@ -53,7 +53,7 @@ struct Configuration {
 struct Simulation::Runtime {
     explicit Runtime(Simulation &owner);
 
-    void reset();
+    void reset(Ns after = -1); ///< the first instant comes after this time
     void instant(); ///< run one
     bool run_until(Ns t, const RunControl &control);
     Ns next_instant() const;

@@ -196,6 +196,10 @@ public:
     /// SetupError as prepare() does.
     void reset();
 
+    /// As reset(), but the simulation begins late: all is reset for the time t, and the first instant is the
+    /// first after it on the grids of the tasks.
+    void begin_after(Ns t);
+
     Ns now() const;  ///< the last instant that has run; -1 before the first
     Ns next() const; ///< the next instant
 

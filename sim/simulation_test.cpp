@@ -471,6 +471,27 @@ TEST(Snapshot, RestoresARunToTheBit)
     }
 }
 
+TEST(Begin, ALateOneGivesWhatOneAtZeroGives)
+{
+    Loop early, late;
+    late.sim.begin_after(999 * ms); // the system does not depend on time
+    EXPECT_EQ(late.sim.next(), 1000 * ms);
+    for (Ns t = 0; t <= 3000 * ms; t += 100 * ms) {
+        early.sim.run_until(t);
+        late.sim.run_until(t + 1000 * ms);
+        ASSERT_EQ(late.level(), early.level()) << t;
+    }
+    late.sim.begin_after(1000 * ms); // not at this instant, and each task on its own grid
+    EXPECT_EQ(late.sim.next(), 1100 * ms);
+    EXPECT_EQ(late.level(), 8.0);
+    late.sim.run_until(1400 * ms);
+    EXPECT_EQ(late.level(), 8.0); // there was no command yet
+    late.sim.run_until(1600 * ms);
+    EXPECT_LT(late.level(), 8.0);
+    late.sim.reset();
+    EXPECT_EQ(late.sim.next(), 0);
+}
+
 TEST(Snapshot, OfAnotherSimulationIsRefused)
 {
     Loop loop;

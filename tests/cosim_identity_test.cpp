@@ -338,4 +338,125 @@ TEST(CosimIdentity, TheNadirSpinHasTheSameMessagesInOneProgramAndInTwo)
     EXPECT_NE(in_one(0, 0), in_one(1, 1)); // latencies matter
 }
 
+/// Flight as a node, which dies at its n-th tick.
+class Mortal final : public cosim::Node {
+public:
+    Mortal(sim::Simulation &s, int ticks) : node(s, "flight"), ticks_(ticks)
+    {
+        for (const auto &[from, to] : to_flight) {
+            std::string topic = "/" + std::string(from);
+            std::replace(topic.begin(), topic.end(), '.', '/');
+            node.read(topic, port(s, to), Latency::same_instant);
+        }
+    }
+    cosim::Initialized initialize(const cosim::Initialize &m) override
+    {
+        start_ = m.start;
+        return node.initialize(m);
+    }
+    std::vector<cosim::Want> desired() override { return node.desired(); }
+    std::vector<cosim::Offer> match(const std::vector<cosim::Channel> &asked) override { return node.match(asked); }
+    void start(const std::vector<cosim::Channel> &wired) override { node.start(wired); }
+    cosim::Bytes save() override { return node.save(); }
+    cosim::Tock tick(const cosim::Tick &m) override
+    {
+        if (--ticks_ == 0) {
+            throw std::runtime_error("it died");
+        }
+        return node.tick(m);
+    }
+    Ns start_ = -1;
+
+private:
+    cosim::SimulationNode node;
+    int ticks_;
+};
+
+TEST(CosimIdentity, NobodySeesThatFlightDiedAndAnotherWentOnFromItsSnapshot)
+{
+    sim::Simulation one(seed), world(0), first(0), other(0);
+    build_world(one);
+    build_flight(one);
+    for (const auto &[from, to] : to_flight) {
+        wire(one, from, to);
+    }
+    for (const auto &[from, to] : to_world) {
+        wire(one, from, to);
+    }
+    record(one, "world");
+    record(one, "flight");
+    one.run_until(run_end);
+
+    build_world(world);
+    build_flight(first);
+    build_flight(other);
+    record(world, "world");
+    record(other, "flight");
+    cosim::SimulationNode world_node(world, "world");
+    world_node.read("/flight/motor/command", port(world, "world.wheels.command"), Latency::next_instant);
+    Mortal flight(first, 500), again(other, -1);
+    cosim::ControllerConfig config;
+    config.simulation = "nadir_spin";
+    config.nodes = {{"world"}, {"flight", cosim::Policy::restart}};
+    config.nodes[1].save_every = 60 * second;
+    config.end = run_end;
+    config.seed = seed;
+    cosim::RouterConfig router_config;
+    router_config.address = "inproc://fledge-restart";
+    zmq::context_t context;
+    cosim::Router router(context, config, router_config);
+    router.host("world", world_node);
+    router.host("flight", flight);
+    EXPECT_EQ(router.run([&] {
+        if (router.controller().state(1) == std::string("lost")) {
+            router.host("flight", again);
+        }
+        return true;
+    }),
+              "");
+    EXPECT_EQ(again.start_, 240 * second);
+    const Hashes wanted = hashes(one);
+    for (const auto &[topic, hash] : hashes(world)) {
+        EXPECT_EQ(hash, wanted.at(topic)) << topic;
+    }
+    // What flight records goes on after the snapshot, as if it had never died.
+    for (const auto &log : other.recorder().logs()) {
+        const auto whole = std::find_if(one.recorder().logs().begin(), one.recorder().logs().end(),
+                                        [&](const auto &l) { return l->topic() == log->topic(); });
+        ASSERT_EQ(log->times.size(), 320u) << log->topic();
+        EXPECT_EQ(log->times.front(), 240'500 * ms);
+        EXPECT_TRUE(std::equal(log->bytes.rbegin(), log->bytes.rend(), (*whole)->bytes.rbegin())) << log->topic();
+    }
+}
+
+TEST(CosimIdentity, FlightMayJoinLate)
+{
+    sim::Simulation world(0), late(0);
+    build_world(world);
+    build_flight(late);
+    record(late, "flight");
+    cosim::SimulationNode world_node(world, "world");
+    Mortal flight(late, -1);
+    cosim::ControllerConfig config;
+    config.simulation = "nadir_spin";
+    config.nodes = {{"world"}, {"flight"}};
+    config.nodes[1].joins = cosim::Join::at_time;
+    config.nodes[1].joins_after = 100 * second;
+    config.end = run_end;
+    config.seed = seed;
+    cosim::RouterConfig router_config;
+    router_config.address = "inproc://fledge-late";
+    zmq::context_t context;
+    cosim::Router router(context, config, router_config);
+    router.host("world", world_node);
+    router.host("flight", flight);
+    EXPECT_EQ(router.run(), "");
+    for (const auto &log : late.recorder().logs()) {
+        ASSERT_EQ(log->times.size(), 600u) << log->topic();
+        EXPECT_EQ(log->times.front(), 100'500 * ms);
+    }
+    const auto error = late.recorder().logs().front();
+    EXPECT_TRUE(std::any_of(error->bytes.begin(), error->bytes.end(), [](std::byte b) { return b != std::byte{0}; }));
+}
+
 } // namespace
