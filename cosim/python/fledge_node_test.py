@@ -283,6 +283,56 @@ def restore(snapshot):
     assert steps == whole[first:] and (way == "from the beginning" or 200 < first <= 300)
 
 
+PROBE = """
+from fledge_node import Node, ms
+import sys, json
+node = Node("spring", "probe", sys.argv[1], every=20 * ms)
+node.reads("/mass/state", "same_instant")
+node.reads("/spring/force", "next_instant")
+seen = []
+
+@node.step
+def step(t):
+    seen.append([t, node["/mass/state"]["x"][0], node["/spring/force"]["F"][0]])
+    if t == 800 * ms:
+        node.leave()
+
+print(json.dumps({"reason": node.run(), "seen": seen}))
+"""
+
+
+def test_a_program_joins_late_and_leaves_and_the_others_see_nothing_of_it(programs):
+    controller = Controller("--node", "mass", "--node", "spring", "--node", "probe,joins=0.5")
+    mass, force = spring(programs, controller)
+    programs.append(start(PROBE, controller.address))
+    code, errors = controller.end()
+    assert code == 0
+    assert errors == "probe joins after 0.5 s\nprobe leaves at 0.8 s; its messages keep their last values"
+    whole = alone(101)
+    assert result(mass)["seen"] == whole
+    # The force of an instant is seen at the next; it is minus the position.
+    assert result(programs[3])["seen"] == [[t, x, force] for t, force, x in whole if 500 * ms < t <= 800 * ms
+                                           and t % (20 * ms) == 0]
+
+
+def test_a_killed_program_is_started_again_and_is_told_all_again(programs):
+    # It makes no snapshots, so it begins anew; the others see nothing of it.
+    controller = Controller("--node", "mass", "--node", "spring:restart", "--pace", "1", until="2")
+    tells = SPRING.replace("    state = node", "    t != 500 * ms or print(flush=True)\n    state = node", 1)
+    mass, force = [start(MASS, controller.address, "next_instant"), start(tells, controller.address, "same_instant")]
+    programs += [mass, force, controller.process]
+    force.stdout.readline()
+    force.kill()
+    time.sleep(1.0)  # that it is gone is noticed in a tenth of that
+    again = start(SPRING, controller.address, "same_instant")
+    programs.append(again)
+    code, errors = controller.end()
+    assert code == 0 and re.search(r"spring: its connection is gone \(it had reached .*\); started again, it goes on "
+                                   r"from the start\nspring is back at ", errors), errors
+    assert result(mass)["seen"] == alone(201)
+    assert [t for t, *_ in result(again)["seen"]] == [k * 10 * ms for k in range(201)]
+
+
 def test_an_error_of_a_step_reaches_the_user(programs):
     controller = Controller("--node", "mass", "--node", "spring")
     broken = SPRING.replace("state = node", "1 / (30 - len(seen)); state = node")
