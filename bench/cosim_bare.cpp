@@ -51,6 +51,13 @@ void Children::start(const std::function<void()> &work)
     pids_.push_back(pid);
 }
 
+void Children::go_on()
+{
+    for (const int pid : pids_) {
+        kill(pid, SIGCONT);
+    }
+}
+
 void Children::join()
 {
     bool failed = false;

@@ -4,9 +4,11 @@
 //     fledge_bench_cosim CASE TRANSPORT NODES ROUNDS      prints the median time of a round [ns]
 #include "bench/cosim_cases.h"
 
+#include "cosim/observer.h"
 #include "cosim/router.h"
 
 #include <array>
+#include <csignal>
 #include <cstdio>
 #include <cstring>
 #include <memory>
@@ -194,7 +196,9 @@ public:
     void fly(const std::string &transport)
     {
         zmq::context_t context;
-        Router router(context, config_, listening(transport));
+        RouterConfig listens = listening(transport);
+        listens.broker = watched_;
+        Router router(context, config_, listens);
         for (const int pipe : addresses_) {
             if (write(pipe, router.address().data(), router.address().size()) < 0) {
                 throw std::runtime_error("no address went");
@@ -207,13 +211,45 @@ public:
         if (const std::string reason = router.run(); !reason.empty()) {
             throw std::runtime_error(reason);
         }
+        children_.go_on();
         children_.join();
     }
 
     ControllerConfig &config() { return config_; }
 
+    void open_broker() { watched_ = true; }
+
+    /// A program that looks on and sees all; or one that has come and is then stopped.
+    void observer(bool stopped)
+    {
+        std::array<int, 2> ends{};
+        if (pipe(ends.data())) {
+            throw std::runtime_error("no pipe");
+        }
+        children_.start([&] {
+            std::array<char, 200> address{};
+            if (read(ends[0], address.data(), address.size() - 1) <= 0) {
+                throw std::runtime_error("no address came");
+            }
+            zmq::context_t context;
+            Observer observer(context, {config_.simulation, "observer", address.data()});
+            observer.subscribe("");
+            observer.next(std::chrono::seconds(20));
+            if (stopped) {
+                raise(SIGSTOP);
+                return;
+            }
+            while (!observer.over()) {
+                observer.next(std::chrono::seconds(1));
+            }
+        });
+        close(ends[0]);
+        addresses_.push_back(ends[1]);
+    }
+
 private:
     ControllerConfig config_;
+    bool watched_ = false;
     Children children_;
     std::vector<int> addresses_;
     std::vector<std::pair<std::string, Node *>> hosted_;
@@ -244,6 +280,21 @@ double pair(const std::string &transport, std::uint64_t rounds)
     Run run(rounds);
     run.program("world", [&] { return block("world", "flight", Latency::next_instant, &median); });
     run.program("flight", [] { return block("flight", "world", Latency::same_instant); });
+    run.fly(transport);
+    return *median;
+}
+
+/// The same with a broker and k programs that look on, the last of which is stopped.
+double watched(const std::string &transport, std::uint64_t k, std::uint64_t rounds)
+{
+    SharedNumber median;
+    Run run(rounds);
+    run.program("world", [&] { return block("world", "flight", Latency::next_instant, &median); });
+    run.program("flight", [] { return block("flight", "world", Latency::same_instant); });
+    run.open_broker();
+    for (std::uint64_t i = 0; i < k; i++) {
+        run.observer(i + 1 == k);
+    }
     run.fly(transport);
     return *median;
 }
@@ -283,6 +334,7 @@ double measure(const std::string &name, const std::string &transport, std::uint6
            : name == "tick"    ? one_tick(transport, rounds)
            : name == "pair"    ? pair(transport, rounds)
            : name == "hub"     ? hub(transport, k, rounds)
+           : name == "watched" ? watched(transport, k, rounds)
            : name == "ring"    ? ring(transport, k, rounds)
                                : throw std::invalid_argument("there is no case " + name);
 }

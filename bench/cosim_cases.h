@@ -17,6 +17,8 @@ public:
     ~Children();
     /// Run a function in a new program, before there is any thread here. What it throws goes to stderr.
     void start(const std::function<void()> &work);
+    /// Those that are stopped go on.
+    void go_on();
     /// Wait for all. Throws std::runtime_error if one failed.
     void join();
 

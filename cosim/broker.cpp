@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cstring>
+#include <sys/resource.h>
+#include <unistd.h>
 #include <utility>
 
 namespace fledge::cosim {
@@ -12,6 +14,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto shortest = 1ms, longest = 20ms; ///< between two looks at the ring
+constexpr int background = 10; ///< niceness of the thread
 constexpr int most_entries = 4096, most_messages = 256; ///< in one look
 constexpr std::int64_t longest_subscription = 4096;
 constexpr std::size_t most_written = 1024, most_said = 20;
@@ -163,6 +166,8 @@ BrokerCounts Broker::counts() const
 
 void Broker::serve()
 {
+    // Where processors are few, the run goes first.
+    setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), background);
     zmq::pollitem_t items[] = {{frontend_.handle(), 0, ZMQ_POLLIN, 0}, {backend_.handle(), 0, ZMQ_POLLIN, 0}};
     for (auto pause = shortest;;) {
         try {

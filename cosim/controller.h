@@ -66,17 +66,16 @@ inline constexpr Ns for_ever = std::numeric_limits<Ns>::max();
 struct ControllerConfig {
     std::string simulation;
     std::vector<NodeConfig> nodes;
-    std::vector<AsynchronousConfig> asynchronous = {};
-    std::vector<std::string> watched = {}; ///< topics that are written even if no node wants them
     Ns end = 0; ///< the last instant
     std::uint64_t seed = 0;
     std::string frontend, backend; ///< of the broker, handed on to the nodes
     std::uint32_t batch = 1000;    ///< most instants in one tick
     std::uint32_t ahead = 4096;    ///< most messages that wait for one reader; at least 4
     bool tell = false;             ///< give Began and Wrote, for records and for those who watch
-    std::size_t log = std::size_t{256}
-                      << 20; ///< most bytes that are kept for one that is to be restarted
-    Ns horizon = for_ever;   ///< nobody goes beyond it: for pacing, see set_horizon()
+    std::size_t log = std::size_t{256} << 20; ///< most bytes that are kept for one that is to be restarted
+    std::vector<AsynchronousConfig> asynchronous = {};
+    std::vector<std::string> watched = {}; ///< topics that are written even if no node wants them
+    Ns horizon = for_ever;         ///< nobody goes beyond it: for pacing, see set_horizon()
 };
 
 /// Who takes part, and what passes between them.
