@@ -14,6 +14,8 @@ the median over groups of rounds.
 - `nadir_spin`: the mission with world and flight in two programs, against `one_program_and_exchanges`: the
   same in one program, and for each tick a bare round trip.
 - `constellation`: up to 128 programs on this machine (bench/cosim_scaling.py).
+- `broker_*`, `watched_*`: such a pair with a broker whom nobody asks, and with four programs that look on, the
+  last of which is stopped, against the same without. On few processors, those that look on also compute.
 """
 import pathlib
 import subprocess
@@ -50,6 +52,9 @@ CASES = {
     "futex_16": ("barrier", "-", 16, 2000), "tick_shm_16": ("hub", "shm", 16, 2000),
     "ring_shm_16": ("ring", "shm", 16, 2000),
 }
+WATCHED = {f"{name}_{transport}": (case, transport, observers, 20_000) for transport in ("ipc", "shm")
+           for name, case, observers in (("alone", "pair", 0), ("broker", "watched", 0), ("watched", "watched", 4))}
+CASES |= WATCHED
 
 
 def main(arguments):
@@ -88,5 +93,11 @@ def main(arguments):
         rows.add("one_program_and_exchanges", figure, [alone + n * floor for n, _, alone in spins[way]], "s")
         rows.add("nadir_spin", figure, [wall for _, wall, _ in spins[way]], "s", "one_program_and_exchanges",
                  note=f"{spins[way][0][0]} ticks")
+    for transport in ("ipc", "shm"):
+        alone, *watched = (samples[f"{name}_{transport}"] for name in ("alone", "broker", "watched"))
+        figure = f"{transport} pair, watched"
+        rows.add("alone", figure, alone, "us")
+        for name, sample in zip(("broker", "watched"), watched):
+            rows.add(f"{name}_{transport}", figure, sample, "us", "alone", note=pair_by_pair(sample, alone))
     cosim_scaling.measure(rows, 1)
     report(rows, chosen)

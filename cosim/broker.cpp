@@ -14,6 +14,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto shortest = 1ms, longest = 20ms; ///< between two looks at the ring
+constexpr auto patience_at_the_end = 500ms;
 constexpr int background = 10; ///< niceness of the thread
 constexpr int most_entries = 4096, most_messages = 256; ///< in one look
 constexpr std::int64_t longest_subscription = 4096;
@@ -175,7 +176,10 @@ void Broker::serve()
             hear_subscriptions();
             bool busy = hear_programs();
             busy = drain() || busy;
-            if (!busy && stop) {
+            if (over_ && !told_all_) {
+                tell_end();
+            }
+            if (!busy && stop && (!over_ || told_all_ || told_some_)) {
                 return;
             }
             pause = busy ? shortest : std::min(2 * pause, std::chrono::milliseconds(longest));
@@ -212,7 +216,9 @@ void Broker::publish(std::span<const std::byte> entry)
     const char *text = reinterpret_cast<const char *>(entry.data()) + sizeof head;
     const std::string topic(text, head.topic);
     if (head.kind == Kind::finish) {
-        return send(finish_topic, Finish{topic});
+        over_ = Finish{topic};
+        over_since_ = std::chrono::steady_clock::now();
+        return;
     }
     Last &last = last_[topic];
     last.published.node.assign(text + head.topic, head.node);
@@ -223,16 +229,28 @@ void Broker::publish(std::span<const std::byte> entry)
     const auto payload = entry.subspan(sizeof head + head.topic + head.node);
     record.payload.assign(payload.begin(), payload.end());
     if (wanted(topic, last)) {
-        send(topic, last.published);
+        (void)send(topic, last.published);
     }
 }
 
-void Broker::send(const std::string &topic, const Message &message)
+/// To those who take no more, libzmq drops it whole; with xpub_nodrop, nobody gets it then.
+bool Broker::send(const std::string &topic, const Message &message)
 {
     encode({0, message}, frame_);
-    // To those who take no more, libzmq drops it whole.
-    (void)backend_.send(zmq::buffer(topic), zmq::send_flags::sndmore | zmq::send_flags::dontwait);
-    (void)backend_.send(zmq::buffer(frame_), zmq::send_flags::dontwait);
+    return backend_.send(zmq::buffer(topic), zmq::send_flags::sndmore | zmq::send_flags::dontwait) &&
+           backend_.send(zmq::buffer(frame_), zmq::send_flags::dontwait);
+}
+
+/// All shall hear of it, also those that have still to take what came before. Some never may.
+void Broker::tell_end()
+{
+    backend_.set(zmq::sockopt::xpub_nodrop, true);
+    told_all_ = send(finish_topic, *over_);
+    backend_.set(zmq::sockopt::xpub_nodrop, false);
+    if (!told_all_ && !told_some_ && std::chrono::steady_clock::now() - over_since_ >= patience_at_the_end) {
+        told_some_ = true;
+        (void)send(finish_topic, *over_);
+    }
 }
 
 bool Broker::wanted(const std::string &topic, Last &last)
@@ -263,8 +281,11 @@ void Broker::hear_subscriptions()
         if (subscribed_.insert(prefix).second) {
             subscriptions_++;
         }
+        if (over_ && std::string_view(finish_topic).starts_with(prefix)) {
+            (void)send(finish_topic, *over_);
+        }
         for (auto it = last_.lower_bound(prefix); it != last_.end() && it->first.starts_with(prefix); ++it) {
-            send(it->first, it->second.published);
+            (void)send(it->first, it->second.published);
         }
     }
 }

@@ -23,6 +23,7 @@
 #include <atomic>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <string>
 #include <thread>
@@ -99,7 +100,8 @@ private:
     void serve();
     bool drain();
     void publish(std::span<const std::byte> entry);
-    void send(const std::string &topic, const Message &message);
+    bool send(const std::string &topic, const Message &message);
+    void tell_end();
     bool wanted(const std::string &topic, Last &last);
     void hear_subscriptions();
     bool hear_programs();
@@ -121,6 +123,9 @@ private:
     // The broker's.
     std::map<std::string, Last> last_; ///< by topic
     std::set<std::string> subscribed_; ///< prefixes
+    std::optional<Finish> over_;       ///< the run is
+    std::chrono::steady_clock::time_point over_since_;
+    bool told_all_ = false, told_some_ = false; ///< so
     std::uint64_t subscriptions_ = 1;  ///< changes of that
     Bytes frame_;
 
