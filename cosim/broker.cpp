@@ -170,16 +170,18 @@ void Broker::serve()
     // Where processors are few, the run goes first.
     setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), background);
     zmq::pollitem_t items[] = {{frontend_.handle(), 0, ZMQ_POLLIN, 0}, {backend_.handle(), 0, ZMQ_POLLIN, 0}};
+    std::optional<std::chrono::steady_clock::time_point> stopped_at;
     for (auto pause = shortest;;) {
         try {
             const bool stop = stop_; // before the ring is looked at: what was written before comes out
             hear_subscriptions();
             bool busy = hear_programs();
             busy = drain() || busy;
-            if (over_ && !told_all_) {
-                tell_end();
+            const bool told = tell_end();
+            if (stop && !stopped_at) {
+                stopped_at = std::chrono::steady_clock::now();
             }
-            if (!busy && stop && (!over_ || told_all_ || told_some_)) {
+            if (!busy && stop && (told || std::chrono::steady_clock::now() - *stopped_at >= patience_at_the_end)) {
                 return;
             }
             pause = busy ? shortest : std::min(2 * pause, std::chrono::milliseconds(longest));
@@ -217,8 +219,7 @@ void Broker::publish(std::span<const std::byte> entry)
     const std::string topic(text, head.topic);
     if (head.kind == Kind::finish) {
         over_ = Finish{topic};
-        over_since_ = std::chrono::steady_clock::now();
-        return;
+        return send(finish_topic, *over_);
     }
     Last &last = last_[topic];
     last.published.node.assign(text + head.topic, head.node);
@@ -229,28 +230,26 @@ void Broker::publish(std::span<const std::byte> entry)
     const auto payload = entry.subspan(sizeof head + head.topic + head.node);
     record.payload.assign(payload.begin(), payload.end());
     if (wanted(topic, last)) {
-        (void)send(topic, last.published);
+        send(topic, last.published);
     }
 }
 
-/// To those who take no more, libzmq drops it whole; with xpub_nodrop, nobody gets it then.
-bool Broker::send(const std::string &topic, const Message &message)
+void Broker::send(const std::string &topic, const Message &message)
 {
     encode({0, message}, frame_);
-    return backend_.send(zmq::buffer(topic), zmq::send_flags::sndmore | zmq::send_flags::dontwait) &&
-           backend_.send(zmq::buffer(frame_), zmq::send_flags::dontwait);
+    // To those who take no more, libzmq drops it whole.
+    (void)backend_.send(zmq::buffer(topic), zmq::send_flags::sndmore | zmq::send_flags::dontwait);
+    (void)backend_.send(zmq::buffer(frame_), zmq::send_flags::dontwait);
 }
 
-/// All shall hear of it, also those that have still to take what came before. Some never may.
-void Broker::tell_end()
+/// Whether all that asked for it have heard of the end; some have still to take what came before.
+bool Broker::tell_end()
 {
-    backend_.set(zmq::sockopt::xpub_nodrop, true);
-    told_all_ = send(finish_topic, *over_);
-    backend_.set(zmq::sockopt::xpub_nodrop, false);
-    if (!told_all_ && !told_some_ && std::chrono::steady_clock::now() - over_since_ >= patience_at_the_end) {
-        told_some_ = true;
-        (void)send(finish_topic, *over_);
+    if (over_ && subscribed_.contains(finish_topic)) {
+        send(finish_topic, *over_);
+        return false;
     }
+    return true;
 }
 
 bool Broker::wanted(const std::string &topic, Last &last)
@@ -281,11 +280,8 @@ void Broker::hear_subscriptions()
         if (subscribed_.insert(prefix).second) {
             subscriptions_++;
         }
-        if (over_ && std::string_view(finish_topic).starts_with(prefix)) {
-            (void)send(finish_topic, *over_);
-        }
         for (auto it = last_.lower_bound(prefix); it != last_.end() && it->first.starts_with(prefix); ++it) {
-            (void)send(it->first, it->second.published);
+            send(it->first, it->second.published);
         }
     }
 }

@@ -12,7 +12,8 @@
 // On the backend a message has two parts: the topic's name, and a frame Published. What a topic held at the
 // beginning has count 0. Whoever subscribes gets the last of each topic at once; as subscriptions to the
 // same topic share it, others may see it again, with the count that they have seen. At the end comes
-// "finish" with a frame Finish. To the frontend go messages of the same form.
+// "finish" with a frame Finish, again and again until nobody subscribes to that any longer: who has
+// got it unsubscribes. To the frontend go messages of the same form.
 #pragma once
 
 #include "cosim/byte_ring.h"
@@ -100,8 +101,8 @@ private:
     void serve();
     bool drain();
     void publish(std::span<const std::byte> entry);
-    bool send(const std::string &topic, const Message &message);
-    void tell_end();
+    void send(const std::string &topic, const Message &message);
+    bool tell_end();
     bool wanted(const std::string &topic, Last &last);
     void hear_subscriptions();
     bool hear_programs();
@@ -124,8 +125,6 @@ private:
     std::map<std::string, Last> last_; ///< by topic
     std::set<std::string> subscribed_; ///< prefixes
     std::optional<Finish> over_;       ///< the run is
-    std::chrono::steady_clock::time_point over_since_;
-    bool told_all_ = false, told_some_ = false; ///< so
     std::uint64_t subscriptions_ = 1;  ///< changes of that
     Bytes frame_;
 

@@ -140,6 +140,7 @@ bool Observer::receive(std::optional<Observed> &observed)
     Frame frame = decode({bytes.data<std::byte>(), bytes.size()}, config_.limits);
     if (auto *finish = std::get_if<Finish>(&frame.message)) {
         over_ = true;
+        seen_.set(zmq::sockopt::unsubscribe, "finish"); // which says that it has come
         reason_ = std::move(finish->reason);
         return true;
     }

@@ -730,6 +730,7 @@ class Observer:
         topic, r = parts[0].decode(), _Reader(parts[1])
         if r.kind == "Finish":
             self.reason = r.text()
+            self._socket.unsubscribe("finish")  # which says that it has come
             return None
         if r.kind != "Published":
             raise NodeError(f"the broker sends {r.kind}")
