@@ -498,6 +498,7 @@ struct Bench {
     {
         for (Action &a : controller.take_actions()) {
             if (auto *send = std::get_if<action::Send>(&a)) {
+                sent += !std::holds_alternative<Save>(send->frame.message); // that may wait
                 EXPECT_TRUE(!requests[send->node] ||
                             std::holds_alternative<Finish>(send->frame.message));
                 if (std::holds_alternative<Tick>(send->frame.message)) {
@@ -528,7 +529,9 @@ struct Bench {
     /// Let one node answer. False if none has to.
     bool reply_somewhere()
     {
+        const auto before = sent;
         act();
+        sleeping = sleeping && sent == before;
         std::vector<NodeId> busy;
         for (NodeId i = 0; i < nodes.size(); i++) {
             if (requests[i]) {
@@ -550,7 +553,21 @@ struct Bench {
             decode(encode({request.number, nodes[id].answer(request.message, random, end)},
                           random() % 2 ? Order::big : Order::little));
         EXPECT_TRUE(controller.waiting_for(id));
+        const auto *tick = std::get_if<Tick>(&request.message);
+        const auto *tock = std::get_if<Tock>(&answer.message);
+        const bool whole = tick && tock && tock->reached == tick->until && !tock->leaving;
+        if (!sleeping) {
+            sleeping = controller.decisive(decisive);
+        }
+        const bool sleeps_on = sleeping && whole && !decisive[id];
         controller.received(id, answer);
+        if (sleeps_on) {
+            const auto before = sent;
+            act();
+            EXPECT_EQ(sent, before) << "who sleeps until others answer would miss something";
+        } else {
+            sleeping = false;
+        }
     }
 
     /// To the end. The outcome, or a text that no outcome is.
@@ -562,6 +579,7 @@ struct Bench {
 
     std::string go_on()
     {
+        // One who sleeps until somebody decisive answers misses nothing.
         while (reply_somewhere()) {
         }
         return outcome.value_or("the run hangs");
@@ -586,6 +604,9 @@ struct Bench {
     std::vector<std::string> reports, refusals;
     std::optional<std::string> outcome;
     std::size_t ticks = 0;
+    std::size_t sent = 0;
+    std::vector<char> decisive; ///< see Controller: of one who has slept since these were determined
+    bool sleeping = false;      ///< after all that is no answer it has to be made false
     Exchange exchange;
     std::map<std::string, std::vector<std::pair<Ns, std::uint64_t>>> told; ///< writes, by topic
 };

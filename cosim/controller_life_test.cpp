@@ -93,6 +93,7 @@ std::string live(Bench &bench, int losses, bool comers)
         } else if (comers && dice < 8 && bench.controller.running() && away(bench, id)) {
             come(bench, id);
         } else if (losses && dice < 14 && bench.controller.running() && !away(bench, id)) {
+            bench.sleeping = false;
             bench.controller.lost(id, "it was killed");
             losses--;
         } else if (comers && dice < 17) {
@@ -108,6 +109,7 @@ std::string live(Bench &bench, int losses, bool comers)
             if (idle && who_is_missed_comes(bench)) {
                 continue;
             }
+            bench.sleeping = false;
             bench.controller.set_horizon(random() % 2 ? bench.controller.next_due()
                                                       : static_cast<Ns>(random() % the_end));
         }

@@ -50,6 +50,7 @@ TEST(Controller, WhatComesFromOutsideIsSeenAsIfItHadBeenWrittenAtATimeThatIsTold
         std::uint64_t x = 100;
         while (bench.reply_somewhere()) {
             for (auto n = bench.controller.running() && random() % 8 == 0 ? random() % 3 : 0; n; n--) {
+                bench.sleeping = false;
                 const std::string fault = bench.controller.inject("ground", "/ground/command", word(x + 1));
                 ASSERT_TRUE(fault.empty() || fault == "nobody reads /ground/command") << fault;
                 x += fault.empty();
@@ -270,6 +271,7 @@ TEST(Controller, WhoMayComeInIsSaid)
     bench.controller.hello(9, {1, 1, "bench", "wrold"});
     bench.controller.hello(9, {0, 5, "bench", "world"});
     bench.controller.hello(9, {1, 1, "bench", "world"});
+    bench.sleeping = false;
     bench.controller.stop("enough");
     bench.controller.hello(9, {1, 1, "bench", "flight"});
     bench.act();
@@ -374,6 +376,7 @@ bool lose(Bench &bench, NodeId id, Ns t)
         bench.act();
         if (bench.requests[id] && std::holds_alternative<Tick>(bench.requests[id]->message) &&
             bench.controller.reached(id) >= t) {
+            bench.sleeping = false;
             bench.controller.lost(id, "it was killed");
             return true;
         }
@@ -459,6 +462,7 @@ TEST(Controller, ANodeThatComesBackOtherwiseIsRefused)
     ASSERT_FALSE(bench.reports.empty());
     EXPECT_TRUE(bench.reports.back().starts_with("flight: it came back with other steps"))
         << bench.reports.back();
+    bench.sleeping = false;
     bench.controller.stop("no flight");
     EXPECT_EQ(bench.go_on(), "no flight");
 }
@@ -478,12 +482,14 @@ TEST(Controller, EveryEndComesWhateverDiesWhen)
             bench.reply_somewhere();
         }
         for (auto n = 1 + random() % 2; n; n--) {
+            bench.sleeping = false;
             bench.controller.lost(random() % specs.size(), "it was killed");
             for (auto k = random() % 10; k; k--) {
                 bench.reply_somewhere();
             }
         }
         if (random() % 4 == 0) {
+            bench.sleeping = false;
             bench.controller.stop("asked");
         }
         ASSERT_NE(bench.go_on(), "the run hangs") << seed;

@@ -297,60 +297,56 @@ void Controller::grant_all()
     }
 }
 
-/// Who stands still waits for somebody: for each of them one is enough, who has to come first or among
-/// others. If that one stands still too, it waits for another in its turn.
+/// Before a node is granted anything, its own tock has to come, and those of all that block it then. To
+/// watch for one of these is enough. One that stands still blocks it only until another of its own comes.
 bool Controller::decisive(std::vector<char> &nodes) const
 {
     nodes.assign(nodes_.size(), false);
     if (phase_ != Phase::running || boundary_ || called_) {
         return false;
     }
-    NodeId last = nodes_.size();
+    const NodeId nobody = nodes_.size();
+    NodeId ticking = nobody;
     for (NodeId id = 0; id < nodes_.size(); id++) {
         const Node &node = nodes_[id];
-        if (node.stage == Stage::ticking) {
-            last = id;
-            if ((node.any_time ? node.until + 1 : node.next_after(node.until)) <= limit(node)) {
-                nodes[id] = true; // it goes on by itself
-            }
-            continue;
-        }
-        if (node.awaited || node.returning) {
+        const bool ticks = node.stage == Stage::ticking;
+        if ((node.awaited && !ticks) || node.returning) {
             return false;
         }
-        if (complete(node, last_)) {
+        ticking = ticks ? id : ticking;
+        const Ns from = ticks ? node.until : node.reached;
+        const Ns next = node.any_time ? from + 1 : node.next_after(from);
+        if (node.over() || next > last_) {
             continue;
         }
-        const Ns next = node.any_time ? node.reached + 1 : node.next_after(node.reached);
-        std::optional<NodeId> blocker;
-        const auto blocks = [&](NodeId other) {
-            // The one that was asked last is perhaps the last to answer; one that stands still is free.
-            const bool still = nodes_[other].stage != Stage::ticking;
-            blocker = blocker && nodes_[*blocker].stage != Stage::ticking ? *blocker
-                      : still || !blocker                                 ? other
-                                                                          : std::max(*blocker, other);
+        // The last of them, for it was asked last and is perhaps the last to answer.
+        NodeId watched = ticks ? id : nobody;
+        bool enough = ticks && nodes[id];
+        const auto blocked_by = [&](NodeId other) {
+            enough = enough || nodes[other] || nodes_[other].stage != Stage::ticking;
+            watched = watched == nobody ? other : std::max(watched, other);
         };
         for (const std::size_t w : node.out) {
-            if (wires_[w].pending.size() >= config_.ahead) {
-                blocks(wires_[w].to);
+            if (!ticks && wires_[w].pending.size() >= config_.ahead) {
+                blocked_by(wires_[w].to);
             }
         }
         for (const std::size_t w : node.in) {
             if (bound(wires_[w]) < next) {
-                blocks(wires_[w].from);
+                blocked_by(wires_[w].from);
             }
         }
-        if (!blocker) {
+        if (watched == nobody) {
             return false; // it is held by something else
         }
-        if (nodes_[*blocker].stage == Stage::ticking) {
-            nodes[*blocker] = true;
+        if (!enough) {
+            nodes[watched] = true;
         }
     }
-    if (last < nodes_.size() && std::find(nodes.begin(), nodes.end(), true) == nodes.end()) {
-        nodes[last] = true;
+    if (ticking != nobody && std::find(nodes.begin(), nodes.end(), true) == nodes.end()) {
+        nodes[ticking] = true; // the end comes with the last tock
     }
-    return last < nodes_.size();
+    return ticking != nobody;
 }
 
 /// A node has gone on: it may go further, and so may those that wait for it, before or behind.
