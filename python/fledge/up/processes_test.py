@@ -44,6 +44,21 @@ def there(process):
     return process
 
 
+def all_there(mark):
+    """Wait for the whole family: its three sleeps, in three sessions."""
+    until = time.monotonic() + 20
+    while sum(command == "sleep 600" for _, command in mark.processes()) < 3 or any(
+            command.startswith("setsid ") for _, command in mark.processes()):
+        assert time.monotonic() < until, mark.processes()
+        time.sleep(0.01)
+
+
+def family(mark):
+    process = there(start(FAMILY, mark))
+    all_there(mark)
+    return process
+
+
 @pytest.mark.parametrize("command, code, words", [
     ("exit 0", 0, "ended with exit code 0"), ("exit 3", 3, "ended with exit code 3"),
     ("kill -9 $$", 137, "was killed by SIGKILL"), ("kill -11 $$", 139, "was killed by SIGSEGV")])
@@ -64,7 +79,7 @@ def test_standard_input_is_empty_and_signals_are_as_usual(mark):
 
 
 def test_all_descendants_end_with_it(mark):
-    process = there(start(FAMILY, mark))
+    process = family(mark)
     assert len(mark.processes()) >= 5
     process.end()
     wait(process)
@@ -91,7 +106,7 @@ def test_who_is_asked_may_end_in_its_own_way(mark):
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_a_signal_to_the_guard_ends_all(mark, number):
-    process = there(start(FAMILY, mark))
+    process = family(mark)
     os.kill(process.pid, number)
     wait(process)
     assert mark.gone(0) == []
@@ -118,6 +133,7 @@ def owner(mark):
                                text=True)
     process.guard = int(process.stdout.readline())
     assert process.stdout.readline() == "there\n"
+    all_there(mark)
     yield process
     process.kill()
     process.communicate()
@@ -135,7 +151,7 @@ def test_nothing_is_left_when_who_started_it_is_killed(mark, owner):
 
 
 def test_descendants_are_found_parents_first(mark):
-    process = there(start(FAMILY, mark))
+    process = family(mark)
     found = descendants(os.getpid())
     marked = [pid for pid, _ in mark.processes()]
     assert set(marked) <= set(found)
@@ -145,7 +161,7 @@ def test_descendants_are_found_parents_first(mark):
 
 
 def test_what_was_started_here_is_no_stray(mark):
-    process = there(start(FAMILY, mark))
+    process = family(mark)
     others = set(descendants(os.getpid())) - {pid for pid, _ in mark.processes()}
     assert end_strays(others | {process.pid}) == 0
     assert process.look() is False
