@@ -142,6 +142,7 @@ struct Began {
 struct Wrote {
     NodeId node;
     std::vector<Record> records;
+    Ns settled = -1; ///< no node will write up to and including this instant any more
 };
 /// All is over. "" if the run came to its end.
 struct Done {
@@ -345,6 +346,7 @@ private:
     const Bytes &value(const Topic &topic, Ns t) const;
     std::string find_cycle() const;
     Exchange exchange() const;
+    Ns settled() const;
 
     // controller_restart.cpp
     bool save_if_due(NodeId id);

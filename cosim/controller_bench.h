@@ -518,7 +518,11 @@ struct Bench {
                     const Exchange::Topic &topic = exchange.topics.at(record.channel);
                     EXPECT_EQ(topic.writer, wrote->node < specs.size() ? specs[wrote->node].name : "ground");
                     told[topic.name].emplace_back(record.t, word_of(record.payload));
+                    if (wrote->node < specs.size()) {
+                        EXPECT_GT(record.t, settled) << "nobody was to write then any more";
+                    }
                 }
+                settled = std::max(settled, wrote->settled);
             } else if (auto *done = std::get_if<action::Done>(&a)) {
                 EXPECT_FALSE(outcome);
                 outcome = done->reason;
@@ -609,6 +613,7 @@ struct Bench {
     bool sleeping = false;      ///< after all that is no answer it has to be made false
     Exchange exchange;
     std::map<std::string, std::vector<std::pair<Ns, std::uint64_t>>> told; ///< writes, by topic
+    Ns settled = -1;
 };
 
 inline Want want(const std::string &topic, Latency latency)

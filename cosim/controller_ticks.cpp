@@ -32,6 +32,16 @@ Ns Controller::Node::safe() const
     return over() ? for_ever : any_time ? reached + 1 : next_after(reached);
 }
 
+/// The last instant that all have passed, as far as writing goes.
+Ns Controller::settled() const
+{
+    Ns last = config_.end;
+    for (const Node &node : nodes_) {
+        last = std::min(last, node.safe() - 1);
+    }
+    return last;
+}
+
 /// The last instant for which what comes by this wire is known.
 Ns Controller::bound(const Wire &wire) const
 {
@@ -142,7 +152,7 @@ void Controller::reply(NodeId id, Tock &m)
         look_at_log(id);
     }
     if (config_.tell && !m.records.empty()) {
-        act(action::Wrote{id, std::move(m.records)});
+        act(action::Wrote{id, std::move(m.records), settled()});
     }
     if (m.leaving) {
         return leave(id);

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cosim/exchange_record.h"
 
+#include <algorithm>
+#include <tuple>
+
 namespace fledge::cosim {
 
 namespace {
@@ -49,7 +52,9 @@ ExchangeRecord::ExchangeRecord(std::string path, const ControllerConfig &run)
 
 void ExchangeRecord::began(const Exchange &exchange)
 {
-    if (!file_) {
+    if (file_) {
+        settled(for_ever); // what was said before stands under the old numbers
+    } else {
         file_ = std::make_unique<sim::ArchiveFile>(path_, exchange.topics.size() + room);
     }
     std::string nodes;
@@ -82,16 +87,29 @@ void ExchangeRecord::began(const Exchange &exchange)
 void ExchangeRecord::wrote(const std::string &, const std::vector<Record> &records)
 {
     for (const Record &record : records) {
-        const Topic &topic = topics_.at(record.channel);
-        message_.resize(topic.size);
-        read_payload(record.payload, topic.fields, message_);
-        file_->message(topic.channel, record.t, record.count, message_);
+        pending_.push_back({record.t, record.channel, record.count, record.payload});
     }
+}
+
+void ExchangeRecord::settled(Ns t)
+{
+    const auto later = std::partition(pending_.begin(), pending_.end(), [&](const Pending &p) { return p.t <= t; });
+    std::sort(pending_.begin(), later, [](const Pending &a, const Pending &b) {
+        return std::tie(a.t, a.channel, a.count) < std::tie(b.t, b.channel, b.count);
+    });
+    for (auto it = pending_.begin(); it != later; ++it) {
+        const Topic &topic = topics_.at(it->channel);
+        message_.resize(topic.size);
+        read_payload(it->payload, topic.fields, message_);
+        file_->message(topic.channel, it->t, it->count, message_);
+    }
+    pending_.erase(pending_.begin(), later);
 }
 
 void ExchangeRecord::ended(const std::string &reason)
 {
     if (file_) {
+        settled(for_ever);
         file_->metadata("end", {{"reason", reason}});
         file_->close();
     }

@@ -25,6 +25,7 @@ public:
     // These throw RunError if the file cannot be written.
     void began(const Exchange &exchange) override;
     void wrote(const std::string &node, const std::vector<Record> &records) override;
+    void settled(Ns t) override;
     void ended(const std::string &reason) override;
 
 private:
@@ -34,12 +35,22 @@ private:
         std::size_t size;
     };
 
+    /// Which node answers first is chance: messages wait until they can stand in the order of their
+    /// times, so that the same run gives the same bytes.
+    struct Pending {
+        Ns t;
+        std::uint32_t channel; ///< of the exchange
+        std::uint32_t count;
+        Bytes payload;
+    };
+
     std::string path_, simulation_;
     std::uint64_t seed_;
     Ns end_;
     std::unique_ptr<sim::ArchiveFile> file_;
     std::map<std::string, Topic> known_; ///< by name: one that comes again stays in its channel
     std::vector<Topic> topics_;          ///< by channel of the exchange
+    std::vector<Pending> pending_;
     std::vector<std::byte> message_;
 };
 

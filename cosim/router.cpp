@@ -547,6 +547,7 @@ void Router::act()
                 answer_attaching();
             } else if (const auto *wrote = std::get_if<action::Wrote>(&a)) {
                 tell([&](Witness &w) { w.wrote(names_[wrote->node], wrote->records); });
+                tell([&](Witness &w) { w.settled(wrote->settled); });
             } else if (const auto *done = std::get_if<action::Done>(&a)) {
                 outcome_ = done->reason;
                 tell([&](Witness &w) { w.ended(done->reason); });

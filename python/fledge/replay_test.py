@@ -55,9 +55,8 @@ def start(process, address, command=NODE):
                             cwd=ROOT, stdout=subprocess.DEVNULL)
 
 
-@pytest.fixture(scope="module")
-def flown(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("flown")
+def fly(folder):
+    """The record of a run."""
     control, address = controller(folder, 60, "world", "flight")
     programs = [start("world", address), start("flight", address)]
     try:
@@ -68,6 +67,15 @@ def flown(tmp_path_factory):
             one.kill()
             one.wait()
     return folder / "exchange.mcap"
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    return fly(tmp_path_factory.mktemp("flown"))
+
+
+def test_the_same_run_gives_the_same_bytes(flown, tmp_path):
+    assert fly(tmp_path).read_bytes() == flown.read_bytes()
 
 
 def test_the_record_holds_what_passes_between_nodes_and_how_they_step(flown):
