@@ -142,7 +142,8 @@ struct Began {
 struct Wrote {
     NodeId node;
     std::vector<Record> records;
-    Ns settled = -1; ///< no node will write up to and including this instant any more
+    Ns settled = -1; ///< no node will write up to and including this instant any more; unless, after
+                     ///< one was lost, another comes
 };
 /// All is over. "" if the run came to its end.
 struct Done {

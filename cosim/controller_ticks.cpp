@@ -32,14 +32,18 @@ Ns Controller::Node::safe() const
     return over() ? for_ever : any_time ? reached + 1 : next_after(reached);
 }
 
-/// The last instant that all have passed, as far as writing goes.
+/// The last instant that all have passed, as far as writing goes. Who comes later begins after the
+/// furthest that anybody was granted.
 Ns Controller::settled() const
 {
-    Ns last = config_.end;
+    Ns last = config_.end, furthest = -1;
     for (const Node &node : nodes_) {
         last = std::min(last, node.safe() - 1);
+        if (!node.over()) {
+            furthest = std::max(furthest, node.stage == Stage::ticking ? node.until : node.reached);
+        }
     }
-    return last;
+    return std::min(last, furthest);
 }
 
 /// The last instant for which what comes by this wire is known.

@@ -19,7 +19,8 @@ public:
     virtual void began(const Exchange &exchange) = 0;
     /// What a node wrote: good, in order, with the times of writing.
     virtual void wrote(const std::string &node, const std::vector<Record> &records) = 0;
-    /// No node will write up to and including this instant any more.
+    /// No node will write up to and including this instant any more; unless, after one was lost, another
+    /// comes.
     virtual void settled(Ns) {}
     /// The run is over; "" if regularly.
     virtual void ended(const std::string &reason) = 0;
