@@ -211,6 +211,8 @@ void Controller::connect()
             if (!topic.writer || *topic.writer == id) {
                 if (!want.optional) {
                     add_fault(faults_, wish + ", which no other node writes" + (late ? later : ""));
+                } else if ((!begun_ || joins) && !late) {
+                    report(wish + ", which no other node writes; it can do without");
                 }
                 continue;
             }

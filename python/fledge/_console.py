@@ -16,6 +16,11 @@ def say(text=""):
     print(text, flush=True)
 
 
+def counted(n, thing):
+    """"1 program", "2 programs"."""
+    return f"{n} {thing}" + ("" if n == 1 else "s")
+
+
 def size_of(path):
     """The size of a file, in words."""
     size = os.path.getsize(path)

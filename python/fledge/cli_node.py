@@ -15,7 +15,7 @@ import sys
 from pathlib import Path
 from time import monotonic, perf_counter, sleep
 
-from fledge._console import Failure, say, size_of
+from fledge._console import Failure, counted, say, size_of
 
 
 def add(command):
@@ -114,7 +114,8 @@ def _several(sim, scenario, names, options):
     if end is not None:
         address = address or f"ipc://@fledge-{sim.name}-{os.getpid()}"
         options.simulation = options.simulation or sim.name
-    say(f"{sim.name}, {scenario}: {len(names)} programs" + (f", {', '.join(names)}" if len(names) < 9 else ""))
+    say(f"{sim.name}, {scenario}: {counted(len(names), 'program')}"
+        + (f", {', '.join(names)}" if len(names) < 9 else ""))
     begun, problem = perf_counter(), ""
     with _Programs() as programs:
         for name in names:
@@ -126,7 +127,7 @@ def _several(sim, scenario, names, options):
         failed = programs.wait()
     took = perf_counter() - begun
     if failed and problem in ("", STOPPED):
-        problem = failed[0] + (f", and {len(failed) - 1} others" if len(failed) > 1 and not problem else "")
+        problem = failed[0] + (f", and {counted(len(failed) - 1, 'other')}" if len(failed) > 1 and not problem else "")
     if problem:
         raise Failure(f"{sim.name}: {problem}", 1)
     say(f"  flown    {f'{end:g} s' if end is not None else 'to the end'} in {took:.3g} s"

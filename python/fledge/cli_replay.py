@@ -15,7 +15,8 @@ def add(command):
     one.add_argument("exchange", metavar="EXCHANGE", help="an exchange.mcap, as fledge up and "
                      "fledge_controller --record write it, or its folder")
     one.add_argument("node", metavar="NODE", help="whose part is taken anew")
-    one.add_argument("--until", type=float, metavar="S", help="only so far; default: as far as the record is good")
+    one.add_argument("--until", metavar="DURATION", help="only so far (90s, 10min, 2h); default: as far as the "
+                     "record is good")
     one.add_argument("--out", metavar="FILE", help="the archive of the replay; default: replay_NODE.mcap beside the "
                      "record")
     one.add_argument("--address", metavar="A", help="where the node greets; default: an abstract socket")
@@ -23,13 +24,15 @@ def add(command):
     one.add_argument("--patience", type=float, default=60.0, metavar="S", help="for the node to come; default: 60")
     one.add_argument("--reply", type=float, default=60.0, metavar="S", help="for it to answer; 0: for ever, as a "
                      "debugger needs it; default: 60")
-    one.epilog += "\nwithout -- COMMAND it waits for a node that is started otherwise, in a debugger say"
+    one.description += " COMMAND starts it; without, the node is waited for, in a debugger for example."
+    one.usage = one.format_usage().removeprefix("usage: ").rstrip() + " [-- COMMAND ...]"
     one.set_defaults(starts_command=True)
 
 
 def replay(options):
     from fledge._console import Failure, say, size_of
     from fledge.archive import ArchiveError
+    from fledge.cli import parse_duration
     from fledge.replay import Exchange
     from fledge.replay import replay as run
 
@@ -37,8 +40,7 @@ def replay(options):
     if path.is_dir():
         path = path / "exchange.mcap"
     command = options.after_dashes
-    if options.until is not None and not 0 <= options.until < 1e9:
-        raise Failure(f"--until: expected a number of seconds from 0 to 1e9; found {options.until:g}")
+    until = None if options.until is None else parse_duration(options.until, "--until")
     out = Path(options.out) if options.out else path.with_name(f"replay_{options.node}.mcap")
     if out.resolve() == path.resolve():
         raise Failure(f"--out {out} would overwrite the record")
@@ -58,7 +60,7 @@ def replay(options):
 
     try:
         again = run(exchange, options.node, command or None, out=out, address=options.address, keys=options.keys,
-                    until=None if options.until is None else round(options.until * 1e9), patience=options.patience,
+                    until=None if until is None else round(min(until, 1e9) * 1e9), patience=options.patience,
                     reply=options.reply, listening=listening)
     except OSError as error:
         raise Failure(f"cannot start {command[0] if command else options.node}: {error.strerror or error}") from None

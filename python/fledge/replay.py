@@ -129,6 +129,7 @@ def replay(exchange, node, command=None, *, out, until=None, address=None, keys=
     others = [exchange.part(other, until) for other, member in exchange.nodes.items()
               if other != node and (member.present or exchange.written_by(other))]
     Path(out).parent.mkdir(parents=True, exist_ok=True)
+    Path(out).unlink(missing_ok=True)  # of an earlier replay: if this one fails at once, it is not its record
     core = _core.Replay(exchange.simulation, node, exchange.seed, until, others, topics, str(out),
                         address or f"ipc://@fledge-replay-{os.getpid()}", str(keys or ""), float(patience),
                         float(reply))

@@ -137,6 +137,14 @@ def test_a_program_that_fails_ends_the_replay(flown, tmp_path):
     assert "ended with exit code 3" in again.outcome
 
 
+def test_the_record_of_an_earlier_replay_is_not_taken_for_this_ones(flown, tmp_path, capsys):
+    (tmp_path / "again.mcap").write_bytes(flown.read_bytes())
+    assert main(["replay", str(flown), "flight", "--out", str(tmp_path / "again.mcap"), "--until", "2s", "--",
+                 sys.executable, "-c", "import sys; sys.exit(3)"]) == 1
+    assert "record" not in capsys.readouterr().out.partition("\n")[2]
+    assert not (tmp_path / "again.mcap").exists()
+
+
 def test_what_cannot_be_replayed_is_refused(flown, tmp_path, capsys):
     again = ["--out", str(tmp_path / "again.mcap")]
     assert main(["replay", str(flown), "thermal", *again]) == 2
