@@ -16,7 +16,7 @@ def fly(mission, span, sharing="allowed", **parameters):
     """(ticks, wall time of them [s], wall time of the same in one program [s])"""
     import fledge
     from fledge import cosim
-    from fledge.cli_node import _Programs
+    from fledge.cli.node import _Programs
 
     sim = fledge.load(mission, **parameters)
     names = [process.name for process in sim.processes]

@@ -152,7 +152,7 @@ class Simulation:
             raise SetupError(f"run: pace must be >= 0, found {pace:g}")
         self._core.ready_for(end)
         self._open_archive()
-        from fledge._progress import Interrupt, Progress
+        from fledge.cli.progress import Interrupt, Progress
 
         begun = perf_counter()
         try:

@@ -9,7 +9,7 @@ import pytest
 
 import fledge
 from fledge import Orbit, Simulation, SetupError, _core, world
-from fledge.dispersions_test import mission
+from fledge.montecarlo.dispersions_test import mission
 from fledge.montecarlo import Campaign
 from fledge.units import day, deg, hour, km, m, minute, s
 

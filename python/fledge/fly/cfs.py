@@ -10,7 +10,7 @@ import shutil
 import subprocess
 from pathlib import Path
 
-from fledge._console import Failure
+from fledge.cli.console import Failure
 from fledge.export import cfs
 from fledge.export.cfs import around, hosted
 from fledge.export.write import write_files

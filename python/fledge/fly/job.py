@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 
 from fledge import export, project
-from fledge._console import Failure
+from fledge.cli.console import Failure
 from fledge.fly import build
 from fledge.fly.rehearsal import rehearse
 

@@ -12,8 +12,8 @@ import sys
 import time
 from pathlib import Path
 
-from fledge._console import Failure
-from fledge._progress import Progress
+from fledge.cli.console import Failure
+from fledge.cli.progress import Progress
 from fledge.fly import build
 
 _numbers = itertools.count()

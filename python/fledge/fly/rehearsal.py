@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import fledge
 from fledge import SetupError, _core, export
-from fledge._console import Failure
+from fledge.cli.console import Failure
 
 
 @dataclass

@@ -222,7 +222,7 @@ class _Reader(Tables):
 
     def allowed(self, plan: Plan, folder: Path) -> None:
         """Whether the controller has its keys, and lets all in."""
-        from fledge import keys
+        from fledge.cosim import keys
 
         if not (folder / "controller.secret").exists():
             self.refuse(("keys",), "the controller has keys of its own", f"there is no {folder}/controller.secret",

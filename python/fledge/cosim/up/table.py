@@ -8,7 +8,7 @@ import sys
 import time
 from dataclasses import dataclass, field, replace
 
-from fledge._progress import clock
+from fledge.cli.progress import clock
 
 _WIDTH = 28         # of the progress bar
 _SHARES = 16        # of the bar of a node's time
@@ -223,7 +223,7 @@ class Lines:
         self._write([text])
 
     def logged(self, new: list[tuple[str, str]], width: int) -> None:
-        from fledge.up.logs import shown
+        from fledge.cosim.up.logs import shown
 
         if self._show_logs and new:
             self._write([f"{name:{width}} | {shown(line)}" for name, line in new])
@@ -279,7 +279,7 @@ class Screen(Lines):
         mark, plain = (_BOLD, _PLAIN) if self._colour else ("", "")
         shown = [f"{mark}{headline(now, speed, width)}{plain}", *table]
         if logged:
-            from fledge.up.logs import shown as printable
+            from fledge.cosim.up.logs import shown as printable
 
             names = max(len(row.name) for row in now.rows)
             shown += [""] + [f"{name[:24]:{min(names, 24)}} | {printable(line)}"[:width]

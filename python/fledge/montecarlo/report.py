@@ -13,7 +13,7 @@
 import math
 from pathlib import Path
 
-from fledge.campaign_plots import PERCENTILES, figures, percentiles, summary_of
+from fledge.montecarlo.plots import PERCENTILES, figures, percentiles, summary_of
 
 
 def confidence(passed, n):

@@ -25,7 +25,7 @@ def add(command):
 
 def compare(options):
     from fledge import compare as comparing
-    from fledge._console import say
+    from fledge.cli.console import say
     from fledge.cli import open_run
 
     a, b = map(open_run, options.runs)

@@ -10,7 +10,7 @@ import time
 
 import pytest
 
-from fledge.up.testing import BUILT, Mark, up, write_pair
+from fledge.cosim.up.testing import BUILT, Mark, up, write_pair
 
 pytestmark = pytest.mark.skipif(not (BUILT / "fledge_guard").exists() or not (BUILT / "fledge_controller").exists(),
                                 reason="the controller is not built")
@@ -299,7 +299,7 @@ def namespace():
 
 
 def test_beyond_the_network_with_keys(mark, tmp_path, namespace):
-    from fledge import keys
+    from fledge.cosim import keys
 
     name, address = namespace
     keys.new(tmp_path / "keys", ["controller", "mass", "spring"])

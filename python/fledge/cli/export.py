@@ -7,7 +7,7 @@ Exit codes as of all commands: 0 written; 2 the command line or the mission is w
 
 from pathlib import Path
 
-from fledge.cli_node import add_parameters, given_parameters
+from fledge.cli.node import add_parameters, given_parameters
 
 
 def add(command):
@@ -35,7 +35,7 @@ def add(command):
 def export(options):
     import fledge
     from fledge import export as exports
-    from fledge._console import Failure, say
+    from fledge.cli.console import Failure, say
 
     tasks = [name.strip() for name in options.tasks.split(",")] if options.tasks is not None else None
     if options.form == "cfs" and not options.app:
@@ -67,7 +67,7 @@ def export(options):
 def export_cfs(mission, options, folder):
     """Write an app's folder; returns the paths."""
     from fledge import project
-    from fledge._console import Failure
+    from fledge.cli.console import Failure
     from fledge.export import cfs
 
     try:

@@ -10,7 +10,7 @@ import os
 import sys
 from pathlib import Path
 
-from fledge._console import Failure, Plots, say, size_of
+from fledge.cli.console import Failure, Plots, say, size_of
 
 
 # --- run -------------------------------------------------------------------------------------------
@@ -19,7 +19,7 @@ def run(options):
     import fledge
     from fledge import mission as missions
 
-    from fledge.cli_node import given_parameters
+    from fledge.cli.node import given_parameters
 
     sim = fledge.load(options.mission, options.seed, **given_parameters(options))
     name, fly = _scenario(sim, options)
@@ -143,7 +143,7 @@ def show(options):
     import fledge
     from fledge.wiring import Wiring
 
-    from fledge.cli_node import given_parameters
+    from fledge.cli.node import given_parameters
 
     wiring = Wiring(fledge.load(options.mission, **given_parameters(options)), options.flight_only)
     if options.out:
@@ -314,17 +314,17 @@ def parser():
     one.add_argument("--for", dest="duration", metavar="DURATION",
                      help="fly without a scenario for this long (90s, 10min, 2h), recording all outputs")
 
-    from fledge import cli_compare, cli_export, cli_fly, cli_keys, cli_montecarlo, cli_node, cli_replay, cli_up
+    from fledge.cli import compare, export, fly, keys, montecarlo, node, replay, up
 
-    cli_node.add_parameters(one)
-    cli_node.add(command)
-    cli_montecarlo.add(command)
-    cli_export.add(command)
-    cli_fly.add(command)
-    cli_compare.add(command)
-    cli_replay.add(command)
-    cli_keys.add(command)
-    cli_up.add(command)
+    node.add_parameters(one)
+    node.add(command)
+    montecarlo.add(command)
+    export.add(command)
+    fly.add(command)
+    compare.add(command)
+    replay.add(command)
+    keys.add(command)
+    up.add(command)
 
     one = command("show", show, "draw a mission's wiring", "show nadir_spin --out nadir_spin.png")
     one.add_argument("mission", help="the name of a mission, or its folder")
@@ -332,7 +332,7 @@ def parser():
                      "default: an outline, and runs/MISSION/wiring.svg")
     one.add_argument("--text", action="store_true", help="only the outline")
     one.add_argument("--flight-only", action="store_true", help="leave out the world")
-    cli_node.add_parameters(one)
+    node.add_parameters(one)
 
     one = command("new", new, "begin a module, model, mission or project of your own", "new module SunSlew")
     one.add_argument("kind", choices=["module", "model", "mission", "project"])
@@ -415,7 +415,3 @@ def _in_words(error):
     if isinstance(error, OSError) and error.strerror:
         return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
     return error
-
-
-if __name__ == "__main__":
-    sys.exit(main())

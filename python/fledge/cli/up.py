@@ -4,7 +4,7 @@
 import sys
 from pathlib import Path
 
-from fledge._console import Failure, say, size_of
+from fledge.cli.console import Failure, say, size_of
 
 _MOST_RECORDS = 8   # that are listed one by one
 
@@ -12,7 +12,7 @@ _MOST_RECORDS = 8   # that are listed one by one
 def add(command):
     """Add the subcommand, by the function of cli.parser() that adds one."""
     from fledge.cli import _pace
-    from fledge.cli_node import add_parameters
+    from fledge.cli.node import add_parameters
 
     one = command("up", up, "start all programs of a co-simulation, and watch them", "up spring.toml")
     one.add_argument("simulation", metavar="SIM.toml|MISSION",
@@ -32,8 +32,8 @@ def add(command):
 
 def up(options):
     from fledge import _core
-    from fledge.up import description
-    from fledge.up.session import Session, StartError
+    from fledge.cosim.up import description
+    from fledge.cosim.up.session import Session, StartError
 
     plan = _plan(options, description)
     if plan.until is None:
@@ -76,8 +76,8 @@ def _plan(options, description):
         except description.SimError as error:
             raise Failure(f"up: the simulation cannot be started\n{error}") from None
     else:
-        from fledge.cli_node import given_parameters
-        from fledge.up.missions import plan_of
+        from fledge.cli.node import given_parameters
+        from fledge.cosim.up.missions import plan_of
 
         plan = plan_of(options.simulation, options.scenario, given_parameters(options))
     if options.until is not None:
@@ -107,7 +107,7 @@ def _programs(plan):
 def _view(options):
     import os
 
-    from fledge.up.table import Lines, Screen
+    from fledge.cosim.up.table import Lines, Screen
 
     if sys.stdout.isatty() and os.environ.get("TERM", "dumb") != "dumb" and not options.logs:
         return Screen()

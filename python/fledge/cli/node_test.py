@@ -13,7 +13,7 @@ import pytest
 import fledge
 from fledge import cli
 from fledge.archive import Archive
-from fledge.cli_node import _second_run, set_up
+from fledge.cli.node import _second_run, set_up
 
 ENVIRONMENT = {name: value for name, value in os.environ.items() if not name.startswith("FLEDGE_NODE")} | {
     "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}

@@ -15,9 +15,10 @@ import numpy as np
 import pytest
 
 import fledge
-from fledge import Archive, campaign_plots, campaign_report as report, cli
-from fledge.dispersions_test import mission
+from fledge import Archive, cli
+from fledge.montecarlo.dispersions_test import mission
 from fledge.montecarlo import Campaign
+from fledge.montecarlo import plots, report
 from fledge.units import N, deg, kg, m, s
 
 
@@ -302,7 +303,7 @@ def test_the_figures_in_the_report(campaign, result, tmp_path):
     (1, (50,)), (2, (50,)), (3, (25, 50, 75)), (18, (25, 50, 75)), (19, (5, 25, 50, 75, 95)), (98, (5, 25, 50, 75, 95)),
     (99, (1, 5, 25, 50, 75, 95, 99))])
 def test_percentiles_that_so_many_runs_can_tell(n, expected):
-    assert campaign_plots.percentiles(n) == expected
+    assert plots.percentiles(n) == expected
 
 
 def test_confidence_of_a_rate():
@@ -342,14 +343,14 @@ def test_the_draw_that_matters_is_found():
         d.check(rate.norm().final < 1)
 
     result = Campaign("nadir_spin", push).fly(60)
-    linear, even = (campaign_plots.correlations(result, one) for one in result.campaign.dispersions.requirements)
+    linear, even = (plots.correlations(result, one) for one in result.campaign.dispersions.requirements)
     assert linear[0][1:] == ("world.craft.omega_BN_B[1]", False) and linear[0][0] > 0.99
     assert even[0][1:] == ("world.craft.omega_BN_B[1]", True) and even[0][0] > 0.7
     assert abs(linear[1][0]) < 0.5
 
 
 def test_a_live_line_on_a_terminal(monkeypatch, capsys):
-    from fledge.cli_montecarlo import _Live
+    from fledge.cli.montecarlo import _Live
 
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
     with _Live("nadir_spin, release", 200) as line:

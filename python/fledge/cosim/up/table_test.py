@@ -2,9 +2,9 @@
 """The table of a run, as lines of text."""
 import io
 
-from fledge.up import table
-from fledge.up.logs import Logs, shown
-from fledge.up.table import Lines, Progress, Row, Screen, Watch, between, headline, lines, slowest
+from fledge.cosim.up import table
+from fledge.cosim.up.logs import Logs, shown
+from fledge.cosim.up.table import Lines, Progress, Row, Screen, Watch, between, headline, lines, slowest
 
 
 def at(wall, t, ticks, compute, transport, **row):

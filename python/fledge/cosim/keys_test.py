@@ -9,7 +9,8 @@ import pytest
 import zmq
 import zmq.auth
 
-from fledge import cli, keys
+from fledge import cli
+from fledge.cosim import keys
 
 
 def fledge(capsys, *arguments):

@@ -13,10 +13,10 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from fledge.up.description import SSH, WHEN_IT_COMES, Plan, Program
-from fledge.up.logs import Logs
-from fledge.up.processes import Process, adopt_strays, end_strays, in_words
-from fledge.up.table import Progress, Row
+from fledge.cosim.up.description import SSH, WHEN_IT_COMES, Plan, Program
+from fledge.cosim.up.logs import Logs
+from fledge.cosim.up.processes import Process, adopt_strays, end_strays, in_words
+from fledge.cosim.up.table import Progress, Row
 
 _LOOK = 0.1         # [s]
 _FINISH = 12.0      # [s] for the controller to bring a run to its end
@@ -27,7 +27,7 @@ _SILENT = 3.0       # [s] without a word from the controller, after which we dec
 _BUSY = 2.0         # [s] after which a request that is not answered is to be seen
 _LAST_LINES = 12    # of a program that failed
 
-FLEDGE = Path(__file__).resolve().parents[3]
+FLEDGE = Path(__file__).resolve().parents[4]
 
 
 class StartError(Exception):

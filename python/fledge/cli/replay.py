@@ -30,11 +30,11 @@ def add(command):
 
 
 def replay(options):
-    from fledge._console import Failure, say, size_of
+    from fledge.cli.console import Failure, say, size_of
     from fledge.archive import ArchiveError
     from fledge.cli import parse_duration
-    from fledge.replay import Exchange
-    from fledge.replay import replay as run
+    from fledge.cosim.replay import Exchange
+    from fledge.cosim.replay import replay as run
 
     path = Path(options.exchange)
     if path.is_dir():

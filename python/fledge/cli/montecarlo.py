@@ -9,7 +9,7 @@ import sys
 import time
 from pathlib import Path
 
-from fledge._progress import Bar, clock
+from fledge.cli.progress import Bar, clock
 
 FAILURES_SHOWN = 8
 
@@ -29,7 +29,7 @@ def add(command):
 
 
 def montecarlo(options):
-    from fledge._console import Failure
+    from fledge.cli.console import Failure
     from fledge.montecarlo import Campaign
 
     if (options.runs is None) == (options.only is None):
@@ -58,7 +58,7 @@ def _command(campaign, options):
 def _all(campaign, options, folder):
     import json
 
-    from fledge import campaign_report as report
+    from fledge.montecarlo import report
     from fledge.montecarlo import cores
 
     say = (lambda line="": None) if options.json else (lambda line="": print(line, flush=True))
@@ -112,7 +112,7 @@ class _Live(Bar):
 def _one(campaign, options, folder):
     import fledge
     from fledge import _core
-    from fledge._console import Failure, Plots, say, size_of
+    from fledge.cli.console import Failure, Plots, say, size_of
 
     index, d = options.only, campaign.dispersions
     sim = campaign.simulation(index, options.seed)

@@ -6,8 +6,8 @@ import sys
 
 import pytest
 
-from fledge import keys
-from fledge.up.description import SimError, busy, read
+from fledge.cosim import keys
+from fledge.cosim.up.description import SimError, busy, read
 
 GOOD = """
 simulation = "duo"

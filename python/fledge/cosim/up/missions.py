@@ -2,8 +2,8 @@
 """A mission as a simulation of several programs, one for each of its processes."""
 from __future__ import annotations
 
-from fledge._console import Failure
-from fledge.up.description import Plan, Program
+from fledge.cli.console import Failure
+from fledge.cosim.up.description import Plan, Program
 
 
 class _Runs(BaseException):

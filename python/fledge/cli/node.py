@@ -15,7 +15,7 @@ import sys
 from pathlib import Path
 from time import monotonic, perf_counter, sleep
 
-from fledge._console import Failure, counted, say, size_of
+from fledge.cli.console import Failure, counted, say, size_of
 
 
 def add(command):

@@ -8,8 +8,8 @@ import time
 
 import pytest
 
-from fledge.up.processes import Process, descendants, end_strays, in_words
-from fledge.up.testing import GUARD, Mark
+from fledge.cosim.up.processes import Process, descendants, end_strays, in_words
+from fledge.cosim.up.testing import GUARD, Mark
 
 pytestmark = pytest.mark.skipif(not os.path.exists(GUARD), reason="the guard is not built")
 
@@ -115,7 +115,7 @@ def test_a_signal_to_the_guard_ends_all(mark, number):
 # As `fledge up` does: it adopts what has lost its guard.
 OWNER = """
 import sys, time
-from fledge.up.processes import Process, adopt_strays, end_strays
+from fledge.cosim.up.processes import Process, adopt_strays, end_strays
 adopt_strays()
 process = Process(sys.argv[2:], sys.argv[1], None)
 print(process.pid, flush=True)

@@ -10,7 +10,7 @@ import os
 import re
 import sys
 
-from fledge.cli_node import add_parameters, given_parameters
+from fledge.cli.node import add_parameters, given_parameters
 
 
 def add(command):
@@ -41,7 +41,7 @@ def add(command):
 
 def fly(options):
     from fledge import cli
-    from fledge._console import Failure, say
+    from fledge.cli.console import Failure, say
     from fledge.fly import TARGETS, Job, RealCfs
 
     names = [name.strip() for name in options.on.split(",") if name.strip()]
@@ -81,7 +81,7 @@ def fly(options):
 
 
 def _fly(job, targets, bounds, settled):
-    from fledge._console import Failure, say
+    from fledge.cli.console import Failure, say
     from fledge.archive import Archive
     from fledge.compare import compare, digest
     from fledge.fly import table
@@ -121,7 +121,7 @@ def _fly(job, targets, bounds, settled):
 
 
 def _build(job, targets):
-    from fledge._console import say
+    from fledge.cli.console import say
     from fledge.fly import table
 
     for target in targets:
@@ -132,7 +132,7 @@ def _build(job, targets):
 
 
 def _join(job, target, address, keys):
-    from fledge._console import say
+    from fledge.cli.console import say
     from fledge.fly import table
 
     address = address or os.environ.get("FLEDGE_ADDRESS") or "tcp://127.0.0.1:7000"

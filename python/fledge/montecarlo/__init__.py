@@ -3,7 +3,7 @@
 
     from fledge.montecarlo import Campaign
 
-    campaign = Campaign("nadir_spin")        # as its dispersions.py declares it; see fledge.dispersions
+    campaign = Campaign("nadir_spin")        # as its dispersions.py declares it; see fledge.montecarlo.dispersions
     result = campaign.fly(2000, seed=1)
     result.retained["flight.tracking.error.sigma_BR"]     # (2000, samples, 3)
     result.draws["world.craft.I_B[0, 0]"]                 # (2000,)
@@ -17,7 +17,7 @@ import os
 import types
 
 from fledge import _core, mission as missions
-from fledge.dispersions import Dispersions
+from fledge.montecarlo.dispersions import Dispersions
 
 SetupError = _core.SetupError
 

@@ -7,7 +7,7 @@ Exit codes as of all commands: 0 done; 2 the command line or a key is wrong, and
 import argparse
 import os
 
-from fledge._console import Failure, say
+from fledge.cli.console import Failure, say
 
 
 def add(command):
@@ -40,7 +40,7 @@ def add(command):
 
 def _spoken(function):
     def spoken(options):
-        from fledge.keys import KeysError
+        from fledge.cosim.keys import KeysError
 
         try:
             function(options)
@@ -52,7 +52,7 @@ def _spoken(function):
 
 
 def new(options):
-    from fledge import keys
+    from fledge.cosim import keys
 
     for path in keys.new(options.keys, options.names):
         say(f"  wrote  {path}")
@@ -68,7 +68,7 @@ def new(options):
 
 
 def list_(options):
-    from fledge import keys
+    from fledge.cosim import keys
 
     pairs, allowed = keys.pairs(options.keys), keys.allowed(options.keys)
     width = max([len(name) for name, *_ in pairs] + [len(key.path.stem) for key in allowed] + [0]) + 2
@@ -88,14 +88,14 @@ def list_(options):
 
 
 def allow(options):
-    from fledge import keys
+    from fledge.cosim import keys
 
     for name, nodes in keys.allow(options.keys, options.keys_, options.nodes):
         say(f"  {name} may take part as " + ("any node" if "*" in nodes else ", ".join(nodes)))
 
 
 def deny(options):
-    from fledge import keys
+    from fledge.cosim import keys
 
     for path in keys.deny(options.keys, options.names):
         say(f"  {path.stem} may take part no longer; what is connected stays until it goes")

@@ -3,7 +3,7 @@
 
 A few cycles by default; as many as you like of both kinds, of kills and of restarts, are run by
 
-    FLEDGE_KILL_CYCLES=100 ./fledge exec /usr/bin/python3 -m pytest python/fledge/up/kill_test.py
+    FLEDGE_KILL_CYCLES=100 ./fledge exec /usr/bin/python3 -m pytest python/fledge/cosim/up/kill_test.py
 """
 import os
 import pty
@@ -17,7 +17,7 @@ import time
 
 import pytest
 
-from fledge.up.testing import BUILT, Mark, sockets_and_memory, write_pair
+from fledge.cosim.up.testing import BUILT, Mark, sockets_and_memory, write_pair
 
 pytestmark = pytest.mark.skipif(not (BUILT / "fledge_guard").exists() or not (BUILT / "fledge_controller").exists(),
                                 reason="the controller is not built")

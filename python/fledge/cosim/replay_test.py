@@ -11,9 +11,9 @@ import pytest
 
 from fledge.archive import ArchiveError
 from fledge.cli import main
-from fledge.replay import Exchange, replay
+from fledge.cosim.replay import Exchange, replay
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 NODE = [sys.executable, "-m", "fledge.cli", "node", "nadir_spin"]
 CHANGED = """
 import fledge

@@ -7,7 +7,7 @@ import pytest
 import fledge
 from fledge import _core
 from fledge.attitude import mrp_to_dcm
-from fledge.dispersions import Dispersions
+from fledge.montecarlo.dispersions import Dispersions
 from fledge.montecarlo import Campaign
 from fledge.units import N, deg, kg, m, s
 

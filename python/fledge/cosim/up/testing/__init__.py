@@ -9,7 +9,7 @@ from pathlib import Path
 
 import _core
 
-ROOT = Path(__file__).resolve().parents[4]
+ROOT = Path(__file__).resolve().parents[5]
 BUILT = Path(_core.__file__).resolve().parents[1] / "cosim"
 GUARD = str(BUILT / "fledge_guard")
 
