@@ -124,7 +124,7 @@ def _several(sim, scenario, names, options):
             controller = cosim.Controller(options.simulation, names, end, seed=options.seed or 0, address=address,
                                           keys=options.keys, join=options.patience, report=say)
             problem = controller.run(programs.look)
-        failed = programs.wait()
+        failed = programs.wait(5.0 if problem else None)
     took = perf_counter() - begun
     if failed and problem in ("", STOPPED):
         problem = failed[0] + (f", and {counted(len(failed) - 1, 'other')}" if len(failed) > 1 and not problem else "")
@@ -194,10 +194,19 @@ class _Programs:
                 self.failed.append(f"{name} " + (f"was ended by signal {os.WTERMSIG(status)}" if os.WIFSIGNALED(status)
                                                  else "ended early"))
 
-    def wait(self):
-        """Until all have ended; returns what became of those that did not end well."""
-        while self.running:
-            self._reap(next(iter(self.running)), 0)
+    def wait(self, patience=None):
+        """Until all have ended, or the patience has [s]; returns what became of those that did not end well.
+
+        One that came when the controller had gone would wait for it.
+        """
+        until = None if patience is None else monotonic() + patience
+        while self.running and (until is None or monotonic() < until):
+            if until is None:
+                self._reap(next(iter(self.running)), 0)
+                continue
+            for pid in list(self.running):
+                self._reap(pid, os.WNOHANG)
+            sleep(0.01)
         return self.failed
 
     def __enter__(self):
