@@ -42,7 +42,8 @@ class Difference:
         if self.what:
             return f"t = {seconds(self.t)}  {full}: {self.what}"
         unit = f" {self.unit}" if self.unit not in ("", "-") else ""
-        ulps = "" if self.ulps is None else f", {self.ulps} ulp" + "s" * (self.ulps != 1)
+        # Of numbers that have little in common the count says nothing.
+        ulps = "" if self.ulps is None or self.ulps > 10**9 else f", {self.ulps} ulp" + "s" * (self.ulps != 1)
         return f"t = {seconds(self.t)}  {full}: {self.a!r} and {self.b!r}{unit}{ulps}"
 
 

@@ -199,6 +199,7 @@ def test_a_late_run_says_so(here, tmp_path):
         (["run", "loker"], "fledge: there is no mission 'loker'; there are looker, "),
         (["run", "looker", "obrit"], "the mission looker has no scenario 'obrit'; it has orbit, helper, failing"),
         (["run", "looker", "--for", "soon"], "--for: expected a duration such as 90s, 10min or 2h; found 'soon'"),
+        (["run", "looker", "--for", "1e400"], "--for: expected at most 1e9 s, which are 31 years; found '1e400'"),
         (["plot", "nothing"], "fledge: there is no record 'nothing'; none has been made yet: ./fledge run MISSION"),
         (["flie"], "invalid choice: 'flie' (choose from 'run', "),
         (["bench", "nothing"], "there is no bench 'nothing'; there are"),

@@ -132,9 +132,12 @@ def parse_duration(text, option="--for"):
     factors = {"": 1.0, "s": 1.0, "ms": 1e-3, "min": 60.0, "minute": 60.0, "h": 3600.0, "hour": 3600.0, "d": 86400.0,
                "day": 86400.0}
     try:
-        return float(match[1]) * factors[match[2]]
+        seconds = float(match[1]) * factors[match[2]]
     except (TypeError, KeyError, ValueError):
         raise Failure(f"{option}: expected a duration such as 90s, 10min or 2h; found '{text}'") from None
+    if seconds > 1e9:
+        raise Failure(f"{option}: expected at most 1e9 s, which are 31 years; found '{text}'")
+    return seconds
 
 
 # --- show ------------------------------------------------------------------------------------------

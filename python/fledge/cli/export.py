@@ -51,14 +51,18 @@ def export(options):
     mission = exports.read(fledge.load(options.mission, **given_parameters(options)), tasks)
     folder = Path(options.out) if options.out else Path("runs") / mission.title / options.form
     if options.form == "cfs":
-        paths = export_cfs(mission, options, folder if options.out else folder / options.app)
+        folder = folder if options.out else folder / options.app
+        paths = export_cfs(mission, options, folder)
     else:
         more = {}
         if options.board is not None:
             more = exports.emit_board(mission, options.board, outputs_of(options.outputs), listed(options.ground))
         paths = exports.write(mission, folder, more)
-    for path in paths:
-        say(f"  wrote  {path}")
+    if options.form == "c":
+        for path in paths:
+            say(f"  wrote  {path}")
+    else:
+        say(f"  wrote  {len(paths)} files in {folder}; {folder / 'README.md'} says how they go into a cFS tree")
     for what in mission.left_out:
         say(f"  left out  {what}")
     return 0

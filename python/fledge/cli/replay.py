@@ -60,7 +60,7 @@ def replay(options):
 
     try:
         again = run(exchange, options.node, command or None, out=out, address=options.address, keys=options.keys,
-                    until=None if until is None else round(min(until, 1e9) * 1e9), patience=options.patience,
+                    until=None if until is None else round(until * 1e9), patience=options.patience,
                     reply=options.reply, listening=listening)
     except OSError as error:
         raise Failure(f"cannot start {command[0] if command else options.node}: {error.strerror or error}") from None
