@@ -135,6 +135,7 @@ def plot(source, *panels, titles=None, columns=1, units=None, title=None, name=N
     """
     import matplotlib.style
     from matplotlib.figure import Figure
+    from matplotlib.ticker import MaxNLocator
 
     if not panels:
         raise SetupError("plot: name at least one field, as in plot('error.sigma_BR')")
@@ -146,6 +147,7 @@ def plot(source, *panels, titles=None, columns=1, units=None, title=None, name=N
         axes = figure.subplots(rows, columns, sharex=True, squeeze=False).flatten()
         last = max((one.time[-1] for group in groups for one in group if len(one.time)), default=1.0)
         unit, factor = time_unit(last)
+        axes[0].xaxis.set_major_locator(MaxNLocator(steps=[1, 2, 5, 10]))  # whole minutes; all share it
         for i, (axis, group) in enumerate(zip(axes, groups)):
             _panel(axis, group, factor, units or {}, titles[i] if titles and i < len(titles) else None)
         for i, axis in enumerate(axes):

@@ -56,6 +56,8 @@ def test_what_is_drawn(log, tmp_path):
     # The body turns: no stroke is drawn where its MRPs go over to the shadow set.
     third = first.lines[2].get_ydata()
     assert 8 <= np.isnan(third).sum() <= 12
+    second.set_xlim(0, 20)
+    assert not (first.get_xticks() % 1).any()  # never 2.5 minutes
     path = save(figure, tmp_path / "new")
     assert path.name == "craft_state_sigma_BN-omega_BN_B_2-error_omega_BR_B_2.png"
     assert path.read_bytes()[:4] == b"\x89PNG" and path.stat().st_size > 10000
