@@ -40,7 +40,8 @@ Frame greet(zmq::context_t &context, const std::string &address, const std::opti
     try {
         lobby.connect(address);
     } catch (const zmq::error_t &error) {
-        throw LinkError("cannot connect to the controller at " + address + ": " + error.what());
+        throw LinkError("cannot connect to the controller at " + address + ": " + error.what() +
+                        "; expected tcp://HOST:PORT or ipc://@NAME");
     }
     lobby.send(zmq::buffer(encode({1, hello})), zmq::send_flags::none);
     zmq::message_t reply;

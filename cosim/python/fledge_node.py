@@ -331,6 +331,8 @@ class Node:
         address = _given("address", address, "FLEDGE_ADDRESS")
         self.simulation, self.name, self.address = simulation, name, address
         self._keys = _read_keys(keys or os.environ.get("FLEDGE_KEYS"), name)
+        if every <= 0 or offset < 0:
+            raise NodeError(f"every has to be > 0 ns and offset >= 0 ns; found {every} and {offset}")
         self.every, self.offset, self.patience = every, offset, patience
         self.seed = self.end = None  #: of the run, once it has begun
         self.reason = None           #: of its end; "" at the regular one

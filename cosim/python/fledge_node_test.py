@@ -358,6 +358,12 @@ def test_definitions_that_differ_are_refused_with_the_field(programs):
         program.communicate(timeout=60)
 
 
+@pytest.mark.parametrize("rate", [{"every": 0}, {"every": -1}, {"every": 10, "offset": -1}])
+def test_a_rate_that_makes_no_sense_is_refused_at_once(rate):
+    with pytest.raises(NodeError, match="every has to be > 0 ns and offset >= 0 ns"):
+        Node("spring", "mass", "ipc://@nowhere", **rate)
+
+
 def test_a_program_that_is_not_expected_is_told():
     controller = Controller("--node", "mass")
     with pytest.raises(NodeError, match="refuses sprong: spring has no node sprong; it has mass"):

@@ -90,7 +90,8 @@ def _one(sim, scenario, process, options, address=None, quiet=False):
         problem, code = "interrupted", 130
     except Exception as error:
         problem, code = str(error), 2 if isinstance(error, fledge.SetupError) else 1
-    tell(f"  flown    {sim.time:g} s")
+    if not problem or sim._core.now >= 0:  # it has taken part
+        tell(f"  flown    {sim.time:g} s")
     with _undisturbed():
         path = sim.close_archive(outcome=problem or "passed", ended=f"{sim.time:g} s")
     if path:
