@@ -45,6 +45,8 @@ def fly(options):
     from fledge.fly import TARGETS, Job, RealCfs
 
     names = [name.strip() for name in options.on.split(",") if name.strip()]
+    if not names:
+        raise Failure("fly: --on names no target; there are " + ", ".join(t.name for t in TARGETS.values()))
     for name in names:
         if name not in TARGETS:
             raise Failure(f"fly: there is no target '{name}'; there are "

@@ -7,6 +7,7 @@ import contextlib
 import itertools
 import json
 import os
+import re
 import subprocess
 import sys
 import time
@@ -78,8 +79,12 @@ def _run(job, name, commands):
     return said
 
 
+COUNTED = re.compile(r"\w+: \w+ -?\d+")  # "flight: ticks 0", which the reason is not to be sought among
+
+
 def _what_failed(results, log, title):
-    lines = [line for line in log.read_text(encoding="utf-8", errors="replace").splitlines() if line.strip()]
+    lines = [line for line in log.read_text(encoding="utf-8", errors="replace").splitlines()
+             if line.strip() and not COUNTED.fullmatch(line)]
     codes = ", ".join(f"{which} {'did not end' if code is None else f'ended with exit code {code}'}"
                       for which, code in results.items() if code != 0)
     return f"the flight of {title} ended early: {codes}; {log} ends with\n    " + "\n    ".join(lines[-12:])
