@@ -8,7 +8,7 @@ namespace fledge::cosim {
 
 namespace {
 
-constexpr const char *listener = "the listener";
+constexpr const char *listener = "the record"; // as a fault names it: "the record wants ..."
 
 ControllerConfig controller_of(const ReplayConfig &config)
 {
