@@ -32,6 +32,7 @@ typedef struct Options {
     double duration;       ///< [s] with the machine's clock; 0: until it is stopped
     int priority;          ///< of SCHED_FIFO; 0: not asked for
     int clock;             ///< 1: the machine's clock paces
+    const char *wrong;     ///< the word that cannot be used, or NULL
 } Options;
 
 typedef struct Runner {
@@ -91,6 +92,7 @@ static int read_options(Options *o, int n, char **words)
     o->priority = 50;
     for (int i = 1; i < n; i++) {
         const char *word = words[i];
+        o->wrong = word;
         double value = 0.0;
         if (strcmp(word, "--clock") == 0) {
             o->clock = 1;
@@ -116,6 +118,7 @@ static int read_options(Options *o, int n, char **words)
             return 0;
         }
     }
+    o->wrong = NULL;
     return o->clock || o->registers != NULL;
 }
 
@@ -267,6 +270,9 @@ int main(int argc, char **argv)
     struct sigaction action;
     int no_fifo = 0, no_lock = 0;
     if (!read_options(&options, argc, argv)) {
+        if (options.wrong != NULL) {
+            (void)fprintf(stderr, "%s: cannot use %s here, or its value\n", argv[0], options.wrong);
+        }
         (void)fprintf(stderr, usage, argv[0], argv[0]);
         return CALLED_WRONGLY;
     }

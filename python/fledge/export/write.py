@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files in a folder, all or none of them."""
 
+import errno
 import os
 from pathlib import Path
 
@@ -17,6 +18,8 @@ def write_files(files, folder):
     file takes its name when whole, and only after all could be written. A file that already says the same is left
     alone, as builds like it."""
     folder = Path(folder)
+    if folder.exists() and not folder.is_dir():
+        raise NotADirectoryError(errno.ENOTDIR, "it is a file; give a folder", str(folder))
     fresh, made = [], []
     done = False
     try:

@@ -341,13 +341,17 @@ def test_stopped_by_the_clock_it_leaves_a_whole_record(folder):
         assert record.complete and len(record.time_ns("motor.command")) >= 1
 
 
-@pytest.mark.parametrize("arguments", [[], ["--clock", "--for", "-1"], ["a", "b"], ["--record"], ["--bogus", "1", "a"],
-                                       ["--clock", "--priority", "100"]])
-def test_it_says_how_it_is_called(folder, arguments):
+@pytest.mark.parametrize("arguments, wrong", [
+    ([], None), (["--clock", "--for", "-1"], "--for"), (["a", "b"], "b"), (["--record"], "--record"),
+    (["--bogus", "1", "a"], "--bogus"), (["--clock", "--priority", "100"], "--priority")])
+def test_it_says_how_it_is_called(folder, arguments, wrong):
     job = Job("nadir_spin", duration=1.0, folder=folder / "nadir_spin")
     built = TARGETS["linux"].build(job)
     done = subprocess.run([built.resolve(), *arguments], capture_output=True, text=True, timeout=60)
-    assert done.returncode == 2 and done.stderr.startswith("usage: ") and not done.stdout
+    first, *others = done.stderr.splitlines()
+    assert done.returncode == 2 and not done.stdout
+    assert first.startswith("usage: ") if wrong is None else f": cannot use {wrong} here" in first
+    assert wrong is None or others[0].startswith("usage: ")
 
 
 def test_registers_that_are_not_there_or_of_another_board(folder, tmp_path):
