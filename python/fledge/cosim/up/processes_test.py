@@ -61,7 +61,7 @@ def family(mark):
 
 @pytest.mark.parametrize("command, code, words", [
     ("exit 0", 0, "ended with exit code 0"), ("exit 3", 3, "ended with exit code 3"),
-    ("kill -9 $$", 137, "was killed by SIGKILL"), ("kill -11 $$", 139, "was killed by SIGSEGV")])
+    ("kill -9 $$", 137, "was killed by SIGKILL"), ("kill -10 $$", 138, "was killed by SIGUSR1")])
 def test_it_ends_as_its_command_does(mark, command, code, words):
     assert wait(start(["sh", "-c", command], mark)) == code
     assert in_words(code) == words
