@@ -14,6 +14,9 @@ set -euo pipefail
 
 if [ "${FLEDGE_FRESH_INSIDE:-}" != 1 ]; then
     [ "$(id -u)" = 0 ] || { echo "fresh_debian: must be root" >&2; exit 1; }
+    for tool in debootstrap git unshare; do
+        command -v "$tool" > /dev/null || { echo "fresh_debian: there is no $tool here" >&2; exit 1; }
+    done
     FLEDGE_FRESH_INSIDE=1 exec unshare --mount --pid --fork --kill-child "$0" "$@"
 fi
 
