@@ -24,7 +24,8 @@ fi
 root=$(cd "$(dirname "$0")/.." && pwd -P)
 fresh=$(mktemp -d "${TMPDIR:-/tmp}/fledge-fresh.XXXXXX")
 chmod 755 "$fresh"
-trap 'umount -R "$fresh"/{proc,data} 2>/dev/null || :; rm -rf --one-file-system "$fresh"' EXIT
+mount --bind "$fresh" "$fresh"  # a root that can be mounted over, as namespaces do
+trap 'umount -R "$fresh" 2>/dev/null || :; rm -rf --one-file-system "$fresh"' EXIT
 
 mirror=$(apt-get indextargets --format '$(SITE) $(CODENAME) $(COMPONENT)' 'Created-By: Packages' |
     awk '$2 == "bookworm" && $3 == "main" { print $1; exit }')
@@ -67,6 +68,9 @@ rm -f "$fresh.log"
 echo 'APT::Keep-Downloaded-Packages "true";' > "$fresh/etc/apt/apt.conf.d/keep"  # to be counted
 cp /etc/resolv.conf "$fresh/etc/resolv.conf"
 mount -t proc proc "$fresh/proc"
+mkdir -p "$fresh/dev/pts"
+mount -t devpts -o newinstance,ptmxmode=0666 devpts "$fresh/dev/pts"
+ln -sf pts/ptmx "$fresh/dev/ptmx"
 if [ -n "${FLEDGE_TEST_DATA:-}" ]; then
     mkdir "$fresh/data"
     mount --bind -o ro "$FLEDGE_TEST_DATA" "$fresh/data"
