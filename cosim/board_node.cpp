@@ -80,13 +80,13 @@ std::vector<Want> BoardNode::desired()
 std::vector<Offer> BoardNode::match(const std::vector<Channel> &asked)
 {
     std::vector<Offer> offers;
-    outputs_.clear();
+    outbox_.clear();
     for (const Channel &channel : asked) {
         for (std::uint32_t id = 0; id < messages_.size(); id++) {
             const Message &message = messages_[id];
             if (!message.to_flight && message.carried && message.topic == channel.topic) {
                 offers.push_back({channel.channel, message.schema, make_payload(message.held)});
-                outputs_.push_back({channel.channel, id, message.held, 0});
+                outbox_.add(channel.channel, message.held);
             }
         }
     }
@@ -95,41 +95,32 @@ std::vector<Offer> BoardNode::match(const std::vector<Channel> &asked)
 
 void BoardNode::start(const std::vector<Channel> &wired)
 {
+    inbox_.open(wired);
     inputs_.clear();
-    coming_.clear();
     for (const Channel &channel : wired) {
         const auto found = std::find_if(messages_.begin(), messages_.end(),
                                         [&](const Message &m) { return m.topic == channel.topic; });
-        inputs_[channel.channel] = {static_cast<std::uint32_t>(found - messages_.begin()), 0};
+        inputs_[channel.channel] = static_cast<std::uint32_t>(found - messages_.begin());
     }
 }
 
 Tock BoardNode::tick(const Tick &tick)
 {
-    for (const Record &record : tick.records) {
-        const auto input = inputs_.find(record.channel);
-        if (input == inputs_.end() || record.count != ++input->second.count) {
-            throw ProtocolError("message " + std::to_string(record.count) + " on channel " +
-                                std::to_string(record.channel) + " is not the next one");
-        }
-        const auto later = std::find_if(coming_.rbegin(), coming_.rend(),
-                                        [&](const Record &r) { return r.t <= record.t; });
-        coming_.insert(later.base(), record);
-    }
+    inbox_.take(tick.records);
     Tock tock;
     tock.reached = tick.until;
     for (Ns t = next_after(reached_); t <= tick.until; t = next_after(t)) {
-        for (; !coming_.empty() && coming_.front().t <= t; coming_.pop_front()) {
-            const std::uint32_t id = inputs_.at(coming_.front().channel).id;
-            read_payload(coming_.front().payload, messages_[id].fields, messages_[id].held);
+        inbox_.see(t, [this](const Record &record) {
+            const std::uint32_t id = inputs_.at(record.channel);
+            read_payload(record.payload, messages_[id].fields, messages_[id].held);
             mission_io_put(mission_.io, backend_.windows().data(), id, messages_[id].held.data(), &counts_);
-        }
+        });
         for (; loaded_ < loads_.size() && loads_[loaded_].after < t; loaded_++) {
             const Load &load = loads_[loaded_];
             mission_io_put(mission_.io, backend_.windows().data(), load.id, load.block.data(), &counts_);
         }
         exchange(t);
-        publish(t, tock.records);
+        outbox_.say(t, tock.records);
         reached_ = t;
     }
     return tock;
@@ -166,18 +157,6 @@ void BoardNode::exchange(Ns t)
         Message &message = messages_[id];
         if (!message.to_flight && message.carried) {
             mission_io_take(mission_.io, backend_.windows().data(), id, message.held.data(), t, &counts_);
-        }
-    }
-}
-
-/// What has changed: the others still have the rest.
-void BoardNode::publish(Ns t, std::vector<Record> &records)
-{
-    for (Output &output : outputs_) {
-        const Bytes &held = messages_[output.id].held;
-        if (held != output.sent) {
-            output.sent = held;
-            records.push_back({output.channel, ++output.count, t, make_payload(held)});
         }
     }
 }

@@ -6,11 +6,11 @@
 #pragma once
 
 #include "cosim/delegate.h"
+#include "cosim/mailbox.h"
 #include "registers/backend.h"
 #include "registers/outside.h"
 #include "targets/mission_host.h"
 
-#include <deque>
 #include <map>
 
 namespace fledge::cosim {
@@ -45,28 +45,18 @@ private:
         Bytes held;                ///< as last put, or taken
         bool to_flight = false, carried = false;
     };
-    struct Output {
-        std::uint32_t channel, id;
-        Bytes sent;
-        std::uint32_t count;
-    };
-    struct Input {
-        std::uint32_t id;
-        std::uint32_t count;
-    };
 
     Ns next_after(Ns t) const;
     void exchange(Ns t);
-    void publish(Ns t, std::vector<Record> &records);
 
     const MissionHost &mission_;
     registers::Backend &backend_;
     registers::Outside outside_;
     std::chrono::nanoseconds patience_;
     std::vector<Message> messages_; ///< by id
-    std::vector<Output> outputs_;
-    std::map<std::uint32_t, Input> inputs_; ///< by channel
-    std::deque<Record> coming_;             ///< in order of time
+    std::map<std::uint32_t, std::uint32_t> inputs_; ///< channel -> id
+    Inbox inbox_;
+    Outbox outbox_;
     struct Load {
         Ns after;
         std::uint32_t id;

@@ -118,7 +118,7 @@ Initialized SimulationNode::initialize(const Initialize &request)
 std::vector<Offer> SimulationNode::match(const std::vector<Channel> &asked)
 {
     std::vector<Offer> offers;
-    outputs_.clear();
+    outbox_.clear();
     for (const auto &instance : process_.instances()) {
         for (const FledgeField &field : sim::fields(instance->type())) {
             const auto channel = std::find_if(asked.begin(), asked.end(), [&](const Channel &c) {
@@ -128,7 +128,7 @@ std::vector<Offer> SimulationNode::match(const std::vector<Channel> &asked)
                 const std::span<const std::byte> bytes(instance->memory() + field.offset, field.size);
                 offers.push_back(
                     {channel->channel, make_schema(field.sub->name, field.sub->schema), make_payload(bytes)});
-                outputs_.push_back({channel->channel, bytes, Bytes(bytes.begin(), bytes.end()), 0});
+                outbox_.add(channel->channel, bytes);
             }
         }
     }
@@ -143,55 +143,30 @@ Bytes SimulationNode::save()
 
 void SimulationNode::start(const std::vector<Channel> &wired)
 {
+    inbox_.open(wired);
     inputs_.clear();
-    coming_.clear();
     for (const Channel &channel : wired) {
         const StandIn &stand_in = *stand_ins_.at(channel.topic);
         inputs_[channel.channel] = {{stand_in.instance->memory(), stand_in.field.size},
-                                    parse_schema(channel.schema.text), 0};
+                                    parse_schema(channel.schema.text)};
     }
 }
 
 Tock SimulationNode::tick(const Tick &tick)
 {
-    for (const Record &record : tick.records) {
-        const auto input = inputs_.find(record.channel);
-        if (input == inputs_.end() || record.count != ++input->second.count) {
-            throw ProtocolError("message " + std::to_string(record.count) + " on channel " +
-                                std::to_string(record.channel) + " is not the next one");
-        }
-        const auto later = std::find_if(coming_.rbegin(), coming_.rend(),
-                                        [&](const Record &r) { return r.t <= record.t; });
-        coming_.insert(later.base(), record);
-    }
+    inbox_.take(tick.records);
     Tock tock;
     tock.reached = tick.until;
     while (simulation_.next() <= tick.until) {
         const Ns t = simulation_.next();
-        for (; !coming_.empty() && coming_.front().t <= t; coming_.pop_front()) {
-            apply(coming_.front());
-        }
+        inbox_.see(t, [this](const Record &record) {
+            const Input &input = inputs_.at(record.channel);
+            read_payload(record.payload, input.fields, input.bytes);
+        });
         simulation_.step();
-        publish(t, tock.records);
+        outbox_.say(t, tock.records);
     }
     return tock;
-}
-
-void SimulationNode::apply(const Record &record)
-{
-    const Input &input = inputs_.at(record.channel);
-    read_payload(record.payload, input.fields, input.bytes);
-}
-
-/// What has changed: the others still have the rest.
-void SimulationNode::publish(Ns t, std::vector<Record> &records)
-{
-    for (Output &output : outputs_) {
-        if (std::memcmp(output.bytes.data(), output.sent.data(), output.sent.size())) {
-            std::copy(output.bytes.begin(), output.bytes.end(), output.sent.begin());
-            records.push_back({output.channel, ++output.count, t, make_payload(output.bytes)});
-        }
-    }
 }
 
 } // namespace fledge::cosim

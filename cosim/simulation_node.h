@@ -10,9 +10,9 @@
 #pragma once
 
 #include "cosim/delegate.h"
+#include "cosim/mailbox.h"
 #include "sim/simulation.h"
 
-#include <deque>
 #include <map>
 #include <memory>
 
@@ -38,20 +38,10 @@ public:
 
 private:
     struct StandIn;
-    struct Output {
-        std::uint32_t channel;
-        std::span<const std::byte> bytes; ///< of the process' instance
-        Bytes sent;
-        std::uint32_t count;
-    };
     struct Input {
         std::span<std::byte> bytes; ///< of the stand-in
         std::vector<SchemaField> fields;
-        std::uint32_t count;
     };
-
-    void apply(const Record &record);
-    void publish(Ns t, std::vector<Record> &records);
 
     sim::Simulation &simulation_;
     sim::Process &process_;
@@ -59,8 +49,8 @@ private:
     std::vector<Want> wants_;
     std::map<std::string, std::unique_ptr<StandIn>> stand_ins_; ///< by topic
     std::map<std::uint32_t, Input> inputs_;                     ///< by channel
-    std::vector<Output> outputs_;
-    std::deque<Record> coming_; ///< in order of time
+    Inbox inbox_;
+    Outbox outbox_; ///< of the process' instances
 };
 
 } // namespace fledge::cosim

@@ -116,7 +116,7 @@ std::vector<Want> StructNode::desired()
 std::vector<Offer> StructNode::match(const std::vector<Channel> &asked)
 {
     std::vector<Offer> offers;
-    written_.clear();
+    outbox_.clear();
     for (const Channel &channel : asked) {
         for (const Output &output : outputs_) {
             if (output.topic == channel.topic) {
@@ -127,8 +127,7 @@ std::vector<Offer> StructNode::match(const std::vector<Channel> &asked)
                                       std::to_string(output.message.size()));
                 }
                 offers.push_back({channel.channel, schema, make_payload(output.message)});
-                written_.push_back(
-                    {channel.channel, output.message, Bytes(output.message.begin(), output.message.end())});
+                outbox_.add(channel.channel, output.message);
             }
         }
     }
@@ -137,8 +136,8 @@ std::vector<Offer> StructNode::match(const std::vector<Channel> &asked)
 
 void StructNode::start(const std::vector<Channel> &channels)
 {
+    inbox_.open(channels);
     wired_.clear();
-    coming_.clear();
     for (const Channel &channel : channels) {
         const auto input = std::find_if(inputs_.begin(), inputs_.end(),
                                         [&](const Input &i) { return i.want.topic == channel.topic; });
@@ -152,36 +151,21 @@ void StructNode::start(const std::vector<Channel> &channels)
 
 Tock StructNode::tick(const Tick &tick)
 {
-    for (const Record &record : tick.records) {
-        const auto it = wired_.find(record.channel);
-        if (it == wired_.end() || record.count != ++it->second.count) {
-            throw ProtocolError("message " + std::to_string(record.count) + " on channel " +
-                                std::to_string(record.channel) + " is not the next one");
-        }
-        coming_.push_back(record);
-    }
-    std::stable_sort(coming_.begin(), coming_.end(), [](const Record &a, const Record &b) { return a.t < b.t; });
+    inbox_.take(tick.records);
     Tock tock;
     tock.reached = tick.until;
-    auto record = coming_.begin();
     for (; next_ <= tock.reached; next_ += rate_.period) {
-        for (; record != coming_.end() && record->t <= next_; ++record) {
-            const Wired &wire = wired_.at(record->channel);
-            read_payload(record->payload, wire.fields, wire.message);
-        }
+        inbox_.see(next_, [this](const Record &record) {
+            const Wired &wire = wired_.at(record.channel);
+            read_payload(record.payload, wire.fields, wire.message);
+        });
         step_(next_);
-        for (Written &w : written_) {
-            if (std::memcmp(w.sent.data(), w.message.data(), w.sent.size())) {
-                w.sent.assign(w.message.begin(), w.message.end());
-                tock.records.push_back({w.channel, ++w.count, next_, make_payload(w.sent)});
-            }
-        }
+        outbox_.say(next_, tock.records);
         if (leaving_) {
             tock.reached = next_;
             tock.leaving = true;
         }
     }
-    coming_.erase(coming_.begin(), record);
     return tock;
 }
 

@@ -13,6 +13,7 @@
 #pragma once
 
 #include "cosim/delegate.h"
+#include "cosim/mailbox.h"
 
 #include <functional>
 #include <map>
@@ -78,13 +79,6 @@ private:
     struct Wired {
         std::span<std::byte> message;
         std::vector<SchemaField> fields;
-        std::uint32_t count = 0;
-    };
-    struct Written {
-        std::uint32_t channel;
-        std::span<const std::byte> message;
-        Bytes sent;
-        std::uint32_t count = 0;
     };
 
     Initialized initialize(const Initialize &request) override;
@@ -102,9 +96,9 @@ private:
     std::vector<Input> inputs_;
     std::vector<Output> outputs_;
     std::map<std::uint32_t, Wired> wired_; ///< by channel
-    std::vector<Written> written_;
     std::vector<std::span<std::byte>> kept_;
-    std::vector<Record> coming_;
+    Inbox inbox_;
+    Outbox outbox_;
     Ns next_ = 0;
     bool leaving_ = false;
 };
