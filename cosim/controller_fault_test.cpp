@@ -2,17 +2,12 @@
 // The table of faults, as in README.md: who is lost in which phase under which policy, and what comes of
 // it; and what a node may do wrong.
 #include "cosim/controller_bench.h"
+#include "cosim/words.h"
 
 #include <functional>
 
 namespace fledge::cosim {
 namespace {
-
-const std::map<std::string, Policy> policies = {{"abort", Policy::abort},
-                                                {"pause", Policy::pause},
-                                                {"hold", Policy::hold},
-                                                {"drop", Policy::drop},
-                                                {"restart", Policy::restart}};
 
 /// Two that exchange words, and one that comes after 300 ns.
 std::vector<Spec> three(Policy policy)
@@ -81,7 +76,7 @@ TEST(Faults, WhoeverIsKilledInWhateverPhase)
             return b.requests[id] && std::string(kind_name(b.requests[id]->message)) == kind;
         };
     };
-    for (const auto &[name, policy] : policies) {
+    for (const auto &[name, policy] : policy_words) {
         for (const NodeId victim : {NodeId{0}, NodeId{1}}) {
             const std::string who = three(policy)[victim].name;
             const History undisturbed = [&, p = policy] {
@@ -110,7 +105,7 @@ TEST(Faults, WhoeverIsKilledInWhateverPhase)
                 Bench bench(three(policy), 600, 3);
                 bench.arrive(0);
                 bench.arrive(1);
-                const std::string what = name + " of " + who + " at its " + kind;
+                const std::string what = std::string(name) + " of " + who + " at its " + kind;
                 ASSERT_TRUE(until(bench, [&](const Bench &b) {
                     return std::string(kind) == "boundary"
                                ? b.requests[2] && !b.requests[0] && !b.requests[1] && b.controller.waiting()

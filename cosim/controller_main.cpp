@@ -2,6 +2,7 @@
 // The controller as a program: fledge_controller --help.
 #include "cosim/exchange_record.h"
 #include "cosim/status.h"
+#include "cosim/words.h"
 
 #include <algorithm>
 #include <charconv>
@@ -89,8 +90,8 @@ std::chrono::milliseconds milliseconds(double s)
 
 Sharing sharing(std::string_view text)
 {
-    if (text == "allowed" || text == "forbidden" || text == "required") {
-        return text == "allowed" ? Sharing::allowed : text == "forbidden" ? Sharing::forbidden : Sharing::required;
+    if (const auto meant = meant_by(sharing_words, text)) {
+        return *meant;
     }
     refuse("--shared-memory: expected allowed, forbidden or required, found " + std::string(text));
 }
@@ -98,11 +99,6 @@ Sharing sharing(std::string_view text)
 /// NAME[:POLICY][,joins=SECONDS][,joins=any][,rejoins][,save=SECONDS][,reply=SECONDS]
 void add_node(Options &o, std::string_view text)
 {
-    constexpr std::pair<std::string_view, Policy> policies[] = {{"abort", Policy::abort},
-                                                                {"pause", Policy::pause},
-                                                                {"hold", Policy::hold},
-                                                                {"drop", Policy::drop},
-                                                                {"restart", Policy::restart}};
     const std::string whole = "--node " + std::string(text);
     NodeConfig node;
     auto reply = o.router.reply;
@@ -116,12 +112,11 @@ void add_node(Options &o, std::string_view text)
     const auto colon = std::min(first.find(':'), first.size());
     node.name = first.substr(0, colon);
     if (colon < first.size()) {
-        const auto found = std::find_if(std::begin(policies), std::end(policies),
-                                        [&](const auto &p) { return p.first == first.substr(colon + 1); });
-        if (found == std::end(policies)) {
+        const auto policy = meant_by(policy_words, first.substr(colon + 1));
+        if (!policy) {
             refuse(whole + ": a policy is abort, pause, hold, drop or restart");
         }
-        node.on_loss = found->second;
+        node.on_loss = *policy;
     }
     while (!text.empty()) {
         const std::string_view word = next();

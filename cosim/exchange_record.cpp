@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cosim/exchange_record.h"
 
+#include "cosim/words.h"
+
 #include <algorithm>
 #include <tuple>
 
@@ -21,13 +23,6 @@ std::string hexadecimal(std::span<const std::byte> bytes)
     return text;
 }
 
-std::string name_of(Latency latency)
-{
-    return latency == Latency::same_instant   ? "same_instant"
-           : latency == Latency::next_instant ? "next_instant"
-                                              : "next_exchange";
-}
-
 sim::Pairs pairs_of(const Exchange::Member &member)
 {
     std::string rates, reads;
@@ -35,7 +30,7 @@ sim::Pairs pairs_of(const Exchange::Member &member)
         rates += std::to_string(rate.period) + "+" + std::to_string(rate.offset) + "\n";
     }
     for (const Want &want : member.wants) {
-        reads += want.topic + " " + name_of(want.latency) + (want.optional ? " optional" : "") + "\n";
+        reads += want.topic + " " + std::string(word_for(latency_words, want.latency)) + (want.optional ? " optional" : "") + "\n";
     }
     return {{member.name + ".present", member.present ? "1" : "0"},
             {member.name + ".rates", rates},

@@ -5,6 +5,7 @@
 
 #include "cosim/replay.h"
 #include "cosim/simulation_node.h"
+#include "cosim/words.h"
 
 #include <pybind11/functional.h>
 #include <pybind11/stl.h>
@@ -22,42 +23,14 @@ namespace {
 
 using sim::Ns;
 
-cosim::Latency latency_of(const std::string &name)
+/// The choice that a word means; `what` says what is expected where it means none.
+template <class Words> auto choice(const Words &words, const std::string &word, const char *what)
 {
-    for (const auto &[known, latency] : {std::pair{"same_instant", cosim::Latency::same_instant},
-                                         {"next_instant", cosim::Latency::next_instant},
-                                         {"next_exchange", cosim::Latency::next_exchange}}) {
-        if (name == known) {
-            return latency;
-        }
+    const auto meant = cosim::meant_by(words, word);
+    if (!meant) {
+        throw py::value_error(what + word);
     }
-    throw py::value_error("unknown latency " + name);
-}
-
-cosim::Policy policy_of(const std::string &name)
-{
-    for (const auto &[known, policy] : {std::pair{"abort", cosim::Policy::abort},
-                                        {"pause", cosim::Policy::pause},
-                                        {"hold", cosim::Policy::hold},
-                                        {"drop", cosim::Policy::drop},
-                                        {"restart", cosim::Policy::restart}}) {
-        if (name == known) {
-            return policy;
-        }
-    }
-    throw py::value_error("on_loss: expected abort, pause, hold, drop or restart; found " + name);
-}
-
-cosim::Sharing sharing_of(const std::string &name)
-{
-    for (const auto &[known, sharing] : {std::pair{"allowed", cosim::Sharing::allowed},
-                                         {"forbidden", cosim::Sharing::forbidden},
-                                         {"required", cosim::Sharing::required}}) {
-        if (name == known) {
-            return sharing;
-        }
-    }
-    throw py::value_error("sharing: expected allowed, forbidden or required; found " + name);
+    return *meant;
 }
 
 std::chrono::milliseconds milliseconds(double s)
@@ -81,7 +54,7 @@ public:
         if (port.substr(0, first) != process_ || !instance) {
             throw sim::SetupError(port + " is no input of the process " + process_);
         }
-        read(topic, {instance, sim::find_field(instance->type(), port.substr(last + 1))}, latency_of(latency),
+        read(topic, {instance, sim::find_field(instance->type(), port.substr(last + 1))}, choice(cosim::latency_words, latency, "unknown latency "),
              stale_after);
     }
 
@@ -235,7 +208,8 @@ public:
         for (const auto &[name, policy] : nodes) {
             cosim::NodeConfig node;
             node.name = name;
-            node.on_loss = policy_of(policy);
+            node.on_loss = choice(cosim::policy_words, policy,
+                                  "on_loss: expected abort, pause, hold, drop or restart; found ");
             node.save_every = save_every;
             controller.nodes.push_back(std::move(node));
         }
@@ -245,7 +219,7 @@ public:
         router.address = address;
         router.keys = cosim::place_of_keys(keys);
         router.unencrypted_beyond_machine = unencrypted;
-        router.sharing = sharing_of(sharing);
+        router.sharing = choice(cosim::sharing_words, sharing, "sharing: expected allowed, forbidden or required; found ");
         router.join = milliseconds(join);
         router.reply = milliseconds(reply);
         router.report = std::move(report);
