@@ -4,6 +4,7 @@
 #pragma once
 
 #include "cosim/controller.h"
+#include "cosim/testing_words.h"
 
 #include <gtest/gtest.h>
 
@@ -19,24 +20,10 @@ namespace fledge::cosim {
 
 using Random = std::mt19937;
 
-inline constexpr const char *word_text = "uint64 x  # x [-] a word\n";
-
 inline std::uint64_t mix(std::uint64_t a, std::uint64_t b)
 {
     a ^= b + 0x9e3779b97f4a7c15u + (a << 6) + (a >> 2);
     return (a ^ a >> 29) * 0xbf58476d1ce4e5b9u;
-}
-
-inline Bytes word(std::uint64_t x)
-{
-    return make_payload(std::as_bytes(std::span(&x, 1)));
-}
-
-inline std::uint64_t word_of(const Bytes &payload)
-{
-    std::uint64_t x = 0;
-    std::memcpy(&x, payload.data() + 4, 8);
-    return x;
 }
 
 /// What a node is: how it steps, what it reads and writes.

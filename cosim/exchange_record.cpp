@@ -30,7 +30,8 @@ sim::Pairs pairs_of(const Exchange::Member &member)
         rates += std::to_string(rate.period) + "+" + std::to_string(rate.offset) + "\n";
     }
     for (const Want &want : member.wants) {
-        reads += want.topic + " " + std::string(word_for(latency_words, want.latency)) + (want.optional ? " optional" : "") + "\n";
+        const std::string latency(word_for(latency_words, want.latency));
+        reads += want.topic + " " + latency + (want.optional ? " optional" : "") + "\n";
     }
     return {{member.name + ".present", member.present ? "1" : "0"},
             {member.name + ".rates", rates},

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Each node of a run once more, alone with the record of the others: it does what it did.
 #include "cosim/replay.h"
+#include "cosim/testing_words.h"
 
 #include <gtest/gtest.h>
 
@@ -14,13 +15,6 @@
 
 namespace fledge::cosim {
 namespace {
-
-constexpr const char *word_text = "uint64 x  # x [-] a word\n";
-
-Bytes word(std::uint64_t x)
-{
-    return make_payload(std::as_bytes(std::span(&x, 1)));
-}
 
 /// A node that makes its words of all that it has heard, and sometimes says nothing.
 class Mixer final : public Node {

@@ -5,6 +5,7 @@
 #include "cosim/router.h"
 
 #include "cosim/delegate.h"
+#include "cosim/testing_words.h"
 
 #include <atomic>
 #include <cstdlib>
@@ -15,20 +16,6 @@
 #include <unistd.h>
 
 namespace fledge::cosim::testing_nodes {
-
-inline constexpr const char *word_text = "uint64 x  # x [-] a word\n";
-
-inline Bytes word(std::uint64_t x)
-{
-    return make_payload(std::as_bytes(std::span(&x, 1)));
-}
-
-inline std::uint64_t word_of(const Bytes &payload)
-{
-    std::uint64_t x = 0;
-    std::memcpy(&x, payload.data() + 4, 8);
-    return x;
-}
 
 /// Says one more than it heard, at each multiple of 10.
 class Counter : public Node {

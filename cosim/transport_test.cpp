@@ -3,6 +3,7 @@
 // tests/cosim_identity_test.cpp.
 #include "cosim/router.h"
 #include "cosim/simulation_node.h"
+#include "cosim/testing_nodes.h"
 
 #include <gtest/gtest.h>
 
@@ -22,87 +23,12 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr const char *word_text = "uint64 x  # x [-] a word\n";
-
-std::uint64_t word_of(const Bytes &payload)
-{
-    std::uint64_t x = 0;
-    std::memcpy(&x, payload.data() + 4, 8);
-    return x;
-}
-
-/// Counts what it hears, one more at each of its instants.
-class Counter : public Node {
-public:
-    Counter(std::string reads, std::string writes, Latency latency)
-        : reads_(std::move(reads)), writes_(std::move(writes)), latency_(latency)
-    {
-    }
-
-    Initialized initialize(const Initialize &m) override
-    {
-        end = m.end;
-        return {{{10, 0}}, false};
-    }
-    std::vector<Want> desired() override { return {{reads_, latency_, false, schema}}; }
-    std::vector<Offer> match(const std::vector<Channel> &asked) override
-    {
-        for (const Channel &channel : asked) {
-            if (channel.topic == writes_) {
-                channel_ = channel.channel;
-                return {{channel_, schema, payload(0)}};
-            }
-        }
-        return {};
-    }
-    void start(const std::vector<Channel> &) override {}
-    Tock tick(const Tick &tick) override
-    {
-        Tock tock{tick.until, 0, {}};
-        auto record = tick.records.begin();
-        for (Ns t = next; t <= tick.until; t += 10) {
-            for (; record != tick.records.end() && record->t <= t; ++record) {
-                heard = word_of(record->payload);
-            }
-            before_step(t);
-            tock.records.push_back({channel_, ++count_, t, payload(heard + 1)});
-            next = t + 10;
-        }
-        return tock;
-    }
-    void finish(const std::string &why) override { reason = why; }
-    virtual void before_step(Ns) {}
-
-    std::uint64_t heard = 0;
-    Ns next = 0, end = -1;
-    std::string reason = "(no end)";
-
-private:
-    static Bytes payload(std::uint64_t x) { return make_payload(std::as_bytes(std::span(&x, 1))); }
-
-    Schema schema = make_schema("Word", word_text);
-    std::string reads_, writes_;
-    Latency latency_;
-    std::uint32_t channel_ = 0, count_ = 0;
-};
+using testing_nodes::Counter;
+using testing_nodes::serve;
 
 ControllerConfig two_nodes(Ns end)
 {
-    ControllerConfig config;
-    config.simulation = "test";
-    config.nodes = {{"a", Policy::abort}, {"b", Policy::abort}};
-    config.end = end;
-    return config;
-}
-
-std::string serve(zmq::context_t &context, const std::string &address, const std::string &name, Node &node,
-                  std::chrono::milliseconds patience = 10s)
-{
-    try {
-        return Delegate(context, {"test", name, address, patience, {}, {}}).serve(node);
-    } catch (const std::exception &error) {
-        return std::string("threw: ") + error.what();
-    }
+    return testing_nodes::config_of({{"a", Policy::abort}, {"b", Policy::abort}}, end);
 }
 
 RouterConfig listening(const std::string &transport)
@@ -133,7 +59,7 @@ TEST_P(Transport, TwoNodesCountTogether)
     EXPECT_EQ(a.heard, 200u);
     EXPECT_EQ(b.heard, 201u);
     EXPECT_EQ(a.reason, "");
-    EXPECT_EQ(a.end, 1000);
+    EXPECT_EQ(a.initialized.end, 1000);
     EXPECT_EQ(router.times(0).ticks, 101u);
     EXPECT_GT(router.times(0).transport, 0);
 }
@@ -309,7 +235,7 @@ TEST(Delegate, WithoutAControllerItGivesUp)
 {
     zmq::context_t context;
     Counter a("/b/n", "/a/n", Latency::next_instant);
-    EXPECT_EQ(serve(context, "ipc://@fledge-nobody", "a", a, 100ms),
+    EXPECT_EQ(serve(context, "ipc://@fledge-nobody", "a", a, "", 100ms),
               "threw: no controller answers at ipc://@fledge-nobody");
 }
 

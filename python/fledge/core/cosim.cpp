@@ -54,8 +54,8 @@ public:
         if (port.substr(0, first) != process_ || !instance) {
             throw sim::SetupError(port + " is no input of the process " + process_);
         }
-        read(topic, {instance, sim::find_field(instance->type(), port.substr(last + 1))}, choice(cosim::latency_words, latency, "unknown latency "),
-             stale_after);
+        read(topic, {instance, sim::find_field(instance->type(), port.substr(last + 1))},
+             choice(cosim::latency_words, latency, "unknown latency "), stale_after);
     }
 
     void start(const std::vector<cosim::Channel> &wired) override
@@ -219,7 +219,8 @@ public:
         router.address = address;
         router.keys = cosim::place_of_keys(keys);
         router.unencrypted_beyond_machine = unencrypted;
-        router.sharing = choice(cosim::sharing_words, sharing, "sharing: expected allowed, forbidden or required; found ");
+        router.sharing = choice(cosim::sharing_words, sharing,
+                                "sharing: expected allowed, forbidden or required; found ");
         router.join = milliseconds(join);
         router.reply = milliseconds(reply);
         router.report = std::move(report);
