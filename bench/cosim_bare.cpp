@@ -97,8 +97,8 @@ double Stopwatch::median() const
 
 double req_rep(const std::string &transport, std::uint64_t n)
 {
-    const std::string at = transport == "tcp" ? "tcp://127.0.0.1:*"
-                                              : "ipc://@fledge-bench-bare-" + std::to_string(getpid());
+    const std::string at =
+        transport == "tcp" ? "tcp://127.0.0.1:*" : "ipc://@fledge-bench-bare-" + std::to_string(getpid());
     std::array<int, 2> address{};
     if (pipe(address.data())) {
         throw std::runtime_error("no pipe");

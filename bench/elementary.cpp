@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The elementary functions of flight and world by name.
-#include "bench/bench.h"
 #include "flight/math/elementary.h"
+#include "bench/bench.h"
 
 #include <cstring>
 

@@ -72,8 +72,7 @@ struct Craft {
         State d;
         d.r = x.v;
         d.v = -mu / (r2 * std::sqrt(r2)) * x.r;
-        d.sigma = 0.25 * ((1.0 - s2) * x.omega + 2.0 * x.sigma.cross(x.omega) +
-                          2.0 * x.sigma.dot(x.omega) * x.sigma);
+        d.sigma = 0.25 * ((1.0 - s2) * x.omega + 2.0 * x.sigma.cross(x.omega) + 2.0 * x.sigma.dot(x.omega) * x.sigma);
         d.omega = I_inverse * (-x.omega.cross(I * x.omega + h) - G * u);
         d.Omega = u / J - G.transpose() * d.omega;
         return d;
@@ -109,8 +108,8 @@ struct Craft {
         const Vector3d omega_BR = x.omega - omega_RN;
         // Feedback.
         const Vector3d H = I * x.omega + J * (G * (G.transpose() * x.omega + x.Omega));
-        const Vector3d torque = -(K * sigma_BR + P * omega_BR - omega_RN.cross(H) +
-                                  I * (x.omega.cross(omega_RN) - domega_RN));
+        const Vector3d torque =
+            -(K * sigma_BR + P * omega_BR - omega_RN.cross(H) + I * (x.omega.cross(omega_RN) - domega_RN));
         const Vector4d u = mapping * torque;
         const double largest = u.cwiseAbs().maxCoeff();
         return largest > u_max ? Vector4d(u * (u_max / largest)) : u;

@@ -44,8 +44,7 @@ std::vector<Vector3d> orbit()
     std::vector<Vector3d> points;
     for (int i = 0; i < 628; i++) {
         const double u = 0.01 * i;
-        points.push_back((radius + 4e5) *
-                         Vector3d(std::cos(u), 0.6 * std::sin(u), 0.8 * std::sin(u)));
+        points.push_back((radius + 4e5) * Vector3d(std::cos(u), 0.6 * std::sin(u), 0.8 * std::sin(u)));
     }
     return points;
 }

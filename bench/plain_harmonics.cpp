@@ -9,8 +9,7 @@ using Eigen::Vector3d;
 using world::HarmonicField;
 
 PlainHarmonics::PlainHarmonics(const HarmonicField &field, int degree)
-    : mu_(field.mu), radius_(field.radius), degree_(degree),
-      power_(static_cast<std::size_t>(degree) + 1)
+    : mu_(field.mu), radius_(field.radius), degree_(degree), power_(static_cast<std::size_t>(degree) + 1)
 {
     double sectoral = 1.0;
     for (int m = 0; m <= degree; m++) {
@@ -24,9 +23,7 @@ PlainHarmonics::PlainHarmonics(const HarmonicField &field, int degree)
             const double n_m = n - m, nm = n + m, n2 = 2.0 * n;
             Terms t;
             t.a = std::sqrt((n2 - 1.0) * (n2 + 1.0) / (n_m * nm));
-            t.b = n == m + 1
-                      ? 0.0
-                      : std::sqrt((n2 + 1.0) * (nm - 1.0) * (n_m - 1.0) / (n_m * nm * (n2 - 3.0)));
+            t.b = n == m + 1 ? 0.0 : std::sqrt((n2 + 1.0) * (nm - 1.0) * (n_m - 1.0) / (n_m * nm * (n2 - 3.0)));
             t.f = std::sqrt((double(n) * n - double(m) * m) * (n2 + 1.0) / (n2 - 1.0));
             t.C = field.C[HarmonicField::index(n, m)];
             t.S = field.S[HarmonicField::index(n, m)];
@@ -87,8 +84,8 @@ Vector3d PlainHarmonics::gravity(const Vector3d &r_P) const
     const double up = -scale * by_radius;
     const double north = scale * by_latitude / c;
     const double east = scale * by_longitude / c;
-    return {(up * c - north * s) * cos_lon - east * sin_lon,
-            (up * c - north * s) * sin_lon + east * cos_lon, up * s + north * c};
+    return {(up * c - north * s) * cos_lon - east * sin_lon, (up * c - north * s) * sin_lon + east * cos_lon,
+            up * s + north * c};
 }
 
 } // namespace fledge::bench

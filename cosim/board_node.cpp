@@ -145,8 +145,7 @@ Ns BoardNode::next_after(Ns t) const
 void BoardNode::exchange(Ns t)
 {
     switch (outside_.tick({t, t < 0 || reached_ < 0 ? 0 : t - reached_}, patience_)) {
-    case registers::Wait::done:
-        break;
+    case registers::Wait::done: break;
     case registers::Wait::late:
         throw registers::Error("flight on the board did not answer the tick at " + sim::format_time(t) + " within " +
                                sim::format_time(patience_.count()));

@@ -42,7 +42,7 @@ private:
         std::string topic;
         Schema schema;
         std::vector<SchemaField> fields;
-        Bytes held;                ///< as last put, or taken
+        Bytes held; ///< as last put, or taken
         bool to_flight = false, carried = false;
     };
 
@@ -53,7 +53,7 @@ private:
     registers::Backend &backend_;
     registers::Outside outside_;
     std::chrono::nanoseconds patience_;
-    std::vector<Message> messages_; ///< by id
+    std::vector<Message> messages_;                 ///< by id
     std::map<std::uint32_t, std::uint32_t> inputs_; ///< channel -> id
     Inbox inbox_;
     Outbox outbox_;

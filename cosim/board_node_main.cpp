@@ -136,8 +136,7 @@ const MissionHost &load(const std::string &path)
 /// before it has attached.
 class Launched final : public registers::Backend {
 public:
-    Launched(std::span<const RegisterBoard *const> boards, std::vector<std::string> command)
-        : file_(boards, "")
+    Launched(std::span<const RegisterBoard *const> boards, std::vector<std::string> command) : file_(boards, "")
     {
         const std::string path = "/dev/fd/" + std::to_string(file_.fd());
         std::vector<char *> arguments;

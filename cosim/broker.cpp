@@ -15,7 +15,7 @@ using namespace std::chrono_literals;
 
 constexpr auto shortest = 1ms, longest = 20ms; ///< between two looks at the ring
 constexpr auto patience_at_the_end = 500ms;
-constexpr int background = 10; ///< niceness of the thread
+constexpr int background = 10;                          ///< niceness of the thread
 constexpr int most_entries = 4096, most_messages = 256; ///< in one look
 constexpr std::int64_t longest_subscription = 4096;
 constexpr std::size_t most_written = 1024, most_said = 20;
@@ -34,11 +34,8 @@ std::string bind(zmq::socket_t &socket, const std::string &address, const char *
 } // namespace
 
 Broker::Broker(zmq::context_t &context, BrokerConfig config, Gate *gate)
-    : config_(std::move(config)),
-      gate_(gate),
-      frontend_(context, zmq::socket_type::xsub),
-      backend_(context, zmq::socket_type::xpub),
-      ring_(config_.room)
+    : config_(std::move(config)), gate_(gate), frontend_(context, zmq::socket_type::xsub),
+      backend_(context, zmq::socket_type::xpub), ring_(config_.room)
 {
     for (zmq::socket_t *socket : {&frontend_, &backend_}) {
         set_up(*socket, config_.limits);
@@ -128,8 +125,14 @@ bool Broker::hand_on(Kind kind, const std::string &topic, const std::string &nod
     if (!at) {
         return false;
     }
-    const Head head{kind,  record.channel, record.count, static_cast<std::uint32_t>(topic.size()),
-                    static_cast<std::uint32_t>(node.size()), 0, record.payload.size(), record.t};
+    const Head head{kind,
+                    record.channel,
+                    record.count,
+                    static_cast<std::uint32_t>(topic.size()),
+                    static_cast<std::uint32_t>(node.size()),
+                    0,
+                    record.payload.size(),
+                    record.t};
     const auto put = [&](const void *from, std::size_t n) {
         if (n) {
             std::memcpy(at, from, n);

@@ -33,9 +33,9 @@
 namespace fledge::cosim {
 
 struct BrokerConfig {
-    std::string frontend, backend; ///< addresses; of a TCP port "*", any free one
+    std::string frontend, backend;            ///< addresses; of a TCP port "*", any free one
     std::size_t room = std::size_t{16} << 20; ///< bytes of records that wait for its thread; one has up to half
-    int waiting = 1000;            ///< most messages that wait for one observer
+    int waiting = 1000;                       ///< most messages that wait for one observer
     Limits limits = {};
 };
 
@@ -116,7 +116,7 @@ private:
     ByteRing ring_; ///< from the Router's thread to the broker's
 
     // The Router's.
-    std::vector<std::string> topics_; ///< by channel
+    std::vector<std::string> topics_;       ///< by channel
     std::map<std::string, Published> late_; ///< by topic: the newest of what found no room
     std::string end_;
     bool end_is_late_ = false;

@@ -65,8 +65,7 @@ public:
     explicit Watched(const std::string &transport, Ns end = 1000, const std::string &keys = "",
                      std::vector<std::string> more_wants = {})
         : router(context, configured(end), router_config(transport, keys)),
-          a("/b/n", "/a/n", Latency::next_instant, this),
-          b("/a/n", "/b/n", Latency::same_instant, this)
+          a("/b/n", "/a/n", Latency::next_instant, this), b("/a/n", "/b/n", Latency::same_instant, this)
     {
         a.more_wants = std::move(more_wants);
         run = std::async(std::launch::async, [this] { return router.run([this] { return !stop; }); });
@@ -346,8 +345,7 @@ TEST(Broker, GarbageIsCountedAndDisturbsNobody)
     Observer ground(context, run.observer("ground"));
     const auto send = [&](zmq::socket_t &socket, std::vector<std::string> parts) {
         for (std::size_t i = 0; i < parts.size(); i++) {
-            socket.send(zmq::buffer(parts[i]),
-                        i + 1 < parts.size() ? zmq::send_flags::sndmore : zmq::send_flags::none);
+            socket.send(zmq::buffer(parts[i]), i + 1 < parts.size() ? zmq::send_flags::sndmore : zmq::send_flags::none);
         }
     };
     zmq::socket_t front(context, zmq::socket_type::xpub), back(context, zmq::socket_type::xsub);
@@ -371,8 +369,10 @@ TEST(Broker, GarbageIsCountedAndDisturbsNobody)
     for (int i = 0; i < 200; i++) {
         std::string damaged = frame;
         damaged[random() % damaged.size()] ^= static_cast<char>(1 + random() % 255);
-        for (auto &parts : {std::vector<std::string>{bytes(random() % 100)}, {"/ground/command", damaged},
-                            {"/ground/command", frame, "more"}, {bytes(300), frame},
+        for (auto &parts : {std::vector<std::string>{bytes(random() % 100)},
+                            {"/ground/command", damaged},
+                            {"/ground/command", frame, "more"},
+                            {bytes(300), frame},
                             {"/ground/command", bytes(random() % 5000)}}) {
             send(front, parts);
             sent++;
@@ -381,7 +381,7 @@ TEST(Broker, GarbageIsCountedAndDisturbsNobody)
         std::this_thread::sleep_for(1ms);
     }
     send(back, {std::string(1, 1) + std::string(100'000, 'x')}); // a subscription that is too long
-    ground.write("/ground/command", word(42)); // the good one still comes through
+    ground.write("/ground/command", word(42));                   // the good one still comes through
     Observer viewer(context, run.observer("viewer"));
     viewer.subscribe("/ground/command");
     for (std::uint64_t x = 0; x != 42;) {

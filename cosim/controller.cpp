@@ -13,14 +13,12 @@ constexpr int most_tries = 3;
 
 } // namespace
 
-Controller::Controller(ControllerConfig config)
-    : config_(std::move(config)), horizon_(config_.horizon)
+Controller::Controller(ControllerConfig config) : config_(std::move(config)), horizon_(config_.horizon)
 {
     if (config_.end < 0 || config_.end > longest_time || config_.batch < 1 || config_.ahead < 4 ||
         config_.nodes.empty()) {
-        throw std::invalid_argument(
-            "a co-simulation has nodes, an end from 0 to 31 years, batches of at least 1 "
-            "instant, and readers that may lag by at least 4 messages");
+        throw std::invalid_argument("a co-simulation has nodes, an end from 0 to 31 years, batches of at least 1 "
+                                    "instant, and readers that may lag by at least 4 messages");
     }
     bool some = false;
     for (const NodeConfig &node : config_.nodes) {
@@ -29,15 +27,12 @@ Controller::Controller(ControllerConfig config)
                 throw std::invalid_argument("two nodes are called " + node.name);
             }
         }
-        if (node.joins == Join::at_time &&
-            (node.joins_after < 0 || node.joins_after >= config_.end)) {
+        if (node.joins == Join::at_time && (node.joins_after < 0 || node.joins_after >= config_.end)) {
             throw std::invalid_argument(node.name + " joins after " + when(node.joins_after) +
-                                        "; expected a time from 0 to before the end at " +
-                                        when(config_.end));
+                                        "; expected a time from 0 to before the end at " + when(config_.end));
         }
         if (node.save_every < 0) {
-            throw std::invalid_argument(node.name + " saves every " +
-                                        std::to_string(node.save_every) +
+            throw std::invalid_argument(node.name + " saves every " + std::to_string(node.save_every) +
                                         " ns; expected a time > 0, or 0 for where there is need");
         }
         nodes_.emplace_back().config = node;
@@ -85,8 +80,7 @@ void Controller::hello(std::uint64_t peer, const Hello &hello)
     }
     const auto found = std::find(names.begin(), names.end(), hello.node);
     if (found == names.end()) {
-        return refuse(config_.simulation + " has no node " + hello.node + "; it has " +
-                      format_list(names));
+        return refuse(config_.simulation + " has no node " + hello.node + "; it has " + format_list(names));
     }
     const auto id = static_cast<NodeId>(found - names.begin());
     Node &node = nodes_[id];
@@ -97,8 +91,8 @@ void Controller::hello(std::uint64_t peer, const Hello &hello)
         return refuse("there is a node " + hello.node + " already");
     }
     if (node.been && !node.member && !node.config.rejoins) {
-        return refuse(hello.node + (node.stage == Stage::lost ? " was lost at " : " left at ") +
-                      when(node.reached) + ", and the run goes on without it");
+        return refuse(hello.node + (node.stage == Stage::lost ? " was lost at " : " left at ") + when(node.reached) +
+                      ", and the run goes on without it");
     }
     node.returning = node.member && begun_;
     node.joining = !node.member;
@@ -106,8 +100,7 @@ void Controller::hello(std::uint64_t peer, const Hello &hello)
     node.number = 0;
     act(action::Accept{peer, id});
     if (node.scheduled()) {
-        node.reached =
-            node.config.joins_after; // known by now, so it can prepare while the others run
+        node.reached = node.config.joins_after; // known by now, so it can prepare while the others run
         initialize(id);
     } else if (node.joining) {
         look_for_joiners();
@@ -121,9 +114,8 @@ void Controller::initialize(NodeId id)
 {
     const Node &node = nodes_[id];
     const bool from_log = node.returning && node.kept;
-    send<Initialize, Initialized>(id, {config_.seed, config_.end,
-                                       from_log ? node.saved : node.reached, config_.frontend,
-                                       config_.backend, from_log ? node.snapshot : Bytes{}});
+    send<Initialize, Initialized>(id, {config_.seed, config_.end, from_log ? node.saved : node.reached,
+                                       config_.frontend, config_.backend, from_log ? node.snapshot : Bytes{}});
 }
 
 void Controller::ask(NodeId id, Message request, std::size_t kind_of_reply)
@@ -131,8 +123,7 @@ void Controller::ask(NodeId id, Message request, std::size_t kind_of_reply)
     Node &node = nodes_[id];
     node.awaited = true;
     node.expected = kind_of_reply;
-    actions_.emplace_back(std::in_place_type<action::Send>, id,
-                          Frame{++node.number, std::move(request)});
+    actions_.emplace_back(std::in_place_type<action::Send>, id, Frame{++node.number, std::move(request)});
 }
 
 void Controller::received(NodeId id, Frame frame)
@@ -148,14 +139,13 @@ void Controller::received(NodeId id, Frame frame)
         !std::holds_alternative<Finished>(frame.message)) {
         return; // the reply to what was asked before the end
     }
-    const std::string found =
-        std::string(kind_name(frame.message)) + " " + std::to_string(frame.number);
+    const std::string found = std::string(kind_name(frame.message)) + " " + std::to_string(frame.number);
     if (!node.awaited) {
         return lost(id, "it sent " + found + ", which nobody asked for");
     }
     if (frame.number != node.number || frame.message.index() != node.expected) {
-        return lost(id, "it sent " + found + "; expected " + kind_name(node.expected) + " " +
-                            std::to_string(node.number));
+        return lost(id,
+                    "it sent " + found + "; expected " + kind_name(node.expected) + " " + std::to_string(node.number));
     }
     node.awaited = false;
     std::visit([&](auto &m) { reply(id, m); }, frame.message);
@@ -208,8 +198,7 @@ void Controller::lost(NodeId id, const std::string &why)
     } else if (!node.kept && (policy == Policy::restart || node.saves)) {
         return finish(text + "; what it was told is no longer kept, so it cannot be started again");
     } else if (node.kept && ++node.tries > most_tries) {
-        return finish(text + "; it was started again " + std::to_string(most_tries) +
-                      " times and came no further");
+        return finish(text + "; it was started again " + std::to_string(most_tries) + " times and came no further");
     } else if (policy == Policy::pause) {
         report(text + "; the run waits for it");
     } else {
@@ -234,8 +223,7 @@ void Controller::lose_joiner(NodeId id, const std::string &why)
         node.stage = node.been ? Stage::lost : Stage::absent;
         return; // it was to go
     }
-    report(node.config.name + ": " + why + ", before it took part" +
-           (node.scheduled() ? "; it is awaited again" : ""));
+    report(node.config.name + ": " + why + ", before it took part" + (node.scheduled() ? "; it is awaited again" : ""));
     node.stage = node.been ? Stage::lost : Stage::absent;
     node.joining = false;
     if (std::exchange(node.matching, false)) {
@@ -320,10 +308,9 @@ std::vector<std::string> Controller::absent() const
     std::vector<std::string> names;
     const bool met = all_met();
     for (const Node &node : nodes_) {
-        const bool awaited = node.stage == Stage::absent &&
-                             (begun_ ? met && node.scheduled() && due(node) : node.member);
-        if (awaited ||
-            (node.stage == Stage::lost && node.member && node.config.on_loss == Policy::restart)) {
+        const bool awaited =
+            node.stage == Stage::absent && (begun_ ? met && node.scheduled() && due(node) : node.member);
+        if (awaited || (node.stage == Stage::lost && node.member && node.config.on_loss == Policy::restart)) {
             names.push_back(node.config.name);
         }
     }
@@ -338,18 +325,13 @@ const char *Controller::state(NodeId id) const
     }
     switch (node.stage) {
     case Stage::absent:
-    case Stage::dismissed:
-        return node.been ? "left" : "absent";
-    case Stage::finished:
-        return "finished";
-    case Stage::lost:
-        return "lost";
+    case Stage::dismissed: return node.been ? "left" : "absent";
+    case Stage::finished: return "finished";
+    case Stage::lost: return "lost";
     case Stage::idle:
     case Stage::saving:
-    case Stage::ticking:
-        return "running";
-    default:
-        return node.member && begun_ ? "running" : "joining";
+    case Stage::ticking: return "running";
+    default: return node.member && begun_ ? "running" : "joining";
     }
 }
 
@@ -406,22 +388,19 @@ void Controller::reply(NodeId id, Finished &)
 /// All that take part.
 bool Controller::all_at(Stage stage) const
 {
-    return std::all_of(nodes_.begin(), nodes_.end(),
-                       [&](const Node &n) { return n.over() || n.stage == stage; });
+    return std::all_of(nodes_.begin(), nodes_.end(), [&](const Node &n) { return n.over() || n.stage == stage; });
 }
 
 /// Nobody takes part, nor is to come.
 bool Controller::all_over() const
 {
-    return std::all_of(nodes_.begin(), nodes_.end(),
-                       [](const Node &n) { return n.over() && !n.scheduled(); });
+    return std::all_of(nodes_.begin(), nodes_.end(), [](const Node &n) { return n.over() && !n.scheduled(); });
 }
 
 bool Controller::paused() const
 {
     return std::any_of(nodes_.begin(), nodes_.end(), [](const Node &n) {
-        return n.member && n.config.on_loss == Policy::pause &&
-               (n.returning || n.stage == Stage::lost);
+        return n.member && n.config.on_loss == Policy::pause && (n.returning || n.stage == Stage::lost);
     });
 }
 

@@ -49,9 +49,9 @@ struct NodeConfig {
     std::string name;
     Policy on_loss = Policy::abort;
     Join joins = Join::at_start;
-    Ns joins_after = -1;  ///< at_time: it begins after this instant
-    bool rejoins = false; ///< one that left or was given up (hold, drop) may come again
-    Ns save_every = 0; ///< of simulated time, from one snapshot to the next; 0: where there is need
+    Ns joins_after = -1;          ///< at_time: it begins after this instant
+    bool rejoins = false;         ///< one that left or was given up (hold, drop) may come again
+    Ns save_every = 0;            ///< of simulated time, from one snapshot to the next; 0: where there is need
     std::vector<Rate> steps = {}; ///< as it has to step; empty: as it says itself
 };
 
@@ -68,14 +68,14 @@ struct ControllerConfig {
     std::vector<NodeConfig> nodes;
     Ns end = 0; ///< the last instant
     std::uint64_t seed = 0;
-    std::string frontend, backend; ///< of the broker, handed on to the nodes
-    std::uint32_t batch = 1000;    ///< most instants in one tick
-    std::uint32_t ahead = 4096;    ///< most messages that wait for one reader; at least 4
-    bool tell = false;             ///< give Began and Wrote, for records and for those who watch
+    std::string frontend, backend;            ///< of the broker, handed on to the nodes
+    std::uint32_t batch = 1000;               ///< most instants in one tick
+    std::uint32_t ahead = 4096;               ///< most messages that wait for one reader; at least 4
+    bool tell = false;                        ///< give Began and Wrote, for records and for those who watch
     std::size_t log = std::size_t{256} << 20; ///< most bytes that are kept for one that is to be restarted
     std::vector<AsynchronousConfig> asynchronous = {};
     std::vector<std::string> watched = {}; ///< topics that are written even if no node wants them
-    Ns horizon = for_ever;         ///< nobody goes beyond it: for pacing, see set_horizon()
+    Ns horizon = for_ever;                 ///< nobody goes beyond it: for pacing, see set_horizon()
 };
 
 /// Who takes part, and what passes between them.
@@ -152,8 +152,8 @@ struct Done {
 
 } // namespace action
 
-using Action = std::variant<action::Accept, action::Refuse, action::Send, action::ShutOut,
-                            action::Report, action::Began, action::Wrote, action::Done>;
+using Action = std::variant<action::Accept, action::Refuse, action::Send, action::ShutOut, action::Report,
+                            action::Began, action::Wrote, action::Done>;
 
 class Controller {
 public:
@@ -246,9 +246,9 @@ private:
         Schema schema;
         std::optional<NodeId> writer;
         Bytes initial;
-        Ns since = -1;           ///< the writer was asked for it after this instant
-        std::uint32_t count = 0; ///< written since the last Start
-        Ns last = -1;            ///< when it was written
+        Ns since = -1;             ///< the writer was asked for it after this instant
+        std::uint32_t count = 0;   ///< written since the last Start
+        Ns last = -1;              ///< when it was written
         std::deque<Pending> ahead; ///< written at times that some have not reached, by no node's step
         Bytes held;                ///< what it holds until then
         std::vector<std::size_t> wires;
@@ -277,8 +277,8 @@ private:
         // What another program of its name needs to take its place.
         bool kept = false; ///< all of it is there
         Bytes snapshot;
-        Ns saved = -1;            ///< the time of the snapshot; without one, of its beginning
-        std::vector<Record> told; ///< what it was sent and sees after `saved`
+        Ns saved = -1;                                     ///< the time of the snapshot; without one, of its beginning
+        std::vector<Record> told;                          ///< what it was sent and sees after `saved`
         std::map<std::uint32_t, std::vector<Record>> said; ///< what it wrote after it, by channel
         std::size_t logged = 0;                            ///< bytes of the two
         std::size_t told_again = 0;                        ///< so many of `told`
@@ -289,10 +289,7 @@ private:
         Ns next_after(Ns t) const; ///< the first instant after t
         Ns safe() const;           ///< the first instant at which it may still write
         bool connected() const;
-        bool over() const
-        {
-            return !member || stage == Stage::finished;
-        } ///< it writes nothing more
+        bool over() const { return !member || stage == Stage::finished; } ///< it writes nothing more
         /// It has not come yet, and the run waits for it at its time.
         bool scheduled() const { return config.joins == Join::at_time && !been; }
     };
@@ -319,10 +316,7 @@ private:
     bool all_at(Stage stage) const;
     bool all_over() const;
     bool paused() const;
-    template <class A> void act(A what)
-    {
-        actions_.emplace_back(std::in_place_type<A>, std::move(what));
-    }
+    template <class A> void act(A what) { actions_.emplace_back(std::in_place_type<A>, std::move(what)); }
     void report(std::string text) { act(action::Report{std::move(text)}); }
 
     // controller_matching.cpp
@@ -376,8 +370,7 @@ private:
 
     ControllerConfig config_;
     std::vector<Node> nodes_;
-    std::vector<Topic>
-        topics_; ///< by channel number, which is the order of their names at each matching
+    std::vector<Topic> topics_; ///< by channel number, which is the order of their names at each matching
     std::map<std::string, std::uint32_t> channels_; ///< by topic
     std::vector<Wire> wires_;
     std::vector<Action> actions_;
@@ -394,9 +387,9 @@ private:
         Bytes payload;
     };
     std::vector<Injection> injected_; ///< while nodes are matched
-    Ns met_ = -1;                      ///< the last boundary
-    Ns meeting_ = -1;                  ///< that of the matching that is going on
-    bool spoilt_ = false;              ///< the matching has to be done again
+    Ns met_ = -1;                     ///< the last boundary
+    Ns meeting_ = -1;                 ///< that of the matching that is going on
+    bool spoilt_ = false;             ///< the matching has to be done again
     struct {
         std::vector<Topic> topics;
         std::map<std::string, std::uint32_t> channels;

@@ -47,8 +47,7 @@ struct Spec {
         if (any_time) {
             for (Ns t = 0, n = 1; t <= end; n++) {
                 all.push_back(t);
-                t += 1 + static_cast<Ns>(
-                             mix(name.size() + name.back(), static_cast<std::uint64_t>(n)) % 60);
+                t += 1 + static_cast<Ns>(mix(name.size() + name.back(), static_cast<std::uint64_t>(n)) % 60);
             }
             return all;
         }
@@ -65,15 +64,9 @@ struct Spec {
     std::uint64_t initial(std::size_t output) const { return mix(name.back(), 1000 + output); }
     bool writes_at(Ns t, std::size_t output) const
     {
-        return mix(static_cast<std::uint64_t>(t),
-                   output + static_cast<unsigned char>(name.back())) %
-                   4 !=
-               0;
+        return mix(static_cast<std::uint64_t>(t), output + static_cast<unsigned char>(name.back())) % 4 != 0;
     }
-    static std::uint64_t output(std::uint64_t state, std::size_t output)
-    {
-        return mix(state, output);
-    }
+    static std::uint64_t output(std::uint64_t state, std::size_t output) { return mix(state, output); }
 };
 
 /// Everything that happened, by name of the node: at each instant, what it had seen and done.
@@ -86,8 +79,8 @@ struct Write {
 
 /// Until when a node that reads from these sees what was written, at its instant t. Written before: -1.
 /// The last exchange was at `since` at the latest.
-inline Ns latest_seen(Latency latency, Ns t, const std::vector<Rate> &reader,
-                      const std::vector<Rate> &writer = {}, Ns since = -1)
+inline Ns latest_seen(Latency latency, Ns t, const std::vector<Rate> &reader, const std::vector<Rate> &writer = {},
+                      Ns since = -1)
 {
     Ns longest = 0;
     for (const auto *rates : {&reader, &writer}) {
@@ -118,8 +111,7 @@ inline Lives lives_of(const std::vector<Spec> &specs, const std::vector<Change> 
             for (std::size_t to = 0; to < specs.size(); to++) {
                 for (const Want &want : specs[to].wants) {
                     const auto &writes = specs[from].writes;
-                    const bool written =
-                        std::find(writes.begin(), writes.end(), want.topic) != writes.end();
+                    const bool written = std::find(writes.begin(), writes.end(), want.topic) != writes.end();
                     if (there[from] && been[to] && written) {
                         lives.known.try_emplace(want.topic, t);
                     }
@@ -186,8 +178,7 @@ inline History expected(const std::vector<Spec> &specs, Ns end, const Lives &liv
                 }
             }
             if (to != for_ever && specs[i].on_loss == Policy::drop) {
-                const auto next = std::find_if(instants.begin(), instants.end(),
-                                               [&, at = to](Ns t) { return t > at; });
+                const auto next = std::find_if(instants.begin(), instants.end(), [&, at = to](Ns t) { return t > at; });
                 events.push_back({specs[i].any_time ? to + 1 : *next, 0, i, ghost});
             }
         }
@@ -209,9 +200,8 @@ inline History expected(const std::vector<Spec> &specs, Ns end, const Lives &liv
         }
         if (kind == ghost) {
             const auto &own = lives.parts.at(spec.name);
-            const bool alive = std::any_of(own.begin(), own.end(), [&, at = t](const auto &life) {
-                return life.first < at && at <= life.second;
-            });
+            const bool alive = std::any_of(
+                own.begin(), own.end(), [&, at = t](const auto &life) { return life.first < at && at <= life.second; });
             for (const std::string &topic : spec.writes) {
                 if (!alive) {
                     topics[topic].writes.push_back({t, 0});
@@ -226,10 +216,10 @@ inline History expected(const std::vector<Spec> &specs, Ns end, const Lives &liv
                 continue;
             }
             const Source &source = topics.at(want.topic);
-            const Ns latest = latest_seen(want.latency, t, spec.rates, source.writer->rates,
-                                          std::max(source.joined, joined[i]));
-            const auto later = std::find_if(source.writes.begin(), source.writes.end(),
-                                            [&](const Write &w) { return w.t > latest; });
+            const Ns latest =
+                latest_seen(want.latency, t, spec.rates, source.writer->rates, std::max(source.joined, joined[i]));
+            const auto later =
+                std::find_if(source.writes.begin(), source.writes.end(), [&](const Write &w) { return w.t > latest; });
             state[i] = mix(state[i], (later - 1)->x);
         }
         state[i] = mix(state[i], static_cast<std::uint64_t>(t));
@@ -260,9 +250,8 @@ struct FakeNode {
     std::map<std::string, std::pair<std::uint32_t, std::uint32_t>> written; ///< channel and count
     std::vector<Ns> instants;
     std::vector<std::pair<Ns, std::uint64_t>> history;
-    std::vector<std::pair<Ns, std::uint64_t>>
-        past;                          ///< of the one whose place it took, to be done again
-    std::vector<std::uint64_t> latest; ///< of each output
+    std::vector<std::pair<Ns, std::uint64_t>> past; ///< of the one whose place it took, to be done again
+    std::vector<std::uint64_t> latest;              ///< of each output
 
     /// Another program in place of the last. It remembers no message, and nothing of what it was unless a
     /// run that pauses for it relies on that.
@@ -285,8 +274,7 @@ struct FakeNode {
             seen[coming.front().second.first] = coming.front().second.second;
             coming.erase(coming.begin());
         }
-        std::vector<std::uint64_t> words = {static_cast<std::uint64_t>(reached), state,
-                                            latest.size()};
+        std::vector<std::uint64_t> words = {static_cast<std::uint64_t>(reached), state, latest.size()};
         words.insert(words.end(), latest.begin(), latest.end());
         for (std::size_t i = 0; i < spec->wants.size(); i++) {
             const auto it = seen.find(spec->wants[i].topic);
@@ -339,16 +327,14 @@ struct FakeNode {
                 if (it != spec->writes.end()) {
                     written[channel.topic] = {channel.channel, 0};
                     matched.offers.push_back(
-                        {channel.channel, schema,
-                         word(latest[static_cast<std::size_t>(it - spec->writes.begin())])});
+                        {channel.channel, schema, word(latest[static_cast<std::size_t>(it - spec->writes.begin())])});
                 }
             }
             return matched;
         }
         if (const auto *m = std::get_if<Start>(&request)) {
             counts.clear();
-            std::erase_if(coming,
-                          [&](const auto &c) { return c.first > reached; }); // that comes again
+            std::erase_if(coming, [&](const auto &c) { return c.first > reached; }); // that comes again
             wired.clear();
             for (const Channel &channel : m->wired) {
                 EXPECT_EQ(channel.schema, schema);
@@ -373,13 +359,11 @@ struct FakeNode {
         EXPECT_GT(tick.until, reached);
         for (const Record &record : tick.records) {
             EXPECT_EQ(record.count, ++counts[record.channel]) << "a gap";
-            EXPECT_TRUE(record.t > reached || (record.t == reached && reached == start))
-                << "late for " << spec->name;
+            EXPECT_TRUE(record.t > reached || (record.t == reached && reached == start)) << "late for " << spec->name;
             EXPECT_LE(record.t, tick.until);
             coming.push_back({record.t, {wired.at(record.channel), word_of(record.payload)}});
         }
-        std::stable_sort(coming.begin(), coming.end(),
-                         [](auto &a, auto &b) { return a.first < b.first; });
+        std::stable_sort(coming.begin(), coming.end(), [](auto &a, auto &b) { return a.first < b.first; });
         tock.reached = tick.until;
         for (const Ns t : instants) {
             if (t <= reached || t > tick.until) {
@@ -390,8 +374,7 @@ struct FakeNode {
                 coming.erase(coming.begin());
             }
             for (const Want &want : spec->wants) {
-                EXPECT_TRUE(want.optional || seen.contains(want.topic))
-                    << "incomplete inputs of " << spec->name;
+                EXPECT_TRUE(want.optional || seen.contains(want.topic)) << "incomplete inputs of " << spec->name;
                 state = mix(state, seen[want.topic]);
             }
             state = mix(state, static_cast<std::uint64_t>(t));
@@ -404,8 +387,7 @@ struct FakeNode {
                 if (spec->writes_at(t, k)) {
                     latest[k] = Spec::output(state, k);
                     if (it != written.end()) {
-                        tock.records.push_back(
-                            {it->second.first, ++it->second.second, t, word(latest[k])});
+                        tock.records.push_back({it->second.first, ++it->second.second, t, word(latest[k])});
                     }
                 }
             }
@@ -433,27 +415,20 @@ struct Bench {
     }
 
     Bench(const std::vector<Spec> &all, const ControllerConfig &config, unsigned seed)
-        : specs(all), end(config.end), random(seed), controller(config), nodes(all.size()),
-          requests(all.size())
+        : specs(all), end(config.end), random(seed), controller(config), nodes(all.size()), requests(all.size())
     {
         for (std::size_t i = 0; i < all.size(); i++) {
             nodes[i].spec = &specs[i];
         }
     }
 
-    static ControllerConfig configured(const std::vector<Spec> &all, Ns end, std::uint32_t batch,
-                                       std::uint32_t ahead)
+    static ControllerConfig configured(const std::vector<Spec> &all, Ns end, std::uint32_t batch, std::uint32_t ahead)
     {
         ControllerConfig config;
         config.simulation = "bench";
         for (const Spec &spec : all) {
-            config.nodes.push_back({spec.name,
-                                    spec.on_loss,
-                                    spec.joins,
-                                    spec.joins_after,
-                                    spec.rejoins,
-                                    spec.save_every,
-                                    {}});
+            config.nodes.push_back(
+                {spec.name, spec.on_loss, spec.joins, spec.joins_after, spec.rejoins, spec.save_every, {}});
         }
         config.end = end;
         config.batch = batch;
@@ -486,8 +461,7 @@ struct Bench {
         for (Action &a : controller.take_actions()) {
             if (auto *send = std::get_if<action::Send>(&a)) {
                 sent += !std::holds_alternative<Save>(send->frame.message); // that may wait
-                EXPECT_TRUE(!requests[send->node] ||
-                            std::holds_alternative<Finish>(send->frame.message));
+                EXPECT_TRUE(!requests[send->node] || std::holds_alternative<Finish>(send->frame.message));
                 if (std::holds_alternative<Tick>(send->frame.message)) {
                     ticks++;
                 }
@@ -544,9 +518,8 @@ struct Bench {
     {
         const Frame request = *std::exchange(requests[id], std::nullopt);
         // By way of bytes, as it will be.
-        const Frame answer =
-            decode(encode({request.number, nodes[id].answer(request.message, random, end)},
-                          random() % 2 ? Order::big : Order::little));
+        const Frame answer = decode(encode({request.number, nodes[id].answer(request.message, random, end)},
+                                           random() % 2 ? Order::big : Order::little));
         EXPECT_TRUE(controller.waiting_for(id));
         const auto *tick = std::get_if<Tick>(&request.message);
         const auto *tock = std::get_if<Tock>(&answer.message);
@@ -584,8 +557,7 @@ struct Bench {
     {
         History all;
         for (const FakeNode &node : nodes) {
-            all[node.spec->name] =
-                node.history.size() > node.past.size() ? node.history : node.past;
+            all[node.spec->name] = node.history.size() > node.past.size() ? node.history : node.past;
         }
         return all;
     }
@@ -636,8 +608,7 @@ inline std::vector<Spec> random_network(Random &random)
                 }
                 auto latency = static_cast<Latency>(random() % 3);
                 const bool waits = latency == Latency::same_instant ||
-                                   (latency == Latency::next_instant && specs[from].any_time &&
-                                    specs[to].any_time);
+                                   (latency == Latency::next_instant && specs[from].any_time && specs[to].any_time);
                 if (waits && from > to) {
                     latency = Latency::next_exchange;
                 }

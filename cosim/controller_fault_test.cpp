@@ -192,10 +192,8 @@ TEST(Faults, AJoinerThatDoesNotFitStaysOutsideAndTheRunGoesOn)
 
 TEST(Faults, AProgramThatDoesNotDoTheSameAgainEndsTheRun)
 {
-    for (const auto &[mischief, complaint] :
-         std::map<std::string, std::string>{{"value", " has another value"},
-                                            {"more", ", which it did not"},
-                                            {"less", ", as it did"}}) {
+    for (const auto &[mischief, complaint] : std::map<std::string, std::string>{
+             {"value", " has another value"}, {"more", ", which it did not"}, {"less", ", as it did"}}) {
         Bench bench(three(Policy::restart), 600, 9);
         bench.arrive(0);
         bench.arrive(1);

@@ -17,8 +17,7 @@ std::vector<Spec> random_lives(Random &random)
     auto specs = random_network(random);
     for (std::size_t i = 0; i < specs.size(); i++) {
         Spec &spec = specs[i];
-        spec.on_loss =
-            std::array{Policy::pause, Policy::hold, Policy::drop, Policy::restart}[random() % 4];
+        spec.on_loss = std::array{Policy::pause, Policy::hold, Policy::drop, Policy::restart}[random() % 4];
         spec.rejoins = random() % 2;
         spec.saves = random() % 2;
         spec.save_every = static_cast<Ns>(random() % 3 * 35);
@@ -36,10 +35,8 @@ std::vector<Spec> random_lives(Random &random)
         }
         for (Want &want : spec.wants) {
             want.optional = std::any_of(specs.begin(), specs.end(), [&](const Spec &s) {
-                const bool may_go = s.leaves_at != for_ever || s.on_loss == Policy::hold ||
-                                    s.on_loss == Policy::drop;
-                return (s.joins != Join::at_start || may_go) &&
-                       want.topic.starts_with("/" + s.name + "/");
+                const bool may_go = s.leaves_at != for_ever || s.on_loss == Policy::hold || s.on_loss == Policy::drop;
+                return (s.joins != Join::at_start || may_go) && want.topic.starts_with("/" + s.name + "/");
             });
         }
     }
@@ -55,8 +52,7 @@ bool away(const Bench &bench, NodeId id)
 void come(Bench &bench, NodeId id)
 {
     const Spec &spec = bench.specs[id];
-    const bool waited_for =
-        std::string(bench.controller.state(id)) == "lost" && spec.on_loss == Policy::pause;
+    const bool waited_for = std::string(bench.controller.state(id)) == "lost" && spec.on_loss == Policy::pause;
     bench.nodes[id].start_anew(waited_for && !spec.saves);
     bench.arrive(id);
 }
@@ -68,10 +64,8 @@ bool who_is_missed_comes(Bench &bench)
     const auto missed = bench.controller.absent();
     for (NodeId id = 0; id < bench.specs.size(); id++) {
         const Spec &spec = bench.specs[id];
-        const bool paused =
-            spec.on_loss == Policy::pause && std::string(bench.controller.state(id)) == "lost";
-        if (away(bench, id) &&
-            (paused || std::find(missed.begin(), missed.end(), spec.name) != missed.end())) {
+        const bool paused = spec.on_loss == Policy::pause && std::string(bench.controller.state(id)) == "lost";
+        if (away(bench, id) && (paused || std::find(missed.begin(), missed.end(), spec.name) != missed.end())) {
             come(bench, id);
             some = true;
         }
@@ -100,10 +94,9 @@ std::string live(Bench &bench, int losses, bool comers)
             bench.controller.inject("ground", "/ground/command", word(random()));
         } else if (dice < 30 || !bench.reply_somewhere()) {
             bench.act();
-            const bool idle = std::none_of(bench.requests.begin(), bench.requests.end(),
-                                           [](const auto &r) { return r.has_value(); });
-            if (idle && !bench.outcome && bench.controller.next_due() > the_end &&
-                !who_is_missed_comes(bench)) {
+            const bool idle =
+                std::none_of(bench.requests.begin(), bench.requests.end(), [](const auto &r) { return r.has_value(); });
+            if (idle && !bench.outcome && bench.controller.next_due() > the_end && !who_is_missed_comes(bench)) {
                 break;
             }
             if (idle && who_is_missed_comes(bench)) {
@@ -136,8 +129,8 @@ TEST(Life, WhatNodesSeeFollowsFromWhoWasThereWhen)
         Bench bench(specs, config, network);
         SCOPED_TRACE("network " + std::to_string(network));
         const std::string outcome = live(bench, 6, true);
-        if (outcome.find("times and came no further") != std::string::npos ||
-            outcome == "all nodes have left" || outcome.starts_with("all nodes were lost")) {
+        if (outcome.find("times and came no further") != std::string::npos || outcome == "all nodes have left" ||
+            outcome.starts_with("all nodes were lost")) {
             continue; // as it should be, but there is nothing to compare
         }
         ASSERT_EQ(outcome, "");
@@ -173,23 +166,19 @@ TEST(Life, WhatNodesSeeFollowsFromWhoWasThereWhen)
                 spec.leaves_at = to;
                 const auto instants = spec.instants(the_end);
                 // One that was lost just after others had joined would leave just before.
-                possible =
-                    possible &&
-                    std::none_of(specs.begin(), specs.end(), [&, last = to](const Spec &other) {
-                        const auto part = lives.parts.find(other.name);
-                        return part != lives.parts.end() && part->second.front().first == last;
-                    });
-                possible =
-                    possible && from < the_end &&
-                    (to == for_ever || (to > from && std::find(instants.begin(), instants.end(),
-                                                               to) != instants.end()));
+                possible = possible && std::none_of(specs.begin(), specs.end(), [&, last = to](const Spec &other) {
+                               const auto part = lives.parts.find(other.name);
+                               return part != lives.parts.end() && part->second.front().first == last;
+                           });
+                possible = possible && from < the_end &&
+                           (to == for_ever ||
+                            (to > from && std::find(instants.begin(), instants.end(), to) != instants.end()));
             }
         }
         if (possible) {
             Bench second(planned, the_end, network + 1);
             const std::string outcome_again = live(second, 0, false);
-            ASSERT_TRUE(outcome_again.empty() || outcome_again == "all nodes have left")
-                << outcome_again;
+            ASSERT_TRUE(outcome_again.empty() || outcome_again == "all nodes have left") << outcome_again;
             if (outcome_again.empty()) {
                 ASSERT_EQ(second.history(), found);
                 again++;

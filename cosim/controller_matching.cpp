@@ -19,8 +19,7 @@ std::string text_of(const std::vector<Rate> &rates)
 {
     std::vector<std::string> each;
     for (const Rate &rate : rates) {
-        each.push_back(format_time(rate.period) +
-                       (rate.offset ? " from " + format_time(rate.offset) + " on" : ""));
+        each.push_back(format_time(rate.period) + (rate.offset ? " from " + format_time(rate.offset) + " on" : ""));
     }
     return format_list(each);
 }
@@ -28,10 +27,9 @@ std::string text_of(const std::vector<Rate> &rates)
 std::string fault_of(const std::vector<Rate> &rates)
 {
     for (const Rate &rate : rates) {
-        if (rate.period <= 0 || rate.period > longest_time || rate.offset < 0 ||
-            rate.offset > longest_time) {
-            return "a step of " + std::to_string(rate.period) + " ns from " +
-                   std::to_string(rate.offset) + " ns on; a period is > 0, an offset >= 0";
+        if (rate.period <= 0 || rate.period > longest_time || rate.offset < 0 || rate.offset > longest_time) {
+            return "a step of " + std::to_string(rate.period) + " ns from " + std::to_string(rate.offset) +
+                   " ns on; a period is > 0, an offset >= 0";
         }
     }
     return "";
@@ -48,15 +46,13 @@ void Controller::look_for_joiners()
         return;
     }
     const auto any = [&](const auto &is) { return std::any_of(nodes_.begin(), nodes_.end(), is); };
-    const bool some =
-        any([](const Node &n) { return n.joining && !n.scheduled() && n.connected(); });
+    const bool some = any([](const Node &n) { return n.joining && !n.scheduled() && n.connected(); });
     const bool owed = spoilt_ && any([](const Node &n) { return !n.over(); });
     if (some && !called_) {
         called_ = -1;
         for (const Node &node : nodes_) {
             if (node.been) { // also what those have written that are gone
-                called_ =
-                    std::max(*called_, node.stage == Stage::ticking ? node.until : node.reached);
+                called_ = std::max(*called_, node.stage == Stage::ticking ? node.until : node.reached);
             }
         }
         for (const Topic &topic : topics_) {
@@ -86,8 +82,7 @@ bool Controller::due(const Node &node) const
     if (node.member) {
         return false;
     }
-    return node.scheduled() ? node.config.joins_after == *boundary_
-                            : node.joining && called_ && *called_ <= *boundary_;
+    return node.scheduled() ? node.config.joins_after == *boundary_ : node.joining && called_ && *called_ <= *boundary_;
 }
 
 bool Controller::all_met() const
@@ -129,8 +124,8 @@ void Controller::reply(NodeId id, Initialized &m)
         fault = "it never steps";
     }
     if (fault.empty() && !node.config.steps.empty() && m.rates != node.config.steps) {
-        fault = "it steps every " + text_of(m.rates) + ", but is to step every " +
-                text_of(node.config.steps) + "; one of them has to be changed";
+        fault = "it steps every " + text_of(m.rates) + ", but is to step every " + text_of(node.config.steps) +
+                "; one of them has to be changed";
     }
     if (node.returning && (m.rates != node.rates || m.any_time != node.any_time)) {
         fault = "it came back with other steps";
@@ -142,8 +137,7 @@ void Controller::reply(NodeId id, Initialized &m)
         node.rates = std::move(m.rates);
         node.any_time = m.any_time;
         node.saves = m.saves;
-        node.kept = node.config.on_loss == Policy::restart ||
-                    (node.config.on_loss == Policy::pause && m.saves);
+        node.kept = node.config.on_loss == Policy::restart || (node.config.on_loss == Policy::pause && m.saves);
         node.saved = node.reached;
     }
     node.stage = Stage::initialized;
@@ -155,8 +149,7 @@ void Controller::reply(NodeId id, Desired &m)
     Node &node = nodes_[id];
     node.stage = Stage::desired;
     if (node.returning) {
-        return m.wants == node.wants ? ask_for_match(id)
-                                     : lost(id, "it came back with other wishes");
+        return m.wants == node.wants ? ask_for_match(id) : lost(id, "it came back with other wishes");
     }
     node.wants = std::move(m.wants);
     if (!node.member) {
@@ -198,8 +191,8 @@ void Controller::reply(NodeId id, Matched &m)
             known += offer.channel < topics_.size() && topics_[offer.channel].writer == id &&
                      (!offer.schema.given() || offer.schema == topics_[offer.channel].schema);
         }
-        const auto before = std::count_if(topics_.begin(), topics_.end(),
-                                          [&](const Topic &topic) { return topic.writer == id; });
+        const auto before =
+            std::count_if(topics_.begin(), topics_.end(), [&](const Topic &topic) { return topic.writer == id; });
         if (known != m.offers.size() || known != static_cast<std::size_t>(before)) {
             return lost(id, "it came back with other messages");
         }
@@ -215,8 +208,7 @@ void Controller::reply(NodeId id, Matched &m)
 void Controller::look_at_matching()
 {
     const auto all = [&](const auto &is) {
-        return std::all_of(nodes_.begin(), nodes_.end(),
-                           [&](const Node &n) { return !n.matching || is(n); });
+        return std::all_of(nodes_.begin(), nodes_.end(), [&](const Node &n) { return !n.matching || is(n); });
     };
     if (phase_ != Phase::matching || !all([](const Node &n) { return !n.awaited; })) {
         return;
@@ -244,8 +236,7 @@ void Controller::look_at_matching()
             node.been = node.been || node.member;
         }
         if (!joined.empty()) {
-            report(format_list(joined) + (joined.size() == 1 ? " joins after " : " join after ") +
-                   when(meeting_));
+            report(format_list(joined) + (joined.size() == 1 ? " joins after " : " join after ") + when(meeting_));
         }
         begun_ = true;
         met_ = meeting_;
@@ -279,8 +270,8 @@ void Controller::match()
                 joiners.push_back(id);
             }
         }
-        const bool may_stay_away = std::none_of(joiners.begin(), joiners.end(),
-                                                [&](NodeId id) { return nodes_[id].scheduled(); });
+        const bool may_stay_away =
+            std::none_of(joiners.begin(), joiners.end(), [&](NodeId id) { return nodes_[id].scheduled(); });
         if (joiners.empty() || !may_stay_away) {
             return finish(faults_);
         }
@@ -339,8 +330,7 @@ void Controller::start(NodeId id)
         wire.count = 0;
         if (node.returning && !node.kept && !wire.last.empty() &&
             (wire.pending.empty() || wire.pending.front().t > node.reached)) {
-            wire.pending.push_front(
-                {node.reached, wire.last}); // it knows nothing of what it has passed
+            wire.pending.push_front({node.reached, wire.last}); // it knows nothing of what it has passed
         }
     }
     for (Topic &topic : topics_) {

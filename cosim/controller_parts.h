@@ -10,8 +10,7 @@ namespace fledge::cosim {
 using sim::format_list;
 using sim::format_time;
 
-inline constexpr Ns longest_time =
-    1'000'000'000'000'000'000; // 31 years; sums of a few do not overflow
+inline constexpr Ns longest_time = 1'000'000'000'000'000'000; // 31 years; sums of a few do not overflow
 
 inline void add_fault(std::string &faults, const std::string &text)
 {

@@ -41,8 +41,8 @@ void Controller::look_at_log(NodeId id)
 {
     Node &node = nodes_[id];
     if (node.logged > config_.log && !node.saves) {
-        report(node.config.name + " cannot be started again from now on: what it was told since " +
-               when(node.saved) + " exceeds " + std::to_string(config_.log) + " bytes" +
+        report(node.config.name + " cannot be started again from now on: what it was told since " + when(node.saved) +
+               " exceeds " + std::to_string(config_.log) + " bytes" +
                (node.saved < 0 ? ", and it makes no snapshots" : ""));
         node.kept = false;
         node.told = {};
@@ -102,8 +102,7 @@ void Controller::tell_again(NodeId id)
     Tick tick{node.reached, {}};
     for (std::size_t bytes = 0; node.told_again < node.told.size(); node.told_again++) {
         const Record &record = node.told[node.told_again];
-        if ((tick.records.size() >= most_records || bytes > most_bytes) &&
-            record.t > tick.records.back().t) {
+        if ((tick.records.size() >= most_records || bytes > most_bytes) && record.t > tick.records.back().t) {
             tick.until = std::max(record.t - 1, node.replayed + 1);
             break;
         }
@@ -128,18 +127,17 @@ void Controller::hear_again(NodeId id, const Tock &m)
                ", it does not do the same again: " + what);
     };
     if (m.reached <= node.replayed || m.reached > node.until) {
-        return lost(id, "it says that it reached " + when(m.reached) + "; it may go from " +
-                            when(node.replayed) + " to " + when(node.until));
+        return lost(id, "it says that it reached " + when(m.reached) + "; it may go from " + when(node.replayed) +
+                            " to " + when(node.until));
     }
     for (const Record &record : m.records) {
         if (record.channel >= topics_.size() || topics_[record.channel].writer != id) {
-            return lost(id, "it wrote on channel " + std::to_string(record.channel) +
-                                ", which is not its own");
+            return lost(id, "it wrote on channel " + std::to_string(record.channel) + ", which is not its own");
         }
         Topic &topic = topics_[record.channel];
         if (record.count != ++topic.count) {
-            return lost(id, "gap or duplicate: message " + std::to_string(record.count) + " of " +
-                                topic.name + " follows message " + std::to_string(topic.count - 1));
+            return lost(id, "gap or duplicate: message " + std::to_string(record.count) + " of " + topic.name +
+                                " follows message " + std::to_string(topic.count - 1));
         }
         if (record.t <= topic.since) {
             continue; // nobody had asked for it then
@@ -151,8 +149,7 @@ void Controller::hear_again(NodeId id, const Tock &m)
             return differs("it writes " + what + ", which it did not");
         }
         if (before[n].t < record.t) {
-            return differs("it does not write " + topic.name + " at " + when(before[n].t) +
-                           ", as it did");
+            return differs("it does not write " + topic.name + " at " + when(before[n].t) + ", as it did");
         }
         if (before[n].payload != record.payload) {
             return differs(what + " has another value");
@@ -162,8 +159,7 @@ void Controller::hear_again(NodeId id, const Tock &m)
     for (const auto &[channel, before] : node.said) {
         const std::size_t n = node.said_again[channel];
         if (n < before.size() && before[n].t <= m.reached) {
-            return differs("it does not write " + topics_[channel].name + " at " +
-                           when(before[n].t) + ", as it did");
+            return differs("it does not write " + topics_[channel].name + " at " + when(before[n].t) + ", as it did");
         }
     }
     node.replayed = m.reached;

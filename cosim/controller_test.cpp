@@ -19,8 +19,8 @@ TEST(Controller, WhatNodesSeeFollowsFromTheLatenciesInWhateverOrderTheyAnswer)
             Bench bench(specs, 400, 1000 * network + order, batch, order % 2 ? 4 : 4096);
             ASSERT_EQ(bench.run(), "") << "network " << network << ", order " << order;
             for (const Spec &spec : specs) {
-                ASSERT_EQ(bench.history()[spec.name], wanted.contains(spec.name) ? wanted.at(spec.name)
-                                                                                : History::mapped_type{})
+                ASSERT_EQ(bench.history()[spec.name],
+                          wanted.contains(spec.name) ? wanted.at(spec.name) : History::mapped_type{})
                     << spec.name << " in network " << network << ", order " << order;
             }
         }
@@ -171,10 +171,10 @@ TEST(Controller, WhatIsToldForRecordsIsAllThatWasWrittenInOrder)
             EXPECT_EQ(bench.exchange.members[i].wants, specs[i].wants);
         }
         for (const Exchange::Topic &topic : bench.exchange.topics) {
-            const auto &spec = *std::find_if(specs.begin(), specs.end(),
-                                             [&](const Spec &s) { return s.name == topic.writer; });
-            const auto k = static_cast<std::size_t>(
-                std::find(spec.writes.begin(), spec.writes.end(), topic.name) - spec.writes.begin());
+            const auto &spec =
+                *std::find_if(specs.begin(), specs.end(), [&](const Spec &s) { return s.name == topic.writer; });
+            const auto k = static_cast<std::size_t>(std::find(spec.writes.begin(), spec.writes.end(), topic.name) -
+                                                    spec.writes.begin());
             EXPECT_EQ(topic.initial, word(spec.initial(k)));
             std::vector<std::pair<Ns, std::uint64_t>> written;
             for (const auto &[t, state] : history[spec.name]) {
@@ -231,9 +231,8 @@ TEST(Controller, WhatCannotRunIsRefusedBeforeTheFirstTickWithAllReasons)
 {
     auto specs = pair(Latency::same_instant, Latency::same_instant);
     const auto outcome = [&] { return Bench(specs, 1000, 5).run(); };
-    EXPECT_EQ(outcome(),
-              "these wait for one another without end: flight for /world/x of world, world for /flight/u "
-              "of flight; one of these messages has to be read later, at the next instant or exchange");
+    EXPECT_EQ(outcome(), "these wait for one another without end: flight for /world/x of world, world for /flight/u "
+                         "of flight; one of these messages has to be read later, at the next instant or exchange");
     specs = pair();
     specs[0].wants.push_back(want("/flight/v", Latency::next_instant));
     specs[0].wants.push_back(want("/world/x", Latency::next_instant));
@@ -317,12 +316,10 @@ TEST(Controller, NothingIsLostSilently)
     };
     starts(outcome_of([](Frame &, Tock &m) { m.records[0].count = 0; }),
            "duplicate: message 0 of /world/x came before");
-    starts(outcome_of([](Frame &, Tock &m) { m.records[0].count++; }),
-           "gap: message 2 of /world/x follows message 0");
+    starts(outcome_of([](Frame &, Tock &m) { m.records[0].count++; }), "gap: message 2 of /world/x follows message 0");
     starts(outcome_of([](Frame &, Tock &m) { m.records[0].t = -1; }),
            "late: message 1 of /world/x is of the start, and others have passed it");
-    starts(outcome_of([](Frame &, Tock &m) { m.records[0].t = m.reached + 1; }),
-           "early: message 1 of /world/x");
+    starts(outcome_of([](Frame &, Tock &m) { m.records[0].t = m.reached + 1; }), "early: message 1 of /world/x");
     starts(outcome_of([](Frame &, Tock &m) {
                m.reached = std::max<Ns>(m.reached, 0);
                m.records.push_back(m.records.back());
@@ -367,9 +364,8 @@ TEST(Controller, ALaterStepOutOfTheGridIsRefused)
     const auto channel = bench.nodes[0].written.at("/world/x").first;
     bench.controller.received(0, {batch.number, Tock{500, 0, {{channel, 1, 150, word(1)}}}});
     bench.controller.received(0, {batch.number, Tock{500, 0, {}}});
-    EXPECT_EQ(bench.go_on(),
-              "world: out of step: message 1 of /world/x is of 0.00000015 s, when it does not step "
-              "(it had reached 0 s)");
+    EXPECT_EQ(bench.go_on(), "world: out of step: message 1 of /world/x is of 0.00000015 s, when it does not step "
+                             "(it had reached 0 s)");
 }
 
 /// Run until the node owes a reply to some tick later than `t`, which it will never give.
@@ -463,8 +459,7 @@ TEST(Controller, ANodeThatComesBackOtherwiseIsRefused)
     while (bench.reply_somewhere()) {
     }
     ASSERT_FALSE(bench.reports.empty());
-    EXPECT_TRUE(bench.reports.back().starts_with("flight: it came back with other steps"))
-        << bench.reports.back();
+    EXPECT_TRUE(bench.reports.back().starts_with("flight: it came back with other steps")) << bench.reports.back();
     bench.sleeping = false;
     bench.controller.stop("no flight");
     EXPECT_EQ(bench.go_on(), "no flight");

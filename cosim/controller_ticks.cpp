@@ -8,7 +8,7 @@ namespace fledge::cosim {
 
 namespace {
 
-constexpr Ns fine = 10'000'000; // by which the horizon of those moves that have no instants of their own
+constexpr Ns fine = 10'000'000;              // by which the horizon of those moves that have no instants of their own
 constexpr std::size_t most_records = 32'768; // in one tick
 
 } // namespace
@@ -19,10 +19,8 @@ Ns Controller::Node::next_after(Ns t) const
 {
     Ns next = for_ever;
     for (const Rate &rate : rates) {
-        next =
-            std::min(next, t < rate.offset
-                               ? rate.offset
-                               : rate.offset + ((t - rate.offset) / rate.period + 1) * rate.period);
+        next = std::min(next, t < rate.offset ? rate.offset
+                                              : rate.offset + ((t - rate.offset) / rate.period + 1) * rate.period);
     }
     return next;
 }
@@ -170,16 +168,15 @@ std::string Controller::fault_of(NodeId id, const Tock &m) const
 {
     const Node &node = nodes_[id];
     if (m.reached <= node.reached || m.reached > node.until) {
-        return "it says that it reached " + when(m.reached) + "; it may go from " +
-               when(node.reached) + " to " + when(node.until);
+        return "it says that it reached " + when(m.reached) + "; it may go from " + when(node.reached) + " to " +
+               when(node.until);
     }
     // Counts and times follow one another within the tock, too.
     std::vector<std::pair<std::uint32_t, Ns>> ends(topics_.size(), {0, -1});
     std::vector<bool> seen(topics_.size());
     for (const Record &record : m.records) {
         if (record.channel >= topics_.size() || topics_[record.channel].writer != id) {
-            return "it wrote on channel " + std::to_string(record.channel) +
-                   ", which is not its own";
+            return "it wrote on channel " + std::to_string(record.channel) + ", which is not its own";
         }
         const Topic &topic = topics_[record.channel];
         auto &[count, last] = ends[record.channel];
@@ -190,9 +187,8 @@ std::string Controller::fault_of(NodeId id, const Tock &m) const
         }
         const std::string what = "message " + std::to_string(record.count) + " of " + topic.name;
         if (record.count != count + 1) {
-            return record.count <= count
-                       ? "duplicate: " + what + " came before"
-                       : "gap: " + what + " follows message " + std::to_string(count);
+            return record.count <= count ? "duplicate: " + what + " came before"
+                                         : "gap: " + what + " follows message " + std::to_string(count);
         }
         if (record.t <= node.reached) {
             return "late: " + what + " is of " + when(record.t) + ", and others have passed it";
@@ -201,8 +197,7 @@ std::string Controller::fault_of(NodeId id, const Tock &m) const
             return "early: " + what + " is of " + when(record.t) + ", which it has not reached";
         }
         if (record.t <= last) {
-            return "out of order: " + what + " is of " + when(record.t) + ", the one before of " +
-                   when(last);
+            return "out of order: " + what + " is of " + when(record.t) + ", the one before of " + when(last);
         }
         if (!node.any_time && node.next_after(record.t - 1) != record.t) {
             return "out of step: " + what + " is of " + when(record.t) + ", when it does not step";
@@ -242,8 +237,8 @@ void Controller::push(Wire &wire, Ns written, const Bytes &payload)
 void Controller::grant(NodeId id)
 {
     Node &node = nodes_[id];
-    if (phase_ != Phase::running || !node.member || node.stage != Stage::idle || node.returning ||
-        paused() || complete(node, last_) || save_if_due(id)) {
+    if (phase_ != Phase::running || !node.member || node.stage != Stage::idle || node.returning || paused() ||
+        complete(node, last_) || save_if_due(id)) {
         return;
     }
     for (const std::size_t w : node.out) {
@@ -264,8 +259,7 @@ void Controller::grant(NodeId id)
             if (!node.any_time && t > most) {
                 return;
             }
-            for (Ns next = node.next_after(t); next <= most && n < batch;
-                 next = node.next_after(t), n++) {
+            for (Ns next = node.next_after(t); next <= most && n < batch; next = node.next_after(t), n++) {
                 t = next;
             }
             if (!node.any_time || n == batch) {
@@ -278,8 +272,7 @@ void Controller::grant(NodeId id)
         std::size_t records = 0;
         for (const std::size_t w : node.in) {
             const Wire &wire = wires_[w];
-            for (auto i = wire.delivered;
-                 i < wire.pending.size() && wire.pending[i].t <= tick.until; i++) {
+            for (auto i = wire.delivered; i < wire.pending.size() && wire.pending[i].t <= tick.until; i++) {
                 records++;
             }
         }
@@ -290,8 +283,7 @@ void Controller::grant(NodeId id)
     }
     for (const std::size_t w : node.in) {
         Wire &wire = wires_[w];
-        for (; wire.delivered < wire.pending.size() && wire.pending[wire.delivered].t <= tick.until;
-             wire.delivered++) {
+        for (; wire.delivered < wire.pending.size() && wire.pending[wire.delivered].t <= tick.until; wire.delivered++) {
             const Pending &pending = wire.pending[wire.delivered];
             tick.records.push_back({wire.channel, ++wire.count, pending.t, pending.payload});
         }

@@ -17,8 +17,8 @@ std::string fault_of(const Schema &schema)
     }
     try {
         const Schema made = make_schema(schema.name, schema.text);
-        return made.size != schema.size ? "its text makes " + std::to_string(made.size) +
-                                              " bytes, not " + std::to_string(schema.size)
+        return made.size != schema.size
+                   ? "its text makes " + std::to_string(made.size) + " bytes, not " + std::to_string(schema.size)
                : made.hash != schema.hash ? "its hash is not that of its text"
                                           : "";
     } catch (const SchemaError &error) {
@@ -67,16 +67,14 @@ void Controller::number_topics()
                 continue;
             }
             Topic &topic = topics_[channels_.at(want.topic)];
-            if (std::find(topic.wanted_by.begin(), topic.wanted_by.end(), id) ==
-                topic.wanted_by.end()) {
+            if (std::find(topic.wanted_by.begin(), topic.wanted_by.end(), id) == topic.wanted_by.end()) {
                 topic.wanted_by.push_back(id);
             }
             if (!topic.schema.given()) {
                 topic.schema = want.schema; // for a writer that has no definition of its own
             }
             if (const std::string fault = cosim::fault_of(want.schema); !fault.empty()) {
-                add_fault(faults_, node.config.name + " wants " + want.topic +
-                                       " with a bad definition: " + fault);
+                add_fault(faults_, node.config.name + " wants " + want.topic + " with a bad definition: " + fault);
             }
         }
     }
@@ -103,8 +101,7 @@ void Controller::take_offers(NodeId id)
     std::vector<bool> offered(topics_.size());
     for (Offer &offer : node.offers) {
         if (offer.channel >= topics_.size()) {
-            add_fault(faults_, name + " offers a channel " + std::to_string(offer.channel) +
-                                   " that nobody asked for");
+            add_fault(faults_, name + " offers a channel " + std::to_string(offer.channel) + " that nobody asked for");
             continue;
         }
         Topic &topic = topics_[offer.channel];
@@ -112,14 +109,12 @@ void Controller::take_offers(NodeId id)
         const bool again = topic.writer == id && topic.since >= -1 && node.member && begun_;
         if (again) {
             if (offer.schema.given() && offer.schema != topic.schema) {
-                add_fault(faults_,
-                          name + " offers " + topic.name + " with another definition than before");
+                add_fault(faults_, name + " offers " + topic.name + " with another definition than before");
             }
             continue;
         }
         if (topic.writer && topic.since >= -1) {
-            add_fault(faults_, topic.name + " is written by " + nodes_[*topic.writer].config.name +
-                                   " and by " + name +
+            add_fault(faults_, topic.name + " is written by " + nodes_[*topic.writer].config.name + " and by " + name +
                                    "; one of them has to leave it or call it otherwise");
             continue;
         }
@@ -135,12 +130,10 @@ void Controller::take_offers(NodeId id)
             topic.schema = offer.schema;
         }
         if (!topic.schema.given()) {
-            add_fault(faults_,
-                      name + " offers " + topic.name + ", which neither it nor a reader defines");
+            add_fault(faults_, name + " offers " + topic.name + ", which neither it nor a reader defines");
         } else if (!is_payload(offer.initial, topic.schema.size)) {
             add_fault(faults_, name + " offers " + topic.name + " with an initial value of " +
-                                   std::to_string(offer.initial.size()) +
-                                   " bytes; expected a CDR header and " +
+                                   std::to_string(offer.initial.size()) + " bytes; expected a CDR header and " +
                                    std::to_string(topic.schema.size));
         }
         topic.initial = std::move(offer.initial);
@@ -190,8 +183,8 @@ void Controller::write_ahead(Topic &topic, Ns written, const Bytes &payload)
 
 void Controller::connect()
 {
-    const bool late = std::any_of(nodes_.begin(), nodes_.end(),
-                                  [](const Node &n) { return !n.matching && !n.asynchronous; });
+    const bool late =
+        std::any_of(nodes_.begin(), nodes_.end(), [](const Node &n) { return !n.matching && !n.asynchronous; });
     constexpr const char *later = "; if one that joins later does, the wish has to be optional";
     for (NodeId id = 0; id < nodes_.size(); id++) {
         Node &node = nodes_[id];
@@ -220,25 +213,22 @@ void Controller::connect()
             if (!cosim::fault_of(topic.schema).empty() || !cosim::fault_of(want.schema).empty()) {
                 continue; // said already
             }
-            if (const std::string why = schema_difference(topic.schema, want.schema);
-                !why.empty()) {
+            if (const std::string why = schema_difference(topic.schema, want.schema); !why.empty()) {
                 add_fault(faults_, wish + " of " + writer.config.name + ", but " + why);
                 continue;
             }
             const Ns exchange = longest_period(node.rates, writer.rates);
             if (want.latency == Latency::next_exchange && !exchange) {
-                add_fault(faults_, wish + " at exchanges, but neither it nor " +
-                                       writer.config.name + " says how often it steps");
+                add_fault(faults_, wish + " at exchanges, but neither it nor " + writer.config.name +
+                                       " says how often it steps");
                 continue;
             }
             const bool fresh = topic.since == meeting_; // its writer, to it, is new
-            auto wire = std::find_if(wires_.begin(), wires_.end(), [&](const Wire &w) {
-                return w.to == id && w.channel == channel;
-            });
+            auto wire = std::find_if(wires_.begin(), wires_.end(),
+                                     [&](const Wire &w) { return w.to == id && w.channel == channel; });
             const Bytes seen_first = fresh ? topic.initial : value(topic, meeting_);
             if (wire == wires_.end()) {
-                wires_.push_back(
-                    {channel, *topic.writer, id, want.latency, exchange, {}, 0, 0, {}});
+                wires_.push_back({channel, *topic.writer, id, want.latency, exchange, {}, 0, 0, {}});
                 wire = wires_.end() - 1;
             } else if (!joins && !fresh) {
                 continue; // as before, with what is on its way
@@ -258,8 +248,7 @@ void Controller::connect()
     }
     for (Wire &wire : wires_) {
         const Topic &topic = topics_[wire.channel];
-        if (topic.since == meeting_ &&
-            !nodes_[wire.to].matching) { // its reader has gone, perhaps to come again
+        if (topic.since == meeting_ && !nodes_[wire.to].matching) { // its reader has gone, perhaps to come again
             wire.from = *topic.writer;
             wire.last = topic.initial;
             wire.pending.clear();
@@ -291,8 +280,7 @@ void Controller::list_wires()
     for (NodeId id = 0; id < nodes_.size(); id++) {
         for (const Want &want : nodes_[id].wants) {
             const auto channel = channels_.find(want.topic);
-            const auto wire =
-                channel == channels_.end() ? place.end() : place.find({id, channel->second});
+            const auto wire = channel == channels_.end() ? place.end() : place.find({id, channel->second});
             if (wire != place.end()) {
                 nodes_[id].in.push_back(wire->second);
             }
@@ -307,8 +295,7 @@ std::string Controller::find_cycle() const
     const auto waits = [&](const Wire &wire) {
         return nodes_[wire.from].matching && nodes_[wire.to].matching &&
                (wire.latency == Latency::same_instant ||
-                (wire.latency == Latency::next_instant && nodes_[wire.from].any_time &&
-                 nodes_[wire.to].any_time));
+                (wire.latency == Latency::next_instant && nodes_[wire.from].any_time && nodes_[wire.to].any_time));
     };
     enum Colour { white, grey, black };
     std::vector<Colour> colour(nodes_.size(), white);
@@ -323,12 +310,11 @@ std::string Controller::find_cycle() const
             }
             path.push_back(&wire);
             if (colour[wire.to] == grey) {
-                const auto begin = std::find_if(path.begin(), path.end(),
-                                                [&](const Wire *p) { return p->from == wire.to; });
+                const auto begin =
+                    std::find_if(path.begin(), path.end(), [&](const Wire *p) { return p->from == wire.to; });
                 for (auto it = begin; it != path.end(); ++it) {
                     found += (it == begin ? "" : ", ") + nodes_[(*it)->to].config.name + " for " +
-                             topics_[(*it)->channel].name + " of " +
-                             nodes_[(*it)->from].config.name;
+                             topics_[(*it)->channel].name + " of " + nodes_[(*it)->from].config.name;
                 }
             } else {
                 self(self, wire.to);
@@ -353,13 +339,11 @@ Exchange Controller::exchange() const
     Exchange exchange;
     exchange.after = meeting_;
     for (const Node &node : nodes_) {
-        exchange.members.push_back(
-            {node.config.name, !node.over(), node.rates, node.any_time, node.wants});
+        exchange.members.push_back({node.config.name, !node.over(), node.rates, node.any_time, node.wants});
     }
     for (const Topic &topic : topics_) {
-        exchange.topics.push_back({topic.name, topic.schema,
-                                   topic.writer ? nodes_[*topic.writer].config.name : "",
-                                   value(topic, meeting_)});
+        exchange.topics.push_back(
+            {topic.name, topic.schema, topic.writer ? nodes_[*topic.writer].config.name : "", value(topic, meeting_)});
     }
     return exchange;
 }

@@ -39,8 +39,7 @@ struct Answer {
     }
     template <class M> Message operator()(const M &m)
     {
-        throw ProtocolError(std::string("the controller sent ") + kind_name(Message(m)) +
-                            ", which is no request");
+        throw ProtocolError(std::string("the controller sent ") + kind_name(Message(m)) + ", which is no request");
     }
 };
 

@@ -43,10 +43,10 @@ Message answer(Node &node, const Message &request);
 /// What is not given is as the environment says: FLEDGE_SIMULATION, FLEDGE_NODE, FLEDGE_ADDRESS, FLEDGE_KEYS.
 struct DelegateConfig {
     std::string simulation = {}, node = {};
-    std::string address = {}; ///< of the controller
+    std::string address = {};                   ///< of the controller
     std::chrono::milliseconds patience{60'000}; ///< for the controller to be there
     Limits limits = {};
-    std::string keys = {}; ///< a folder or file (keys.h); if FLEDGE_KEYS does not say so either, none
+    std::string keys = {};              ///< a folder or file (keys.h); if FLEDGE_KEYS does not say so either, none
     Sharing sharing = Sharing::allowed; ///< of memory, with a controller on this machine
 };
 

@@ -105,9 +105,8 @@ struct Running {
 
     std::future<std::string> serve(const std::string &name, Node &node)
     {
-        return std::async(std::launch::async, [this, name, &node] {
-            return testing_nodes::serve(context, router.address(), name, node);
-        });
+        return std::async(std::launch::async,
+                          [this, name, &node] { return testing_nodes::serve(context, router.address(), name, node); });
     }
 
     zmq::context_t context;

@@ -24,13 +24,9 @@ std::string key_of(zmq::message_t &message)
 } // namespace
 
 Gate::Gate(zmq::context_t &context, std::filesystem::path folder)
-    : folder_(std::move(folder)),
-      own_(read_controller_keys(folder_)),
-      requests_(context, zmq::socket_type::rep),
-      end_(context, zmq::socket_type::pair),
-      told_(context, zmq::socket_type::pair),
-      allowed_(read_allowed_keys(folder_)),
-      read_(std::chrono::steady_clock::now())
+    : folder_(std::move(folder)), own_(read_controller_keys(folder_)), requests_(context, zmq::socket_type::rep),
+      end_(context, zmq::socket_type::pair), told_(context, zmq::socket_type::pair),
+      allowed_(read_allowed_keys(folder_)), read_(std::chrono::steady_clock::now())
 {
     for (zmq::socket_t *socket : {&requests_, &end_, &told_}) {
         socket->set(zmq::sockopt::linger, 0);

@@ -48,8 +48,8 @@ Frame greet(zmq::context_t &context, const std::string &address, const std::opti
     zmq::pollitem_t items[] = {{lobby.handle(), 0, ZMQ_POLLIN, 0}, handshake.events()};
     for (const auto end = Clock::now() + patience; !lobby.recv(reply, zmq::recv_flags::dontwait);) {
         if (!handshake.failure().empty()) {
-            throw LinkError("the controller at " + address + " does not let " + hello.node + " in: " +
-                            handshake.failure());
+            throw LinkError("the controller at " + address + " does not let " + hello.node +
+                            " in: " + handshake.failure());
         }
         const auto rest = std::chrono::ceil<std::chrono::milliseconds>(end - Clock::now());
         if (rest.count() <= 0) {

@@ -73,8 +73,8 @@ Certificate read_certificate(const fs::path &path, bool secret)
             c.nodes = value;
         } else if (name == "public-key" || name == "secret-key") {
             if (value.size() != key_length || value.find_first_not_of(z85) != value.npos) {
-                fail("line " + std::to_string(n) + ": a " + std::string(name) + " is " +
-                     std::to_string(key_length) + " characters of Z85, as ./fledge keys writes it");
+                fail("line " + std::to_string(n) + ": a " + std::string(name) + " is " + std::to_string(key_length) +
+                     " characters of Z85, as ./fledge keys writes it");
             }
             (name == "public-key" ? c.keys.open : c.keys.secret) = value;
         }

@@ -94,8 +94,8 @@ TEST_P(Keyed, WhoIsAllowedTakesPart)
     Guarded guarded(keys.folder(), address());
     zmq::context_t context;
     Counter a("/b/n", "/a/n", Latency::next_instant), b("/a/n", "/b/n", Latency::same_instant);
-    auto serve_a = std::async(std::launch::async,
-                              [&] { return serve(context, guarded.router.address(), "a", a, keys.folder()); });
+    auto serve_a =
+        std::async(std::launch::async, [&] { return serve(context, guarded.router.address(), "a", a, keys.folder()); });
     auto serve_b = std::async(std::launch::async,
                               [&] { return serve(context, guarded.router.address(), "b", b, keys.of("lab")); });
     EXPECT_EQ(guarded.run.get(), "");
@@ -179,8 +179,7 @@ TEST(Gate, ANodesOwnSocketIsForItsKeyOnly)
     lobby.send(zmq::buffer(encode({1, Hello{1, 1, "test", "a"}})), zmq::send_flags::none);
     zmq::message_t reply;
     ASSERT_TRUE(lobby.recv(reply));
-    const std::string own =
-        std::get<Welcome>(decode({reply.data<std::byte>(), reply.size()}).message).address;
+    const std::string own = std::get<Welcome>(decode({reply.data<std::byte>(), reply.size()}).message).address;
     Link wrong(context, {});
     use_keys(wrong.socket(), read_client_keys(keys.folder(), "b"));
     wrong.connect(own);
@@ -341,13 +340,14 @@ TEST(Keys, WhatIsWrongWithAFileIsSaid)
         return fault([&] { read_client_keys(place, node); });
     };
     EXPECT_EQ(client(folder, "a"), folder + " holds no secret key; ./fledge keys new a makes a pair");
-    EXPECT_EQ(client(folder + "/none", "a"),
-              folder + "/none: there are no keys; ./fledge keys new a makes a pair");
+    EXPECT_EQ(client(folder + "/none", "a"), folder + "/none: there are no keys; ./fledge keys new a makes a pair");
     keys.make("lab1");
     EXPECT_EQ(client(folder, "a"), "");
     keys.make("lab2");
-    EXPECT_EQ(client(folder, "a"), folder + " holds no a.secret but several others: lab1.secret, lab2.secret; say "
-                                            "which by FLEDGE_KEYS=" + folder + "/lab1.secret");
+    EXPECT_EQ(client(folder, "a"), folder +
+                                       " holds no a.secret but several others: lab1.secret, lab2.secret; say "
+                                       "which by FLEDGE_KEYS=" +
+                                       folder + "/lab1.secret");
     EXPECT_EQ(client(keys.of("lab2"), "a"), "");
     std::filesystem::permissions(keys.of("lab2"), std::filesystem::perms(0640));
     EXPECT_EQ(client(keys.of("lab2"), "a"),

@@ -26,8 +26,8 @@ constexpr std::chrono::milliseconds for_ever = -1ms;
 
 bool is_local(const std::string &address)
 {
-    return address.starts_with("ipc://") || address.starts_with("inproc://") ||
-           address.starts_with("tcp://127.") || address.starts_with("tcp://localhost:");
+    return address.starts_with("ipc://") || address.starts_with("inproc://") || address.starts_with("tcp://127.") ||
+           address.starts_with("tcp://localhost:");
 }
 
 void set_up(zmq::socket_t &socket, const Limits &limits)

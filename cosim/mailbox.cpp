@@ -23,8 +23,8 @@ void Inbox::take(const std::vector<Record> &records)
             throw ProtocolError("message " + std::to_string(record.count) + " on channel " +
                                 std::to_string(record.channel) + " is not the next one");
         }
-        const auto later = std::find_if(coming_.rbegin(), coming_.rend(),
-                                        [&](const Record &r) { return r.t <= record.t; });
+        const auto later =
+            std::find_if(coming_.rbegin(), coming_.rend(), [&](const Record &r) { return r.t <= record.t; });
         coming_.insert(later.base(), record);
     }
 }

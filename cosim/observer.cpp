@@ -30,11 +30,8 @@ std::chrono::milliseconds until(Clock::time_point end)
 } // namespace
 
 Observer::Observer(zmq::context_t &context, ObserverConfig config)
-    : context_(context),
-      config_(completed(std::move(config))),
-      keys_(keys_of(config_)),
-      seen_(context, zmq::socket_type::sub),
-      handshake_(context, seen_, keys_.has_value()),
+    : context_(context), config_(completed(std::move(config))), keys_(keys_of(config_)),
+      seen_(context, zmq::socket_type::sub), handshake_(context, seen_, keys_.has_value()),
       written_(context, zmq::socket_type::xpub)
 {
     attach();
@@ -161,8 +158,8 @@ bool Observer::receive(std::optional<Observed> &observed)
                                                           : 0;
     missed_ += missed;
     place = {record.count, record.t};
-    observed = Observed{at->first, std::move(published->node), record.t, record.count, missed,
-                        std::move(record.payload)};
+    observed =
+        Observed{at->first, std::move(published->node), record.t, record.count, missed, std::move(record.payload)};
     return true;
 }
 
@@ -174,8 +171,7 @@ void Observer::prepare_writing()
     connect(written_, frontend_);
     zmq::pollitem_t items[] = {{written_.handle(), 0, ZMQ_POLLIN, 0}, handshake.events()};
     zmq::message_t subscription;
-    for (const auto end = Clock::now() + config_.patience;
-         !written_.recv(subscription, zmq::recv_flags::dontwait);) {
+    for (const auto end = Clock::now() + config_.patience; !written_.recv(subscription, zmq::recv_flags::dontwait);) {
         if (!handshake.failure().empty()) {
             throw LinkError("the broker at " + frontend_ + " does not let " + config_.name +
                             " in: " + handshake.failure());

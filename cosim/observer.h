@@ -28,14 +28,14 @@ struct ObserverConfig {
     std::chrono::milliseconds patience{60'000}; ///< for the controller to be there, and the nodes to have met
     std::string keys = {};                      ///< a folder or file
     Limits limits = {};
-    int waiting = 1000;                         ///< most messages that wait here
+    int waiting = 1000; ///< most messages that wait here
 };
 
 /// A message of some node, as it was written.
 struct Observed {
     std::string topic, node;
-    Ns t = 0;                ///< of writing; -1: before the first step
-    std::uint32_t count = 0; ///< on its topic; 0: what the topic held at the beginning
+    Ns t = 0;                 ///< of writing; -1: before the first step
+    std::uint32_t count = 0;  ///< on its topic; 0: what the topic held at the beginning
     std::uint32_t missed = 0; ///< messages between the one seen before and this one
     Bytes payload;
 };

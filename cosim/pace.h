@@ -39,8 +39,8 @@ private:
 
     int fd_;
     double speed_;
-    bool stands_ = true;              ///< the simulated time does, so the real one does not count
-    Clock::time_point zero_, armed_;  ///< when t = 0 was, or would have been
+    bool stands_ = true;             ///< the simulated time does, so the real one does not count
+    Clock::time_point zero_, armed_; ///< when t = 0 was, or would have been
     PaceReport report_;
 };
 

@@ -107,8 +107,7 @@ private:
 
 class Reader {
 public:
-    Reader(std::span<const std::byte> from, bool swap, const Limits &limits)
-        : from_(from), limits_(limits), swap_(swap)
+    Reader(std::span<const std::byte> from, bool swap, const Limits &limits) : from_(from), limits_(limits), swap_(swap)
     {
     }
 
@@ -176,8 +175,7 @@ public:
     {
         const auto n = number<std::uint32_t>();
         if (n > limits_.items) {
-            fail("a list of " + std::to_string(n) + " items; " + std::to_string(limits_.items) +
-                 " are the most");
+            fail("a list of " + std::to_string(n) + " items; " + std::to_string(limits_.items) + " are the most");
         }
         if (n > (from_.size() - at_) / least) {
             fail("a list of " + std::to_string(n) + " items does not fit into what is left");
@@ -213,7 +211,7 @@ private:
     std::span<const std::byte> counted(Bound bound)
     {
         const std::size_t n = number<std::uint32_t>();
-        const std::size_t most = bound == Bound::name ? limits_.name
+        const std::size_t most = bound == Bound::name   ? limits_.name
                                  : bound == Bound::text ? limits_.text
                                                         : limits_.frame;
         if (n > most) {
@@ -230,7 +228,8 @@ private:
 
 // ---- the messages. M is const for a Writer.
 
-template <class M, class T> concept Is = std::is_same_v<std::remove_const_t<M>, T>;
+template <class M, class T>
+concept Is = std::is_same_v<std::remove_const_t<M>, T>;
 
 void body(auto &a, Is<Schema> auto &m)
 {
@@ -399,10 +398,10 @@ template <std::size_t I = 0> Message make(std::size_t i)
     }
 }
 
-constexpr const char *kind_names[] = {
-    "Hello",   "Welcome", "Refused", "Initialize", "Initialized", "ProvideDesired", "Desired",
-    "Match",   "Matched", "Start",   "Ready",      "Tick",        "Tock",           "Finish",
-    "Finished", "Failed", "Attached", "Published", "Save",        "Saved"};
+constexpr const char *kind_names[] = {"Hello",          "Welcome",  "Refused",   "Initialize", "Initialized",
+                                      "ProvideDesired", "Desired",  "Match",     "Matched",    "Start",
+                                      "Ready",          "Tick",     "Tock",      "Finish",     "Finished",
+                                      "Failed",         "Attached", "Published", "Save",       "Saved"};
 static_assert(std::size(kind_names) == std::variant_size_v<Message>);
 
 } // namespace
@@ -453,8 +452,8 @@ Bytes encode(const Frame &frame, Order order)
 Frame decode(std::span<const std::byte> bytes, const Limits &limits, Sum sum)
 {
     if (bytes.size() > limits.frame) {
-        throw ProtocolError("a frame of " + std::to_string(bytes.size()) + " bytes; " +
-                            std::to_string(limits.frame) + " are the most");
+        throw ProtocolError("a frame of " + std::to_string(bytes.size()) + " bytes; " + std::to_string(limits.frame) +
+                            " are the most");
     }
     if (bytes.size() < frame_header_size || std::memcmp(bytes.data(), magic, sizeof magic)) {
         throw ProtocolError("this is no frame of a co-simulation");
@@ -464,8 +463,7 @@ Frame decode(std::span<const std::byte> bytes, const Limits &limits, Sum sum)
     }
     if (bytes[5] != std::byte{protocol_version}) {
         throw ProtocolError("version " + std::to_string(std::to_integer<int>(bytes[5])) +
-                            " of the format, while this program speaks version " +
-                            std::to_string(protocol_version));
+                            " of the format, while this program speaks version " + std::to_string(protocol_version));
     }
     const bool swap = static_cast<Order>(bytes[4]) != native_order();
     const auto get = [&](std::size_t at, auto x) {
@@ -508,8 +506,7 @@ Bytes make_payload(std::span<const std::byte> message)
     return payload;
 }
 
-void read_payload(std::span<const std::byte> payload, std::span<const SchemaField> fields,
-                  std::span<std::byte> message)
+void read_payload(std::span<const std::byte> payload, std::span<const SchemaField> fields, std::span<std::byte> message)
 {
     if (payload.size() != cdr_header + message.size()) {
         throw ProtocolError("a payload of " + std::to_string(payload.size()) + " bytes, expected " +

@@ -139,7 +139,7 @@ struct Hello {
     bool operator==(const Hello &) const = default;
 };
 struct Welcome {
-    std::string address; ///< of the socket that the controller opened for this node
+    std::string address;     ///< of the socket that the controller opened for this node
     std::string shared = {}; ///< path of memory for it: "/proc/123/fd/7"; "" if there is none
     std::uint64_t nonce = 0; ///< it stands in that memory too, if it is the right one
     bool operator==(const Welcome &) const = default;
@@ -149,11 +149,11 @@ struct Refused {
     bool operator==(const Refused &) const = default;
 };
 struct Initialize {
-    std::uint64_t seed = 0;         ///< of the run
-    Ns end = 0;                     ///< of the run
-    Ns start = -1;                  ///< it begins after this instant; -1: with its reset
-    std::string frontend, backend;  ///< of the broker for observers; "" if there is none
-    Bytes snapshot = {};            ///< what it saved at `start`, to go on from; empty: none
+    std::uint64_t seed = 0;        ///< of the run
+    Ns end = 0;                    ///< of the run
+    Ns start = -1;                 ///< it begins after this instant; -1: with its reset
+    std::string frontend, backend; ///< of the broker for observers; "" if there is none
+    Bytes snapshot = {};           ///< what it saved at `start`, to go on from; empty: none
     bool operator==(const Initialize &) const = default;
 };
 struct Initialized {
@@ -231,9 +231,8 @@ struct Saved {
 };
 
 /// In the order of their kinds, from 1.
-using Message =
-    std::variant<Hello, Welcome, Refused, Initialize, Initialized, ProvideDesired, Desired, Match, Matched, Start,
-                 Ready, Tick, Tock, Finish, Finished, Failed, Attached, Published, Save, Saved>;
+using Message = std::variant<Hello, Welcome, Refused, Initialize, Initialized, ProvideDesired, Desired, Match, Matched,
+                             Start, Ready, Tick, Tock, Finish, Finished, Failed, Attached, Published, Save, Saved>;
 
 /// "Tock", for messages to people; by place in Message.
 const char *kind_name(std::size_t index);

@@ -34,11 +34,10 @@ TEST(Protocol, AFrameLiesInMemoryAsTheHeaderSays)
 {
     const Bytes b = encode({258, Tock{1, 2, {{5, 6, 3, make_payload(filled(8))}}, true}}, Order::big);
     const unsigned char expected[] = {
-        'F', 'L', 'C', 'S', 0, 1, 0, 13, 0, 0, 0, 56, 0, 0, 0, 0,
-        0,   0,   1,   2,   0, 0, 0, 0,                           // header, crc left out
-        0,   0,   0,   0,   0, 0, 0, 1,  0, 0, 0, 0,  0, 0, 0, 2, // reached, compute
-        1,   0,   0,   0,   0, 0, 0, 1,  0, 0, 0, 0,  0, 0, 0, 3, // leaving; one record; its t
-        0,   0,   0,   5,   0, 0, 0, 6,  0, 0, 0, 12};            // channel, count, length
+        'F', 'L', 'C', 'S', 0, 1, 0, 13, 0, 0, 0, 56, 0, 0, 0, 0, 0, 0, 1, 2, 0, 0, 0, 0, // header, crc left out
+        0,   0,   0,   0,   0, 0, 0, 1,  0, 0, 0, 0,  0, 0, 0, 2,                         // reached, compute
+        1,   0,   0,   0,   0, 0, 0, 1,  0, 0, 0, 0,  0, 0, 0, 3,                         // leaving; one record; its t
+        0,   0,   0,   5,   0, 0, 0, 6,  0, 0, 0, 12};                                    // channel, count, length
     ASSERT_EQ(b.size(), frame_header_size + 56);
     for (std::size_t i = 0; i < sizeof expected; i++) {
         if (i < 12 || i >= 16) {
@@ -148,9 +147,7 @@ TEST(Protocol, APayloadOfTheOtherByteOrderIsTurnedRound)
     EXPECT_EQ(std::memcmp(&sent, &got, sizeof sent), 0);
 
     payload[1] ^= std::byte{1};
-    const auto number = [&](std::size_t at, std::size_t n) {
-        std::reverse(&payload[4 + at], &payload[4 + at] + n);
-    };
+    const auto number = [&](std::size_t at, std::size_t n) { std::reverse(&payload[4 + at], &payload[4 + at] + n); };
     number(0, 8);
     number(8, 4);
     number(12, 4);
@@ -192,19 +189,17 @@ TEST(Schema, ADifferenceNamesTheField)
     EXPECT_EQ(schema_difference(offered, offered), "");
     EXPECT_EQ(schema_difference(offered, {}), "");
     EXPECT_EQ(changed("attitude error", "the same in other words"), "");
-    EXPECT_EQ(changed("[m]", "[km]"),
-              "field x is float32 [m] where it is offered and float32 [km] where it is wanted");
+    EXPECT_EQ(changed("[m]", "[km]"), "field x is float32 [m] where it is offered and float32 [km] where it is wanted");
     EXPECT_EQ(changed("float32 x", "uint32 x"),
               "field x is float32 [m] where it is offered and uint32 [m] where it is wanted");
-    EXPECT_EQ(
-        changed("(3, 3)", "(9)"),
-        "field P is float64 (3, 3) [N m s] where it is offered and float64 (9) [N m s] where it is wanted");
+    EXPECT_EQ(changed("(3, 3)", "(9)"),
+              "field P is float64 (3, 3) [N m s] where it is offered and float64 (9) [N m s] where it is wanted");
     EXPECT_EQ(changed("float32 x  # x [m]\n", ""), "field x is not there where it is wanted");
     EXPECT_EQ(changed("float32 x  # x [m]\n", "float32 x  # x [m]\nfloat64 y\n"),
               "field y is not there where it is offered");
-    EXPECT_EQ(changed("int32 mode  # mode {OFF=0, ON=1}\nfloat32 x  # x [m]\n",
-                      "float32 x  # x [m]\nint32 mode  # mode\n"),
-              "field x is at another place where it is offered");
+    EXPECT_EQ(
+        changed("int32 mode  # mode {OFF=0, ON=1}\nfloat32 x  # x [m]\n", "float32 x  # x [m]\nint32 mode  # mode\n"),
+        "field x is at another place where it is offered");
     EXPECT_EQ(schema_difference(offered, make_schema("Other", error_text)),
               "it is a AttError where it is offered and a Other where it is wanted");
 }
@@ -220,10 +215,8 @@ TEST(Schema, ABadDefinitionIsRefusedWithItsLine)
         return "";
     };
     EXPECT_EQ(refusal(""), "the definition has no fields");
-    EXPECT_EQ(refusal("int32 a\nfloat64 b\n"),
-              "line 2: padding would be needed before this field, found \"b\"");
-    EXPECT_EQ(refusal("string s\n"),
-              "line 1: this type is not of fixed size or not defined here, found \"string\"");
+    EXPECT_EQ(refusal("int32 a\nfloat64 b\n"), "line 2: padding would be needed before this field, found \"b\"");
+    EXPECT_EQ(refusal("string s\n"), "line 1: this type is not of fixed size or not defined here, found \"string\"");
     EXPECT_EQ(refusal("int32[] a\n"), "line 1: expected an array of fixed size, found \"int32[] a\"");
     EXPECT_EQ(refusal("int32[0] a\n"), "line 1: expected an array of fixed size, found \"int32[0] a\"");
     EXPECT_EQ(refusal("int32 a b\n"), "line 1: expected \"<type> <name>\" of fixed size, found \"int32 a b\"");
@@ -232,8 +225,7 @@ TEST(Schema, ABadDefinitionIsRefusedWithItsLine)
     const std::string rule(80, '=');
     EXPECT_EQ(refusal("p/A a\n" + rule + "\nMSG: p/A\np/A a\n"),
               "line 4: types are nested too deeply, or contain themselves, found \"p/A\"");
-    EXPECT_EQ(refusal("p/A[4000000000] a\n" + rule + "\nMSG: p/A\n"),
-              "line 1: this type has no fields, found \"p/A\"");
+    EXPECT_EQ(refusal("p/A[4000000000] a\n" + rule + "\nMSG: p/A\n"), "line 1: this type has no fields, found \"p/A\"");
     EXPECT_EQ(refusal("p/A[4000000000] a\n" + rule + "\nMSG: p/A\nint8 x\n"),
               "line 4: the message is too large, found \"a[65536].x\"");
     EXPECT_EQ(refusal(rule + "\nnonsense\n"), "line 2: expected \"MSG: <a new type>\", found \"nonsense\"");

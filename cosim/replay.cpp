@@ -60,8 +60,7 @@ Tock Player::tick(const Tick &tick)
     for (const auto &[channel, i] : offered_) {
         const Part::Topic &topic = part_.topics[i];
         for (std::size_t &k = next_[i]; k < topic.times.size() && topic.times[k] <= tick.until; k++) {
-            tock.records.push_back(
-                {channel, static_cast<std::uint32_t>(k + 1), topic.times[k], topic.payloads[k]});
+            tock.records.push_back({channel, static_cast<std::uint32_t>(k + 1), topic.times[k], topic.payloads[k]});
         }
     }
     return tock;
@@ -77,9 +76,7 @@ std::vector<Want> Listener::desired()
 }
 
 Replay::Replay(zmq::context_t &context, ReplayConfig config, RouterConfig router)
-    : config_(std::move(config)),
-      listener_(config_.topics),
-      players_(config_.others.begin(), config_.others.end()),
+    : config_(std::move(config)), listener_(config_.topics), players_(config_.others.begin(), config_.others.end()),
       record_(config_.record, controller_of(config_)),
       router_(context, controller_of(config_), recording(std::move(router), record_))
 {

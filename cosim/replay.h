@@ -16,8 +16,8 @@ struct Part {
     struct Topic {
         std::string name;
         Schema schema;
-        Bytes initial;              ///< payload
-        std::vector<Ns> times;      ///< of writing, ascending
+        Bytes initial;         ///< payload
+        std::vector<Ns> times; ///< of writing, ascending
         std::vector<Bytes> payloads;
     };
     std::string node;
@@ -40,7 +40,7 @@ public:
 
 private:
     const Part &part_;
-    std::vector<std::size_t> next_; ///< what each topic says next
+    std::vector<std::size_t> next_;                              ///< what each topic says next
     std::vector<std::pair<std::uint32_t, std::size_t>> offered_; ///< channel, topic
 };
 
@@ -60,7 +60,7 @@ private:
 };
 
 struct ReplayConfig {
-    std::string simulation, node;    ///< which is replayed
+    std::string simulation, node; ///< which is replayed
     std::uint64_t seed = 0;
     Ns end = 0;
     std::vector<Part> others;        ///< all others that took part

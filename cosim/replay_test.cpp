@@ -150,8 +150,7 @@ public:
     std::string file(const std::string &name) const { return path / name; }
 
 private:
-    std::filesystem::path path =
-        std::filesystem::temp_directory_path() / ("fledge-replay-" + std::to_string(getpid()));
+    std::filesystem::path path = std::filesystem::temp_directory_path() / ("fledge-replay-" + std::to_string(getpid()));
 };
 
 void fly(Memory &memory)

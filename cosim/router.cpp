@@ -35,13 +35,9 @@ ControllerConfig telling(ControllerConfig config, bool tell, bool paced)
 } // namespace
 
 Router::Router(zmq::context_t &context, ControllerConfig controller, RouterConfig config)
-    : context_(context),
-      config_(std::move(config)),
-      simulation_(controller.simulation),
-      controller_(telling(with_broker(controller), config_.broker || !config_.witnesses.empty(),
-                          config_.pace > 0.0)),
-      lobby_(context, zmq::socket_type::router),
-      nodes_(controller.nodes.size())
+    : context_(context), config_(std::move(config)), simulation_(controller.simulation),
+      controller_(telling(with_broker(controller), config_.broker || !config_.witnesses.empty(), config_.pace > 0.0)),
+      lobby_(context, zmq::socket_type::router), nodes_(controller.nodes.size())
 {
     for (const NodeConfig &node : controller.nodes) {
         names_.push_back(node.name);
@@ -355,8 +351,7 @@ void Router::answer_attaching()
 void Router::hear_programs()
 {
     for (const Broker::Written &written : broker_->take()) {
-        if (const std::string why = controller_.inject(written.program, written.topic, written.payload);
-            !why.empty()) {
+        if (const std::string why = controller_.inject(written.program, written.topic, written.payload); !why.empty()) {
             broker_->refuse(written.program + " writes " + written.topic + ": " + why);
         }
     }
@@ -380,8 +375,7 @@ void Router::reply(std::span<const std::byte> peer, const Message &message)
 {
     const Bytes bytes = encode({1, message});
     // One that has gone meanwhile gets nothing: libzmq drops it.
-    (void)lobby_.send(zmq::buffer(peer.data(), peer.size()),
-                      zmq::send_flags::sndmore | zmq::send_flags::dontwait);
+    (void)lobby_.send(zmq::buffer(peer.data(), peer.size()), zmq::send_flags::sndmore | zmq::send_flags::dontwait);
     (void)lobby_.send(zmq::buffer(bytes), zmq::send_flags::dontwait);
     lobby_unsure_ = true;
 }
@@ -597,8 +591,8 @@ void Router::look_at_clock(const std::function<bool()> &poll)
         const auto reply = config_.replies.empty() ? config_.reply : config_.replies[id];
         const auto most = controller_.finishing() ? config_.finish : reply;
         if (controller_.waiting_for(id) && most.count() && looked_ - nodes_[id].asked >= most) {
-            controller_.lost(id, "it did not answer within " +
-                                     sim::format_time(std::chrono::nanoseconds(most).count()));
+            controller_.lost(id,
+                             "it did not answer within " + sim::format_time(std::chrono::nanoseconds(most).count()));
         }
     }
     if (poll && !poll()) {

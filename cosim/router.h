@@ -24,18 +24,18 @@
 namespace fledge::cosim {
 
 struct RouterConfig {
-    std::string address;        ///< where nodes greet; of a TCP port "*", any free one
-    std::string keys;           ///< a folder (keys.h): only programs whose keys are there are let in
+    std::string address;                     ///< where nodes greet; of a TCP port "*", any free one
+    std::string keys;                        ///< a folder (keys.h): only programs whose keys are there are let in
     bool unencrypted_beyond_machine = false; ///< without keys, allow an address that others can reach
-    bool broker = false;        ///< for those who watch, and for asynchronous programs (broker.h)
-    std::string frontend, backend; ///< its addresses; "": beside `address`, where there is room
-    std::chrono::milliseconds join{60'000};   ///< for all nodes to be there
-    std::chrono::milliseconds reply{60'000};  ///< for a node to answer, computing included; 0: for ever
+    bool broker = false;                     ///< for those who watch, and for asynchronous programs (broker.h)
+    std::string frontend, backend;           ///< its addresses; "": beside `address`, where there is room
+    std::chrono::milliseconds join{60'000};  ///< for all nodes to be there
+    std::chrono::milliseconds reply{60'000}; ///< for a node to answer, computing included; 0: for ever
     std::vector<std::chrono::milliseconds> replies; ///< the same, node by node; empty: `reply` for all
-    double pace = 0.0; ///< simulated seconds per second; 0: as fast as possible
-    std::chrono::milliseconds finish{5'000};  ///< for a node to answer the last request
+    double pace = 0.0;                              ///< simulated seconds per second; 0: as fast as possible
+    std::chrono::milliseconds finish{5'000};        ///< for a node to answer the last request
     Limits limits;
-    Sharing sharing = Sharing::allowed; ///< of memory, with nodes on this machine
+    Sharing sharing = Sharing::allowed;              ///< of memory, with nodes on this machine
     std::function<void(const std::string &)> report; ///< what the user should know; may be empty
     std::vector<Witness *> witnesses;                ///< that live as long as the router
 };
@@ -122,19 +122,19 @@ private:
     Controller controller_;
     zmq::socket_t lobby_;
     std::string address_;
-    std::optional<Bell> bell_;              ///< none: no memory is shared
+    std::optional<Bell> bell_; ///< none: no memory is shared
     std::vector<Place> nodes_;
-    std::optional<Pace> pace_;              ///< none: as fast as possible
+    std::optional<Pace> pace_; ///< none: as fast as possible
     Poller poller_;
-    std::chrono::nanoseconds spins_{0};     ///< so long who waits looks for frames before it sleeps
+    std::chrono::nanoseconds spins_{0}; ///< so long who waits looks for frames before it sleeps
     Spin spin_;
-    std::vector<NodeId> sharing_;           ///< who does
+    std::vector<NodeId> sharing_; ///< who does
     std::vector<NodeId> unsure_;
     std::vector<char> decisive_;
     bool lobby_unsure_ = true;
-    std::vector<Node *> hosted_;            ///< in the order of their coming
+    std::vector<Node *> hosted_;                 ///< in the order of their coming
     std::deque<std::pair<NodeId, Frame>> calls_; ///< to hosted nodes, in the order of asking
-    Bytes greeting_peer_;                   ///< libzmq's name of who is being greeted
+    Bytes greeting_peer_;                        ///< libzmq's name of who is being greeted
     unsigned opened_ = 0;
     Clock::time_point looked_;
     Clock::time_point complete_; ///< when all were there that the run needs, or it began

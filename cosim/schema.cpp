@@ -62,8 +62,7 @@ std::string_view short_name(std::string_view type)
 bool same_but_for_case(std::string_view a, std::string_view b)
 {
     const auto lower = [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; };
-    return std::equal(a.begin(), a.end(), b.begin(), b.end(),
-                      [&](char x, char y) { return lower(x) == lower(y); });
+    return std::equal(a.begin(), a.end(), b.begin(), b.end(), [&](char x, char y) { return lower(x) == lower(y); });
 }
 
 std::optional<std::uint32_t> number(std::string_view s)
@@ -141,16 +140,16 @@ private:
         }
     }
 
-    void member(const Line &line, std::string_view code, std::string_view comment, const std::string &prefix,
-                int depth, std::vector<std::string_view> &names)
+    void member(const Line &line, std::string_view code, std::string_view comment, const std::string &prefix, int depth,
+                std::vector<std::string_view> &names)
     {
         std::string_view type = take_word(code);
         const std::string_view name = take_word(code);
         std::uint32_t count = 1;
         SchemaField field;
         if (const auto bracket = type.find('['); bracket != std::string_view::npos) {
-            const auto n = type.back() == ']' ? number(type.substr(bracket + 1, type.size() - bracket - 2))
-                                              : std::nullopt;
+            const auto n =
+                type.back() == ']' ? number(type.substr(bracket + 1, type.size() - bracket - 2)) : std::nullopt;
             if (!n || !*n) {
                 fail(line.number, "expected an array of fixed size", line.text);
             }
@@ -283,8 +282,7 @@ std::string schema_difference(const Schema &offered, const Schema &wanted)
     const auto a = parse_schema(offered.text), b = parse_schema(wanted.text);
     for (std::size_t i = 0; i < std::max(a.size(), b.size()); i++) {
         if (i >= a.size() || (i < b.size() && a[i].name != b[i].name)) {
-            const bool elsewhere =
-                std::any_of(a.begin(), a.end(), [&](const auto &f) { return f.name == b[i].name; });
+            const bool elsewhere = std::any_of(a.begin(), a.end(), [&](const auto &f) { return f.name == b[i].name; });
             return "field " + b[i].name + (elsewhere ? " is at another place" : " is not there") +
                    " where it is offered";
         }
@@ -292,8 +290,8 @@ std::string schema_difference(const Schema &offered, const Schema &wanted)
             return "field " + a[i].name + " is not there where it is wanted";
         }
         if (described(a[i]) != described(b[i])) {
-            return "field " + a[i].name + " is " + described(a[i]) + " where it is offered and " +
-                   described(b[i]) + " where it is wanted";
+            return "field " + a[i].name + " is " + described(a[i]) + " where it is offered and " + described(b[i]) +
+                   " where it is wanted";
         }
     }
     return "";

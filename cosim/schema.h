@@ -37,10 +37,10 @@ Schema make_schema(std::string name, std::string text);
 
 /// A number, or an array of numbers, in memory order.
 struct SchemaField {
-    std::string name;        ///< from the message down: "head.t", "sigma_BR", "wheels[2].axis_B"
-    std::string type;        ///< "float64"
-    std::string unit;        ///< "" if none is given
-    std::string shape;       ///< "", "3", "3, 3"
+    std::string name;  ///< from the message down: "head.t", "sigma_BR", "wheels[2].axis_B"
+    std::string type;  ///< "float64"
+    std::string unit;  ///< "" if none is given
+    std::string shape; ///< "", "3", "3, 3"
     std::uint32_t offset = 0;
     std::uint32_t item = 0;  ///< bytes of one number
     std::uint32_t count = 1; ///< numbers

@@ -115,8 +115,7 @@ Bell::~Bell()
     }
 }
 
-Bell::Bell(Bell &&other) noexcept
-    : memory_(std::move(other.memory_)), called_(other.called_), nonce_(other.nonce_)
+Bell::Bell(Bell &&other) noexcept : memory_(std::move(other.memory_)), called_(other.called_), nonce_(other.nonce_)
 {
     std::swap(pipe_[0], other.pipe_[0]);
     std::swap(pipe_[1], other.pipe_[1]);
@@ -203,7 +202,7 @@ struct SharedChannel::Memory {
     Head head;
     alignas(64) std::atomic<std::uint32_t> asleep;  ///< the node is
     alignas(64) std::atomic<std::uint32_t> ignored; ///< the controller does not wait for this node
-    Lane lanes[2];                               ///< to the node, to the controller
+    Lane lanes[2];                                  ///< to the node, to the controller
     alignas(64) std::byte rings[2][ring_size];
 };
 
@@ -276,8 +275,7 @@ void SharedChannel::wait(std::chrono::milliseconds most)
     memory.asleep.store(1, std::memory_order_relaxed);
     std::atomic_thread_fence(std::memory_order_seq_cst);
     // Others of its slots' word are woken, too.
-    for (std::uint32_t calls = own_->calls(slot_);
-         !pending() && !interrupted_ && own_->sleep(slot_, calls, most);) {
+    for (std::uint32_t calls = own_->calls(slot_); !pending() && !interrupted_ && own_->sleep(slot_, calls, most);) {
         calls = own_->calls(slot_);
     }
     memory.asleep.store(0, std::memory_order_relaxed);

@@ -33,8 +33,7 @@ SharedMemory SharedMemory::create(std::size_t size)
 {
     SharedMemory memory;
     memory.fd_ = memfd_create("fledge", MFD_CLOEXEC | MFD_ALLOW_SEALING);
-    if (memory.fd_ < 0 || ftruncate(memory.fd_, static_cast<off_t>(size)) ||
-        fcntl(memory.fd_, F_ADD_SEALS, seals)) {
+    if (memory.fd_ < 0 || ftruncate(memory.fd_, static_cast<off_t>(size)) || fcntl(memory.fd_, F_ADD_SEALS, seals)) {
         fail(std::strerror(errno));
     }
     memory.map(size);
@@ -50,8 +49,8 @@ SharedMemory SharedMemory::open(const std::string &path, std::size_t size)
         fail(path + ": " + std::strerror(errno));
     }
     struct stat found {};
-    const bool fits = !fstat(looked, &found) && S_ISREG(found.st_mode) &&
-                      static_cast<std::size_t>(found.st_size) == size;
+    const bool fits =
+        !fstat(looked, &found) && S_ISREG(found.st_mode) && static_cast<std::size_t>(found.st_size) == size;
     if (fits) {
         memory.fd_ = ::open(("/proc/self/fd/" + std::to_string(looked)).c_str(), O_RDWR | O_CLOEXEC);
     }

@@ -94,10 +94,7 @@ public:
     }
 
 private:
-    static std::string topic(std::uint32_t node, const char *name)
-    {
-        return "/" + std::to_string(node) + "/" + name;
-    }
+    static std::string topic(std::uint32_t node, const char *name) { return "/" + std::to_string(node) + "/" + name; }
     static Schema schema(std::size_t size)
     {
         return make_schema("Words" + std::to_string(size),

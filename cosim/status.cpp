@@ -58,8 +58,10 @@ std::string nodes_of(const Router &router, const ControllerConfig &config)
         s += std::string(id ? "," : "") + "{\"name\":" + quoted(config.nodes[id].name) + ",\"state\":\"" +
              router.controller().state(id) + "\",\"t\":" + reached(router.controller().reached(id)) +
              ",\"ticks\":" + std::to_string(times.ticks);
-        for (const auto &[name, ns] : {std::pair{"compute", times.compute}, {"transport", times.transport},
-                                       {"wait", times.wait}, {"asked", times.asked}}) {
+        for (const auto &[name, ns] : {std::pair{"compute", times.compute},
+                                       {"transport", times.transport},
+                                       {"wait", times.wait},
+                                       {"asked", times.asked}}) {
             s += std::string(",\"") + name + "\":" + seconds(static_cast<double>(ns) * 1e-9);
         }
         s += '}';
@@ -131,16 +133,18 @@ void StatusStream::progress(const Router &router, const ControllerConfig &config
     }
     told_ = now;
     const Controller &c = router.controller();
-    write(std::string("{\"phase\":\"") + (c.running() ? "running" : c.finishing() ? "finishing" : "gathering") +
-          "\",\"wall\":" + seconds(std::chrono::duration<double>(now - begun_).count()) +
-          state_of(router, config) + "}");
+    write(std::string("{\"phase\":\"") +
+          (c.running()     ? "running"
+           : c.finishing() ? "finishing"
+                           : "gathering") +
+          "\",\"wall\":" + seconds(std::chrono::duration<double>(now - begun_).count()) + state_of(router, config) +
+          "}");
 }
 
 void StatusStream::ended(const std::string &reason, const Router &router, const ControllerConfig &config)
 {
-    write("{\"ended\":" + quoted(reason) +
-          ",\"wall\":" + seconds(std::chrono::duration<double>(Clock::now() - begun_).count()) +
-          state_of(router, config) + "}");
+    write("{\"ended\":" + quoted(reason) + ",\"wall\":" +
+          seconds(std::chrono::duration<double>(Clock::now() - begun_).count()) + state_of(router, config) + "}");
     for (int i = 0; i < 100 && !flush(); i++) { // it is the last: let it be taken
         usleep(10'000);
     }
@@ -183,8 +187,8 @@ void StatusStream::write(const std::string &line)
 bool StatusStream::flush()
 {
     while (fd_ >= 0 && !rest_.empty()) {
-        const ssize_t n = socket_ ? send(fd_, rest_.data(), rest_.size(), MSG_NOSIGNAL)
-                                  : ::write(fd_, rest_.data(), rest_.size());
+        const ssize_t n =
+            socket_ ? send(fd_, rest_.data(), rest_.size(), MSG_NOSIGNAL) : ::write(fd_, rest_.data(), rest_.size());
         if (n >= 0) {
             rest_.erase(0, static_cast<std::size_t>(n));
         } else if (errno == EAGAIN || errno == EINTR) {

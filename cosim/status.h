@@ -42,7 +42,7 @@ private:
 
     int fd_;
     bool socket_ = false, heard_end_ = false;
-    std::string rest_;  ///< of a line that was not taken whole
+    std::string rest_; ///< of a line that was not taken whole
     std::string heard_;
     Clock::time_point begun_, told_;
 };

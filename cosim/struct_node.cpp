@@ -139,8 +139,8 @@ void StructNode::start(const std::vector<Channel> &channels)
     inbox_.open(channels);
     wired_.clear();
     for (const Channel &channel : channels) {
-        const auto input = std::find_if(inputs_.begin(), inputs_.end(),
-                                        [&](const Input &i) { return i.want.topic == channel.topic; });
+        const auto input =
+            std::find_if(inputs_.begin(), inputs_.end(), [&](const Input &i) { return i.want.topic == channel.topic; });
         if (input == inputs_.end() || channel.schema.size != input->message.size()) {
             throw SchemaError(channel.topic + " has " + std::to_string(channel.schema.size) +
                               " bytes where it is written, which is not the size of the struct here");

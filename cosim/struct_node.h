@@ -33,15 +33,16 @@ public:
     void write(const std::string &topic, std::span<std::byte> message, Schema schema = {});
 
     template <class T>
-        requires(!std::is_convertible_v<T &, std::span<const std::byte>>)
-    void read(const std::string &topic, Latency latency, T &message, Schema schema = {})
+    requires(!std::is_convertible_v<T &, std::span<const std::byte>>) void read(const std::string &topic,
+                                                                                Latency latency, T &message,
+                                                                                Schema schema = {})
     {
         static_assert(std::is_trivially_copyable_v<T>);
         read(topic, latency, std::as_writable_bytes(std::span(&message, 1)), std::move(schema));
     }
     template <class T>
-        requires(!std::is_convertible_v<T &, std::span<const std::byte>>)
-    void write(const std::string &topic, T &message, Schema schema = {})
+    requires(!std::is_convertible_v<T &, std::span<const std::byte>>) void write(const std::string &topic, T &message,
+                                                                                 Schema schema = {})
     {
         static_assert(std::is_trivially_copyable_v<T>);
         write(topic, std::as_writable_bytes(std::span(&message, 1)), std::move(schema));
@@ -52,8 +53,7 @@ public:
     /// by all its steps from the beginning.
     void keep(std::span<std::byte> state) { kept_.push_back(state); }
     template <class T>
-        requires(!std::is_convertible_v<T &, std::span<const std::byte>>)
-    void keep(T &state)
+    requires(!std::is_convertible_v<T &, std::span<const std::byte>>) void keep(T &state)
     {
         static_assert(std::is_trivially_copyable_v<T>);
         keep(std::as_writable_bytes(std::span(&state, 1)));

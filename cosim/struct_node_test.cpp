@@ -50,8 +50,7 @@ Outcome fly(Ns dies, bool keeps)
     config.nodes[0].save_every = 100 * ms;
     config.end = 1000 * ms;
     RouterConfig router_config;
-    router_config.address =
-        "ipc://@fledge-struct-node-" + std::to_string(getpid()) + "-" + std::to_string(runs++);
+    router_config.address = "ipc://@fledge-struct-node-" + std::to_string(getpid()) + "-" + std::to_string(runs++);
     zmq::context_t context;
     Router router(context, config, router_config);
     Outcome outcome;

@@ -37,9 +37,9 @@ RouterConfig listening(const std::string &transport)
     const std::string name = "fledge-test-" + std::to_string(getpid()) + "-" + std::to_string(count++);
     RouterConfig config;
     config.sharing = transport == "shm" ? Sharing::required : Sharing::forbidden;
-    config.address = transport == "tcp"   ? "tcp://127.0.0.1:*"
+    config.address = transport == "tcp"      ? "tcp://127.0.0.1:*"
                      : transport != "inproc" ? "ipc://@" + name
-                                          : "inproc://" + name;
+                                             : "inproc://" + name;
     return config;
 }
 
@@ -187,9 +187,10 @@ TEST(Router, ANodeThatGoesOrHangsOrSendsGarbageEndsTheRunWithItsName)
         }
         return run.get();
     };
-    EXPECT_EQ(outcome([](Link &, zmq::context_t &, const std::string &) {}),
-              "b: it did not answer within 0.5 s");
-    EXPECT_EQ(outcome([](Link &link, zmq::context_t &, const std::string &) { link.send({7, Ready{}}); }),
+    EXPECT_EQ(outcome([](Link &, zmq::context_t &, const std::string &) {}), "b: it did not answer within 0.5 s");
+    EXPECT_EQ(outcome([](Link &link, zmq::context_t &, const std::string &) {
+                  link.send({7, Ready{}});
+              }),
               "b: it sent Ready 7; expected Initialized 1");
     EXPECT_EQ(outcome([](Link &link, zmq::context_t &other, const std::string &) {
                   Link gone = Link(other, {});
@@ -212,8 +213,8 @@ TEST(Router, WhatCannotBeIsSaidAtOnce)
         return "";
     };
     Router first(context, two_nodes(1000), listening("tcp"));
-    EXPECT_EQ(refusal(first.address()), "cannot listen at " + first.address() +
-                                            ": Address already in use; is another controller running?");
+    EXPECT_EQ(refusal(first.address()),
+              "cannot listen at " + first.address() + ": Address already in use; is another controller running?");
     EXPECT_TRUE(refusal("tcp://*:*").starts_with("tcp://*:* can be reached from other machines"));
     EXPECT_TRUE(refusal("nonsense").starts_with("nonsense can be reached"));
     EXPECT_TRUE(is_local("tcp://127.0.0.1:7") && is_local("ipc://@x") && !is_local("tcp://10.0.0.1:7"));
@@ -352,8 +353,7 @@ TEST(SharedMemory, ANodeThatScribblesInItIsShutOut)
             std::ifstream maps("/proc/self/maps");
             for (std::string line; std::getline(maps, line);) {
                 std::uintptr_t from = 0, to = 0;
-                if (line.find("/memfd:fledge") != line.npos &&
-                    std::sscanf(line.c_str(), "%zx-%zx", &from, &to) == 2) {
+                if (line.find("/memfd:fledge") != line.npos && std::sscanf(line.c_str(), "%zx-%zx", &from, &to) == 2) {
                     std::memset(reinterpret_cast<void *>(from), 0x5a, to - from);
                 }
             }
@@ -400,8 +400,12 @@ TEST(SharedMemory, IsUsedWhereBothSidesHaveIt)
         return delegates.starts_with("no shared memory") ? delegates : routers;
     };
     using enum Sharing;
-    for (const auto &[controllers, nodes] : {std::pair{allowed, allowed}, {allowed, forbidden}, {allowed, required},
-                                             {forbidden, allowed}, {forbidden, forbidden}, {required, allowed},
+    for (const auto &[controllers, nodes] : {std::pair{allowed, allowed},
+                                             {allowed, forbidden},
+                                             {allowed, required},
+                                             {forbidden, allowed},
+                                             {forbidden, forbidden},
+                                             {required, allowed},
                                              {required, required}}) {
         EXPECT_EQ(reason(controllers, nodes), "");
     }

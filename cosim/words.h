@@ -12,10 +12,9 @@
 
 namespace fledge::cosim {
 
-inline constexpr std::pair<std::string_view, Latency> latency_words[] = {
-    {"same_instant", Latency::same_instant},
-    {"next_instant", Latency::next_instant},
-    {"next_exchange", Latency::next_exchange}};
+inline constexpr std::pair<std::string_view, Latency> latency_words[] = {{"same_instant", Latency::same_instant},
+                                                                         {"next_instant", Latency::next_instant},
+                                                                         {"next_exchange", Latency::next_exchange}};
 
 inline constexpr std::pair<std::string_view, Policy> policy_words[] = {{"abort", Policy::abort},
                                                                        {"pause", Policy::pause},
@@ -23,9 +22,8 @@ inline constexpr std::pair<std::string_view, Policy> policy_words[] = {{"abort",
                                                                        {"drop", Policy::drop},
                                                                        {"restart", Policy::restart}};
 
-inline constexpr std::pair<std::string_view, Sharing> sharing_words[] = {{"allowed", Sharing::allowed},
-                                                                         {"forbidden", Sharing::forbidden},
-                                                                         {"required", Sharing::required}};
+inline constexpr std::pair<std::string_view, Sharing> sharing_words[] = {
+    {"allowed", Sharing::allowed}, {"forbidden", Sharing::forbidden}, {"required", Sharing::required}};
 
 /// The choice that a word means, if it means one.
 template <class T, std::size_t N>
@@ -39,8 +37,7 @@ std::optional<T> meant_by(const std::pair<std::string_view, T> (&words)[N], std:
     return std::nullopt;
 }
 
-template <class T, std::size_t N>
-std::string_view word_for(const std::pair<std::string_view, T> (&words)[N], T choice)
+template <class T, std::size_t N> std::string_view word_for(const std::pair<std::string_view, T> (&words)[N], T choice)
 {
     for (const auto &[word, known] : words) {
         if (known == choice) {

@@ -125,7 +125,7 @@ class Field:
     clauses: frozenset[str] = frozenset()  # of required, optional, assumed, non-zero, inertia
     bounds: Bounds | None = None
     count: str | None = None    # the field that says how many leading rows count
-    distinct: str | None = None # the other input whose content this one's must differ from
+    distinct: str | None = None  # the other input whose content this one's must differ from
     doc: str = ""
     struct: Struct | None = None      # Type.STRUCT
     enum: Enumeration | None = None   # Type.ENUM

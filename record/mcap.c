@@ -351,8 +351,7 @@ static void put_schema(McapWriter *w, uint16_t id)
 
 static uint64_t channel_size(const McapChannel *c)
 {
-    return 2u + 2u + text_size(c->topic) + text_size(MESSAGE_ENCODING) + 4u +
-           pairs_size(c->metadata, c->n_metadata);
+    return 2u + 2u + text_size(c->topic) + text_size(MESSAGE_ENCODING) + 4u + pairs_size(c->metadata, c->n_metadata);
 }
 
 static void put_channel(McapWriter *w, uint16_t id)
@@ -371,11 +370,9 @@ static void put_channel(McapWriter *w, uint16_t id)
 static bool config_valid(const McapConfig *c)
 {
     return c->write != NULL && (c->schemas != NULL || c->schemas_max == 0u) &&
-           (c->channels != NULL || c->channels_max == 0u) &&
-           (c->index != NULL || c->index_size == 0u) &&
+           (c->channels != NULL || c->channels_max == 0u) && (c->index != NULL || c->index_size == 0u) &&
            (c->chunk_size == 0u ||
-            (c->chunk != NULL && c->chunk_size >= MCAP_CHUNK_MIN &&
-             c->chunk_size <= MCAP_CHUNK_MAX));
+            (c->chunk != NULL && c->chunk_size >= MCAP_CHUNK_MIN && c->chunk_size <= MCAP_CHUNK_MAX));
 }
 
 McapStatus mcap_open(McapWriter *w, const McapConfig *config)
@@ -433,14 +430,13 @@ McapStatus mcap_add_schema(McapWriter *w, const char *name, const char *text, ui
     return w->status;
 }
 
-McapStatus mcap_add_channel(McapWriter *w, const char *topic, uint16_t schema, McapOrder order,
-                            const McapPair *pairs, size_t n, uint16_t *id)
+McapStatus mcap_add_channel(McapWriter *w, const char *topic, uint16_t schema, McapOrder order, const McapPair *pairs,
+                            size_t n, uint16_t *id)
 {
     if (w->status != MCAP_OK) {
         return w->status;
     }
-    if (topic == NULL || id == NULL || schema == 0u || schema > w->n_schemas ||
-        !pairs_valid(pairs, n)) {
+    if (topic == NULL || id == NULL || schema == 0u || schema > w->n_schemas || !pairs_valid(pairs, n)) {
         return MCAP_BAD_ARGUMENT;
     }
     for (uint16_t i = 0; i < w->n_channels; i++) {
@@ -452,8 +448,7 @@ McapStatus mcap_add_channel(McapWriter *w, const char *topic, uint16_t schema, M
         return MCAP_FULL;
     }
     McapChannel channel = {.topic = topic, .metadata = pairs, .n_metadata = n, .schema = schema};
-    channel.little_endian = order == MCAP_ORDER_LITTLE ||
-                            (order == MCAP_ORDER_NATIVE && little_endian_machine());
+    channel.little_endian = order == MCAP_ORDER_LITTLE || (order == MCAP_ORDER_NATIVE && little_endian_machine());
     if (chunked(w)) {
         McapStatus status = make_room(w, PREFIX + channel_size(&channel));
         if (status != MCAP_OK) {
@@ -489,8 +484,7 @@ static void add_entry(McapWriter *w, McapChannel *channel, uint64_t t)
     w->chunk_messages++;
 }
 
-McapStatus mcap_message(McapWriter *w, uint16_t channel, int64_t t_ns, uint32_t sequence,
-                        const void *bytes, size_t n)
+McapStatus mcap_message(McapWriter *w, uint16_t channel, int64_t t_ns, uint32_t sequence, const void *bytes, size_t n)
 {
     if (w->status != MCAP_OK) {
         return w->status;
@@ -596,8 +590,7 @@ static void put_statistics(McapWriter *w)
 /* The summary's records, one group per operation code, and the offsets of the groups. */
 static void put_summary(McapWriter *w)
 {
-    static const uint8_t GROUPS[5] = {OP_SCHEMA, OP_CHANNEL, OP_STATISTICS, OP_CHUNK_INDEX,
-                                      OP_METADATA_INDEX};
+    static const uint8_t GROUPS[5] = {OP_SCHEMA, OP_CHANNEL, OP_STATISTICS, OP_CHUNK_INDEX, OP_METADATA_INDEX};
     uint64_t begin[6];
     for (size_t g = 0; g < 5u; g++) {
         begin[g] = tell(w);
@@ -612,9 +605,7 @@ static void put_summary(McapWriter *w)
                 put_channel(w, (uint16_t)(i + 1u));
             }
             break;
-        case OP_STATISTICS:
-            put_statistics(w);
-            break;
+        case OP_STATISTICS: put_statistics(w); break;
         case OP_CHUNK_INDEX:
             if (!w->index_full) {
                 put(w, w->config.index, w->index_used);

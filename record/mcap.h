@@ -85,15 +85,15 @@ typedef struct McapChannel {
 
 typedef struct McapConfig {
     McapWrite write;
-    void *user;              ///< handed to write
-    const char *profile;     ///< null: "ros2"
-    const char *library;     ///< null: "fledge"
-    McapSchema *schemas;     ///< room for schemas_max
-    McapChannel *channels;   ///< room for channels_max
-    uint8_t *chunk;          ///< room for chunk_size bytes
-    uint8_t *index;          ///< room for index_size bytes
-    size_t chunk_size;       ///< [bytes] 0: unchunked
-    size_t index_size;       ///< [bytes]
+    void *user;            ///< handed to write
+    const char *profile;   ///< null: "ros2"
+    const char *library;   ///< null: "fledge"
+    McapSchema *schemas;   ///< room for schemas_max
+    McapChannel *channels; ///< room for channels_max
+    uint8_t *chunk;        ///< room for chunk_size bytes
+    uint8_t *index;        ///< room for index_size bytes
+    size_t chunk_size;     ///< [bytes] 0: unchunked
+    size_t index_size;     ///< [bytes]
     uint16_t schemas_max;
     uint16_t channels_max;
 } McapConfig;
@@ -140,12 +140,11 @@ McapStatus mcap_add_schema(McapWriter *w, const char *name, const char *text, ui
 
 /** Declare a topic of its own name ("/flight/tracking/error"), with n key/value pairs (may be 0).
  *  Strings and pairs must live until mcap_close. */
-McapStatus mcap_add_channel(McapWriter *w, const char *topic, uint16_t schema, McapOrder order,
-                            const McapPair *pairs, size_t n, uint16_t *id);
+McapStatus mcap_add_channel(McapWriter *w, const char *topic, uint16_t schema, McapOrder order, const McapPair *pairs,
+                            size_t n, uint16_t *id);
 
 /** Record the n bytes of a message struct at the simulated time t_ns >= 0. */
-McapStatus mcap_message(McapWriter *w, uint16_t channel, int64_t t_ns, uint32_t sequence,
-                        const void *bytes, size_t n);
+McapStatus mcap_message(McapWriter *w, uint16_t channel, int64_t t_ns, uint32_t sequence, const void *bytes, size_t n);
 
 /** Record n key/value pairs about the run under a name. Keys must differ. No pointer is kept. */
 McapStatus mcap_metadata(McapWriter *w, const char *name, const McapPair *pairs, size_t n);

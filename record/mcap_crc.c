@@ -71,9 +71,8 @@ static inline uint32_t step8(const McapCrc *c, uint32_t r, const uint8_t *p)
 {
     uint32_t a = r ^ word(p);
     uint32_t b = word(p + 4);
-    return c->table[7][a & 0xFFu] ^ c->table[6][(a >> 8) & 0xFFu] ^
-           c->table[5][(a >> 16) & 0xFFu] ^ c->table[4][a >> 24] ^
-           c->table[3][b & 0xFFu] ^ c->table[2][(b >> 8) & 0xFFu] ^
+    return c->table[7][a & 0xFFu] ^ c->table[6][(a >> 8) & 0xFFu] ^ c->table[5][(a >> 16) & 0xFFu] ^
+           c->table[4][a >> 24] ^ c->table[3][b & 0xFFu] ^ c->table[2][(b >> 8) & 0xFFu] ^
            c->table[1][(b >> 16) & 0xFFu] ^ c->table[0][b >> 24];
 }
 #endif

@@ -164,8 +164,8 @@ void require(bool condition, const char *what)
 }
 
 // A Schema, Channel or (where allowed) Message record; false for any other.
-bool content_record(uint64_t op, Reader r, std::map<uint64_t, Schema> &schemas,
-                    std::map<uint64_t, Channel> &channels, std::vector<Message> *messages)
+bool content_record(uint64_t op, Reader r, std::map<uint64_t, Schema> &schemas, std::map<uint64_t, Channel> &channels,
+                    std::vector<Message> *messages)
 {
     if (op == 3) {
         uint64_t id = r.number(2);
@@ -286,8 +286,7 @@ File parse(const Bytes &bytes)
             open = false;
         } else {
             size_t before = f.messages.size();
-            require(content_record(record.op, b, f.schemas, f.channels, &f.messages),
-                    "unknown record");
+            require(content_record(record.op, b, f.schemas, f.channels, &f.messages), "unknown record");
             f.loose_messages += f.messages.size() - before;
         }
     }
@@ -311,8 +310,7 @@ File parse(const Bytes &bytes)
             require(b.number(8) == summary_start, "summary start");
             require(b.number(8) == offset_start, "summary offset start");
             const uint64_t crc_at = uint64_t(b.p - base);
-            require(b.number(4) == crc_bit_by_bit(base + summary_start, crc_at - summary_start),
-                    "summary CRC");
+            require(b.number(4) == crc_bit_by_bit(base + summary_start, crc_at - summary_start), "summary CRC");
             open = false;
             continue;
         }
@@ -441,23 +439,20 @@ Given write_run(Archive &a, int n, size_t payload_max = 120, std::function<void(
     uint16_t schema = 0;
     a.open();
     mcap_add_schema(&a.w, "fledge/msg/AttError", ERROR_TEXT, &schema);
-    mcap_add_channel(&a.w, "/flight/tracking/error", schema, MCAP_ORDER_LITTLE, ERROR_PAIRS, 2,
-                     &given.error);
+    mcap_add_channel(&a.w, "/flight/tracking/error", schema, MCAP_ORDER_LITTLE, ERROR_PAIRS, 2, &given.error);
     mcap_metadata(&a.w, "run", RUN_PAIRS, 2);
     for (int i = 0; i < n; i++) {
         if (i == n / 2) { // a channel may come late
             mcap_add_schema(&a.w, "fledge/msg/BodyTorque", TORQUE_TEXT, &schema);
-            mcap_add_channel(&a.w, "/flight/control/torque", schema, MCAP_ORDER_BIG, nullptr, 0,
-                             &given.torque);
+            mcap_add_channel(&a.w, "/flight/control/torque", schema, MCAP_ORDER_BIG, nullptr, 0, &given.torque);
         }
         bool second = given.torque != 0 && random() % 3 == 0;
         Bytes payload(random() % (payload_max + 1));
         std::generate(payload.begin(), payload.end(), [&] { return uint8_t(random()); });
         int64_t t = 1'000'000'000LL * i + int64_t(random() % 3'000'000'000);
-        mcap_message(&a.w, second ? given.torque : given.error, t, uint32_t(i), payload.data(),
-                     payload.size());
-        given.messages.push_back({second ? given.torque : given.error, uint64_t(i), uint64_t(t),
-                                  with_cdr_head(payload, !second)});
+        mcap_message(&a.w, second ? given.torque : given.error, t, uint32_t(i), payload.data(), payload.size());
+        given.messages.push_back(
+            {second ? given.torque : given.error, uint64_t(i), uint64_t(t), with_cdr_head(payload, !second)});
         if (each) {
             each(i);
         }
@@ -473,12 +468,10 @@ void expect_whole(const File &f, const Given &given, bool chunked, bool indexed)
     EXPECT_EQ(f.loose_messages, chunked ? 0 : given.messages.size());
     EXPECT_EQ(f.chunks.empty(), !chunked);
 
-    const std::map<uint64_t, Schema> schemas{
-        {1, {"fledge/msg/AttError", "ros2msg", ERROR_TEXT}},
-        {2, {"fledge/msg/BodyTorque", "ros2msg", TORQUE_TEXT}}};
+    const std::map<uint64_t, Schema> schemas{{1, {"fledge/msg/AttError", "ros2msg", ERROR_TEXT}},
+                                             {2, {"fledge/msg/BodyTorque", "ros2msg", TORQUE_TEXT}}};
     const std::map<uint64_t, Channel> channels{
-        {given.error,
-         {1, "/flight/tracking/error", "cdr", {{"instance", "tracking"}, {"task", "gnc"}}}},
+        {given.error, {1, "/flight/tracking/error", "cdr", {{"instance", "tracking"}, {"task", "gnc"}}}},
         {given.torque, {2, "/flight/control/torque", "cdr", {}}}};
     EXPECT_EQ(f.schemas, schemas);
     EXPECT_EQ(f.channels, channels);
@@ -638,8 +631,7 @@ TEST(Mcap, TheCdrHeadTellsTheByteOrder)
     }
     mcap_close(&a.w);
     File f = parse(a.file);
-    const Bytes given(reinterpret_cast<const uint8_t *>(&one),
-                      reinterpret_cast<const uint8_t *>(&one) + sizeof one);
+    const Bytes given(reinterpret_cast<const uint8_t *>(&one), reinterpret_cast<const uint8_t *>(&one) + sizeof one);
     EXPECT_EQ(f.messages[0].payload, with_cdr_head(given, given[0] == 1));
     EXPECT_EQ(f.messages[1].payload, with_cdr_head(given, true));
     EXPECT_EQ(f.messages[2].payload, with_cdr_head(given, false));
@@ -658,18 +650,13 @@ TEST(Mcap, RefusedCallsLeaveTheFileUntouched)
         const double x[1000] = {};
         const McapPair no_value[] = {{"key", nullptr}};
         EXPECT_EQ(mcap_add_schema(w, nullptr, "", &id), MCAP_BAD_ARGUMENT);
-        EXPECT_EQ(mcap_add_schema(w, "fledge/msg/AttError", "another text", &id),
-                  MCAP_BAD_ARGUMENT);
+        EXPECT_EQ(mcap_add_schema(w, "fledge/msg/AttError", "another text", &id), MCAP_BAD_ARGUMENT);
         EXPECT_EQ(mcap_add_schema(w, "fledge/msg/AttError", ERROR_TEXT, &id), MCAP_OK);
         EXPECT_EQ(id, 1);
-        EXPECT_EQ(mcap_add_channel(w, "/x", 0, MCAP_ORDER_NATIVE, nullptr, 0, &id),
-                  MCAP_BAD_ARGUMENT);
-        EXPECT_EQ(mcap_add_channel(w, "/x", 3, MCAP_ORDER_NATIVE, nullptr, 0, &id),
-                  MCAP_BAD_ARGUMENT);
-        EXPECT_EQ(mcap_add_channel(w, "/x", 1, MCAP_ORDER_NATIVE, no_value, 1, &id),
-                  MCAP_BAD_ARGUMENT);
-        EXPECT_EQ(mcap_add_channel(w, "/flight/tracking/error", 1, MCAP_ORDER_NATIVE, nullptr, 0,
-                                   &id),
+        EXPECT_EQ(mcap_add_channel(w, "/x", 0, MCAP_ORDER_NATIVE, nullptr, 0, &id), MCAP_BAD_ARGUMENT);
+        EXPECT_EQ(mcap_add_channel(w, "/x", 3, MCAP_ORDER_NATIVE, nullptr, 0, &id), MCAP_BAD_ARGUMENT);
+        EXPECT_EQ(mcap_add_channel(w, "/x", 1, MCAP_ORDER_NATIVE, no_value, 1, &id), MCAP_BAD_ARGUMENT);
+        EXPECT_EQ(mcap_add_channel(w, "/flight/tracking/error", 1, MCAP_ORDER_NATIVE, nullptr, 0, &id),
                   MCAP_BAD_ARGUMENT);
         EXPECT_EQ(mcap_message(w, 0, 0, 0, x, 8), MCAP_BAD_ARGUMENT);
         EXPECT_EQ(mcap_message(w, 3, 0, 0, x, 8), MCAP_BAD_ARGUMENT);
@@ -706,8 +693,7 @@ TEST(Mcap, AnUnusableConfigurationOpensNothing)
     auto refuses = [&](auto &&change) {
         McapConfig c = a.config();
         change(c);
-        return mcap_open(&a.w, &c) == MCAP_BAD_ARGUMENT && mcap_close(&a.w) == MCAP_CLOSED &&
-               a.file.empty();
+        return mcap_open(&a.w, &c) == MCAP_BAD_ARGUMENT && mcap_close(&a.w) == MCAP_CLOSED && a.file.empty();
     };
     EXPECT_TRUE(refuses([](McapConfig &c) { c.write = nullptr; }));
     EXPECT_TRUE(refuses([](McapConfig &c) { c.chunk = nullptr; }));

@@ -13,8 +13,7 @@ InProcess::InProcess(std::span<const RegisterBoard *const> boards, std::function
 {
     for (const RegisterBoard *board : boards) {
         memory_.emplace_back((board->size + 7) / 8);
-        windows_.push_back(register_window(
-            board, reinterpret_cast<volatile std::uint32_t *>(memory_.back().data())));
+        windows_.push_back(register_window(board, reinterpret_cast<volatile std::uint32_t *>(memory_.back().data())));
     }
 }
 
@@ -24,16 +23,14 @@ Wait InProcess::await_done(const RegisterWindow &clock, std::chrono::nanoseconds
     return register_clock_is_done(&clock) ? Wait::done : Wait::late;
 }
 
-SharedFile::SharedFile(std::span<const RegisterBoard *const> boards, const std::string &path)
-    : windows_(boards.size())
+SharedFile::SharedFile(std::span<const RegisterBoard *const> boards, const std::string &path) : windows_(boards.size())
 {
-    const RegisterFileStatus status =
-        register_file_create(&file_, path.empty() ? nullptr : path.c_str(), boards.data(),
-                             static_cast<std::uint32_t>(boards.size()), windows_.data());
+    const RegisterFileStatus status = register_file_create(&file_, path.empty() ? nullptr : path.c_str(), boards.data(),
+                                                           static_cast<std::uint32_t>(boards.size()), windows_.data());
     if (status != REGISTER_FILE_OK) {
-        throw Error("the register file " + (path.empty() ? "without a name" : path)
-                    + " cannot be made: " + register_file_status_text(status)
-                    + (file_.error ? std::string(": ") + std::strerror(file_.error) : ""));
+        throw Error("the register file " + (path.empty() ? "without a name" : path) +
+                    " cannot be made: " + register_file_status_text(status) +
+                    (file_.error ? std::string(": ") + std::strerror(file_.error) : ""));
     }
 }
 
@@ -46,15 +43,11 @@ Wait SharedFile::await_done(const RegisterWindow &clock, std::chrono::nanosecond
 {
     const auto end = std::chrono::steady_clock::now() + timeout;
     while (!register_clock_is_done(&clock)) {
-        const auto left = std::chrono::duration_cast<std::chrono::nanoseconds>(
-            end - std::chrono::steady_clock::now());
+        const auto left = std::chrono::duration_cast<std::chrono::nanoseconds>(end - std::chrono::steady_clock::now());
         switch (register_file_wait(&file_, left.count())) {
-        case REGISTER_FILE_GONE:
-            return register_clock_is_done(&clock) ? Wait::done : Wait::gone;
-        case REGISTER_FILE_TIMEOUT:
-            return register_clock_is_done(&clock) ? Wait::done : Wait::late;
-        default:
-            break;
+        case REGISTER_FILE_GONE: return register_clock_is_done(&clock) ? Wait::done : Wait::gone;
+        case REGISTER_FILE_TIMEOUT: return register_clock_is_done(&clock) ? Wait::done : Wait::late;
+        default: break;
         }
     }
     return Wait::done;

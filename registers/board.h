@@ -38,11 +38,11 @@ typedef struct RegisterDescriptor {
 /** What the outside's end of a lane does to a packet: drop `remove` bytes in front, reverse the
  *  bytes of each whole unit if both sides' orders differ, put `add` bytes in front. */
 typedef struct RegisterOutside {
-    uint16_t remove;    ///< [bytes]
-    uint16_t add;       ///< [bytes]
+    uint16_t remove;     ///< [bytes]
+    uint16_t add;        ///< [bytes]
     const uint8_t *head; ///< the bytes to add
-    uint8_t unit;       ///< [bytes] 1, 2, 4 or 8
-    uint8_t swap;       ///< 1: the orders differ
+    uint8_t unit;        ///< [bytes] 1, 2, 4 or 8
+    uint8_t swap;        ///< 1: the orders differ
 } RegisterOutside;
 
 /** A part of a word: value = offset + scale * count, of `bits` bits from `lsb` up. */
@@ -77,13 +77,13 @@ typedef struct RegisterLane {
 
 typedef struct RegisterBoard {
     const char *name;
-    uint64_t hash;       ///< of all below: both sides must have been made from one file
-    uint64_t base;       ///< where flight's processor finds it
-    uint32_t size;       ///< [bytes]
-    uint32_t big_endian; ///< the order of its words
-    uint32_t clock;      ///< address of the clock block, or REGISTER_NOWHERE
+    uint64_t hash;           ///< of all below: both sides must have been made from one file
+    uint64_t base;           ///< where flight's processor finds it
+    uint32_t size;           ///< [bytes]
+    uint32_t big_endian;     ///< the order of its words
+    uint32_t clock;          ///< address of the clock block, or REGISTER_NOWHERE
     int32_t clock_interrupt; ///< the line that a tick raises, or -1
-    uint32_t interrupts; ///< address of the interrupts' counters, or REGISTER_NOWHERE
+    uint32_t interrupts;     ///< address of the interrupts' counters, or REGISTER_NOWHERE
     uint32_t n_interrupts;
     uint32_t n_lanes;
     const RegisterLane *lanes;

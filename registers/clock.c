@@ -29,8 +29,7 @@ void register_clock_start(const RegisterWindow *w, Tick tick)
     const uint32_t clock = w->board->clock;
     store_long(w, clock + REGISTER_CLOCK_TIME, tick.t);
     store_long(w, clock + REGISTER_CLOCK_STEP, tick.dt);
-    register_store(w, clock + REGISTER_CLOCK_TICK,
-                   register_load(w, clock + REGISTER_CLOCK_TICK) + 1u);
+    register_store(w, clock + REGISTER_CLOCK_TICK, register_load(w, clock + REGISTER_CLOCK_TICK) + 1u);
     if (w->board->clock_interrupt >= 0) {
         register_raise(w, (uint32_t)w->board->clock_interrupt);
     } else {
@@ -40,8 +39,8 @@ void register_clock_start(const RegisterWindow *w, Tick tick)
 
 int register_clock_is_done(const RegisterWindow *w)
 {
-    return register_load(w, w->board->clock + REGISTER_CLOCK_DONE)
-           == register_load(w, w->board->clock + REGISTER_CLOCK_TICK);
+    return register_load(w, w->board->clock + REGISTER_CLOCK_DONE) ==
+           register_load(w, w->board->clock + REGISTER_CLOCK_TICK);
 }
 
 void register_clock_stop(const RegisterWindow *w)
@@ -62,8 +61,7 @@ int register_clock_due(const RegisterWindow *w, Tick *tick)
 
 void register_clock_finish(const RegisterWindow *w)
 {
-    register_store(w, w->board->clock + REGISTER_CLOCK_DONE,
-                   register_load(w, w->board->clock + REGISTER_CLOCK_TICK));
+    register_store(w, w->board->clock + REGISTER_CLOCK_DONE, register_load(w, w->board->clock + REGISTER_CLOCK_TICK));
     ring(w);
 }
 

@@ -19,8 +19,8 @@ TEST(Clock, ATickIsDueUntilItIsFinished)
         Tick tick;
         EXPECT_FALSE(register_clock_due(w, &tick));
         EXPECT_TRUE(register_clock_is_done(w));
-        for (std::int64_t t : {std::int64_t{0}, std::int64_t{-1}, INT64_MAX, INT64_MIN,
-                               std::int64_t{0x123456789ABCDEF0}}) {
+        for (std::int64_t t :
+             {std::int64_t{0}, std::int64_t{-1}, INT64_MAX, INT64_MIN, std::int64_t{0x123456789ABCDEF0}}) {
             register_clock_start(w, {t, ~t});
             EXPECT_FALSE(register_clock_is_done(w));
             for (int again = 0; again < 2; again++) {

@@ -11,8 +11,7 @@ namespace {
 
 RegisterField field(double scale, double offset, int lsb, int bits, bool is_signed)
 {
-    return {"f", "V", scale, offset, static_cast<std::uint8_t>(lsb),
-            static_cast<std::uint8_t>(bits), is_signed, 0};
+    return {"f", "V", scale, offset, static_cast<std::uint8_t>(lsb), static_cast<std::uint8_t>(bits), is_signed, 0};
 }
 
 TEST(Field, EveryCountComesBackAndNeighboursStay)
@@ -52,8 +51,8 @@ TEST(Field, RoundingIsOfTheNearest)
 {
     const RegisterField f = field(1, 0, 0, 8, true);
     const double just_below = std::nextafter(0.5, 0);
-    for (const auto &[value, count] : {std::pair{0.5, 1}, {-0.5, -1}, {just_below, 0},
-                                       {-just_below, 0}, {2.5, 3}, {-2.5, -3}, {126.5, 127}}) {
+    for (const auto &[value, count] :
+         {std::pair{0.5, 1}, {-0.5, -1}, {just_below, 0}, {-just_below, 0}, {2.5, 3}, {-2.5, -3}, {126.5, 127}}) {
         EXPECT_EQ(register_field_quantise(&f, value, nullptr), count) << value;
     }
 }

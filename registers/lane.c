@@ -31,13 +31,11 @@ static uint32_t slot_address(const RegisterLane *lane, uint32_t slot)
 /* Its describing word stands in the slot, or in a ring of its own. */
 static uint32_t describing_address(const RegisterLane *lane, uint32_t slot)
 {
-    return lane->descriptors == REGISTER_NOWHERE ? slot_address(lane, slot)
-                                                 : lane->descriptors + 4u * slot;
+    return lane->descriptors == REGISTER_NOWHERE ? slot_address(lane, slot) : lane->descriptors + 4u * slot;
 }
 
 /* The last word is filled up with zeros. */
-static void store_payload(const RegisterWindow *w, uint32_t address, const uint8_t *bytes,
-                          uint32_t n)
+static void store_payload(const RegisterWindow *w, uint32_t address, const uint8_t *bytes, uint32_t n)
 {
     for (uint32_t i = 0u; i < n; i += 4u) {
         uint32_t v = 0u;
@@ -103,22 +101,21 @@ static void end_writing(const RegisterWindow *w, const RegisterLane *lane, uint3
     announce(w, lane);
 }
 
-RegisterStatus register_put_two(const RegisterWindow *w, const RegisterLane *lane, const void *head,
-                                uint32_t n_head, const void *bytes, uint32_t n, uint32_t tag)
+RegisterStatus register_put_two(const RegisterWindow *w, const RegisterLane *lane, const void *head, uint32_t n_head,
+                                const void *bytes, uint32_t n, uint32_t tag)
 {
     const int variable = (lane->flags & REGISTER_VARIABLE) != 0u;
     uint32_t slot;
-    if (lane->form == REGISTER_WORD || n_head % 4u != 0u || n_head > lane->capacity
-        || n > lane->capacity - n_head || (!variable && n_head + n != lane->capacity)) {
+    if (lane->form == REGISTER_WORD || n_head % 4u != 0u || n_head > lane->capacity || n > lane->capacity - n_head ||
+        (!variable && n_head + n != lane->capacity)) {
         return REGISTER_SIZE;
     }
     if (!begin_writing(w, lane, &slot)) {
         return REGISTER_FULL;
     }
     const RegisterDescriptor *d = &lane->descriptor;
-    const uint32_t describing = placed(n_head + n, d->length_lsb, d->length_bits)
-                                | placed(tag, d->tag_lsb, d->tag_bits)
-                                | placed(1u, d->valid_lsb, d->valid_bits);
+    const uint32_t describing = placed(n_head + n, d->length_lsb, d->length_bits) |
+                                placed(tag, d->tag_lsb, d->tag_bits) | placed(1u, d->valid_lsb, d->valid_bits);
     const uint32_t address = slot_address(lane, slot);
     register_store(w, describing_address(lane, slot), describing);
     register_store(w, address + 4u, next_sequence(w, lane));
@@ -128,24 +125,23 @@ RegisterStatus register_put_two(const RegisterWindow *w, const RegisterLane *lan
     return REGISTER_OK;
 }
 
-RegisterStatus register_put(const RegisterWindow *w, const RegisterLane *lane, const void *bytes,
-                            uint32_t n, uint32_t tag)
+RegisterStatus register_put(const RegisterWindow *w, const RegisterLane *lane, const void *bytes, uint32_t n,
+                            uint32_t tag)
 {
     return register_put_two(w, lane, 0, 0u, bytes, n, tag);
 }
 
 /* What a slot holds, as far as there is room for it. */
-static RegisterStatus copy_slot(const RegisterWindow *w, const RegisterLane *lane, uint32_t slot,
-                                const Pieces *to, RegisterInfo *info)
+static RegisterStatus copy_slot(const RegisterWindow *w, const RegisterLane *lane, uint32_t slot, const Pieces *to,
+                                RegisterInfo *info)
 {
     const RegisterDescriptor *d = &lane->descriptor;
     const uint32_t address = slot_address(lane, slot) + REGISTER_SLOT_HEAD;
     const uint32_t describing = register_load(w, describing_address(lane, slot));
     info->sequence = register_load(w, address - 4u);
     info->tag = part(describing, d->tag_lsb, d->tag_bits);
-    info->n = (lane->flags & REGISTER_VARIABLE) != 0u
-                  ? part(describing, d->length_lsb, d->length_bits)
-                  : lane->capacity;
+    info->n =
+        (lane->flags & REGISTER_VARIABLE) != 0u ? part(describing, d->length_lsb, d->length_bits) : lane->capacity;
     if (info->n > lane->capacity) {
         return REGISTER_CORRUPT;
     }
@@ -158,8 +154,8 @@ static RegisterStatus copy_slot(const RegisterWindow *w, const RegisterLane *lan
     return REGISTER_OK;
 }
 
-static RegisterStatus take_latest(const RegisterWindow *w, const RegisterLane *lane,
-                                  const Pieces *to, RegisterInfo *info)
+static RegisterStatus take_latest(const RegisterWindow *w, const RegisterLane *lane, const Pieces *to,
+                                  RegisterInfo *info)
 {
     const uint32_t pair = register_load(w, lane->address + REGISTER_LATEST) & 1u;
     register_store(w, lane->address + REGISTER_READING, pair);
@@ -185,8 +181,8 @@ static void give_up(const RegisterWindow *w, const RegisterLane *lane, uint32_t 
 }
 
 /* The front of a queue, for a packet or, with `word`, for a word. */
-static RegisterStatus take_front(const RegisterWindow *w, const RegisterLane *lane,
-                                 const Pieces *to, RegisterInfo *info, uint32_t *word)
+static RegisterStatus take_front(const RegisterWindow *w, const RegisterLane *lane, const Pieces *to,
+                                 RegisterInfo *info, uint32_t *word)
 {
     const int overwrite = (lane->flags & REGISTER_OVERWRITE) != 0u;
     uint32_t taken = register_load(w, lane->address + REGISTER_TAKEN);
@@ -206,8 +202,7 @@ static RegisterStatus take_front(const RegisterWindow *w, const RegisterLane *la
             status = copy_slot(w, lane, slot, to, info);
         }
         /* The slot was written again meanwhile if taken + depth has been begun. */
-        if (overwrite
-            && register_load(w, lane->address + REGISTER_BEGUN) - taken > lane->depth) {
+        if (overwrite && register_load(w, lane->address + REGISTER_BEGUN) - taken > lane->depth) {
             give_up(w, lane, &taken, 1u);
             continue;
         }
@@ -221,8 +216,7 @@ static RegisterStatus take_front(const RegisterWindow *w, const RegisterLane *la
         if (lane->descriptors != REGISTER_NOWHERE && !overwrite) {
             const uint32_t address = describing_address(lane, slot);
             const RegisterDescriptor *d = &lane->descriptor;
-            register_store(w, address, register_load(w, address)
-                                           & ~placed(1u, d->valid_lsb, d->valid_bits));
+            register_store(w, address, register_load(w, address) & ~placed(1u, d->valid_lsb, d->valid_bits));
         }
         register_store(w, lane->address + REGISTER_TAKEN, taken + 1u);
         return REGISTER_OK;
@@ -230,26 +224,24 @@ static RegisterStatus take_front(const RegisterWindow *w, const RegisterLane *la
     return REGISTER_BUSY;
 }
 
-RegisterStatus register_take_two(const RegisterWindow *w, const RegisterLane *lane, void *head,
-                                 uint32_t n_head, void *bytes, uint32_t room, RegisterInfo *info)
+RegisterStatus register_take_two(const RegisterWindow *w, const RegisterLane *lane, void *head, uint32_t n_head,
+                                 void *bytes, uint32_t room, RegisterInfo *info)
 {
     const Pieces to = {head, n_head, bytes, room};
     *info = (RegisterInfo){0u, 0u, 0u};
     if (lane->form == REGISTER_WORD || n_head % 4u != 0u) {
         return REGISTER_SIZE;
     }
-    return (lane->flags & REGISTER_QUEUED) != 0u ? take_front(w, lane, &to, info, 0)
-                                                 : take_latest(w, lane, &to, info);
+    return (lane->flags & REGISTER_QUEUED) != 0u ? take_front(w, lane, &to, info, 0) : take_latest(w, lane, &to, info);
 }
 
-RegisterStatus register_take(const RegisterWindow *w, const RegisterLane *lane, void *bytes,
-                             uint32_t room, RegisterInfo *info)
+RegisterStatus register_take(const RegisterWindow *w, const RegisterLane *lane, void *bytes, uint32_t room,
+                             RegisterInfo *info)
 {
     return register_take_two(w, lane, 0, 0u, bytes, room, info);
 }
 
-RegisterStatus register_put_word(const RegisterWindow *w, const RegisterLane *lane, uint32_t index,
-                                 uint32_t value)
+RegisterStatus register_put_word(const RegisterWindow *w, const RegisterLane *lane, uint32_t index, uint32_t value)
 {
     uint32_t slot;
     if (lane->form != REGISTER_WORD || index >= lane->count) {
@@ -268,8 +260,7 @@ RegisterStatus register_put_word(const RegisterWindow *w, const RegisterLane *la
     return REGISTER_OK;
 }
 
-RegisterStatus register_take_word(const RegisterWindow *w, const RegisterLane *lane, uint32_t index,
-                                  uint32_t *value)
+RegisterStatus register_take_word(const RegisterWindow *w, const RegisterLane *lane, uint32_t index, uint32_t *value)
 {
     if (lane->form != REGISTER_WORD || index >= lane->count) {
         return REGISTER_SIZE;
@@ -291,8 +282,8 @@ uint32_t register_waiting(const RegisterWindow *w, const RegisterLane *lane)
     if (is_plain_word(lane)) {
         return 0u;
     }
-    const uint32_t waiting = register_load(w, lane->address + REGISTER_WRITTEN)
-                             - register_load(w, lane->address + REGISTER_TAKEN);
+    const uint32_t waiting =
+        register_load(w, lane->address + REGISTER_WRITTEN) - register_load(w, lane->address + REGISTER_TAKEN);
     const uint32_t most = (lane->flags & REGISTER_QUEUED) != 0u ? lane->depth : 1u;
     return waiting < most ? waiting : most;
 }
@@ -302,8 +293,8 @@ uint32_t register_lost(const RegisterWindow *w, const RegisterLane *lane)
     if (is_plain_word(lane)) {
         return 0u;
     }
-    return register_load(w, lane->address + REGISTER_LOST_WRITING)
-           + register_load(w, lane->address + REGISTER_LOST_READING);
+    return register_load(w, lane->address + REGISTER_LOST_WRITING) +
+           register_load(w, lane->address + REGISTER_LOST_READING);
 }
 
 /* Of each line two words: raised, handled. */
@@ -320,9 +311,7 @@ void register_raise(const RegisterWindow *w, uint32_t line)
 uint32_t register_interrupts(const RegisterWindow *w, uint32_t line)
 {
     const uint32_t address = w->board->interrupts + 8u * line;
-    return line < w->board->n_interrupts
-               ? register_load(w, address) - register_load(w, address + 4u)
-               : 0u;
+    return line < w->board->n_interrupts ? register_load(w, address) - register_load(w, address + 4u) : 0u;
 }
 
 uint32_t register_handle(const RegisterWindow *w, uint32_t line)

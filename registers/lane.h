@@ -46,32 +46,30 @@ enum {
     REGISTER_SLOTS = 20,        ///< writer, not queued: of each pair the slot written last
     REGISTER_READING = 28,      ///< reader, not queued: the pair it looks at
     REGISTER_CONTROL_SIZE = 32,
-    REGISTER_SLOT_HEAD = 8      ///< of a packet's slot: its describing word, its sequence
+    REGISTER_SLOT_HEAD = 8 ///< of a packet's slot: its describing word, its sequence
 };
 
 /** Write n bytes as a packet. The lane is a packet or message. */
-RegisterStatus register_put(const RegisterWindow *w, const RegisterLane *lane, const void *bytes,
-                            uint32_t n, uint32_t tag);
+RegisterStatus register_put(const RegisterWindow *w, const RegisterLane *lane, const void *bytes, uint32_t n,
+                            uint32_t tag);
 
 /** The same for two pieces, one behind the other. n_head is a multiple of 4. */
-RegisterStatus register_put_two(const RegisterWindow *w, const RegisterLane *lane, const void *head,
-                                uint32_t n_head, const void *bytes, uint32_t n, uint32_t tag);
+RegisterStatus register_put_two(const RegisterWindow *w, const RegisterLane *lane, const void *head, uint32_t n_head,
+                                const void *bytes, uint32_t n, uint32_t tag);
 
 /** Read a packet into `room` bytes. With REGISTER_SIZE, info->n is the room it needs. */
-RegisterStatus register_take(const RegisterWindow *w, const RegisterLane *lane, void *bytes,
-                             uint32_t room, RegisterInfo *info);
+RegisterStatus register_take(const RegisterWindow *w, const RegisterLane *lane, void *bytes, uint32_t room,
+                             RegisterInfo *info);
 
 /** The same into two pieces. A packet shorter than n_head bytes leaves the rest as it was. */
-RegisterStatus register_take_two(const RegisterWindow *w, const RegisterLane *lane, void *head,
-                                 uint32_t n_head, void *bytes, uint32_t room, RegisterInfo *info);
+RegisterStatus register_take_two(const RegisterWindow *w, const RegisterLane *lane, void *head, uint32_t n_head,
+                                 void *bytes, uint32_t room, RegisterInfo *info);
 
 /** Write a word: the one of this index of a plain lane, or at the end of a queue (index 0). */
-RegisterStatus register_put_word(const RegisterWindow *w, const RegisterLane *lane, uint32_t index,
-                                 uint32_t value);
+RegisterStatus register_put_word(const RegisterWindow *w, const RegisterLane *lane, uint32_t index, uint32_t value);
 
 /** Read a word: the one of this index of a plain lane, or from the front of a queue (index 0). */
-RegisterStatus register_take_word(const RegisterWindow *w, const RegisterLane *lane, uint32_t index,
-                                  uint32_t *value);
+RegisterStatus register_take_word(const RegisterWindow *w, const RegisterLane *lane, uint32_t index, uint32_t *value);
 
 /** How many are there to be read. Not queued: 1 if there is one not yet read. Plain words: 0. */
 uint32_t register_waiting(const RegisterWindow *w, const RegisterLane *lane);

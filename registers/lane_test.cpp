@@ -93,10 +93,7 @@ public:
         return std::exchange(fresh_, false) ? REGISTER_OK : REGISTER_SAME;
     }
 
-    std::uint32_t waiting() const
-    {
-        return kind_.flags & QUEUED ? static_cast<std::uint32_t>(sent_.size()) : fresh_;
-    }
+    std::uint32_t waiting() const { return kind_.flags & QUEUED ? static_cast<std::uint32_t>(sent_.size()) : fresh_; }
     std::uint32_t lost() const { return lost_; }
 
 private:
@@ -118,8 +115,7 @@ TEST(Lane, AnyPacketKindDoesWhatThePlainModelDoes)
         const bool variable = kind.flags & VARIABLE;
         for (int step = 0; step < 200; step++) {
             if (random() % 2) {
-                const std::size_t n = variable ? random() % (kind.capacity + 1)
-                                               : kind.capacity + (random() % 8 == 0);
+                const std::size_t n = variable ? random() % (kind.capacity + 1) : kind.capacity + (random() % 8 == 0);
                 Bytes bytes(n);
                 std::generate(bytes.begin(), bytes.end(), [&] { return random() & 0xff; });
                 const std::uint32_t tag = random() % 128;
@@ -137,8 +133,7 @@ TEST(Lane, AnyPacketKindDoesWhatThePlainModelDoes)
                     ASSERT_EQ(info.n, expected.bytes.size());
                     ASSERT_EQ(info.tag, expected.tag);
                     ASSERT_EQ(info.sequence, expected.sequence);
-                    ASSERT_TRUE(std::equal(expected.bytes.begin(), expected.bytes.end(),
-                                           bytes.begin()));
+                    ASSERT_TRUE(std::equal(expected.bytes.begin(), expected.bytes.end(), bytes.begin()));
                 } else if (status == REGISTER_SIZE) {
                     ASSERT_EQ(info.n, expected.bytes.size());
                 }
@@ -153,8 +148,8 @@ TEST(Lane, AnyPacketKindDoesWhatThePlainModelDoes)
         model.take(kind.capacity, &expected);
         EXPECT_EQ(register_lost(w, bench.lane()), model.lost());
         const unsigned char *other = bench.bytes() + bench.lane(1)->address;
-        EXPECT_TRUE(std::all_of(other, bench.bytes() + bench.board().size,
-                                [](unsigned char byte) { return byte == 0; }));
+        EXPECT_TRUE(
+            std::all_of(other, bench.bytes() + bench.board().size, [](unsigned char byte) { return byte == 0; }));
     }
 }
 
@@ -172,8 +167,7 @@ TEST(Lane, WordsAndQueuesOfWordsDoWhatThePlainModelDoes)
                     const std::uint32_t index = flags ? 0 : random() % 3;
                     std::uint32_t value = random();
                     if (random() % 2) {
-                        const RegisterStatus status =
-                            register_put_word(w, bench.lane(), index, value);
+                        const RegisterStatus status = register_put_word(w, bench.lane(), index, value);
                         const bool full = flags && queue.size() == depth;
                         const bool refused = full && !(flags & OVERWRITE);
                         ASSERT_EQ(status, refused ? REGISTER_FULL : REGISTER_OK);
@@ -185,8 +179,7 @@ TEST(Lane, WordsAndQueuesOfWordsDoWhatThePlainModelDoes)
                             plain[index] = value;
                         }
                     } else {
-                        const RegisterStatus status =
-                            register_take_word(w, bench.lane(), index, &value);
+                        const RegisterStatus status = register_take_word(w, bench.lane(), index, &value);
                         if (!flags) {
                             ASSERT_EQ(status, REGISTER_OK);
                             ASSERT_EQ(value, plain[index]);
@@ -279,11 +272,9 @@ TEST(Lane, TheWriterNeverTouchesTheSlotOfAReaderThatIsStopped)
                         register_store(w, lane->address + REGISTER_READING, pair);
                         write(second);
                         const std::uint32_t slot =
-                            2 * pair
-                            + register_load(w, lane->address + REGISTER_SLOTS + 4 * pair);
-                        const unsigned char *payload = bench.bytes() + lane->address
-                                                       + REGISTER_CONTROL_SIZE
-                                                       + slot * lane->stride + REGISTER_SLOT_HEAD;
+                            2 * pair + register_load(w, lane->address + REGISTER_SLOTS + 4 * pair);
+                        const unsigned char *payload = bench.bytes() + lane->address + REGISTER_CONTROL_SIZE +
+                                                       slot * lane->stride + REGISTER_SLOT_HEAD;
                         std::uint64_t early = 0, late = 0;
                         std::memcpy(&early, payload, 8);
                         write(third);
@@ -301,8 +292,7 @@ TEST(Lane, MemoryHoldsWordsInTheBoardsOrderAndPayloadAsItIs)
 {
     const unsigned char payload[5] = {1, 2, 3, 4, 5};
     for (bool big : {false, true}) {
-        Bench bench({{REGISTER_WORD},
-                     {REGISTER_PACKET, VARIABLE | QUEUED, 8, 2, true}}, big);
+        Bench bench({{REGISTER_WORD}, {REGISTER_PACKET, VARIABLE | QUEUED, 8, 2, true}}, big);
         register_put_word(bench.window(), bench.lane(0), 0, 0x11223344);
         register_put(bench.window(), bench.lane(1), payload, 5, 0x55);
         const unsigned char *word = bench.bytes() + bench.lane(0)->address;

@@ -29,8 +29,7 @@ void race(std::uint32_t flags, std::uint32_t capacity, std::uint32_t depth)
         std::vector<std::uint32_t> packet(capacity / 4);
         for (std::uint32_t i = 1; i <= N; i++) {
             std::fill(packet.begin(), packet.end(), i);
-            refused += register_put(bench.window(), bench.lane(), packet.data(), capacity, 0)
-                       == REGISTER_FULL;
+            refused += register_put(bench.window(), bench.lane(), packet.data(), capacity, 0) == REGISTER_FULL;
         }
         ended = true;
     });
@@ -47,8 +46,7 @@ void race(std::uint32_t flags, std::uint32_t capacity, std::uint32_t depth)
                 taken++;
                 EXPECT_GT(packet[0], last);
                 last = packet[0];
-                EXPECT_EQ(std::count(packet.begin(), packet.end(), last),
-                          static_cast<std::ptrdiff_t>(packet.size()));
+                EXPECT_EQ(std::count(packet.begin(), packet.end(), last), static_cast<std::ptrdiff_t>(packet.size()));
             }
         } while (status == REGISTER_OK || status == REGISTER_BUSY);
     }
@@ -62,8 +60,14 @@ void race(std::uint32_t flags, std::uint32_t capacity, std::uint32_t depth)
     }
 }
 
-TEST(LaneThreads, TheLastPacketIsNeverTorn) { race(0, 256, 1); }
-TEST(LaneThreads, AQueueThatRefusesLosesNothingUncounted) { race(QUEUED, 64, 8); }
+TEST(LaneThreads, TheLastPacketIsNeverTorn)
+{
+    race(0, 256, 1);
+}
+TEST(LaneThreads, AQueueThatRefusesLosesNothingUncounted)
+{
+    race(QUEUED, 64, 8);
+}
 TEST(LaneThreads, AQueueThatOverwritesLosesNothingUncounted)
 {
     race(QUEUED | OVERWRITE, 64, 8);

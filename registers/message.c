@@ -24,13 +24,13 @@ void register_message_reverse(const RegisterMessage *type, void *bytes)
 
 static int fits(const RegisterLane *lane, const RegisterMessage *type)
 {
-    return lane->form == REGISTER_MESSAGE && lane->capacity >= HEAD
-           && ((lane->flags & REGISTER_VARIABLE) != 0u ? type->size <= lane->capacity - HEAD
-                                                       : type->size == lane->capacity - HEAD);
+    return lane->form == REGISTER_MESSAGE && lane->capacity >= HEAD &&
+           ((lane->flags & REGISTER_VARIABLE) != 0u ? type->size <= lane->capacity - HEAD
+                                                    : type->size == lane->capacity - HEAD);
 }
 
-RegisterStatus register_put_message(const RegisterWindow *w, const RegisterLane *lane,
-                                    const RegisterMessage *type, const void *message)
+RegisterStatus register_put_message(const RegisterWindow *w, const RegisterLane *lane, const RegisterMessage *type,
+                                    const void *message)
 {
     const uint8_t head[HEAD] = {0u, HERE, 0u, 0u};
     if (!fits(lane, type)) {
@@ -39,17 +39,15 @@ RegisterStatus register_put_message(const RegisterWindow *w, const RegisterLane 
     return register_put_two(w, lane, head, HEAD, message, type->size, 0u);
 }
 
-RegisterStatus register_take_message(const RegisterWindow *w, const RegisterLane *lane,
-                                     const RegisterMessage *type, void *message,
-                                     RegisterInfo *info)
+RegisterStatus register_take_message(const RegisterWindow *w, const RegisterLane *lane, const RegisterMessage *type,
+                                     void *message, RegisterInfo *info)
 {
     uint8_t head[HEAD] = {0u, 0u, 0u, 0u};
     *info = (RegisterInfo){0u, 0u, 0u};
     if (!fits(lane, type)) {
         return REGISTER_SIZE;
     }
-    const RegisterStatus status =
-        register_take_two(w, lane, head, HEAD, message, type->size, info);
+    const RegisterStatus status = register_take_two(w, lane, head, HEAD, message, type->size, info);
     if (status != REGISTER_OK && status != REGISTER_SAME) {
         return status;
     }

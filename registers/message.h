@@ -35,14 +35,13 @@ typedef struct RegisterMessages {
 void register_message_reverse(const RegisterMessage *type, void *bytes);
 
 /** Write a message. REGISTER_SIZE: the lane is not for messages of this size. */
-RegisterStatus register_put_message(const RegisterWindow *w, const RegisterLane *lane,
-                                    const RegisterMessage *type, const void *message);
+RegisterStatus register_put_message(const RegisterWindow *w, const RegisterLane *lane, const RegisterMessage *type,
+                                    const void *message);
 
 /** Read a message, in this machine's byte order. It is touched only with REGISTER_OK and
  *  REGISTER_SAME, and with REGISTER_CORRUPT or REGISTER_BUSY, when it holds no message. */
-RegisterStatus register_take_message(const RegisterWindow *w, const RegisterLane *lane,
-                                     const RegisterMessage *type, void *message,
-                                     RegisterInfo *info);
+RegisterStatus register_take_message(const RegisterWindow *w, const RegisterLane *lane, const RegisterMessage *type,
+                                     void *message, RegisterInfo *info);
 
 #ifdef __cplusplus
 }

@@ -35,10 +35,9 @@ TEST(Message, EveryMessageArrivesBitForBit)
                 byte = static_cast<unsigned char>(random()); // NaNs and all
             }
             RegisterInfo info;
-            ASSERT_EQ(register_put_message(bench.window(), bench.lane(), type, sent.data()),
-                      REGISTER_OK);
-            ASSERT_EQ(register_take_message(bench.window(), bench.lane(), type, got.data(), &info),
-                      REGISTER_OK) << type->name;
+            ASSERT_EQ(register_put_message(bench.window(), bench.lane(), type, sent.data()), REGISTER_OK);
+            ASSERT_EQ(register_take_message(bench.window(), bench.lane(), type, got.data(), &info), REGISTER_OK)
+                << type->name;
             EXPECT_EQ(got, sent) << type->name;
         }
     }
@@ -91,8 +90,7 @@ TEST(Message, OfAMachineOfTheOtherOrderItIsReversed)
         std::copy(theirs.begin(), theirs.end(), packet.begin() + 4);
         register_put(bench.window(), bench.lane(), packet.data(), 4 + type->size, 0);
         RegisterInfo info;
-        ASSERT_EQ(register_take_message(bench.window(), bench.lane(), type, got.data(), &info),
-                  REGISTER_OK);
+        ASSERT_EQ(register_take_message(bench.window(), bench.lane(), type, got.data(), &info), REGISTER_OK);
         EXPECT_EQ(got, ours) << type->name;
     }
 }
@@ -104,25 +102,20 @@ TEST(Message, OnlyMessagesOfItsSizePass)
     RegisterInfo info;
     Bench small({lane_for(type->size - 8), lane_for(type->size + 8)}, false);
     for (std::size_t i : {0, 1}) {
-        EXPECT_EQ(register_put_message(small.window(), small.lane(i), type, bytes.data()),
-                  REGISTER_SIZE);
-        EXPECT_EQ(register_take_message(small.window(), small.lane(i), type, bytes.data(), &info),
-                  REGISTER_SIZE);
+        EXPECT_EQ(register_put_message(small.window(), small.lane(i), type, bytes.data()), REGISTER_SIZE);
+        EXPECT_EQ(register_take_message(small.window(), small.lane(i), type, bytes.data(), &info), REGISTER_SIZE);
     }
     // A lane of variable size takes any that fits, and a reader sees that it is another one.
     Bench any({lane_for(type->size + 8, VARIABLE | QUEUED)}, false);
     EXPECT_EQ(register_put_message(any.window(), any.lane(), type, bytes.data()), REGISTER_OK);
-    EXPECT_EQ(register_take_message(any.window(), any.lane(), type, bytes.data(), &info),
-              REGISTER_OK);
+    EXPECT_EQ(register_take_message(any.window(), any.lane(), type, bytes.data(), &info), REGISTER_OK);
     const unsigned char odd[8] = {};
     register_put(any.window(), any.lane(), odd, 8, 0);
-    EXPECT_EQ(register_take_message(any.window(), any.lane(), type, bytes.data(), &info),
-              REGISTER_CORRUPT);
+    EXPECT_EQ(register_take_message(any.window(), any.lane(), type, bytes.data(), &info), REGISTER_CORRUPT);
     Bytes head(4 + type->size);
     head[1] = 2; // no byte order
     register_put(any.window(), any.lane(), head.data(), 4 + type->size, 0);
-    EXPECT_EQ(register_take_message(any.window(), any.lane(), type, bytes.data(), &info),
-              REGISTER_CORRUPT);
+    EXPECT_EQ(register_take_message(any.window(), any.lane(), type, bytes.data(), &info), REGISTER_CORRUPT);
 }
 
 } // namespace

@@ -33,8 +33,8 @@ std::size_t LaneEnd::field(std::string_view name) const
         }
         names.push_back(lane_->fields[i].name);
     }
-    throw Error("lane " + std::string(lane_->name) + " has no field `" + std::string(name)
-                + "`; choose of: " + listed(names));
+    throw Error("lane " + std::string(lane_->name) + " has no field `" + std::string(name) +
+                "`; choose of: " + listed(names));
 }
 
 RegisterStatus LaneEnd::count(RegisterStatus status)
@@ -56,8 +56,7 @@ void LaneEnd::swap_units(std::byte *bytes, std::size_t n) const
 RegisterStatus LaneWriter::put(std::span<const std::byte> packet, std::uint32_t tag)
 {
     const RegisterOutside &outside = lane_->outside;
-    if (packet.size() < outside.remove
-        || packet.size() - outside.remove + outside.add > lane_->capacity) {
+    if (packet.size() < outside.remove || packet.size() - outside.remove + outside.add > lane_->capacity) {
         return count(REGISTER_SIZE);
     }
     const std::size_t n = packet.size() - outside.remove;
@@ -65,8 +64,7 @@ RegisterStatus LaneWriter::put(std::span<const std::byte> packet, std::uint32_t 
     std::copy_n(reinterpret_cast<const std::byte *>(outside.head), outside.add, scratch_.data());
     std::copy_n(packet.data() + outside.remove, n, payload);
     swap_units(payload, n);
-    return count(register_put(window_, lane_, scratch_.data(),
-                              static_cast<std::uint32_t>(outside.add + n), tag));
+    return count(register_put(window_, lane_, scratch_.data(), static_cast<std::uint32_t>(outside.add + n), tag));
 }
 
 RegisterStatus LaneWriter::put_word(std::uint32_t value, std::uint32_t index)
@@ -98,8 +96,7 @@ RegisterStatus LaneReader::take(std::span<const std::byte> &packet, RegisterInfo
     const RegisterOutside &outside = lane_->outside;
     std::byte *payload = scratch_.data() + outside.add;
     packet = {};
-    const RegisterStatus status =
-        count(register_take(window_, lane_, payload, lane_->capacity, &info));
+    const RegisterStatus status = count(register_take(window_, lane_, payload, lane_->capacity, &info));
     if (status != REGISTER_OK && status != REGISTER_SAME) {
         return status;
     }
@@ -120,8 +117,7 @@ RegisterStatus LaneReader::take_word(std::uint32_t &value, std::uint32_t index)
     return count(register_take_word(window_, lane_, index, &value));
 }
 
-RegisterStatus LaneReader::take_message(const RegisterMessage &type, void *message,
-                                        RegisterInfo &info)
+RegisterStatus LaneReader::take_message(const RegisterMessage &type, void *message, RegisterInfo &info)
 {
     return count(register_take_message(window_, lane_, &type, message, &info));
 }
@@ -158,8 +154,7 @@ const RegisterWindow &Outside::window(std::string_view board) const
     throw Error("there is no board `" + std::string(board) + "`; choose of: " + listed(names));
 }
 
-const RegisterLane &Outside::lane(std::string_view board, std::string_view name,
-                                  bool from_flight) const
+const RegisterLane &Outside::lane(std::string_view board, std::string_view name, bool from_flight) const
 {
     const RegisterBoard &b = *window(board).board;
     std::vector<std::string> names;
@@ -171,8 +166,8 @@ const RegisterLane &Outside::lane(std::string_view board, std::string_view name,
             names.push_back(b.lanes[i].name);
         }
     }
-    throw Error("board " + std::string(board) + " has no lane `" + std::string(name) + "` that "
-                + "flight " + (from_flight ? "writes" : "reads") + "; choose of: " + listed(names));
+    throw Error("board " + std::string(board) + " has no lane `" + std::string(name) + "` that " + "flight " +
+                (from_flight ? "writes" : "reads") + "; choose of: " + listed(names));
 }
 
 LaneWriter Outside::writer(std::string_view board, std::string_view name) const

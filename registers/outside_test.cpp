@@ -25,8 +25,8 @@ using namespace fledge::registers;
 using fledge::registers::testing::allocations;
 using namespace std::chrono_literals;
 
-constexpr std::array<const RegisterBoard *, 4> BOARDS = {&single_board_computer, &io_board_a,
-                                                         &io_board_b, &solid_state_recorder};
+constexpr std::array<const RegisterBoard *, 4> BOARDS = {&single_board_computer, &io_board_a, &io_board_b,
+                                                         &solid_state_recorder};
 enum { SBC, IOA, IOB, SSR };
 
 template <std::size_t N> std::span<const std::byte> bytes(const std::uint8_t (&v)[N])
@@ -80,8 +80,7 @@ TEST_F(OutsideTest, CountsOfAConverterAgreeWithinTheirQuantisation)
 TEST_F(OutsideTest, HeadersAreRemovedAndAddedAndUnitsSwapped)
 {
     LaneWriter wheels = outside_.writer("io_board_a", "wheel_telemetry");
-    const std::uint8_t from_bus[] = {0xEB, 0x90, 7, 1, 2,  3,  4,  5,  6, 7,
-                                     8,    9,    10, 11, 12, 13, 14, 15, 16};
+    const std::uint8_t from_bus[] = {0xEB, 0x90, 7, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16};
     ASSERT_EQ(wheels.put(bytes(from_bus)), REGISTER_OK);
     std::uint8_t got[64];
     RegisterInfo info;
@@ -99,8 +98,7 @@ TEST_F(OutsideTest, HeadersAreRemovedAndAddedAndUnitsSwapped)
     const std::uint8_t reply[] = {9, 8, 7};
     ASSERT_EQ(replies.put(bytes(reply)), REGISTER_OK);
     ASSERT_EQ(io_board_b_power_unit_take(window(IOB), got, sizeof got, &info), REGISTER_OK);
-    EXPECT_EQ(std::vector<std::uint8_t>(got, got + info.n),
-              (std::vector<std::uint8_t>{0x50, 0x43, 9, 8, 7}));
+    EXPECT_EQ(std::vector<std::uint8_t>(got, got + info.n), (std::vector<std::uint8_t>{0x50, 0x43, 9, 8, 7}));
     const std::uint8_t command[] = {0x50, 0x43, 1, 2};
     ASSERT_EQ(io_board_b_power_unit_put(window(IOB), command, 4, 3), REGISTER_OK);
     std::span<const std::byte> packet;
@@ -207,10 +205,9 @@ TEST_F(OutsideTest, AWrongNameIsToldTheRightOnes)
               "lane sun_sensor has no field `volts`; choose of: current, saturated");
     const RegisterBoard *clockless[] = {&io_board_a};
     InProcess backend(clockless, [] {});
-    EXPECT_EQ(message([&] { Outside outside(backend); }),
-              "no board has a clock; give one of them a [clock]");
-    EXPECT_NE(message([&] { fledge::registers::SharedFile(clockless, "/nowhere/at/all"); })
-                  .find("No such file"), std::string::npos);
+    EXPECT_EQ(message([&] { Outside outside(backend); }), "no board has a clock; give one of them a [clock]");
+    EXPECT_NE(message([&] { fledge::registers::SharedFile(clockless, "/nowhere/at/all"); }).find("No such file"),
+              std::string::npos);
 }
 
 TEST(OutsideSharedFile, FlightInAnotherProcessAnswersAndItsEndIsSeen)
@@ -228,8 +225,7 @@ TEST(OutsideSharedFile, FlightInAnotherProcessAnswersAndItsEndIsSeen)
         for (int ticks = 0; ticks < 50;) {
             Tick tick;
             if (register_clock_due(&w[SBC], &tick)) {
-                single_board_computer_mode_set_word(&w[SBC],
-                                                    single_board_computer_mode_word(&w[SBC]) + 1);
+                single_board_computer_mode_set_word(&w[SBC], single_board_computer_mode_word(&w[SBC]) + 1);
                 register_clock_finish(&w[SBC]);
                 ticks++;
             } else if (register_file_wait(&file, 20'000'000'000) != REGISTER_FILE_RANG) {

@@ -84,8 +84,7 @@ static int head_is(const volatile uint32_t *words, const void *bytes)
     uint32_t v[2];
     memcpy(v, bytes, sizeof v);
     /* The second word is stored last. */
-    return __atomic_load_n(&words[1], __ATOMIC_SEQ_CST) == v[1]
-           && __atomic_load_n(&words[0], __ATOMIC_SEQ_CST) == v[0];
+    return __atomic_load_n(&words[1], __ATOMIC_SEQ_CST) == v[1] && __atomic_load_n(&words[0], __ATOMIC_SEQ_CST) == v[0];
 }
 
 /* Each side locks the byte of its number. */
@@ -123,8 +122,7 @@ static void ring(void *user, uint32_t line)
 #endif
 }
 
-static void make_windows(RegisterFile *f, const RegisterBoard *const *boards, uint32_t n,
-                         RegisterWindow *windows)
+static void make_windows(RegisterFile *f, const RegisterBoard *const *boards, uint32_t n, RegisterWindow *windows)
 {
     size_t at = HEAD_WORDS * 4u;
     for (uint32_t i = 0u; i < n; i++) {
@@ -199,9 +197,8 @@ static RegisterFileStatus open_new(RegisterFile *f, const char *path)
     return REGISTER_FILE_OK;
 }
 
-RegisterFileStatus register_file_create(RegisterFile *f, const char *path,
-                                        const RegisterBoard *const *boards, uint32_t n,
-                                        RegisterWindow *windows)
+RegisterFileStatus register_file_create(RegisterFile *f, const char *path, const RegisterBoard *const *boards,
+                                        uint32_t n, RegisterWindow *windows)
 {
     uint8_t hash[8];
     const size_t size = size_of(boards, n);
@@ -234,9 +231,8 @@ static int inherited(const char *path)
     return (int)strtol(path + sizeof prefix - 1u, NULL, 10);
 }
 
-RegisterFileStatus register_file_attach(RegisterFile *f, const char *path,
-                                        const RegisterBoard *const *boards, uint32_t n,
-                                        RegisterWindow *windows)
+RegisterFileStatus register_file_attach(RegisterFile *f, const char *path, const RegisterBoard *const *boards,
+                                        uint32_t n, RegisterWindow *windows)
 {
     const int given = inherited(path);
     const size_t size = size_of(boards, n);
@@ -268,8 +264,7 @@ RegisterFileStatus register_file_attach(RegisterFile *f, const char *path,
         return fail(f, REGISTER_FILE_OTHER);
     }
     if (lock(f->fd, PEER) != 0) {
-        return fail(f, errno == EACCES || errno == EAGAIN ? REGISTER_FILE_IN_USE
-                                                          : REGISTER_FILE_FAILED);
+        return fail(f, errno == EACCES || errno == EAGAIN ? REGISTER_FILE_IN_USE : REGISTER_FILE_FAILED);
     }
     if (given >= 0) {
         (void)close(given);
@@ -285,8 +280,7 @@ RegisterFileStatus register_file_attach(RegisterFile *f, const char *path,
 void register_file_close(RegisterFile *f)
 {
     const int error = f->error;
-    if (f->path[0] != '\0'
-        && (f->map == NULL || __atomic_load_n(&f->map[ATTACHED], __ATOMIC_SEQ_CST) == 0u)) {
+    if (f->path[0] != '\0' && (f->map == NULL || __atomic_load_n(&f->map[ATTACHED], __ATOMIC_SEQ_CST) == 0u)) {
         (void)unlink(f->path);
     }
     if (f->map != NULL) {
@@ -301,8 +295,8 @@ void register_file_close(RegisterFile *f)
 
 int register_file_peer_lives(const RegisterFile *f)
 {
-    return __atomic_load_n(&f->map[ATTACHED], __ATOMIC_SEQ_CST) != 0u
-           && is_locked(f->fd, f->side == CREATOR ? PEER : CREATOR);
+    return __atomic_load_n(&f->map[ATTACHED], __ATOMIC_SEQ_CST) != 0u &&
+           is_locked(f->fd, f->side == CREATOR ? PEER : CREATOR);
 }
 
 static int64_t now_ns(void)
@@ -347,31 +341,22 @@ RegisterFileStatus register_file_wait(RegisterFile *f, int64_t timeout_ns)
             return REGISTER_FILE_TIMEOUT;
         }
         sleep_while(bell, rung, left < LOOK_NS ? left : LOOK_NS);
-        gone = __atomic_load_n(bell, __ATOMIC_SEQ_CST) == f->seen
-               && __atomic_load_n(&f->map[ATTACHED], __ATOMIC_SEQ_CST) != 0u
-               && !register_file_peer_lives(f);
+        gone = __atomic_load_n(bell, __ATOMIC_SEQ_CST) == f->seen &&
+               __atomic_load_n(&f->map[ATTACHED], __ATOMIC_SEQ_CST) != 0u && !register_file_peer_lives(f);
     }
 }
 
 const char *register_file_status_text(RegisterFileStatus status)
 {
     switch (status) {
-    case REGISTER_FILE_OK:
-        return "ok";
-    case REGISTER_FILE_RANG:
-        return "the other side rang";
-    case REGISTER_FILE_TIMEOUT:
-        return "the other side did not ring in time";
-    case REGISTER_FILE_GONE:
-        return "the other side has ended";
-    case REGISTER_FILE_NOT_YET:
-        return "the file is not there yet";
-    case REGISTER_FILE_IN_USE:
-        return "another process uses the file";
-    case REGISTER_FILE_OTHER:
-        return "the file is of other boards or of another version";
-    case REGISTER_FILE_FAILED:
-        return "the system refused";
+    case REGISTER_FILE_OK: return "ok";
+    case REGISTER_FILE_RANG: return "the other side rang";
+    case REGISTER_FILE_TIMEOUT: return "the other side did not ring in time";
+    case REGISTER_FILE_GONE: return "the other side has ended";
+    case REGISTER_FILE_NOT_YET: return "the file is not there yet";
+    case REGISTER_FILE_IN_USE: return "another process uses the file";
+    case REGISTER_FILE_OTHER: return "the file is of other boards or of another version";
+    case REGISTER_FILE_FAILED: return "the system refused";
     }
     return "unknown";
 }

@@ -43,15 +43,13 @@ typedef struct RegisterFile {
 
 /** Create the file with all memory 0, and make the n boards' windows, which ring the other side.
  *  path NULL: without a name. *f must stay where it is until register_file_close. */
-RegisterFileStatus register_file_create(RegisterFile *f, const char *path,
-                                        const RegisterBoard *const *boards, uint32_t n,
-                                        RegisterWindow *windows);
+RegisterFileStatus register_file_create(RegisterFile *f, const char *path, const RegisterBoard *const *boards,
+                                        uint32_t n, RegisterWindow *windows);
 
 /** Attach to a file of the same boards in the same order, and remove its name. The descriptor of a
  *  "/dev/fd/N" is closed: it is the creator's, whose end could not be seen otherwise. */
-RegisterFileStatus register_file_attach(RegisterFile *f, const char *path,
-                                        const RegisterBoard *const *boards, uint32_t n,
-                                        RegisterWindow *windows);
+RegisterFileStatus register_file_attach(RegisterFile *f, const char *path, const RegisterBoard *const *boards,
+                                        uint32_t n, RegisterWindow *windows);
 
 /** Unmap, and remove the name if it is still there. */
 void register_file_close(RegisterFile *f);

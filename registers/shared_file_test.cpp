@@ -48,8 +48,7 @@ protected:
                   {REGISTER_PACKET, QUEUED | REGISTER_FROM_FLIGHT, 64, 8, true, 1, 1}},
                  true)
     {
-        folder_ = std::filesystem::temp_directory_path()
-                  / ("registers_test_" + std::to_string(getpid()));
+        folder_ = std::filesystem::temp_directory_path() / ("registers_test_" + std::to_string(getpid()));
         std::filesystem::create_directory(folder_);
         path_ = (folder_ / "board").string();
     }
@@ -59,14 +58,11 @@ protected:
         std::filesystem::remove_all(folder_);
     }
 
-    RegisterFileStatus create(const char *path)
-    {
-        return register_file_create(&file_, path, boards_, 1, &window_);
-    }
+    RegisterFileStatus create(const char *path) { return register_file_create(&file_, path, boards_, 1, &window_); }
 
     // As the creator writes the file in its own time, the other one tries until it is there.
-    static RegisterFileStatus attach(const std::string &path, const RegisterBoard *const *boards,
-                                     RegisterFile *file, RegisterWindow *window)
+    static RegisterFileStatus attach(const std::string &path, const RegisterBoard *const *boards, RegisterFile *file,
+                                     RegisterWindow *window)
     {
         RegisterFileStatus status = REGISTER_FILE_NOT_YET;
         for (int i = 0; i < 20000 && status == REGISTER_FILE_NOT_YET; i++) {
@@ -113,8 +109,7 @@ int fly(const std::string &path, const RegisterBoard *const *boards)
         if (register_clock_due(&w, &tick)) {
             std::int64_t packet[8];
             RegisterInfo info;
-            if (register_take(&w, &boards[0]->lanes[0], packet, 64, &info) != REGISTER_OK
-                || packet[7] != tick.t) {
+            if (register_take(&w, &boards[0]->lanes[0], packet, 64, &info) != REGISTER_OK || packet[7] != tick.t) {
                 return 2;
             }
             for (std::int64_t &v : packet) {
@@ -147,8 +142,8 @@ bool exchange(RegisterFile *file, const RegisterWindow *w, std::int64_t t)
     }
     std::int64_t answer[8];
     RegisterInfo info;
-    return register_take(w, &w->board->lanes[1], answer, 64, &info) == REGISTER_OK
-           && answer[0] == ~t && answer[7] == ~t && info.tag == 5;
+    return register_take(w, &w->board->lanes[1], answer, 64, &info) == REGISTER_OK && answer[0] == ~t &&
+           answer[7] == ~t && info.tag == 5;
 }
 
 TEST_F(SharedFile, TwoProcessesGoInStep)

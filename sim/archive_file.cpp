@@ -32,7 +32,7 @@ struct ArchiveFile::Memory {
     std::vector<McapSchema> schemas;
     std::vector<McapChannel> channels;
     std::vector<std::uint8_t> chunk, index;
-    std::deque<std::string> texts;             ///< that stay where they are
+    std::deque<std::string> texts; ///< that stay where they are
     std::deque<Pairs> pairs;
     std::deque<std::vector<McapPair>> pointers; ///< into pairs
 
@@ -86,16 +86,16 @@ void ArchiveFile::metadata(const std::string &name, const Pairs &pairs)
     }
 }
 
-std::uint16_t ArchiveFile::add_channel(const std::string &topic, const std::string &type,
-                                       const std::string &schema, const Pairs &pairs)
+std::uint16_t ArchiveFile::add_channel(const std::string &topic, const std::string &type, const std::string &schema,
+                                       const Pairs &pairs)
 {
     Memory &m = *memory_;
     const Pairs &kept = m.pairs.emplace_back(pairs);
     const std::vector<McapPair> &pointers = m.pointers.emplace_back(as_pairs(kept));
     std::uint16_t type_id = 0, id = 0;
     if (mcap_add_schema(&writer_, m.keep("fledge/msg/" + type), m.keep(schema), &type_id) != MCAP_OK ||
-        mcap_add_channel(&writer_, m.keep(topic), type_id, MCAP_ORDER_NATIVE, pointers.data(), pointers.size(),
-                         &id) != MCAP_OK) {
+        mcap_add_channel(&writer_, m.keep(topic), type_id, MCAP_ORDER_NATIVE, pointers.data(), pointers.size(), &id) !=
+            MCAP_OK) {
         abandon();
     }
     return id;
@@ -107,8 +107,8 @@ void ArchiveFile::close()
         abandon();
     }
     if (const int error = memory_->finish(true)) {
-        throw RunError("cannot finish " + path_ + ": " + std::strerror(error) + "; what was written is in " +
-                       path_ + ".part");
+        throw RunError("cannot finish " + path_ + ": " + std::strerror(error) + "; what was written is in " + path_ +
+                       ".part");
     }
 }
 

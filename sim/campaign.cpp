@@ -111,8 +111,7 @@ double absolute(const Distribution &distribution, double nominal, double x)
 double draw(const Distribution &distribution, Random &random, double nominal, const std::string &path)
 {
     if (distribution.kind == Distribution::Kind::uniform) {
-        return absolute(distribution, nominal,
-                        distribution.a + (distribution.b - distribution.a) * random.uniform());
+        return absolute(distribution, nominal, distribution.a + (distribution.b - distribution.a) * random.uniform());
     }
     for (int i = 0; i < draws_max; i++) {
         const double x = distribution.a + distribution.b * random.normal();
@@ -239,8 +238,7 @@ CampaignResult room_for(const CampaignPlan &plan)
 
 } // namespace
 
-Distribution::Distribution()
-    : lo(-std::numeric_limits<double>::infinity()), hi(std::numeric_limits<double>::infinity())
+Distribution::Distribution() : lo(-std::numeric_limits<double>::infinity()), hi(std::numeric_limits<double>::infinity())
 {
 }
 
@@ -334,8 +332,7 @@ void check_plan(const Simulation &nominal, const CampaignPlan &plan)
         check_dispersion(nominal, dispersion);
         const FledgeField &field = *find_path(nominal, dispersion.path).second;
         for (std::size_t element : dispersion.elements) {
-            const std::string path =
-                dispersion.path + index_text(field, std::min(element, mirror(field, element)));
+            const std::string path = dispersion.path + index_text(field, std::min(element, mirror(field, element)));
             if (std::find(drawn.begin(), drawn.end(), path) != drawn.end()) {
                 throw SetupError(path + " is dispersed twice");
             }

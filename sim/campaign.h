@@ -23,7 +23,7 @@ struct Distribution {
     };
     Kind kind = Kind::uniform;
     double a = 0.0, b = 0.0;
-    double lo, hi;        ///< of a normal one: draws outside are drawn again
+    double lo, hi;         ///< of a normal one: draws outside are drawn again
     bool relative = false; ///< a and b (lo, hi) are factors of the nominal value
     bool about = false;    ///< a and b (lo, hi) are added to the nominal value
 
@@ -55,10 +55,10 @@ struct CampaignPlan {
 };
 
 struct CampaignResult {
-    std::size_t samples = 0;                   ///< at 0, every, 2 every, ...
-    std::vector<std::uint8_t> flown;           ///< by run: 0 if the campaign was stopped before its end
-    std::vector<std::string> failures;         ///< by run; "" if it flew to its end
-    std::vector<double> draws;                 ///< by run, then by dispersed element; NaN if not flown
+    std::size_t samples = 0;           ///< at 0, every, 2 every, ...
+    std::vector<std::uint8_t> flown;   ///< by run: 0 if the campaign was stopped before its end
+    std::vector<std::string> failures; ///< by run; "" if it flew to its end
+    std::vector<double> draws;         ///< by run, then by dispersed element; NaN if not flown
     /// By variable: run, sample, element; NaN if not flown, or after a failure. Between two instants a
     /// sample is that of the first.
     std::vector<std::vector<double>> retained;

@@ -266,8 +266,8 @@ TEST(Campaign, StopsWhenAskedAndKeepsWhatIsFinished)
 {
     Nominal nominal;
     nominal.plan.runs = 100'000;
-    const CampaignResult result = fly(nominal.sim, nominal.plan, 2,
-                                      [](CampaignProgress progress) { return progress.finished < 10; });
+    const CampaignResult result =
+        fly(nominal.sim, nominal.plan, 2, [](CampaignProgress progress) { return progress.finished < 10; });
     const auto flown = std::count(result.flown.begin(), result.flown.end(), 1);
     EXPECT_GE(flown, 10);
     EXPECT_LT(flown, 100'000);

@@ -41,16 +41,13 @@ std::string bounds_text(const FledgeField &field)
 {
     const bool lo = field.bounds & FLEDGE_HAS_LO, hi = field.bounds & FLEDGE_HAS_HI;
     if (lo && hi) {
-        return "must be in " + std::string(field.bounds & FLEDGE_LO_OPEN ? "(" : "[") +
-               format_number(field.lo) + ", " + format_number(field.hi) +
-               (field.bounds & FLEDGE_HI_OPEN ? ")" : "]");
+        return "must be in " + std::string(field.bounds & FLEDGE_LO_OPEN ? "(" : "[") + format_number(field.lo) + ", " +
+               format_number(field.hi) + (field.bounds & FLEDGE_HI_OPEN ? ")" : "]");
     }
     if (lo) {
-        return std::string("must be ") + (field.bounds & FLEDGE_LO_OPEN ? "> " : ">= ") +
-               format_number(field.lo);
+        return std::string("must be ") + (field.bounds & FLEDGE_LO_OPEN ? "> " : ">= ") + format_number(field.lo);
     }
-    return std::string("must be ") + (field.bounds & FLEDGE_HI_OPEN ? "< " : "<= ") +
-           format_number(field.hi);
+    return std::string("must be ") + (field.bounds & FLEDGE_HI_OPEN ? "< " : "<= ") + format_number(field.hi);
 }
 
 bool within_bounds(const FledgeField &field, double x)
@@ -58,8 +55,7 @@ bool within_bounds(const FledgeField &field, double x)
     if (field.bounds & FLEDGE_HAS_LO && !(field.bounds & FLEDGE_LO_OPEN ? x > field.lo : x >= field.lo)) {
         return false;
     }
-    return !(field.bounds & FLEDGE_HAS_HI) ||
-           (field.bounds & FLEDGE_HI_OPEN ? x < field.hi : x <= field.hi);
+    return !(field.bounds & FLEDGE_HAS_HI) || (field.bounds & FLEDGE_HI_OPEN ? x < field.hi : x <= field.hi);
 }
 
 /// Whether m + shift has only positive eigenvalues: Sylvester's criterion.
@@ -109,8 +105,7 @@ std::string inertia_fault(const std::byte *bytes)
 
 } // namespace
 
-void check_field(const FledgeStruct &type, const FledgeField &field, const std::byte *memory,
-                 std::string_view path)
+void check_field(const FledgeStruct &type, const FledgeField &field, const std::byte *memory, std::string_view path)
 {
     if (field.type == FLEDGE_STRUCT || field.type == FLEDGE_CHAR || field.flags & FLEDGE_SPARE) {
         return;
@@ -124,9 +119,7 @@ void check_field(const FledgeStruct &type, const FledgeField &field, const std::
     };
     for (std::size_t i = 0; i < rows * row; i++) {
         const double x = number(field, bytes, i);
-        const auto found = [&] {
-            return format_number(x) + unit + (field.ndim ? " at " + index_text(field, i) : "");
-        };
+        const auto found = [&] { return format_number(x) + unit + (field.ndim ? " at " + index_text(field, i) : ""); };
         if (!std::isfinite(x)) {
             fail("must be finite", found());
         }

@@ -36,19 +36,14 @@ Instance::Instance(const FledgeStruct &type)
 }
 
 Instance::Instance(const ModelType &type)
-    : path(type.face->name),
-      given(type.face->n, false),
-      type_(type.face),
-      model_type_(&type),
-      memory_(allocate(type.face->size)),
-      model_(type.create(memory_.get()))
+    : path(type.face->name), given(type.face->n, false), type_(type.face), model_type_(&type),
+      memory_(allocate(type.face->size)), model_(type.create(memory_.get()))
 {
 }
 
 std::shared_ptr<Instance> Instance::twin() const
 {
-    auto other = model_type_ ? std::make_shared<Instance>(*model_type_)
-                             : std::make_shared<Instance>(*type_);
+    auto other = model_type_ ? std::make_shared<Instance>(*model_type_) : std::make_shared<Instance>(*type_);
     other->name = name;
     other->path = path;
     other->given = given;

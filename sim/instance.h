@@ -64,8 +64,7 @@ std::size_t field_rows(const FledgeStruct &type, const FledgeField &field, const
 
 /// Check one field of a struct at `memory` against its header's rule (bounds, non-zero, inertia,
 /// finite). Throws SetupError: "path.field: rule; found ...".
-void check_field(const FledgeStruct &type, const FledgeField &field, const std::byte *memory,
-                 std::string_view path);
+void check_field(const FledgeStruct &type, const FledgeField &field, const std::byte *memory, std::string_view path);
 
 /// Check all parameters, required ones included. Throws SetupError that lists every fault.
 void check_parameters(const Instance &instance);

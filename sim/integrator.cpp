@@ -58,8 +58,7 @@ public:
 
 private:
     /// known: the number of states, 0 if only n_ knows it.
-    template <std::size_t known>
-    void step(System &system, Ns start, double h, double *x, const double *dx)
+    template <std::size_t known> void step(System &system, Ns start, double h, double *x, const double *dx)
     {
         const std::size_t n = known ? known : n_;
         double *const k2 = work_.data(), *const k3 = k2 + n, *const k4 = k3 + n;
@@ -180,10 +179,7 @@ public:
         carried_step = wanted;
     }
 
-    std::unique_ptr<Integrator> fresh() const override
-    {
-        return make_adaptive(relative_, absolute_);
-    }
+    std::unique_ptr<Integrator> fresh() const override { return make_adaptive(relative_, absolute_); }
 
     std::string describe() const override
     {
@@ -204,8 +200,7 @@ private:
     double tolerance(double x) const { return absolute_ + relative_ * std::abs(x); }
 
     /// to = x + h sum_j weights_j k_j over the first stages.
-    void combine(const double *x, double h, const double *weights, int stages,
-                 double *__restrict to)
+    void combine(const double *x, double h, const double *weights, int stages, double *__restrict to)
     {
         std::fill(to, to + n_, 0.0);
         for (int j = 0; j < stages; j++) {
@@ -260,8 +255,7 @@ private:
             state = std::max(state, std::abs(x[i]) / tolerance(x[i]));
             slope = std::max(slope, std::abs(k(0)[i]) / tolerance(x[i]));
         }
-        const double guess =
-            std::min(length, state < 1e-5 || slope < 1e-5 ? 1e-6 * length : 0.01 * state / slope);
+        const double guess = std::min(length, state < 1e-5 || slope < 1e-5 ? 1e-6 * length : 0.01 * state / slope);
         for (std::size_t i = 0; i < n_; i++) {
             probe()[i] = x[i] + guess * k(0)[i];
         }
@@ -279,13 +273,12 @@ private:
         const auto finite = [&](const double *from) {
             return std::all_of(from, from + n_, [](double value) { return std::isfinite(value); });
         };
-        const std::string what =
-            !finite(k(0)) ? "the derivative is not finite"
-            : too_many ? "one update would take more than " + std::to_string(steps_max) + " steps"
-                       : "steps would become too short for the clock's resolution";
-        throw RunError("adaptive integrator, relative tolerance " + format_number(relative_) +
-                       ", absolute " + format_number(absolute_) + ": " + what + ", " +
-                       format_number(tau) + " s after " + format_time(start));
+        const std::string what = !finite(k(0)) ? "the derivative is not finite"
+                                 : too_many ? "one update would take more than " + std::to_string(steps_max) + " steps"
+                                            : "steps would become too short for the clock's resolution";
+        throw RunError("adaptive integrator, relative tolerance " + format_number(relative_) + ", absolute " +
+                       format_number(absolute_) + ": " + what + ", " + format_number(tau) + " s after " +
+                       format_time(start));
     }
 
     double relative_, absolute_;

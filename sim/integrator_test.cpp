@@ -195,8 +195,7 @@ void advance(Integrator &method, System &system, Ns start, Ns dt, std::vector<do
 }
 
 /// x0 advanced from time 0 to `end` in `updates` equal updates.
-std::vector<double> fly(Integrator &method, System &system, std::vector<double> x, Ns end,
-                        int updates)
+std::vector<double> fly(Integrator &method, System &system, std::vector<double> x, Ns end, int updates)
 {
     const std::size_t n = x.size();
     method.resize(n);
@@ -305,8 +304,7 @@ TEST(Adaptive, EffortGrowsAsTheEighthRootOfAccuracy)
         EXPECT_LT(distance(x, kepler_exact(0.5, 20.0)), 300.0 * tolerance);
         evaluations[tolerance] = problem.evaluations;
     }
-    EXPECT_NEAR(std::log10(evaluations[1e-12] / static_cast<double>(evaluations[1e-6])), 6.0 / 8.0,
-                0.15);
+    EXPECT_NEAR(std::log10(evaluations[1e-12] / static_cast<double>(evaluations[1e-6])), 6.0 / 8.0, 0.15);
 }
 
 TEST(Adaptive, KeepsItsToleranceOnOrbitsOfAnyShape)
@@ -423,16 +421,11 @@ TEST(Adaptive, SaysWhenItCannotKeepItsTolerance)
     auto method = make_adaptive(1e-9, 1e-9);
     Problem problem(explode);
     EXPECT_THROW(fly(*method, problem, {1.0, 0.0, 0.0, 0.0}, 2 * second, 1), RunError);
-    const std::string text = message_of([&] {
-        fly(*method, problem, {1.0, 0.0, 0.0, 0.0}, 2 * second, 1);
-    });
-    EXPECT_NE(text.find("adaptive integrator, relative tolerance 1e-09, absolute 1e-09: "),
-              std::string::npos)
-        << text;
+    const std::string text = message_of([&] { fly(*method, problem, {1.0, 0.0, 0.0, 0.0}, 2 * second, 1); });
+    EXPECT_NE(text.find("adaptive integrator, relative tolerance 1e-09, absolute 1e-09: "), std::string::npos) << text;
     EXPECT_NE(text.find("s after 0 s"), std::string::npos) << text;
 
-    Problem undefined(
-        [](double, const double *, double *dx) { std::fill(dx, dx + 4, std::nan("")); });
+    Problem undefined([](double, const double *, double *dx) { std::fill(dx, dx + 4, std::nan("")); });
     EXPECT_NE(message_of([&] {
                   fly(*method, undefined, {1.0, 0.0, 0.0, 0.0}, second, 1);
               }).find("the derivative is not finite"),

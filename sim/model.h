@@ -60,8 +60,7 @@ public:
 
     /// Take over what is neither in the face nor in memory (parts, gravity bodies): `counterpart`
     /// maps a model of the original simulation to that of the clone.
-    virtual void copy_setup(const Model &original,
-                            const std::function<Model *(const Model *)> &counterpart)
+    virtual void copy_setup(const Model &original, const std::function<Model *(const Model *)> &counterpart)
     {
         (void)original;
         (void)counterpart;

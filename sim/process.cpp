@@ -13,8 +13,7 @@ bool is_identifier(const std::string &name)
 {
     const auto letter = [](unsigned char c) { return std::isalpha(c) || c == '_'; };
     const auto rest = [&](unsigned char c) { return letter(c) || std::isdigit(c); };
-    return !name.empty() && letter(static_cast<unsigned char>(name[0])) &&
-           std::all_of(name.begin(), name.end(), rest);
+    return !name.empty() && letter(static_cast<unsigned char>(name[0])) && std::all_of(name.begin(), name.end(), rest);
 }
 
 template <class Items> std::vector<std::string> names_of(const Items &items)
@@ -79,16 +78,16 @@ void Process::add_task(Task task)
     }
     for (auto it = task.run.begin(); it != task.run.end(); ++it) {
         if (std::find(instances_.begin(), instances_.end(), *it) == instances_.end()) {
-            throw SetupError("task " + path + " runs " + (*it)->path + ", which is not in the process " +
-                             name + "; it has " + format_list(names_of(instances_)));
+            throw SetupError("task " + path + " runs " + (*it)->path + ", which is not in the process " + name +
+                             "; it has " + format_list(names_of(instances_)));
         }
         const auto runs = [&](const Task &other) {
             return std::find(other.run.begin(), other.run.end(), *it) != other.run.end();
         };
         const auto other = std::find_if(tasks_.begin(), tasks_.end(), runs);
         if (other != tasks_.end() || std::find(task.run.begin(), it, *it) != it) {
-            throw SetupError("task " + path + " runs " + (*it)->path + ", which is already in task " +
-                             name + "." + (other != tasks_.end() ? other->name : task.name));
+            throw SetupError("task " + path + " runs " + (*it)->path + ", which is already in task " + name + "." +
+                             (other != tasks_.end() ? other->name : task.name));
         }
     }
     owner_->set_up_again();
@@ -102,8 +101,8 @@ void Process::add_mode(Mode mode)
     }
     for (const std::string &task : mode.tasks) {
         if (!has(tasks_, task)) {
-            throw SetupError("mode " + name + "." + mode.name + " names the task " + task +
-                             "; the process has " + format_list(names_of(tasks_)));
+            throw SetupError("mode " + name + "." + mode.name + " names the task " + task + "; the process has " +
+                             format_list(names_of(tasks_)));
         }
     }
     owner_->set_up_again();
@@ -142,8 +141,7 @@ int Process::mode_index(const std::string &mode) const
 {
     const auto it = std::find_if(modes_.begin(), modes_.end(), [&](const Mode &m) { return m.name == mode; });
     if (it == modes_.end()) {
-        throw SetupError("process " + name + " has no mode " + mode + "; it has " +
-                         format_list(names_of(modes_)));
+        throw SetupError("process " + name + " has no mode " + mode + "; it has " + format_list(names_of(modes_)));
     }
     return static_cast<int>(it - modes_.begin());
 }
@@ -191,8 +189,8 @@ void Process::set_integrator(std::shared_ptr<const Integrator> integrator)
 
 std::shared_ptr<Instance> Process::find(std::string_view instance) const
 {
-    const auto it = std::find_if(instances_.begin(), instances_.end(),
-                                 [&](const auto &i) { return i->name == instance; });
+    const auto it =
+        std::find_if(instances_.begin(), instances_.end(), [&](const auto &i) { return i->name == instance; });
     return it == instances_.end() ? nullptr : *it;
 }
 

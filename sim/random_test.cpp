@@ -164,8 +164,7 @@ TEST(Random, NormalIsNormal)
             power *= x;
         }
     }
-    EXPECT_LT(kolmogorov(sample, [](double x) { return 0.5 * std::erfc(-x / std::sqrt(2.0)); }),
-              kolmogorov_limit);
+    EXPECT_LT(kolmogorov(sample, [](double x) { return 0.5 * std::erfc(-x / std::sqrt(2.0)); }), kolmogorov_limit);
     // Within four standard deviations of each sample moment: 1, 2, 15 and 96 over n.
     const double root = std::sqrt(static_cast<double>(sample.size()));
     EXPECT_NEAR(moment[1], 0.0, 4.0 * 1.0 / root);

@@ -33,8 +33,7 @@ Recorder::Recorder() : next_due_(never) {}
 
 Recorder::~Recorder() = default;
 
-std::shared_ptr<Log> Recorder::record(std::shared_ptr<Instance> instance, const FledgeField &field, Ns every,
-                                      bool keep)
+std::shared_ptr<Log> Recorder::record(std::shared_ptr<Instance> instance, const FledgeField &field, Ns every, bool keep)
 {
     const std::string path = instance->path + "." + field.name;
     if (field.type != FLEDGE_STRUCT || (field.group != FLEDGE_IN && field.group != FLEDGE_OUT)) {

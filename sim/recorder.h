@@ -18,13 +18,13 @@ namespace fledge::sim {
 struct Log {
     std::shared_ptr<Instance> instance;
     const FledgeField *field = nullptr;
-    Ns every = 0;                 ///< 0: at each instant
-    bool keep = true;             ///< in memory
+    Ns every = 0;     ///< 0: at each instant
+    bool keep = true; ///< in memory
 
     std::vector<Ns> times;
     std::vector<std::byte> bytes; ///< times.size() samples of field->size bytes
 
-    std::string topic() const;    ///< "/flight/control/torque"
+    std::string topic() const; ///< "/flight/control/torque"
 
 private:
     friend class Recorder;
@@ -40,8 +40,8 @@ public:
 
     /// Record a port from now on. A port that is recorded already keeps its log, at the shorter period.
     /// Throws SetupError if the field is no port, `every` is negative, or an archive is open.
-    std::shared_ptr<Log> record(std::shared_ptr<Instance> instance, const FledgeField &field,
-                                Ns every, bool keep = true);
+    std::shared_ptr<Log> record(std::shared_ptr<Instance> instance, const FledgeField &field, Ns every,
+                                bool keep = true);
     const std::vector<std::shared_ptr<Log>> &logs() const { return logs_; }
     /// Take these records out. Throws SetupError if an archive is open.
     void forget(const std::function<bool(const Log &)> &which);

@@ -119,8 +119,8 @@ Ns longest_period(const Process &process)
 const Process &process_of(const Simulation &simulation, const Instance &instance)
 {
     return *std::find_if(simulation.processes().begin(), simulation.processes().end(), [&](const auto &p) {
-               return p->find(instance.name).get() == &instance;
-           })->get();
+                return p->find(instance.name).get() == &instance;
+            })->get();
 }
 
 } // namespace
@@ -138,8 +138,7 @@ Simulation::Runtime::Runtime(Simulation &owner) : simulation(owner)
         std::stable_sort(order.begin(), order.end(),
                          [](const Task *a, const Task *b) { return a->priority > b->priority; });
         for (const Task *task : order) {
-            RunTask entry{task, process.get(), static_cast<std::uint32_t>(steps.size()), 0, task->period,
-                          task->offset};
+            RunTask entry{task, process.get(), static_cast<std::uint32_t>(steps.size()), 0, task->period, task->offset};
             for (const auto &instance : task->run) {
                 run.push_back(instance.get());
                 const auto first = static_cast<std::uint32_t>(copies.size());
@@ -227,7 +226,7 @@ void Simulation::Runtime::reset(Ns after)
         }
         for (const auto &instance : process->instances_) {
             if (!instance->model()) {
-                reset_of(*instance)(instance->memory());
+                reset_of (*instance)(instance->memory());
             } else if (std::find(parts.begin(), parts.end(), instance->model()) == parts.end()) {
                 instance->model()->reset(start);
             }
@@ -255,7 +254,7 @@ void Simulation::Runtime::reset(Ns after)
 
 void Simulation::Runtime::publish(const Configuration &module, Ns t)
 {
-    update_of(*module.instance)(module.instance->memory(), {t, 0});
+    update_of (*module.instance)(module.instance->memory(), {t, 0});
     for (const Copy &copy : module.copies) {
         carry(copy, t);
     }
@@ -365,7 +364,7 @@ void Simulation::Runtime::enter_mode(Process &process, Ns t)
                 if (instance->model()) {
                     instance->model()->reset(t);
                 } else {
-                    reset_of(*instance)(instance->memory());
+                    reset_of (*instance)(instance->memory());
                 }
             }
             task.next = on_grid(task, t);
@@ -418,8 +417,8 @@ void Simulation::Runtime::run_events(Ns t)
                     continue;
                 }
                 if (event->fired_at == t) {
-                    throw RunError("event " + process->name + "." + event->name + " fires again at " +
-                                   format_time(t) + ", the instant at which it fired: " +
+                    throw RunError("event " + process->name + "." + event->name + " fires again at " + format_time(t) +
+                                   ", the instant at which it fired: " +
                                    (event->condition ? event->condition->text + " holds" : "its condition holds") +
                                    " and it was armed anew");
                 }

@@ -54,7 +54,7 @@ struct Simulation::Runtime {
     explicit Runtime(Simulation &owner);
 
     void reset(Ns after = -1); ///< the first instant comes after this time
-    void instant(); ///< run one
+    void instant();            ///< run one
     bool run_until(Ns t, const RunControl &control);
     Ns next_instant() const;
 

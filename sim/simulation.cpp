@@ -67,8 +67,8 @@ std::string coincident_inputs(const Simulation &simulation)
                                              !std::memcmp(one + sizeof(Head), two + sizeof(Head),
                                                           wire.to.field->size - sizeof(Head)));
             if (same) {
-                faults += (faults.empty() ? "" : "\n") + wire.to.path() + " must differ from " +
-                          other.to.path() + ": " + wire.from.path() +
+                faults += (faults.empty() ? "" : "\n") + wire.to.path() + " must differ from " + other.to.path() +
+                          ": " + wire.from.path() +
                           (one == two ? " feeds both" : " and " + other.from.path() + " say the same");
             }
         }
@@ -167,8 +167,8 @@ void Simulation::connect(const Port &from, const Port &to, WireOptions options)
     }
     if (!same_type(from.field->sub, to.field->sub)) {
         throw SetupError(wire + ": " + to.path() + " takes " + to.field->sub->name + ", found " +
-                         from.field->sub->name + "; outputs of that type: " +
-                         format_list(outputs_of_type(*this, to.field->sub)));
+                         from.field->sub->name +
+                         "; outputs of that type: " + format_list(outputs_of_type(*this, to.field->sub)));
     }
     if (options.latency != 0 && options.latency != 1) {
         throw SetupError(wire + ": latency must be 0 or 1, found " + std::to_string(options.latency));
@@ -247,8 +247,8 @@ void Simulation::prepare()
                 };
                 if (field.group == FLEDGE_IN && !(field.flags & FLEDGE_OPTIONAL) &&
                     std::none_of(wires_.begin(), wires_.end(), feeds)) {
-                    fault(instance->path + "." + field.name + " is not wired; outputs of its type " +
-                          field.sub->name + ": " + format_list(outputs_of_type(*this, field.sub)));
+                    fault(instance->path + "." + field.name + " is not wired; outputs of its type " + field.sub->name +
+                          ": " + format_list(outputs_of_type(*this, field.sub)));
                 }
             }
         }
@@ -344,8 +344,8 @@ std::vector<std::pair<std::string, std::string>> Simulation::ties(std::string_vi
         };
         // Whichever of the two is kept, the tie is broken.
         const auto tie = [&](const std::string &what, const Instance *whose) {
-            if (whose && (process.empty() || one->name == process ||
-                          whose->path.starts_with(std::string(process) + "."))) {
+            if (whose &&
+                (process.empty() || one->name == process || whose->path.starts_with(std::string(process) + "."))) {
                 found.emplace_back(what, whose->path);
             }
         };

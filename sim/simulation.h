@@ -85,17 +85,17 @@ struct Condition {
 /// same instant: that is a RunError.
 struct Event {
     std::string name;
-    std::optional<Condition> condition;       ///< one of these two
+    std::optional<Condition> condition; ///< one of these two
     std::function<bool()> predicate;
     Ns hold = 0;
     bool once = false;
-    std::string mode;                         ///< enter this mode of the event's process; "": none
-    std::function<void()> action;             ///< and call this; may be empty
+    std::string mode;             ///< enter this mode of the event's process; "": none
+    std::function<void()> action; ///< and call this; may be empty
 
-    Ns from = 0;                              ///< not looked at before
+    Ns from = 0; ///< not looked at before
     bool armed = true;
-    Ns since = -1;                            ///< when the condition began to hold; -1: it does not
-    Ns fired_at = -1;                         ///< when it last fired; -1: never
+    Ns since = -1;    ///< when the condition began to hold; -1: it does not
+    Ns fired_at = -1; ///< when it last fired; -1: never
 };
 
 /// The tasks that live together: "flight" or "world".

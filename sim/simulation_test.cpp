@@ -572,9 +572,7 @@ TEST(Setup, NamesWhatIsWrong)
     auto source = make(flight, "source", source_type);
     auto scale = make(flight, "scale", scale_type);
     auto tank = make(sim.add_process("world"), "tank", tank_type);
-    const auto connect = [&](const Port &from, const Port &to) {
-        return error_of([&] { sim.connect(from, to); });
-    };
+    const auto connect = [&](const Port &from, const Port &to) { return error_of([&] { sim.connect(from, to); }); };
     EXPECT_THAT(connect(port(scale, "number"), port(tank, "flow")),
                 HasSubstr("flight.scale.number is not an output; flight.scale has product"));
     EXPECT_THAT(connect(port(source, "number"), port(scale, "product")),
@@ -582,19 +580,24 @@ TEST(Setup, NamesWhatIsWrong)
     sim.connect(port(source, "number"), port(scale, "offset"));
     EXPECT_THAT(connect(port(tank, "level"), port(scale, "offset")),
                 HasSubstr("flight.scale.offset is already written by flight.source.number"));
-    EXPECT_THAT(error_of([&] { flight.add_task({"gnc", 0, 0, 0, {scale}}); }),
+    EXPECT_THAT(error_of([&] {
+                    flight.add_task({"gnc", 0, 0, 0, {scale}});
+                }),
                 HasSubstr("task flight.gnc: its period must be > 0, found 0 s"));
-    EXPECT_THAT(error_of([&] { flight.add_task({"gnc", 10, -3 * ms, 0, {scale}}); }),
+    EXPECT_THAT(error_of([&] {
+                    flight.add_task({"gnc", 10, -3 * ms, 0, {scale}});
+                }),
                 HasSubstr("its offset must be >= 0, found -0.003 s"));
-    EXPECT_THAT(error_of([&] { flight.add_task({"gnc", 10, 0, 0, {tank}}); }),
+    EXPECT_THAT(error_of([&] {
+                    flight.add_task({"gnc", 10, 0, 0, {tank}});
+                }),
                 HasSubstr("world.tank, which is not in the process flight; it has source and scale"));
     EXPECT_THAT(error_of([&] { flight.add("source", std::make_shared<Instance>(source_type)); }),
                 HasSubstr("flight.source is already there, a Source"));
     EXPECT_THAT(error_of([&] { flight.add("twice", source); }), HasSubstr("already is flight.source"));
     EXPECT_THAT(error_of([&] { flight.add("2nd", std::make_shared<Instance>(source_type)); }),
                 HasSubstr("must be an identifier"));
-    EXPECT_THAT(error_of([&] { sim.process("fligth"); }),
-                HasSubstr("no process fligth; there are flight and world"));
+    EXPECT_THAT(error_of([&] { sim.process("fligth"); }), HasSubstr("no process fligth; there are flight and world"));
     const std::string all = error_of([&] { sim.prepare(); });
     EXPECT_THAT(all, HasSubstr("flight.source.value is required: what is put out"));
     EXPECT_THAT(all, HasSubstr("flight.scale is in no task"));
@@ -647,9 +650,8 @@ private:
 
 TEST(Setup, ARunBeyondAModelsDataIsRefusedBeforeItBegins)
 {
-    const ModelType short_lived{&tank_face, [](void *) -> std::unique_ptr<Model> {
-                                    return std::make_unique<ShortLived>();
-                                }};
+    const ModelType short_lived{&tank_face,
+                                [](void *) -> std::unique_ptr<Model> { return std::make_unique<ShortLived>(); }};
     Simulation sim;
     Process &world = sim.add_process("world");
     const auto a = make(world, "a", short_lived), b = make(world, "b", short_lived);

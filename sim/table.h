@@ -51,12 +51,7 @@ enum {
 };
 
 /* How a number is bounded: lo and hi hold, open or closed. */
-enum {
-    FLEDGE_HAS_LO = 1 << 0,
-    FLEDGE_HAS_HI = 1 << 1,
-    FLEDGE_LO_OPEN = 1 << 2,
-    FLEDGE_HI_OPEN = 1 << 3
-};
+enum { FLEDGE_HAS_LO = 1 << 0, FLEDGE_HAS_HI = 1 << 1, FLEDGE_LO_OPEN = 1 << 2, FLEDGE_HI_OPEN = 1 << 3 };
 
 struct FledgeStruct;
 
@@ -74,15 +69,15 @@ typedef struct FledgeEnum {
 } FledgeEnum;
 
 typedef struct FledgeField {
-    const char *name;               /* as in the header */
-    uint32_t offset;                /* bytes from the start of the outermost struct */
-    uint32_t size;                  /* bytes, of the whole field */
-    FledgeType type;                /* Vec3 and Mat3 are FLEDGE_F64 with trailing dimensions */
+    const char *name; /* as in the header */
+    uint32_t offset;  /* bytes from the start of the outermost struct */
+    uint32_t size;    /* bytes, of the whole field */
+    FledgeType type;  /* Vec3 and Mat3 are FLEDGE_F64 with trailing dimensions */
     FledgeGroup group;
-    uint32_t flags;                 /* FLEDGE_REQUIRED ... */
-    uint32_t bounds;                /* FLEDGE_HAS_LO ... */
-    double lo, hi;                  /* in the header's unit */
-    uint32_t ndim;                  /* 0: a scalar */
+    uint32_t flags;  /* FLEDGE_REQUIRED ... */
+    uint32_t bounds; /* FLEDGE_HAS_LO ... */
+    double lo, hi;   /* in the header's unit */
+    uint32_t ndim;   /* 0: a scalar */
     uint32_t shape[FLEDGE_DIMS_MAX];
     const char *count;              /* the field that says how many leading rows count, or NULL */
     const char *distinct;           /* the input that may not hold the same as this one, or NULL */
@@ -109,7 +104,7 @@ typedef struct FledgeStruct {
     FledgeKind kind;
     uint32_t size;
     uint32_t align;
-    uint64_t hash;      /* FNV-1a over names, types, shapes, offsets and units */
+    uint64_t hash; /* FNV-1a over names, types, shapes, offsets and units */
     uint32_t n;
     const FledgeField *fields; /* in the order of memory; members of groups flattened */
     const char *schema;        /* messages: the ros2msg text; else NULL */

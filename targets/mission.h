@@ -29,8 +29,7 @@ typedef struct MissionTask {
 static inline int64_t mission_on_grid(MissionRate rate, int64_t t)
 {
     const int64_t after = t - rate.offset;
-    return after <= 0 ? rate.offset
-                      : rate.offset + (after + rate.period - 1) / rate.period * rate.period;
+    return after <= 0 ? rate.offset : rate.offset + (after + rate.period - 1) / rate.period * rate.period;
 }
 
 static inline int mission_due(const MissionTask *task, int64_t t)
@@ -67,8 +66,7 @@ static inline int64_t mission_sooner(int64_t t, const MissionTask *task)
 }
 
 /** The same of a task that not every mode runs; `wanted`: the mode asked for does. */
-static inline int64_t mission_sooner_in(int64_t t, const MissionTask *task, int wanted,
-                                        MissionRate rate, int64_t now)
+static inline int64_t mission_sooner_in(int64_t t, const MissionTask *task, int wanted, MissionRate rate, int64_t now)
 {
     if (!task->active && wanted) {
         const int64_t next = mission_on_grid(rate, now + 1);

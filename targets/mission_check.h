@@ -37,8 +37,7 @@ typedef struct MissionRule {
 } MissionRule;
 
 /** The first rule that a block breaks, and the number that does; NULL: it keeps them all. */
-const MissionRule *mission_check(const MissionRule *rules, uint32_t n, const void *block,
-                                 uint32_t *element);
+const MissionRule *mission_check(const MissionRule *rules, uint32_t n, const void *block, uint32_t *element);
 
 #ifdef __cplusplus
 }

@@ -3,8 +3,7 @@
 
 #include <string.h>
 
-void mission_host_exchange(const MissionHost *host, const RegisterWindow *w, int64_t t,
-                           MissionIoCounts *counts)
+void mission_host_exchange(const MissionHost *host, const RegisterWindow *w, int64_t t, MissionIoCounts *counts)
 {
     if (t < 0) {
         host->reset();
@@ -15,8 +14,8 @@ void mission_host_exchange(const MissionHost *host, const RegisterWindow *w, int
     mission_io_write(host->io, w, host->mission, counts);
 }
 
-McapStatus mission_record_open(MissionRecord *r, const MissionHost *host, McapWrite write,
-                               void *user, const char *target)
+McapStatus mission_record_open(MissionRecord *r, const MissionHost *host, McapWrite write, void *user,
+                               const char *target)
 {
     const McapPair run[] = {{"mission", host->name}, {"target", target}};
     McapConfig config = {.write = write, .user = user};
@@ -39,8 +38,7 @@ McapStatus mission_record_open(MissionRecord *r, const MissionHost *host, McapWr
         }
         status = mcap_add_schema(&r->writer, d->name, d->text, &schema);
         if (status == MCAP_OK) {
-            status = mcap_add_channel(&r->writer, host->topics[i].topic, schema,
-                                      MCAP_ORDER_NATIVE, 0, 0u, &channel);
+            status = mcap_add_channel(&r->writer, host->topics[i].topic, schema, MCAP_ORDER_NATIVE, 0, 0u, &channel);
         }
         if (status == MCAP_OK && r->first == 0u) {
             r->first = channel; /* the next ones are numbered from there */

@@ -34,7 +34,7 @@ typedef struct MissionHost {
     int64_t (*next)(void);
     void (*tick)(int64_t t);
     const MissionIo *io;
-    const MissionTopic *topics;            ///< of each message, by id
+    const MissionTopic *topics; ///< of each message, by id
     const MissionDefinition *definitions;
     const MissionRate *rates;
     McapSchema *schemas;   ///< room for those of the record ...
@@ -48,8 +48,7 @@ extern const MissionHost fledge_mission;
 
 /** One exchange by the board's clock: begin, or read, tick and write. The answer to the clock is
  *  left to the caller, who may have something to do before (register_clock_finish). */
-void mission_host_exchange(const MissionHost *host, const RegisterWindow *w, int64_t t,
-                           MissionIoCounts *counts);
+void mission_host_exchange(const MissionHost *host, const RegisterWindow *w, int64_t t, MissionIoCounts *counts);
 
 /** Every output of flight at every tick, in the archive's format, without heap. */
 typedef struct MissionRecord {
@@ -59,8 +58,8 @@ typedef struct MissionRecord {
 } MissionRecord;
 
 /** Begin a record that goes to `write`. `chunk` may be of size 0: see record/mcap.h. */
-McapStatus mission_record_open(MissionRecord *r, const MissionHost *host, McapWrite write,
-                               void *user, const char *target);
+McapStatus mission_record_open(MissionRecord *r, const MissionHost *host, McapWrite write, void *user,
+                               const char *target);
 
 /** Record all that flight puts out, at t >= 0. */
 McapStatus mission_record_take(MissionRecord *r, const MissionHost *host, int64_t t);

@@ -18,36 +18,26 @@ static uint32_t size_of(MissionNumber number)
     return sizes[number];
 }
 
-#define LOAD(ctype)                                                                                \
-    {                                                                                              \
-        ctype v;                                                                                   \
-        memcpy(&v, p, sizeof v);                                                                   \
-        return (double)v;                                                                          \
+#define LOAD(ctype)                                                                                                    \
+    {                                                                                                                  \
+        ctype v;                                                                                                       \
+        memcpy(&v, p, sizeof v);                                                                                       \
+        return (double)v;                                                                                              \
     }
 
 static double load(MissionNumber number, const uint8_t *p)
 {
     switch (number) {
-    case MISSION_F64:
-        LOAD(double)
-    case MISSION_F32:
-        LOAD(float)
-    case MISSION_I8:
-        LOAD(int8_t)
-    case MISSION_U8:
-        LOAD(uint8_t)
-    case MISSION_I16:
-        LOAD(int16_t)
-    case MISSION_U16:
-        LOAD(uint16_t)
-    case MISSION_I32:
-        LOAD(int32_t)
-    case MISSION_U32:
-        LOAD(uint32_t)
-    case MISSION_I64:
-        LOAD(int64_t)
-    case MISSION_U64:
-        LOAD(uint64_t)
+    case MISSION_F64: LOAD(double)
+    case MISSION_F32: LOAD(float)
+    case MISSION_I8: LOAD(int8_t)
+    case MISSION_U8: LOAD(uint8_t)
+    case MISSION_I16: LOAD(int16_t)
+    case MISSION_U16: LOAD(uint16_t)
+    case MISSION_I32: LOAD(int32_t)
+    case MISSION_U32: LOAD(uint32_t)
+    case MISSION_I64: LOAD(int64_t)
+    case MISSION_U64: LOAD(uint64_t)
     }
     return 0.0;
 }
@@ -59,43 +49,33 @@ static int64_t whole(double x, double low, double high)
     return (int64_t)(held < 0.0 ? held - 0.5 : held + 0.5);
 }
 
-#define STORE(ctype, value)                                                                        \
-    {                                                                                              \
-        const ctype v = (ctype)(value);                                                            \
-        memcpy(p, &v, sizeof v);                                                                   \
-        return;                                                                                    \
+#define STORE(ctype, value)                                                                                            \
+    {                                                                                                                  \
+        const ctype v = (ctype)(value);                                                                                \
+        memcpy(p, &v, sizeof v);                                                                                       \
+        return;                                                                                                        \
     }
 
 static void store(MissionNumber number, uint8_t *p, double x)
 {
     switch (number) {
-    case MISSION_F64:
-        STORE(double, x)
-    case MISSION_F32:
-        STORE(float, x)
-    case MISSION_I8:
-        STORE(int8_t, whole(x, -128.0, 127.0))
-    case MISSION_U8:
-        STORE(uint8_t, whole(x, 0.0, 255.0))
-    case MISSION_I16:
-        STORE(int16_t, whole(x, -32768.0, 32767.0))
-    case MISSION_U16:
-        STORE(uint16_t, whole(x, 0.0, 65535.0))
-    case MISSION_I32:
-        STORE(int32_t, whole(x, -2147483648.0, 2147483647.0))
-    case MISSION_U32:
-        STORE(uint32_t, whole(x, 0.0, 4294967295.0))
-    case MISSION_I64:
-        STORE(int64_t, whole(x, -9.0e15, 9.0e15))
-    case MISSION_U64:
-        STORE(uint64_t, whole(x, 0.0, 9.0e15))
+    case MISSION_F64: STORE(double, x)
+    case MISSION_F32: STORE(float, x)
+    case MISSION_I8: STORE(int8_t, whole(x, -128.0, 127.0))
+    case MISSION_U8: STORE(uint8_t, whole(x, 0.0, 255.0))
+    case MISSION_I16: STORE(int16_t, whole(x, -32768.0, 32767.0))
+    case MISSION_U16: STORE(uint16_t, whole(x, 0.0, 65535.0))
+    case MISSION_I32: STORE(int32_t, whole(x, -2147483648.0, 2147483647.0))
+    case MISSION_U32: STORE(uint32_t, whole(x, 0.0, 4294967295.0))
+    case MISSION_I64: STORE(int64_t, whole(x, -9.0e15, 9.0e15))
+    case MISSION_U64: STORE(uint64_t, whole(x, 0.0, 9.0e15))
     }
 }
 
 /* ---- one row of the table */
 
-static void put_row(const MissionIo *io, const RegisterWindow *w, const MissionLane *row,
-                    const uint8_t *message, MissionIoCounts *counts)
+static void put_row(const MissionIo *io, const RegisterWindow *w, const MissionLane *row, const uint8_t *message,
+                    MissionIoCounts *counts)
 {
     const RegisterLane *lane = lane_of(io, row);
     w += row->board;
@@ -115,8 +95,8 @@ static void put_row(const MissionIo *io, const RegisterWindow *w, const MissionL
     }
 }
 
-static void take_row(const MissionIo *io, const RegisterWindow *w, const MissionLane *row,
-                     uint8_t *message, MissionIoCounts *counts)
+static void take_row(const MissionIo *io, const RegisterWindow *w, const MissionLane *row, uint8_t *message,
+                     MissionIoCounts *counts)
 {
     const RegisterLane *lane = lane_of(io, row);
     w += row->board;
@@ -149,13 +129,12 @@ static void write_head(uint8_t *message, int64_t t)
 }
 
 /* A block that is new replaces the one in use, as a whole. */
-static void take_parameters(const MissionIo *io, const RegisterWindow *w, const MissionLane *row,
-                            uint8_t *mission, MissionIoCounts *counts)
+static void take_parameters(const MissionIo *io, const RegisterWindow *w, const MissionLane *row, uint8_t *mission,
+                            MissionIoCounts *counts)
 {
     const MissionParameters *block = &io->parameters[row->message - io->n_messages];
     RegisterInfo info;
-    const RegisterStatus status =
-        register_take_message(w + row->board, lane_of(io, row), row->type, io->block, &info);
+    const RegisterStatus status = register_take_message(w + row->board, lane_of(io, row), row->type, io->block, &info);
     if (status == REGISTER_OK) {
         memcpy(mission + block->offset, io->block, block->size);
     }
@@ -173,8 +152,7 @@ uint32_t mission_io_clock(const MissionIo *io)
     return i;
 }
 
-void mission_io_read(const MissionIo *io, const RegisterWindow *w, void *mission, int64_t t,
-                     MissionIoCounts *counts)
+void mission_io_read(const MissionIo *io, const RegisterWindow *w, void *mission, int64_t t, MissionIoCounts *counts)
 {
     for (uint32_t i = 0u; i < io->n_lanes; i++) {
         const MissionLane *row = &io->lanes[i];
@@ -190,8 +168,7 @@ void mission_io_read(const MissionIo *io, const RegisterWindow *w, void *mission
     }
 }
 
-void mission_io_write(const MissionIo *io, const RegisterWindow *w, const void *mission,
-                      MissionIoCounts *counts)
+void mission_io_write(const MissionIo *io, const RegisterWindow *w, const void *mission, MissionIoCounts *counts)
 {
     for (uint32_t i = 0u; i < io->n_lanes; i++) {
         const MissionLane *row = &io->lanes[i];
@@ -214,8 +191,8 @@ void mission_io_put(const MissionIo *io, const RegisterWindow *w, uint32_t id, c
     }
 }
 
-void mission_io_take(const MissionIo *io, const RegisterWindow *w, uint32_t id, void *message,
-                     int64_t t, MissionIoCounts *counts)
+void mission_io_take(const MissionIo *io, const RegisterWindow *w, uint32_t id, void *message, int64_t t,
+                     MissionIoCounts *counts)
 {
     int first = 1;
     for (uint32_t i = 0u; i < io->n_lanes; i++) {

@@ -74,20 +74,18 @@ typedef struct MissionIoCounts {
 uint32_t mission_io_clock(const MissionIo *io);
 
 /** Flight: take all that it is told at t into the mission. `w` has a window for each board. */
-void mission_io_read(const MissionIo *io, const RegisterWindow *w, void *mission, int64_t t,
-                     MissionIoCounts *counts);
+void mission_io_read(const MissionIo *io, const RegisterWindow *w, void *mission, int64_t t, MissionIoCounts *counts);
 
 /** Flight: put all that the lanes carry out of the mission. */
-void mission_io_write(const MissionIo *io, const RegisterWindow *w, const void *mission,
-                      MissionIoCounts *counts);
+void mission_io_write(const MissionIo *io, const RegisterWindow *w, const void *mission, MissionIoCounts *counts);
 
 /** Outside: put a message, by its id. */
 void mission_io_put(const MissionIo *io, const RegisterWindow *w, uint32_t id, const void *message,
                     MissionIoCounts *counts);
 
 /** Outside: take a message, by its id, at t. What the lanes do not hold stays as it is. */
-void mission_io_take(const MissionIo *io, const RegisterWindow *w, uint32_t id, void *message,
-                     int64_t t, MissionIoCounts *counts);
+void mission_io_take(const MissionIo *io, const RegisterWindow *w, uint32_t id, void *message, int64_t t,
+                     MissionIoCounts *counts);
 
 /** Whether a lane carries any of a message. */
 int mission_io_carries(const MissionIo *io, uint32_t id);

@@ -66,8 +66,8 @@ protected:
             for (const Row &row : ROWS) {
                 // Whole counts for all but f64, which has halves.
                 fields_.push_back({"n", "-", row.number == MISSION_F64 ? 0.5 : 1.0, 0.0, 0, 32, 1, 0});
-                rows_.push_back({nullptr, static_cast<std::uint16_t>(way), 0,
-                                 static_cast<std::uint16_t>(rows_.size()), 0, row.offset, row.number});
+                rows_.push_back({nullptr, static_cast<std::uint16_t>(way), 0, static_cast<std::uint16_t>(rows_.size()),
+                                 0, row.offset, row.number});
             }
         }
         for (std::size_t i = 0; i < rows_.size(); i++) {
@@ -97,8 +97,17 @@ protected:
         message.interrupt = -1;
         lanes_.push_back(message);
         rows_.push_back({&TYPE, 2, 0, static_cast<std::uint16_t>(lanes_.size() - 1), 0, 0, MISSION_F64});
-        board_ = {"bench", 1, 0, 1024, GetParam(), 1000, -1, REGISTER_NOWHERE, 0,
-                  static_cast<std::uint32_t>(lanes_.size()), lanes_.data()};
+        board_ = {"bench",
+                  1,
+                  0,
+                  1024,
+                  GetParam(),
+                  1000,
+                  -1,
+                  REGISTER_NOWHERE,
+                  0,
+                  static_cast<std::uint32_t>(lanes_.size()),
+                  lanes_.data()};
         window_ = register_window(&board_, reinterpret_cast<volatile std::uint32_t *>(memory_.data()));
         io_ = {messages_, boards_, rows_.data(), 4, 1, static_cast<std::uint32_t>(rows_.size()), 0, nullptr, nullptr};
     }

@@ -64,8 +64,7 @@ std::shared_ptr<sim::Instance> add(sim::Process &process, const std::string &nam
 sim::Port port(sim::Simulation &simulation, const std::string &path)
 {
     const auto first = path.find('.'), last = path.rfind('.');
-    const auto instance =
-        simulation.process(path.substr(0, first)).find(path.substr(first + 1, last - first - 1));
+    const auto instance = simulation.process(path.substr(0, first)).find(path.substr(first + 1, last - first - 1));
     return {instance, sim::find_field(instance->type(), path.substr(last + 1))};
 }
 
@@ -106,7 +105,10 @@ void build_flight(sim::Simulation &s)
     wire(s, "flight.vehicle.vehicle", "flight.control.vehicle");
     wire(s, "flight.wheels.wheels", "flight.control.wheels");
     wire(s, "flight.wheels.wheels", "flight.motor.wheels");
-    f.add_task({"gnc", 500 * ms, 0, 0,
+    f.add_task({"gnc",
+                500 * ms,
+                0,
+                0,
                 {f.find("guidance"), f.find("spin"), f.find("tracking"), f.find("control"), f.find("motor")}});
 }
 
@@ -270,8 +272,7 @@ Hashes in_two(const Case &c)
             char address[200] = {};
             ssize_t n = read(p.address[0], address, sizeof address - 1);
             try {
-                be_node(process, std::string(address, static_cast<std::size_t>(std::max<ssize_t>(n, 0))), c,
-                        p.out[1]);
+                be_node(process, std::string(address, static_cast<std::size_t>(std::max<ssize_t>(n, 0))), c, p.out[1]);
                 _exit(0);
             } catch (const std::exception &error) {
                 std::fprintf(stderr, "%s: %s\n", process, error.what());

@@ -19,8 +19,7 @@ using namespace fledge::world::testing;
 
 TEST(World, UpdatesDoNotAllocate)
 {
-    for (const auto &[adaptive, in_sky] :
-         {std::pair{false, false}, {true, false}, {false, true}, {true, true}}) {
+    for (const auto &[adaptive, in_sky] : {std::pair{false, false}, {true, false}, {false, true}, {true, true}}) {
         Flyer f;
         if (adaptive) {
             f.method = sim::make_adaptive(1e-9, 1e-9);

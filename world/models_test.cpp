@@ -20,8 +20,8 @@ namespace {
 
 using namespace fledge;
 using namespace fledge::world;
-using sim::Ns;
 using fledge::world::testing::TwoCircles;
+using sim::Ns;
 
 constexpr Ns ms = 1'000'000, second = 1000 * ms;
 
@@ -112,8 +112,7 @@ struct World {
         return {instance, sim::find_field(instance->type(), field)};
     }
 
-    static std::shared_ptr<sim::Instance> add(sim::Process &world, const char *name,
-                                              const char *type)
+    static std::shared_ptr<sim::Instance> add(sim::Process &world, const char *name, const char *type)
     {
         auto instance = std::make_shared<sim::Instance>(type_of(type));
         instance->given.assign(instance->type().n, true);
@@ -138,8 +137,7 @@ TEST(Models, FlyUnderTheKernel)
 
 TEST(Models, SnapshotsAndClonesGoOnBitForBit)
 {
-    for (const auto &[adaptive, in_sky] :
-         {std::pair{false, false}, {true, false}, {false, true}, {true, true}}) {
+    for (const auto &[adaptive, in_sky] : {std::pair{false, false}, {true, false}, {false, true}, {true, true}}) {
         World w(1, adaptive, in_sky);
         w.sim.run_until(5 * second);
         const auto there = w.sim.snapshot();

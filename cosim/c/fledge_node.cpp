@@ -64,17 +64,16 @@ int fledge_node_reads(FledgeNode *node, const char *topic, FledgeLatency latency
                       const char *definition, void *message, size_t size)
 {
     return node->attempt([&] {
-        node->node.read(topic, static_cast<Latency>(latency),
-                        std::span(static_cast<std::byte *>(message), size), schema(type, definition));
+        node->node.read(topic, static_cast<Latency>(latency), std::span(static_cast<std::byte *>(message), size),
+                        schema(type, definition));
     });
 }
 
-int fledge_node_writes(FledgeNode *node, const char *topic, const char *type, const char *definition,
-                       void *message, size_t size)
+int fledge_node_writes(FledgeNode *node, const char *topic, const char *type, const char *definition, void *message,
+                       size_t size)
 {
-    return node->attempt([&] {
-        node->node.write(topic, std::span(static_cast<std::byte *>(message), size), schema(type, definition));
-    });
+    return node->attempt(
+        [&] { node->node.write(topic, std::span(static_cast<std::byte *>(message), size), schema(type, definition)); });
 }
 
 int fledge_node_keeps(FledgeNode *node, void *state, size_t size)

@@ -41,18 +41,18 @@ typedef int (*FledgeStep)(void *user, int64_t t);
  *  "tcp://127.0.0.1:7000", "ipc://@name". What is NULL is as FLEDGE_SIMULATION, FLEDGE_NODE and
  *  FLEDGE_ADDRESS say. NULL if there is no memory. */
 FLEDGE_API FledgeNode *fledge_node_create(const char *simulation, const char *node, const char *address, int64_t every,
-                               int64_t offset);
+                                          int64_t offset);
 FLEDGE_API void fledge_node_destroy(FledgeNode *node);
 
 /** Read a topic into the struct at `message`, which lives as long as the node. `type` and `definition`
  *  may be NULL. */
 FLEDGE_API int fledge_node_reads(FledgeNode *node, const char *topic, FledgeLatency latency, const char *type,
-                      const char *definition, void *message, size_t size);
+                                 const char *definition, void *message, size_t size);
 
 /** Write a topic from the struct at `message`, which lives as long as the node. What it holds when the
  *  run begins is its initial value. */
 FLEDGE_API int fledge_node_writes(FledgeNode *node, const char *topic, const char *type, const char *definition,
-                       void *message, size_t size);
+                                  void *message, size_t size);
 
 /** All that its steps depend on, besides the messages, is in this memory (and what else is told so), which
  *  lives as long as the node, without pointers. With it one that was lost goes on from a snapshot, and not

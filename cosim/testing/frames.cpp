@@ -96,8 +96,7 @@ void tell_message(const std::string &text, std::mt19937_64 &random)
         }
         return hex(p);
     };
-    std::printf("message %s %s %s\n", hex(text).c_str(), payload(Order::little).c_str(),
-                payload(Order::big).c_str());
+    std::printf("message %s %s %s\n", hex(text).c_str(), payload(Order::little).c_str(), payload(Order::big).c_str());
 }
 
 } // namespace

@@ -90,8 +90,7 @@ void wheel_torques_update(WheelTorques *m, Tick t)
         torque_B = vec_sub(torque_B, vec_scale(u[i], wheels->axes_B[i]));
     }
 
-    Quality quality = quality_min(quality_through(m->in.torque.head),
-                                  quality_through(wheels->head));
+    Quality quality = quality_min(quality_through(m->in.torque.head), quality_through(wheels->head));
     quality = quality_min(quality, quality_optional(m->in.availability.head));
     if (quality != QUALITY_NONE && vec_finite(torque_B)) { /* and so every u[i] is */
         if (!spanned) {

@@ -65,7 +65,10 @@ VectorXd commands(const WheelTorques &m)
         .head(static_cast<int>(m.in.wheels.n));
 }
 
-Vector3d achieved(const WheelTorques &m) { return eigen(m.out.achieved.torque_B); }
+Vector3d achieved(const WheelTorques &m)
+{
+    return eigen(m.out.achieved.torque_B);
+}
 
 TEST(WheelTorques, is_the_pseudo_inverse_for_any_number_of_wheels)
 {
@@ -285,9 +288,7 @@ TEST(WheelTorques, holds_the_last_command_against_numbers_that_are_not_finite)
         }
     }
     auto update = [](WheelTorques &x) { wheel_torques_update(&x, {500, 500}); };
-    expect_held(m, in, update, [](WheelTorques &x) {
-        return std::vector{&x.out.command.head, &x.out.achieved.head};
-    });
+    expect_held(m, in, update, [](WheelTorques &x) { return std::vector{&x.out.command.head, &x.out.achieved.head}; });
     VectorXd last = commands(m);
     wheels.u_max[2] = NAN;
     m.in.torque.torque_B = vec3(1, 1, 1);

@@ -80,13 +80,11 @@ void mrp_feedback_update(MrpFeedback *m, Tick t)
     int wheels = head_written(m->in.wheels.head);
     int speeds = head_written(m->in.speeds.head);
 
-    Quality quality = quality_min(quality_through(m->in.error.head),
-                                  quality_through(m->in.vehicle.head));
+    Quality quality = quality_min(quality_through(m->in.error.head), quality_through(m->in.vehicle.head));
     quality = quality_min(quality, quality_optional(m->in.external.head));
     quality = quality_min(quality, quality_optional(m->in.wheels.head));
     if (wheels) {
-        quality = quality_min(quality, speeds ? quality_through(m->in.speeds.head)
-                                              : QUALITY_DEGRADED);
+        quality = quality_min(quality, speeds ? quality_through(m->in.speeds.head) : QUALITY_DEGRADED);
     }
 
     Vec3 z = integral(m, t);

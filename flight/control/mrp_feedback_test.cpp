@@ -20,8 +20,7 @@ constexpr std::int64_t half_second = 500'000'000;
 MrpFeedback any(Random &random, std::uint32_t n)
 {
     MrpFeedback m{};
-    m.in.error = {good(), random.mrp(), vec(random.vector()), vec(random.vector()),
-                  vec(random.vector())};
+    m.in.error = {good(), random.mrp(), vec(random.vector()), vec(random.vector()), vec(random.vector())};
     m.in.vehicle = {good(), mat(random.spd(100))};
     if (n > 0) {
         m.in.wheels.head = m.in.speeds.head = good();
@@ -52,8 +51,7 @@ struct Plant {
 };
 
 /// The derivative in B of omega_BN, (A.1), for a control torque -G u on the body.
-Vector3d acceleration(const Plant &plant, const Vector3d &omega_BN, const Eigen::VectorXd &h,
-                      const Vector3d &torque)
+Vector3d acceleration(const Plant &plant, const Vector3d &omega_BN, const Eigen::VectorXd &h, const Vector3d &torque)
 {
     Vector3d H = plant.I * omega_BN + plant.G * h;
     return plant.I.ldlt().solve(-omega_BN.cross(H) + torque + plant.L);
@@ -118,8 +116,7 @@ struct ClosedLoop {
     {
         observe(x);
         Vector3d omega_BR = eigen(m.in.error.omega_BR_B);
-        return omega_BR.dot(plant.I * omega_BR) / 2 +
-               2 * m.par.K * std::log1p(vec_norm2(m.in.error.sigma_BR));
+        return omega_BR.dot(plant.I * omega_BR) / 2 + 2 * m.par.K * std::log1p(vec_norm2(m.in.error.sigma_BR));
     }
 
     State derivative(const State &x)
@@ -154,8 +151,8 @@ TEST(MrpFeedback, converges_on_a_turning_reference_from_any_attitude)
         loop.m.in.vehicle.I_B = mat(random.spd(1));
         loop.m.par.K = 10;
         loop.m.par.P = mat(8 * Matrix3d::Identity());
-        loop.plant = {eigen(loop.m.in.vehicle.I_B), Eigen::Matrix3Xd(3, 4), random.vector(0.1),
-                      Vector3d::Zero(), random.vector(0.1)};
+        loop.plant = {eigen(loop.m.in.vehicle.I_B), Eigen::Matrix3Xd(3, 4), random.vector(0.1), Vector3d::Zero(),
+                      random.vector(0.1)};
         loop.m.in.external = {good(), vec(loop.plant.L)};
         for (int i = 0; i < 4; i++) {
             Vector3d axis = (i < 3 ? Vector3d::Unit(i) : Vector3d(Vector3d::Ones())).normalized();
@@ -375,20 +372,21 @@ TEST(MrpFeedback, holds_the_last_torque_against_numbers_that_are_not_finite)
     mrp_feedback_update(&m, {half_second, half_second});
     AttError &error = m.in.error;
     WheelSet &wheels = m.in.wheels;
-    Doubles in = doubles(error.sigma_BR, error.omega_BR_B, error.omega_RN_B, error.domega_RN_B,
-                         m.in.vehicle.I_B, m.in.external.torque_B, m.par.K, m.par.P);
+    Doubles in = doubles(error.sigma_BR, error.omega_BR_B, error.omega_RN_B, error.domega_RN_B, m.in.vehicle.I_B,
+                         m.in.external.torque_B, m.par.K, m.par.P);
     for (int i = 0; i < 3; i++) {
         for (double *p : doubles(wheels.axes_B[i], wheels.J[i], m.in.speeds.Omega[i])) {
             in.push_back(p);
         }
     }
     auto z = eigen(m.mem.z);
-    expect_held(m, in,
-                [&](MrpFeedback &x) {
-                    mrp_feedback_update(&x, {2 * half_second, half_second});
-                    EXPECT_EQ(eigen(x.mem.z), z);
-                },
-                [](MrpFeedback &x) { return std::vector{&x.out.torque.head}; });
+    expect_held(
+        m, in,
+        [&](MrpFeedback &x) {
+            mrp_feedback_update(&x, {2 * half_second, half_second});
+            EXPECT_EQ(eigen(x.mem.z), z);
+        },
+        [](MrpFeedback &x) { return std::vector{&x.out.torque.head}; });
 
     m.in.wheels.axes_B[3] = vec3(NAN, NAN, NAN); // beyond the number of wheels nothing is read
     m.in.speeds.Omega[7] = NAN;
@@ -402,14 +400,12 @@ TEST(MrpFeedback, gives_finite_numbers_whatever_it_is_given)
     MrpFeedback m{};
     AttError &error = m.in.error;
     WheelSet &wheels = m.in.wheels;
-    Doubles in = doubles(error.sigma_BR, error.omega_BR_B, error.omega_RN_B, error.domega_RN_B,
-                         m.in.vehicle.I_B, wheels.axes_B, wheels.J, wheels.u_max, m.in.speeds.Omega,
-                         m.in.external.torque_B, m.par);
+    Doubles in = doubles(error.sigma_BR, error.omega_BR_B, error.omega_RN_B, error.domega_RN_B, m.in.vehicle.I_B,
+                         wheels.axes_B, wheels.J, wheels.u_max, m.in.speeds.Omega, m.in.external.torque_B, m.par);
     for (int round = 0; round < 20000; round++) {
         throw_numbers(in, random, round);
         wheels.n = random.below(4) ? static_cast<std::uint32_t>(random.below(9)) : 0xffffffffu;
-        for (Head *head : {&error.head, &m.in.vehicle.head, &wheels.head, &m.in.speeds.head,
-                           &m.in.external.head}) {
+        for (Head *head : {&error.head, &m.in.vehicle.head, &wheels.head, &m.in.speeds.head, &m.in.external.head}) {
             head->quality = any_quality(random);
         }
         mrp_feedback_update(&m, {round * half_second, half_second});

@@ -21,21 +21,17 @@ static int turn(const AttReference *base, const EulerAngles *euler, AttReference
     vec_sincos(euler->angles, &s, &c);
     double s2 = s.v[1], c2 = c.v[1], s1 = s.v[2], c1 = c.v[2];
 
-    Vec3 w = vec3(dphi - s2 * dpsi,
-                  s1 * c2 * dpsi + c1 * dtheta,
-                  c1 * c2 * dpsi - s1 * dtheta);
-    Vec3 dw = vec3(-c2 * dtheta * dpsi,
-                   (c1 * c2 * dphi - s1 * s2 * dtheta) * dpsi - s1 * dphi * dtheta,
+    Vec3 w = vec3(dphi - s2 * dpsi, s1 * c2 * dpsi + c1 * dtheta, c1 * c2 * dpsi - s1 * dtheta);
+    Vec3 dw = vec3(-c2 * dtheta * dpsi, (c1 * c2 * dphi - s1 * s2 * dtheta) * dpsi - s1 * dphi * dtheta,
                    -(s1 * c2 * dphi + c1 * s2 * dtheta) * dpsi - c1 * dphi * dtheta);
 
     Mat3 dcm_RN = mat_mul(euler_sincos_to_dcm(s, c), mrp_to_dcm(base->sigma_RN));
     Vec3 w_N = mat_tvec(dcm_RN, w);
     reference->sigma_RN = dcm_to_mrp(dcm_RN);
     reference->omega_RN_N = vec_add(base->omega_RN_N, w_N);
-    reference->domega_RN_N = vec_add(vec_add(base->domega_RN_N, mat_tvec(dcm_RN, dw)),
-                                     vec_cross(base->omega_RN_N, w_N));
-    return vec_finite(reference->sigma_RN) && vec_finite(reference->omega_RN_N) &&
-           vec_finite(reference->domega_RN_N);
+    reference->domega_RN_N =
+        vec_add(vec_add(base->domega_RN_N, mat_tvec(dcm_RN, dw)), vec_cross(base->omega_RN_N, w_N));
+    return vec_finite(reference->sigma_RN) && vec_finite(reference->omega_RN_N) && vec_finite(reference->domega_RN_N);
 }
 
 /* The newest command that has started; without a head, the parameters. */
@@ -68,8 +64,7 @@ void euler_rotation_update(EulerRotation *m, Tick t)
     EulerAngles euler;
     AttReference reference;
     EulerCommand command = in_effect(m, t.t);
-    Quality quality = quality_min(quality_through(base->head),
-                                  quality_optional(m->in.command.head));
+    Quality quality = quality_min(quality_through(base->head), quality_optional(m->in.command.head));
     double seconds = tick_seconds(t.t - command.start);
     euler.rates = command.rates;
     euler.angles = vec_add(command.angles, vec_scale(seconds, command.rates));

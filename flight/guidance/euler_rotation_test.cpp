@@ -77,8 +77,7 @@ TEST(EulerRotation, three_in_a_chain_make_the_twelve_sequences)
                     for (int axis : {i, j, k}) {
                         double angle = random.real(-pi, pi), rate = random.real(-0.1, 0.1);
                         // Angles are given as psi, theta, phi: about the third axis first.
-                        chain.push_back(rotation(angle * Vector3d::Unit(2 - axis),
-                                                 rate * Vector3d::Unit(2 - axis)));
+                        chain.push_back(rotation(angle * Vector3d::Unit(2 - axis), rate * Vector3d::Unit(2 - axis)));
                         omega += c.transpose() * Vector3d::Unit(axis) * rate;
                         c = turn(axis, angle + rate * t) * c;
                     }
@@ -238,9 +237,8 @@ TEST(EulerRotation, quality_follows_the_command)
 {
     EulerRotation m = rotation({0, 0, 0}, {0.5, 0, 0});
     m.in.base.head = good();
-    for (auto [in, out] : {std::pair{QUALITY_NONE, QUALITY_GOOD},
-                           {QUALITY_STALE, QUALITY_DEGRADED},
-                           {QUALITY_GOOD, QUALITY_GOOD}}) {
+    for (auto [in, out] :
+         {std::pair{QUALITY_NONE, QUALITY_GOOD}, {QUALITY_STALE, QUALITY_DEGRADED}, {QUALITY_GOOD, QUALITY_GOOD}}) {
         m.in.command.head = with(in);
         euler_rotation_update(&m, {0, 0});
         EXPECT_EQ(m.out.reference.head.quality, out);
@@ -267,12 +265,14 @@ TEST(EulerRotation, holds_the_last_reference_against_numbers_that_are_not_finite
     m.in.base = any_base(random, 0.1).at(1);
     euler_rotation_update(&m, {0, 0});
     AttReference &base = m.in.base;
-    expect_held(m, doubles(base.sigma_RN, base.omega_RN_N, base.domega_RN_N, m.par.angles,
-                           m.par.rates),
-                [](EulerRotation &x) { euler_rotation_update(&x, {500, 500}); },
-                [](EulerRotation &x) {
-                    return std::vector{&x.out.reference.head, &x.out.euler.head};
-                });
+    expect_held(
+        m, doubles(base.sigma_RN, base.omega_RN_N, base.domega_RN_N, m.par.angles, m.par.rates),
+        [](EulerRotation &x) {
+            euler_rotation_update(&x, {500, 500});
+        },
+        [](EulerRotation &x) {
+            return std::vector{&x.out.reference.head, &x.out.euler.head};
+        });
 }
 
 TEST(EulerRotation, holds_the_last_reference_against_a_command_that_is_not_finite)
@@ -282,14 +282,15 @@ TEST(EulerRotation, holds_the_last_reference_against_a_command_that_is_not_finit
     m.in.command = command(0, {1, 2, 3}, {4, 5, 6});
     euler_rotation_update(&m, {0, 0});
     const EulerCommand commanded = m.mem.commanded;
-    expect_held(m, doubles(m.in.command.angles, m.in.command.rates),
-                [&](EulerRotation &x) {
-                    euler_rotation_update(&x, {500, 500});
-                    EXPECT_TRUE(same_content(x.mem.commanded, commanded));
-                },
-                [](EulerRotation &x) {
-                    return std::vector{&x.out.reference.head, &x.out.euler.head};
-                });
+    expect_held(
+        m, doubles(m.in.command.angles, m.in.command.rates),
+        [&](EulerRotation &x) {
+            euler_rotation_update(&x, {500, 500});
+            EXPECT_TRUE(same_content(x.mem.commanded, commanded));
+        },
+        [](EulerRotation &x) {
+            return std::vector{&x.out.reference.head, &x.out.euler.head};
+        });
 }
 
 TEST(EulerRotation, gives_finite_numbers_whatever_it_is_given)
@@ -299,16 +300,14 @@ TEST(EulerRotation, gives_finite_numbers_whatever_it_is_given)
     AttReference &base = m.in.base, &out = m.out.reference;
     EulerAngles &euler = m.out.euler;
     EulerCommand &to = m.in.command;
-    Doubles in = doubles(base.sigma_RN, base.omega_RN_N, base.domega_RN_N, to.angles, to.rates,
-                         m.par);
+    Doubles in = doubles(base.sigma_RN, base.omega_RN_N, base.domega_RN_N, to.angles, to.rates, m.par);
     for (int round = 0; round < 20000; round++) {
         throw_numbers(in, random, round);
         base.head.quality = any_quality(random);
         to.head.quality = any_quality(random);
         to.start = static_cast<std::int64_t>(random.real(-9e18, 9e18));
         euler_rotation_update(&m, {round * 1'000'000'000'000, 1});
-        expect_finite(doubles(out.sigma_RN, out.omega_RN_N, out.domega_RN_N, euler.angles,
-                              euler.rates), round);
+        expect_finite(doubles(out.sigma_RN, out.omega_RN_N, out.domega_RN_N, euler.angles, euler.rates), round);
     }
 }
 

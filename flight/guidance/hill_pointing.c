@@ -29,8 +29,7 @@ static int hill_frame(Vec3 r, Vec3 v, AttReference *hill)
     hill->sigma_RN = dcm_to_mrp(mat_rows(i_r, vec_cross(i_h, i_r), i_h));
     hill->omega_RN_N = vec_scale(1.0 / r2, h);
     hill->domega_RN_N = vec_scale(-2.0 * vec_dot(r, v) / r2, hill->omega_RN_N);
-    return vec_finite(hill->sigma_RN) && vec_finite(hill->omega_RN_N) &&
-           vec_finite(hill->domega_RN_N);
+    return vec_finite(hill->sigma_RN) && vec_finite(hill->omega_RN_N) && vec_finite(hill->domega_RN_N);
 }
 
 void hill_pointing_update(HillPointing *m, Tick t)
@@ -41,8 +40,8 @@ void hill_pointing_update(HillPointing *m, Tick t)
 
     AttReference hill;
     Quality quality = quality_min(quality_through(orbit->head), quality_optional(planet->head));
-    if (quality != QUALITY_NONE && hill_frame(vec_sub(orbit->r_BN_N, planet->r_PN_N),
-                                              vec_sub(orbit->v_BN_N, planet->v_PN_N), &hill)) {
+    if (quality != QUALITY_NONE &&
+        hill_frame(vec_sub(orbit->r_BN_N, planet->r_PN_N), vec_sub(orbit->v_BN_N, planet->v_PN_N), &hill)) {
         hill.head = head_next(out->head, t.t, quality);
         *out = hill;
     } else {

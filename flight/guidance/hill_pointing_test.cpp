@@ -145,9 +145,12 @@ TEST(HillPointing, holds_the_last_reference_against_numbers_that_are_not_finite)
     m.in.planet.head = good();
     hill_pointing_update(&m, {0, 0});
     auto &[orbit, planet] = m.in;
-    expect_held(m, doubles(orbit.r_BN_N, orbit.v_BN_N, planet.r_PN_N, planet.v_PN_N),
-                [](HillPointing &x) { hill_pointing_update(&x, {500, 500}); },
-                [](HillPointing &x) { return std::vector{&x.out.reference.head}; });
+    expect_held(
+        m, doubles(orbit.r_BN_N, orbit.v_BN_N, planet.r_PN_N, planet.v_PN_N),
+        [](HillPointing &x) {
+            hill_pointing_update(&x, {500, 500});
+        },
+        [](HillPointing &x) { return std::vector{&x.out.reference.head}; });
 }
 
 TEST(HillPointing, gives_finite_numbers_whatever_it_is_given)

@@ -49,9 +49,12 @@ TEST(InertialPointing, holds_the_last_reference_against_numbers_that_are_not_fin
 {
     InertialPointing m = pointing(vec3(0.1, 0.2, 0.3));
     inertial_pointing_update(&m, {0, 0});
-    expect_held(m, doubles(m.par.sigma_RN),
-                [](InertialPointing &x) { inertial_pointing_update(&x, {500, 500}); },
-                [](InertialPointing &x) { return std::vector{&x.out.reference.head}; });
+    expect_held(
+        m, doubles(m.par.sigma_RN),
+        [](InertialPointing &x) {
+            inertial_pointing_update(&x, {500, 500});
+        },
+        [](InertialPointing &x) { return std::vector{&x.out.reference.head}; });
 
     InertialPointing bad = pointing(vec3(std::numeric_limits<double>::quiet_NaN(), 0, 0));
     inertial_pointing_update(&bad, {0, 0});

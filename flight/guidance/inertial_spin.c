@@ -11,8 +11,7 @@
 #include "flight/math/attitude.h"
 
 /* 0 if the result is not finite. */
-static int spin(const AttReference *base, Vec3 omega_RR0_R0, double seconds,
-                AttReference *reference)
+static int spin(const AttReference *base, Vec3 omega_RR0_R0, double seconds, AttReference *reference)
 {
     double s, c;
     fm_sincos(0.5 * vec_norm(omega_RR0_R0) * seconds, &s, &c);
@@ -21,8 +20,7 @@ static int spin(const AttReference *base, Vec3 omega_RR0_R0, double seconds,
     reference->sigma_RN = mrp_compose(sigma_RR0, base->sigma_RN);
     reference->omega_RN_N = vec_add(base->omega_RN_N, w_N);
     reference->domega_RN_N = vec_add(base->domega_RN_N, vec_cross(base->omega_RN_N, w_N));
-    return vec_finite(reference->sigma_RN) && vec_finite(reference->omega_RN_N) &&
-           vec_finite(reference->domega_RN_N);
+    return vec_finite(reference->sigma_RN) && vec_finite(reference->omega_RN_N) && vec_finite(reference->domega_RN_N);
 }
 
 void inertial_spin_reset(InertialSpin *m)

@@ -66,8 +66,8 @@ TEST(InertialSpin, is_a_turn_about_an_axis_of_the_base)
         Matrix3d c = turn(w, w.norm() * t) * dcm(at.sigma_RN);
         EXPECT_LT(difference(dcm(reference.sigma_RN), c), 1e-13);
         EXPECT_LE(vec_norm(reference.sigma_RN), 1 + 1e-15);
-        EXPECT_LT((eigen(reference.omega_RN_N) - eigen(at.omega_RN_N) - c.transpose() * w).norm(),
-                  1e-15) << "the rate has the same components in R as in R0";
+        EXPECT_LT((eigen(reference.omega_RN_N) - eigen(at.omega_RN_N) - c.transpose() * w).norm(), 1e-15)
+            << "the rate has the same components in R as in R0";
     }
 }
 
@@ -80,8 +80,7 @@ TEST(InertialSpin, over_a_base_at_rest_the_rate_is_constant_to_the_bit)
     std::int64_t start = 123'456'789'012'345, period = 100'000'000; // 0.1 s is no double
     inertial_spin_update(&m, {start, 0});
     AttReference first = m.out.reference;
-    EXPECT_LT((eigen(first.sigma_RN) - eigen(m.in.base.sigma_RN)).norm(), 3e-16)
-        << "the spin begins at the base";
+    EXPECT_LT((eigen(first.sigma_RN) - eigen(m.in.base.sigma_RN)).norm(), 3e-16) << "the spin begins at the base";
     for (int k = 1; k <= 100000; k++) {
         inertial_spin_update(&m, {start + k * period, period});
         ASSERT_EQ(std::memcmp(&m.out.reference.omega_RN_N, &first.omega_RN_N, sizeof(Vec3)), 0);
@@ -150,9 +149,12 @@ TEST(InertialSpin, holds_the_last_reference_against_numbers_that_are_not_finite)
     m.in.base = any_base(random, 0.1).at(1);
     inertial_spin_update(&m, {0, 0});
     AttReference &base = m.in.base;
-    expect_held(m, doubles(base.sigma_RN, base.omega_RN_N, base.domega_RN_N, m.par),
-                [](InertialSpin &x) { inertial_spin_update(&x, {500, 500}); },
-                [](InertialSpin &x) { return std::vector{&x.out.reference.head}; });
+    expect_held(
+        m, doubles(base.sigma_RN, base.omega_RN_N, base.domega_RN_N, m.par),
+        [](InertialSpin &x) {
+            inertial_spin_update(&x, {500, 500});
+        },
+        [](InertialSpin &x) { return std::vector{&x.out.reference.head}; });
 }
 
 TEST(InertialSpin, gives_finite_numbers_whatever_it_is_given)

@@ -56,9 +56,12 @@ TEST(OrbitBeacon, holds_its_last_word_where_nothing_finite_comes)
 {
     OrbitBeacon m = beacon(start, 1);
     orbit_beacon_update(&m, {0, 0});
-    expect_held(m, doubles(m.in.orbit.r_BN_N, m.in.orbit.v_BN_N, m.in.orbit.a_BN_N),
-                [](OrbitBeacon &x) { orbit_beacon_update(&x, {500, 500}); },
-                [](OrbitBeacon &x) { return std::vector{&x.out.body.head}; });
+    expect_held(
+        m, doubles(m.in.orbit.r_BN_N, m.in.orbit.v_BN_N, m.in.orbit.a_BN_N),
+        [](OrbitBeacon &x) {
+            orbit_beacon_update(&x, {500, 500});
+        },
+        [](OrbitBeacon &x) { return std::vector{&x.out.body.head}; });
     OrbitBeacon silent{};
     orbit_beacon_update(&silent, {0, 0});
     EXPECT_TRUE(all_zero(silent.out));

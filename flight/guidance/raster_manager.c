@@ -18,14 +18,12 @@ typedef struct Rasters {
 
 static Rasters of_message(const RasterList *list)
 {
-    return (Rasters){list->start, list->n, list->repeat, list->angles, list->rates,
-                     list->durations};
+    return (Rasters){list->start, list->n, list->repeat, list->angles, list->rates, list->durations};
 }
 
 static Rasters of_parameters(const RasterManager *m)
 {
-    return (Rasters){m->mem.start, m->par.n, m->par.repeat, m->par.angles, m->par.rates,
-                     m->par.durations};
+    return (Rasters){m->mem.start, m->par.n, m->par.repeat, m->par.angles, m->par.rates, m->par.durations};
 }
 
 /* For 0 <= seconds <= LONGEST. */
@@ -42,8 +40,7 @@ static int durations_ns(const Rasters *rasters, int64_t durations[RASTERS_MAX])
     int good = rasters->n > 0u && rasters->n <= RASTERS_MAX && rasters->start >= 0;
     for (uint32_t i = 0; good && i < rasters->n; i++) {
         double seconds = rasters->durations[i];
-        good = seconds > 0.0 && seconds <= LONGEST && vec_finite(rasters->angles[i]) &&
-               vec_finite(rasters->rates[i]);
+        good = seconds > 0.0 && seconds <= LONGEST && vec_finite(rasters->angles[i]) && vec_finite(rasters->rates[i]);
         durations[i] = good ? nearest_ns(seconds) : 0;
         good = good && durations[i] > 0;
     }
@@ -51,8 +48,8 @@ static int durations_ns(const Rasters *rasters, int64_t durations[RASTERS_MAX])
 }
 
 /* The raster in effect at t, which is not before the start. 0 if the result is not finite. */
-static int raster_at(const Rasters *rasters, const int64_t durations[RASTERS_MAX], int64_t t,
-                     EulerCommand *command, RasterStatus *status)
+static int raster_at(const Rasters *rasters, const int64_t durations[RASTERS_MAX], int64_t t, EulerCommand *command,
+                     RasterStatus *status)
 {
     int64_t total = 0;
     for (uint32_t k = 0; k < rasters->n; k++) {

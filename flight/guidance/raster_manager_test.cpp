@@ -239,8 +239,7 @@ const Fault faults[] = {{"empty", 0, 1, 0, 0},
                         {"an angle that is no number", 3, 1, nan, 0},
                         {"an infinite rate", 3, 1, 0, HUGE_VAL}};
 
-template <class List>
-void spoil(List &list, const Fault &fault)
+template <class List> void spoil(List &list, const Fault &fault)
 {
     list.n = fault.n;
     list.durations[2] = fault.duration;
@@ -322,8 +321,8 @@ TEST(RasterManager, gives_finite_numbers_whatever_it_is_given)
     auto any_integer = [&] { return static_cast<Ns>(random.real(-9.2e18, 9.2e18)); };
     Ns t = 0;
     for (int round = 0; round < 20000; round++) {
-        throw_numbers(doubles(in.angles, in.rates, in.durations, m.par.angles, m.par.rates,
-                              m.par.durations), random, round);
+        throw_numbers(doubles(in.angles, in.rates, in.durations, m.par.angles, m.par.rates, m.par.durations), random,
+                      round);
         if (round % 2) { // as they come, hardly any list is one
             std::iota(in.durations, in.durations + RASTERS_MAX, random.real(1e-9, 10));
             std::iota(m.par.durations, m.par.durations + RASTERS_MAX, random.real(1e-9, 10));
@@ -432,8 +431,7 @@ TEST(Pattern, triple_spiral)
         Matrix3d C = turn(1, centre.y()) * turn(2, centre.x()) * R0N;
         Vector3d boresight = C * dcm(away.out.reference.sigma_RN).row(0).transpose();
         double off = growth * since, way = roll * since;
-        Vector3d spiral{std::cos(off), std::sin(off) * std::sin(way),
-                        -std::sin(off) * std::cos(way)};
+        Vector3d spiral{std::cos(off), std::sin(off) * std::sin(way), -std::sin(off) * std::cos(way)};
         ASSERT_LT((boresight - spiral).norm(), 1e-14) << t;
         ASSERT_EQ(away.out.reference.head.quality, QUALITY_GOOD);
     }

@@ -32,8 +32,7 @@ void expect_algebra(TrackingError m)
 
     Vector3d omega_RN_B = BN * eigen(m.in.reference.omega_RN_N);
     EXPECT_LT((eigen(error.omega_RN_B) - omega_RN_B).norm(), 1e-14);
-    EXPECT_LT((eigen(error.omega_BR_B) + omega_RN_B - eigen(m.in.attitude.omega_BN_B)).norm(),
-              1e-14);
+    EXPECT_LT((eigen(error.omega_BR_B) + omega_RN_B - eigen(m.in.attitude.omega_BN_B)).norm(), 1e-14);
     EXPECT_LT((eigen(error.domega_RN_B) - BN * eigen(m.in.reference.domega_RN_N)).norm(), 1e-14);
     EXPECT_EQ(error.head.t, 500);
     EXPECT_EQ(error.head.quality, QUALITY_GOOD);
@@ -74,8 +73,7 @@ TEST(TrackingError, vanishes_where_the_control_frame_lies_on_the_reference)
             m.par.sigma_BcB = vec3(0, 0, 1);
         }
         // [BcN] = [RiN], so [BN] = [BcB]^T [RiN]
-        m.in.attitude.sigma_BN = dcm_to_mrp(
-            mat(dcm(m.par.sigma_BcB).transpose() * dcm(m.in.reference.sigma_RN)));
+        m.in.attitude.sigma_BN = dcm_to_mrp(mat(dcm(m.par.sigma_BcB).transpose() * dcm(m.in.reference.sigma_RN)));
         tracking_error_update(&m, {0, 0});
         EXPECT_LT(vec_norm(m.out.error.sigma_BR), 3e-15);
     }
@@ -129,10 +127,14 @@ TEST(TrackingError, holds_the_last_error_against_numbers_that_are_not_finite)
     TrackingError m = any(random);
     tracking_error_update(&m, {0, 0});
     auto &[attitude, reference] = m.in;
-    expect_held(m, doubles(attitude.sigma_BN, attitude.omega_BN_B, reference.sigma_RN,
-                           reference.omega_RN_N, reference.domega_RN_N, m.par.sigma_BcB),
-                [](TrackingError &x) { tracking_error_update(&x, {500, 500}); },
-                [](TrackingError &x) { return std::vector{&x.out.error.head}; });
+    expect_held(
+        m,
+        doubles(attitude.sigma_BN, attitude.omega_BN_B, reference.sigma_RN, reference.omega_RN_N, reference.domega_RN_N,
+                m.par.sigma_BcB),
+        [](TrackingError &x) {
+            tracking_error_update(&x, {500, 500});
+        },
+        [](TrackingError &x) { return std::vector{&x.out.error.head}; });
 }
 
 TEST(TrackingError, gives_finite_numbers_whatever_it_is_given)
@@ -141,15 +143,14 @@ TEST(TrackingError, gives_finite_numbers_whatever_it_is_given)
     TrackingError m{};
     auto &[attitude, reference] = m.in;
     AttError &out = m.out.error;
-    Doubles in = doubles(attitude.sigma_BN, attitude.omega_BN_B, reference.sigma_RN,
-                         reference.omega_RN_N, reference.domega_RN_N, m.par.sigma_BcB);
+    Doubles in = doubles(attitude.sigma_BN, attitude.omega_BN_B, reference.sigma_RN, reference.omega_RN_N,
+                         reference.domega_RN_N, m.par.sigma_BcB);
     for (int round = 0; round < 20000; round++) {
         throw_numbers(in, random, round);
         attitude.head.quality = any_quality(random);
         reference.head.quality = any_quality(random);
         tracking_error_update(&m, {round, 1});
-        expect_finite(doubles(out.sigma_BR, out.omega_BR_B, out.omega_RN_B, out.domega_RN_B),
-                      round);
+        expect_finite(doubles(out.sigma_BR, out.omega_BR_B, out.omega_RN_B, out.domega_RN_B), round);
     }
 }
 

@@ -62,10 +62,8 @@ static Vec3 point_at_both(Moving r1, Moving normal, AttReference *reference)
 {
     Moving r3 = moving_unit(normal);
     Moving r2 = moving_cross(r3, r1);
-    Vec3 omega = vec_add(vec_cross(r1.x, r1.dx),
-                         vec_add(vec_cross(r2.x, r2.dx), vec_cross(r3.x, r3.dx)));
-    Vec3 domega = vec_add(vec_cross(r1.x, r1.ddx),
-                          vec_add(vec_cross(r2.x, r2.ddx), vec_cross(r3.x, r3.ddx)));
+    Vec3 omega = vec_add(vec_cross(r1.x, r1.dx), vec_add(vec_cross(r2.x, r2.dx), vec_cross(r3.x, r3.dx)));
+    Vec3 domega = vec_add(vec_cross(r1.x, r1.ddx), vec_add(vec_cross(r2.x, r2.ddx), vec_cross(r3.x, r3.ddx)));
     reference->sigma_RN = dcm_to_mrp(mat_rows(r1.x, r2.x, r3.x));
     reference->omega_RN_N = vec_scale(0.5, omega);
     reference->domega_RN_N = vec_scale(0.5, domega);
@@ -85,8 +83,7 @@ static Vec3 point_at_primary(Moving r1, Vec3 last, AttReference *reference)
 }
 
 /* 0 if the result is not finite. */
-static int point(const TwoBodyPointing *m, AttReference *reference, TwoBodyStatus *status,
-                 Vec3 *r2_N)
+static int point(const TwoBodyPointing *m, AttReference *reference, TwoBodyStatus *status, Vec3 *r2_N)
 {
     Moving R_1 = from_craft(&m->in.orbit, &m->in.primary);
     Moving R_2 = from_craft(&m->in.orbit, &m->in.secondary);
@@ -119,8 +116,7 @@ void two_body_pointing_reset(TwoBodyPointing *m)
 
 void two_body_pointing_update(TwoBodyPointing *m, Tick t)
 {
-    Quality quality = quality_min(quality_through(m->in.orbit.head),
-                                  quality_through(m->in.primary.head));
+    Quality quality = quality_min(quality_through(m->in.orbit.head), quality_through(m->in.primary.head));
     quality = quality_min(quality, quality_optional(m->in.secondary.head));
 
     Vec3 r2_N;

@@ -21,7 +21,10 @@ struct Point {
     Vector3d r = Vector3d::Zero(), v = Vector3d::Zero(), a = Vector3d::Zero();
 };
 
-Point operator+(const Point &a, const Point &b) { return {a.r + b.r, a.v + b.v, a.a + b.a}; }
+Point operator+(const Point &a, const Point &b)
+{
+    return {a.r + b.r, a.v + b.v, a.a + b.a};
+}
 
 Point on_orbit(const Motion &start, double mu, double t)
 {
@@ -67,7 +70,10 @@ Scene any_scene(Random &random)
     return {any_point(random), any_point(random), any_point(random)};
 }
 
-Vector3d direction(const Point &from, const Point &to) { return (to.r - from.r).normalized(); }
+Vector3d direction(const Point &from, const Point &to)
+{
+    return (to.r - from.r).normalized();
+}
 
 /// The angle of two unit vectors, to rounding also where it is small.
 double angle(const Vector3d &a, const Vector3d &b)
@@ -96,8 +102,7 @@ struct Solar {
 };
 
 /// Errors are relative to the rates that there are, and to what they change by in an orbit.
-template <class F>
-void check(F scene_at, double rate)
+template <class F> void check(F scene_at, double rate)
 {
     auto at = [&](double t) { return reference_of(scene_at(t)); };
     TwoBodyPointing m = pointing(scene_at(0));
@@ -119,7 +124,7 @@ TEST(TwoBodyPointing, primary_exactly_and_secondary_in_the_half_plane)
         two_body_pointing_update(&m, {500, 0});
         ASSERT_EQ(m.out.status.secondary, SECONDARY_TRACKED);
         Matrix3d c = dcm(m.out.reference.sigma_RN);
-        Vector3d first = c * direction(scene.craft, scene.primary);    // in R
+        Vector3d first = c * direction(scene.craft, scene.primary); // in R
         Vector3d second = c * direction(scene.craft, scene.secondary);
         EXPECT_LT(angle(first, Vector3d::UnitX()), 4e-15);
         EXPECT_LT(std::abs(second.z()), 2e-15 / second.y()) << "out of the plane of r1 and r2";
@@ -357,13 +362,16 @@ TEST(TwoBodyPointing, holds_the_last_reference_against_numbers_that_are_not_fini
     TwoBodyPointing m = pointing(any_scene(random));
     two_body_pointing_update(&m, {0, 0});
     auto &[orbit, primary, secondary] = m.in;
-    expect_held(m, doubles(orbit.r_BN_N, orbit.v_BN_N, orbit.a_BN_N, primary.r_PN_N, primary.v_PN_N,
-                           primary.a_PN_N, secondary.r_PN_N, secondary.v_PN_N, secondary.a_PN_N,
-                           m.par),
-                [](TwoBodyPointing &x) { two_body_pointing_update(&x, {500, 500}); },
-                [](TwoBodyPointing &x) {
-                    return std::vector{&x.out.reference.head, &x.out.status.head};
-                });
+    expect_held(
+        m,
+        doubles(orbit.r_BN_N, orbit.v_BN_N, orbit.a_BN_N, primary.r_PN_N, primary.v_PN_N, primary.a_PN_N,
+                secondary.r_PN_N, secondary.v_PN_N, secondary.a_PN_N, m.par),
+        [](TwoBodyPointing &x) {
+            two_body_pointing_update(&x, {500, 500});
+        },
+        [](TwoBodyPointing &x) {
+            return std::vector{&x.out.reference.head, &x.out.status.head};
+        });
 }
 
 TEST(TwoBodyPointing, gives_finite_numbers_whatever_it_is_given)
@@ -372,17 +380,16 @@ TEST(TwoBodyPointing, gives_finite_numbers_whatever_it_is_given)
     TwoBodyPointing m{};
     auto &[orbit, primary, secondary] = m.in;
     AttReference &out = m.out.reference;
-    Doubles in = doubles(orbit.r_BN_N, orbit.v_BN_N, orbit.a_BN_N, primary.r_PN_N, primary.v_PN_N,
-                         primary.a_PN_N, secondary.r_PN_N, secondary.v_PN_N, secondary.a_PN_N,
-                         m.par);
+    Doubles in = doubles(orbit.r_BN_N, orbit.v_BN_N, orbit.a_BN_N, primary.r_PN_N, primary.v_PN_N, primary.a_PN_N,
+                         secondary.r_PN_N, secondary.v_PN_N, secondary.a_PN_N, m.par);
     for (int round = 0; round < 20000; round++) {
         throw_numbers(in, random, round);
         orbit.head.quality = any_quality(random);
         primary.head.quality = any_quality(random);
         secondary.head.quality = any_quality(random);
         two_body_pointing_update(&m, {round, 1});
-        expect_finite(doubles(out.sigma_RN, out.omega_RN_N, out.domega_RN_N,
-                              m.out.status.separation, m.mem.r2_N), round);
+        expect_finite(doubles(out.sigma_RN, out.omega_RN_N, out.domega_RN_N, m.out.status.separation, m.mem.r2_N),
+                      round);
     }
 }
 

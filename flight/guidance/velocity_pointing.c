@@ -34,8 +34,7 @@ static int velocity_frame(Vec3 r, Vec3 v, double mu, AttReference *frame)
     frame->sigma_RN = dcm_to_mrp(mat_rows(vec_cross(i_v, i_h), i_v, i_h));
     frame->omega_RN_N = vec_scale(bend / r2, h);
     frame->domega_RN_N = vec_scale((2.0 * bend - 3.0) * vec_dot(r, v) / r2, frame->omega_RN_N);
-    return vec_finite(frame->sigma_RN) && vec_finite(frame->omega_RN_N) &&
-           vec_finite(frame->domega_RN_N);
+    return vec_finite(frame->sigma_RN) && vec_finite(frame->omega_RN_N) && vec_finite(frame->domega_RN_N);
 }
 
 void velocity_pointing_update(VelocityPointing *m, Tick t)
@@ -46,9 +45,8 @@ void velocity_pointing_update(VelocityPointing *m, Tick t)
 
     AttReference frame;
     Quality quality = quality_min(quality_through(orbit->head), quality_optional(planet->head));
-    if (quality != QUALITY_NONE &&
-        velocity_frame(vec_sub(orbit->r_BN_N, planet->r_PN_N),
-                       vec_sub(orbit->v_BN_N, planet->v_PN_N), m->par.mu, &frame)) {
+    if (quality != QUALITY_NONE && velocity_frame(vec_sub(orbit->r_BN_N, planet->r_PN_N),
+                                                  vec_sub(orbit->v_BN_N, planet->v_PN_N), m->par.mu, &frame)) {
         frame.head = head_next(out->head, t.t, quality);
         *out = frame;
     } else {

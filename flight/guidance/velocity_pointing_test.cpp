@@ -122,14 +122,12 @@ TEST(VelocityPointing, is_what_the_elements_say)
         double beta = std::atan2(e * std::sin(f), 1 + e * std::cos(f));
 
         Matrix3d HN;
-        HN << now.r.normalized().transpose(), h.cross(now.r).normalized().transpose(),
-            h.normalized().transpose();
+        HN << now.r.normalized().transpose(), h.cross(now.r).normalized().transpose(), h.normalized().transpose();
         AttReference reference = reference_of(now);
         EXPECT_LT(difference(dcm(reference.sigma_RN), turn(2, -beta) * HN), 1e-11);
         Vector3d i_h = h.normalized();
         EXPECT_LT((eigen(reference.omega_RN_N) - (df - dbeta) * i_h).norm(), 1e-12 * df);
-        EXPECT_LT((eigen(reference.domega_RN_N) - (ddf - ddbeta) * i_h).norm(),
-                  1e-11 * (std::abs(ddf) + df * df));
+        EXPECT_LT((eigen(reference.domega_RN_N) - (ddf - ddbeta) * i_h).norm(), 1e-11 * (std::abs(ddf) + df * df));
     }
 }
 
@@ -176,9 +174,12 @@ TEST(VelocityPointing, holds_the_last_reference_against_numbers_that_are_not_fin
     m.in.planet.head = good();
     velocity_pointing_update(&m, {0, 0});
     auto &[orbit, planet] = m.in;
-    expect_held(m, doubles(orbit.r_BN_N, orbit.v_BN_N, planet.r_PN_N, planet.v_PN_N, m.par.mu),
-                [](VelocityPointing &x) { velocity_pointing_update(&x, {500, 500}); },
-                [](VelocityPointing &x) { return std::vector{&x.out.reference.head}; });
+    expect_held(
+        m, doubles(orbit.r_BN_N, orbit.v_BN_N, planet.r_PN_N, planet.v_PN_N, m.par.mu),
+        [](VelocityPointing &x) {
+            velocity_pointing_update(&x, {500, 500});
+        },
+        [](VelocityPointing &x) { return std::vector{&x.out.reference.head}; });
 }
 
 TEST(VelocityPointing, gives_finite_numbers_whatever_it_is_given)

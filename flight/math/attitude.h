@@ -127,8 +127,7 @@ static inline Vec3 mrp_compose(Vec3 sigma_CB, Vec3 sigma_BA)
     double cw = 1.0 - c2, bw = 1.0 - b2;
     Vec3 v = vec_sub(vec_add(vec_scale(bw, sigma_CB), vec_scale(cw, sigma_BA)),
                      vec_scale(2.0, vec_cross(sigma_CB, sigma_BA)));
-    return mrp_project(cw * bw - 4.0 * vec_dot(sigma_CB, sigma_BA), vec_scale(2.0, v),
-                       (1.0 + c2) * (1.0 + b2));
+    return mrp_project(cw * bw - 4.0 * vec_dot(sigma_CB, sigma_BA), vec_scale(2.0, v), (1.0 + c2) * (1.0 + b2));
 }
 
 /** sigma_BR, of [BR] = [BN][RN]^T. */

@@ -76,11 +76,10 @@ TEST(Mrp, small_turns_keep_their_relative_accuracy)
     Random random{2};
     for (double angle = 1e-14; angle < 1; angle *= 10) {
         Vector3d axis = random.direction();
-        Matrix3d c = Matrix3d::Identity() - angle * skew(axis) +
-                     angle * angle / 2 * skew(axis) * skew(axis); // to O(angle^3)
+        Matrix3d c =
+            Matrix3d::Identity() - angle * skew(axis) + angle * angle / 2 * skew(axis) * skew(axis); // to O(angle^3)
         Vector3d expected = axis * angle / 4;
-        EXPECT_LT((eigen(dcm_to_mrp(mat(c))) - expected).norm(),
-                  angle * (angle * angle + 1e-15)) << angle;
+        EXPECT_LT((eigen(dcm_to_mrp(mat(c))) - expected).norm(), angle * (angle * angle + 1e-15)) << angle;
     }
 }
 

@@ -24,16 +24,16 @@ double fm_tan(double x);
 /** *s = fm_sin(x) and *c = fm_cos(x), to the bit, for little more than the price of one. */
 void fm_sincos(double x, double *s, double *c);
 
-double fm_asin(double x);  /**< in [-pi/2, pi/2]; NaN for |x| > 1 */
-double fm_acos(double x);  /**< in [0, pi]; NaN for |x| > 1 */
-double fm_atan(double x);  /**< in [-pi/2, pi/2] */
+double fm_asin(double x); /**< in [-pi/2, pi/2]; NaN for |x| > 1 */
+double fm_acos(double x); /**< in [0, pi]; NaN for |x| > 1 */
+double fm_atan(double x); /**< in [-pi/2, pi/2] */
 
 /** The angle of the point (x, y) from the x axis, in [-pi, pi]; signed zeros tell the side of the
  *  cut, and fm_atan2(0, 0) is 0. */
 double fm_atan2(double y, double x);
 
 double fm_exp(double x);
-double fm_log(double x);  /**< natural; -infinity for 0, NaN for x < 0 */
+double fm_log(double x); /**< natural; -infinity for 0, NaN for x < 0 */
 
 /** The machine's square root, which IEEE 754 rounds correctly. */
 static inline double fm_sqrt(double x)

@@ -74,17 +74,12 @@ static uint64_t random_bits(uint64_t *state)
 static double argument(uint64_t *state, uint32_t i)
 {
     const uint64_t bits = random_bits(state);
-    const double ratio = (double)(int32_t)(uint32_t)(bits >> 32) * 0x1p-31
-        + (double)(uint32_t)bits * 0x1p-63;
+    const double ratio = (double)(int32_t)(uint32_t)(bits >> 32) * 0x1p-31 + (double)(uint32_t)bits * 0x1p-63;
     switch (i % 4) {
-    case 0:
-        return fm_from_bits(bits);
-    case 1:
-        return fm_from_bits((bits & ~((uint64_t)0x7c0 << 52)) | (uint64_t)0x3e0 << 52);
-    case 2:
-        return ratio;
-    default:
-        return ratio * 750.0;
+    case 0: return fm_from_bits(bits);
+    case 1: return fm_from_bits((bits & ~((uint64_t)0x7c0 << 52)) | (uint64_t)0x3e0 << 52);
+    case 2: return ratio;
+    default: return ratio * 750.0;
     }
 }
 
@@ -115,39 +110,17 @@ static uint64_t hash_of(Function function)
         const double x = argument(&state, i);
         double y, second = 0.0;
         switch (function) {
-        case SIN:
-            y = fm_sin(x);
-            break;
-        case COS:
-            y = fm_cos(x);
-            break;
-        case SINCOS:
-            fm_sincos(x, &y, &second);
-            break;
-        case TAN:
-            y = fm_tan(x);
-            break;
-        case ASIN:
-            y = fm_asin(x);
-            break;
-        case ACOS:
-            y = fm_acos(x);
-            break;
-        case ATAN:
-            y = fm_atan(x);
-            break;
-        case ATAN2:
-            y = fm_atan2(x, argument(&state, i / 4));
-            break;
-        case EXP:
-            y = fm_exp(x);
-            break;
-        case LOG:
-            y = fm_log(x);
-            break;
-        default:
-            y = fm_sqrt(x);
-            break;
+        case SIN: y = fm_sin(x); break;
+        case COS: y = fm_cos(x); break;
+        case SINCOS: fm_sincos(x, &y, &second); break;
+        case TAN: y = fm_tan(x); break;
+        case ASIN: y = fm_asin(x); break;
+        case ACOS: y = fm_acos(x); break;
+        case ATAN: y = fm_atan(x); break;
+        case ATAN2: y = fm_atan2(x, argument(&state, i / 4)); break;
+        case EXP: y = fm_exp(x); break;
+        case LOG: y = fm_log(x); break;
+        default: y = fm_sqrt(x); break;
         }
         hash = hash_double(hash_double(hash, y), second);
     }

@@ -27,20 +27,23 @@ constexpr double LARGEST = std::numeric_limits<double>::max();
 constexpr double SMALLEST = std::numeric_limits<double>::denorm_min();
 constexpr double HALF_PI = 0x1.921fb54442d18p+0;
 
-std::uint64_t bits_of(double x) {
+std::uint64_t bits_of(double x)
+{
     std::uint64_t bits;
     std::memcpy(&bits, &x, sizeof bits);
     return bits;
 }
 
-double from_bits(std::uint64_t bits) {
+double from_bits(std::uint64_t bits)
+{
     double x;
     std::memcpy(&x, &bits, sizeof x);
     return x;
 }
 
-int arguments_per_regime() {
-    const char* campaign = std::getenv("FLEDGE_CAMPAIGN");
+int arguments_per_regime()
+{
+    const char *campaign = std::getenv("FLEDGE_CAMPAIGN");
     return campaign && std::string(campaign) == "1" ? 200'000 : 2'000;
 }
 
@@ -50,15 +53,16 @@ class Exact {
 public:
     Exact() { mpfr_init2(value_, 200); }
     ~Exact() { mpfr_clear(value_); }
-    Exact(const Exact&) = delete;
-    Exact& operator=(const Exact&) = delete;
+    Exact(const Exact &) = delete;
+    Exact &operator=(const Exact &) = delete;
 
     mpfr_ptr get() { return value_; }
     void set(double x) { mpfr_set_d(value_, x, MPFR_RNDN); }
 
     // |got - value| in units of the last place that a double of this size has. Infinity, and what
     // lies beyond 2^1024, count as 2^1024: an overflow is right where the value rounds to it.
-    double ulps_from(double got) {
+    double ulps_from(double got)
+    {
         if (mpfr_nan_p(value_) || std::isnan(got)) {
             return mpfr_nan_p(value_) && std::isnan(got) ? 0.0 : INF;
         }
@@ -91,7 +95,8 @@ struct Worst {
     double ulps = 0.0;
     double y = 0.0, x = 0.0;
 
-    void see(double found, double at_x, double at_y = 0.0) {
+    void see(double found, double at_x, double at_y = 0.0)
+    {
         if (!(found <= ulps)) {
             *this = {found, at_y, at_x};
         }
@@ -105,9 +110,7 @@ public:
     explicit Random(std::uint64_t seed) : engine_(seed) {}
 
     std::uint64_t bits() { return engine_(); }
-    int integer(int low, int high) {
-        return low + static_cast<int>(engine_() % (high - low + 1ull));
-    }
+    int integer(int low, int high) { return low + static_cast<int>(engine_() % (high - low + 1ull)); }
     double unit() { return static_cast<double>(engine_() >> 11) * 0x1p-53; }
     double between(double low, double high) { return low + (high - low) * unit(); }
     double sign() { return engine_() & 1 ? 1.0 : -1.0; }
@@ -116,17 +119,16 @@ public:
     double spread(int low, int high) { return std::ldexp(1.0 + unit(), integer(low, high)); }
 
     // Up to a few units of the last place away from x.
-    double beside(double x) {
-        return from_bits(bits_of(x) + static_cast<std::uint64_t>(integer(-3, 3)));
-    }
+    double beside(double x) { return from_bits(bits_of(x) + static_cast<std::uint64_t>(integer(-3, 3))); }
 
 private:
     std::mt19937_64 engine_;
 };
 
-using Regime = std::function<double(Random&)>;
+using Regime = std::function<double(Random &)>;
 
-double near_quarter_turns(Random& random) {
+double near_quarter_turns(Random &random)
+{
     const double turns = std::floor(random.spread(0, random.integer(1, 60)));
     Exact multiple;
     mpfr_const_pi(multiple.get(), MPFR_RNDN);
@@ -135,66 +137,68 @@ double near_quarter_turns(Random& random) {
 }
 
 const std::vector<Regime> ANGLES = {
-    [](Random& r) { return r.between(-HALF_PI, HALF_PI); },
-    [](Random& r) { return r.between(-30.0, 30.0); },
-    [](Random& r) { return r.between(0.7, 0.8); },  // where the reduced angle is largest
-    [](Random& r) { return r.between(-2e6, 2e6); },
-    [](Random& r) { return r.sign() * r.spread(-1074, -20); },
-    [](Random& r) { return r.sign() * r.spread(-30, 60); },
-    [](Random& r) { return r.sign() * r.spread(60, 1023); },
+    [](Random &r) { return r.between(-HALF_PI, HALF_PI); },
+    [](Random &r) { return r.between(-30.0, 30.0); },
+    [](Random &r) { return r.between(0.7, 0.8); }, // where the reduced angle is largest
+    [](Random &r) { return r.between(-2e6, 2e6); },
+    [](Random &r) { return r.sign() * r.spread(-1074, -20); },
+    [](Random &r) { return r.sign() * r.spread(-30, 60); },
+    [](Random &r) { return r.sign() * r.spread(60, 1023); },
     near_quarter_turns,
     // No double comes closer to a multiple of pi/2, relative to the multiple.
-    [](Random& r) { return r.beside(0x1.6ac5b262ca1ffp+849); },
+    [](Random &r) { return r.beside(0x1.6ac5b262ca1ffp+849); },
 };
 
 const std::vector<Regime> RATIOS = {
-    [](Random& r) { return r.between(-1.0, 1.0); },
-    [](Random& r) { return r.sign() * r.spread(-1074, -2); },
-    [](Random& r) { return r.sign() * (1.0 - r.spread(-53, -2)); },
-    [](Random& r) { return r.sign() * (0.5 + r.sign() * r.spread(-54, -3)); },
+    [](Random &r) { return r.between(-1.0, 1.0); },
+    [](Random &r) { return r.sign() * r.spread(-1074, -2); },
+    [](Random &r) { return r.sign() * (1.0 - r.spread(-53, -2)); },
+    [](Random &r) { return r.sign() * (0.5 + r.sign() * r.spread(-54, -3)); },
 };
 
 const std::vector<Regime> TANGENTS = {
-    [](Random& r) { return r.between(-3.0, 3.0); },
-    [](Random& r) { return r.sign() * r.spread(-1074, 1023); },
-    [](Random& r) { return r.sign() * r.spread(-30, 60); },
-    [](Random& r) { return r.sign() * (1.0 + r.sign() * r.spread(-53, -2)); },
-    [](Random& r) { return r.beside(0x1.a827999fcef32p-2) * (1.0 + r.spread(-53, -6)); },
+    [](Random &r) { return r.between(-3.0, 3.0); },
+    [](Random &r) { return r.sign() * r.spread(-1074, 1023); },
+    [](Random &r) { return r.sign() * r.spread(-30, 60); },
+    [](Random &r) { return r.sign() * (1.0 + r.sign() * r.spread(-53, -2)); },
+    [](Random &r) { return r.beside(0x1.a827999fcef32p-2) * (1.0 + r.spread(-53, -6)); },
 };
 
 const std::vector<Regime> EXPONENTS = {
-    [](Random& r) { return r.between(-1.0, 1.0); },
-    [](Random& r) { return r.between(-708.0, 709.0); },
-    [](Random& r) { return r.between(-746.0, -708.0); },
-    [](Random& r) { return r.between(709.7, 709.9); },
-    [](Random& r) { return r.beside(0x1.62e42fefa39efp+9); },
-    [](Random& r) { return r.sign() * r.spread(-1074, 10); },
-    [](Random& r) { return r.beside((r.integer(-60000, 60000) + 0.5) * (std::log(2.0) / 64)); },
+    [](Random &r) { return r.between(-1.0, 1.0); },
+    [](Random &r) { return r.between(-708.0, 709.0); },
+    [](Random &r) { return r.between(-746.0, -708.0); },
+    [](Random &r) { return r.between(709.7, 709.9); },
+    [](Random &r) { return r.beside(0x1.62e42fefa39efp+9); },
+    [](Random &r) { return r.sign() * r.spread(-1074, 10); },
+    [](Random &r) { return r.beside((r.integer(-60000, 60000) + 0.5) * (std::log(2.0) / 64)); },
 };
 
 const std::vector<Regime> POSITIVES = {
-    [](Random& r) { return r.spread(-1022, 1023); },
-    [](Random& r) { return from_bits(r.bits() >> 12); },
-    [](Random& r) { return r.between(0.5, 2.0); },
-    [](Random& r) { return 1.0 + r.sign() * r.spread(-53, -2); },
-    [](Random& r) { return r.between(0.98, 1.02); },
+    [](Random &r) { return r.spread(-1022, 1023); }, [](Random &r) { return from_bits(r.bits() >> 12); },
+    [](Random &r) { return r.between(0.5, 2.0); },   [](Random &r) { return 1.0 + r.sign() * r.spread(-53, -2); },
+    [](Random &r) { return r.between(0.98, 1.02); },
 };
 
 // ---- one argument ------------------------------------------------------------------------------
 
 struct Function {
-    const char* name;
+    const char *name;
     double (*ours)(double);
     int (*exact)(mpfr_ptr, mpfr_srcptr, mpfr_rnd_t);
-    const std::vector<Regime>* regimes;
+    const std::vector<Regime> *regimes;
 };
 
-void PrintTo(const Function& function, std::ostream* out) { *out << function.name; }
+void PrintTo(const Function &function, std::ostream *out)
+{
+    *out << function.name;
+}
 
 class OneArgument : public testing::TestWithParam<Function> {};
 
-TEST_P(OneArgument, IsWithinOneUlp) {
-    const Function& f = GetParam();
+TEST_P(OneArgument, IsWithinOneUlp)
+{
+    const Function &f = GetParam();
     Worst worst;
     Exact x, y;
     for (std::size_t regime = 0; regime < f.regimes->size(); ++regime) {
@@ -210,7 +214,8 @@ TEST_P(OneArgument, IsWithinOneUlp) {
     EXPECT_LE(worst.ulps, 1.0) << f.name << " at " << std::hexfloat << worst.x;
 }
 
-TEST_P(OneArgument, GivesTheOneNaNForNaN) {
+TEST_P(OneArgument, GivesTheOneNaNForNaN)
+{
     EXPECT_EQ(bits_of(GetParam().ours(NAN)), bits_of(NAN));
     EXPECT_EQ(bits_of(GetParam().ours(-NAN)), bits_of(NAN));
     EXPECT_EQ(bits_of(GetParam().ours(from_bits(0x7ff8dead'beef0001))), bits_of(NAN));
@@ -218,19 +223,16 @@ TEST_P(OneArgument, GivesTheOneNaNForNaN) {
 
 INSTANTIATE_TEST_SUITE_P(
     Elementary, OneArgument,
-    testing::Values(Function{"sin", fm_sin, mpfr_sin, &ANGLES},
-                    Function{"cos", fm_cos, mpfr_cos, &ANGLES},
-                    Function{"tan", fm_tan, mpfr_tan, &ANGLES},
-                    Function{"asin", fm_asin, mpfr_asin, &RATIOS},
-                    Function{"acos", fm_acos, mpfr_acos, &RATIOS},
-                    Function{"atan", fm_atan, mpfr_atan, &TANGENTS},
-                    Function{"exp", fm_exp, mpfr_exp, &EXPONENTS},
-                    Function{"log", fm_log, mpfr_log, &POSITIVES}),
-    [](const auto& test) { return std::string(test.param.name); });
+    testing::Values(Function{"sin", fm_sin, mpfr_sin, &ANGLES}, Function{"cos", fm_cos, mpfr_cos, &ANGLES},
+                    Function{"tan", fm_tan, mpfr_tan, &ANGLES}, Function{"asin", fm_asin, mpfr_asin, &RATIOS},
+                    Function{"acos", fm_acos, mpfr_acos, &RATIOS}, Function{"atan", fm_atan, mpfr_atan, &TANGENTS},
+                    Function{"exp", fm_exp, mpfr_exp, &EXPONENTS}, Function{"log", fm_log, mpfr_log, &POSITIVES}),
+    [](const auto &test) { return std::string(test.param.name); });
 
 // ---- sine and cosine together ------------------------------------------------------------------
 
-TEST(SinCos, HasTheBitsOfSinAndCos) {
+TEST(SinCos, HasTheBitsOfSinAndCos)
+{
     for (std::size_t regime = 0; regime < ANGLES.size(); ++regime) {
         Random random(2000 + regime);
         for (int i = 0; i < 1000; ++i) {
@@ -243,7 +245,8 @@ TEST(SinCos, HasTheBitsOfSinAndCos) {
     }
 }
 
-TEST(SinCos, GivesNaNForWhatIsNoAngle) {
+TEST(SinCos, GivesNaNForWhatIsNoAngle)
+{
     for (const double x : {INF, -INF, static_cast<double>(NAN)}) {
         double s = 0.0, c = 0.0;
         fm_sincos(x, &s, &c);
@@ -255,21 +258,20 @@ TEST(SinCos, GivesNaNForWhatIsNoAngle) {
 
 // ---- two arguments -----------------------------------------------------------------------------
 
-TEST(ArcTangent2, IsWithinOneUlp) {
+TEST(ArcTangent2, IsWithinOneUlp)
+{
     using Pair = std::pair<double, double>;
-    const std::vector<std::function<Pair(Random&)>> regimes = {
-        [](Random& r) { return Pair(r.between(-1.0, 1.0), r.between(-1.0, 1.0)); },
-        [](Random& r) {
-            return Pair(r.sign() * r.spread(-1074, 1023), r.sign() * r.spread(-1074, 1023));
-        },
+    const std::vector<std::function<Pair(Random &)>> regimes = {
+        [](Random &r) { return Pair(r.between(-1.0, 1.0), r.between(-1.0, 1.0)); },
+        [](Random &r) { return Pair(r.sign() * r.spread(-1074, 1023), r.sign() * r.spread(-1074, 1023)); },
         // Of like size, at every size: what can overflow or underflow on the way.
-        [](Random& r) {
+        [](Random &r) {
             const int e = r.integer(-1074, 1023);
             const int near = std::min(std::max(e + r.integer(-70, 70), -1074), 1023);
             return Pair(r.sign() * r.spread(e, e), r.sign() * r.spread(near, near));
         },
         // Beside the axes, the diagonals, and the limits of the sectors.
-        [](Random& r) {
+        [](Random &r) {
             const double slopes[] = {0x1p-40, 0.4142135623730951, 1.0, 2.414213562373095, 0x1p40};
             const double x = r.spread(-3, 3);
             return Pair(r.sign() * r.beside(slopes[r.integer(0, 4)] * x), r.sign() * x);
@@ -293,13 +295,15 @@ TEST(ArcTangent2, IsWithinOneUlp) {
 
 // ---- special cases -----------------------------------------------------------------------------
 
-void expect_same(double got, double wanted, const char* what) {
+void expect_same(double got, double wanted, const char *what)
+{
     EXPECT_EQ(bits_of(got), bits_of(wanted)) << what << ": " << got << " instead of " << wanted;
 }
 
 #define EXPECT_SAME(call, wanted) expect_same(call, wanted, #call)
 
-TEST(SpecialCases, OddFunctionsKeepTheSignOfZeroAndOfTheTiniest) {
+TEST(SpecialCases, OddFunctionsKeepTheSignOfZeroAndOfTheTiniest)
+{
     for (const auto f : {fm_sin, fm_tan, fm_asin, fm_atan}) {
         for (const double x : {0.0, SMALLEST, 3 * SMALLEST, 0x1p-1022, 0x1p-600, 0x1p-30}) {
             EXPECT_EQ(bits_of(f(x)), bits_of(x)) << x;
@@ -308,7 +312,8 @@ TEST(SpecialCases, OddFunctionsKeepTheSignOfZeroAndOfTheTiniest) {
     }
 }
 
-TEST(SpecialCases, OddAndEvenHoldToTheBit) {
+TEST(SpecialCases, OddAndEvenHoldToTheBit)
+{
     Random random(4000);
     for (int i = 0; i < 10'000; ++i) {
         const double x = random.spread(-20, 20), ratio = random.unit();
@@ -321,13 +326,15 @@ TEST(SpecialCases, OddAndEvenHoldToTheBit) {
     }
 }
 
-TEST(SpecialCases, Cosine) {
+TEST(SpecialCases, Cosine)
+{
     EXPECT_SAME(fm_cos(0.0), 1.0);
     EXPECT_SAME(fm_cos(-0.0), 1.0);
     EXPECT_SAME(fm_cos(SMALLEST), 1.0);
 }
 
-TEST(SpecialCases, ArcSineAndArcCosine) {
+TEST(SpecialCases, ArcSineAndArcCosine)
+{
     EXPECT_SAME(fm_asin(1.0), HALF_PI);
     EXPECT_SAME(fm_asin(-1.0), -HALF_PI);
     EXPECT_SAME(fm_acos(1.0), 0.0);
@@ -342,14 +349,16 @@ TEST(SpecialCases, ArcSineAndArcCosine) {
     }
 }
 
-TEST(SpecialCases, ArcTangent) {
+TEST(SpecialCases, ArcTangent)
+{
     EXPECT_SAME(fm_atan(INF), HALF_PI);
     EXPECT_SAME(fm_atan(-INF), -HALF_PI);
     EXPECT_SAME(fm_atan(LARGEST), HALF_PI);
     EXPECT_SAME(fm_atan(1.0), HALF_PI / 2);
 }
 
-TEST(SpecialCases, ArcTangent2) {
+TEST(SpecialCases, ArcTangent2)
+{
     const double pi = 2 * HALF_PI, three_quarters = 0x1.2d97c7f3321d2p+1;
     for (const double sign : {1.0, -1.0}) {
         EXPECT_SAME(fm_atan2(sign * 0.0, 0.0), sign * 0.0);
@@ -378,7 +387,8 @@ TEST(SpecialCases, ArcTangent2) {
     }
 }
 
-TEST(SpecialCases, Exponential) {
+TEST(SpecialCases, Exponential)
+{
     EXPECT_SAME(fm_exp(0.0), 1.0);
     EXPECT_SAME(fm_exp(-0.0), 1.0);
     EXPECT_SAME(fm_exp(INF), INF);
@@ -393,7 +403,8 @@ TEST(SpecialCases, Exponential) {
     EXPECT_SAME(fm_exp(-745.14), 0.0);
 }
 
-TEST(SpecialCases, Logarithm) {
+TEST(SpecialCases, Logarithm)
+{
     EXPECT_SAME(fm_log(1.0), 0.0);
     EXPECT_SAME(fm_log(0.0), -INF);
     EXPECT_SAME(fm_log(-0.0), -INF);
@@ -403,11 +414,12 @@ TEST(SpecialCases, Logarithm) {
     }
 }
 
-TEST(SpecialCases, SquareRootAndMagnitude) {
+TEST(SpecialCases, SquareRootAndMagnitude)
+{
     EXPECT_SAME(fm_sqrt(2.0), 0x1.6a09e667f3bcdp+0);
     EXPECT_SAME(fm_sqrt(-0.0), -0.0);
     EXPECT_SAME(fm_abs(-0.0), 0.0);
     EXPECT_SAME(fm_abs(-INF), INF);
 }
 
-}  // namespace
+} // namespace

@@ -16,7 +16,7 @@ static const double PI = 0x1.921fb54442d18p+1;
 
 typedef struct Sector {
     double c, s;
-    FmSum  middle;  /* k pi/4 */
+    FmSum middle; /* k pi/4 */
 } Sector;
 
 static const Sector SECTORS[5] = {
@@ -33,12 +33,11 @@ static inline double arctangent_minus(double u)
     const double z = u * u;
     const double z2 = z * z;
     const double z4 = z2 * z2;
-    const double A0 = (-0x1.555555555553dp-2 + z * 0x1.9999999995864p-3)
-        + z2 * (-0x1.24924922ad1d4p-3 + z * 0x1.c71c70e5ee502p-4);
-    const double A4 = (-0x1.745cf8d831871p-4 + z * 0x1.3b1118cc07c36p-4)
-        + z2 * (-0x1.10ebb49a0529ep-4 + z * 0x1.df0f1525e8242p-5);
-    const double A8 = (-0x1.9cd1c96f8c79ap-5 + z * 0x1.37d33e2fbf936p-5)
-        + z2 * -0x1.256525cc3bb0fp-6;
+    const double A0 =
+        (-0x1.555555555553dp-2 + z * 0x1.9999999995864p-3) + z2 * (-0x1.24924922ad1d4p-3 + z * 0x1.c71c70e5ee502p-4);
+    const double A4 =
+        (-0x1.745cf8d831871p-4 + z * 0x1.3b1118cc07c36p-4) + z2 * (-0x1.10ebb49a0529ep-4 + z * 0x1.df0f1525e8242p-5);
+    const double A8 = (-0x1.9cd1c96f8c79ap-5 + z * 0x1.37d33e2fbf936p-5) + z2 * -0x1.256525cc3bb0fp-6;
     return u * z * (A0 + z4 * (A4 + z4 * A8));
 }
 
@@ -129,12 +128,12 @@ static inline double arcsine_factor(double z)
 {
     const double z2 = z * z;
     const double z4 = z2 * z2;
-    const double B0 = (0x1.5555555555577p-3 + z * 0x1.333333332e132p-4)
-        + z2 * (0x1.6db6db7212577p-5 + z * 0x1.f1c71a94f9a68p-6);
-    const double B4 = (0x1.6e8bdedf826bfp-6 + z * 0x1.1c49f069a155cp-6)
-        + z2 * (0x1.ca1f8c50bdc3ap-7 + z * 0x1.7585922f071bdp-7);
-    const double B8 = (0x1.613c6042a4311p-7 + z * 0x1.e5f7f219cbcd9p-9)
-        + z2 * (0x1.639bc38fcf348p-6 + z * -0x1.57fc9556e7786p-6);
+    const double B0 =
+        (0x1.5555555555577p-3 + z * 0x1.333333332e132p-4) + z2 * (0x1.6db6db7212577p-5 + z * 0x1.f1c71a94f9a68p-6);
+    const double B4 =
+        (0x1.6e8bdedf826bfp-6 + z * 0x1.1c49f069a155cp-6) + z2 * (0x1.ca1f8c50bdc3ap-7 + z * 0x1.7585922f071bdp-7);
+    const double B8 =
+        (0x1.613c6042a4311p-7 + z * 0x1.e5f7f219cbcd9p-9) + z2 * (0x1.639bc38fcf348p-6 + z * -0x1.57fc9556e7786p-6);
     return B0 + z4 * (B4 + z4 * (B8 + z4 * 0x1.0b4679c6294f9p-5));
 }
 
@@ -168,7 +167,7 @@ double fm_asin(double x)
 }
 
 typedef struct Supplement {
-    FmSum  start;
+    FmSum start;
     double sign;
 } Supplement;
 
@@ -177,8 +176,7 @@ double fm_acos(double x)
     const double size = fabs(x);
     if (size < 0.5) {
         const FmSum difference = fm_sum_ordered(PI_OVER_2.hi, -x);
-        return difference.hi
-            + (difference.lo + (PI_OVER_2.lo - x * (x * x) * arcsine_factor(x * x)));
+        return difference.hi + (difference.lo + (PI_OVER_2.lo - x * (x * x) * arcsine_factor(x * x)));
     }
     if (size < 1.0) {
         /* Of a negative x, pi - acos |x|; again without a branch. */

@@ -9,8 +9,8 @@
 #include "flight/math/ieee.h"
 
 typedef struct FmAngle {
-    FmSum    rest;      /* |rest| <= pi/4 and a little */
-    uint32_t quadrant;  /* only the lowest two bits matter */
+    FmSum rest;        /* |rest| <= pi/4 and a little */
+    uint32_t quadrant; /* only the lowest two bits matter */
 } FmAngle;
 
 /* x = quadrant pi/2 + rest, modulo 2 pi, for finite x >= 1/2 however large. */
@@ -30,8 +30,7 @@ static inline FmAngle fm_reduce(double x)
         /* x - n PI1 cancels exactly, and what the next subtractions round off is kept. (Where
          * x - n PI1 is the smaller one, the difference is exact.) */
         const FmSum first = fm_sum_ordered(x - n * PI1, -(n * PI2));
-        const FmAngle near = {fm_sum_ordered(first.hi, first.lo - n * PI3),
-                              (uint32_t)fm_bits(shifted)};
+        const FmAngle near = {fm_sum_ordered(first.hi, first.lo - n * PI3), (uint32_t)fm_bits(shifted)};
 
         /* PI3 leaves an error below n 2^-120: too much only next to a multiple of pi/2. */
         if (fabs(near.rest.hi) >= n * 0x1p-60) {

@@ -20,9 +20,9 @@ static inline Terms sine(FmSum r)
 {
     const double z = r.hi * r.hi;
     const double z2 = z * z;
-    const double S = (-0x1.5555555555548p-3 + z * 0x1.111111110f731p-7)
-        + z2 * ((-0x1.a01a019be95f9p-13 + z * 0x1.71de35557bfbep-19)
-                + z2 * (-0x1.ae5e4bd9ce657p-26 + z * 0x1.5d8b75dea5524p-33));
+    const double S = (-0x1.5555555555548p-3 + z * 0x1.111111110f731p-7) +
+                     z2 * ((-0x1.a01a019be95f9p-13 + z * 0x1.71de35557bfbep-19) +
+                           z2 * (-0x1.ae5e4bd9ce657p-26 + z * 0x1.5d8b75dea5524p-33));
     const Terms s = {r.hi, r.hi * z * S, r.lo * (1.0 - 0.5 * z)};
     return s;
 }
@@ -31,9 +31,9 @@ static inline Terms cosine(FmSum r)
 {
     const double z = r.hi * r.hi;
     const double z2 = z * z;
-    const double C = (0x1.555555555554bp-5 + z * -0x1.6c16c16c15014p-10)
-        + z2 * ((0x1.a01a019c8efa9p-16 + z * -0x1.27e4f7f168e5bp-22)
-                + z2 * (0x1.1ee9dbae72b11p-29 + z * -0x1.8fa671892b7e8p-37));
+    const double C = (0x1.555555555554bp-5 + z * -0x1.6c16c16c15014p-10) +
+                     z2 * ((0x1.a01a019c8efa9p-16 + z * -0x1.27e4f7f168e5bp-22) +
+                           z2 * (0x1.1ee9dbae72b11p-29 + z * -0x1.8fa671892b7e8p-37));
     const double h = 1.0 - 0.5 * z;
     const Terms c = {h, z2 * C, ((1.0 - h) - 0.5 * z) - r.hi * r.lo};
     return c;
@@ -62,8 +62,7 @@ static inline SineCosine sine_cosine(double x)
     }
     const FmAngle a = fm_reduce(fabs(x));
     const Terms s = sine(a.rest), c = cosine(a.rest);
-    const double of_rest[2] = {s.leading + (s.polynomial + s.tail),
-                               c.leading + (c.polynomial + c.tail)};
+    const double of_rest[2] = {s.leading + (s.polynomial + s.tail), c.leading + (c.polynomial + c.tail)};
     const uint32_t odd = a.quadrant & 1;
     const SineCosine of_x = {
         fm_flip(of_rest[odd], fm_sign(x) ^ half_turn_sign(a.quadrant)),
@@ -98,7 +97,7 @@ double fm_tan(double x)
     }
     const double magnitude = fabs(x);
     if (magnitude < 0x1p-27) {
-        return x;  /* x^3/3 is below 0.1 ulp; a quotient of subnormals would lose bits */
+        return x; /* x^3/3 is below 0.1 ulp; a quotient of subnormals would lose bits */
     }
     const FmAngle a = fm_reduce(magnitude);
     const double rest_of_z = fm_product(a.rest.hi, a.rest.hi).lo;

@@ -46,8 +46,7 @@ static inline double vec_dot(Vec3 a, Vec3 b)
 
 static inline Vec3 vec_cross(Vec3 a, Vec3 b)
 {
-    return vec3(a.v[1] * b.v[2] - a.v[2] * b.v[1],
-                a.v[2] * b.v[0] - a.v[0] * b.v[2],
+    return vec3(a.v[1] * b.v[2] - a.v[2] * b.v[1], a.v[2] * b.v[0] - a.v[0] * b.v[2],
                 a.v[0] * b.v[1] - a.v[1] * b.v[0]);
 }
 
@@ -97,9 +96,8 @@ static inline Mat3 mat_rows(Vec3 a, Vec3 b, Vec3 c)
 
 static inline Mat3 mat_transpose(Mat3 a)
 {
-    return (Mat3){{{a.m[0][0], a.m[1][0], a.m[2][0]},
-                   {a.m[0][1], a.m[1][1], a.m[2][1]},
-                   {a.m[0][2], a.m[1][2], a.m[2][2]}}};
+    return (Mat3){
+        {{a.m[0][0], a.m[1][0], a.m[2][0]}, {a.m[0][1], a.m[1][1], a.m[2][1]}, {a.m[0][2], a.m[1][2], a.m[2][2]}}};
 }
 
 /** A x */

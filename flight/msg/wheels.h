@@ -13,9 +13,9 @@ typedef struct WheelSet {
     Head head;
     uint32_t n; ///< [-] in [0, 8]: number of wheels
     uint32_t spare;
-    Vec3 axes_B[WHEELS_MAX];   ///< [-]      count n: unit spin axes
-    double J[WHEELS_MAX];      ///< [kg m^2] count n: inertia about the spin axis
-    double u_max[WHEELS_MAX];  ///< [N m]    count n: largest motor torque; 0: unlimited
+    Vec3 axes_B[WHEELS_MAX];  ///< [-]      count n: unit spin axes
+    double J[WHEELS_MAX];     ///< [kg m^2] count n: inertia about the spin axis
+    double u_max[WHEELS_MAX]; ///< [N m]    count n: largest motor torque; 0: unlimited
 } WheelSet;
 
 /** The number of wheels, also where a message holds more than there is room for. */

@@ -8,7 +8,10 @@
 
 namespace flight::testing {
 
-inline std::int64_t ns(double t) { return std::llround(t * 1e9); }
+inline std::int64_t ns(double t)
+{
+    return std::llround(t * 1e9);
+}
 
 /// A base that turns about an axis fixed in N, faster and faster: [R0N] = C turn(axis, angle).
 struct Base {
@@ -26,8 +29,7 @@ struct Base {
 
 inline Base any_base(Random &random, double rate)
 {
-    return {random.attitude(), random.direction(), random.real(-rate, rate),
-            random.real(-rate, rate) * rate};
+    return {random.attitude(), random.direction(), random.real(-rate, rate), random.real(-rate, rate) * rate};
 }
 
 } // namespace flight::testing

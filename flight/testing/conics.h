@@ -11,7 +11,10 @@ namespace flight::testing {
 
 inline constexpr double mu_mars = 4.2828314e13; // m^3/s^2
 
-inline Vector3d gravity(const Vector3d &r, double mu) { return -mu / std::pow(r.norm(), 3) * r; }
+inline Vector3d gravity(const Vector3d &r, double mu)
+{
+    return -mu / std::pow(r.norm(), 3) * r;
+}
 
 /// A state on a conic of eccentricity e and periapsis radius q, before or after the periapsis, at a
 /// distance of up to `reach` periapsis radii or up to the apoapsis.

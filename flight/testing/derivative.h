@@ -10,8 +10,7 @@ namespace flight::testing {
 
 /// df/dt at 0, from f at +-h, +-h/2, ... +-h/2^(Levels - 1); the error is of order h^(2 Levels).
 /// T is a type with + - and scaling that can be assigned: a double or a fixed-size Eigen matrix.
-template <class T, std::size_t Levels = 5, class F>
-T derivative(F f, double h)
+template <class T, std::size_t Levels = 5, class F> T derivative(F f, double h)
 {
     std::array<T, Levels> row;
     for (std::size_t i = 0; i < Levels; i++, h /= 2) {

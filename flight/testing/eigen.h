@@ -21,14 +21,20 @@ using Eigen::Vector3d;
 
 inline constexpr double pi = std::numbers::pi;
 
-inline Vector3d eigen(Vec3 a) { return {a.v[0], a.v[1], a.v[2]}; }
+inline Vector3d eigen(Vec3 a)
+{
+    return {a.v[0], a.v[1], a.v[2]};
+}
 
 inline Matrix3d eigen(const Mat3 &a)
 {
     return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(&a.m[0][0]);
 }
 
-inline Vec3 vec(const Vector3d &a) { return vec3(a.x(), a.y(), a.z()); }
+inline Vec3 vec(const Vector3d &a)
+{
+    return vec3(a.x(), a.y(), a.z());
+}
 
 inline Mat3 mat(const Matrix3d &a)
 {
@@ -57,7 +63,10 @@ inline Matrix3d turn(const Vector3d &axis, double angle)
 }
 
 /// [M1], [M2], [M3]: a turn about one of the frame's own axes, 0 to 2.
-inline Matrix3d turn(int axis, double angle) { return turn(Vector3d::Unit(axis), angle); }
+inline Matrix3d turn(int axis, double angle)
+{
+    return turn(Vector3d::Unit(axis), angle);
+}
 
 /// The DCM of an MRP by its definition, sigma = e tan(Phi / 4).
 inline Matrix3d dcm(Vec3 sigma)
@@ -77,10 +86,7 @@ public:
     explicit Random(std::uint64_t seed) : engine_(seed) {}
 
     /// Uniform in [lo, hi).
-    double real(double lo, double hi)
-    {
-        return lo + (hi - lo) * static_cast<double>(engine_() >> 11) * 0x1p-53;
-    }
+    double real(double lo, double hi) { return lo + (hi - lo) * static_cast<double>(engine_() >> 11) * 0x1p-53; }
 
     /// Uniform in [0, n).
     int below(int n) { return static_cast<int>(real(0, n)); }
@@ -119,21 +125,25 @@ private:
 };
 
 /// The head of a message that was just written.
-inline Head good(std::int64_t t = 0) { return {t, QUALITY_GOOD, 1}; }
-
-inline Head with(Quality quality) { return {0, quality, 1}; }
-
-/// 1 where two messages hold the same bytes behind their heads.
-template <class Message>
-bool same_content(const Message &a, const Message &b)
+inline Head good(std::int64_t t = 0)
 {
-    constexpr std::size_t head = sizeof(Head);
-    return std::memcmp(reinterpret_cast<const char *>(&a) + head,
-                       reinterpret_cast<const char *>(&b) + head, sizeof a - head) == 0;
+    return {t, QUALITY_GOOD, 1};
 }
 
-template <class T>
-bool all_zero(const T &a)
+inline Head with(Quality quality)
+{
+    return {0, quality, 1};
+}
+
+/// 1 where two messages hold the same bytes behind their heads.
+template <class Message> bool same_content(const Message &a, const Message &b)
+{
+    constexpr std::size_t head = sizeof(Head);
+    return std::memcmp(reinterpret_cast<const char *>(&a) + head, reinterpret_cast<const char *>(&b) + head,
+                       sizeof a - head) == 0;
+}
+
+template <class T> bool all_zero(const T &a)
 {
     T zero;
     std::memset(&zero, 0, sizeof zero);

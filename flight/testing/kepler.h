@@ -51,7 +51,10 @@ inline Motion kepler(const Motion &at, double mu_, double t_)
 
     // Time rises with s at the rate |r|, so halving between two bounds always gets there; Newton's
     // step is taken where it stays between them.
-    struct { long double time, rate, f, g, df, dg; V r; } now;
+    struct {
+        long double time, rate, f, g, df, dg;
+        V r;
+    } now;
     auto evaluate = [&](long double s) {
         auto [c0, c1, c2, c3] = stumpff(beta * s * s);
         long double s2 = s * s;
@@ -65,8 +68,7 @@ inline Motion kepler(const Motion &at, double mu_, double t_)
     long double lo = t < 0 ? -1 : 0, hi = t < 0 ? 0 : 1, unit = std::fabs(t) / r;
     lo *= unit;
     hi *= unit;
-    for (evaluate(t < 0 ? lo : hi); t < 0 ? now.time > t : now.time < t;
-         evaluate(t < 0 ? lo : hi)) {
+    for (evaluate(t < 0 ? lo : hi); t < 0 ? now.time > t : now.time < t; evaluate(t < 0 ? lo : hi)) {
         (t < 0 ? hi : lo) = t < 0 ? lo : hi;
         (t < 0 ? lo : hi) *= 2;
     }

@@ -13,8 +13,7 @@
 namespace flight::testing {
 
 /// The angular rate of R in N components, of [RN](t): d[RN]/dt [RN]^T = -[omega x] in R components.
-template <class F>
-Vector3d numerical_rate(F dcm_at, double h)
+template <class F> Vector3d numerical_rate(F dcm_at, double h)
 {
     Matrix3d c = dcm_at(0);
     Matrix3d w = -derivative<Matrix3d>(dcm_at, h) * c.transpose();
@@ -29,8 +28,7 @@ struct KinematicErrors {
 
 /// `reference_at` gives the AttReference at a time in seconds from now; `rate` in rad/s is a scale
 /// of its motion, and the widest difference spans a tenth of a radian.
-template <class F>
-KinematicErrors kinematic_errors(F reference_at, double rate)
+template <class F> KinematicErrors kinematic_errors(F reference_at, double rate)
 {
     double h = 0.05 / rate;
     AttReference now = reference_at(0.0);

@@ -33,8 +33,7 @@ template <class Module> void expect_quality_of_inputs(MakerOf<Module> make, Upda
 }
 
 /// Where position and velocity span no plane, the last reference is held until they do again.
-template <class Module>
-void expect_held_where_undefined(MakerOf<Module> make, UpdateOf<Module> update)
+template <class Module> void expect_held_where_undefined(MakerOf<Module> make, UpdateOf<Module> update)
 {
     const Motion motion{{7e6, 1e5, -3e6}, {500, 3e3, 1e3}};
     const Motion undefined[] = {{Vector3d::Zero(), motion.v},
@@ -69,8 +68,7 @@ void expect_held_where_undefined(MakerOf<Module> make, UpdateOf<Module> update)
 
 /// Anything at all at the inputs (and at `more` doubles, of parameters) gives finite references.
 template <class Module>
-void expect_finite_references(Random &random, Module &m, UpdateOf<Module> update,
-                              const Doubles &more = {})
+void expect_finite_references(Random &random, Module &m, UpdateOf<Module> update, const Doubles &more = {})
 {
     auto &[orbit, planet] = m.in;
     AttReference &out = m.out.reference;

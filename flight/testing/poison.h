@@ -16,8 +16,7 @@ namespace flight::testing {
 using Doubles = std::vector<double *>;
 
 /// The addresses of all doubles of fields that hold nothing else: double, Vec3, Mat3 and arrays.
-template <class... Field>
-Doubles doubles(Field &...fields)
+template <class... Field> Doubles doubles(Field &...fields)
 {
     Doubles all;
     auto add = [&](double *first, std::size_t size) {
@@ -58,9 +57,9 @@ void expect_held(Module &m, const Doubles &inputs, Update update, Heads heads)
 inline double any_number(Random &random)
 {
     using limits = std::numeric_limits<double>;
-    static constexpr double special[] = {
-        0.0,     -0.0,    1.0,     -1.0,     DBL_MIN,  5e-324,    1e-170,             -1e-170,
-        1e160,   -1e160,  DBL_MAX, -DBL_MAX, HUGE_VAL, -HUGE_VAL, limits::quiet_NaN()};
+    static constexpr double special[] = {0.0,     -0.0,     1.0,      -1.0,      DBL_MIN,
+                                         5e-324,  1e-170,   -1e-170,  1e160,     -1e160,
+                                         DBL_MAX, -DBL_MAX, HUGE_VAL, -HUGE_VAL, limits::quiet_NaN()};
     constexpr int n = sizeof special / sizeof special[0];
     return random.below(2) ? random.real(-10, 10) : special[random.below(n)];
 }
@@ -78,7 +77,10 @@ inline void throw_numbers(const Doubles &at, Random &random, int round)
     }
 }
 
-inline Quality any_quality(Random &random) { return static_cast<Quality>(random.below(4)); }
+inline Quality any_quality(Random &random)
+{
+    return static_cast<Quality>(random.below(4));
+}
 
 inline void expect_finite(const Doubles &outputs, int round)
 {

@@ -36,9 +36,12 @@ TEST(VehicleConfig, holds_what_it_published_against_numbers_that_are_not_finite)
     VehicleConfig m{};
     m.par.I_B = mat_identity();
     vehicle_config_update(&m, {0, 0});
-    expect_held(m, doubles(m.par.I_B),
-                [](VehicleConfig &x) { vehicle_config_update(&x, {500, 500}); },
-                [](VehicleConfig &x) { return std::vector{&x.out.vehicle.head}; });
+    expect_held(
+        m, doubles(m.par.I_B),
+        [](VehicleConfig &x) {
+            vehicle_config_update(&x, {500, 500});
+        },
+        [](VehicleConfig &x) { return std::vector{&x.out.vehicle.head}; });
 
     VehicleConfig never{};
     never.par.I_B.m[1][1] = NAN;

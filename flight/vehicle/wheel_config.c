@@ -23,8 +23,7 @@ void wheel_config_update(WheelConfig *m, Tick t)
         wheels.axes_B[i] = axis;
         wheels.J[i] = m->par.J[i];
         wheels.u_max[i] = m->par.u_max[i];
-        finite = finite && vec_finite(m->par.axes_B[i]) && isfinite(wheels.J[i]) &&
-                 isfinite(wheels.u_max[i]);
+        finite = finite && vec_finite(m->par.axes_B[i]) && isfinite(wheels.J[i]) && isfinite(wheels.u_max[i]);
         whole = whole && vec_norm2(axis) > 0.0;
     }
     if (finite) {

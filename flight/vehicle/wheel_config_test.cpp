@@ -36,8 +36,7 @@ TEST(WheelConfig, publishes_its_parameters_with_unit_axes)
         EXPECT_EQ(wheels.n, n);
         for (std::uint32_t i = 0; i < WHEELS_MAX; i++) {
             if (i < n) {
-                EXPECT_LT((eigen(wheels.axes_B[i]) - eigen(m.par.axes_B[i]).normalized()).norm(),
-                          3e-16);
+                EXPECT_LT((eigen(wheels.axes_B[i]) - eigen(m.par.axes_B[i]).normalized()).norm(), 3e-16);
                 EXPECT_EQ(wheels.J[i], m.par.J[i]);
                 EXPECT_EQ(wheels.u_max[i], m.par.u_max[i]);
             } else {
@@ -71,9 +70,12 @@ TEST(WheelConfig, holds_what_it_published_against_numbers_that_are_not_finite)
     Random random{3};
     WheelConfig m = any(random, WHEELS_MAX);
     wheel_config_update(&m, {0, 0});
-    expect_held(m, doubles(m.par.axes_B, m.par.J, m.par.u_max),
-                [](WheelConfig &x) { wheel_config_update(&x, {500, 500}); },
-                [](WheelConfig &x) { return std::vector{&x.out.wheels.head}; });
+    expect_held(
+        m, doubles(m.par.axes_B, m.par.J, m.par.u_max),
+        [](WheelConfig &x) {
+            wheel_config_update(&x, {500, 500});
+        },
+        [](WheelConfig &x) { return std::vector{&x.out.wheels.head}; });
 }
 
 TEST(WheelConfig, gives_finite_numbers_whatever_it_is_given)

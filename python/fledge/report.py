@@ -221,7 +221,7 @@ class _Parameter:
             shown.append(tag("div", "at the end ", value(after, digits), class_="changed"))
         return [tag("code", self.name), join(shown), _unit(self.unit),
                 join([self.meaning, " ", tag("small", self.rule.replace(">=", "\N{GREATER-THAN OR EQUAL TO}")
-                                          .replace("<=", "\N{LESS-THAN OR EQUAL TO}"), class_="rule")])]
+                                             .replace("<=", "\N{LESS-THAN OR EQUAL TO}"), class_="rule")])]
 
 
 def _parameters(instance):

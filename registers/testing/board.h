@@ -59,8 +59,8 @@ public:
             at = (at + 7) / 8 * 8;
             lanes_.push_back(lane);
         }
-        board_ = {"bench", 1, 0x80000000u, at, big_endian, 0, -1, 32, 8,
-                  static_cast<std::uint32_t>(lanes_.size()), lanes_.data()};
+        board_ = {"bench",      1, 0x80000000u, at, big_endian, 0, -1, 32, 8, static_cast<std::uint32_t>(lanes_.size()),
+                  lanes_.data()};
         words_.resize(at / 4);
         window_ = register_window(&board_, words_.data());
     }
@@ -70,10 +70,7 @@ public:
     RegisterWindow *window() { return &window_; }
     const RegisterBoard &board() const { return board_; }
     const RegisterLane *lane(std::size_t i = 0) const { return &lanes_[i]; }
-    const unsigned char *bytes() const
-    {
-        return reinterpret_cast<const unsigned char *>(words_.data());
-    }
+    const unsigned char *bytes() const { return reinterpret_cast<const unsigned char *>(words_.data()); }
 
 private:
     std::vector<RegisterLane> lanes_;

@@ -18,8 +18,8 @@ static int fly(const RegisterWindow *sbc, const RegisterWindow *ioa, Tick tick)
     NavAttitude nav;
     WheelCommand out = {.head = {tick.t + tick.dt, QUALITY_DEGRADED, 7u}};
     RegisterInfo info;
-    if (single_board_computer_nav_attitude_take(sbc, &nav, &info) != REGISTER_OK
-        || nav.head.t != tick.t || nav.head.quality != QUALITY_GOOD || info.sequence == 0u) {
+    if (single_board_computer_nav_attitude_take(sbc, &nav, &info) != REGISTER_OK || nav.head.t != tick.t ||
+        nav.head.quality != QUALITY_GOOD || info.sequence == 0u) {
         return 2;
     }
     for (uint32_t i = 0u; i < 3u; i++) {
@@ -38,8 +38,7 @@ int main(int argc, char **argv)
     const RegisterBoard *boards[2] = {&single_board_computer, &io_board_a};
     RegisterFile file;
     RegisterWindow w[2];
-    if (argc != 2
-        || register_file_attach(&file, argv[1], boards, 2u, w) != REGISTER_FILE_OK) {
+    if (argc != 2 || register_file_attach(&file, argv[1], boards, 2u, w) != REGISTER_FILE_OK) {
         return 1;
     }
     for (;;) {

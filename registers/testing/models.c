@@ -27,8 +27,7 @@ static int exchange(RegisterFile *file, const RegisterWindow *sbc, const Registe
 {
     const RegisterLane *sun = &io_board_a.lanes[IO_BOARD_A_LANE_SUN_SENSOR];
     const RegisterLane *nav = &single_board_computer.lanes[SINGLE_BOARD_COMPUTER_LANE_NAV_ATTITUDE];
-    const RegisterLane *command =
-        &single_board_computer.lanes[SINGLE_BOARD_COMPUTER_LANE_WHEEL_COMMAND];
+    const RegisterLane *command = &single_board_computer.lanes[SINGLE_BOARD_COMPUTER_LANE_WHEEL_COMMAND];
     const Tick tick = {INT64_C(0x0123456789) * k, 1000 + k};
     NavAttitude message = {.head = {tick.t, QUALITY_GOOD, (uint32_t)k}};
     WheelCommand answer;
@@ -37,8 +36,8 @@ static int exchange(RegisterFile *file, const RegisterWindow *sbc, const Registe
         message.sigma_BN.v[i] = 0.1 * k / (i + 1);
         message.omega_BN_B.v[i] = -1e-300 / k;
     }
-    if (register_put_message(sbc, nav, &fledge_message_NavAttitude, &message) != REGISTER_OK
-        || register_put_word(ioa, sun, 5u, word_of(&sun->fields[0], 0.0005 * k)) != REGISTER_OK) {
+    if (register_put_message(sbc, nav, &fledge_message_NavAttitude, &message) != REGISTER_OK ||
+        register_put_word(ioa, sun, 5u, word_of(&sun->fields[0], 0.0005 * k)) != REGISTER_OK) {
         return 2;
     }
     register_clock_start(sbc, tick);
@@ -47,8 +46,7 @@ static int exchange(RegisterFile *file, const RegisterWindow *sbc, const Registe
             return 3;
         }
     }
-    if (register_take_message(sbc, command, &fledge_message_WheelCommand, &answer, &info)
-        != REGISTER_OK) {
+    if (register_take_message(sbc, command, &fledge_message_WheelCommand, &answer, &info) != REGISTER_OK) {
         return 4;
     }
     printf("%" PRId64 " %d %u", answer.head.t, (int)answer.head.quality, answer.head.sequence);

@@ -83,10 +83,7 @@ public:
         level_ += (face_.in.flow.x - out) * tick_seconds(tick.dt);
         publish(tick.t);
     }
-    std::vector<Model *> parts() const override
-    {
-        return leak_ ? std::vector<Model *>{leak_} : std::vector<Model *>{};
-    }
+    std::vector<Model *> parts() const override { return leak_ ? std::vector<Model *>{leak_} : std::vector<Model *>{}; }
     std::span<std::byte> memory() override { return std::as_writable_bytes(std::span{&level_, 1}); }
     void copy_setup(const Model &original, const std::function<Model *(const Model *)> &counterpart) override
     {
@@ -207,11 +204,11 @@ FledgeStruct message(FledgeStruct s)
 
 const FledgeStruct number_type = message(table<Number>("Number", FLEDGE_MESSAGE, 1, number_fields));
 const FledgeStruct source_type =
-    module(table<Source>("Source", FLEDGE_MODULE, 2, source_fields),
-           reinterpret_cast<void (*)(void)>(source_reset), reinterpret_cast<void (*)(void)>(source_update));
+    module(table<Source>("Source", FLEDGE_MODULE, 2, source_fields), reinterpret_cast<void (*)(void)>(source_reset),
+           reinterpret_cast<void (*)(void)>(source_update));
 const FledgeStruct scale_type =
-    module(table<Scale>("Scale", FLEDGE_MODULE, 3, scale_fields),
-           reinterpret_cast<void (*)(void)>(scale_reset), reinterpret_cast<void (*)(void)>(scale_update));
+    module(table<Scale>("Scale", FLEDGE_MODULE, 3, scale_fields), reinterpret_cast<void (*)(void)>(scale_reset),
+           reinterpret_cast<void (*)(void)>(scale_update));
 const FledgeStruct tank_face = table<Tank>("Tank", FLEDGE_MODEL, 4, tank_fields);
 const FledgeStruct leak_face = table<Leak>("Leak", FLEDGE_MODEL, 5, leak_fields);
 const ModelType tank_type{&tank_face, create<TankModel>};

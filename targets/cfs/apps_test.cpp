@@ -72,8 +72,7 @@ protected:
     }
     void start()
     {
-        ASSERT_EQ(script("CFE_APP, echo, ECHO_AppMain, ECHO, 55, 16384, 0x0, 0;\n! the rest\n???"),
-                  1);
+        ASSERT_EQ(script("CFE_APP, echo, ECHO_AppMain, ECHO, 55, 16384, 0x0, 0;\n! the rest\n???"), 1);
         ASSERT_TRUE(pocket_operational(10000));
     }
 };
@@ -130,8 +129,7 @@ TEST_F(Apps, AScriptWithAMistakeStartsNothing)
     const std::pair<std::string, std::string> mistakes[] = {
         {"CFE_APP, echo, ECHO_AppMain, ECHO, 55, 16384, 0x0;\n", "line 2: a line has 8 fields"},
         {"CFE_LIB, echo, ECHO_AppMain, ECHO, 55, 16384, 0x0, 0;\n", "only CFE_APP is started here"},
-        {"CFE_APP, echo, NO_AppMain, ECHO, 55, 16384, 0x0, 0;\n",
-         "no such entry point is linked: NO_AppMain"},
+        {"CFE_APP, echo, NO_AppMain, ECHO, 55, 16384, 0x0, 0;\n", "no such entry point is linked: NO_AppMain"},
         {"CFE_APP, echo, ECHO_AppMain, ECHO, 300, 16384, 0x0, 0;\n", "a priority is 0 to 255: 300"},
         {"CFE_APP, echo, ECHO_AppMain, ECHO, 55, none, 0x0, 0;\n", "a stack has"},
         {"CFE_APP, echo, ECHO_AppMain, , 55, 16384, 0x0, 0;\n", "a name has 1 to 19 characters"},

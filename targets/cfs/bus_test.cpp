@@ -52,8 +52,7 @@ TEST_F(Bus, AChecksumSeesEveryBit)
         bool valid = false;
         ASSERT_EQ(CFE_MSG_ValidateChecksum(m, &valid), 0);
         EXPECT_TRUE(valid);
-        const std::size_t bit =
-            48 + random() % (8 * p.size() - 48); // the header says type and size
+        const std::size_t bit = 48 + random() % (8 * p.size() - 48); // the header says type and size
         p[bit / 8] ^= std::uint8_t(1u << bit % 8);
         ASSERT_EQ(CFE_MSG_ValidateChecksum(m, &valid), 0);
         EXPECT_FALSE(valid) << "bit " << bit;
@@ -300,8 +299,7 @@ TEST_F(Bus, MessagesThatNobodyReadsRunOutOfRoomAndComeBack)
     std::vector<CFE_SB_PipeId_t> pipes;
     for (int i = 0; i < 3; i++) {
         pipes.push_back(pipe(60));
-        ASSERT_EQ(CFE_SB_SubscribeEx(id(unsigned(0x1900 + i)), pipes.back(), CFE_SB_Qos_t{}, 60),
-                  0);
+        ASSERT_EQ(CFE_SB_SubscribeEx(id(unsigned(0x1900 + i)), pipes.back(), CFE_SB_Qos_t{}, 60), 0);
     }
     for (int i = 0; i < 120; i++) {
         (void)ingest(command(unsigned(0x1900 + i % 3), 0));
@@ -324,8 +322,7 @@ TEST_F(Bus, MessagesThatNobodyReadsRunOutOfRoomAndComeBack)
 
 TEST_F(Bus, AFilterPassesAsItsMaskSays)
 {
-    const CFE_EVS_BinFilter_t filters[] = {{1, CFE_EVS_FIRST_TWO_STOP},
-                                           {2, CFE_EVS_EVERY_OTHER_ONE}};
+    const CFE_EVS_BinFilter_t filters[] = {{1, CFE_EVS_FIRST_TWO_STOP}, {2, CFE_EVS_EVERY_OTHER_ONE}};
     ASSERT_EQ(CFE_EVS_Register(filters, 2, CFE_EVS_EventFilter_BINARY), 0);
     const auto before = pocket_counts();
     for (int i = 0; i < 6; i++) {
@@ -353,17 +350,14 @@ TEST_F(Bus, ALongEventIsCut)
 TEST_F(Bus, TimesAddAndCompareAcrossTheirEnd)
 {
     std::mt19937_64 random(3);
-    const auto whole = [](CFE_TIME_SysTime_t t) {
-        return std::uint64_t(t.Seconds) << 32 | t.Subseconds;
-    };
+    const auto whole = [](CFE_TIME_SysTime_t t) { return std::uint64_t(t.Seconds) << 32 | t.Subseconds; };
     for (int i = 0; i < 1000; i++) {
         const std::uint64_t a = random(), b = random();
         const CFE_TIME_SysTime_t A{std::uint32_t(a >> 32), std::uint32_t(a)};
         const CFE_TIME_SysTime_t B{std::uint32_t(b >> 32), std::uint32_t(b)};
         EXPECT_EQ(whole(CFE_TIME_Add(A, B)), a + b);
         EXPECT_EQ(whole(CFE_TIME_Subtract(A, B)), a - b);
-        EXPECT_EQ(CFE_TIME_Compare(A, B),
-                  std::int64_t(a - b) > 0 ? CFE_TIME_A_GT_B : CFE_TIME_A_LT_B);
+        EXPECT_EQ(CFE_TIME_Compare(A, B), std::int64_t(a - b) > 0 ? CFE_TIME_A_GT_B : CFE_TIME_A_LT_B);
         EXPECT_EQ(CFE_TIME_Compare(A, A), CFE_TIME_EQUAL);
         const auto micro = std::uint32_t(random() % 1000000);
         EXPECT_EQ(CFE_TIME_Sub2MicroSecs(CFE_TIME_Micro2SubSecs(micro)), micro);
@@ -376,8 +370,7 @@ TEST_F(Bus, ArgumentsThatAreNoneAreRefused)
     CFE_SB_Buffer_t *b;
     EXPECT_EQ(CFE_SB_CreatePipe(nullptr, 4, "x"), CFE_SB_BAD_ARGUMENT);
     EXPECT_EQ(CFE_SB_CreatePipe(&p, 0, "x"), CFE_SB_BAD_ARGUMENT);
-    EXPECT_EQ(CFE_SB_CreatePipe(&p, 4, "a name that is longer than it may be"),
-              CFE_SB_BAD_ARGUMENT);
+    EXPECT_EQ(CFE_SB_CreatePipe(&p, 4, "a name that is longer than it may be"), CFE_SB_BAD_ARGUMENT);
     EXPECT_EQ(CFE_SB_Subscribe(id(0x18c0), CFE_SB_PipeId_t{0}), CFE_SB_BAD_ARGUMENT);
     EXPECT_EQ(CFE_SB_Subscribe(id(0x2000), pipe(4)), CFE_SB_BAD_ARGUMENT);
     EXPECT_EQ(CFE_SB_ReceiveBuffer(nullptr, p, 0), CFE_SB_BAD_ARGUMENT);

@@ -9,17 +9,7 @@
 #include "targets/cfs/port.h"
 
 /* Ids that apps hold: kind, generation, index. One that was deleted is not taken for its successor. */
-enum {
-    KIND_APP = 1,
-    KIND_TASK,
-    KIND_PIPE,
-    KIND_STORE,
-    KIND_MUTEX,
-    KIND_BINARY,
-    KIND_COUNTING,
-    KIND_QUEUE,
-    KIND_FILE
-};
+enum { KIND_APP = 1, KIND_TASK, KIND_PIPE, KIND_STORE, KIND_MUTEX, KIND_BINARY, KIND_COUNTING, KIND_QUEUE, KIND_FILE };
 
 static inline uint32 make_id(uint32 kind, uint32 generation, uint32 index)
 {
@@ -88,8 +78,8 @@ void pocket_wake_locked(const void *channel);
 int64 pocket_until(int64 ms);
 uint32 pocket_self_app_locked(void);
 /** The slot of a new task, or POCKET_TASKS. */
-uint32 pocket_task_start_locked(uint32 app, const char *name, void (*entry)(void), void *stack,
-                                size_t stack_size, uint32 priority);
+uint32 pocket_task_start_locked(uint32 app, const char *name, void (*entry)(void), void *stack, size_t stack_size,
+                                uint32 priority);
 void pocket_task_doom_locked(uint32 slot);
 /** The running task ends; the lock is given back. */
 void pocket_task_end_locked(void);
@@ -109,8 +99,7 @@ void pocket_es_start(void);
 void pocket_osal_start(void);
 
 /** An event of the pocket itself, under the name of a service. */
-void pocket_event(const char *service, uint16 id, uint16 type, const char *format, ...)
-    OS_PRINTF(4, 5);
+void pocket_event(const char *service, uint16 id, uint16 type, const char *format, ...) OS_PRINTF(4, 5);
 /** A command for the tables, in the sender's task. */
 void pocket_tbl_command(const CFE_MSG_Message_t *message, size_t size);
 

@@ -75,14 +75,12 @@ static void main_task(void)
 static bool start_main_locked(uint32 index)
 {
     App *app = &pocket_core.apps[index];
-    const uint32 slot =
-        pocket_task_start_locked(index, app->name, main_task, NULL, app->stack_size, app->priority);
+    const uint32 slot = pocket_task_start_locked(index, app->name, main_task, NULL, app->stack_size, app->priority);
     app->main_task = slot;
     return slot < POCKET_TASKS;
 }
 
-CFE_Status_t pocket_start_app(const char *entry_name, const char *name, uint32 priority,
-                              size_t stack_size)
+CFE_Status_t pocket_start_app(const char *entry_name, const char *name, uint32 priority, size_t stack_size)
 {
     CFE_Status_t status = CFE_ES_NO_RESOURCE_IDS_AVAILABLE;
     const PocketApp *program = NULL;
@@ -223,8 +221,7 @@ bool CFE_ES_RunLoop(uint32 *RunStatus)
     if (app->asked != 0u && RunStatus != NULL && *RunStatus == CFE_ES_RunStatus_APP_RUN) {
         *RunStatus = app->asked;
     }
-    const bool on =
-        app->asked == 0u && (RunStatus == NULL || *RunStatus == CFE_ES_RunStatus_APP_RUN);
+    const bool on = app->asked == 0u && (RunStatus == NULL || *RunStatus == CFE_ES_RunStatus_APP_RUN);
     pocket_unlock();
     return on;
 }
@@ -236,8 +233,7 @@ void CFE_ES_WaitForStartupSync(uint32 TimeOutMilliseconds)
     App *app = &pocket_core.apps[pocket_self_app_locked()];
     app->ready = true;
     pocket_wake_locked(pocket_core.apps);
-    while (!pocket_core.operational && app->asked == 0u &&
-           pocket_sleep_locked(&pocket_core.operational, until)) {
+    while (!pocket_core.operational && app->asked == 0u && pocket_sleep_locked(&pocket_core.operational, until)) {
     }
     pocket_unlock();
 }
@@ -273,8 +269,8 @@ void CFE_ES_ExitApp(uint32 ExitStatus)
     }
     const bool stuck = others_locked(index, self);
     pocket_unlock();
-    (void)CFE_ES_WriteToSysLog("CFE_ES_ExitApp: %s ends with status %u%s\n", app->name,
-                               (unsigned)ExitStatus, stuck ? ", and a child task goes on" : "");
+    (void)CFE_ES_WriteToSysLog("CFE_ES_ExitApp: %s ends with status %u%s\n", app->name, (unsigned)ExitStatus,
+                               stuck ? ", and a child task goes on" : "");
     pocket_lock();
     pocket_sb_forget_locked(index);
     pocket_tbl_forget_locked(index);
@@ -337,13 +333,11 @@ CFE_Status_t CFE_ES_GetAppName(char *AppName, CFE_ES_AppId_t AppId, size_t Buffe
 /* ---- child tasks */
 
 CFE_Status_t CFE_ES_CreateChildTask(CFE_ES_TaskId_t *TaskIdPtr, const char *TaskName,
-                                    CFE_ES_ChildTaskMainFuncPtr_t FunctionPtr,
-                                    CFE_ES_StackPointer_t StackPtr, size_t StackSize,
-                                    CFE_ES_TaskPriority_Atom_t Priority, uint32 Flags)
+                                    CFE_ES_ChildTaskMainFuncPtr_t FunctionPtr, CFE_ES_StackPointer_t StackPtr,
+                                    size_t StackSize, CFE_ES_TaskPriority_Atom_t Priority, uint32 Flags)
 {
     (void)Flags;
-    if (TaskIdPtr == NULL || TaskName == NULL || FunctionPtr == NULL || StackSize == 0u ||
-        Priority > 255u) {
+    if (TaskIdPtr == NULL || TaskName == NULL || FunctionPtr == NULL || StackSize == 0u || Priority > 255u) {
         return CFE_ES_BAD_ARGUMENT;
     }
     pocket_lock();
@@ -351,8 +345,7 @@ CFE_Status_t CFE_ES_CreateChildTask(CFE_ES_TaskId_t *TaskIdPtr, const char *Task
     /* As with the real one, only the main task has children. */
     const bool main = app == 0u || pocket_core.apps[app].main_task == port_task_self();
     const uint32 slot =
-        main ? pocket_task_start_locked(app, TaskName, FunctionPtr, StackPtr, StackSize, Priority)
-             : POCKET_TASKS;
+        main ? pocket_task_start_locked(app, TaskName, FunctionPtr, StackPtr, StackSize, Priority) : POCKET_TASKS;
     TaskIdPtr->id = slot < POCKET_TASKS ? pocket_task_id_locked(slot) : 0u;
     pocket_unlock();
     return slot < POCKET_TASKS ? CFE_SUCCESS : CFE_ES_ERR_CHILD_TASK_CREATE;
@@ -415,8 +408,7 @@ void CFE_ES_PerfLogAdd(uint32 Marker, uint32 EntryExit)
     (void)EntryExit;
 }
 
-uint32 CFE_ES_CalculateCRC(const void *DataPtr, size_t DataLength, uint32 InputCRC,
-                           CFE_ES_CrcType_Enum_t TypeCRC)
+uint32 CFE_ES_CalculateCRC(const void *DataPtr, size_t DataLength, uint32 InputCRC, CFE_ES_CrcType_Enum_t TypeCRC)
 {
     const uint8 *p = DataPtr;
     uint32 crc = InputCRC & 0xffffu;
@@ -434,8 +426,7 @@ uint32 CFE_ES_CalculateCRC(const void *DataPtr, size_t DataLength, uint32 InputC
 
 /* ---- data that outlive an app */
 
-CFE_Status_t CFE_ES_RegisterCDS(CFE_ES_CDSHandle_t *CDSHandlePtr, size_t BlockSize,
-                                const char *Name)
+CFE_Status_t CFE_ES_RegisterCDS(CFE_ES_CDSHandle_t *CDSHandlePtr, size_t BlockSize, const char *Name)
 {
     CFE_Status_t status = CFE_ES_NO_RESOURCE_IDS_AVAILABLE;
     char short_name[CFE_MISSION_ES_CDS_MAX_NAME_LENGTH];
@@ -452,8 +443,8 @@ CFE_Status_t CFE_ES_RegisterCDS(CFE_ES_CDSHandle_t *CDSHandlePtr, size_t BlockSi
     }
     pocket_lock();
     memset(&wanted, 0, sizeof wanted);
-    (void)snprintf(wanted.name, sizeof wanted.name, "%s.%s",
-                   pocket_core.apps[pocket_self_app_locked()].name, short_name);
+    (void)snprintf(wanted.name, sizeof wanted.name, "%s.%s", pocket_core.apps[pocket_self_app_locked()].name,
+                   short_name);
     for (uint32 i = 0; i < POCKET_STORES; i++) {
         Store *store = &es.stores[i];
         if (store->used && strcmp(store->name, wanted.name) == 0) {
@@ -512,8 +503,8 @@ CFE_Status_t CFE_ES_RestoreFromCDS(void *RestoreToMemory, CFE_ES_CDSHandle_t Han
     const Store *store = store_of(Handle);
     if (store == NULL) {
         status = CFE_ES_ERR_RESOURCEID_NOT_VALID;
-    } else if (!store->written || CFE_ES_CalculateCRC(es.bytes + store->at, store->size, 0,
-                                                      CFE_MISSION_ES_DEFAULT_CRC) != store->crc) {
+    } else if (!store->written ||
+               CFE_ES_CalculateCRC(es.bytes + store->at, store->size, 0, CFE_MISSION_ES_DEFAULT_CRC) != store->crc) {
         status = CFE_ES_CDS_BLOCK_CRC_ERR;
     } else {
         memcpy(RestoreToMemory, es.bytes + store->at, store->size);

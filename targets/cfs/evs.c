@@ -23,8 +23,7 @@ static void send(const char *name, uint16 id, uint16 type, const char *text)
 {
     CFE_EVS_LongEventTlm_t event;
     char line[CFE_MISSION_EVS_MAX_MESSAGE_LENGTH + 64];
-    (void)CFE_MSG_Init(&event.TelemetryHeader.Msg, CFE_SB_ValueToMsgId(CFE_EVS_LONG_EVENT_MSG_MID),
-                       sizeof event);
+    (void)CFE_MSG_Init(&event.TelemetryHeader.Msg, CFE_SB_ValueToMsgId(CFE_EVS_LONG_EVENT_MSG_MID), sizeof event);
     (void)pocket_name(event.Payload.PacketID.AppName, sizeof event.Payload.PacketID.AppName, name);
     event.Payload.PacketID.EventID = id;
     event.Payload.PacketID.EventType = type;
@@ -40,8 +39,8 @@ static void send(const char *name, uint16 id, uint16 type, const char *text)
         pocket_core.counts.errors++;
     }
     pocket_unlock();
-    const int n = snprintf(line, sizeof line, "EVS Port1 %u/%u/%s %u: %s\n", SPACECRAFT, PROCESSOR,
-                           name, (unsigned)id, text);
+    const int n =
+        snprintf(line, sizeof line, "EVS Port1 %u/%u/%s %u: %s\n", SPACECRAFT, PROCESSOR, name, (unsigned)id, text);
     if (!quiet && n > 0) {
         port_console(line, (size_t)n);
     }
@@ -99,14 +98,12 @@ static bool passes(App *app, uint16 id)
     return true;
 }
 
-CFE_Status_t CFE_EVS_SendEvent(uint16 EventID, CFE_EVS_EventType_Enum_t EventType, const char *Spec,
-                               ...)
+CFE_Status_t CFE_EVS_SendEvent(uint16 EventID, CFE_EVS_EventType_Enum_t EventType, const char *Spec, ...)
 {
     char text[CFE_MISSION_EVS_MAX_MESSAGE_LENGTH];
     char name[CFE_MISSION_MAX_API_LEN];
     va_list list;
-    if (Spec == NULL || EventType < CFE_EVS_EventType_DEBUG ||
-        EventType > CFE_EVS_EventType_CRITICAL) {
+    if (Spec == NULL || EventType < CFE_EVS_EventType_DEBUG || EventType > CFE_EVS_EventType_CRITICAL) {
         return CFE_EVS_INVALID_PARAMETER;
     }
     pocket_lock();

@@ -34,16 +34,15 @@ static void stop(int signal_number)
     stopped = 1;
 }
 
-static const char usage[] =
-    "usage: %s [--root DIR] [--script FILE] [--quiet] [--ground [--listen IDS] [--hold]]\n"
-    "\n"
-    "  --root DIR      has the folder cf, with tables, and perhaps ram; default: .\n"
-    "  --script FILE   default: /cf/cfe_es_startup.scr\n"
-    "  --quiet         no lines of events\n"
-    "  --ground        packets come in and go out as lines of hex digits; `restart NAME`\n"
-    "                  starts an app anew\n"
-    "  --listen IDS    of those that go out, as 0x08C0,0x08C1; a range as 0x08C0-0x08C9\n"
-    "  --hold          apps go on from their start-up once a line says `go`\n";
+static const char usage[] = "usage: %s [--root DIR] [--script FILE] [--quiet] [--ground [--listen IDS] [--hold]]\n"
+                            "\n"
+                            "  --root DIR      has the folder cf, with tables, and perhaps ram; default: .\n"
+                            "  --script FILE   default: /cf/cfe_es_startup.scr\n"
+                            "  --quiet         no lines of events\n"
+                            "  --ground        packets come in and go out as lines of hex digits; `restart NAME`\n"
+                            "                  starts an app anew\n"
+                            "  --listen IDS    of those that go out, as 0x08C0,0x08C1; a range as 0x08C0-0x08C9\n"
+                            "  --hold          apps go on from their start-up once a line says `go`\n";
 
 static int read_ids(const char *text)
 {
@@ -98,8 +97,7 @@ static CFE_Status_t listen_to_apps(void)
 {
     CFE_Status_t status = CFE_SB_CreatePipe(&ground_pipe, 60, "GROUND");
     for (uint32 i = 0; i < n_listened && status == CFE_SUCCESS; i++) {
-        status = CFE_SB_SubscribeEx(CFE_SB_ValueToMsgId(listened[i]), ground_pipe,
-                                    CFE_SB_DEFAULT_QOS, 60);
+        status = CFE_SB_SubscribeEx(CFE_SB_ValueToMsgId(listened[i]), ground_pipe, CFE_SB_DEFAULT_QOS, 60);
     }
     return status;
 }
@@ -163,9 +161,8 @@ static void report(void)
     (void)printf("sent %u\nno_subscriber %u\noverflow %u\npipe_full %u\nno_buffer %u\n"
                  "bad_checksum %u\nshort_command %u\nno_packet %u\nevents %u\nerrors %u\n"
                  "table_commands %u\ntable_errors %u\ncpu_ns_total %.0f\nmemory_kb %ld\n",
-                 c.sent, c.no_subscriber, c.overflow, c.pipe_full, c.no_buffer, c.bad_checksum,
-                 c.short_command, c.no_packet, c.events, c.errors, c.table_commands, c.table_errors,
-                 1e9 * cpu, use.ru_maxrss);
+                 c.sent, c.no_subscriber, c.overflow, c.pipe_full, c.no_buffer, c.bad_checksum, c.short_command,
+                 c.no_packet, c.events, c.errors, c.table_commands, c.table_errors, 1e9 * cpu, use.ru_maxrss);
     (void)fflush(stdout);
 }
 
@@ -203,9 +200,8 @@ int main(int argc, char **argv)
 
     pocket_boot(root, fledge_apps, fledge_apps_n);
     pocket_quiet(quiet != 0);
-    if (n_listened > 0u &&
-        (listen_to_apps() != CFE_SUCCESS ||
-         OS_TaskCreate(&task, "GROUND", send_to_ground, NULL, 16384, 100, 0) != OS_SUCCESS)) {
+    if (n_listened > 0u && (listen_to_apps() != CFE_SUCCESS ||
+                            OS_TaskCreate(&task, "GROUND", send_to_ground, NULL, 16384, 100, 0) != OS_SUCCESS)) {
         (void)fprintf(stderr, "%s: so many ids cannot be listened to\n", argv[0]);
         return 1;
     }

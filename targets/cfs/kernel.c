@@ -78,8 +78,8 @@ static void run(uint32 slot)
     pocket_task_end_locked();
 }
 
-uint32 pocket_task_start_locked(uint32 app, const char *name, void (*entry)(void), void *stack,
-                                size_t stack_size, uint32 priority)
+uint32 pocket_task_start_locked(uint32 app, const char *name, void (*entry)(void), void *stack, size_t stack_size,
+                                uint32 priority)
 {
     for (uint32 i = 1; i < POCKET_TASKS; i++) {
         Task *task = &pocket_core.tasks[i];
@@ -124,9 +124,8 @@ uint32 pocket_task_id_locked(uint32 slot)
 uint32 pocket_task_of_locked(uint32 id)
 {
     const uint32 slot = index_of(id, KIND_TASK, POCKET_TASKS);
-    return slot < POCKET_TASKS && pocket_core.tasks[slot].used && pocket_task_id_locked(slot) == id
-               ? slot
-               : POCKET_TASKS;
+    return slot < POCKET_TASKS && pocket_core.tasks[slot].used && pocket_task_id_locked(slot) == id ? slot
+                                                                                                    : POCKET_TASKS;
 }
 
 bool pocket_name(char *to, size_t room, const char *name)

@@ -89,8 +89,7 @@ CFE_Status_t CFE_MSG_GetType(const CFE_MSG_Message_t *MsgPtr, CFE_MSG_Type_t *Ty
     return CFE_SUCCESS;
 }
 
-CFE_Status_t CFE_MSG_GetSequenceCount(const CFE_MSG_Message_t *MsgPtr,
-                                      CFE_MSG_SequenceCount_t *SeqCnt)
+CFE_Status_t CFE_MSG_GetSequenceCount(const CFE_MSG_Message_t *MsgPtr, CFE_MSG_SequenceCount_t *SeqCnt)
 {
     if (MsgPtr == NULL || SeqCnt == NULL) {
         return CFE_MSG_BAD_ARGUMENT;

@@ -61,16 +61,15 @@ void OS_printf(const char *string, ...)
 /* ---- tasks */
 
 int32 OS_TaskCreate(osal_id_t *task_id, const char *task_name, osal_task_entry function_pointer,
-                    osal_stackptr_t stack_pointer, size_t stack_size, osal_priority_t priority,
-                    uint32 flags)
+                    osal_stackptr_t stack_pointer, size_t stack_size, osal_priority_t priority, uint32 flags)
 {
     (void)flags;
     if (task_id == NULL || task_name == NULL || function_pointer == NULL) {
         return OS_INVALID_POINTER;
     }
     pocket_lock();
-    const uint32 slot = pocket_task_start_locked(
-        pocket_self_app_locked(), task_name, function_pointer, stack_pointer, stack_size, priority);
+    const uint32 slot = pocket_task_start_locked(pocket_self_app_locked(), task_name, function_pointer, stack_pointer,
+                                                 stack_size, priority);
     *task_id = slot < POCKET_TASKS ? pocket_task_id_locked(slot) : OS_OBJECT_ID_UNDEFINED;
     pocket_unlock();
     return slot < POCKET_TASKS ? OS_SUCCESS : OS_ERR_NO_FREE_IDS;
@@ -270,8 +269,7 @@ int32 OS_MutSemDelete(osal_id_t sem_id)
     return delete_semaphore(sem_id, KIND_MUTEX);
 }
 
-int32 OS_BinSemCreate(osal_id_t *sem_id, const char *sem_name, uint32 sem_initial_value,
-                      uint32 options)
+int32 OS_BinSemCreate(osal_id_t *sem_id, const char *sem_name, uint32 sem_initial_value, uint32 options)
 {
     (void)options;
     return create(sem_id, sem_name, KIND_BINARY, sem_initial_value);
@@ -309,8 +307,7 @@ int32 OS_BinSemDelete(osal_id_t sem_id)
     return delete_semaphore(sem_id, KIND_BINARY);
 }
 
-int32 OS_CountSemCreate(osal_id_t *sem_id, const char *sem_name, uint32 sem_initial_value,
-                        uint32 options)
+int32 OS_CountSemCreate(osal_id_t *sem_id, const char *sem_name, uint32 sem_initial_value, uint32 options)
 {
     (void)options;
     return create(sem_id, sem_name, KIND_COUNTING, sem_initial_value);
@@ -341,14 +338,12 @@ int32 OS_CountSemDelete(osal_id_t sem_id)
 static Queue *queue_of(osal_id_t id)
 {
     const uint32 i = index_of(id, KIND_QUEUE, POCKET_QUEUES);
-    return i < POCKET_QUEUES && os.queues[i].used &&
-                   make_id(KIND_QUEUE, os.queues[i].generation, i) == id
+    return i < POCKET_QUEUES && os.queues[i].used && make_id(KIND_QUEUE, os.queues[i].generation, i) == id
                ? &os.queues[i]
                : NULL;
 }
 
-int32 OS_QueueCreate(osal_id_t *queue_id, const char *queue_name, size_t queue_depth,
-                     size_t data_size, uint32 flags)
+int32 OS_QueueCreate(osal_id_t *queue_id, const char *queue_name, size_t queue_depth, size_t data_size, uint32 flags)
 {
     Queue *free_one = NULL;
     char name[OS_MAX_API_NAME];
@@ -484,8 +479,7 @@ int32 OS_OpenCreate(osal_id_t *filedes, const char *path, int32 flags, int32 acc
         if (f->used) {
             continue;
         }
-        f->port = port_file_open(path, access_mode, flags & OS_FILE_FLAG_CREATE,
-                                 flags & OS_FILE_FLAG_TRUNCATE);
+        f->port = port_file_open(path, access_mode, flags & OS_FILE_FLAG_CREATE, flags & OS_FILE_FLAG_TRUNCATE);
         status = OS_ERROR;
         if (f->port >= 0) {
             f->used = true;
@@ -504,8 +498,7 @@ static int32 port_of(osal_id_t id)
 {
     pocket_lock();
     const uint32 i = index_of(id, KIND_FILE, POCKET_FILES);
-    const bool found =
-        i < POCKET_FILES && os.files[i].used && make_id(KIND_FILE, os.files[i].generation, i) == id;
+    const bool found = i < POCKET_FILES && os.files[i].used && make_id(KIND_FILE, os.files[i].generation, i) == id;
     const int32 port = found ? os.files[i].port : -1;
     pocket_unlock();
     return port;

@@ -157,8 +157,7 @@ TEST_F(Osal, FilesAreBelowTwoFolders)
     EXPECT_LT(OS_OpenCreate(&f, "/etc/passwd", OS_FILE_FLAG_NONE, OS_READ_ONLY), 0);
     EXPECT_LT(OS_OpenCreate(&f, "/cf/../secret", OS_FILE_FLAG_NONE, OS_READ_ONLY), 0);
     EXPECT_LT(OS_OpenCreate(&f, "/cf/absent", OS_FILE_FLAG_NONE, OS_READ_ONLY), 0);
-    ASSERT_EQ(
-        OS_OpenCreate(&f, "/ram/x", OS_FILE_FLAG_CREATE | OS_FILE_FLAG_TRUNCATE, OS_READ_WRITE), 0);
+    ASSERT_EQ(OS_OpenCreate(&f, "/ram/x", OS_FILE_FLAG_CREATE | OS_FILE_FLAG_TRUNCATE, OS_READ_WRITE), 0);
     EXPECT_EQ(OS_write(f, "abcdef", 6), 6);
     EXPECT_EQ(OS_lseek(f, 2, OS_SEEK_SET), 2);
     char text[8] = {};

@@ -42,8 +42,7 @@ typedef struct PocketCounts {
 /** Once per program, or again after pocket_stop. */
 void pocket_boot(const char *root, const PocketApp *apps, uint32 n_apps);
 /** Start one app. */
-CFE_Status_t pocket_start_app(const char *entry_name, const char *name, uint32 priority,
-                              size_t stack_size);
+CFE_Status_t pocket_start_app(const char *entry_name, const char *name, uint32 priority, size_t stack_size);
 /** Start what a start-up script lists. The number of apps, or an error; what a line gets wrong goes
  *  to the console with its number, and then nothing is started. */
 int32 pocket_run_script(const char *path);

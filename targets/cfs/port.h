@@ -15,8 +15,7 @@ void port_lock(void);
 void port_unlock(void);
 
 /** Make task `slot` run entry(slot). 0: it will; else there is no room. With the lock held. */
-int port_task_start(uint32 slot, void (*entry)(uint32 slot), void *stack, size_t stack_size,
-                    uint32 priority);
+int port_task_start(uint32 slot, void (*entry)(uint32 slot), void *stack, size_t stack_size, uint32 priority);
 /** The running task ends. Not with the lock held. */
 void port_task_end(void);
 /** The number of the running task. */

@@ -63,8 +63,7 @@ static void *run(void *slot)
     return NULL;
 }
 
-int port_task_start(uint32 slot, void (*entry)(uint32 slot), void *stack, size_t stack_size,
-                    uint32 priority)
+int port_task_start(uint32 slot, void (*entry)(uint32 slot), void *stack, size_t stack_size, uint32 priority)
 {
     pthread_attr_t attributes;
     pthread_t thread;
@@ -130,8 +129,7 @@ void port_console(const char *text, size_t n)
 /* /cf/x is x in the folder cf below the root, and likewise /ram; nothing else is reached. */
 static int translate(const char *path, char *to, size_t room)
 {
-    if ((strncmp(path, "/cf/", 4) != 0 && strncmp(path, "/ram/", 5) != 0) ||
-        strstr(path, "..") != NULL) {
+    if ((strncmp(path, "/cf/", 4) != 0 && strncmp(path, "/ram/", 5) != 0) || strstr(path, "..") != NULL) {
         return 0;
     }
     const int n = snprintf(to, room, "%s%s", folder, path);
@@ -145,8 +143,7 @@ int32 port_file_open(const char *path, int access, int create, int truncate)
     if (access < 0 || access > 2 || !translate(path, name, sizeof name)) {
         return -1;
     }
-    return open(name, modes[access] | (create ? O_CREAT : 0) | (truncate ? O_TRUNC : 0) | O_CLOEXEC,
-                0644);
+    return open(name, modes[access] | (create ? O_CREAT : 0) | (truncate ? O_TRUNC : 0) | O_CLOEXEC, 0644);
 }
 
 int32 port_file_read(int32 file, void *bytes, size_t n)

@@ -74,8 +74,7 @@ bool CFE_SB_IsValidMsgId(CFE_SB_MsgId_t MsgId)
 static Pipe *pipe_of(CFE_SB_PipeId_t id)
 {
     const uint32 i = index_of(id.id, KIND_PIPE, POCKET_PIPES);
-    if (i == POCKET_PIPES || !sb.pipes[i].used ||
-        make_id(KIND_PIPE, sb.pipes[i].generation, i) != id.id) {
+    if (i == POCKET_PIPES || !sb.pipes[i].used || make_id(KIND_PIPE, sb.pipes[i].generation, i) != id.id) {
         return NULL;
     }
     return &sb.pipes[i];
@@ -171,15 +170,13 @@ static Route *route_of(uint32 id, uint16 pipe)
     return NULL;
 }
 
-CFE_Status_t CFE_SB_SubscribeEx(CFE_SB_MsgId_t MsgId, CFE_SB_PipeId_t PipeId, CFE_SB_Qos_t Quality,
-                                uint16 MsgLim)
+CFE_Status_t CFE_SB_SubscribeEx(CFE_SB_MsgId_t MsgId, CFE_SB_PipeId_t PipeId, CFE_SB_Qos_t Quality, uint16 MsgLim)
 {
     CFE_Status_t status = CFE_SB_MAX_DESTS_MET;
     (void)Quality;
     pocket_lock();
     Pipe *pipe = pipe_of(PipeId);
-    if (pipe == NULL || pipe->app != pocket_self_app_locked() || !CFE_SB_IsValidMsgId(MsgId) ||
-        MsgLim == 0u) {
+    if (pipe == NULL || pipe->app != pocket_self_app_locked() || !CFE_SB_IsValidMsgId(MsgId) || MsgLim == 0u) {
         status = CFE_SB_BAD_ARGUMENT;
     } else if (route_of(MsgId.Value, (uint16)(pipe - sb.pipes)) != NULL) {
         status = CFE_SUCCESS; /* again is not more, as with the real one */
@@ -276,8 +273,7 @@ void CFE_SB_TimeStampMsg(CFE_MSG_Message_t *MsgPtr)
 
 static size_t header_size(const CFE_MSG_Message_t *m)
 {
-    return (m->Byte[0] & 0x10u) != 0u ? sizeof(CFE_MSG_CommandHeader_t)
-                                      : sizeof(CFE_MSG_TelemetryHeader_t);
+    return (m->Byte[0] & 0x10u) != 0u ? sizeof(CFE_MSG_CommandHeader_t) : sizeof(CFE_MSG_TelemetryHeader_t);
 }
 
 void *CFE_SB_GetUserData(CFE_MSG_Message_t *MsgPtr)
@@ -335,8 +331,7 @@ static void refuse(Refusals *refusals, uint16 why, const Pipe *pipe)
     }
 }
 
-static CFE_Status_t deliver(const CFE_MSG_Message_t *m, size_t size, bool origination,
-                            Refusals *refusals)
+static CFE_Status_t deliver(const CFE_MSG_Message_t *m, size_t size, bool origination, Refusals *refusals)
 {
     const uint32 id = (uint32)m->Byte[0] << 8 | m->Byte[1];
     const uint16 sequence = origination ? next_sequence(id) : 0u;
@@ -397,14 +392,13 @@ static void look_at_command(const CFE_MSG_Message_t *m, uint32 id, size_t size)
         pocket_core.counts.short_command++;
         pocket_unlock();
         pocket_event("CFE_SB", SHORT_EVENT, CFE_EVS_EventType_ERROR,
-                     "Command 0x%04X of %u bytes is shorter than its header", (unsigned)id,
-                     (unsigned)size);
+                     "Command 0x%04X of %u bytes is shorter than its header", (unsigned)id, (unsigned)size);
     } else if (CFE_MSG_ValidateChecksum(m, &valid) == CFE_SUCCESS && !valid) {
         pocket_lock();
         pocket_core.counts.bad_checksum++;
         pocket_unlock();
-        pocket_event("CFE_SB", CHECKSUM_EVENT, CFE_EVS_EventType_ERROR,
-                     "Command 0x%04X has a wrong checksum", (unsigned)id);
+        pocket_event("CFE_SB", CHECKSUM_EVENT, CFE_EVS_EventType_ERROR, "Command 0x%04X has a wrong checksum",
+                     (unsigned)id);
     }
 }
 
@@ -421,8 +415,8 @@ CFE_Status_t CFE_SB_TransmitMsg(const CFE_MSG_Message_t *MsgPtr, bool IsOriginat
     }
     if (size > POCKET_MESSAGE_MAX) {
         pocket_event("CFE_SB", TOO_BIG_EVENT, CFE_EVS_EventType_ERROR,
-                     "Message 0x%04X of %u bytes is too big: %u are the most", (unsigned)id,
-                     (unsigned)size, (unsigned)POCKET_MESSAGE_MAX);
+                     "Message 0x%04X of %u bytes is too big: %u are the most", (unsigned)id, (unsigned)size,
+                     (unsigned)POCKET_MESSAGE_MAX);
         return CFE_SB_MSG_TOO_BIG;
     }
     if ((id & 0x1000u) != 0u && !IsOrigination) {
@@ -436,7 +430,7 @@ CFE_Status_t CFE_SB_TransmitMsg(const CFE_MSG_Message_t *MsgPtr, bool IsOriginat
         pocket_event("CFE_SB", refusals.why[i], CFE_EVS_EventType_ERROR,
                      refusals.why[i] == OVERFLOW_EVENT ? "Message 0x%04X lost: its limit in pipe %s"
                      : refusals.why[i] == FULL_EVENT   ? "Message 0x%04X lost: pipe %s is full"
-                                                     : "Message 0x%04X lost: no buffer for pipe %s",
+                                                       : "Message 0x%04X lost: no buffer for pipe %s",
                      (unsigned)id, refusals.pipe[i]);
     }
     if (id == CFE_TBL_CMD_MID) {
@@ -461,7 +455,7 @@ bool pocket_ingest(const void *bytes, size_t n)
     pocket_lock();
     pocket_core.counts.no_packet++;
     pocket_unlock();
-    pocket_event("CFE_SB", NO_PACKET_EVENT, CFE_EVS_EventType_ERROR,
-                 "%u bytes from outside are no packet", (unsigned)n);
+    pocket_event("CFE_SB", NO_PACKET_EVENT, CFE_EVS_EventType_ERROR, "%u bytes from outside are no packet",
+                 (unsigned)n);
     return false;
 }

@@ -141,8 +141,7 @@ int32 pocket_run_script(const char *path)
     }
     for (uint32 i = 0; i < script.n; i++) {
         const Line *line = &script.lines[i];
-        const CFE_Status_t status =
-            pocket_start_app(line->entry, line->name, line->priority, line->stack);
+        const CFE_Status_t status = pocket_start_app(line->entry, line->name, line->priority, line->stack);
         if (status != CFE_SUCCESS) {
             OS_printf("start-up script: %s does not start: 0x%08X\n", line->name, (unsigned)status);
             return status;

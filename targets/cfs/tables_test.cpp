@@ -30,8 +30,7 @@ protected:
     {
         Pocket::SetUp();
         validations = 0;
-        ASSERT_EQ(CFE_TBL_Register(&handle, "Gains", sizeof(Gains), CFE_TBL_OPT_DEFAULT, positive),
-                  0);
+        ASSERT_EQ(CFE_TBL_Register(&handle, "Gains", sizeof(Gains), CFE_TBL_OPT_DEFAULT, positive), 0);
     }
 
     struct File {
@@ -139,8 +138,7 @@ TEST_F(Tables, NoFileDoesHarm)
         f.cut = random() % 4 != 0 ? SIZE_MAX : random() % 160;
         write(f);
         if (random() % 2 != 0) { // one byte is another one
-            std::fstream file(folder / "cf/gains.tbl",
-                              std::ios::in | std::ios::out | std::ios::binary);
+            std::fstream file(folder / "cf/gains.tbl", std::ios::in | std::ios::out | std::ios::binary);
             file.seekp(std::streamoff(random() % 132));
             file.put(char(random()));
         }

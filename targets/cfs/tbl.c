@@ -76,8 +76,7 @@ static Table *table_of_locked(CFE_TBL_Handle_t handle)
 static Table *table_named_locked(const char *name)
 {
     for (uint32 i = 0; i < POCKET_TABLES; i++) {
-        if (tbl.tables[i].used &&
-            strncmp(tbl.tables[i].name, name, sizeof tbl.tables[i].name) == 0) {
+        if (tbl.tables[i].used && strncmp(tbl.tables[i].name, name, sizeof tbl.tables[i].name) == 0) {
             return &tbl.tables[i];
         }
     }
@@ -109,8 +108,8 @@ static Table *place_locked(uint32 size)
     return empty;
 }
 
-CFE_Status_t CFE_TBL_Register(CFE_TBL_Handle_t *TblHandlePtr, const char *Name, size_t Size,
-                              uint16 TblOptionFlags, CFE_TBL_CallbackFuncPtr_t TblValidationFuncPtr)
+CFE_Status_t CFE_TBL_Register(CFE_TBL_Handle_t *TblHandlePtr, const char *Name, size_t Size, uint16 TblOptionFlags,
+                              CFE_TBL_CallbackFuncPtr_t TblValidationFuncPtr)
 {
     char name[CFE_MISSION_TBL_MAX_FULL_NAME_LEN];
     char short_name[CFE_MISSION_TBL_MAX_NAME_LENGTH];
@@ -209,9 +208,7 @@ CFE_Status_t CFE_TBL_GetAddress(void **TblPtr, CFE_TBL_Handle_t TblHandle)
     } else {
         *TblPtr = tbl.pool.bytes + table->at;
         table->locks++;
-        status = !table->loaded   ? CFE_TBL_ERR_NEVER_LOADED
-                 : table->updated ? CFE_TBL_INFO_UPDATED
-                                  : CFE_SUCCESS;
+        status = !table->loaded ? CFE_TBL_ERR_NEVER_LOADED : table->updated ? CFE_TBL_INFO_UPDATED : CFE_SUCCESS;
         table->updated = false;
     }
     pocket_unlock();
@@ -274,11 +271,10 @@ CFE_Status_t CFE_TBL_Validate(CFE_TBL_Handle_t TblHandle)
     table->good = verdict == CFE_SUCCESS;
     pocket_unlock();
     if (verdict == CFE_SUCCESS) {
-        pocket_event("CFE_TBL", VALID_EVENT, CFE_EVS_EventType_INFORMATION, "%s: the load is valid",
-                     table->name);
+        pocket_event("CFE_TBL", VALID_EVENT, CFE_EVS_EventType_INFORMATION, "%s: the load is valid", table->name);
     } else {
-        pocket_event("CFE_TBL", INVALID_EVENT, CFE_EVS_EventType_ERROR,
-                     "%s: the load is not valid: 0x%08X", table->name, (unsigned)verdict);
+        pocket_event("CFE_TBL", INVALID_EVENT, CFE_EVS_EventType_ERROR, "%s: the load is not valid: 0x%08X",
+                     table->name, (unsigned)verdict);
     }
     return CFE_SUCCESS;
 }
@@ -307,8 +303,7 @@ CFE_Status_t CFE_TBL_Update(CFE_TBL_Handle_t TblHandle)
     }
     pocket_unlock();
     if (status == CFE_SUCCESS) {
-        pocket_event("CFE_TBL", UPDATED_EVENT, CFE_EVS_EventType_INFORMATION, "%s is updated",
-                     table->name);
+        pocket_event("CFE_TBL", UPDATED_EVENT, CFE_EVS_EventType_INFORMATION, "%s is updated", table->name);
     }
     return status;
 }
@@ -407,8 +402,7 @@ static CFE_Status_t begin_load_locked(Table *table)
     return CFE_TBL_ERR_NO_BUFFER_AVAIL;
 }
 
-static CFE_Status_t read_source(const Table *table, CFE_TBL_SrcEnum_t type, const void *source,
-                                uint8 *bytes)
+static CFE_Status_t read_source(const Table *table, CFE_TBL_SrcEnum_t type, const void *source, uint8 *bytes)
 {
     Image image;
     if (type == CFE_TBL_SRC_ADDRESS) {
@@ -426,8 +420,7 @@ static CFE_Status_t read_source(const Table *table, CFE_TBL_SrcEnum_t type, cons
     return read_image(&image, bytes, table->size, !table->loaded);
 }
 
-CFE_Status_t CFE_TBL_Load(CFE_TBL_Handle_t TblHandle, CFE_TBL_SrcEnum_t SrcType,
-                          const void *SrcDataPtr)
+CFE_Status_t CFE_TBL_Load(CFE_TBL_Handle_t TblHandle, CFE_TBL_SrcEnum_t SrcType, const void *SrcDataPtr)
 {
     if (SrcDataPtr == NULL) {
         return CFE_TBL_BAD_ARGUMENT;
@@ -461,8 +454,8 @@ CFE_Status_t CFE_TBL_Load(CFE_TBL_Handle_t TblHandle, CFE_TBL_SrcEnum_t SrcType,
     }
     pocket_unlock();
     if (status < CFE_SUCCESS) {
-        pocket_event("CFE_TBL", REFUSED_EVENT, CFE_EVS_EventType_ERROR, "%s: load refused: 0x%08X",
-                     table->name, (unsigned)status);
+        pocket_event("CFE_TBL", REFUSED_EVENT, CFE_EVS_EventType_ERROR, "%s: load refused: 0x%08X", table->name,
+                     (unsigned)status);
     }
     return status;
 }
@@ -543,8 +536,7 @@ void pocket_tbl_command(const CFE_MSG_Message_t *message, size_t size)
         }
     }
     /* Of the information, only that a file held a part is no refusal. */
-    const bool done = status == CFE_SUCCESS || status == CFE_TBL_WARN_PARTIAL_LOAD ||
-                      status == CFE_TBL_WARN_SHORT_FILE;
+    const bool done = status == CFE_SUCCESS || status == CFE_TBL_WARN_PARTIAL_LOAD || status == CFE_TBL_WARN_SHORT_FILE;
     pocket_lock();
     pocket_core.counts.table_commands += done ? 1u : 0u;
     pocket_core.counts.table_errors += done ? 0u : 1u;
@@ -553,10 +545,10 @@ void pocket_tbl_command(const CFE_MSG_Message_t *message, size_t size)
     }
     pocket_unlock();
     if (!done) {
-        pocket_event("CFE_TBL", REFUSED_EVENT, CFE_EVS_EventType_ERROR,
-                     "Command %u refused: 0x%08X %s", (unsigned)code, (unsigned)status, text);
+        pocket_event("CFE_TBL", REFUSED_EVENT, CFE_EVS_EventType_ERROR, "Command %u refused: 0x%08X %s", (unsigned)code,
+                     (unsigned)status, text);
     } else {
-        pocket_event("CFE_TBL", code == CFE_TBL_LOAD_CC ? LOADED_EVENT : NOOP_EVENT,
-                     CFE_EVS_EventType_INFORMATION, "Command %u accepted %s", (unsigned)code, text);
+        pocket_event("CFE_TBL", code == CFE_TBL_LOAD_CC ? LOADED_EVENT : NOOP_EVENT, CFE_EVS_EventType_INFORMATION,
+                     "Command %u accepted %s", (unsigned)code, text);
     }
 }

@@ -63,6 +63,5 @@ uint32 CFE_TIME_Sub2MicroSecs(uint32 SubSeconds)
 /* Rounded up, so that the way back gives the same number. */
 uint32 CFE_TIME_Micro2SubSecs(uint32 MicroSeconds)
 {
-    return MicroSeconds > 999999u ? UINT32_MAX
-                                  : (uint32)((((uint64)MicroSeconds << 32) + 999999u) / 1000000u);
+    return MicroSeconds > 999999u ? UINT32_MAX : (uint32)((((uint64)MicroSeconds << 32) + 999999u) / 1000000u);
 }

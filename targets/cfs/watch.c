@@ -38,8 +38,7 @@ static void start(const void *mission)
     watch.failed = path == NULL || file_sink_open(&watch.sink, path) != 0;
     watch.open = !watch.failed;
     if (watch.open) {
-        watch.failed = mission_record_open(&watch.record, &watch.host, file_sink_write, &watch.sink,
-                                           "cfs") != MCAP_OK;
+        watch.failed = mission_record_open(&watch.record, &watch.host, file_sink_write, &watch.sink, "cfs") != MCAP_OK;
     }
 }
 
@@ -54,10 +53,10 @@ static void finish(const MissionIoCounts *counts)
     if (watch.failed) {
         (void)printf("the record could not be written\n");
     } else {
-        (void)printf("ticks %" PRIu32 "\ncpu_ns %.0f\nrefused %" PRIu32 "\ncorrupt %" PRIu32
-                     "\nsaturated %" PRIu32 "\n",
-                     watch.ticks, spent / (watch.ticks > 0u ? watch.ticks : 1u), counts->refused,
-                     counts->corrupt, counts->saturated);
+        (void)printf("ticks %" PRIu32 "\ncpu_ns %.0f\nrefused %" PRIu32 "\ncorrupt %" PRIu32 "\nsaturated %" PRIu32
+                     "\n",
+                     watch.ticks, spent / (watch.ticks > 0u ? watch.ticks : 1u), counts->refused, counts->corrupt,
+                     counts->saturated);
     }
     (void)fflush(stdout);
     if (getenv("FLEDGE_END") != NULL) {

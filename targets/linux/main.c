@@ -67,16 +67,15 @@ static int complain(const char *what, const char *why)
 
 /* ---- the command line */
 
-static const char usage[] =
-    "usage: %s [--record FILE] [--wait S] REGISTERS        paced by the registers' clock\n"
-    "       %s --clock [--priority N] [--for S] [--record FILE] [--wait S] [REGISTERS]\n"
-    "\n"
-    "REGISTERS is the file of the boards, or /dev/fd/N; with --clock none is needed.\n"
-    "  --record FILE   all that flight puts out, as an MCAP file\n"
-    "  --wait S        for the register file to be there; default: 10\n"
-    "  --clock         paced by this machine's clock, in real time\n"
-    "  --priority N    of SCHED_FIFO, 1 to 99; default: 50; 0: do not ask for it\n"
-    "  --for S         end after so long; default: when stopped\n";
+static const char usage[] = "usage: %s [--record FILE] [--wait S] REGISTERS        paced by the registers' clock\n"
+                            "       %s --clock [--priority N] [--for S] [--record FILE] [--wait S] [REGISTERS]\n"
+                            "\n"
+                            "REGISTERS is the file of the boards, or /dev/fd/N; with --clock none is needed.\n"
+                            "  --record FILE   all that flight puts out, as an MCAP file\n"
+                            "  --wait S        for the register file to be there; default: 10\n"
+                            "  --clock         paced by this machine's clock, in real time\n"
+                            "  --priority N    of SCHED_FIFO, 1 to 99; default: 50; 0: do not ask for it\n"
+                            "  --for S         end after so long; default: when stopped\n";
 
 static int number(const char *text, double *value)
 {
@@ -136,10 +135,9 @@ static int attach(const Options *o)
     } else {
         const int64_t end = pace_now() + (int64_t)(o->wait * 1e9);
         do {
-            status = register_file_attach(&runner.file, o->registers, io->boards, io->n_boards,
-                                          runner.windows);
-        } while (status == REGISTER_FILE_NOT_YET && !stopped && pace_now() < end
-                 && (pace_sleep(pace_now() + SECOND / 1000) == 0 || !stopped));
+            status = register_file_attach(&runner.file, o->registers, io->boards, io->n_boards, runner.windows);
+        } while (status == REGISTER_FILE_NOT_YET && !stopped && pace_now() < end &&
+                 (pace_sleep(pace_now() + SECOND / 1000) == 0 || !stopped));
     }
     if (status != REGISTER_FILE_OK) {
         const char *name = o->registers != NULL ? o->registers : "registers";
@@ -156,8 +154,8 @@ static int open_record(const char *path)
         return complain(path, strerror(runner.sink.error));
     }
     runner.recording = 1;
-    const McapStatus status = mission_record_open(&runner.record, &fledge_mission, file_sink_write,
-                                                  &runner.sink, "linux");
+    const McapStatus status =
+        mission_record_open(&runner.record, &fledge_mission, file_sink_write, &runner.sink, "linux");
     return status == MCAP_OK ? FLOWN : complain(path, mcap_status_text(status));
 }
 
@@ -176,17 +174,16 @@ static int close_record(const char *path, int whole)
 static void report(const Options *o, int no_fifo, int no_lock)
 {
     const double mean = runner.ticks > 0u ? (double)runner.cpu / runner.ticks : 0.0;
-    printf("ticks %" PRIu32 "\ncpu_ns %.0f\ncpu_ns_most %" PRId64 "\n", runner.ticks, mean,
-           runner.cpu_most);
-    printf("refused %" PRIu32 "\ncorrupt %" PRIu32 "\nsaturated %" PRIu32 "\n",
-           runner.counts.refused, runner.counts.corrupt, runner.counts.saturated);
+    printf("ticks %" PRIu32 "\ncpu_ns %.0f\ncpu_ns_most %" PRId64 "\n", runner.ticks, mean, runner.cpu_most);
+    printf("refused %" PRIu32 "\ncorrupt %" PRIu32 "\nsaturated %" PRIu32 "\n", runner.counts.refused,
+           runner.counts.corrupt, runner.counts.saturated);
     if (!o->clock) {
         return;
     }
-    printf("late_ns_least %" PRId64 "\nlate_ns_median %" PRId64 "\nlate_ns_p99 %" PRId64
-           "\nlate_ns_most %" PRId64 "\noverruns %" PRIu32 "\n",
-           runner.late.least, pace_quantile(&runner.late, 0.5), pace_quantile(&runner.late, 0.99),
-           runner.late.most, runner.overruns);
+    printf("late_ns_least %" PRId64 "\nlate_ns_median %" PRId64 "\nlate_ns_p99 %" PRId64 "\nlate_ns_most %" PRId64
+           "\noverruns %" PRIu32 "\n",
+           runner.late.least, pace_quantile(&runner.late, 0.5), pace_quantile(&runner.late, 0.99), runner.late.most,
+           runner.overruns);
     if (o->priority == 0) {
         printf("scheduling shared, as asked for\n");
     } else if (no_fifo != 0) {
@@ -215,9 +212,7 @@ static int exchange(int64_t t)
     runner.cpu += cpu;
     runner.cpu_most = cpu > runner.cpu_most ? cpu : runner.cpu_most;
     runner.ticks++;
-    return !runner.recording || mission_record_take(&runner.record, &fledge_mission, t) == MCAP_OK
-               ? FLOWN
-               : FAILED;
+    return !runner.recording || mission_record_take(&runner.record, &fledge_mission, t) == MCAP_OK ? FLOWN : FAILED;
 }
 
 /* Tick by tick, as the registers' clock says. */
@@ -232,8 +227,8 @@ static int fly_by_ticks(void)
             register_clock_finish(runner.clock);
         } else if (register_clock_stopped(runner.clock)) {
             return FLOWN;
-        } else if (register_file_wait(&runner.file, LOOK_NS) == REGISTER_FILE_GONE
-                   && !register_clock_stopped(runner.clock)) {
+        } else if (register_file_wait(&runner.file, LOOK_NS) == REGISTER_FILE_GONE &&
+                   !register_clock_stopped(runner.clock)) {
             return complain("registers", "the outside has ended without saying so");
         }
     }

@@ -74,8 +74,7 @@ TEST(Orbit, RandomStatesGoThereAndBack)
 TEST(Orbit, TheStateHasTheElementsEnergyAndMomentum)
 {
     for (const double e : {0.0, 0.3, 0.99, 1.0, 1.01, 3.0}) {
-        const OrbitElements elements{
-            .p = 1e7, .e = e, .i = 1.0, .Omega = 2.0, .omega = 3.0, .f = 0.7};
+        const OrbitElements elements{.p = 1e7, .e = e, .i = 1.0, .Omega = 2.0, .omega = 3.0, .f = 0.7};
         const auto [r, v] = orbit_state(mu, elements);
         EXPECT_NEAR(v.squaredNorm() / 2.0 - mu / r.norm(), -mu * (1.0 - e * e) / 2e7, 1e-6);
         const Vector3d h = r.cross(v);
@@ -133,10 +132,8 @@ TEST(Orbit, DegenerateElementsAreWhatTheHeaderSays)
     EXPECT_NEAR(backwards.f, 1.5 * pi, 1e-15);
     EXPECT_NEAR(backwards.i, pi, 1e-15);
     // An open orbit has its anomaly on both sides of periapsis, a closed one in [0, 2 pi).
-    EXPECT_NEAR(orbit_elements(mu, orbit_state(mu, {.p = 1e7, .e = 2.0, .f = -1.0})).f, -1.0,
-                1e-14);
-    EXPECT_NEAR(orbit_elements(mu, orbit_state(mu, {.p = 1e7, .e = 0.5, .f = -1.0})).f,
-                2.0 * pi - 1.0, 1e-14);
+    EXPECT_NEAR(orbit_elements(mu, orbit_state(mu, {.p = 1e7, .e = 2.0, .f = -1.0})).f, -1.0, 1e-14);
+    EXPECT_NEAR(orbit_elements(mu, orbit_state(mu, {.p = 1e7, .e = 0.5, .f = -1.0})).f, 2.0 * pi - 1.0, 1e-14);
 }
 
 TEST(Orbit, SemiMajorAxis)
@@ -165,12 +162,9 @@ TEST(Orbit, WhatIsNoOrbitIsRefused)
         return message_of([&] { orbit_state(mu, elements); });
     };
     EXPECT_EQ(message_of([&] { orbit_state(0.0, good); }), "orbit: mu must be > 0; found 0");
-    EXPECT_EQ(message([](auto &x) { x.p = 0.0; }),
-              "orbit: the semi-latus rectum must be > 0; found 0");
-    EXPECT_EQ(message([](auto &x) { x.e = -0.1; }),
-              "orbit: the eccentricity must be >= 0; found -0.1");
-    EXPECT_EQ(message([](auto &x) { x.i = NAN; }),
-              "orbit: the inclination must be finite; found nan");
+    EXPECT_EQ(message([](auto &x) { x.p = 0.0; }), "orbit: the semi-latus rectum must be > 0; found 0");
+    EXPECT_EQ(message([](auto &x) { x.e = -0.1; }), "orbit: the eccentricity must be >= 0; found -0.1");
+    EXPECT_EQ(message([](auto &x) { x.i = NAN; }), "orbit: the inclination must be finite; found nan");
     EXPECT_EQ(message([](auto &x) { x.e = 2.0, x.f = 2.5; }),
               "orbit: with an eccentricity of 2 the true anomaly must be between the asymptotes, "
               "+-2.0943951023931957 rad; found 2.5");

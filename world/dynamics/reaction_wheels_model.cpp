@@ -20,17 +20,16 @@ void ReactionWheelsModel::prepare(const sim::Setup &setup)
 {
     const auto &par = face_.par;
     if (par.n == 0 || par.n > WHEELS_MAX) {
-        throw sim::SetupError(setup.name + ": there must be 1 to " + std::to_string(WHEELS_MAX) +
-                              " wheels; found " + std::to_string(par.n));
+        throw sim::SetupError(setup.name + ": there must be 1 to " + std::to_string(WHEELS_MAX) + " wheels; found " +
+                              std::to_string(par.n));
     }
     n_ = par.n;
     padded_ = states();
     for (std::size_t i = 0; i < n_; i++) {
         if (par.Omega_max[i] > 0.0 && std::abs(par.Omega[i]) > par.Omega_max[i]) {
-            throw sim::SetupError(setup.name + ".Omega[" + std::to_string(i) +
-                                  "]: the initial speed must be within Omega_max, " +
-                                  sim::format_number(par.Omega_max[i]) + " rad/s; found " +
-                                  sim::format_number(par.Omega[i]));
+            throw sim::SetupError(
+                setup.name + ".Omega[" + std::to_string(i) + "]: the initial speed must be within Omega_max, " +
+                sim::format_number(par.Omega_max[i]) + " rad/s; found " + sim::format_number(par.Omega[i]));
         }
     }
 }
@@ -131,8 +130,7 @@ void ReactionWheelsModel::derive(const double *x, const Vec3 &omega, double *dx,
             hz[j] = w.gz[b + j] * x[b + j];
             dx[b + j] = w.torque[b + j];
         }
-        momentum = vec_add(momentum, vec3((hx[0] + hx[1]) + (hx[2] + hx[3]),
-                                          (hy[0] + hy[1]) + (hy[2] + hy[3]),
+        momentum = vec_add(momentum, vec3((hx[0] + hx[1]) + (hx[2] + hx[3]), (hy[0] + hy[1]) + (hy[2] + hy[3]),
                                           (hz[0] + hz[1]) + (hz[2] + hz[3])));
     }
     if (w.viscous > 0.0) {

@@ -33,10 +33,7 @@ public:
     /// Limits and friction take effect at the next update; axes, inertias and speeds at a reset.
     void refresh() override;
 
-    std::span<std::byte> memory() override
-    {
-        return std::as_writable_bytes(std::span(&wheels_, 1));
-    }
+    std::span<std::byte> memory() override { return std::as_writable_bytes(std::span(&wheels_, 1)); }
 
     std::size_t states() const override;
     void start(const Vec3 &omega, double *x) override;

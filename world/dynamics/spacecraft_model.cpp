@@ -23,13 +23,7 @@ enum : std::size_t { at_r = 0, at_v = 4, at_sigma = 8, at_omega = 12, own_states
 static_assert(own_states % sim::state_block == 0);
 
 // Where the external inputs stand, and a 1 if they act.
-enum : std::size_t {
-    at_force_N = 0,
-    at_force_B = 4,
-    at_torque_B = 8,
-    at_acts = 12,
-    held_size = 16
-};
+enum : std::size_t { at_force_N = 0, at_force_B = 4, at_torque_B = 8, at_acts = 12, held_size = 16 };
 
 // The loop computes with Vec3 by value, which the compiler keeps in registers: the same equations
 // with Eigen's Vector3d take a quarter longer.
@@ -184,13 +178,11 @@ bool SpacecraftModel::hold_external(Tick tick)
     }
     pushed_ = !(is_zero(force_N) && is_zero(force_B));
     if (pushed_ && face_.par.mass == 0.0) {
-        throw sim::RunError(name_ + ".external: a force arrived at " +
-                            sim::format_time(tick.t - tick.dt) + ", force_N = " + text(force_N) +
-                            " N and force_B = " + text(force_B) + " N, but " + name_ +
+        throw sim::RunError(name_ + ".external: a force arrived at " + sim::format_time(tick.t - tick.dt) +
+                            ", force_N = " + text(force_N) + " N and force_B = " + text(force_B) + " N, but " + name_ +
                             ".mass is 0: give the spacecraft its mass");
     }
-    const bool changed = differ(force_N, get(held_, at_force_N)) ||
-                         differ(force_B, get(held_, at_force_B)) ||
+    const bool changed = differ(force_N, get(held_, at_force_N)) || differ(force_B, get(held_, at_force_B)) ||
                          differ(torque_B, get(held_, at_torque_B));
     put(held_, at_force_N, force_N);
     put(held_, at_force_B, force_B);
@@ -207,18 +199,17 @@ void SpacecraftModel::advance(Tick tick)
         throw sim::RunError(name_ + ": " + error.what() + "; " + last_good_state());
     }
     if (!all_finite(x_, n_)) {
-        throw sim::RunError(name_ + ": the state at " + sim::format_time(tick.t) +
-                            " is not finite; " + last_good_state());
+        throw sim::RunError(name_ + ": the state at " + sim::format_time(tick.t) + " is not finite; " +
+                            last_good_state());
     }
 }
 
 std::string SpacecraftModel::last_good_state() const
 {
     const CraftState &state = face_.out.state;
-    return "last good state at " + sim::format_time(state.head.t) +
-           ": r_BN_N = " + text(state.r_BN_N) + " m, v_BN_N = " + text(state.v_BN_N) +
-           " m/s, sigma_BN = " + text(state.sigma_BN) + ", omega_BN_B = " + text(state.omega_BN_B) +
-           " rad/s";
+    return "last good state at " + sim::format_time(state.head.t) + ": r_BN_N = " + text(state.r_BN_N) +
+           " m, v_BN_N = " + text(state.v_BN_N) + " m/s, sigma_BN = " + text(state.sigma_BN) +
+           ", omega_BN_B = " + text(state.omega_BN_B) + " rad/s";
 }
 
 void SpacecraftModel::derive(Ns start, double tau, const double *x, double *dx)
@@ -226,26 +217,23 @@ void SpacecraftModel::derive(Ns start, double tau, const double *x, double *dx)
     const Vec3 sigma = get(x, at_sigma), omega = get(x, at_omega);
 
     const Vec3 r = get(x, at_r);
-    Vec3 acceleration = central_mu_ > 0.0 ? point_mass_gravity(central_mu_, r)
-                                          : vec(attraction_.at(start, tau, view(r)));
+    Vec3 acceleration =
+        central_mu_ > 0.0 ? point_mass_gravity(central_mu_, r) : vec(attraction_.at(start, tau, view(r)));
     if (pushed_) {
-        const Vec3 force =
-            vec_add(get(held_, at_force_N), mat_tvec(mrp_to_dcm(sigma), get(held_, at_force_B)));
+        const Vec3 force = vec_add(get(held_, at_force_N), mat_tvec(mrp_to_dcm(sigma), get(held_, at_force_B)));
         acceleration = vec_add(acceleration, vec_scale(1.0 / face_.par.mass, force));
     }
     put(dx, at_r, get(x, at_v));
     put(dx, at_v, acceleration);
 
-    const Vec3 bend = vec_add(vec_scale(1.0 - vec_norm2(sigma), omega),
-                              vec_scale(2.0 * vec_dot(sigma, omega), sigma));
+    const Vec3 bend = vec_add(vec_scale(1.0 - vec_norm2(sigma), omega), vec_scale(2.0 * vec_dot(sigma, omega), sigma));
     put(dx, at_sigma, vec_scale(0.25, vec_add(bend, vec_scale(2.0, vec_cross(sigma, omega)))));
 
     Loads loads{mat_vec(I_B_, omega), get(held_, at_torque_B)};
     for (const Part &part : parts_) {
         part.effector->derive(x + part.at, omega, dx + part.at, loads);
     }
-    put(dx, at_omega,
-        mat_vec(I_B_inverse_, vec_sub(loads.torque, vec_cross(omega, loads.momentum))));
+    put(dx, at_omega, mat_vec(I_B_inverse_, vec_sub(loads.torque, vec_cross(omega, loads.momentum))));
 }
 
 void SpacecraftModel::settle(double *x)

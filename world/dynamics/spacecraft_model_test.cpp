@@ -215,17 +215,14 @@ double true_anomaly(double mu, double p, double e, double t)
     }
     const long double q = p / (1.0L + e), mean_a = std::abs(q / (1.0L - e));
     const long double M = std::sqrt(mu / (mean_a * mean_a * mean_a)) * t;
-    const auto kepler = [&](long double E) {
-        return e < 1.0 ? E - e * std::sin(E) : e * std::sinh(E) - E;
-    };
+    const auto kepler = [&](long double E) { return e < 1.0 ? E - e * std::sin(E) : e * std::sinh(E) - E; };
     long double lo = 0.0L, hi = e < 1.0 ? M + 1.0L : std::log(2.0L * M + 4.0L) + 1.0L;
     for (int i = 0; i < 200; i++) {
         const long double mid = 0.5L * (lo + hi);
         (kepler(mid) < M ? lo : hi) = mid;
     }
     const long double ratio = std::sqrt(std::abs((1.0L + e) / (1.0L - e)));
-    return static_cast<double>(
-        2.0L * std::atan(ratio * (e < 1.0 ? std::tan(0.5L * lo) : std::tanh(0.5L * lo))));
+    return static_cast<double>(2.0L * std::atan(ratio * (e < 1.0 ? std::tan(0.5L * lo) : std::tanh(0.5L * lo))));
 }
 
 TEST(Spacecraft, FliesKeplerOrbitsOfEveryShape)
@@ -308,8 +305,7 @@ TEST(Spacecraft, TheNodeOfAnOblatePlanetsSatelliteDriftsAsTheoryHasIt)
         f.fly(static_cast<Ns>(T / 60.0) * 60 * second, 60 * second);
         const OrbitElements now = orbit_elements(mu, {f.r(), f.v()});
         const double drift = now.Omega - 2.0 * pi; // westward
-        const double theory =
-            -1.5 * n * J2 * (R / p) * (R / p) * std::cos(i) * 1e-9 * static_cast<double>(f.t);
+        const double theory = -1.5 * n * J2 * (R / p) * (R / p) * std::cos(i) * 1e-9 * static_cast<double>(f.t);
         EXPECT_NEAR(drift / theory, 1.0, 3.0 * J2);
     }
 }
@@ -327,8 +323,7 @@ TEST(Spacecraft, ForcesActInTheirFrames)
     f.push().force_N = vec3(0, 0, 1.0);
     f.fly(100 * second, 100 * ms);
     const double t = 100.0;
-    const Vector3d v(F / mass * std::sin(w * t) / w, F / mass * (1.0 - std::cos(w * t)) / w,
-                     t / mass);
+    const Vector3d v(F / mass * std::sin(w * t) / w, F / mass * (1.0 - std::cos(w * t)) / w, t / mass);
     EXPECT_LT((f.v() - v).norm(), 1e-8);
     EXPECT_NEAR(f.r()[2], 0.5 * t * t / mass, 1e-9);
 
@@ -413,9 +408,7 @@ void restore(std::span<std::byte> to, const std::vector<std::byte> &from)
 TEST(Spacecraft, GoesOnFromItsMemoryBitForBit)
 {
     for (const bool adaptive : {false, true}) {
-        const auto method = [&] {
-            return adaptive ? sim::make_adaptive(1e-9, 1e-9) : sim::make_rk4();
-        };
+        const auto method = [&] { return adaptive ? sim::make_adaptive(1e-9, 1e-9) : sim::make_rk4(); };
         Flyer f;
         f.method = method();
         make_lively(f);
@@ -452,9 +445,8 @@ TEST(Spacecraft, TakesOverPartsAndGravityOfAnother)
     Flyer g;
     g.face = f.face;
     g.wheel_face = f.wheel_face;
-    g.craft.copy_setup(f.craft, [&](const sim::Model *model) -> sim::Model * {
-        return model == &f.wheels ? &g.wheels : nullptr;
-    });
+    g.craft.copy_setup(
+        f.craft, [&](const sim::Model *model) -> sim::Model * { return model == &f.wheels ? &g.wheels : nullptr; });
     ASSERT_EQ(g.craft.parts(), std::vector<sim::Model *>{&g.wheels});
     ASSERT_EQ(g.craft.gravity().size(), 1u);
     g.wheels.prepare({"world.wheels", 1, g.method.get()});
@@ -495,8 +487,7 @@ TEST(Spacecraft, AnIntegratorsFailureNamesTheSpacecraft)
     f.prepare();
     const std::string text = message_of([&] { f.step(10 * second); });
     EXPECT_EQ(text.find("world.craft: adaptive integrator, relative tolerance 1e-10"), 0u) << text;
-    EXPECT_NE(text.find("; last good state at 0 s: r_BN_N = [1000, 0, 0] m"), std::string::npos)
-        << text;
+    EXPECT_NE(text.find("; last good state at 0 s: r_BN_N = [1000, 0, 0] m"), std::string::npos) << text;
 }
 
 TEST(Spacecraft, AForceOnNoMassIsRefused)
@@ -518,8 +509,7 @@ TEST(Spacecraft, SetUpIsChecked)
     f.set_inertia(Matrix3d::Identity());
     f.add_wheel({1, 0, 0}, 0.1);
     f.craft.attach(f.wheels);
-    EXPECT_EQ(message_of([&] { f.craft.attach(f.wheels); }),
-              "spacecraft: the same part is attached twice");
+    EXPECT_EQ(message_of([&] { f.craft.attach(f.wheels); }), "spacecraft: the same part is attached twice");
     f.craft.prepare({"world.craft", 1, f.method.get()});
     Spacecraft other_face{};
     SpacecraftModel other(other_face);
@@ -530,8 +520,7 @@ TEST(Spacecraft, SetUpIsChecked)
               "world.other: one of its parts belongs to another spacecraft");
 
     f.craft.add_gravity(mars());
-    EXPECT_EQ(message_of([&] { f.craft.add_gravity(mars()); }),
-              "spacecraft: the gravity of mars is listed twice");
+    EXPECT_EQ(message_of([&] { f.craft.add_gravity(mars()); }), "spacecraft: the gravity of mars is listed twice");
     EXPECT_EQ(message_of([&] {
                   f.craft.prepare({"world.craft", 1, f.method.get()});
               }),

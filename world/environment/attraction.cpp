@@ -61,19 +61,16 @@ void Attraction::prepare(const std::string &craft, const Vector3d &r_BN_N)
         const Vector3d &r_PN_N = sky_ ? sources_.back().r_PN_N : body.r_PN_N;
         const double distance = (r_BN_N - r_PN_N).norm();
         if (!(distance > body.radius)) {
-            throw sim::SetupError(craft_ + ".r_BN_N: must lie outside " + name_of(body) +
-                                  ", of radius " + sim::format_number(body.radius) +
-                                  " m; found a distance of " + sim::format_number(distance) +
-                                  " m from its centre");
+            throw sim::SetupError(craft_ + ".r_BN_N: must lie outside " + name_of(body) + ", of radius " +
+                                  sim::format_number(body.radius) + " m; found a distance of " +
+                                  sim::format_number(distance) + " m from its centre");
         }
     }
 }
 
 Attraction::Source Attraction::find(const GravityBody &body) const
 {
-    const auto refuse = [&](const std::string &text) {
-        throw sim::SetupError(craft_ + ".gravity: " + text);
-    };
+    const auto refuse = [&](const std::string &text) { throw sim::SetupError(craft_ + ".gravity: " + text); };
     if (!body.naif) {
         refuse(name_of(body) + " has no NAIF number, by which the sky would find it");
     }
@@ -83,8 +80,7 @@ Attraction::Source Attraction::find(const GravityBody &body) const
     const int id = *body.naif, center = sky_->center();
     for (const GravityBody &other : bodies_) {
         if (is_system(id) && other.naif && *other.naif != id && system_of(*other.naif) == id) {
-            refuse(body_name(id) + " holds " + body_name(*other.naif) +
-                   ": name the system or its members, not both");
+            refuse(body_name(id) + " holds " + body_name(*other.naif) + ": name the system or its members, not both");
         }
     }
     if (is_system(id) && id != center && system_of(center) == id) {
@@ -111,8 +107,8 @@ Attraction::Source Attraction::find(const GravityBody &body) const
     source.target = sky_->given_as(id);
     if (source.target != id) {
         if (!source.point) {
-            refuse("the shape of " + body_name(id) + " needs its own place; the ephemeris only " +
-                   "has that of " + body_name(source.target));
+            refuse("the shape of " + body_name(id) + " needs its own place; the ephemeris only " + "has that of " +
+                   body_name(source.target));
         }
         source.mu = body_mu(source.target);
     }
@@ -148,8 +144,7 @@ double Attraction::central_mu() const
         return 0.0;
     }
     const GravityBody &body = bodies_[0];
-    const bool central =
-        sky_ ? !sources_[0].moves : body.r_PN_N.isZero(0.0) && body.v_PN_N.isZero(0.0);
+    const bool central = sky_ ? !sources_[0].moves : body.r_PN_N.isZero(0.0) && body.v_PN_N.isZero(0.0);
     return central ? body.mu : 0.0;
 }
 
@@ -168,8 +163,7 @@ void Attraction::place(Source &source, Ns start, double tau) const
     source.tau = tau;
 }
 
-Vector3d Attraction::pull(const GravityBody &body, const Source &source,
-                          const Vector3d &r_BN_N) const
+Vector3d Attraction::pull(const GravityBody &body, const Source &source, const Vector3d &r_BN_N) const
 {
     const Vector3d r_BP_N = r_BN_N - source.r_PN_N;
     const auto shaped = [&] {
@@ -209,8 +203,8 @@ std::vector<std::string> Attraction::assumptions() const
             continue;
         }
         if (const int target = sky_->given_as(*body.naif); target != *body.naif) {
-            lines.push_back("gravity: the ephemeris has no " + body_name(*body.naif) + "; " +
-                            body_name(target) + " stands for it, with the mass of its moons");
+            lines.push_back("gravity: the ephemeris has no " + body_name(*body.naif) + "; " + body_name(target) +
+                            " stands for it, with the mass of its moons");
         }
     }
     return lines;

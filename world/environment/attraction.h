@@ -66,8 +66,7 @@ private:
     Source find(const GravityBody &body) const;
     void require(const Source &source, sim::Ns from, sim::Ns to) const;
     void place(Source &source, sim::Ns start, double tau) const;
-    Eigen::Vector3d pull(const GravityBody &body, const Source &source,
-                         const Eigen::Vector3d &r_BN_N) const;
+    Eigen::Vector3d pull(const GravityBody &body, const Source &source, const Eigen::Vector3d &r_BN_N) const;
 
     std::string craft_;
     std::vector<GravityBody> bodies_;

@@ -62,8 +62,7 @@ TEST(ThirdBodyGravity, LosesNoDigits)
         const Long plain = mu * (unit(d) - unit(p));
         const Vector3d ours = third_body_gravity(mu, r, r_PN);
         const double lost = std::max(1e-19 * r_PN.norm() / size, 0.0);
-        EXPECT_LT((ours.cast<long double>() - plain).norm(), (2e-15 + 30 * lost) * plain.norm())
-            << size;
+        EXPECT_LT((ours.cast<long double>() - plain).norm(), (2e-15 + 30 * lost) * plain.norm()) << size;
     }
 }
 
@@ -213,9 +212,8 @@ TEST(Attraction, IsTheSameFlightAboutEveryCenterAndInAnInertialFrame)
 /// Earth, Moon and Sun at rest, on the first axis, for 100 s.
 std::string a_row()
 {
-    return made_kernel(
-        {uniform_motion(3, 0, 0, 100, 1.5e8, 0), uniform_motion(399, 3, 0, 100, -4700, 0),
-         uniform_motion(301, 3, 0, 100, 380000, 0), uniform_motion(10, 0, 0, 100, 0, 0)});
+    return made_kernel({uniform_motion(3, 0, 0, 100, 1.5e8, 0), uniform_motion(399, 3, 0, 100, -4700, 0),
+                        uniform_motion(301, 3, 0, 100, 380000, 0), uniform_motion(10, 0, 0, 100, 0, 0)});
 }
 
 TEST(Attraction, OfTheMembersOfASystemDoesNotMoveItsBarycentre)
@@ -230,38 +228,32 @@ TEST(Attraction, OfTheMembersOfASystemDoesNotMoveItsBarycentre)
         attraction.add(point("SUN", 10, mu_sun));
         attraction.add(point("EARTH", 399, mu_earth));
         attraction.add(point("MOON", 301, mu_moon));
-        attraction.set_sky(
-            std::make_shared<const Sky>(std::move(ephemeris), TimeSystem(), Epoch{0}, center));
+        attraction.set_sky(std::make_shared<const Sky>(std::move(ephemeris), TimeSystem(), Epoch{0}, center));
         attraction.prepare("craft", r_BN_N);
         return attraction.at(0, 50.0, r_BN_N);
     };
     const auto pull = [&](double mu, const Vector3d &p) {
         return Vector3d(mu / std::pow((p - r).norm(), 3) * (p - r));
     };
-    const auto fall = [&](double mu, const Vector3d &p) {
-        return Vector3d(mu / std::pow(p.norm(), 3) * p);
-    };
+    const auto fall = [&](double mu, const Vector3d &p) { return Vector3d(mu / std::pow(p.norm(), 3) * p); };
     const Vector3d all = pull(mu_sun, sun) + pull(mu_earth, earth) + pull(mu_moon, moon);
     EXPECT_LT((at(0, r - sun) - all).norm(), 1e-14 * all.norm());
     EXPECT_LT((at(3, r) - (all - fall(mu_sun, sun))).norm(), 1e-14 * all.norm());
-    EXPECT_LT((at(399, r - earth) - (all - fall(mu_sun, sun - earth) - fall(mu_moon, moon - earth)))
-                  .norm(),
+    EXPECT_LT((at(399, r - earth) - (all - fall(mu_sun, sun - earth) - fall(mu_moon, moon - earth))).norm(),
               1e-14 * all.norm());
 }
 
 TEST(Attraction, TakesASystemForAPlanetThatIsNotGivenAlone)
 {
-    const TemporaryFile file("jupiter.bsp", made_kernel({uniform_motion(5, 0, 0, 100, 7e8, 0),
-                                                         uniform_motion(10, 0, 0, 100, 0, 0)}));
+    const TemporaryFile file("jupiter.bsp",
+                             made_kernel({uniform_motion(5, 0, 0, 100, 7e8, 0), uniform_motion(10, 0, 0, 100, 0, 0)}));
     Ephemeris ephemeris;
     ephemeris.add_spk(file.path());
     Attraction attraction;
     attraction.add(point("JUPITER", 599, 1.26687e17));
-    attraction.set_sky(
-        std::make_shared<const Sky>(std::move(ephemeris), TimeSystem(), Epoch{0}, 10));
+    attraction.set_sky(std::make_shared<const Sky>(std::move(ephemeris), TimeSystem(), Epoch{0}, 10));
     attraction.prepare("craft", {1e9, 0, 0});
-    EXPECT_EQ(attraction.at(0, 0.0, {1e9, 0, 0}),
-              third_body_gravity(body_mu(5), {1e9, 0, 0}, {7e11, 0, 0}));
+    EXPECT_EQ(attraction.at(0, 0.0, {1e9, 0, 0}), third_body_gravity(body_mu(5), {1e9, 0, 0}, {7e11, 0, 0}));
     EXPECT_THAT(attraction.assumptions(),
                 ElementsAre("gravity: the ephemeris has no JUPITER (599); JUPITER BARYCENTER (5) "
                             "stands for it, with the mass of its moons"));
@@ -387,15 +379,13 @@ TEST_F(Mars, NamesWhatIsWrong)
         }
         Ephemeris ephemeris;
         ephemeris.add_spk(file.path());
-        a.set_sky(
-            std::make_shared<const Sky>(std::move(ephemeris), TimeSystem(), Epoch{0}, center));
+        a.set_sky(std::make_shared<const Sky>(std::move(ephemeris), TimeSystem(), Epoch{0}, center));
         return error_of([&] { a.prepare("world.craft", r); });
     };
     EXPECT_EQ(refusal({point("MARS", 499, mu_mars)}), "");
     GravityBody nameless = point("ROCK", 0, 1.0);
     nameless.naif.reset();
-    EXPECT_EQ(refusal({nameless}),
-              "world.craft.gravity: ROCK has no NAIF number, by which the sky would find it");
+    EXPECT_EQ(refusal({nameless}), "world.craft.gravity: ROCK has no NAIF number, by which the sky would find it");
     GravityBody elsewhere = point("MARS", 499, mu_mars);
     elsewhere.r_PN_N = {1e9, 0, 0};
     EXPECT_EQ(refusal({elsewhere}), "world.craft.gravity: MARS was given a place of its own, but "
@@ -446,8 +436,7 @@ TEST_F(Mars, TheEndOfTheSkyIsNamedBeforeItIsReachedAndAtTheLatestThere)
     EXPECT_THROW(f.craft.cover(std::numeric_limits<sim::Ns>::max()), sim::SetupError);
     EXPECT_NO_THROW(f.fly(10 * second, second));
     EXPECT_THROW(f.step(second), sim::RunError);
-    EXPECT_THAT(error_of([&] { f.step(second); }),
-                HasSubstr("last good state at 10 s: r_BN_N = [1e+09, 0, 0] m"));
+    EXPECT_THAT(error_of([&] { f.step(second); }), HasSubstr("last good state at 10 s: r_BN_N = [1e+09, 0, 0] m"));
 }
 
 } // namespace

@@ -101,8 +101,7 @@ const Body *find(int id)
 std::string body_name(int id)
 {
     const Body *body = find(id);
-    return body ? std::string(body->name) + " (" + std::to_string(id) + ")"
-                : "body " + std::to_string(id);
+    return body ? std::string(body->name) + " (" + std::to_string(id) + ")" : "body " + std::to_string(id);
 }
 
 int body_id(std::string_view name)
@@ -126,8 +125,8 @@ int body_id(std::string_view name)
             return alias.id;
         }
     }
-    throw sim::SetupError("no body is named \"" + std::string(name) +
-                          "\"; give a NAIF number or one of " + sim::format_list(known));
+    throw sim::SetupError("no body is named \"" + std::string(name) + "\"; give a NAIF number or one of " +
+                          sim::format_list(known));
 }
 
 double body_mu(int id)

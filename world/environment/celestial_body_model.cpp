@@ -13,8 +13,7 @@ void CelestialBodyModel::prepare(const sim::Setup &setup)
 {
     name_ = setup.name;
     if (!sky_) {
-        throw sim::SetupError(name_ + ".sky is missing: the sky in which " +
-                              body_name(face_.par.id) + " is");
+        throw sim::SetupError(name_ + ".sky is missing: the sky in which " + body_name(face_.par.id) + " is");
     }
     refresh();
 }
@@ -54,8 +53,7 @@ void CelestialBodyModel::publish(Ns t)
 {
     try {
         const BodyState state = sky_->state(target_, t, cursor_);
-        face_.out.state = {head_next(face_.out.state.head, t, QUALITY_GOOD), vec(state.r),
-                           vec(state.v), vec(state.a)};
+        face_.out.state = {head_next(face_.out.state.head, t, QUALITY_GOOD), vec(state.r), vec(state.v), vec(state.a)};
     } catch (const sim::RunError &error) {
         throw sim::RunError(name_ + ": " + error.what());
     }
@@ -67,12 +65,10 @@ std::vector<std::string> CelestialBodyModel::assumptions() const
     if (target == face_.par.id) {
         return {};
     }
-    return {"state: the ephemeris has no " + body_name(face_.par.id) + "; it is that of " +
-            body_name(target)};
+    return {"state: the ephemeris has no " + body_name(face_.par.id) + "; it is that of " + body_name(target)};
 }
 
-void CelestialBodyModel::copy_setup(const sim::Model &original,
-                                    const std::function<sim::Model *(const sim::Model *)> &)
+void CelestialBodyModel::copy_setup(const sim::Model &original, const std::function<sim::Model *(const sim::Model *)> &)
 {
     sky_ = dynamic_cast<const CelestialBodyModel &>(original).sky_;
 }

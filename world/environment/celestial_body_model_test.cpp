@@ -41,10 +41,8 @@ TEST_F(Body, IsWhereTheEphemerisHasIt)
         EXPECT_EQ(state.head.t, i * hour);
         EXPECT_EQ(state.head.sequence, 2u + static_cast<unsigned>(i));
         EXPECT_EQ(state.head.quality, QUALITY_GOOD);
-        const Vector3d r =
-            TwoCircles::r(TwoCircles::sun, t) - TwoCircles::r(TwoCircles::jupiter, t);
-        const Vector3d v =
-            TwoCircles::v(TwoCircles::sun, t) - TwoCircles::v(TwoCircles::jupiter, t);
+        const Vector3d r = TwoCircles::r(TwoCircles::sun, t) - TwoCircles::r(TwoCircles::jupiter, t);
+        const Vector3d v = TwoCircles::v(TwoCircles::sun, t) - TwoCircles::v(TwoCircles::jupiter, t);
         const Vector3d a = -TwoCircles::rate() * TwoCircles::rate() * r;
         EXPECT_LT((view(state.r_PN_N) - r).norm(), 5e-3);
         EXPECT_LT((view(state.v_PN_N) - v).norm(), 1e-6);
@@ -76,10 +74,7 @@ TEST_F(Body, NamesWhatIsWrong)
                 HasSubstr("world.body: SUN (10) is given from 2000-01-01T12:00:00 TDB to "
                           "2000-01-21T12:00:00 TDB in two circles; asked for SUN (10) relative"));
     EXPECT_THROW(model.update({20 * 24 * hour, hour}), sim::RunError);
-    EXPECT_THAT(error_of([&] {
-                    model.update({20 * 24 * hour, hour});
-                }),
-                HasSubstr("world.body: SUN (10) is given"));
+    EXPECT_THAT(error_of([&] { model.update({20 * 24 * hour, hour}); }), HasSubstr("world.body: SUN (10) is given"));
     // Another body from now on.
     face.par.id = 3;
     EXPECT_THROW(model.refresh(), sim::SetupError);

@@ -95,8 +95,7 @@ private:
             } else if (type == type_ints) {
                 integers(name);
             } else {
-                refuse(path_, "is damaged: its keyword " + name + " is of the unknown type " +
-                                  std::to_string(type));
+                refuse(path_, "is damaged: its keyword " + name + " is of the unknown type " + std::to_string(type));
             }
         }
     }
@@ -159,25 +158,24 @@ SegmentFile read_de405(const std::string &folder)
     const std::size_t rows = description.rows;
     const std::vector<std::int32_t> &layout = description.layout;
     constexpr std::size_t columns = 13;
-    if (!(description.number("DENUM") == 405.0 && description.number("CENTER") == 0.0 &&
-          row_days > 0.0 && earth_moon_ratio > 0.0 && rows > 0 && layout.size() == 3 * columns)) {
+    if (!(description.number("DENUM") == 405.0 && description.number("CENTER") == 0.0 && row_days > 0.0 &&
+          earth_moon_ratio > 0.0 && rows > 0 && layout.size() == 3 * columns)) {
         refuse(folder + "/table.dat", "is damaged, or of an ephemeris other than DE405");
     }
 
     const std::string path = folder + "/table.f0i";
     const std::string table = read_whole(path);
     const auto refuse_size = [&] {
-        refuse(path, "is damaged or cut short: it has " + std::to_string(table.size()) +
-                         " bytes, which do not hold " + std::to_string(rows) + " rows");
+        refuse(path, "is damaged or cut short: it has " + std::to_string(table.size()) + " bytes, which do not hold " +
+                         std::to_string(rows) + " rows");
     };
     if (table.size() < table_head + row_head) {
         refuse_size();
     }
-    const auto row_words = static_cast<std::size_t>(
-        load<std::uint32_t>(table.data() + table_head + row_head - 4, description.order));
+    const auto row_words =
+        static_cast<std::size_t>(load<std::uint32_t>(table.data() + table_head + row_head - 4, description.order));
     const std::size_t row_bytes = (row_head + 8 * row_words + 15) / 16 * 16;
-    if (row_words > table.size() ||
-        table.size() < table_head + (rows - 1) * row_bytes + row_head + 8 * row_words) {
+    if (row_words > table.size() || table.size() < table_head + (rows - 1) * row_bytes + row_head + 8 * row_words) {
         refuse_size();
     }
     for (std::size_t row = 0; row < rows; row++) {
@@ -233,8 +231,7 @@ SegmentFile read_de405(const std::string &folder)
                 records.push_back(column.factor * load<double>(from + 8 * k, description.order));
             }
         }
-        if (!std::all_of(records.begin(), records.end(),
-                         [](double x) { return std::isfinite(x); })) {
+        if (!std::all_of(records.begin(), records.end(), [](double x) { return std::isfinite(x); })) {
             refuse(path, "is damaged: it holds coefficients that are not finite");
         }
         s.records = records.data();

@@ -114,14 +114,12 @@ int stand_in(int body)
 /// few.
 std::string spans_text(std::vector<const ChebyshevSegment *> segments)
 {
-    std::stable_sort(segments.begin(), segments.end(),
-                     [](auto *a, auto *b) { return a->first < b->first; });
+    std::stable_sort(segments.begin(), segments.end(), [](auto *a, auto *b) { return a->first < b->first; });
     std::vector<std::string> spans;
     for (std::size_t i = 0; i < segments.size();) {
         const std::size_t begin = i;
         double last = segments[i]->last;
-        for (i++; i < segments.size() && segments[i]->first <= last &&
-                  segments[i]->file == segments[begin]->file;
+        for (i++; i < segments.size() && segments[i]->first <= last && segments[i]->file == segments[begin]->file;
              i++) {
             last = std::max(last, segments[i]->last);
         }
@@ -248,8 +246,7 @@ bool Ephemeris::find_way(int target, int center, double t, Cursor &cursor) const
 
 const Ephemeris::Cursor &Ephemeris::way(int target, int center, double t, Cursor &cursor) const
 {
-    if (!(cursor.target == target && cursor.center == center && cursor.from <= t &&
-          t <= cursor.to) &&
+    if (!(cursor.target == target && cursor.center == center && cursor.from <= t && t <= cursor.to) &&
         !find_way(target, center, t, cursor)) {
         cursor = {};
         throw sim::SetupError(why_not(target, center, t, "at " + format_tdb(t)));
@@ -314,11 +311,10 @@ void Ephemeris::require(int target, int center, Epoch from, Epoch to) const
 {
     const double gap = first_gap(target, center, from, to);
     if (!std::isnan(gap)) {
-        throw sim::SetupError(
-            why_not(target, center, gap,
-                    from == to ? "at " + format_tdb(gap)
-                               : "from " + format_tdb(from.seconds()) + " to " +
-                                     format_tdb(to.seconds())));
+        throw sim::SetupError(why_not(target, center, gap,
+                                      from == to
+                                          ? "at " + format_tdb(gap)
+                                          : "from " + format_tdb(from.seconds()) + " to " + format_tdb(to.seconds())));
     }
 }
 
@@ -333,8 +329,7 @@ std::vector<int> Ephemeris::bodies() const
 
 std::string Ephemeris::why_not(int target, int center, double t, const std::string &when) const
 {
-    const std::string asked =
-        "; asked for " + body_name(target) + " relative to " + body_name(center) + " " + when;
+    const std::string asked = "; asked for " + body_name(target) + " relative to " + body_name(center) + " " + when;
     if (segments_.empty()) {
         return "ephemeris: no file was added" + asked;
     }
@@ -372,8 +367,7 @@ std::string Ephemeris::why_not(int target, int center, double t, const std::stri
         }
         return body_name(root) + " is given from " + spans_text(found->second) + asked;
     }
-    return files + ": nothing connects " + body_name(roots[0]) + " with " + body_name(roots[1]) +
-           asked;
+    return files + ": nothing connects " + body_name(roots[0]) + " with " + body_name(roots[1]) + asked;
 }
 
 } // namespace fledge::world

@@ -47,12 +47,10 @@ TEST(Bodies, HaveNamesAndNumbers)
     EXPECT_EQ(body_name(301), "MOON (301)");
     EXPECT_EQ(body_name(-82), "body -82");
     EXPECT_THROW(body_id("Vulcan"), sim::SetupError);
-    EXPECT_THAT(
-        error_of([] { body_id("Vulcan"); }),
-        HasSubstr("no body is named \"Vulcan\"; give a NAIF number or one of SOLAR SYSTEM"));
+    EXPECT_THAT(error_of([] { body_id("Vulcan"); }),
+                HasSubstr("no body is named \"Vulcan\"; give a NAIF number or one of SOLAR SYSTEM"));
     EXPECT_THAT(error_of([] { body_mu(401); }), HasSubstr("is built in for PHOBOS (401)"));
-    EXPECT_THAT(error_of([] { body_radii(3); }),
-                HasSubstr("is built in for EARTH MOON BARYCENTER (3)"));
+    EXPECT_THAT(error_of([] { body_radii(3); }), HasSubstr("is built in for EARTH MOON BARYCENTER (3)"));
 }
 
 TEST(Bodies, GravitationalParametersAddUp)
@@ -68,10 +66,9 @@ TEST(Bodies, GravitationalParametersAddUp)
 TEST(Ephemeris, SumsAlongTheTree)
 {
     // 399 -> 3 -> 0 <- 10, as in every planetary kernel; the Moon hangs on 3.
-    const TemporaryFile file("tree.bsp", made_kernel({uniform_motion(3, 0, 0, 100, 1000, 1),
-                                                      uniform_motion(399, 3, 0, 100, -7, 0),
-                                                      uniform_motion(301, 3, 0, 100, 300, 0),
-                                                      uniform_motion(10, 0, 0, 100, 50, 0)}));
+    const TemporaryFile file(
+        "tree.bsp", made_kernel({uniform_motion(3, 0, 0, 100, 1000, 1), uniform_motion(399, 3, 0, 100, -7, 0),
+                                 uniform_motion(301, 3, 0, 100, 300, 0), uniform_motion(10, 0, 0, 100, 50, 0)}));
     Ephemeris ephemeris;
     ephemeris.add_spk(file.path());
     EXPECT_DOUBLE_EQ(x(ephemeris, 399, 10, 50), 1000 - 7 - 50);
@@ -86,16 +83,14 @@ TEST(Ephemeris, SumsAlongTheTree)
 
 TEST(Ephemeris, LaterSegmentsAndFilesGoFirst)
 {
-    const TemporaryFile a("a.bsp", made_kernel({uniform_motion(10, 0, 0, 100, 1, 0),
-                                                uniform_motion(10, 0, 20, 40, 2, 0)}));
+    const TemporaryFile a("a.bsp",
+                          made_kernel({uniform_motion(10, 0, 0, 100, 1, 0), uniform_motion(10, 0, 20, 40, 2, 0)}));
     const TemporaryFile b("b.bsp", made_kernel({uniform_motion(10, 0, 30, 60, 3, 0)}));
     Ephemeris ephemeris;
     ephemeris.add_spk(a.path());
     ephemeris.add_spk(b.path());
     Ephemeris::Cursor cursor; // one for all, so that it has to notice where a segment ends
-    const auto which = [&](double t) {
-        return ephemeris.position(10, 0, at(t), 0.0, cursor)[0] / 1e3;
-    };
+    const auto which = [&](double t) { return ephemeris.position(10, 0, at(t), 0.0, cursor)[0] / 1e3; };
     for (const auto &[t, segment] : {std::pair{0.0, 1.0},
                                      {19.999, 1.0},
                                      {20.0, 2.0},
@@ -116,11 +111,10 @@ TEST(Ephemeris, LaterSegmentsAndFilesGoFirst)
 
 TEST(Ephemeris, WhatIsNotCoveredIsNamedBeforeAnyStep)
 {
-    const TemporaryFile file(
-        "gap.bsp",
-        made_kernel({uniform_motion(10, 0, 0, 100, 1, 0), uniform_motion(4, 0, 0, 40, 2, 0),
-                     uniform_motion(4, 0, 60, 100, 2, 0), uniform_motion(5, 0, 0, 40, 2, 0),
-                     uniform_motion(5, 0, 40, 100, 2, 0)}));
+    const TemporaryFile file("gap.bsp",
+                             made_kernel({uniform_motion(10, 0, 0, 100, 1, 0), uniform_motion(4, 0, 0, 40, 2, 0),
+                                          uniform_motion(4, 0, 60, 100, 2, 0), uniform_motion(5, 0, 0, 40, 2, 0),
+                                          uniform_motion(5, 0, 40, 100, 2, 0)}));
     Ephemeris ephemeris;
     EXPECT_THAT(error_of([&] { ephemeris.state(10, 0, at(0)); }), HasSubstr("no file was added"));
     ephemeris.add_spk(file.path());
@@ -146,27 +140,25 @@ TEST(Ephemeris, WhatIsNotCoveredIsNamedBeforeAnyStep)
     EXPECT_EQ(x(ephemeris, 499, 10, 10), 1);
     const std::string jupiter = error_of([&] { ephemeris.state(599, 10, at(0)); });
     EXPECT_THAT(jupiter, HasSubstr(file.path() + ": no JUPITER (599); asked for"));
-    EXPECT_THAT(jupiter,
-                HasSubstr("The barycentre of its system is there: JUPITER BARYCENTER (5)"));
+    EXPECT_THAT(jupiter, HasSubstr("The barycentre of its system is there: JUPITER BARYCENTER (5)"));
     EXPECT_THAT(jupiter, HasSubstr("There are SOLAR SYSTEM BARYCENTER (0), MARS BARYCENTER (4)"));
 }
 
 TEST(Ephemeris, BodiesThatNothingConnectsAreNamed)
 {
-    const TemporaryFile file("two.bsp", made_kernel({uniform_motion(10, 0, 0, 100, 1, 0),
-                                                     uniform_motion(501, 5, 0, 100, 2, 0)}));
+    const TemporaryFile file("two.bsp",
+                             made_kernel({uniform_motion(10, 0, 0, 100, 1, 0), uniform_motion(501, 5, 0, 100, 2, 0)}));
     Ephemeris ephemeris;
     ephemeris.add_spk(file.path());
-    EXPECT_THAT(
-        error_of([&] { ephemeris.state(501, 10, at(1)); }),
-        HasSubstr("nothing connects JUPITER BARYCENTER (5) with SOLAR SYSTEM BARYCENTER (0)"));
+    EXPECT_THAT(error_of([&] { ephemeris.state(501, 10, at(1)); }),
+                HasSubstr("nothing connects JUPITER BARYCENTER (5) with SOLAR SYSTEM BARYCENTER (0)"));
 }
 
 TEST(Ephemeris, KernelsThatGoInCirclesEnd)
 {
-    const TemporaryFile file("circle.bsp", made_kernel({uniform_motion(1, 2, 0, 100, 1, 0),
-                                                        uniform_motion(2, 1, 0, 100, 2, 0),
-                                                        uniform_motion(3, 0, 0, 100, 2, 0)}));
+    const TemporaryFile file("circle.bsp",
+                             made_kernel({uniform_motion(1, 2, 0, 100, 1, 0), uniform_motion(2, 1, 0, 100, 2, 0),
+                                          uniform_motion(3, 0, 0, 100, 2, 0)}));
     Ephemeris ephemeris;
     ephemeris.add_spk(file.path());
     EXPECT_FALSE(ephemeris.covers(1, 3, at(0), at(100)));
@@ -177,8 +169,7 @@ TEST(Ephemeris, TimeKeepsItsResolutionFarFromJ2000)
 {
     // 1 km/s, 288 years past J2000: doubles of seconds there are 1.9e-6 s apart, 1.9 m.
     const double begin = 9.1e9;
-    const TemporaryFile file("late.bsp",
-                             made_kernel({uniform_motion(10, 0, begin, begin + 1000, 0, 1)}));
+    const TemporaryFile file("late.bsp", made_kernel({uniform_motion(10, 0, begin, begin + 1000, 0, 1)}));
     Ephemeris ephemeris;
     ephemeris.add_spk(file.path());
     Ephemeris::Cursor cursor;
@@ -190,8 +181,8 @@ TEST(Ephemeris, TimeKeepsItsResolutionFarFromJ2000)
 }
 
 /// Each body's state against differences of its positions, four points to the fourth order.
-void expect_consistent(const Ephemeris &ephemeris, int target, int center, Epoch epoch, double h,
-                       double v_tolerance, double a_tolerance)
+void expect_consistent(const Ephemeris &ephemeris, int target, int center, Epoch epoch, double h, double v_tolerance,
+                       double a_tolerance)
 {
     Ephemeris::Cursor cursor;
     const auto slope = [&](auto &&f, double step) -> Vector3d {
@@ -200,10 +191,8 @@ void expect_consistent(const Ephemeris &ephemeris, int target, int center, Epoch
     const BodyState state = ephemeris.state(target, center, epoch, 0.0, cursor);
     const Vector3d r = ephemeris.position(target, center, epoch, 0.0, cursor);
     EXPECT_EQ(r, state.r);
-    const Vector3d v =
-        slope([&](double t) { return ephemeris.position(target, center, epoch, t, cursor); }, h);
-    const Vector3d a =
-        slope([&](double t) { return ephemeris.state(target, center, epoch, t, cursor).v; }, h);
+    const Vector3d v = slope([&](double t) { return ephemeris.position(target, center, epoch, t, cursor); }, h);
+    const Vector3d a = slope([&](double t) { return ephemeris.state(target, center, epoch, t, cursor).v; }, h);
     EXPECT_LT((v - state.v).norm(), v_tolerance) << body_name(target);
     EXPECT_LT((a - state.a).norm(), a_tolerance) << body_name(target);
 }
@@ -254,9 +243,7 @@ TEST(Ephemeris, TheMoonOfDe441WasUnderApollo11)
     EXPECT_TRUE(ephemeris.covers(301, 399, {joint.ns - 4 * day}, {joint.ns + 4 * day}));
     EXPECT_FALSE(ephemeris.covers(301, 399, {joint.ns - 5 * day}, joint));
     Ephemeris::Cursor cursor;
-    const auto moon = [&](std::int64_t ns) {
-        return ephemeris.state(301, 399, {joint.ns + ns}, 0.0, cursor);
-    };
+    const auto moon = [&](std::int64_t ns) { return ephemeris.state(301, 399, {joint.ns + ns}, 0.0, cursor); };
     EXPECT_LT((moon(1).r - moon(-1).r).norm(), 1e-3);
     EXPECT_LT((moon(1).v - moon(-1).v).norm(), 1e-6);
 }
@@ -309,10 +296,9 @@ TEST_F(De405, IsContinuousAcrossAllItsRecords)
     const struct {
         int target, center, days;
         double r, v;
-    } joints[] = {{1, 0, 8, 0.5, 1e-4},   {2, 0, 16, 0.5, 1e-4},   {3, 0, 16, 0.5, 1e-4},
-                  {4, 0, 32, 0.5, 1e-4},  {5, 0, 32, 0.5, 1e-4},   {6, 0, 32, 0.5, 1e-4},
-                  {7, 0, 32, 0.5, 1e-4},  {8, 0, 32, 0.5, 1e-4},   {9, 0, 32, 0.5, 1e-4},
-                  {10, 0, 16, 0.5, 1e-4}, {301, 399, 4, 0.5, 1e-4}};
+    } joints[] = {{1, 0, 8, 0.5, 1e-4},  {2, 0, 16, 0.5, 1e-4},  {3, 0, 16, 0.5, 1e-4},   {4, 0, 32, 0.5, 1e-4},
+                  {5, 0, 32, 0.5, 1e-4}, {6, 0, 32, 0.5, 1e-4},  {7, 0, 32, 0.5, 1e-4},   {8, 0, 32, 0.5, 1e-4},
+                  {9, 0, 32, 0.5, 1e-4}, {10, 0, 16, 0.5, 1e-4}, {301, 399, 4, 0.5, 1e-4}};
     for (const auto &j : joints) {
         Ephemeris::Cursor cursor;
         for (std::int64_t d = j.days; d < 1143 * 32; d += j.days) {
@@ -361,18 +347,15 @@ TEST_F(De405, DamagedTablesAreRefused)
         const std::string text = error(dat.substr(0, size), f0i);
         EXPECT_TRUE(text.find("table.dat: is ") != text.npos) << size << ": " << text;
     }
-    for (const std::size_t size :
-         {std::size_t{0}, std::size_t{20}, std::size_t{8176}, f0i.size() - 8}) {
-        EXPECT_THAT(error(dat, f0i.substr(0, size)),
-                    HasSubstr("table.f0i: is damaged or cut short"));
+    for (const std::size_t size : {std::size_t{0}, std::size_t{20}, std::size_t{8176}, f0i.size() - 8}) {
+        EXPECT_THAT(error(dat, f0i.substr(0, size)), HasSubstr("table.f0i: is damaged or cut short"));
     }
     std::string broken = f0i;
     broken[16 + 8160 * 7] = 2;
     EXPECT_THAT(error(dat, broken), HasSubstr("row 8 has no head"));
-    EXPECT_THAT(
-        error_of([] { Ephemeris().add_de405("/nowhere"); }),
-        HasSubstr("/nowhere: JPL's ephemeris DE405 is not there; install the Debian package "
-                  "casacore-data-jpl-de405"));
+    EXPECT_THAT(error_of([] { Ephemeris().add_de405("/nowhere"); }),
+                HasSubstr("/nowhere: JPL's ephemeris DE405 is not there; install the Debian package "
+                          "casacore-data-jpl-de405"));
 }
 
 } // namespace

@@ -64,8 +64,8 @@ double gravity_potential(const GravityBody &body, const Eigen::Vector3d &r_N)
 GravityBody checked(GravityBody body)
 {
     const auto refuse = [&](const std::string &rule, double found) {
-        throw sim::SetupError("gravity body " + (body.name.empty() ? "(no name)" : body.name) +
-                              ": " + rule + "; found " + sim::format_number(found));
+        throw sim::SetupError("gravity body " + (body.name.empty() ? "(no name)" : body.name) + ": " + rule +
+                              "; found " + sim::format_number(found));
     };
     if (body.field) {
         if (body.has_zonals()) {

@@ -53,8 +53,7 @@ inline Eigen::Vector3d point_mass_gravity(double mu, const Eigen::Vector3d &r_N)
 /// What a distant point mass at r_PN_N adds to the acceleration at r_N relative to N's origin,
 /// which it attracts too: mu ((r_PN - r) / |r_PN - r|^3 - r_PN / |r_PN|^3), but without the loss of
 /// digits in the difference. Source: Battin, section 8.4.
-inline Eigen::Vector3d third_body_gravity(double mu, const Eigen::Vector3d &r_N,
-                                          const Eigen::Vector3d &r_PN_N)
+inline Eigen::Vector3d third_body_gravity(double mu, const Eigen::Vector3d &r_N, const Eigen::Vector3d &r_PN_N)
 {
     const Eigen::Vector3d d = r_N - r_PN_N;
     const double q = r_N.dot(d - r_PN_N) / r_PN_N.squaredNorm(); // |d|^2 / |r_PN|^2 - 1

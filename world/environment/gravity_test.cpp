@@ -90,18 +90,14 @@ TEST(Gravity, BadBodiesAreRefused)
     };
     EXPECT_EQ(message([](auto &b) { b.mu = 0.0; }), "gravity body mars: mu must be > 0; found 0");
     EXPECT_EQ(message([](auto &b) { b.mu = NAN; }), "gravity body mars: mu must be > 0; found nan");
-    EXPECT_EQ(message([](auto &b) { b.J[2] = 1e-6; }),
-              "gravity body mars: zonal harmonics need a radius; found 0");
-    EXPECT_EQ(message([](auto &b) { b.radius = -1.0; }),
-              "gravity body mars: radius must be >= 0; found -1");
-    EXPECT_EQ(message([](auto &b) { b.J[1] = INFINITY; }),
-              "gravity body mars: J3 must be finite; found inf");
+    EXPECT_EQ(message([](auto &b) { b.J[2] = 1e-6; }), "gravity body mars: zonal harmonics need a radius; found 0");
+    EXPECT_EQ(message([](auto &b) { b.radius = -1.0; }), "gravity body mars: radius must be >= 0; found -1");
+    EXPECT_EQ(message([](auto &b) { b.J[1] = INFINITY; }), "gravity body mars: J3 must be finite; found inf");
     EXPECT_EQ(message([](auto &b) { b.pole_N.setZero(); }),
               "gravity body mars: the pole must have a direction, so a length > 0; found 0");
     EXPECT_EQ(message([](auto &b) { b.v_PN_N[1] = INFINITY; }),
               "gravity body mars: position and velocity must be finite; found inf");
-    EXPECT_EQ(message([](auto &b) { b.name = "", b.mu = -2.0; }),
-              "gravity body (no name): mu must be > 0; found -2");
+    EXPECT_EQ(message([](auto &b) { b.name = "", b.mu = -2.0; }), "gravity body (no name): mu must be > 0; found -2");
     good.pole_N = {0, 3, 4};
     EXPECT_LT((checked(good).pole_N - Vector3d(0, 0.6, 0.8)).norm(), 1e-15);
 }

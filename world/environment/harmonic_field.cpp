@@ -39,16 +39,13 @@ public:
     void take(const std::vector<std::string_view> &words, std::size_t first, std::size_t line)
     {
         if (words.size() < first + 4) {
-            refuse_line(file_, line,
-                        "expected n, m, C, S, found " + std::to_string(words.size() - first) +
-                            " values");
+            refuse_line(file_, line, "expected n, m, C, S, found " + std::to_string(words.size() - first) + " values");
         }
         const auto n = parse_integer(words[first]), m = parse_integer(words[first + 1]);
         const auto C = parse_number(words[first + 2]), S = parse_number(words[first + 3]);
         if (!n || !m || !C || !S) {
             const std::size_t bad = !n ? 0 : !m ? 1 : !C ? 2 : 3;
-            refuse_line(file_, line,
-                        "expected a number, found \"" + std::string(words[first + bad]) + "\"");
+            refuse_line(file_, line, "expected a number, found \"" + std::string(words[first + bad]) + "\"");
         }
         if (*n < 0 || *n > field_.degree || *m < 0 || *m > std::min(*n, field_.order)) {
             refuse_line(file_, line,
@@ -59,8 +56,7 @@ public:
         const std::size_t i = HarmonicField::index(*n, *m);
         if (seen_[i]) {
             refuse_line(file_, line,
-                        "degree " + std::to_string(*n) + ", order " + std::to_string(*m) +
-                            " is given twice");
+                        "degree " + std::to_string(*n) + ", order " + std::to_string(*m) + " is given twice");
         }
         seen_[i] = true;
         const double scale = normalised_ ? 1.0 : 1.0 / normalisation(*n, *m);
@@ -76,11 +72,10 @@ public:
         for (int n = 2; n <= field_.degree; n++) {
             for (int m = 0; m <= std::min(n, field_.order); m++) {
                 if (!seen_[HarmonicField::index(n, m)]) {
-                    throw sim::SetupError(
-                        file_ + ": degree " + std::to_string(n) + ", order " + std::to_string(m) +
-                        " is missing; the header promises all up to " +
-                        std::to_string(field_.degree) + ", " + std::to_string(field_.order) +
-                        ". Is the file cut short?");
+                    throw sim::SetupError(file_ + ": degree " + std::to_string(n) + ", order " + std::to_string(m) +
+                                          " is missing; the header promises all up to " +
+                                          std::to_string(field_.degree) + ", " + std::to_string(field_.order) +
+                                          ". Is the file cut short?");
                 }
             }
         }
@@ -100,8 +95,8 @@ HarmonicField HarmonicField::zero(double mu, double radius, int degree)
     if (!(mu > 0.0 && std::isfinite(mu) && radius > 0.0 && std::isfinite(radius) && degree >= 0 &&
           degree <= highest_degree)) {
         throw sim::SetupError("gravity field: mu and the radius must be > 0 and the degree 0 to " +
-                              std::to_string(highest_degree) + "; found " + sim::format_number(mu) +
-                              ", " + sim::format_number(radius) + " and " + std::to_string(degree));
+                              std::to_string(highest_degree) + "; found " + sim::format_number(mu) + ", " +
+                              sim::format_number(radius) + " and " + std::to_string(degree));
     }
     HarmonicField field;
     field.mu = mu;
@@ -117,8 +112,8 @@ HarmonicField HarmonicField::zero(double mu, double radius, int degree)
 double HarmonicField::J(int n) const
 {
     if (n < 0 || n > degree) {
-        throw sim::SetupError("gravity field " + name + ": has no J" + std::to_string(n) +
-                              "; its degree is " + std::to_string(degree));
+        throw sim::SetupError("gravity field " + name + ": has no J" + std::to_string(n) + "; its degree is " +
+                              std::to_string(degree));
     }
     return -std::sqrt(2.0 * n + 1.0) * C[index(n, 0)];
 }
@@ -128,16 +123,12 @@ HarmonicField read_shadr(const std::string &path, LengthUnit unit)
     const std::string text = read_whole(path);
     const auto lines = lines_of(text);
     const auto header = lines.empty() ? std::vector<std::string_view>() : words_of(lines[0]);
-    const auto number = [&](std::size_t i) {
-        return i < header.size() ? parse_number(header[i]) : std::nullopt;
-    };
-    const auto integer = [&](std::size_t i) {
-        return i < header.size() ? parse_integer(header[i]) : std::nullopt;
-    };
+    const auto number = [&](std::size_t i) { return i < header.size() ? parse_number(header[i]) : std::nullopt; };
+    const auto integer = [&](std::size_t i) { return i < header.size() ? parse_integer(header[i]) : std::nullopt; };
     const auto radius = number(0), mu = number(1);
     const auto degree = integer(3), order = integer(4), normalised = integer(5);
-    if (!radius || !mu || !degree || !order || !normalised || *radius <= 0.0 || *mu <= 0.0 ||
-        *degree < 0 || *degree > highest_degree || *order < 0 || *order > *degree) {
+    if (!radius || !mu || !degree || !order || !normalised || *radius <= 0.0 || *mu <= 0.0 || *degree < 0 ||
+        *degree > highest_degree || *order < 0 || *order > *degree) {
         refuse_line(path, 1,
                     "expected the header of a SHADR file: radius, mu, sigma of mu, degree, "
                     "order, 1 if normalised");
@@ -147,10 +138,9 @@ HarmonicField read_shadr(const std::string &path, LengthUnit unit)
                     "the sixth value tells 1: fully normalised, or 0: not normalised; found " +
                         std::to_string(*normalised));
     }
-    const bool kilometres =
-        unit == LengthUnit::kilometre || (unit == LengthUnit::by_radius && *radius < 1e5);
-    HarmonicField field = HarmonicField::zero(*mu * (kilometres ? 1e9 : 1.0),
-                                              *radius * (kilometres ? 1e3 : 1.0), *degree);
+    const bool kilometres = unit == LengthUnit::kilometre || (unit == LengthUnit::by_radius && *radius < 1e5);
+    HarmonicField field =
+        HarmonicField::zero(*mu * (kilometres ? 1e9 : 1.0), *radius * (kilometres ? 1e3 : 1.0), *degree);
     field.name = path;
     field.order = *order;
     Collector collector(path, field, *normalised == 1);
@@ -185,12 +175,10 @@ HarmonicField read_icgem(const std::string &path)
         }
         const auto refuse_value = [&] {
             refuse_line(path, i + 1,
-                        "the value \"" + std::string(words[1]) + "\" of " + std::string(key) +
-                            " is not understood");
+                        "the value \"" + std::string(words[1]) + "\" of " + std::string(key) + " is not understood");
         };
         if (key == "product_type" && words[1] != "gravity_field") {
-            refuse_line(path, i + 1,
-                        "expected product_type gravity_field, found " + std::string(words[1]));
+            refuse_line(path, i + 1, "expected product_type gravity_field, found " + std::string(words[1]));
         } else if (key == "modelname") {
             name = words[1];
         } else if (key == "earth_gravity_constant" || key == "gravity_constant") {
@@ -218,9 +206,8 @@ HarmonicField read_icgem(const std::string &path)
         }
     }
     if (!ended) {
-        throw sim::SetupError(path +
-                              ": has no line end_of_head; expected a gravity field in ICGEM's "
-                              "format (.gfc)");
+        throw sim::SetupError(path + ": has no line end_of_head; expected a gravity field in ICGEM's "
+                                     "format (.gfc)");
     }
     if (!mu || !radius || !degree) {
         throw sim::SetupError(path + ": its header lacks " +
@@ -241,13 +228,12 @@ HarmonicField read_icgem(const std::string &path)
         if (words[0] == "gfc" || words[0] == "gfct") {
             field.varies = field.varies || words[0] == "gfct";
             collector.take(words, 1, i + 1);
-        } else if (words[0] == "trnd" || words[0] == "dot" || words[0] == "asin" ||
-                   words[0] == "acos") {
+        } else if (words[0] == "trnd" || words[0] == "dot" || words[0] == "asin" || words[0] == "acos") {
             field.varies = true;
         } else {
             refuse_line(path, i + 1,
-                        "expected gfc, gfct, trnd, dot, asin or acos, found \"" +
-                            std::string(words[0].substr(0, 40)) + "\"");
+                        "expected gfc, gfct, trnd, dot, asin or acos, found \"" + std::string(words[0].substr(0, 40)) +
+                            "\"");
         }
     }
     collector.finish();

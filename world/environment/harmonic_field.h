@@ -21,14 +21,13 @@ struct HarmonicField {
     double mu = 0.0;           ///< [m^3/s^2]
     double radius = 0.0;       ///< [m] of reference
     int degree = 0, order = 0; ///< the highest
-    std::string tide_system;  ///< tide_free, zero_tide, mean_tide or unknown: as stated, used as is
-    bool varies = false;      ///< the file also has drifts and periods, which are left out
-    std::vector<double> C, S; ///< at index(n, m)
+    std::string tide_system;   ///< tide_free, zero_tide, mean_tide or unknown: as stated, used as is
+    bool varies = false;       ///< the file also has drifts and periods, which are left out
+    std::vector<double> C, S;  ///< at index(n, m)
 
     static std::size_t index(int n, int m)
     {
-        return static_cast<std::size_t>(n) * static_cast<std::size_t>(n + 1) / 2 +
-               static_cast<std::size_t>(m);
+        return static_cast<std::size_t>(n) * static_cast<std::size_t>(n + 1) / 2 + static_cast<std::size_t>(m);
     }
 
     /// A field of zeros but C00 = 1. Throws SetupError on mu or radius <= 0, degree < 0.

@@ -75,18 +75,14 @@ TEST(HarmonicField, DamagedShadrIsRefusedWithItsLine)
     EXPECT_THAT(error("3397 42828.5 0 2 3 1\n"), HasSubstr(":1: expected the header"));
     EXPECT_THAT(error("3397 42828.5 0 2 2 2\n"), HasSubstr("1: fully normalised, or 0"));
     EXPECT_THAT(error(head + "2 0 1 0\n2 1 1\n"), HasSubstr(":3: expected n, m, C, S, found 3"));
-    EXPECT_THAT(error(head + "2 0 1 0\n2 1 1 x\n"),
-                HasSubstr(":3: expected a number, found \"x\""));
+    EXPECT_THAT(error(head + "2 0 1 0\n2 1 1 x\n"), HasSubstr(":3: expected a number, found \"x\""));
     EXPECT_THAT(error(head + "2.5 0 1 0\n"), HasSubstr(":2: expected a number, found \"2.5\""));
-    EXPECT_THAT(error(head + "3 0 1 0\n"),
-                HasSubstr("degree 3, order 0; the header promises up to 2, 2"));
+    EXPECT_THAT(error(head + "3 0 1 0\n"), HasSubstr("degree 3, order 0; the header promises up to 2, 2"));
     EXPECT_THAT(error(head + "1 2 1 0\n"), HasSubstr("degree 1, order 2"));
-    EXPECT_THAT(error(head + "2 0 1 0\n2 0 1 0\n"),
-                HasSubstr(":3: degree 2, order 0 is given twice"));
-    EXPECT_THAT(
-        error(head + "2 0 1 0\n2 1 1 0\n"),
-        HasSubstr("degree 2, order 2 is missing; the header promises all up to 2, 2. Is the "
-                  "file cut short?"));
+    EXPECT_THAT(error(head + "2 0 1 0\n2 0 1 0\n"), HasSubstr(":3: degree 2, order 0 is given twice"));
+    EXPECT_THAT(error(head + "2 0 1 0\n2 1 1 0\n"),
+                HasSubstr("degree 2, order 2 is missing; the header promises all up to 2, 2. Is the "
+                          "file cut short?"));
 }
 
 TEST(HarmonicField, EveryCutOfARealFieldIsRefused)
@@ -102,8 +98,7 @@ TEST(HarmonicField, EveryCutOfARealFieldIsRefused)
 
 TEST(HarmonicField, IcgemStatesItsTidesAndWhatVaries)
 {
-    HarmonicField field =
-        icgem(icgem_head + "tide_system zero_tide\nend_of_head ======\n" + icgem_rows);
+    HarmonicField field = icgem(icgem_head + "tide_system zero_tide\nend_of_head ======\n" + icgem_rows);
     EXPECT_EQ(field.name, "TEST");
     EXPECT_EQ(field.tide_system, "zero_tide");
     EXPECT_EQ(field.mu, 3.986004415e14);
@@ -127,19 +122,15 @@ TEST(HarmonicField, DamagedIcgemIsRefusedWithItsLine)
     const auto error = [](const std::string &text) { return error_of([&] { icgem(text); }); };
     EXPECT_EQ(error(icgem_head + "end_of_head\n" + icgem_rows), "");
     EXPECT_THAT(error(icgem_head + icgem_rows), HasSubstr("has no line end_of_head"));
-    EXPECT_THAT(error("radius 1\nmax_degree 2\nend_of_head\n"),
-                HasSubstr("lacks earth_gravity_constant"));
+    EXPECT_THAT(error("radius 1\nmax_degree 2\nend_of_head\n"), HasSubstr("lacks earth_gravity_constant"));
     EXPECT_THAT(error("radius x\n"), HasSubstr(":1: the value \"x\" of radius is not understood"));
-    EXPECT_THAT(error("product_type topography\n"),
-                HasSubstr(":1: expected product_type gravity_field"));
+    EXPECT_THAT(error("product_type topography\n"), HasSubstr(":1: expected product_type gravity_field"));
     EXPECT_THAT(error("norm half\n"), HasSubstr(":1: the value \"half\" of norm"));
     const std::string head = icgem_head + "end_of_head\n";
-    EXPECT_THAT(error(head + "gfc 2 0 1 0\ngfc 2 1 1 0\n"),
-                HasSubstr("degree 2, order 2 is missing"));
+    EXPECT_THAT(error(head + "gfc 2 0 1 0\ngfc 2 1 1 0\n"), HasSubstr("degree 2, order 2 is missing"));
     EXPECT_THAT(error(head + "gfx 2 0 1 0\n"), HasSubstr(":10: expected gfc, gfct, trnd"));
     EXPECT_THAT(error(head + "gfc 2 0 1\n"), HasSubstr(":10: expected n, m, C, S, found 3 values"));
-    EXPECT_THAT(error("earth_gravity_constant -1\nradius 1\nmax_degree 2\nend_of_head\n"),
-                HasSubstr("must be > 0"));
+    EXPECT_THAT(error("earth_gravity_constant -1\nradius 1\nmax_degree 2\nend_of_head\n"), HasSubstr("must be > 0"));
 }
 
 } // namespace

@@ -61,8 +61,7 @@ template <typename Pair> struct Columns {
         dS += p * t.dS;
     }
 
-    template <typename Terms>
-    __attribute__((always_inline)) void step(const Terms &t, Pair two_z, Pair q2)
+    template <typename Terms> __attribute__((always_inline)) void step(const Terms &t, Pair two_z, Pair q2)
     {
         const Pair next = two_z * p - (t.beta * q2) * before;
         before = p;
@@ -75,13 +74,12 @@ template <typename Pair> struct Columns {
 
 Harmonics::Harmonics(const HarmonicField &field) : Harmonics(field, field.degree) {}
 
-Harmonics::Harmonics(const HarmonicField &field, int degree)
-    : mu_(field.mu), radius_(field.radius), degree_(degree)
+Harmonics::Harmonics(const HarmonicField &field, int degree) : mu_(field.mu), radius_(field.radius), degree_(degree)
 {
     if (degree < 0 || degree > std::min(field.degree, highest_degree)) {
         throw sim::SetupError("gravity field " + field.name + ": degree " + std::to_string(degree) +
-                              " was asked for; it has " + std::to_string(field.degree) +
-                              ", and 0 to " + std::to_string(highest_degree) + " are possible");
+                              " was asked for; it has " + std::to_string(field.degree) + ", and 0 to " +
+                              std::to_string(highest_degree) + " are possible");
     }
     // What turns a normalised coefficient into one of A, for each degree of the column at hand.
     const auto at = [](int n) { return static_cast<std::size_t>(n); };
@@ -102,18 +100,15 @@ Harmonics::Harmonics(const HarmonicField &field, int degree)
                 const int lane = (m - first) % 2;
                 if (n > m) {
                     scale[at(n)] = scale[at(n - 1)] * 0.5 *
-                                   std::sqrt((2.0 * n - 1.0) * (2.0 * n + 1.0) /
-                                             (double(n - m) * double(n + m)));
-                    t.beta[lane] = 4.0 * (double(n - 1 - m) * double(n - 1 + m)) /
-                                   ((2.0 * n - 1.0) * (2.0 * n - 3.0));
+                                   std::sqrt((2.0 * n - 1.0) * (2.0 * n + 1.0) / (double(n - m) * double(n + m)));
+                    t.beta[lane] = 4.0 * (double(n - 1 - m) * double(n - 1 + m)) / ((2.0 * n - 1.0) * (2.0 * n - 3.0));
                 }
                 if (n > 0) { // C00 is the point mass
                     t.C[lane] = scale[at(n)] * C(n, m);
                     t.S[lane] = scale[at(n)] * S(n, m);
                 }
                 if (m > 0) {
-                    const double kappa =
-                        std::sqrt(double(n - m + 1) * double(n + m) * (m == 1 ? 0.5 : 1.0));
+                    const double kappa = std::sqrt(double(n - m + 1) * double(n + m) * (m == 1 ? 0.5 : 1.0));
                     t.dC[lane] = scale[at(n)] * kappa * C(n, m - 1);
                     t.dS[lane] = scale[at(n)] * kappa * S(n, m - 1);
                 }

@@ -51,12 +51,10 @@ double potential_by_definition(const HarmonicField &field, const Vector3d &r_P)
         for (int m = 0; m <= n; m++) {
             // sph_legendre: (-1)^m sqrt((2 n + 1) / (4 pi) (n - m)! / (n + m)!) P_nm(cos
             // colatitude)
-            const double P =
-                (m % 2 ? -1.0 : 1.0) * std::sqrt((m == 0 ? 1.0 : 2.0) * 4.0 * std::numbers::pi) *
-                std::sph_legendre(static_cast<unsigned>(n), static_cast<unsigned>(m), colatitude);
+            const double P = (m % 2 ? -1.0 : 1.0) * std::sqrt((m == 0 ? 1.0 : 2.0) * 4.0 * std::numbers::pi) *
+                             std::sph_legendre(static_cast<unsigned>(n), static_cast<unsigned>(m), colatitude);
             const std::size_t i = HarmonicField::index(n, m);
-            of_degree +=
-                P * (field.C[i] * std::cos(m * longitude) + field.S[i] * std::sin(m * longitude));
+            of_degree += P * (field.C[i] * std::cos(m * longitude) + field.S[i] * std::sin(m * longitude));
         }
         sum += std::pow(field.radius / r, n) * of_degree;
     }
@@ -155,8 +153,7 @@ TEST(Harmonics, ZonalsEqualTheirClosedForms)
     body.radius = R;
     body.J = {1.08e-3, -2.5e-4, -1.6e-4, 2.3e-4, 5.4e-4};
     for (int n = 2; n <= 6; n++) {
-        field.C[HarmonicField::index(n, 0)] =
-            -body.J[static_cast<std::size_t>(n - 2)] / std::sqrt(2.0 * n + 1.0);
+        field.C[HarmonicField::index(n, 0)] = -body.J[static_cast<std::size_t>(n - 2)] / std::sqrt(2.0 * n + 1.0);
         EXPECT_DOUBLE_EQ(field.J(n), body.J[static_cast<std::size_t>(n - 2)]);
     }
     const Harmonics harmonics(field);
@@ -220,8 +217,7 @@ TEST(Harmonics, NothingIsLostAtThePoles)
         const Vector3d at = field.gravity(pole);
         EXPECT_TRUE(at.allFinite());
         for (const Vector3d &d : {x, y, Vector3d(x + y)}) {
-            EXPECT_LT((0.5 * (field.gravity(pole + d) + field.gravity(pole - d)) - at).norm(),
-                      1e-14);
+            EXPECT_LT((0.5 * (field.gravity(pole + d) + field.gravity(pole - d)) - at).norm(), 1e-14);
         }
         // The same limit from every meridian; the gradient is 3e-6 / s^2.
         for (int i = 0; i < 12; i++) {
@@ -243,15 +239,13 @@ TEST(Harmonics, SingleTermsOfHighDegreeAreAsTheStandardLibraryHasThem)
             const Vector3d r = R * Vector3d(std::cos(latitude), 0.0, std::sin(latitude));
             double U;
             const Vector3d a = field.gravity(r, &U);
-            const double P = (m % 2 ? -1.0 : 1.0) *
-                             std::sqrt((m == 0 ? 1.0 : 2.0) * 4.0 * std::numbers::pi) *
+            const double P = (m % 2 ? -1.0 : 1.0) * std::sqrt((m == 0 ? 1.0 : 2.0) * 4.0 * std::numbers::pi) *
                              std::sph_legendre(static_cast<unsigned>(n), static_cast<unsigned>(m),
                                                std::numbers::pi / 2.0 - latitude);
             EXPECT_NEAR(U * R / mu - 1.0, P, 1e-9) << n << ", " << m << " at " << latitude;
             // Outward: -(n + 1) times the term.
             const double outward = a.dot(r) / R / (mu / (R * R));
-            EXPECT_NEAR(outward, -1.0 - (n + 1) * P, 1e-9 * n)
-                << n << ", " << m << " at " << latitude;
+            EXPECT_NEAR(outward, -1.0 - (n + 1) * P, 1e-9 * n) << n << ", " << m << " at " << latitude;
         }
         EXPECT_TRUE(field.gravity({0.0, 0.0, R}).allFinite()) << n << ", " << m;
         EXPECT_TRUE(field.gravity({1e-3, 0.0, -R}).allFinite()) << n << ", " << m;
@@ -295,8 +289,7 @@ TEST(Harmonics, MoreThanTheFieldHasIsRefused)
 {
     const HarmonicField field = random_field(4, 1);
     EXPECT_THROW(Harmonics(field, 5), sim::SetupError);
-    EXPECT_THAT(error_of([&] { Harmonics(field, 5); }),
-                HasSubstr("degree 5 was asked for; it has 4"));
+    EXPECT_THAT(error_of([&] { Harmonics(field, 5); }), HasSubstr("degree 5 was asked for; it has 4"));
     EXPECT_THAT(error_of([&] { Harmonics(field, -1); }), HasSubstr("degree -1"));
     EXPECT_THAT(error_of([] { HarmonicField::zero(mu, 0.0, 2); }), HasSubstr("must be > 0"));
     EXPECT_THAT(error_of([&] { field.J(5); }), HasSubstr("has no J5"));

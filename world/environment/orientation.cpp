@@ -124,10 +124,8 @@ Orientation Orientation::built_in(int body)
             orientation.pm_[i] = known.pm[i] * degree;
         }
         for (const Periodic &term : built_in_terms(body)) {
-            orientation.terms_.push_back({{term.E0 * degree, term.E1 * degree, 0.0},
-                                          term.ra * degree,
-                                          term.dec * degree,
-                                          term.pm * degree});
+            orientation.terms_.push_back(
+                {{term.E0 * degree, term.E1 * degree, 0.0}, term.ra * degree, term.dec * degree, term.pm * degree});
         }
         return orientation;
     }
@@ -177,9 +175,8 @@ Orientation Orientation::from(const TextKernel &pck, int body)
     const auto angles = pck.numbers(angles_name, 1, 3000);
     if (angles.size() < stride * count) {
         refuse_line(pck.file(), pck.values(angles_name).front().line,
-                    angles_name + " has " + std::to_string(angles.size()) +
-                        " values; the terms of " + body_name(body) + " need " +
-                        std::to_string(stride * count));
+                    angles_name + " has " + std::to_string(angles.size()) + " values; the terms of " + body_name(body) +
+                        " need " + std::to_string(stride * count));
     }
     for (std::size_t i = 0; i < count; i++) {
         Term term = {};
@@ -233,8 +230,8 @@ BodyAttitude Orientation::at(Epoch epoch, double tau) const
     attitude.dcm_PN.row(0) = cw * node + sw * further;
     attitude.dcm_PN.row(1) = cw * further - sw * node;
     attitude.dcm_PN.row(2) = Vector3d(cd * cr, cd * sr, sd);
-    attitude.omega_PN_P = Vector3d(ra_rate * cd * sw - dec_rate * cw,
-                                   ra_rate * cd * cw + dec_rate * sw, W_rate + ra_rate * sd);
+    attitude.omega_PN_P =
+        Vector3d(ra_rate * cd * sw - dec_rate * cw, ra_rate * cd * cw + dec_rate * sw, W_rate + ra_rate * sd);
     return attitude;
 }
 

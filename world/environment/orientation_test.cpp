@@ -35,8 +35,7 @@ TEST(Orientation, IsTheIausAnglesAboutThreeAxes)
     const Epoch epoch = TimeSystem().epoch("2015-03-02T12:00:00 TDB");
     const double d = epoch.seconds() / 86400.0, T = d / 36525.0;
     const Matrix3d mars = turn(2, std::fmod(176.630 + 350.89198226 * d, 360.0)) *
-                          turn(0, 90.0 - (52.88650 - 0.0609 * T)) *
-                          turn(2, 90.0 + 317.68143 - 0.1061 * T);
+                          turn(0, 90.0 - (52.88650 - 0.0609 * T)) * turn(2, 90.0 + 317.68143 - 0.1061 * T);
     EXPECT_LT((Orientation::built_in(499).at(epoch).dcm_PN - mars).norm(), 1e-10);
 }
 
@@ -45,14 +44,12 @@ TEST(Orientation, TurnsAtTheRateOfItsMatrix)
     // d[PN]/dt = -[omega x][PN], by central differences of two widths to remove their h^2.
     for (const int body : bodies) {
         const Orientation orientation = Orientation::built_in(body);
-        for (const Epoch epoch :
-             {Epoch{478'569'600'000'000'000}, Epoch{-1'234'567'890'123'456'789}}) {
+        for (const Epoch epoch : {Epoch{478'569'600'000'000'000}, Epoch{-1'234'567'890'123'456'789}}) {
             const BodyAttitude now = orientation.at(epoch);
             EXPECT_LT((now.dcm_PN * now.dcm_PN.transpose() - Matrix3d::Identity()).norm(), 1e-14);
             EXPECT_NEAR(now.dcm_PN.determinant(), 1.0, 1e-14);
             const auto slope = [&](double h) -> Matrix3d {
-                return (orientation.at(epoch, h).dcm_PN - orientation.at(epoch, -h).dcm_PN) /
-                       (2.0 * h);
+                return (orientation.at(epoch, h).dcm_PN - orientation.at(epoch, -h).dcm_PN) / (2.0 * h);
             };
             const double h = 0.003 / now.omega_PN_P.norm();
             const Matrix3d derivative = (4.0 * slope(h) - slope(2.0 * h)) / 3.0;
@@ -127,9 +124,7 @@ TEST(Orientation, NoonAtGreenwichIsUnderTheSun)
 TEST(Orientation, WhatIsMissingOrMisshapenIsNamed)
 {
     const auto error = [](const std::string &text, int body) {
-        return error_of([&] {
-            Orientation::from(TextKernel::parse("\\begindata\n" + text, "test.tpc"), body);
-        });
+        return error_of([&] { Orientation::from(TextKernel::parse("\\begindata\n" + text, "test.tpc"), body); });
     };
     EXPECT_THROW(Orientation::built_in(2000433), sim::SetupError);
     EXPECT_THAT(error_of([] { Orientation::built_in(2000433); }),
@@ -137,8 +132,7 @@ TEST(Orientation, WhatIsMissingOrMisshapenIsNamed)
     const std::string pole = "BODY501_POLE_RA = ( 1 2 )\nBODY501_POLE_DEC = 3\n";
     EXPECT_EQ(error(pole + "BODY501_PM = ( 1 2 3 )", 501), "");
     EXPECT_THAT(error(pole, 501), HasSubstr("test.tpc: does not define BODY501_PM"));
-    EXPECT_THAT(error(pole + "BODY501_PM = ( 1 2 3 4 )", 501),
-                HasSubstr(":4: BODY501_PM has 4 values"));
+    EXPECT_THAT(error(pole + "BODY501_PM = ( 1 2 3 4 )", 501), HasSubstr(":4: BODY501_PM has 4 values"));
     const std::string terms = pole + "BODY501_PM = 1\nBODY501_NUT_PREC_RA = ( 1 2 )\n";
     EXPECT_THAT(error(terms, 501), HasSubstr("does not define BODY5_NUT_PREC_ANGLES"));
     EXPECT_THAT(error(terms + "BODY5_NUT_PREC_ANGLES = ( 1 2 3 )", 501),

@@ -20,10 +20,9 @@ using testing::uniform_motion;
 /// The sun on one segment, then the other; a planet's gravity as it turns.
 struct World {
     World()
-        : file("shared.bsp", made_kernel({uniform_motion(10, 0, 0, 50, 1000, 1),
-                                          uniform_motion(10, 0, 50, 100, 2000, -1)})),
-          field(HarmonicField::zero(4e14, 6.4e6, 20)), harmonics(field),
-          orientation(Orientation::built_in(301))
+        : file("shared.bsp",
+               made_kernel({uniform_motion(10, 0, 0, 50, 1000, 1), uniform_motion(10, 0, 50, 100, 2000, -1)})),
+          field(HarmonicField::zero(4e14, 6.4e6, 20)), harmonics(field), orientation(Orientation::built_in(301))
     {
         ephemeris.add_spk(file.path());
     }

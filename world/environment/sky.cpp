@@ -10,8 +10,7 @@ namespace fledge::world {
 
 using sim::Ns;
 
-Sky::Sky(Ephemeris ephemeris, TimeSystem time, Epoch epoch, int center,
-         std::optional<TextKernel> pck)
+Sky::Sky(Ephemeris ephemeris, TimeSystem time, Epoch epoch, int center, std::optional<TextKernel> pck)
     : ephemeris_(std::move(ephemeris)), time_(std::move(time)), epoch_(epoch), center_(center),
       given_center_(given_as(center)), pck_(std::move(pck))
 {

@@ -19,8 +19,7 @@ class Sky {
 public:
     /// The bodies' orientations come from `pck` where it has them, else from built-in constants.
     /// Throws SetupError if the ephemeris has not the center at the epoch.
-    Sky(Ephemeris ephemeris, TimeSystem time, Epoch epoch, int center,
-        std::optional<TextKernel> pck = std::nullopt);
+    Sky(Ephemeris ephemeris, TimeSystem time, Epoch epoch, int center, std::optional<TextKernel> pck = std::nullopt);
 
     const Ephemeris &ephemeris() const { return ephemeris_; }
     const TimeSystem &time_system() const { return time_; }

@@ -72,10 +72,7 @@ private:
 
 class Reader {
 public:
-    explicit Reader(const std::string &path)
-        : path_(path), file_(std::make_shared<const MappedFile>(path))
-    {
-    }
+    explicit Reader(const std::string &path) : path_(path), file_(std::make_shared<const MappedFile>(path)) {}
 
     SegmentFile read()
     {
@@ -119,15 +116,14 @@ private:
                           "NAIF's tobin");
         }
         if (magic.starts_with("DAF/") && magic != "DAF/SPK ") {
-            refuse(path_,
-                   "is a kernel of kind \"" + std::string(magic) + "\"; expected \"DAF/SPK \"");
+            refuse(path_, "is a kernel of kind \"" + std::string(magic) + "\"; expected \"DAF/SPK \"");
         }
         if (magic != "DAF/SPK " && magic != "NAIF/DAF") {
             refuse(path_, "is no SPICE SPK kernel: it does not begin with \"DAF/SPK \"");
         }
         if (file_->size() < record_bytes) {
-            refuse(path_, "is cut short: it has " + std::to_string(file_->size()) +
-                              " bytes, less than the first record");
+            refuse(path_,
+                   "is cut short: it has " + std::to_string(file_->size()) + " bytes, less than the first record");
         }
         const std::string_view order(bytes + 88, 8);
         if (order == "LTL-IEEE") {
@@ -135,16 +131,15 @@ private:
         } else if (order == "BIG-IEEE") {
             order_ = std::endian::big;
         } else if (magic == "NAIF/DAF") { // older than the mark: ND tells
-            order_ = load<std::int32_t>(bytes + 8, std::endian::little) == 2 ? std::endian::little
-                                                                             : std::endian::big;
+            order_ = load<std::int32_t>(bytes + 8, std::endian::little) == 2 ? std::endian::little : std::endian::big;
         } else {
             refuse(path_, "is damaged: its byte order is marked neither LTL-IEEE nor BIG-IEEE");
         }
         const auto nd = load<std::int32_t>(bytes + 8, order_);
         const auto ni = load<std::int32_t>(bytes + 12, order_);
         if (nd != 2 || ni != 6) {
-            refuse(path_, "is damaged: summaries of " + std::to_string(nd) + " doubles and " +
-                              std::to_string(ni) + " integers; SPK kernels have 2 and 6");
+            refuse(path_, "is damaged: summaries of " + std::to_string(nd) + " doubles and " + std::to_string(ni) +
+                              " integers; SPK kernels have 2 and 6");
         }
         const std::string_view check(bytes + 699, transfer_check.size());
         if (check.starts_with("FTPSTR") && check != transfer_check) {
@@ -196,17 +191,15 @@ private:
         s.target = integers[0];
         s.center = integers[1];
         const int frame = integers[2], type = integers[3];
-        const std::string name = "segment " + std::to_string(number) + ", " + body_name(s.target) +
-                                 " relative to " + body_name(s.center) + ", ";
+        const std::string name = "segment " + std::to_string(number) + ", " + body_name(s.target) + " relative to " +
+                                 body_name(s.center) + ", ";
         const auto refuse_segment = [&](const std::string &what) { refuse(path_, name + what); };
 
         if (type != 2 && type != 3) {
-            refuse_segment("is of type " + std::to_string(type) +
-                           "; types 2 and 3 (Chebyshev polynomials) are read");
+            refuse_segment("is of type " + std::to_string(type) + "; types 2 and 3 (Chebyshev polynomials) are read");
         }
         if (frame != icrf) {
-            refuse_segment("is given in the frame " + std::to_string(frame) +
-                           "; frame 1 (J2000) is read");
+            refuse_segment("is given in the frame " + std::to_string(frame) + "; frame 1 (J2000) is read");
         }
         if (!(s.first <= s.last && std::isfinite(s.first) && std::isfinite(s.last))) {
             refuse_segment("is damaged: it holds from " + sim::format_number(s.first) + " s to " +
@@ -215,11 +208,9 @@ private:
         if (s.target == s.center) {
             refuse_segment("is damaged: a body relative to itself");
         }
-        if (integers[4] < 1 || integers[5] < integers[4] + 4 ||
-            static_cast<std::size_t>(integers[5]) > word_count_) {
-            refuse_segment("is damaged or cut short: it is said to occupy the words " +
-                           std::to_string(integers[4]) + " to " + std::to_string(integers[5]) +
-                           "; the file has " + std::to_string(word_count_));
+        if (integers[4] < 1 || integers[5] < integers[4] + 4 || static_cast<std::size_t>(integers[5]) > word_count_) {
+            refuse_segment("is damaged or cut short: it is said to occupy the words " + std::to_string(integers[4]) +
+                           " to " + std::to_string(integers[5]) + "; the file has " + std::to_string(word_count_));
         }
         s.records = words_ + integers[4] - 1;
         const double *tail = words_ + integers[5] - 4;
@@ -230,11 +221,10 @@ private:
         s.count = index(tail[3], "the number of records");
         s.has_velocity = type == 3;
         const std::size_t components = s.has_velocity ? 6 : 3;
-        if (s.record_words < 2 + components || (s.record_words - 2) % components != 0 ||
-            s.count < 1 || words / s.record_words != s.count || words % s.record_words != 0) {
-            refuse_segment("is damaged: " + std::to_string(words) + " words for " +
-                           std::to_string(s.count) + " records of " +
-                           std::to_string(s.record_words) + ", each 2 and " +
+        if (s.record_words < 2 + components || (s.record_words - 2) % components != 0 || s.count < 1 ||
+            words / s.record_words != s.count || words % s.record_words != 0) {
+            refuse_segment("is damaged: " + std::to_string(words) + " words for " + std::to_string(s.count) +
+                           " records of " + std::to_string(s.record_words) + ", each 2 and " +
                            std::to_string(components) + " times the number of coefficients");
         }
         s.coefficients = static_cast<int>((s.record_words - 2) / components);
@@ -242,20 +232,16 @@ private:
         const double slack = 1e-6 * s.length;
         if (!(s.length > 0.0 && std::isfinite(s.start) && s.start <= s.first + slack &&
               s.last <= s.start + s.length * static_cast<double>(s.count) + slack)) {
-            refuse_segment("is damaged: its records begin at " + sim::format_number(s.start) +
-                           " s and last " + sim::format_number(s.length) +
-                           " s each, which is not the span it is said to hold");
+            refuse_segment("is damaged: its records begin at " + sim::format_number(s.start) + " s and last " +
+                           sim::format_number(s.length) + " s each, which is not the span it is said to hold");
         }
         for (std::size_t i = 0; i < s.count; i++) {
             const double *record = s.records + i * s.record_words;
             const double middle = s.start + s.length * (static_cast<double>(i) + 0.5);
-            if (!(std::fabs(record[0] - middle) <= slack &&
-                  std::fabs(record[1] - 0.5 * s.length) <= slack)) {
-                refuse_segment("is damaged: record " + std::to_string(i + 1) +
-                               " is not for its interval");
+            if (!(std::fabs(record[0] - middle) <= slack && std::fabs(record[1] - 0.5 * s.length) <= slack)) {
+                refuse_segment("is damaged: record " + std::to_string(i + 1) + " is not for its interval");
             }
-            if (!std::all_of(record + 2, record + s.record_words,
-                             [](double c) { return std::fabs(c) < farthest; })) {
+            if (!std::all_of(record + 2, record + s.record_words, [](double c) { return std::fabs(c) < farthest; })) {
                 refuse_segment("is damaged: record " + std::to_string(i + 1) +
                                " holds a coefficient that is no distance");
             }

@@ -81,8 +81,7 @@ TEST(Spk, EveryCutOfARealKernelIsRefused)
         const std::string bytes = read_whole(path);
         for (std::size_t size = 0; size + 8 <= bytes.size(); size += 8 * 97) {
             const std::string error = error_of_kernel(bytes.substr(0, size));
-            EXPECT_TRUE(error.find("cut short") != error.npos ||
-                        error.find("is empty") != error.npos ||
+            EXPECT_TRUE(error.find("cut short") != error.npos || error.find("is empty") != error.npos ||
                         error.find("is no SPICE SPK kernel") != error.npos)
                 << name << " cut to " << size << ": " << error;
         }
@@ -92,13 +91,11 @@ TEST(Spk, EveryCutOfARealKernelIsRefused)
 TEST(Spk, ForeignFilesAreNamed)
 {
     EXPECT_THROW(read_spk("/nowhere/a.bsp"), sim::SetupError);
-    EXPECT_THAT(error_of([] { read_spk("/nowhere/a.bsp"); }),
-                HasSubstr("/nowhere/a.bsp: cannot be opened"));
+    EXPECT_THAT(error_of([] { read_spk("/nowhere/a.bsp"); }), HasSubstr("/nowhere/a.bsp: cannot be opened"));
     EXPECT_THAT(error_of([] { read_spk(::testing::TempDir()); }), HasSubstr("is empty or no file"));
     EXPECT_THAT(error_of_kernel(""), HasSubstr("is empty"));
     EXPECT_THAT(error_of_kernel(std::string(2000, 'x')), HasSubstr("is no SPICE SPK kernel"));
-    EXPECT_THAT(error_of_kernel("DAFETF NAIF DAF ENCODED TRANSFER FILE\n"),
-                HasSubstr("transfer file (.xsp)"));
+    EXPECT_THAT(error_of_kernel("DAFETF NAIF DAF ENCODED TRANSFER FILE\n"), HasSubstr("transfer file (.xsp)"));
     std::string bytes = made_kernel({segment()});
     EXPECT_THAT(error_of_kernel("DAF/CK  " + bytes.substr(8)),
                 HasSubstr("is a kernel of kind \"DAF/CK  \"; expected \"DAF/SPK \""));
@@ -110,9 +107,8 @@ TEST(Spk, OtherTypesAndFramesAreNamedWithWhatIsRead)
 {
     MadeSegment s = segment();
     s.type = 13;
-    EXPECT_THAT(
-        error_of_kernel(made_kernel({segment(), s})),
-        HasSubstr("segment 2, MOON (301) relative to EARTH (399), is of type 13; types 2 and 3"));
+    EXPECT_THAT(error_of_kernel(made_kernel({segment(), s})),
+                HasSubstr("segment 2, MOON (301) relative to EARTH (399), is of type 13; types 2 and 3"));
     s.type = 2;
     s.frame = 17;
     EXPECT_THAT(error_of_kernel(made_kernel({s})), HasSubstr("frame 17; frame 1 (J2000) is read"));
@@ -156,8 +152,7 @@ TEST(Spk, DamagedSummariesAndSegmentsAreRefused)
     EXPECT_THAT(broken(data + 8 * 8, 16.0), HasSubstr("record 2 is not for its interval"));
     EXPECT_THAT(broken(data + 8 * 17, nan), HasSubstr("record 3 is not for its interval"));
     for (const double value : {nan, std::numeric_limits<double>::infinity(), -1e300}) {
-        EXPECT_THAT(broken(data + 8 * 10, value),
-                    HasSubstr("record 2 holds a coefficient that is no distance"));
+        EXPECT_THAT(broken(data + 8 * 10, value), HasSubstr("record 2 holds a coefficient that is no distance"));
     }
 }
 

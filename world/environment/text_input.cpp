@@ -15,8 +15,7 @@ namespace fledge::world {
 
 std::string read_whole(const std::string &path)
 {
-    const std::unique_ptr<std::FILE, int (*)(std::FILE *)> file(std::fopen(path.c_str(), "rb"),
-                                                                std::fclose);
+    const std::unique_ptr<std::FILE, int (*)(std::FILE *)> file(std::fopen(path.c_str(), "rb"), std::fclose);
     if (!file) {
         throw sim::SetupError(path + ": cannot be opened: " + std::strerror(errno));
     }
@@ -72,12 +71,10 @@ std::optional<double> parse_number(std::string_view text)
         }
     }
     // from_chars knows neither the exponent D nor that "inf" and "nan" are no numbers here.
-    if (text.empty() || text.size() > sizeof copy ||
-        text.find_first_not_of("+-.0123456789eEdD") != text.npos) {
+    if (text.empty() || text.size() > sizeof copy || text.find_first_not_of("+-.0123456789eEdD") != text.npos) {
         return {};
     }
-    std::transform(text.begin(), text.end(), copy,
-                   [](char c) { return c == 'd' || c == 'D' ? 'e' : c; });
+    std::transform(text.begin(), text.end(), copy, [](char c) { return c == 'd' || c == 'D' ? 'e' : c; });
     double value = 0.0;
     const auto [end, error] = std::from_chars(copy, copy + text.size(), value);
     if (error != std::errc() || end != copy + text.size() || !std::isfinite(value)) {

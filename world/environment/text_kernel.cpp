@@ -27,8 +27,7 @@ std::string_view trimmed(std::string_view line)
 }
 
 /// Append the tokens of one line of data.
-void tokenise(std::string_view line, std::size_t number, const std::string &file,
-              std::vector<Token> &tokens)
+void tokenise(std::string_view line, std::size_t number, const std::string &file, std::vector<Token> &tokens)
 {
     for (std::size_t i = 0; i < line.size();) {
         const char c = line[i];
@@ -47,8 +46,7 @@ void tokenise(std::string_view line, std::size_t number, const std::string &file
             std::string text;
             for (i++;; i++) {
                 if (i >= line.size()) {
-                    refuse_line(file, number,
-                                "a string begins with ' and does not end in its line");
+                    refuse_line(file, number, "a string begins with ' and does not end in its line");
                 }
                 if (line[i] == '\'') {
                     if (line.substr(i, 2) != "''") {
@@ -62,8 +60,7 @@ void tokenise(std::string_view line, std::size_t number, const std::string &file
             tokens.push_back({Token::quoted, text, number});
         } else {
             std::size_t end = i;
-            while (end < line.size() &&
-                   std::string_view(" \t,()='").find(line[end]) == std::string_view::npos &&
+            while (end < line.size() && std::string_view(" \t,()='").find(line[end]) == std::string_view::npos &&
                    line.substr(end, 2) != "+=") {
                 end++;
             }
@@ -82,8 +79,7 @@ KernelValue value_of(const Token &token, const std::string &name, const std::str
     const auto number = parse_number(token.text);
     if (!number) {
         refuse_line(file, token.line,
-                    "the value \"" + token.text + "\" of " + name +
-                        " is no number, no 'string' and no @time");
+                    "the value \"" + token.text + "\" of " + name + " is no number, no 'string' and no @time");
     }
     value.is_number = true;
     value.number = *number;
@@ -128,33 +124,28 @@ TextKernel TextKernel::parse(std::string_view text, const std::string &file)
             refuse_line(file, name.line, "expected a name, found \"" + name.text + "\"");
         }
         i++;
-        if (i == tokens.size() ||
-            (tokens[i].kind != Token::assign && tokens[i].kind != Token::append)) {
-            refuse_line(file, name.line,
-                        "expected = or += after " + name.text +
-                            (i == tokens.size() ? ", found the end of the file"
-                                                : ", found \"" + tokens[i].text + "\""));
+        if (i == tokens.size() || (tokens[i].kind != Token::assign && tokens[i].kind != Token::append)) {
+            refuse_line(
+                file, name.line,
+                "expected = or += after " + name.text +
+                    (i == tokens.size() ? ", found the end of the file" : ", found \"" + tokens[i].text + "\""));
         }
         const bool append = tokens[i].kind == Token::append;
         i++;
         std::vector<KernelValue> values;
         const bool list = i < tokens.size() && tokens[i].kind == Token::open;
         if (list) {
-            for (i++; i < tokens.size() &&
-                      (tokens[i].kind == Token::word || tokens[i].kind == Token::quoted);
-                 i++) {
+            for (i++; i < tokens.size() && (tokens[i].kind == Token::word || tokens[i].kind == Token::quoted); i++) {
                 values.push_back(value_of(tokens[i], name.text, file));
             }
             if (i == tokens.size() || tokens[i].kind != Token::close) {
                 refuse_line(file, i == tokens.size() ? number : tokens[i].line,
-                            "expected ) at the end of the values of " + name.text +
-                                ", which line " + std::to_string(name.line) + " begins; found " +
-                                (i == tokens.size() ? "the end of the file"
-                                                    : "\"" + tokens[i].text + "\""));
+                            "expected ) at the end of the values of " + name.text + ", which line " +
+                                std::to_string(name.line) + " begins; found " +
+                                (i == tokens.size() ? "the end of the file" : "\"" + tokens[i].text + "\""));
             }
             i++;
-        } else if (i < tokens.size() &&
-                   (tokens[i].kind == Token::word || tokens[i].kind == Token::quoted)) {
+        } else if (i < tokens.size() && (tokens[i].kind == Token::word || tokens[i].kind == Token::quoted)) {
             values.push_back(value_of(tokens[i++], name.text, file));
         }
         if (values.empty()) {
@@ -178,27 +169,23 @@ const std::vector<KernelValue> &TextKernel::values(const std::string &name) cons
             some.resize(12);
             some.push_back("so on");
         }
-        throw sim::SetupError(file_ + ": does not define " + name + "; it defines " +
-                              sim::format_list(some));
+        throw sim::SetupError(file_ + ": does not define " + name + "; it defines " + sim::format_list(some));
     }
     return found->second;
 }
 
-std::vector<double> TextKernel::numbers(const std::string &name, std::size_t least,
-                                        std::size_t most) const
+std::vector<double> TextKernel::numbers(const std::string &name, std::size_t least, std::size_t most) const
 {
     const auto &found = values(name);
     if (found.size() < least || found.size() > most) {
         refuse_line(file_, found.front().line,
-                    name + " has " + std::to_string(found.size()) + " values; expected " +
-                        std::to_string(least) +
+                    name + " has " + std::to_string(found.size()) + " values; expected " + std::to_string(least) +
                         (most == least ? "" : " to " + std::to_string(most)));
     }
     std::vector<double> numbers;
     for (const KernelValue &value : found) {
         if (!value.is_number) {
-            refuse_line(file_, value.line,
-                        "expected numbers for " + name + ", found \"" + value.text + "\"");
+            refuse_line(file_, value.line, "expected numbers for " + name + ", found \"" + value.text + "\"");
         }
         numbers.push_back(value.number);
     }

@@ -46,9 +46,8 @@ TEST(TextKernel, WhatIsDamagedIsRefusedWithItsLine)
 {
     const auto error = [](const std::string &text) { return error_of([&] { data(text); }); };
     EXPECT_THROW(data("A = ( 1"), sim::SetupError);
-    EXPECT_THAT(error("A = ( 1\n2"),
-                HasSubstr("test.tpc:4: expected ) at the end of the values of A, "
-                          "which line 3 begins; found the end of the file"));
+    EXPECT_THAT(error("A = ( 1\n2"), HasSubstr("test.tpc:4: expected ) at the end of the values of A, "
+                                               "which line 3 begins; found the end of the file"));
     EXPECT_THAT(error("A = ( 1\nB = 2"), HasSubstr("is no number"));
     EXPECT_THAT(error("A = ( 1\n= 2 )"), HasSubstr("test.tpc:4: expected )"));
     EXPECT_THAT(error("A = 1 2"), HasSubstr("test.tpc:3: expected = or += after 2"));
@@ -60,8 +59,7 @@ TEST(TextKernel, WhatIsDamagedIsRefusedWithItsLine)
     EXPECT_THAT(error("A = nan"), HasSubstr("is no number"));
     EXPECT_THAT(error("A = 1D999"), HasSubstr("is no number"));
     EXPECT_THAT(error("A = 'x\n'"), HasSubstr("does not end in its line"));
-    EXPECT_THAT(error_of([] { TextKernel::parse("DAF/SPK", "a.bsp"); }),
-                HasSubstr("a.bsp: has no line \\begindata"));
+    EXPECT_THAT(error_of([] { TextKernel::parse("DAF/SPK", "a.bsp"); }), HasSubstr("a.bsp: has no line \\begindata"));
     EXPECT_THAT(error_of([] { TextKernel::parse(std::string("DAF/PCK\0", 8), "a.bpc"); }),
                 HasSubstr("holds binary data"));
 }
@@ -69,8 +67,7 @@ TEST(TextKernel, WhatIsDamagedIsRefusedWithItsLine)
 TEST(TextKernel, ValuesThatAreNotThereOrNotAsExpectedAreNamed)
 {
     const TextKernel kernel = data("A = ( 1 2 )\nB = 'x'");
-    EXPECT_THAT(error_of([&] { kernel.number("C"); }),
-                HasSubstr("does not define C; it defines A and B"));
+    EXPECT_THAT(error_of([&] { kernel.number("C"); }), HasSubstr("does not define C; it defines A and B"));
     EXPECT_THAT(error_of([&] { kernel.number("A"); }), HasSubstr(":3: A has 2 values; expected 1"));
     EXPECT_THAT(error_of([&] { kernel.number("B"); }), HasSubstr(":4: expected numbers for B"));
 }

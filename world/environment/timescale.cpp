@@ -157,8 +157,7 @@ private:
 std::int64_t kernel_day(const KernelValue &value, const std::string &file)
 {
     const auto refuse_date = [&] {
-        refuse_line(file, value.line,
-                    "expected a date such as @1972-JAN-1, found \"" + value.text + "\"");
+        refuse_line(file, value.line, "expected a date such as @1972-JAN-1, found \"" + value.text + "\"");
     };
     if (value.text.front() != '@') {
         refuse_date();
@@ -178,8 +177,8 @@ std::int64_t kernel_day(const KernelValue &value, const std::string &file)
             month = i + 1;
         }
     }
-    if (!year || !day || *year < first_year || *year > last_year || month < 1 || month > 12 ||
-        *day < 1 || *day > days_in(*year, month)) {
+    if (!year || !day || *year < first_year || *year > last_year || month < 1 || month > 12 || *day < 1 ||
+        *day > days_in(*year, month)) {
         refuse_date();
     }
     return day_number(*year, month, *day);
@@ -193,8 +192,7 @@ std::string format_tdb(double seconds)
     const auto since_midnight = static_cast<std::int64_t>(whole) + noon;
     const std::int64_t day = floor_div(since_midnight, day_seconds);
     const std::int64_t s = since_midnight - day * day_seconds;
-    return format_date(date_of(day)) + "T" + two(s / 3600) + ":" + two(s / 60 % 60) + ":" +
-           two(s % 60) + " TDB";
+    return format_date(date_of(day)) + "T" + two(s / 3600) + ":" + two(s / 60 % 60) + ":" + two(s % 60) + " TDB";
 }
 
 std::int64_t TimeSystem::Step::begin() const
@@ -232,14 +230,13 @@ TimeSystem TimeSystem::read(const std::string &path)
         for (std::size_t i = 0; i < most.size(); i++) {
             if (!(std::fabs(found[i]) <= most[i])) {
                 refuse_line(path, kernel.values(name)[i].line,
-                            std::string(name) + " is " + sim::format_number(found[i]) +
-                                "; expected at most " + sim::format_number(most[i]));
+                            std::string(name) + " is " + sim::format_number(found[i]) + "; expected at most " +
+                                sim::format_number(most[i]));
             }
         }
         return found;
     };
-    system.tt_minus_tai_ =
-        static_cast<std::int64_t>(std::floor(1e9 * numbers("DELTET/DELTA_T_A", {100.0})[0] + 0.5));
+    system.tt_minus_tai_ = static_cast<std::int64_t>(std::floor(1e9 * numbers("DELTET/DELTA_T_A", {100.0})[0] + 0.5));
     system.K_ = numbers("DELTET/K", {0.01})[0];
     system.e_ = numbers("DELTET/EB", {0.1})[0];
     const auto M = numbers("DELTET/M", {100.0, 1e-6});
@@ -254,19 +251,16 @@ TimeSystem TimeSystem::read(const std::string &path)
     system.steps_.clear();
     for (std::size_t i = 0; i < table.size(); i += 2) {
         const KernelValue &count = table[i];
-        if (!count.is_number || count.number != std::floor(count.number) ||
-            std::fabs(count.number) > 1000.0) {
-            refuse_line(path, count.line,
-                        "expected a whole number of seconds, found \"" + count.text + "\"");
+        if (!count.is_number || count.number != std::floor(count.number) || std::fabs(count.number) > 1000.0) {
+            refuse_line(path, count.line, "expected a whole number of seconds, found \"" + count.text + "\"");
         }
         const Step step{kernel_day(table[i + 1], path), static_cast<int>(count.number)};
         if (!system.steps_.empty()) {
             const Step &before = system.steps_.back();
             if (step.day <= before.day || step.tai_minus_utc != before.tai_minus_utc + 1) {
                 refuse_line(path, count.line,
-                            "dates must ascend and seconds grow by 1 each; found " + count.text +
-                                " at " + table[i + 1].text + " after " +
-                                std::to_string(before.tai_minus_utc) + " at " +
+                            "dates must ascend and seconds grow by 1 each; found " + count.text + " at " +
+                                table[i + 1].text + " after " + std::to_string(before.tai_minus_utc) + " at " +
                                 format_date(date_of(before.day)));
             }
         }
@@ -317,13 +311,12 @@ int TimeSystem::tai_minus_utc(Epoch epoch) const
 
 Epoch TimeSystem::epoch(const CalendarTime &time, TimeScale scale) const
 {
-    const std::string shown = format_date({time.year, time.month, time.day}) + "T" +
-                              two(time.hour) + ":" + two(time.minute) + ":" + two(time.second) +
-                              " " + std::string(name_of(scale));
+    const std::string shown = format_date({time.year, time.month, time.day}) + "T" + two(time.hour) + ":" +
+                              two(time.minute) + ":" + two(time.second) + " " + std::string(name_of(scale));
     const auto within = [&](const char *what, int value, int least, int most) {
         if (value < least || value > most) {
-            refuse(shown, std::string(what) + " " + std::to_string(value) + " is not within " +
-                              std::to_string(least) + " to " + std::to_string(most));
+            refuse(shown, std::string(what) + " " + std::to_string(value) + " is not within " + std::to_string(least) +
+                              " to " + std::to_string(most));
         }
     };
     within("year", time.year, first_year, last_year);
@@ -347,27 +340,21 @@ Epoch TimeSystem::epoch(const CalendarTime &time, TimeScale scale) const
     }
     if (time.second == 60) {
         if (!leap || time.hour != 23 || time.minute != 59) {
-            refuse(shown,
-                   "second 60 exists only at 23:59 UTC before a leap second takes effect; the "
-                   "last of this table is before " +
-                       format_date(date_of(steps_.back().day)));
+            refuse(shown, "second 60 exists only at 23:59 UTC before a leap second takes effect; the "
+                          "last of this table is before " +
+                              format_date(date_of(steps_.back().day)));
         }
     } else {
         within("second", time.second, 0, 59);
     }
 
-    const std::int64_t seconds =
-        day * day_seconds - noon + time.hour * 3600 + time.minute * 60 + time.second;
+    const std::int64_t seconds = day * day_seconds - noon + time.hour * 3600 + time.minute * 60 + time.second;
     const std::int64_t reading = seconds * second + time.nanosecond;
     switch (scale) {
-    case TimeScale::utc:
-        return from_tai(reading + step->tai_minus_utc * second);
-    case TimeScale::tai:
-        return from_tai(reading);
-    case TimeScale::tt:
-        return from_tt(reading);
-    case TimeScale::tdb:
-        break;
+    case TimeScale::utc: return from_tai(reading + step->tai_minus_utc * second);
+    case TimeScale::tai: return from_tai(reading);
+    case TimeScale::tt: return from_tt(reading);
+    case TimeScale::tdb: break;
     }
     return {reading};
 }
@@ -376,16 +363,15 @@ Epoch TimeSystem::epoch(std::string_view text) const
 {
     Scanner scan(text);
     CalendarTime time;
-    bool whole = scan.digits(4, time.year) && scan.take('-') && scan.digits(2, time.month) &&
-                 scan.take('-') && scan.digits(2, time.day);
+    bool whole = scan.digits(4, time.year) && scan.take('-') && scan.digits(2, time.month) && scan.take('-') &&
+                 scan.digits(2, time.day);
     // A blank may end the date ("... TDB") or stand for the T.
-    const bool clock =
-        whole && (scan.take('T') || (scan.rest().size() > 2 && scan.rest()[1] >= '0' &&
-                                     scan.rest()[1] <= '9' && scan.take(' ')));
+    const bool clock = whole && (scan.take('T') || (scan.rest().size() > 2 && scan.rest()[1] >= '0' &&
+                                                    scan.rest()[1] <= '9' && scan.take(' ')));
     if (clock) {
-        whole = scan.digits(2, time.hour) && scan.take(':') && scan.digits(2, time.minute) &&
-                (!scan.take(':') || (scan.digits(2, time.second) &&
-                                     (!scan.take('.') || scan.fraction(time.nanosecond))));
+        whole =
+            scan.digits(2, time.hour) && scan.take(':') && scan.digits(2, time.minute) &&
+            (!scan.take(':') || (scan.digits(2, time.second) && (!scan.take('.') || scan.fraction(time.nanosecond))));
     }
     const std::string_view suffix = scan.rest();
     TimeScale scale = TimeScale::utc;
@@ -443,8 +429,8 @@ CalendarTime TimeSystem::calendar(Epoch epoch, TimeScale scale) const
 std::string TimeSystem::text(Epoch epoch, TimeScale scale) const
 {
     const CalendarTime time = calendar(epoch, scale);
-    std::string text = format_date({time.year, time.month, time.day}) + "T" + two(time.hour) + ":" +
-                       two(time.minute) + ":" + two(time.second);
+    std::string text = format_date({time.year, time.month, time.day}) + "T" + two(time.hour) + ":" + two(time.minute) +
+                       ":" + two(time.second);
     if (time.nanosecond) {
         std::string digits = std::to_string(second + time.nanosecond).substr(1);
         digits.erase(digits.find_last_not_of('0') + 1);

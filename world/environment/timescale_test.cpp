@@ -46,12 +46,9 @@ TEST(TimeScale, TdbIsWithinItsStatedErrorOfALongerSeries)
     for (int day = -10'000; day < 36'525; day += 7) {
         const std::int64_t tt = day * 86'400 * second;
         const double T = day / 36'525.0;
-        const double series = 0.001657 * std::sin(628.3076 * T + 6.2401) +
-                              0.000022 * std::sin(575.3385 * T + 4.2970) +
-                              0.000014 * std::sin(1256.6152 * T + 6.1969) +
-                              0.000005 * std::sin(606.9777 * T + 4.0212) +
-                              0.000005 * std::sin(52.9691 * T + 0.4444) +
-                              0.000002 * std::sin(21.3299 * T + 5.5431) +
+        const double series = 0.001657 * std::sin(628.3076 * T + 6.2401) + 0.000022 * std::sin(575.3385 * T + 4.2970) +
+                              0.000014 * std::sin(1256.6152 * T + 6.1969) + 0.000005 * std::sin(606.9777 * T + 4.0212) +
+                              0.000005 * std::sin(52.9691 * T + 0.4444) + 0.000002 * std::sin(21.3299 * T + 5.5431) +
                               0.000010 * T * std::sin(628.3076 * T + 4.2490);
         const double ours = static_cast<double>(system.from_tt(tt).ns - tt) * 1e-9;
         worst = std::max(worst, std::fabs(ours - series));
@@ -67,8 +64,7 @@ TEST(TimeScale, DatesAgreeWithTheStandardLibrary)
     const auto j2000 = sys_days{January / 1 / 2000};
     for (sys_days day{January / 1 / 1709}; day < sys_days{January / 1 / 2292}; day += days{13}) {
         const year_month_day date{day};
-        const CalendarTime time{
-            int(date.year()), int(unsigned(date.month())), int(unsigned(date.day())), 12, 0, 0, 0};
+        const CalendarTime time{int(date.year()), int(unsigned(date.month())), int(unsigned(date.day())), 12, 0, 0, 0};
         const Epoch epoch = system.epoch(time, TimeScale::tdb);
         ASSERT_EQ(epoch.ns, (day - j2000).count() * 86'400 * second);
         ASSERT_EQ(system.calendar(epoch, TimeScale::tdb), time);
@@ -99,8 +95,7 @@ TEST(TimeScale, EveryScaleMakesTheRoundTrip)
     std::uniform_int_distribution<std::int64_t> any(-883'000'000 * second, 9'180'000'000 * second);
     for (int i = 0; i < 20'000; i++) {
         const Epoch epoch{any(random)};
-        for (const TimeScale scale :
-             {TimeScale::utc, TimeScale::tai, TimeScale::tt, TimeScale::tdb}) {
+        for (const TimeScale scale : {TimeScale::utc, TimeScale::tai, TimeScale::tt, TimeScale::tdb}) {
             ASSERT_EQ(system.epoch(system.calendar(epoch, scale), scale), epoch);
         }
         ASSERT_EQ(system.epoch(system.text(epoch)), epoch) << system.text(epoch);
@@ -152,9 +147,8 @@ TEST(TimeScale, WhatIsNoTimeIsRefused)
     EXPECT_THAT(error("2015-06-30T23:59:60 TAI"), HasSubstr("second 60 exists only"));
     EXPECT_THAT(error("1971-12-31T23:59:60"), HasSubstr("before 1972-01-01"));
     for (const char *text :
-         {"", "today", "2015-3-2", "2015-03-02T", "2015-03-02T12", "2015-03-02 UT1",
-          "2015-03-02T12:00:00.", "2015-03-02T12:00:00.1234567890", "2015-03-02T12:00:00+01:00",
-          "2015-03-02T12:00:00 tdb"}) {
+         {"", "today", "2015-3-2", "2015-03-02T", "2015-03-02T12", "2015-03-02 UT1", "2015-03-02T12:00:00.",
+          "2015-03-02T12:00:00.1234567890", "2015-03-02T12:00:00+01:00", "2015-03-02T12:00:00 tdb"}) {
         EXPECT_THAT(error(text), HasSubstr("expected a date as in 2015-03-02T12:00:00")) << text;
     }
     EXPECT_THROW(system.calendar(Epoch{-1'000'000'000 * second}, TimeScale::utc), sim::SetupError);
@@ -197,8 +191,7 @@ TEST(LeapSecondsKernel, WhatIsDamagedIsRefusedWithItsLine)
     EXPECT_THAT(error("OTHER = 1"), HasSubstr("expected a leap-seconds kernel"));
     EXPECT_THAT(error(begin + ")\nDELTET/K = 1.657D+300"),
                 HasSubstr(":9: DELTET/K is 1.657e+300; expected at most 0.01"));
-    EXPECT_THAT(error(begin + ")\nDELTET/M = ( 6.2, 2.0 )"),
-                HasSubstr(":9: DELTET/M is 2; expected at most 1e-06"));
+    EXPECT_THAT(error(begin + ")\nDELTET/M = ( 6.2, 2.0 )"), HasSubstr(":9: DELTET/M is 2; expected at most 1e-06"));
     EXPECT_THROW(TimeSystem::read("/nowhere/naif.tls"), sim::SetupError);
     EXPECT_THAT(error_of([] { TimeSystem::read("/nowhere/naif.tls"); }),
                 HasSubstr("/nowhere/naif.tls: cannot be opened: No such file"));

@@ -63,8 +63,7 @@ void NavigationModel::update(Tick tick)
 
     const Quality quality = quality_through(truth.head);
     attitude.head = head_next(attitude.head, tick.t, quality);
-    attitude.sigma_BN =
-        is_zero(turn) ? truth.sigma_BN : mrp_compose(mrp_of_turn(turn), truth.sigma_BN);
+    attitude.sigma_BN = is_zero(turn) ? truth.sigma_BN : mrp_compose(mrp_of_turn(turn), truth.sigma_BN);
     attitude.omega_BN_B = vec_add(truth.omega_BN_B, rate);
 
     orbit.head = head_next(orbit.head, tick.t, quality);

@@ -15,10 +15,7 @@ public:
     void prepare(const sim::Setup &setup) override;
     void reset(sim::Ns t) override;
     void update(Tick tick) override;
-    std::span<std::byte> memory() override
-    {
-        return std::as_writable_bytes(std::span(&random_, 1));
-    }
+    std::span<std::byte> memory() override { return std::as_writable_bytes(std::span(&random_, 1)); }
 
 private:
     Vec3 error(const Vec3 &bias, const Vec3 &deviation);

@@ -46,8 +46,7 @@ struct Nav {
     {
         const Vec3 sigma = mrp_relative(face.out.attitude.sigma_BN, face.in.truth.sigma_BN);
         const double length = vec_norm(sigma);
-        return length > 0.0 ? Vector3d(4.0 * std::atan(length) / length * view(sigma))
-                            : Vector3d(Vector3d::Zero());
+        return length > 0.0 ? Vector3d(4.0 * std::atan(length) / length * view(sigma)) : Vector3d(Vector3d::Zero());
     }
 };
 
@@ -136,13 +135,10 @@ TEST(Navigation, NoiseHasItsDeviationOnEveryAxis)
         std::array<double, 12> error;
         for (std::size_t k = 0; k < 3; k++) {
             error[k] = nav.turn()[static_cast<int>(k)] / nav.face.par.attitude_noise.v[k];
-            error[3 + k] = (out.attitude.omega_BN_B.v[k] - truth.omega_BN_B.v[k]) /
-                           nav.face.par.rate_noise.v[k];
-            error[6 + k] =
-                (out.orbit.r_BN_N.v[k] - truth.r_BN_N.v[k] - nav.face.par.position_bias.v[k]) /
-                nav.face.par.position_noise.v[k];
-            error[9 + k] =
-                (out.orbit.v_BN_N.v[k] - truth.v_BN_N.v[k]) / nav.face.par.velocity_noise.v[k];
+            error[3 + k] = (out.attitude.omega_BN_B.v[k] - truth.omega_BN_B.v[k]) / nav.face.par.rate_noise.v[k];
+            error[6 + k] = (out.orbit.r_BN_N.v[k] - truth.r_BN_N.v[k] - nav.face.par.position_bias.v[k]) /
+                           nav.face.par.position_noise.v[k];
+            error[9 + k] = (out.orbit.v_BN_N.v[k] - truth.v_BN_N.v[k]) / nav.face.par.velocity_noise.v[k];
         }
         for (std::size_t k = 0; k < 12; k++) {
             sum[k] += error[k] / n;

@@ -117,10 +117,7 @@ struct Flyer {
     double applied(std::size_t i) const { return wheel_face.out.applied.u[i]; }
 
     /// The inertial angular momentum of a wheel about its axis.
-    double wheel_momentum(std::size_t i) const
-    {
-        return wheel_face.par.J[i] * (axis(i).dot(omega()) + Omega(i));
-    }
+    double wheel_momentum(std::size_t i) const { return wheel_face.par.J[i] * (axis(i).dot(omega()) + Omega(i)); }
 
     Vector3d axis(std::size_t i) const { return view(wheel_face.par.axes_B[i]).normalized(); }
 
@@ -149,8 +146,7 @@ struct Flyer {
 inline Matrix3d rotation(const Vector3d &turn)
 {
     const double angle = turn.norm();
-    return angle > 0.0 ? Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix()
-                       : Matrix3d::Identity();
+    return angle > 0.0 ? Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix() : Matrix3d::Identity();
 }
 
 inline std::string message_of(const std::function<void()> &action)

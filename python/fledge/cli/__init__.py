@@ -205,7 +205,7 @@ def find_run(name):
                 raise Failure(f"there are several records in {path}; name one of {', '.join(map(str, found))}")
     known = sorted(map(str, Path("runs").glob("*/*/*.mcap")))
     raise Failure(f"there is no record '{name}'; " + (f"there are {', '.join(known)}" if known
-                                                    else "none has been made yet: ./fledge run MISSION"))
+                                                      else "none has been made yet: ./fledge run MISSION"))
 
 
 def open_run(name):

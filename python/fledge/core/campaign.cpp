@@ -102,9 +102,8 @@ py::array view(py::handle owner, std::vector<double> &values, std::vector<std::s
     return py::array_t<double>(std::move(shape), values.data(), owner);
 }
 
-std::pair<std::unique_ptr<sim::CampaignResult>, bool> fly(const sim::Simulation &nominal,
-                                                          const sim::CampaignPlan &plan, unsigned threads,
-                                                          py::object progress)
+std::pair<std::unique_ptr<sim::CampaignResult>, bool> fly(const sim::Simulation &nominal, const sim::CampaignPlan &plan,
+                                                          unsigned threads, py::object progress)
 {
     if (sim::has_callables(nominal)) {
         throw sim::SetupError("a mission whose events call Python cannot be flown by threads");
@@ -139,33 +138,43 @@ void bind_campaign(py::module_ &m)
     py::class_<sim::CampaignResult>(m, "CampaignResult")
         .def_readonly("samples", &sim::CampaignResult::samples)
         .def_readonly("failures", &sim::CampaignResult::failures)
-        .def_property_readonly("flown", [](const sim::CampaignResult &r) {
-            py::list list;
-            for (const std::uint8_t flown : r.flown) {
-                list.append(py::bool_(flown != 0));
-            }
-            return list;
-        })
-        .def_property_readonly("draws", [](py::object self) {
-            auto &r = self.cast<sim::CampaignResult &>();
-            const std::size_t runs = r.flown.size();
-            return view(self, r.draws, {runs, r.draws.size() / runs});
-        }, "(runs, elements)")
-        .def_property_readonly("retained", [](py::object self) {
-            auto &r = self.cast<sim::CampaignResult &>();
-            const std::size_t runs = r.flown.size();
-            py::list list;
-            for (auto &variable : r.retained) {
-                list.append(view(self, variable, {runs, r.samples, variable.size() / runs / r.samples}));
-            }
-            return list;
-        }, "an array (runs, samples, elements) of each variable");
+        .def_property_readonly("flown",
+                               [](const sim::CampaignResult &r) {
+                                   py::list list;
+                                   for (const std::uint8_t flown : r.flown) {
+                                       list.append(py::bool_(flown != 0));
+                                   }
+                                   return list;
+                               })
+        .def_property_readonly(
+            "draws",
+            [](py::object self) {
+                auto &r = self.cast<sim::CampaignResult &>();
+                const std::size_t runs = r.flown.size();
+                return view(self, r.draws, {runs, r.draws.size() / runs});
+            },
+            "(runs, elements)")
+        .def_property_readonly(
+            "retained",
+            [](py::object self) {
+                auto &r = self.cast<sim::CampaignResult &>();
+                const std::size_t runs = r.flown.size();
+                py::list list;
+                for (auto &variable : r.retained) {
+                    list.append(view(self, variable, {runs, r.samples, variable.size() / runs / r.samples}));
+                }
+                return list;
+            },
+            "an array (runs, samples, elements) of each variable");
 
     m.def("has_callables", sim::has_callables);
-    m.def("fly_one", [](sim::Simulation &simulation, const Plan &plan, std::size_t index) {
-        py::gil_scoped_release release;
-        return std::make_unique<sim::CampaignResult>(sim::fly_one(simulation, plan, index));
-    }, "The result of one run, flown in a simulation made for it.");
+    m.def(
+        "fly_one",
+        [](sim::Simulation &simulation, const Plan &plan, std::size_t index) {
+            py::gil_scoped_release release;
+            return std::make_unique<sim::CampaignResult>(sim::fly_one(simulation, plan, index));
+        },
+        "The result of one run, flown in a simulation made for it.");
     m.def("disperse", sim::disperse, "Set seed and parameters of one run; returns the draws.");
     m.def("fly", fly, py::arg("nominal"), py::arg("plan"), py::arg("threads"), py::arg("progress") = py::none(),
           "(result, whether Ctrl-C stopped it); progress(finished, failed) is called now and then.");

@@ -46,8 +46,7 @@ public:
     {
     }
 
-    void read_by_path(const std::string &topic, const std::string &port, const std::string &latency,
-                      Ns stale_after)
+    void read_by_path(const std::string &topic, const std::string &port, const std::string &latency, Ns stale_after)
     {
         const auto first = port.find('.'), last = port.rfind('.');
         const auto instance = simulation_.process(process_).find(port.substr(first + 1, last - first - 1));
@@ -91,9 +90,8 @@ private:
 /// Take part in a run. The delegate has a thread of its own, while this one looks out for signals. A
 /// Python exception from there ends the run at the next tick, which tells the controller; if none
 /// comes, the connection is closed, which the controller sees at once.
-std::string serve(ProcessNode &node, const std::string &simulation, const std::string &name,
-                  const std::string &address, const std::string &keys, double patience, double delay,
-                  std::function<void()> on_start)
+std::string serve(ProcessNode &node, const std::string &simulation, const std::string &name, const std::string &address,
+                  const std::string &keys, double patience, double delay, std::function<void()> on_start)
 {
     node.on_start = std::move(on_start);
     node.interrupted = false;
@@ -199,8 +197,7 @@ class Control {
 public:
     Control(const std::string &simulation, const std::vector<std::pair<std::string, std::string>> &nodes, Ns end,
             std::uint64_t seed, const std::string &address, const std::string &keys, bool unencrypted, double join,
-            double reply, const std::string &sharing, Ns save_every,
-            std::function<void(const std::string &)> report)
+            double reply, const std::string &sharing, Ns save_every, std::function<void(const std::string &)> report)
         : nodes_(nodes.size())
     {
         cosim::ControllerConfig controller;
@@ -208,8 +205,8 @@ public:
         for (const auto &[name, policy] : nodes) {
             cosim::NodeConfig node;
             node.name = name;
-            node.on_loss = choice(cosim::policy_words, policy,
-                                  "on_loss: expected abort, pause, hold, drop or restart; found ");
+            node.on_loss =
+                choice(cosim::policy_words, policy, "on_loss: expected abort, pause, hold, drop or restart; found ");
             node.save_every = save_every;
             controller.nodes.push_back(std::move(node));
         }
@@ -219,8 +216,8 @@ public:
         router.address = address;
         router.keys = cosim::place_of_keys(keys);
         router.unencrypted_beyond_machine = unencrypted;
-        router.sharing = choice(cosim::sharing_words, sharing,
-                                "sharing: expected allowed, forbidden or required; found ");
+        router.sharing =
+            choice(cosim::sharing_words, sharing, "sharing: expected allowed, forbidden or required; found ");
         router.join = milliseconds(join);
         router.reply = milliseconds(reply);
         router.report = std::move(report);
@@ -327,16 +324,16 @@ void bind_cosim(py::module_ &m)
         .def("read", &ProcessNode::read_by_path)
         .def("serve", serve);
     py::class_<Control>(m, "Control", "The controller of a co-simulation.")
-        .def(py::init<const std::string &, const std::vector<std::pair<std::string, std::string>> &, Ns,
-                      std::uint64_t, const std::string &, const std::string &, bool, double, double,
-                      const std::string &, Ns, std::function<void(const std::string &)>>())
+        .def(py::init<const std::string &, const std::vector<std::pair<std::string, std::string>> &, Ns, std::uint64_t,
+                      const std::string &, const std::string &, bool, double, double, const std::string &, Ns,
+                      std::function<void(const std::string &)>>())
         .def_property_readonly("address", &Control::address)
         .def_property_readonly("times", &Control::times)
         .def("run", &Control::run);
     py::class_<Replay>(m, "Replay", "A node of a co-simulation alone, against the record of the others.")
         .def(py::init<const std::string &, const std::string &, std::uint64_t, Ns, const std::vector<Replay::Part> &,
-                      const std::vector<std::string> &, const std::string &, const std::string &,
-                      const std::string &, double, double>())
+                      const std::vector<std::string> &, const std::string &, const std::string &, const std::string &,
+                      double, double>())
         .def_property_readonly("address", &Replay::address)
         .def("run", &Replay::run);
 }

@@ -18,16 +18,11 @@ const char *kind_text(const FledgeField &field)
 {
     switch (field.type) {
     case FLEDGE_F64:
-    case FLEDGE_F32:
-        return "float";
-    case FLEDGE_CHAR:
-        return "str";
-    case FLEDGE_ENUM:
-        return field.values ? field.values->name : "int";
-    case FLEDGE_STRUCT:
-        return field.ctype;
-    default:
-        return "int";
+    case FLEDGE_F32: return "float";
+    case FLEDGE_CHAR: return "str";
+    case FLEDGE_ENUM: return field.values ? field.values->name : "int";
+    case FLEDGE_STRUCT: return field.ctype;
+    default: return "int";
     }
 }
 
@@ -72,8 +67,8 @@ std::string signature(const FledgeStruct &table)
     for (const bool required : {true, false}) {
         for (std::uint32_t i = 0; i < table.n; i++) {
             const FledgeField &field = table.fields[i];
-            const bool settable = field.group == FLEDGE_PAR || table.kind == FLEDGE_MESSAGE ||
-                                  table.kind == FLEDGE_PLAIN;
+            const bool settable =
+                field.group == FLEDGE_PAR || table.kind == FLEDGE_MESSAGE || table.kind == FLEDGE_PLAIN;
             if (!settable || field.flags & FLEDGE_SPARE ||
                 static_cast<bool>(field.flags & FLEDGE_REQUIRED) != required) {
                 continue;
@@ -91,9 +86,7 @@ std::string signature(const FledgeStruct &table)
 std::string rule_text(const FledgeField &field)
 {
     std::string text;
-    const auto add = [&](const std::string &clause) {
-        text += (text.empty() ? "" : ", ") + clause;
-    };
+    const auto add = [&](const std::string &clause) { text += (text.empty() ? "" : ", ") + clause; };
     if (field.flags & FLEDGE_REQUIRED) {
         add("required");
     }
@@ -111,9 +104,8 @@ std::string rule_text(const FledgeField &field)
     }
     const bool lo = field.bounds & FLEDGE_HAS_LO, hi = field.bounds & FLEDGE_HAS_HI;
     if (lo && hi) {
-        add(std::string("in ") + (field.bounds & FLEDGE_LO_OPEN ? "(" : "[") +
-            sim::format_number(field.lo) + ", " + sim::format_number(field.hi) +
-            (field.bounds & FLEDGE_HI_OPEN ? ")" : "]"));
+        add(std::string("in ") + (field.bounds & FLEDGE_LO_OPEN ? "(" : "[") + sim::format_number(field.lo) + ", " +
+            sim::format_number(field.hi) + (field.bounds & FLEDGE_HI_OPEN ? ")" : "]"));
     } else if (lo) {
         add((field.bounds & FLEDGE_LO_OPEN ? "> " : ">= ") + sim::format_number(field.lo));
     } else if (hi) {

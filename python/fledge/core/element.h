@@ -30,29 +30,19 @@ template <class T> void save(std::byte *bytes, T value)
 template <class F> auto with_type(FledgeType type, F &&f)
 {
     switch (type) {
-    case FLEDGE_F32:
-        return f(float{});
-    case FLEDGE_I8:
-        return f(std::int8_t{});
-    case FLEDGE_U8:
-        return f(std::uint8_t{});
-    case FLEDGE_I16:
-        return f(std::int16_t{});
-    case FLEDGE_U16:
-        return f(std::uint16_t{});
+    case FLEDGE_F32: return f(float{});
+    case FLEDGE_I8: return f(std::int8_t{});
+    case FLEDGE_U8: return f(std::uint8_t{});
+    case FLEDGE_I16: return f(std::int16_t{});
+    case FLEDGE_U16: return f(std::uint16_t{});
     case FLEDGE_I32:
-    case FLEDGE_ENUM:
-        return f(std::int32_t{});
-    case FLEDGE_U32:
-        return f(std::uint32_t{});
-    case FLEDGE_I64:
-        return f(std::int64_t{});
-    case FLEDGE_U64:
-        return f(std::uint64_t{});
+    case FLEDGE_ENUM: return f(std::int32_t{});
+    case FLEDGE_U32: return f(std::uint32_t{});
+    case FLEDGE_I64: return f(std::int64_t{});
+    case FLEDGE_U64: return f(std::uint64_t{});
     case FLEDGE_F64:
     case FLEDGE_CHAR:
-    case FLEDGE_STRUCT:
-        break;
+    case FLEDGE_STRUCT: break;
     }
     return f(double{});
 }
@@ -71,8 +61,7 @@ inline std::uint32_t read_count(const Object &object, const Member &count)
 
 inline void write_count(const Object &object, const Member &count, std::uint32_t n)
 {
-    with_type(count.field->type,
-              [&]<class T>(T) { save(object.memory + count.field->offset, static_cast<T>(n)); });
+    with_type(count.field->type, [&]<class T>(T) { save(object.memory + count.field->offset, static_cast<T>(n)); });
 }
 
 /// Rows that count, of an array.

@@ -19,11 +19,9 @@ bool add_exceptions(PyObject *module)
                                                 "value found and the valid choices.",
                                                 PyExc_ValueError, nullptr);
     the_run_error = PyErr_NewExceptionWithDoc(
-        "fledge.RunError",
-        "A run cannot go on: the text names the instance, the time and the last good values.",
+        "fledge.RunError", "A run cannot go on: the text names the instance, the time and the last good values.",
         PyExc_RuntimeError, nullptr);
-    return the_setup_error && the_run_error &&
-           !PyModule_AddObjectRef(module, "SetupError", the_setup_error) &&
+    return the_setup_error && the_run_error && !PyModule_AddObjectRef(module, "SetupError", the_setup_error) &&
            !PyModule_AddObjectRef(module, "RunError", the_run_error);
 }
 

@@ -13,7 +13,7 @@ void bind_simulation(pybind11::module_ &m); ///< the kernel
 void bind_world(pybind11::module_ &m);      ///< what models take besides parameters
 void bind_campaign(pybind11::module_ &m);   ///< dispersed runs
 void bind_sky(pybind11::module_ &m);        ///< ephemerides, orientations, gravity fields
-void bind_cosim(pybind11::module_ &m);   ///< a process as a node of many programs
+void bind_cosim(pybind11::module_ &m);      ///< a process as a node of many programs
 
 /// The instance of a module or model. Throws TypeError for anything else.
 std::shared_ptr<sim::Instance> instance_of(pybind11::handle object);

@@ -67,8 +67,7 @@ Read read_buffer(PyObject *value, Numbers &out)
         out.ndim = buffer.ndim;
         std::copy_n(buffer.shape, buffer.ndim, out.shape.begin());
         out.values.resize(static_cast<std::size_t>(buffer.len) / sizeof(double));
-        read = PyBuffer_ToContiguous(out.values.data(), &buffer, buffer.len, 'C') ? Read::error
-                                                                                  : Read::yes;
+        read = PyBuffer_ToContiguous(out.values.data(), &buffer, buffer.len, 'C') ? Read::error : Read::yes;
     }
     PyBuffer_Release(&buffer);
     return read;

@@ -60,8 +60,7 @@ int set_attribute(PyObject *self, PyObject *name, PyObject *value)
         PyObject *there = PyObject_GetAttr(reinterpret_cast<PyObject *>(Py_TYPE(self)), name);
         if (there) {
             Py_DECREF(there);
-            PyErr_Format(PyExc_AttributeError, "%s: '%U' cannot be assigned", path_of(self).c_str(),
-                         name);
+            PyErr_Format(PyExc_AttributeError, "%s: '%U' cannot be assigned", path_of(self).c_str(), name);
         } else {
             explain_attribute(self, name);
         }
@@ -88,9 +87,8 @@ bool set_keywords(PyObject *self, const Type &type, PyObject *arguments, PyObjec
                 example = &member;
             }
         }
-        PyErr_Format(PyExc_TypeError, "%s takes keywords only%s%s%s", type.table->name,
-                     example ? ", as in " : "", example ? example->field->name : "",
-                     example ? "=..." : "");
+        PyErr_Format(PyExc_TypeError, "%s takes keywords only%s%s%s", type.table->name, example ? ", as in " : "",
+                     example ? example->field->name : "", example ? "=..." : "");
         return false;
     }
     if (!keywords) {
@@ -105,23 +103,16 @@ bool set_keywords(PyObject *self, const Type &type, PyObject *arguments, PyObjec
         }
         found++;
         switch (store(self, member, value)) {
-        case Stored::yes:
-            break;
-        case Stored::no:
-            return false;
-        case Stored::needs_count:
-            waiting.emplace_back(&member, value);
+        case Stored::yes: break;
+        case Stored::no: return false;
+        case Stored::needs_count: waiting.emplace_back(&member, value);
         }
     }
     for (const auto &[member, value] : waiting) {
         switch (store(self, *member, value)) {
-        case Stored::yes:
-            break;
-        case Stored::needs_count:
-            complain_of_count(self, *member);
-            [[fallthrough]];
-        case Stored::no:
-            return false;
+        case Stored::yes: break;
+        case Stored::needs_count: complain_of_count(self, *member); [[fallthrough]];
+        case Stored::no: return false;
         }
     }
     if (found == PyDict_GET_SIZE(keywords)) {
@@ -204,8 +195,7 @@ PyObject *new_message(PyTypeObject *python, PyObject *arguments, PyObject *keywo
 
 PyObject *no_new(PyTypeObject *python, PyObject *, PyObject *)
 {
-    PyErr_Format(PyExc_TypeError, "%s is what its kind has in common; make one of a kind instead",
-                 python->tp_name);
+    PyErr_Format(PyExc_TypeError, "%s is what its kind has in common; make one of a kind instead", python->tp_name);
     return nullptr;
 }
 
@@ -269,8 +259,8 @@ PyObject *update(PyObject *self, PyObject *arguments, PyObject *keywords)
     static const char *names[] = {"t", "dt", "t_ns", "dt_ns", nullptr};
     double t = 0.0, dt = 0.0;
     PyObject *t_ns = Py_None, *dt_ns = Py_None;
-    if (!PyArg_ParseTupleAndKeywords(arguments, keywords, "|dd$OO:update",
-                                     const_cast<char **>(names), &t, &dt, &t_ns, &dt_ns)) {
+    if (!PyArg_ParseTupleAndKeywords(arguments, keywords, "|dd$OO:update", const_cast<char **>(names), &t, &dt, &t_ns,
+                                     &dt_ns)) {
         return nullptr;
     }
     const auto ns = [](double seconds, PyObject *exact) -> std::int64_t {
@@ -290,8 +280,7 @@ PyMethodDef module_methods[] = {
      "reset($self, /)\n--\n\nForget what was learnt from earlier updates, as at the start of a "
      "run.\n"
      "The parameters are checked first: SetupError lists every fault."},
-    {"update", reinterpret_cast<PyCFunction>(reinterpret_cast<void (*)()>(update)),
-     METH_VARARGS | METH_KEYWORDS,
+    {"update", reinterpret_cast<PyCFunction>(reinterpret_cast<void (*)()>(update)), METH_VARARGS | METH_KEYWORDS,
      "update($self, /, t=0.0, dt=0.0, *, t_ns=None, dt_ns=None)\n--\n\n"
      "Run the algorithm once, by itself: read the inputs, write the outputs.\n\n"
      "t is the time [s], dt the time since the last update [s], 0 at the first after a reset. Give "
@@ -299,13 +288,10 @@ PyMethodDef module_methods[] = {
      "and dt_ns instead for exact nanoseconds."},
     {}};
 
-PyMemberDef object_members[] = {{"__weaklistoffset__", T_PYSSIZET,
-                                 static_cast<Py_ssize_t>(offsetof(Object, weak)), READONLY,
-                                 nullptr},
-                                {}};
+PyMemberDef object_members[] = {
+    {"__weaklistoffset__", T_PYSSIZET, static_cast<Py_ssize_t>(offsetof(Object, weak)), READONLY, nullptr}, {}};
 
-PyTypeObject *make_base(const char *name, const char *doc, std::size_t size, PyMethodDef *methods,
-                        bool wires)
+PyTypeObject *make_base(const char *name, const char *doc, std::size_t size, PyMethodDef *methods, bool wires)
 {
     std::vector<PyType_Slot> slots{{Py_tp_new, reinterpret_cast<void *>(no_new)},
                                    {Py_tp_doc, const_cast<char *>(doc)},
@@ -317,8 +303,7 @@ PyTypeObject *make_base(const char *name, const char *doc, std::size_t size, PyM
         slots.push_back({Py_nb_rshift, reinterpret_cast<void *>(wire)});
     }
     slots.push_back({0, nullptr});
-    PyType_Spec spec{name, static_cast<int>(size), 0, Py_TPFLAGS_DEFAULT | Py_TPFLAGS_BASETYPE,
-                     slots.data()};
+    PyType_Spec spec{name, static_cast<int>(size), 0, Py_TPFLAGS_DEFAULT | Py_TPFLAGS_BASETYPE, slots.data()};
     return reinterpret_cast<PyTypeObject *>(PyType_FromSpec(&spec));
 }
 
@@ -355,8 +340,7 @@ std::string path_of(PyObject *object)
         return as_root(object)->instance->path;
     }
     const View *view = as_view(object);
-    return view->owner ? path_of(view->owner) + "." + view->member->field->name
-                       : view->type->table->name;
+    return view->owner ? path_of(view->owner) + "." + view->member->field->name : view->type->table->name;
 }
 
 PyObject *root_of(PyObject *object)
@@ -371,8 +355,7 @@ PyObject *wrap(std::shared_ptr<sim::Instance> instance)
 {
     const Type *type = find_type(instance->type());
     if (!type) {
-        PyErr_Format(PyExc_TypeError, "no library with the type %s is loaded",
-                     instance->type().name);
+        PyErr_Format(PyExc_TypeError, "no library with the type %s is loaded", instance->type().name);
         return nullptr;
     }
     return reinterpret_cast<PyObject *>(allocate_root(*type, std::move(instance)));
@@ -391,14 +374,11 @@ PyObject *hook(const char *name)
 
 bool add_base_types(PyObject *module)
 {
-    module_base = make_base("fledge.Module",
-                            "A flight algorithm: its inputs, outputs, parameters and memory.",
+    module_base = make_base("fledge.Module", "A flight algorithm: its inputs, outputs, parameters and memory.",
                             sizeof(Root), module_methods, false);
-    model_base =
-        make_base("fledge.Model", "A piece of the simulated world.", sizeof(Root), nullptr, false);
-    message_base = make_base(
-        "fledge.Message", "What modules and models exchange. `a.output >> b.input` makes a wire.",
-        sizeof(View), nullptr, true);
+    model_base = make_base("fledge.Model", "A piece of the simulated world.", sizeof(Root), nullptr, false);
+    message_base = make_base("fledge.Message", "What modules and models exchange. `a.output >> b.input` makes a wire.",
+                             sizeof(View), nullptr, true);
     return module_base && model_base && message_base && !PyModule_AddType(module, module_base) &&
            !PyModule_AddType(module, model_base) && !PyModule_AddType(module, message_base);
 }
@@ -449,31 +429,28 @@ const Type *type_of(const FledgeStruct &table, const char *library, const sim::M
         if (member.field->count) {
             member.count = type.find(member.field->count);
         }
-        type.getset.push_back({member.field->name, getter_for(*member.field),
-                               setter_for(*member.field), member.doc.c_str(), &member});
+        type.getset.push_back(
+            {member.field->name, getter_for(*member.field), setter_for(*member.field), member.doc.c_str(), &member});
     }
     type.getset.push_back({});
 
     const bool root = table.kind == FLEDGE_MODULE || table.kind == FLEDGE_MODEL;
     const std::string name = "fledge." + std::string(library) + "." + table.name;
     const std::string doc = type_doc(table);
-    PyType_Slot slots[] = {
-        {Py_tp_new, reinterpret_cast<void *>(root ? new_root : new_message)},
-        {Py_tp_dealloc, reinterpret_cast<void *>(root ? delete_root : delete_view)},
-        {Py_tp_getattro, reinterpret_cast<void *>(get_attribute)},
-        {Py_tp_setattro, reinterpret_cast<void *>(set_attribute)},
-        {Py_tp_repr, reinterpret_cast<void *>(represent)},
-        {Py_tp_getset, type.getset.data()},
-        {Py_tp_doc, const_cast<char *>(doc.c_str())},
-        {0, nullptr}};
+    PyType_Slot slots[] = {{Py_tp_new, reinterpret_cast<void *>(root ? new_root : new_message)},
+                           {Py_tp_dealloc, reinterpret_cast<void *>(root ? delete_root : delete_view)},
+                           {Py_tp_getattro, reinterpret_cast<void *>(get_attribute)},
+                           {Py_tp_setattro, reinterpret_cast<void *>(set_attribute)},
+                           {Py_tp_repr, reinterpret_cast<void *>(represent)},
+                           {Py_tp_getset, type.getset.data()},
+                           {Py_tp_doc, const_cast<char *>(doc.c_str())},
+                           {0, nullptr}};
     // Not a base type: an attribute misspelt in a subclass would become one of the instance.
-    PyType_Spec spec{name.c_str(), static_cast<int>(root ? sizeof(Root) : sizeof(View)), 0,
-                     Py_TPFLAGS_DEFAULT, slots};
+    PyType_Spec spec{name.c_str(), static_cast<int>(root ? sizeof(Root) : sizeof(View)), 0, Py_TPFLAGS_DEFAULT, slots};
     PyTypeObject *base = table.kind == FLEDGE_MODULE  ? module_base
                          : table.kind == FLEDGE_MODEL ? model_base
                                                       : message_base;
-    type.python = reinterpret_cast<PyTypeObject *>(
-        PyType_FromSpecWithBases(&spec, reinterpret_cast<PyObject *>(base)));
+    type.python = reinterpret_cast<PyTypeObject *>(PyType_FromSpecWithBases(&spec, reinterpret_cast<PyObject *>(base)));
     if (!type.python) {
         return nullptr;
     }

@@ -102,8 +102,7 @@ bool add_base_types(PyObject *module);
 
 /// The Python type of a struct, made at the first call. A struct of the same name and content in
 /// another library is the same type. Null with an exception set on failure.
-const Type *type_of(const FledgeStruct &table, const char *library,
-                    const sim::ModelType *model = nullptr);
+const Type *type_of(const FledgeStruct &table, const char *library, const sim::ModelType *model = nullptr);
 
 /// The type made from this struct earlier, or null.
 const Type *find_type(const FledgeStruct &table);

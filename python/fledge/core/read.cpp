@@ -12,8 +12,7 @@ namespace {
 
 PyObject *get_f64(PyObject *self, void *closure)
 {
-    return PyFloat_FromDouble(
-        load<double>(as_object(self)->memory + member_of(closure).field->offset));
+    return PyFloat_FromDouble(load<double>(as_object(self)->memory + member_of(closure).field->offset));
 }
 
 PyObject *get_number(PyObject *self, void *closure)
@@ -39,9 +38,8 @@ PyObject *enumeration_of(Member &member)
         PyObject *make = hook("enumeration");
         PyObject *list = PyList_New(0);
         for (std::uint32_t i = 0; make && list && i < values.n; i++) {
-            PyObject *item =
-                Py_BuildValue("(sLs)", values.values[i].name,
-                              static_cast<long long>(values.values[i].value), values.values[i].doc);
+            PyObject *item = Py_BuildValue("(sLs)", values.values[i].name,
+                                           static_cast<long long>(values.values[i].value), values.values[i].doc);
             if (!item || PyList_Append(list, item)) {
                 Py_CLEAR(list);
             }
@@ -72,8 +70,7 @@ PyObject *get_text(PyObject *self, void *closure)
 {
     const FledgeField &field = *member_of(closure).field;
     const char *text = reinterpret_cast<const char *>(as_object(self)->memory + field.offset);
-    return PyUnicode_DecodeUTF8(text, static_cast<Py_ssize_t>(strnlen(text, field.size)),
-                                "replace");
+    return PyUnicode_DecodeUTF8(text, static_cast<Py_ssize_t>(strnlen(text, field.size)), "replace");
 }
 
 PyObject *make_view(PyObject *owner, const Member &member, std::byte *memory)
@@ -112,27 +109,17 @@ PyObject *get_struct(PyObject *self, void *closure)
 int numpy_type(FledgeType type)
 {
     switch (type) {
-    case FLEDGE_F32:
-        return NPY_FLOAT32;
-    case FLEDGE_I8:
-        return NPY_INT8;
-    case FLEDGE_U8:
-        return NPY_UINT8;
-    case FLEDGE_I16:
-        return NPY_INT16;
-    case FLEDGE_U16:
-        return NPY_UINT16;
+    case FLEDGE_F32: return NPY_FLOAT32;
+    case FLEDGE_I8: return NPY_INT8;
+    case FLEDGE_U8: return NPY_UINT8;
+    case FLEDGE_I16: return NPY_INT16;
+    case FLEDGE_U16: return NPY_UINT16;
     case FLEDGE_I32:
-    case FLEDGE_ENUM:
-        return NPY_INT32;
-    case FLEDGE_U32:
-        return NPY_UINT32;
-    case FLEDGE_I64:
-        return NPY_INT64;
-    case FLEDGE_U64:
-        return NPY_UINT64;
-    default:
-        return NPY_FLOAT64;
+    case FLEDGE_ENUM: return NPY_INT32;
+    case FLEDGE_U32: return NPY_UINT32;
+    case FLEDGE_I64: return NPY_INT64;
+    case FLEDGE_U64: return NPY_UINT64;
+    default: return NPY_FLOAT64;
     }
 }
 
@@ -147,11 +134,10 @@ PyObject *get_array(PyObject *self, void *closure)
     npy_intp shape[FLEDGE_DIMS_MAX];
     std::copy_n(field.shape, field.ndim, shape);
     shape[0] = rows_of(*as_object(self), member);
-    PyObject *array = PyArray_NewFromDescr(
-        &PyArray_Type, PyArray_DescrFromType(numpy_type(field.type)), static_cast<int>(field.ndim),
-        shape, nullptr, as_object(self)->memory + field.offset, NPY_ARRAY_CARRAY, nullptr);
-    if (array &&
-        PyArray_SetBaseObject(reinterpret_cast<PyArrayObject *>(array), Py_NewRef(self)) < 0) {
+    PyObject *array =
+        PyArray_NewFromDescr(&PyArray_Type, PyArray_DescrFromType(numpy_type(field.type)), static_cast<int>(field.ndim),
+                             shape, nullptr, as_object(self)->memory + field.offset, NPY_ARRAY_CARRAY, nullptr);
+    if (array && PyArray_SetBaseObject(reinterpret_cast<PyArrayObject *>(array), Py_NewRef(self)) < 0) {
         Py_CLEAR(array);
     }
     return array;
@@ -162,14 +148,10 @@ PyObject *get_array(PyObject *self, void *closure)
 getter getter_for(const FledgeField &field)
 {
     switch (field.type) {
-    case FLEDGE_STRUCT:
-        return get_struct;
-    case FLEDGE_CHAR:
-        return get_text;
-    case FLEDGE_ENUM:
-        return field.ndim ? get_array : get_enum;
-    default:
-        return field.ndim ? get_array : field.type == FLEDGE_F64 ? get_f64 : get_number;
+    case FLEDGE_STRUCT: return get_struct;
+    case FLEDGE_CHAR: return get_text;
+    case FLEDGE_ENUM: return field.ndim ? get_array : get_enum;
+    default: return field.ndim ? get_array : field.type == FLEDGE_F64 ? get_f64 : get_number;
     }
 }
 

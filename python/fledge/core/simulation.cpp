@@ -18,8 +18,7 @@ using sim::Ns;
 
 sim::Port port_of(py::handle view)
 {
-    if (!is_view(view.ptr()) || !as_view(view.ptr())->owner ||
-        !is_root(as_view(view.ptr())->owner)) {
+    if (!is_view(view.ptr()) || !as_view(view.ptr())->owner || !is_root(as_view(view.ptr())->owner)) {
         throw py::type_error("expected an input or output, as in flight.control.error; found " +
                              std::string(py::repr(view)));
     }
@@ -57,9 +56,8 @@ template <class T> T named(const char *const *names, const std::string &name)
 
 /// A comparison of a field of a message or module with a constant. `index` picks an element; the
 /// measures "norm" and "max_abs" take them all.
-Condition make_condition(py::handle object, const FledgeField &field, std::uint32_t index,
-                         const std::string &measure, const std::string &comparison, double constant,
-                         const std::string &text)
+Condition make_condition(py::handle object, const FledgeField &field, std::uint32_t index, const std::string &measure,
+                         const std::string &comparison, double constant, const std::string &text)
 {
     Condition condition;
     PyObject *root = root_of(object.ptr());
@@ -68,18 +66,16 @@ Condition make_condition(py::handle object, const FledgeField &field, std::uint3
     condition.measure = named<Condition::Measure>(measures, measure);
     condition.comparison = named<Condition::Comparison>(comparisons, comparison);
     condition.elements = condition.measure == Condition::Measure::element ? 1 : elements;
-    condition.offset =
-        static_cast<std::uint32_t>(as_object(object.ptr())->memory - condition.instance->memory()) +
-        field.offset + index * (field.size / elements);
+    condition.offset = static_cast<std::uint32_t>(as_object(object.ptr())->memory - condition.instance->memory()) +
+                       field.offset + index * (field.size / elements);
     condition.type = field.type;
     condition.constant = constant;
     condition.text = text;
     return condition;
 }
 
-std::shared_ptr<sim::Event> add_event(sim::Process &process, const std::string &name,
-                                      py::object when, Ns hold, bool once, const std::string &mode,
-                                      std::function<void()> action)
+std::shared_ptr<sim::Event> add_event(sim::Process &process, const std::string &name, py::object when, Ns hold,
+                                      bool once, const std::string &mode, std::function<void()> action)
 {
     sim::Event event;
     event.name = name;
@@ -182,8 +178,7 @@ py::dict wrap_instances(const sim::Process &process)
 
 void bind_simulation(py::module_ &m)
 {
-    py::class_<sim::Integrator, std::shared_ptr<sim::Integrator>>(m, "Integrator",
-                                                                  "A method of integration.")
+    py::class_<sim::Integrator, std::shared_ptr<sim::Integrator>>(m, "Integrator", "A method of integration.")
         .def("__repr__", &sim::Integrator::describe);
     m.def("rk4", [] { return std::shared_ptr<sim::Integrator>(sim::make_rk4()); });
     m.def("adaptive", [](double relative, double absolute) {
@@ -193,15 +188,12 @@ void bind_simulation(py::module_ &m)
     py::class_<Condition>(m, "Condition", "A comparison of a field with a constant.")
         .def("__repr__", [](const Condition &c) { return c.text; })
         .def_property_readonly(
-            "path", [](const Condition &c) { return c.instance->path; },
-            "of the module or model that it looks at")
+            "path", [](const Condition &c) { return c.instance->path; }, "of the module or model that it looks at")
         .def_readonly("offset", &Condition::offset, "[bytes] of the first element, in its memory")
         .def_readonly("elements", &Condition::elements)
-        .def_property_readonly(
-            "measure", [](const Condition &c) { return measures[static_cast<int>(c.measure)]; })
-        .def_property_readonly(
-            "comparison",
-            [](const Condition &c) { return comparisons[static_cast<int>(c.comparison)]; })
+        .def_property_readonly("measure", [](const Condition &c) { return measures[static_cast<int>(c.measure)]; })
+        .def_property_readonly("comparison",
+                               [](const Condition &c) { return comparisons[static_cast<int>(c.comparison)]; })
         .def_readonly("constant", &Condition::constant)
         .def("__bool__", &Condition::holds);
     m.def("condition", make_condition);
@@ -218,32 +210,27 @@ void bind_simulation(py::module_ &m)
         .def_readwrite("action", &sim::Event::action);
 
     py::class_<sim::Log, std::shared_ptr<sim::Log>>(m, "Log", "The samples of one port.")
+        .def_property_readonly("path", [](const sim::Log &log) { return log.instance->path + "." + log.field->name; })
         .def_property_readonly(
-            "path", [](const sim::Log &log) { return log.instance->path + "." + log.field->name; })
-        .def_property_readonly(
-            "struct", [](const sim::Log &log) { return log.field->sub; },
-            py::return_value_policy::reference)
+            "struct", [](const sim::Log &log) { return log.field->sub; }, py::return_value_policy::reference)
         .def_readonly("every", &sim::Log::every)
         .def("__len__", [](const sim::Log &log) { return log.times.size(); })
         .def("times",
              [](const sim::Log &log) {
-                 return py::bytes(reinterpret_cast<const char *>(log.times.data()),
-                                  log.times.size() * sizeof(Ns));
+                 return py::bytes(reinterpret_cast<const char *>(log.times.data()), log.times.size() * sizeof(Ns));
              })
         .def("bytes", [](const sim::Log &log) { return bytes_of(log.bytes); })
         .def("last", [](const sim::Log &log) {
             const std::size_t size = log.times.empty() ? 0 : log.field->size;
-            return py::bytes(
-                reinterpret_cast<const char *>(log.bytes.data() + log.bytes.size() - size), size);
+            return py::bytes(reinterpret_cast<const char *>(log.bytes.data() + log.bytes.size() - size), size);
         });
 
     py::class_<sim::Process>(m, "Process")
         .def_readonly("name", &sim::Process::name)
-        .def("add", [](sim::Process &p, const std::string &name,
-                       py::handle object) { p.add(name, instance_of(object)); })
+        .def("add",
+             [](sim::Process &p, const std::string &name, py::handle object) { p.add(name, instance_of(object)); })
         .def("add_task",
-             [](sim::Process &p, const std::string &name, Ns period, Ns offset, int priority,
-                const py::iterable &run) {
+             [](sim::Process &p, const std::string &name, Ns period, Ns offset, int priority, const py::iterable &run) {
                  p.add_task({name, period, offset, priority, instances_of(run)});
              })
         .def("add_mode",
@@ -256,9 +243,7 @@ void bind_simulation(py::module_ &m)
         .def_property_readonly("mode", &sim::Process::mode)
         .def_property(
             "integrator", [](const sim::Process &p) { return p.integrator().describe(); },
-            [](sim::Process &p, std::shared_ptr<sim::Integrator> i) {
-                p.set_integrator(std::move(i));
-            })
+            [](sim::Process &p, std::shared_ptr<sim::Integrator> i) { p.set_integrator(std::move(i)); })
         .def("wrap", wrap_instances)
         .def_property_readonly(
             "tasks",
@@ -269,8 +254,7 @@ void bind_simulation(py::module_ &m)
                     for (const auto &instance : task.run) {
                         run.append(instance->name);
                     }
-                    list.append(
-                        py::make_tuple(task.name, task.period, task.offset, task.priority, run));
+                    list.append(py::make_tuple(task.name, task.period, task.offset, task.priority, run));
                 }
                 return list;
             },
@@ -289,13 +273,9 @@ void bind_simulation(py::module_ &m)
 
     py::class_<sim::Simulation>(m, "Simulation")
         .def(py::init<std::uint64_t>(), py::arg("seed") = 0)
-        .def("add_process", &sim::Simulation::add_process,
-             py::return_value_policy::reference_internal)
+        .def("add_process", &sim::Simulation::add_process, py::return_value_policy::reference_internal)
         .def(
-            "process",
-            [](sim::Simulation &s, const std::string &name) -> sim::Process & {
-                return s.process(name);
-            },
+            "process", [](sim::Simulation &s, const std::string &name) -> sim::Process & { return s.process(name); },
             py::return_value_policy::reference_internal)
         .def("connect",
              [](sim::Simulation &s, py::handle from, py::handle to, int latency, Ns stale_after) {
@@ -306,8 +286,8 @@ void bind_simulation(py::module_ &m)
             [](const sim::Simulation &s) {
                 py::list list;
                 for (const sim::Wire &wire : s.wires()) {
-                    list.append(py::make_tuple(wire.from.path(), wire.to.path(),
-                                               wire.options.latency, wire.options.stale_after));
+                    list.append(py::make_tuple(wire.from.path(), wire.to.path(), wire.options.latency,
+                                               wire.options.stale_after));
                 }
                 return list;
             },
@@ -349,11 +329,9 @@ void bind_simulation(py::module_ &m)
         .def("open_archive", [](sim::Simulation &s, const std::string &path,
                                 const sim::Pairs &run) { s.recorder().open_archive(path, run); })
         .def(
-            "close_archive",
-            [](sim::Simulation &s, const sim::Pairs &end) { s.recorder().close_archive(end); },
+            "close_archive", [](sim::Simulation &s, const sim::Pairs &end) { s.recorder().close_archive(end); },
             py::arg("end") = sim::Pairs{})
-        .def_property_readonly("archiving",
-                               [](sim::Simulation &s) { return s.recorder().archiving(); })
+        .def_property_readonly("archiving", [](sim::Simulation &s) { return s.recorder().archiving(); })
         .def("snapshot", [](const sim::Simulation &s) { return bytes_of(s.snapshot()); })
         .def("restore",
              [](sim::Simulation &s, const py::bytes &bytes) {

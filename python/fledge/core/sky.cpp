@@ -28,13 +28,10 @@ Triple triple(const Eigen::Vector3d &x)
     return {x[0], x[1], x[2]};
 }
 
-std::shared_ptr<Sky> make_sky(const std::string &epoch, int center,
-                              const std::vector<std::string> &kernels,
-                              const std::optional<std::string> &leap_seconds,
-                              const std::optional<std::string> &pck)
+std::shared_ptr<Sky> make_sky(const std::string &epoch, int center, const std::vector<std::string> &kernels,
+                              const std::optional<std::string> &leap_seconds, const std::optional<std::string> &pck)
 {
-    world::TimeSystem time =
-        leap_seconds ? world::TimeSystem::read(*leap_seconds) : world::TimeSystem();
+    world::TimeSystem time = leap_seconds ? world::TimeSystem::read(*leap_seconds) : world::TimeSystem();
     const world::Epoch begin = time.epoch(epoch);
     world::Ephemeris ephemeris;
     for (const std::string &kernel : kernels) {
@@ -48,22 +45,19 @@ std::shared_ptr<Sky> make_sky(const std::string &epoch, int center,
     if (pck) {
         constants = world::TextKernel::read(*pck);
         const std::vector<std::string> names = constants->names();
-        if (std::none_of(names.begin(), names.end(), [](const std::string &name) {
-                return name.starts_with("BODY") && name.ends_with("_PM");
-            })) {
+        if (std::none_of(names.begin(), names.end(),
+                         [](const std::string &name) { return name.starts_with("BODY") && name.ends_with("_PM"); })) {
             throw sim::SetupError(*pck + ": says of no body how it turns (BODY499_PM, say); "
                                          "expected a kernel of planetary constants (.tpc)");
         }
     }
-    return std::make_shared<Sky>(std::move(ephemeris), std::move(time), begin, center,
-                                 std::move(constants));
+    return std::make_shared<Sky>(std::move(ephemeris), std::move(time), begin, center, std::move(constants));
 }
 
 /// (r, v, a) of a body relative to another; that stands in for what only has a barycentre.
 py::tuple state(const Sky &sky, int body, int center, Ns t)
 {
-    const world::BodyState state =
-        sky.ephemeris().state(sky.given_as(body), sky.given_as(center), sky.epoch_at(t));
+    const world::BodyState state = sky.ephemeris().state(sky.given_as(body), sky.given_as(center), sky.epoch_at(t));
     return py::make_tuple(triple(state.r), triple(state.v), triple(state.a));
 }
 
@@ -71,9 +65,8 @@ py::tuple orientation(const Sky &sky, int body, Ns t)
 {
     const world::BodyAttitude attitude = sky.orientation(body).at(sky.epoch_at(t));
     const Eigen::Matrix3d &dcm = attitude.dcm_PN;
-    return py::make_tuple(
-        std::array<Triple, 3>{triple(dcm.row(0)), triple(dcm.row(1)), triple(dcm.row(2))},
-        triple(attitude.omega_PN_P));
+    return py::make_tuple(std::array<Triple, 3>{triple(dcm.row(0)), triple(dcm.row(1)), triple(dcm.row(2))},
+                          triple(attitude.omega_PN_P));
 }
 
 world::TimeScale scale_of(const std::string &name)
@@ -100,8 +93,8 @@ template <typename Use> auto with_sky(py::handle object, const Use &use)
 
 void bind_sky(py::module_ &m)
 {
-    py::class_<world::Harmonics, std::shared_ptr<world::Harmonics>>(
-        m, "Harmonics", "A gravity field in spherical harmonics.")
+    py::class_<world::Harmonics, std::shared_ptr<world::Harmonics>>(m, "Harmonics",
+                                                                    "A gravity field in spherical harmonics.")
         .def_property_readonly("degree", &world::Harmonics::degree)
         .def_property_readonly("mu", &world::Harmonics::mu)
         .def_property_readonly("radius", &world::Harmonics::radius);
@@ -121,10 +114,8 @@ void bind_sky(py::module_ &m)
         .def("state", state)
         .def("orientation", orientation)
         .def("seconds", [](const Sky &sky, Ns t) { return sky.epoch_at(t).seconds(); })
-        .def("text",
-             [](const Sky &sky, Ns t, const std::string &scale) {
-                 return sky.time_system().text(sky.epoch_at(t), scale_of(scale));
-             })
+        .def("text", [](const Sky &sky, Ns t,
+                        const std::string &scale) { return sky.time_system().text(sky.epoch_at(t), scale_of(scale)); })
         .def("time_of", [](const Sky &sky, const std::string &text) {
             return sky.time_system().epoch(text).ns - sky.epoch_at(0).ns;
         });
@@ -132,8 +123,7 @@ void bind_sky(py::module_ &m)
         with_sky(object, [&](auto &model) { model.set_sky(std::move(sky)); });
     });
     m.def("sky", [](py::handle object) {
-        return with_sky(object,
-                        [](auto &model) { return std::const_pointer_cast<Sky>(model.sky()); });
+        return with_sky(object, [](auto &model) { return std::const_pointer_cast<Sky>(model.sky()); });
     });
 
     m.def("body_name", world::body_name);

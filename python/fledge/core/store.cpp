@@ -52,8 +52,7 @@ std::string expectation(const Member &member)
 }
 
 /// Set SetupError: "flight.control.K: expected a number, in N m; found 'high'".
-Stored refuse(PyObject *object, const Member &member, PyObject *value,
-              const std::string &found = "")
+Stored refuse(PyObject *object, const Member &member, PyObject *value, const std::string &found = "")
 {
     std::string text = found;
     if (text.empty()) {
@@ -68,9 +67,9 @@ Stored refuse(PyObject *object, const Member &member, PyObject *value,
         }
     }
     PyErr_Clear();
-    PyErr_SetString(setup_error(), (path_of(object) + "." + member.field->name + ": expected " +
-                                    expectation(member) + "; found " + text)
-                                       .c_str());
+    PyErr_SetString(
+        setup_error(),
+        (path_of(object) + "." + member.field->name + ": expected " + expectation(member) + "; found " + text).c_str());
     return Stored::no;
 }
 
@@ -89,8 +88,7 @@ PyObject *strip(PyObject *object, const Member &member, PyObject *value)
         PyTuple_SET_ITEM(dims, i, PyLong_FromLong(field.dims[i]));
     }
     const std::string path = path_of(object) + "." + field.name, expected = expectation(member);
-    PyObject *plain = PyObject_CallFunction(function, "OssNs", value, path.c_str(), field.unit,
-                                            dims, expected.c_str());
+    PyObject *plain = PyObject_CallFunction(function, "OssNs", value, path.c_str(), field.unit, dims, expected.c_str());
     return plain;
 }
 
@@ -156,8 +154,7 @@ bool obeys(PyObject *object, const Member &member)
         return true;
     }
     try {
-        sim::check_field(*member.owner->table, *member.field, as_object(object)->memory,
-                         path_of(object));
+        sim::check_field(*member.owner->table, *member.field, as_object(object)->memory, path_of(object));
     } catch (...) {
         translate_exception();
         return false;
@@ -172,8 +169,7 @@ bool write_number(std::byte *to, FledgeType type, double x)
         if constexpr (!std::is_floating_point_v<T>) {
             // The upper limit as a double may be one beyond the type's: hence "<".
             const double beyond = std::ldexp(1.0, std::numeric_limits<T>::digits);
-            if (!(x >= static_cast<double>(std::numeric_limits<T>::min()) && x < beyond) ||
-                x != std::floor(x)) {
+            if (!(x >= static_cast<double>(std::numeric_limits<T>::min()) && x < beyond) || x != std::floor(x)) {
                 return false;
             }
         }
@@ -194,17 +190,14 @@ bool settle_count(PyObject *object, const Member &member, std::uint32_t rows)
         holder = "as given";
     }
     for (const Member &other : member.owner->members) {
-        if (n && other.count == member.count && &other != &member &&
-            (is_given(object, other) || !is_root(object))) {
+        if (n && other.count == member.count && &other != &member && (is_given(object, other) || !is_root(object))) {
             holder = holder.empty() ? "as in " + std::string(other.field->name) : holder;
         }
     }
     if (!holder.empty()) {
-        PyErr_Format(
-            setup_error(),
-            "%s.%s: expected %u rows, for %s is %u, %s; found %u. Set %s first to change it",
-            path_of(object).c_str(), member.field->name, n, member.field->count, n, holder.c_str(),
-            rows, member.field->count);
+        PyErr_Format(setup_error(), "%s.%s: expected %u rows, for %s is %u, %s; found %u. Set %s first to change it",
+                     path_of(object).c_str(), member.field->name, n, member.field->count, n, holder.c_str(), rows,
+                     member.field->count);
         return false;
     }
     write_count(*as_object(object), *member.count, rows);
@@ -216,8 +209,7 @@ bool settle_count(PyObject *object, const Member &member, std::uint32_t rows)
 }
 
 /// Spread what was given over the elements of the field. `out` has the size of the field.
-Stored spread(PyObject *object, const Member &member, PyObject *value, const Numbers &in,
-              std::vector<double> &out)
+Stored spread(PyObject *object, const Member &member, PyObject *value, const Numbers &in, std::vector<double> &out)
 {
     const FledgeField &field = *member.field;
     const std::size_t elements = sim::field_elements(field);
@@ -246,8 +238,7 @@ Stored spread(PyObject *object, const Member &member, PyObject *value, const Num
     } else if (same_from(0)) {
         out = in.values;
         return Stored::yes;
-    } else if (field.ndim == 2 && row == field.shape[0] &&
-               (in.ndim == 0 || (in.ndim == 1 && in.shape[0] == row))) {
+    } else if (field.ndim == 2 && row == field.shape[0] && (in.ndim == 0 || (in.ndim == 1 && in.shape[0] == row))) {
         for (std::size_t i = 0; i < row; i++) {
             out[i * row + i] = in.values[in.ndim ? i : 0];
         }
@@ -276,18 +267,14 @@ Stored store_array(PyObject *object, const Member &member, PyObject *value)
         Py_DECREF(plain);
     }
     switch (read) {
-    case Read::yes:
-        break;
-    case Read::ragged:
-        return refuse(object, member, value, "rows of unequal length");
+    case Read::yes: break;
+    case Read::ragged: return refuse(object, member, value, "rows of unequal length");
     case Read::foreign:
-    case Read::error:
-        return refuse(object, member, value);
+    case Read::error: return refuse(object, member, value);
     }
     Undo undo(*as_object(object), member);
     std::vector<double> values;
-    if (const Stored stored = spread(object, member, value, numbers, values);
-        stored != Stored::yes) {
+    if (const Stored stored = spread(object, member, value, numbers, values); stored != Stored::yes) {
         return stored;
     }
     std::byte *to = as_object(object)->memory + field.offset;
@@ -338,8 +325,8 @@ Stored store_scalar(PyObject *object, const Member &member, PyObject *value)
         if (!plain) {
             return Stored::no;
         }
-        const Stored stored = is_plain_number(plain) ? store_scalar(object, member, plain)
-                                                     : refuse(object, member, value);
+        const Stored stored =
+            is_plain_number(plain) ? store_scalar(object, member, plain) : refuse(object, member, value);
         Py_DECREF(plain);
         return stored;
     }
@@ -400,11 +387,9 @@ Stored store_text(PyObject *object, const Member &member, PyObject *value)
 Stored store_struct(PyObject *object, const Member &member, PyObject *value)
 {
     if (member.field->ndim || !is_view(value) || as_view(value)->type != member.sub) {
-        return refuse(object, member, value,
-                      is_object(value) ? as_object(value)->type->table->name : "");
+        return refuse(object, member, value, is_object(value) ? as_object(value)->type->table->name : "");
     }
-    std::memmove(as_object(object)->memory + member.field->offset, as_view(value)->memory,
-                 member.field->size);
+    std::memmove(as_object(object)->memory + member.field->offset, as_view(value)->memory, member.field->size);
     return Stored::yes;
 }
 
@@ -412,8 +397,7 @@ int set_any(PyObject *self, PyObject *value, void *closure)
 {
     const Member &member = member_of(closure);
     if (!value) {
-        PyErr_Format(PyExc_AttributeError, "%s.%s cannot be deleted", path_of(self).c_str(),
-                     member.field->name);
+        PyErr_Format(PyExc_AttributeError, "%s.%s cannot be deleted", path_of(self).c_str(), member.field->name);
         return -1;
     }
     const Stored stored = store(self, member, value);
@@ -433,8 +417,7 @@ int set_f64(PyObject *self, PyObject *value, void *closure)
         const bool above = field.bounds & FLEDGE_LO_OPEN ? x > field.lo : x >= field.lo;
         const bool below = field.bounds & FLEDGE_HI_OPEN ? x < field.hi : x <= field.hi;
         const bool plain = std::isfinite(x) && !(field.flags & FLEDGE_NON_ZERO) &&
-                           (above || !(field.bounds & FLEDGE_HAS_LO)) &&
-                           (below || !(field.bounds & FLEDGE_HAS_HI));
+                           (above || !(field.bounds & FLEDGE_HAS_LO)) && (below || !(field.bounds & FLEDGE_HAS_HI));
         if (plain || !member.checked) {
             save(as_object(self)->memory + field.offset, x);
             if (member.checked) {
@@ -457,21 +440,15 @@ Stored store(PyObject *object, const Member &member, PyObject *value)
 {
     Stored stored;
     switch (member.field->type) {
-    case FLEDGE_STRUCT:
-        stored = store_struct(object, member, value);
-        break;
-    case FLEDGE_CHAR:
-        stored = store_text(object, member, value);
-        break;
+    case FLEDGE_STRUCT: stored = store_struct(object, member, value); break;
+    case FLEDGE_CHAR: stored = store_text(object, member, value); break;
     case FLEDGE_ENUM:
         if (!member.field->ndim) {
             stored = store_enum(object, member, value);
             break;
         }
         [[fallthrough]];
-    default:
-        stored = member.field->ndim ? store_array(object, member, value)
-                                    : store_scalar(object, member, value);
+    default: stored = member.field->ndim ? store_array(object, member, value) : store_scalar(object, member, value);
     }
     if (stored == Stored::yes && member.checked) {
         mark_given(object, member);
@@ -490,8 +467,8 @@ void complain_of_count(PyObject *object, const Member &member)
     PyErr_Format(setup_error(),
                  "%s.%s: one number fills the rows that count, and there are none yet; set %s, or "
                  "give an array with rows%s%s",
-                 path_of(object).c_str(), member.field->name, member.field->count,
-                 others.empty() ? "" : ", such as ", others.c_str());
+                 path_of(object).c_str(), member.field->name, member.field->count, others.empty() ? "" : ", such as ",
+                 others.c_str());
 }
 
 } // namespace fledge::core

@@ -53,13 +53,11 @@ const sim::ModelType *model_of(const FledgeStruct &table, Models models)
     return nullptr;
 }
 
-void check_version(const std::string &library, const char *what, std::uint32_t found,
-                   std::uint32_t ours)
+void check_version(const std::string &library, const char *what, std::uint32_t found, std::uint32_t ours)
 {
     if (found != ours) {
-        throw sim::SetupError("the library " + library + " was built for version " +
-                              std::to_string(found) + " of the " + what + ", this is version " +
-                              std::to_string(ours) + ": build it again");
+        throw sim::SetupError("the library " + library + " was built for version " + std::to_string(found) +
+                              " of the " + what + ", this is version " + std::to_string(ours) + ": build it again");
     }
 }
 
@@ -72,15 +70,14 @@ py::dict types_of(const FledgeLibrary &library, Models models)
         const FledgeStruct &table = *library.structs[i];
         const sim::ModelType *model = model_of(table, models);
         if (table.kind == FLEDGE_MODEL && !model) {
-            throw sim::SetupError("the library " + std::string(library.name) +
-                                  " has no behaviour for the model " + table.name);
+            throw sim::SetupError("the library " + std::string(library.name) + " has no behaviour for the model " +
+                                  table.name);
         }
         const Type *type = type_of(table, library.name, model);
         if (!type) {
             throw py::error_already_set();
         }
-        types[table.name] =
-            py::reinterpret_borrow<py::object>(reinterpret_cast<PyObject *>(type->python));
+        types[table.name] = py::reinterpret_borrow<py::object>(reinterpret_cast<PyObject *>(type->python));
     }
     return types;
 }
@@ -109,8 +106,7 @@ py::dict load_library(const std::string &path, const std::string &name)
     }
     Models models;
     const std::string models_symbol = "fledge_models_" + name;
-    if (const auto *own =
-            static_cast<const sim::ModelLibrary *>(dlsym(handle, models_symbol.c_str()))) {
+    if (const auto *own = static_cast<const sim::ModelLibrary *>(dlsym(handle, models_symbol.c_str()))) {
         check_version(name, "models", own->version, sim::model_version);
         models = {own->types, own->n};
     }
@@ -119,12 +115,10 @@ py::dict load_library(const std::string &path, const std::string &name)
 
 const FledgeStruct &struct_of(py::handle object)
 {
-    const Type *type = PyType_Check(object.ptr())
-                           ? find_type(reinterpret_cast<PyTypeObject *>(object.ptr()))
-                           : find_type(Py_TYPE(object.ptr()));
+    const Type *type = PyType_Check(object.ptr()) ? find_type(reinterpret_cast<PyTypeObject *>(object.ptr()))
+                                                  : find_type(Py_TYPE(object.ptr()));
     if (!type) {
-        throw py::type_error("expected a module, model or message, found " +
-                             std::string(py::repr(object)));
+        throw py::type_error("expected a module, model or message, found " + std::string(py::repr(object)));
     }
     return *type->table;
 }
@@ -132,8 +126,7 @@ const FledgeStruct &struct_of(py::handle object)
 template <class T> T need(T value, const char *what, py::handle found)
 {
     if (!value) {
-        throw py::type_error("expected " + std::string(what) + ", found " +
-                             std::string(py::repr(found)));
+        throw py::type_error("expected " + std::string(what) + ", found " + std::string(py::repr(found)));
     }
     return value;
 }
@@ -165,8 +158,7 @@ void bind_tables(py::module_ &m)
         .def_readonly("name", &Field::name)
         .def_readonly("offset", &Field::offset, "[bytes] from the start of the struct")
         .def_readonly("size", &Field::size, "[bytes]")
-        .def_readonly("unit", &Field::unit,
-                      "as in the header; '-' if dimensionless, '' if none is given")
+        .def_readonly("unit", &Field::unit, "as in the header; '-' if dimensionless, '' if none is given")
         .def_readonly("ctype", &Field::ctype)
         .def_readonly("doc", &Field::doc)
         .def_property_readonly(
@@ -175,8 +167,7 @@ void bind_tables(py::module_ &m)
             "group", [](const Field &f) { return group_name(f.group); }, "in, out, par, mem or ''")
         .def_property_readonly("rule", rule_text, "'required, > 0', or ''")
         .def_property_readonly(
-            "count",
-            [](const Field &f) { return f.count ? py::object(py::str(f.count)) : py::none(); },
+            "count", [](const Field &f) { return f.count ? py::object(py::str(f.count)) : py::none(); },
             "the field that says how many rows count, or None")
         .def_property_readonly("shape",
                                [](const Field &f) {
@@ -226,8 +217,7 @@ void bind_tables(py::module_ &m)
         .def_property_readonly("assumed", flag(FLEDGE_ASSUMED))
         .def_property_readonly("spare", flag(FLEDGE_SPARE));
 
-    py::class_<FledgeStruct>(m, "Struct",
-                             "A module, model, message or plain struct, as declared in its header.")
+    py::class_<FledgeStruct>(m, "Struct", "A module, model, message or plain struct, as declared in its header.")
         .def_readonly("name", &FledgeStruct::name)
         .def_readonly("doc", &FledgeStruct::doc)
         .def_readonly("header", &FledgeStruct::header)
@@ -235,10 +225,8 @@ void bind_tables(py::module_ &m)
         .def_readonly("size", &FledgeStruct::size)
         .def_readonly("hash", &FledgeStruct::hash)
         .def_property_readonly(
-            "kind", [](const FledgeStruct &s) { return kind_name(s.kind); },
-            "plain, message, module or model")
-        .def_property_readonly("schema",
-                               [](const FledgeStruct &s) { return s.schema ? s.schema : ""; })
+            "kind", [](const FledgeStruct &s) { return kind_name(s.kind); }, "plain, message, module or model")
+        .def_property_readonly("schema", [](const FledgeStruct &s) { return s.schema ? s.schema : ""; })
         .def_property_readonly("fields", [](py::object self) {
             const auto &s = self.cast<const FledgeStruct &>();
             py::list list;
@@ -251,14 +239,12 @@ void bind_tables(py::module_ &m)
     m.def(
         "library",
         [](const std::string &name) {
-            return types_of(name == "world" ? fledge_library_world : fledge_library_flight,
-                            world::models());
+            return types_of(name == "world" ? fledge_library_world : fledge_library_flight, world::models());
         },
         "The types of the library 'flight' or 'world', by name.");
     m.def("load_library", load_library, py::arg("path"), py::arg("name"),
           "Load a shared library of modules and models and return its types by name.");
-    m.def("struct", struct_of, py::return_value_policy::reference,
-          "What the header says of an object or type.");
+    m.def("struct", struct_of, py::return_value_policy::reference, "What the header says of an object or type.");
     m.def(
         "path",
         [](py::handle object) {

@@ -38,13 +38,11 @@ world::SpacecraftModel &craft_of(py::handle object)
 void attach(py::handle object, py::handle part)
 {
     auto &craft = craft_of(object);
-    auto *effector =
-        is_root(part.ptr()) ? dynamic_cast<world::Effector *>(instance_of(part)->model()) : nullptr;
+    auto *effector = is_root(part.ptr()) ? dynamic_cast<world::Effector *>(instance_of(part)->model()) : nullptr;
     if (!effector) {
-        throw sim::SetupError(
-            path_of(object.ptr()) + ".parts: expected a part of a spacecraft, such as " +
-            "ReactionWheels; found " +
-            (is_object(part.ptr()) ? path_of(part.ptr()) : std::string(py::repr(part))));
+        throw sim::SetupError(path_of(object.ptr()) + ".parts: expected a part of a spacecraft, such as " +
+                              "ReactionWheels; found " +
+                              (is_object(part.ptr()) ? path_of(part.ptr()) : std::string(py::repr(part))));
     }
     craft.attach(*effector);
     // The craft holds its parts, for the model only points at them.
@@ -57,13 +55,12 @@ void attach(py::handle object, py::handle part)
     Py_XSETREF(root->parts, py::tuple(parts).release().ptr());
 }
 
-void add_gravity(py::handle object, const std::string &name, double mu, double radius,
-                 const std::array<double, 5> &J, const Triple &pole_N, const Triple &r_PN_N,
-                 const Triple &v_PN_N, std::optional<int> naif,
+void add_gravity(py::handle object, const std::string &name, double mu, double radius, const std::array<double, 5> &J,
+                 const Triple &pole_N, const Triple &r_PN_N, const Triple &v_PN_N, std::optional<int> naif,
                  std::shared_ptr<world::Harmonics> field)
 {
-    craft_of(object).add_gravity({name, mu, radius, J, vector(pole_N), vector(r_PN_N),
-                                  vector(v_PN_N), naif, std::move(field)});
+    craft_of(object).add_gravity(
+        {name, mu, radius, J, vector(pole_N), vector(r_PN_N), vector(v_PN_N), naif, std::move(field)});
 }
 
 } // namespace
@@ -82,8 +79,8 @@ void bind_world(py::module_ &m)
         [](py::handle object) {
             py::list bodies;
             for (const world::GravityBody &b : craft_of(object).gravity()) {
-                bodies.append(py::make_tuple(b.name, b.mu, b.radius, b.J, triple(b.pole_N),
-                                             triple(b.r_PN_N), triple(b.v_PN_N), b.naif,
+                bodies.append(py::make_tuple(b.name, b.mu, b.radius, b.J, triple(b.pole_N), triple(b.r_PN_N),
+                                             triple(b.v_PN_N), b.naif,
                                              std::const_pointer_cast<world::Harmonics>(b.field)));
             }
             return bodies;

@@ -160,7 +160,7 @@ def test_the_command_writes_both_files_and_leaves_the_same_ones_alone(tmp_path, 
 
 def test_names_become_identifiers_and_stay_apart():
     assert names.distinct(["a b", "a-b", "int", "3d", "é"]) == {"a b": "a_b", "a-b": "a_b_2", "int": "int_",
-                                                               "3d": "n3d", "é": "unnamed"}
+                                                                "3d": "n3d", "é": "unnamed"}
     assert names.distinct(["a", "A"], ["a_2"]) == {"a": "a", "A": "A_3"}
     assert names.camel("two_body") == "TwoBody"
 

@@ -18,7 +18,7 @@ class Flown:
     steps: int              # of flight
     cpu: float | None       # [s] of a processor, per step of flight
     cpu_of: str = ""        # what else is in it, or on what: "world too", "emulated"
-    code: int | None = None # [bytes] without the C library
+    code: int | None = None  # [bytes] without the C library
     memory: int | None = None
     saturated: int = 0      # numbers that were held at the ends of their words, on either side
 

@@ -57,9 +57,8 @@ CFE_Status_t CFE_ES_GetAppName(char *AppName, CFE_ES_AppId_t AppId, size_t Buffe
 
 /** StackPtr NULL: the port finds one. The task ends with its function. */
 CFE_Status_t CFE_ES_CreateChildTask(CFE_ES_TaskId_t *TaskIdPtr, const char *TaskName,
-                                    CFE_ES_ChildTaskMainFuncPtr_t FunctionPtr,
-                                    CFE_ES_StackPointer_t StackPtr, size_t StackSize,
-                                    CFE_ES_TaskPriority_Atom_t Priority, uint32 Flags);
+                                    CFE_ES_ChildTaskMainFuncPtr_t FunctionPtr, CFE_ES_StackPointer_t StackPtr,
+                                    size_t StackSize, CFE_ES_TaskPriority_Atom_t Priority, uint32 Flags);
 void CFE_ES_ExitChildTask(void);
 /** It ends at its next call of cFE or OSAL, or at once if it waits in one. */
 CFE_Status_t CFE_ES_DeleteChildTask(CFE_ES_TaskId_t TaskId);
@@ -68,12 +67,10 @@ CFE_Status_t CFE_ES_GetTaskID(CFE_ES_TaskId_t *TaskIdPtr);
 CFE_Status_t CFE_ES_WriteToSysLog(const char *SpecStringPtr, ...) OS_PRINTF(1, 2);
 
 /** The default CRC: x^16 + x^15 + x^2 + 1, least bit first; other types give 0. */
-uint32 CFE_ES_CalculateCRC(const void *DataPtr, size_t DataLength, uint32 InputCRC,
-                           CFE_ES_CrcType_Enum_t TypeCRC);
+uint32 CFE_ES_CalculateCRC(const void *DataPtr, size_t DataLength, uint32 InputCRC, CFE_ES_CrcType_Enum_t TypeCRC);
 
 /** Data that outlive an app's restart. CFE_ES_CDS_ALREADY_EXISTS: they did. */
-CFE_Status_t CFE_ES_RegisterCDS(CFE_ES_CDSHandle_t *CDSHandlePtr, size_t BlockSize,
-                                const char *Name);
+CFE_Status_t CFE_ES_RegisterCDS(CFE_ES_CDSHandle_t *CDSHandlePtr, size_t BlockSize, const char *Name);
 CFE_Status_t CFE_ES_CopyToCDS(CFE_ES_CDSHandle_t Handle, const void *DataToCopy);
 CFE_Status_t CFE_ES_RestoreFromCDS(void *RestoreToMemory, CFE_ES_CDSHandle_t Handle);
 

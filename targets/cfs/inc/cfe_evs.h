@@ -52,8 +52,8 @@ typedef struct CFE_EVS_LongEventTlm {
 } CFE_EVS_LongEventTlm_t;
 
 CFE_Status_t CFE_EVS_Register(const void *Filters, uint16 NumEventFilters, uint16 FilterScheme);
-CFE_Status_t CFE_EVS_SendEvent(uint16 EventID, CFE_EVS_EventType_Enum_t EventType, const char *Spec,
-                               ...) OS_PRINTF(3, 4);
+CFE_Status_t CFE_EVS_SendEvent(uint16 EventID, CFE_EVS_EventType_Enum_t EventType, const char *Spec, ...)
+    OS_PRINTF(3, 4);
 CFE_Status_t CFE_EVS_ResetFilter(uint16 EventID);
 CFE_Status_t CFE_EVS_ResetAllFilters(void);
 

@@ -18,11 +18,7 @@ typedef uint16 CFE_MSG_FcnCode_t;
 typedef uint16 CFE_MSG_SequenceCount_t;
 typedef uint16 CFE_MSG_ApId_t;
 
-typedef enum CFE_MSG_Type {
-    CFE_MSG_Type_Invalid = 0,
-    CFE_MSG_Type_Cmd = 1,
-    CFE_MSG_Type_Tlm = 2
-} CFE_MSG_Type_t;
+typedef enum CFE_MSG_Type { CFE_MSG_Type_Invalid = 0, CFE_MSG_Type_Cmd = 1, CFE_MSG_Type_Tlm = 2 } CFE_MSG_Type_t;
 
 typedef struct CCSDS_PrimaryHeader {
     uint8 StreamId[2];
@@ -67,8 +63,7 @@ CFE_Status_t CFE_MSG_SetMsgId(CFE_MSG_Message_t *MsgPtr, CFE_SB_MsgId_t MsgId);
 CFE_Status_t CFE_MSG_GetSize(const CFE_MSG_Message_t *MsgPtr, CFE_MSG_Size_t *Size);
 CFE_Status_t CFE_MSG_SetSize(CFE_MSG_Message_t *MsgPtr, CFE_MSG_Size_t Size);
 CFE_Status_t CFE_MSG_GetType(const CFE_MSG_Message_t *MsgPtr, CFE_MSG_Type_t *Type);
-CFE_Status_t CFE_MSG_GetSequenceCount(const CFE_MSG_Message_t *MsgPtr,
-                                      CFE_MSG_SequenceCount_t *SeqCnt);
+CFE_Status_t CFE_MSG_GetSequenceCount(const CFE_MSG_Message_t *MsgPtr, CFE_MSG_SequenceCount_t *SeqCnt);
 CFE_Status_t CFE_MSG_SetSequenceCount(CFE_MSG_Message_t *MsgPtr, CFE_MSG_SequenceCount_t SeqCnt);
 
 /** Of a command. One that is shorter than its header has neither code nor checksum: an error. */

@@ -25,9 +25,9 @@ typedef union CFE_SB_Msg {
 
 #define CFE_SB_DEFAULT_QOS ((CFE_SB_Qos_t){0, 0})
 #define CFE_SB_INVALID_PIPE ((CFE_SB_PipeId_t){0})
-#define CFE_SB_MSGID_WRAP_VALUE(value)                                                             \
-    {                                                                                              \
-        (CFE_SB_MsgId_Atom_t)(value)                                                               \
+#define CFE_SB_MSGID_WRAP_VALUE(value)                                                                                 \
+    {                                                                                                                  \
+        (CFE_SB_MsgId_Atom_t)(value)                                                                                   \
     }
 #define CFE_SB_MSGID_RESERVED CFE_SB_MSGID_WRAP_VALUE(-1)
 #define CFE_SB_INVALID_MSG_ID ((CFE_SB_MsgId_t)CFE_SB_MSGID_RESERVED)
@@ -55,8 +55,7 @@ CFE_Status_t CFE_SB_DeletePipe(CFE_SB_PipeId_t PipeId);
 
 CFE_Status_t CFE_SB_Subscribe(CFE_SB_MsgId_t MsgId, CFE_SB_PipeId_t PipeId);
 /** MsgLim: how many of this id may wait in the pipe. */
-CFE_Status_t CFE_SB_SubscribeEx(CFE_SB_MsgId_t MsgId, CFE_SB_PipeId_t PipeId, CFE_SB_Qos_t Quality,
-                                uint16 MsgLim);
+CFE_Status_t CFE_SB_SubscribeEx(CFE_SB_MsgId_t MsgId, CFE_SB_PipeId_t PipeId, CFE_SB_Qos_t Quality, uint16 MsgLim);
 CFE_Status_t CFE_SB_Unsubscribe(CFE_SB_MsgId_t MsgId, CFE_SB_PipeId_t PipeId);
 
 /** The next message of a pipe. It stays as it is until the next call for the same pipe.

@@ -25,12 +25,10 @@ typedef int32 (*CFE_TBL_CallbackFuncPtr_t)(void *TblPtr);
 typedef enum CFE_TBL_SrcEnum { CFE_TBL_SRC_FILE = 0, CFE_TBL_SRC_ADDRESS } CFE_TBL_SrcEnum_t;
 
 /** The table is APP.Name. Again by the same app: CFE_TBL_WARN_DUPLICATE, which is no error. */
-CFE_Status_t CFE_TBL_Register(CFE_TBL_Handle_t *TblHandlePtr, const char *Name, size_t Size,
-                              uint16 TblOptionFlags,
+CFE_Status_t CFE_TBL_Register(CFE_TBL_Handle_t *TblHandlePtr, const char *Name, size_t Size, uint16 TblOptionFlags,
                               CFE_TBL_CallbackFuncPtr_t TblValidationFuncPtr);
 /** Read, validate, and put into effect, unless its address is held. */
-CFE_Status_t CFE_TBL_Load(CFE_TBL_Handle_t TblHandle, CFE_TBL_SrcEnum_t SrcType,
-                          const void *SrcDataPtr);
+CFE_Status_t CFE_TBL_Load(CFE_TBL_Handle_t TblHandle, CFE_TBL_SrcEnum_t SrcType, const void *SrcDataPtr);
 /** Do what the ground has asked for: validate, update. */
 CFE_Status_t CFE_TBL_Manage(CFE_TBL_Handle_t TblHandle);
 CFE_Status_t CFE_TBL_Validate(CFE_TBL_Handle_t TblHandle);

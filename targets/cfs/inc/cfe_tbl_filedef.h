@@ -15,8 +15,8 @@ typedef struct CFE_TBL_FileDef {
     uint32 ObjectSize;
 } CFE_TBL_FileDef_t;
 
-#define CFE_TBL_FILEDEF(object, table, description, file)                                          \
-    static OS_USED CFE_TBL_FileDef_t CFE_TBL_FileDef = {                                           \
-        #object "\0", #table "\0", #description "\0", #file "\0", sizeof(object)};
+#define CFE_TBL_FILEDEF(object, table, description, file)                                                              \
+    static OS_USED CFE_TBL_FileDef_t CFE_TBL_FileDef = {#object "\0", #table "\0", #description "\0", #file "\0",      \
+                                                        sizeof(object)};
 
 #endif

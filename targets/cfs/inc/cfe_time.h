@@ -9,11 +9,7 @@ typedef struct CFE_TIME_SysTime {
     uint32 Subseconds; ///< 2^-32 s
 } CFE_TIME_SysTime_t;
 
-typedef enum CFE_TIME_Compare {
-    CFE_TIME_A_LT_B = -1,
-    CFE_TIME_EQUAL = 0,
-    CFE_TIME_A_GT_B = 1
-} CFE_TIME_Compare_t;
+typedef enum CFE_TIME_Compare { CFE_TIME_A_LT_B = -1, CFE_TIME_EQUAL = 0, CFE_TIME_A_GT_B = 1 } CFE_TIME_Compare_t;
 
 /** All are the time since the pocket's start: it knows no epoch and no leap seconds. */
 CFE_TIME_SysTime_t CFE_TIME_GetTime(void);

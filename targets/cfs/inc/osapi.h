@@ -51,8 +51,7 @@ typedef void (*osal_task_entry)(void);
 void OS_printf(const char *string, ...) OS_PRINTF(1, 2);
 
 int32 OS_TaskCreate(osal_id_t *task_id, const char *task_name, osal_task_entry function_pointer,
-                    osal_stackptr_t stack_pointer, size_t stack_size, osal_priority_t priority,
-                    uint32 flags);
+                    osal_stackptr_t stack_pointer, size_t stack_size, osal_priority_t priority, uint32 flags);
 int32 OS_TaskDelete(osal_id_t task_id);
 void OS_TaskExit(void);
 int32 OS_TaskDelay(uint32 millisecond);
@@ -64,8 +63,7 @@ int32 OS_MutSemTake(osal_id_t sem_id);
 int32 OS_MutSemGive(osal_id_t sem_id);
 int32 OS_MutSemDelete(osal_id_t sem_id);
 
-int32 OS_BinSemCreate(osal_id_t *sem_id, const char *sem_name, uint32 sem_initial_value,
-                      uint32 options);
+int32 OS_BinSemCreate(osal_id_t *sem_id, const char *sem_name, uint32 sem_initial_value, uint32 options);
 int32 OS_BinSemTake(osal_id_t sem_id);
 int32 OS_BinSemTimedWait(osal_id_t sem_id, uint32 msecs);
 int32 OS_BinSemGive(osal_id_t sem_id);
@@ -73,15 +71,13 @@ int32 OS_BinSemGive(osal_id_t sem_id);
 int32 OS_BinSemFlush(osal_id_t sem_id);
 int32 OS_BinSemDelete(osal_id_t sem_id);
 
-int32 OS_CountSemCreate(osal_id_t *sem_id, const char *sem_name, uint32 sem_initial_value,
-                        uint32 options);
+int32 OS_CountSemCreate(osal_id_t *sem_id, const char *sem_name, uint32 sem_initial_value, uint32 options);
 int32 OS_CountSemTake(osal_id_t sem_id);
 int32 OS_CountSemTimedWait(osal_id_t sem_id, uint32 msecs);
 int32 OS_CountSemGive(osal_id_t sem_id);
 int32 OS_CountSemDelete(osal_id_t sem_id);
 
-int32 OS_QueueCreate(osal_id_t *queue_id, const char *queue_name, size_t queue_depth,
-                     size_t data_size, uint32 flags);
+int32 OS_QueueCreate(osal_id_t *queue_id, const char *queue_name, size_t queue_depth, size_t data_size, uint32 flags);
 int32 OS_QueueGet(osal_id_t queue_id, void *data, size_t size, size_t *size_copied, int32 timeout);
 int32 OS_QueuePut(osal_id_t queue_id, const void *data, size_t size, uint32 flags);
 int32 OS_QueueDelete(osal_id_t queue_id);

@@ -74,14 +74,12 @@ int main(void)
 {
     const RegisterBoard *board = fledge_io.boards[0];
     void *at = (void *)(uintptr_t)board->base;
-    if (mmap(at, board->size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_FIXED, -1,
-             0) != at) {
+    if (mmap(at, board->size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_FIXED, -1, 0) != at) {
         return 2;
     }
     window = register_window(board, at);
     pocket_boot("", fledge_apps, 1);
-    if (pocket_start_app(fledge_apps[0].entry_name, "FSW", 55, 16384) != CFE_SUCCESS ||
-        !pocket_operational(1000)) {
+    if (pocket_start_app(fledge_apps[0].entry_name, "FSW", 55, 16384) != CFE_SUCCESS || !pocket_operational(1000)) {
         return 2;
     }
     while (pocket_running() > 0u) {

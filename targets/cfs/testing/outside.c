@@ -23,10 +23,8 @@ void outside_close(void);
 /* The file's descriptor, or -1. */
 int outside_open(void)
 {
-    return register_file_create(&file, NULL, fledge_io.boards, fledge_io.n_boards, w) ==
-                   REGISTER_FILE_OK
-               ? file.fd
-               : -1;
+    return register_file_create(&file, NULL, fledge_io.boards, fledge_io.n_boards, w) == REGISTER_FILE_OK ? file.fd
+                                                                                                          : -1;
 }
 
 void outside_put(uint32_t id, const void *message)

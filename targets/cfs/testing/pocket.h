@@ -34,9 +34,7 @@ protected:
         ASSERT_EQ(CFE_EVS_Register(nullptr, 0, CFE_EVS_EventFilter_BINARY), 0);
         // Where the test sees events; none of them is lost.
         ASSERT_EQ(CFE_SB_CreatePipe(&event_pipe, 60, "events"), 0);
-        ASSERT_EQ(
-            CFE_SB_SubscribeEx(id(CFE_EVS_LONG_EVENT_MSG_MID), event_pipe, CFE_SB_Qos_t{0, 0}, 60),
-            0);
+        ASSERT_EQ(CFE_SB_SubscribeEx(id(CFE_EVS_LONG_EVENT_MSG_MID), event_pipe, CFE_SB_Qos_t{0, 0}, 60), 0);
     }
     void TearDown() override
     {
@@ -92,8 +90,7 @@ protected:
             CFE_EVS_LongEventTlm_t e;
             std::memcpy(&e, b, sizeof e);
             if (e.Payload.PacketID.AppName == app) {
-                return {app, e.Payload.PacketID.EventID, e.Payload.PacketID.EventType,
-                        e.Payload.Message};
+                return {app, e.Payload.PacketID.EventID, e.Payload.PacketID.EventType, e.Payload.Message};
             }
         }
         return {"", 0, 0, "no event"};

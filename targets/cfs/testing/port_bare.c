@@ -42,8 +42,7 @@ static void begin(void)
     tasks[running].entry(running);
 }
 
-int port_task_start(uint32 slot, void (*entry)(uint32 slot), void *stack, size_t stack_size,
-                    uint32 priority)
+int port_task_start(uint32 slot, void (*entry)(uint32 slot), void *stack, size_t stack_size, uint32 priority)
 {
     (void)stack;
     (void)stack_size;
@@ -66,8 +65,7 @@ static uint32 next(void)
         int64 first = INT64_MAX;
         for (uint32 k = 1; k <= POCKET_TASKS; k++) {
             const uint32 i = (running + k) % POCKET_TASKS;
-            if (tasks[i].used &&
-                (!tasks[i].blocked || (tasks[i].until >= 0 && tasks[i].until <= now))) {
+            if (tasks[i].used && (!tasks[i].blocked || (tasks[i].until >= 0 && tasks[i].until <= now))) {
                 return i;
             }
             if (tasks[i].used && tasks[i].until >= 0 && tasks[i].until < first) {

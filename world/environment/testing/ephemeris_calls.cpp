@@ -9,8 +9,8 @@ extern "C" {
 
 /// Position [m], velocity [m/s] and acceleration [m/s^2], 9 numbers, of a body in a kernel; the
 /// time is in whole seconds of TDB past J2000. 0 if it went well.
-__attribute__((visibility("default"))) int spk_state(const char *path, int target, int center,
-                                                     long long seconds, double *state)
+__attribute__((visibility("default"))) int spk_state(const char *path, int target, int center, long long seconds,
+                                                     double *state)
 {
     using namespace fledge::world;
     try {

@@ -23,19 +23,19 @@ inline std::string real_file(const std::string &name)
 }
 
 /// In a test: skip it where a file is not there.
-#define SKIP_WITHOUT(path)                                                                         \
-    do {                                                                                           \
-        if (!std::filesystem::exists(path)) {                                                      \
-            GTEST_SKIP() << "not here: " << (path);                                                \
-        }                                                                                          \
+#define SKIP_WITHOUT(path)                                                                                             \
+    do {                                                                                                               \
+        if (!std::filesystem::exists(path)) {                                                                          \
+            GTEST_SKIP() << "not here: " << (path);                                                                    \
+        }                                                                                                              \
     } while (false)
 
 /// A file that is gone after the test.
 class TemporaryFile {
 public:
     TemporaryFile(const std::string &name, const std::string &bytes)
-        : path_(::testing::TempDir() + "fledge_" +
-                ::testing::UnitTest::GetInstance()->current_test_info()->name() + "_" + name)
+        : path_(::testing::TempDir() + "fledge_" + ::testing::UnitTest::GetInstance()->current_test_info()->name() +
+                "_" + name)
     {
         std::ofstream(path_, std::ios::binary) << bytes;
     }

@@ -22,16 +22,10 @@ public:
     static constexpr double span = 20.0 * day; ///< [s] of the ephemeris, from J2000 on
 
     /// The angular rate of the line from the Sun to Jupiter [rad/s].
-    static double rate()
-    {
-        return std::sqrt((mu_sun + mu_jupiter) / (distance * distance * distance));
-    }
+    static double rate() { return std::sqrt((mu_sun + mu_jupiter) / (distance * distance * distance)); }
 
     /// Maps the axes in which the motion is about the third axis to N's.
-    static Eigen::Matrix3d plane()
-    {
-        return Eigen::AngleAxisd(0.4, Eigen::Vector3d(1, 2, 2) / 3.0).toRotationMatrix();
-    }
+    static Eigen::Matrix3d plane() { return Eigen::AngleAxisd(0.4, Eigen::Vector3d(1, 2, 2) / 3.0).toRotationMatrix(); }
 
     /// Relative to the barycentre, t [s] past J2000.
     static Eigen::Vector3d r(int body, double t)
@@ -42,8 +36,7 @@ public:
     static Eigen::Vector3d v(int body, double t)
     {
         const double angle = rate() * t;
-        return arm(body) * rate() *
-               (plane() * Eigen::Vector3d(-std::sin(angle), std::cos(angle), 0));
+        return arm(body) * rate() * (plane() * Eigen::Vector3d(-std::sin(angle), std::cos(angle), 0));
     }
 
     static Ephemeris ephemeris()

@@ -193,7 +193,7 @@ def test_an_address_in_use(folder):
         assert busy(address) == "somebody listens there already"
         (found,) = complaints(folder, f'address = "{address}"\n' + NODE)
         assert found == (1, f"the controller can listen there; {address}: somebody listens there already; "
-         "choose another "
+                         "choose another "
                             "port, or `*` for any that is free")
     assert busy(address) == ""
     with socket.socket(socket.AF_UNIX) as taken:
@@ -226,7 +226,7 @@ def test_a_launcher_may_be_a_text_or_a_list(folder):
     assert read(write(folder, NODE + 'launcher = ["nice"]\n')).programs[0].launcher == ["nice"]
     found = complaints(folder, NODE + 'launcher = "no-such-launcher"\n')
     assert found == [(3 + 1, "the launcher can be found; there is no no-such-launcher; install it, or write its "
-     "path")]
+                      "path")]
 
 
 def test_the_interpreter_may_be_given_whole(folder):

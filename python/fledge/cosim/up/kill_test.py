@@ -154,7 +154,7 @@ def test_a_program_that_is_killed_goes_on_as_if_nothing_had_been(mark, tmp_path)
 
 def test_restarts_come_to_an_end(mark, tmp_path):
     file = write_pair(tmp_path, simulation=f"worn-{os.getpid()}", spring='on_loss = "restart"\nrestarts = 1\n'
-                                                                       'env = { BREAKS_AT = "1" }')
+                      'env = { BREAKS_AT = "1" }')
     out, _ = (process := start(file, mark)).communicate(timeout=60)
     assert process.returncode == 1
     assert "spring ended with exit code 1; it is started again (1 of 1)\n" in out
@@ -163,7 +163,7 @@ def test_restarts_come_to_an_end(mark, tmp_path):
 
 def test_one_that_hangs_is_started_again(mark, tmp_path):
     file = write_pair(tmp_path, simulation=f"hung-{os.getpid()}", spring='on_loss = "restart"\nreply = 0.5\n'
-                                                                       'env = { HANGS_AT = "1" }')
+                      'env = { HANGS_AT = "1" }')
     out, _ = (process := start(file, mark)).communicate(timeout=60)
     assert process.returncode == 0, out
     assert "it did not answer within 0.5 s" in out and "it is started again (1 of 3)" in out

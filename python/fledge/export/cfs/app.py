@@ -11,7 +11,7 @@ from fledge.export.read import ExportError
 CMD, TLM, HIGHEST = 0x1800, 0x0800, 0x7FF
 ORDERS = ("little", "big")
 TAKEN = ((0x00, 0x1F, "the core's services"), (0x80, 0x9F, "the apps that come with cFS: ci_lab, to_lab, sch_lab, "
-                                                          "sample_app"))
+                                               "sample_app"))
 # What targets of a cFS build are called already.
 MODULES = frozenset("""cfe core_api core_private config es evs fs msg resourceid sb sbr tbl time psp osal osal_bsp
     elf2cfetbl tblcrctool cfs_core core mission arch ci_lab to_lab sch_lab sample_app sample_lib test ut_assert

@@ -60,9 +60,12 @@ TEST(TorqueLimiter, holds_its_torque_without_data)
     Random random{3};
     TorqueLimiter m = any(random);
     torque_limiter_update(&m, {step, step});
-    expect_held(m, doubles(m.in.wanted.torque_B),
-                [](TorqueLimiter &x) { torque_limiter_update(&x, {2 * step, step}); },
-                [](TorqueLimiter &x) { return std::vector{&x.out.torque.head}; });
+    expect_held(
+        m, doubles(m.in.wanted.torque_B),
+        [](TorqueLimiter &x) {
+            torque_limiter_update(&x, {2 * step, step});
+        },
+        [](TorqueLimiter &x) { return std::vector{&x.out.torque.head}; });
 
     TorqueLimiter never{};
     torque_limiter_update(&never, {step, step});

@@ -17,10 +17,7 @@ public:
     void update(Tick tick) override;
 
     /// All that changes in a run besides the face, so that snapshots and clones hold it.
-    std::span<std::byte> memory() override
-    {
-        return std::as_writable_bytes(std::span(&random_, 1));
-    }
+    std::span<std::byte> memory() override { return std::as_writable_bytes(std::span(&random_, 1)); }
 
 private:
     EddyDamping &face_;

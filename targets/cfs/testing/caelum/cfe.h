@@ -71,8 +71,7 @@ bool CFE_ES_RunLoop(uint32 *);
 void CFE_ES_ExitApp(uint32);
 void CFE_ES_WaitForStartupSync(uint32);
 int32 CFE_ES_WriteToSysLog(const char *, ...) OS_PRINTF(1, 2);
-int32 CFE_ES_CreateChildTask(CFE_ES_TaskId_t *, const char *, void (*)(void), void *, size_t, uint8,
-                             uint32);
+int32 CFE_ES_CreateChildTask(CFE_ES_TaskId_t *, const char *, void (*)(void), void *, size_t, uint8, uint32);
 void CFE_ES_ExitChildTask(void);
 int32 CFE_EVS_Register(const void *, uint16, uint16);
 int32 CFE_EVS_SendEvent(uint16, uint16, const char *, ...) OS_PRINTF(3, 4);

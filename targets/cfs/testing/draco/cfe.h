@@ -81,8 +81,7 @@ bool CFE_ES_RunLoop(uint32 *);
 void CFE_ES_ExitApp(uint32);
 void CFE_ES_WaitForStartupSync(uint32);
 CFE_Status_t CFE_ES_WriteToSysLog(const char *, ...) OS_PRINTF(1, 2);
-CFE_Status_t CFE_ES_CreateChildTask(CFE_ES_TaskId_t *, const char *, void (*)(void), void *, size_t,
-                                    uint16, uint32);
+CFE_Status_t CFE_ES_CreateChildTask(CFE_ES_TaskId_t *, const char *, void (*)(void), void *, size_t, uint16, uint32);
 void CFE_ES_ExitChildTask(void);
 CFE_Status_t CFE_EVS_Register(const void *, uint16, uint16);
 CFE_Status_t CFE_EVS_SendEvent(uint16, uint16, const char *, ...) OS_PRINTF(3, 4);
@@ -97,8 +96,7 @@ CFE_Status_t CFE_MSG_GetFcnCode(const CFE_MSG_Message_t *, CFE_MSG_FcnCode_t *);
 CFE_Status_t CFE_MSG_ValidateChecksum(const CFE_MSG_Message_t *, bool *);
 CFE_Status_t CFE_MSG_GenerateChecksum(CFE_MSG_Message_t *);
 CFE_Status_t CFE_MSG_SetMsgTime(CFE_MSG_Message_t *, CFE_TIME_SysTime_t);
-CFE_Status_t CFE_TBL_Register(CFE_TBL_Handle_t *, const char *, size_t, uint16,
-                              CFE_TBL_CallbackFuncPtr_t);
+CFE_Status_t CFE_TBL_Register(CFE_TBL_Handle_t *, const char *, size_t, uint16, CFE_TBL_CallbackFuncPtr_t);
 CFE_Status_t CFE_TBL_Load(CFE_TBL_Handle_t, CFE_TBL_SrcEnum_t, const void *);
 CFE_Status_t CFE_TBL_Manage(CFE_TBL_Handle_t);
 CFE_Status_t CFE_TBL_GetAddress(void **, CFE_TBL_Handle_t);
