@@ -72,7 +72,7 @@ def test_its_parts_are_named_where_one_is_meant():
 def test_it_can_be_drawn_whatever_their_number(tmp_path):
     import shutil
 
-    from fledge.wiring import Wiring
+    from fledge.mission.wiring import Wiring
 
     if not shutil.which("dot"):
         pytest.skip("graphviz is not installed")

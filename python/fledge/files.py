@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files that are written whole or not at all."""
+"""Files that are written whole or not at all, and paths as users see them."""
 
 import os
 from pathlib import Path
@@ -28,3 +28,11 @@ class Part:
         self.part.unlink(missing_ok=True)
         if isinstance(error, OSError):
             raise OSError(error.errno, f"cannot be written: {error.strerror}", str(self.path)) from None
+
+
+def shown(path):
+    """The path relative to the current folder if it lies in it, else as it is."""
+    try:
+        return Path(path).relative_to(Path.cwd())
+    except ValueError:
+        return path

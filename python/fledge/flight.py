@@ -5,8 +5,9 @@ Each is an object on the memory of its C struct: `help(fsw.MrpFeedback)` shows i
 parameters. A name that is not there is answered with those that are.
 """
 
-from fledge import _core, project as _project
-from fledge._names import lookup
+from fledge import _core
+from fledge.objects import project as _project
+from fledge.objects.lookup import lookup
 
 TYPES = {**_core.library("flight"), **_project.types("flight")}
 __getattr__, __dir__ = lookup(__name__, TYPES, globals())

@@ -9,9 +9,8 @@ import re
 import sys
 from pathlib import Path
 
-from fledge import _core
+from fledge.errors import SetupError
 
-SetupError = _core.SetupError
 
 GREEK = ("alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau upsilon phi chi "
          "psi omega Gamma Delta Theta Lambda Xi Pi Sigma Phi Psi Omega").split()
@@ -81,37 +80,6 @@ def component_labels(name, meaning, shape):
 
 # --- data ------------------------------------------------------------------------------------------
 
-class Series:
-    """A field's samples with what is needed to label them."""
-
-    def __init__(self, key, name, port, time, values, unit, meaning, shape):
-        self.key, self.name, self.port = key, name, port
-        self.time, self.values, self.unit, self.meaning, self.shape = time, values, unit, meaning, shape
-
-
-def series(source, key):
-    """The Series of a field, of a Log or an Archive."""
-    from fledge.log import Log
-
-    if isinstance(source, Log):
-        samples, name, indices = source.find(key)
-        field = source.field(key)
-        port, time = samples.path, source.time_of(key)
-        unit, meaning = field.unit, field.doc
-    else:
-        channel, name = source._find(re.sub(r"\[\d+\]", "", key))
-        indices = re.findall(r"\[(\d+)\]", key)
-        if name is None or name not in channel.fields:
-            raise SetupError(f"'{key}' is a whole message; name one of its fields: "
-                             + ", ".join(n for n in channel.fields if not n.startswith("head.")))
-        field = channel.fields[name]
-        port, time = channel.name, source.time(key)
-        unit, meaning = field.unit, field.meaning
-    values = source[key]
-    name = name.rpartition(".")[2] + "".join(f"[{i}]" for i in indices)
-    return Series(key, name, port, time, values, unit, meaning, values.shape[1:])
-
-
 def time_unit(seconds):
     """The unit that suits a time axis: ("h", 3600)."""
     for limit, name, factor in ((180, "s", 1.0), (7200, "min", 60.0), (4 * 86400, "h", 3600.0)):
@@ -139,7 +107,7 @@ def plot(source, *panels, titles=None, columns=1, units=None, title=None, name=N
 
     if not panels:
         raise SetupError("plot: name at least one field, as in plot('error.sigma_BR')")
-    groups = [[series(source, key) for key in ([p] if isinstance(p, str) else p)] for p in panels]
+    groups = [[source.series(key) for key in ([p] if isinstance(p, str) else p)] for p in panels]
     rows = -(-len(groups) // columns)
     with matplotlib.style.context(STYLE):
         figure = Figure(figsize=size or (7.2 if columns == 1 else 5.0 * columns, 0.5 + 2.3 * rows),
@@ -254,7 +222,7 @@ def save(figure, folder):
     """Save a figure as PNG under its name; returns the path."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-    from fledge._files import Part
+    from fledge.files import Part
 
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)

@@ -6,7 +6,7 @@ import pytest
 
 from fledge import SetupError
 from fledge.plot import component_labels, plot, save, symbol, time_unit, unit_label
-from fledge.simulation_test import spinner
+from fledge.mission.simulation_test import spinner
 from fledge.units import s
 
 

@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A progress bar for what takes long, on stderr; and Ctrl-C during a run."""
+"""A progress bar for what takes long, on stderr."""
 
-import signal
 import sys
-import threading
 import time
 
 _LONG = 2.0      # [s] of wall time: shorter runs show nothing
@@ -53,33 +51,6 @@ class Progress(Bar):
         speed = (now - self._start) / 1e9 / spent
         self._draw(done, f"{clock(now / 1e9)} of {clock(self._end / 1e9)}, {speed:.4g}x, "
                          f"{clock(spent / done - spent)} left")
-
-
-class Interrupt:
-    """Holds Ctrl-C back until a run's instant is over, lest it end a Python event half way."""
-
-    def __enter__(self):
-        self._pressed = False
-        self._holds = (threading.current_thread() is threading.main_thread()
-                       and signal.getsignal(signal.SIGINT) is signal.default_int_handler)
-        if self._holds:
-            signal.signal(signal.SIGINT, self._press)
-        return self
-
-    def __exit__(self, failed, *_):
-        if self._holds:
-            signal.signal(signal.SIGINT, signal.default_int_handler)
-        if not failed:
-            self.look()
-
-    def _press(self, *_):
-        self.look()
-        self._pressed = True
-
-    def look(self):
-        """Raise KeyboardInterrupt if it was pressed."""
-        if self._pressed:
-            raise KeyboardInterrupt
 
 
 def clock(seconds):

@@ -13,8 +13,8 @@ from pathlib import Path
 
 from fledge import _core
 from fledge._html import Html, join, number, tag, text, value
-from fledge.process import Event, World
-from fledge.wiring import Wiring, action_text, condition_text, event_name
+from fledge.mission.process import Event, World
+from fledge.mission.wiring import Wiring, action_text, condition_text, event_name
 
 STYLE = Path(__file__).with_name("report.css")
 
@@ -48,7 +48,7 @@ class Report:
         """Write the page; returns its path."""
         path = Path(path)
         path.parent.mkdir(parents=True, exist_ok=True)
-        from fledge._files import Part
+        from fledge.files import Part
 
         with Part(path) as part:
             part.write_text(self.page(outcome), encoding="utf-8")
@@ -313,7 +313,7 @@ def _message(log):
     """(head, rows) of the last sample of a record."""
     import numpy as np
 
-    from fledge.log import dtype_of, leaves
+    from fledge.mission.log import dtype_of, leaves
 
     sample = np.frombuffer(log.last(), dtype_of(log.struct))[0]
 

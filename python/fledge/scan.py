@@ -16,10 +16,9 @@ centre, to the boresight, first about the axis before it in the cycle 1, 2, 3 (a
 centre 1), then about the new axis after it (axis 2, pitch).
 """
 
-from fledge import _core
+from fledge.errors import SetupError
 from fledge.plot import STYLE, deliver
 
-SetupError = _core.SetupError
 
 # The colours of curves, in the order in which they are drawn.
 DARK, MAGENTA, LIGHT = "#1b2f6e", "#d0248f", "#62b6e8"
@@ -90,13 +89,11 @@ def path(source, attitude, base=None, boresight=1):
     import numpy as np
 
     from fledge.attitude import mrp_to_dcm
-    from fledge.plot import series
-
-    one = series(source, attitude)
+    one = source.series(attitude)
     d_N = np.einsum("nji,j->ni", mrp_to_dcm(one.values), _vector(boresight))
     if base is None:
         return Path(one.time, d_N, frame="n")
-    other = series(source, base)
+    other = source.series(base)
     if len(other.time) != len(one.time) or (other.time != one.time).any():
         raise SetupError(f"path: {attitude} and {base} were recorded at different times")
     return Path(one.time, np.einsum("nij,nj->ni", mrp_to_dcm(other.values), d_N))
@@ -349,8 +346,7 @@ def _groups(paths):
 
 
 def _silent(source):
-    simulation = getattr(source, "_simulation", None)
-    return simulation is not None and simulation.plots is False
+    return getattr(source, "plots", None) is False  # an Archive has no `plots`
 
 
 def _style():
@@ -378,4 +374,4 @@ def _title(figure, title):
 
 
 def _deliver(source, figure):
-    return deliver(figure, source._simulation.plots) if hasattr(source, "_simulation") else figure
+    return deliver(figure, source.plots) if hasattr(source, "plots") else figure

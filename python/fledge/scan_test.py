@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from fledge import SetupError, attitude, scan
-from fledge.simulation_test import spinner
+from fledge.mission.simulation_test import spinner
 from fledge.units import s
 
 RANDOM = np.random.default_rng(11)

@@ -6,7 +6,7 @@
     trajectory.plot(log, "craft.state", world.MARS, {"$b_2$, along the velocity": 2}, every=10 * minute)
 """
 
-from fledge.plot import STYLE, deliver, series, time_unit
+from fledge.plot import STYLE, deliver, time_unit
 from fledge.units import nanoseconds
 
 COLORS = ("#d0248f", "#1b2f6e", "#3d8b57")
@@ -25,8 +25,7 @@ def plot(source, state, body, axes, *, every, colors=COLORS, title=None, name="t
 
     Up is the point nearest to the body, and to the right is the velocity there.
     """
-    simulation = getattr(source, "_simulation", None)
-    if simulation is not None and simulation.plots is False:
+    if getattr(source, "plots", None) is False:
         return None
     import matplotlib.style
     import numpy as np
@@ -35,8 +34,8 @@ def plot(source, state, body, axes, *, every, colors=COLORS, title=None, name="t
 
     from fledge.attitude import mrp_to_dcm
 
-    r, v, sigma = (series(source, f"{state}.{field}").values for field in ("r_BN_N", "v_BN_N", "sigma_BN"))
-    time = series(source, f"{state}.r_BN_N").time
+    r, v, sigma = (source.series(f"{state}.{field}").values for field in ("r_BN_N", "v_BN_N", "sigma_BN"))
+    time = source.series(f"{state}.r_BN_N").time
     nearest = np.linalg.norm(r, axis=1).argmin()
     up = r[nearest] / np.linalg.norm(r[nearest])
     right = v[nearest] - up * (up @ v[nearest])
@@ -74,4 +73,4 @@ def plot(source, state, body, axes, *, every, colors=COLORS, title=None, name="t
         axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(axes))
         if title:
             figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold", color=INK)
-    return deliver(figure, simulation.plots) if simulation is not None else figure
+    return deliver(figure, source.plots) if hasattr(source, "plots") else figure

@@ -13,8 +13,8 @@ from html import escape
 from pathlib import Path
 
 from fledge import _core
-from fledge._files import Part
-from fledge._names import first_sentence
+from fledge.files import Part
+from fledge.objects.words import first_sentence
 
 FORMATS = ("svg", "png", "pdf", "dot")
 

@@ -18,7 +18,7 @@ import pytest
 
 from fledge.archive import Archive, ArchiveError
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 SOURCES = [ROOT / "record" / name for name in ("mcap.c", "mcap_crc.c", "file_sink.c")]
 MAGIC = b"\x89MCAP0\r\n"
 RULE = "=" * 80

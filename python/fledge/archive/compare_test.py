@@ -9,7 +9,7 @@ import pytest
 import fledge
 from fledge import cli
 from fledge.archive import Archive, ArchiveError
-from fledge.compare import STRUCTURE, compare, digest
+from fledge.archive.compare import STRUCTURE, compare, digest
 
 
 def fly(path, change=None, duration=20.0, every=1.0, ports=None):

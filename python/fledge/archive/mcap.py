@@ -13,7 +13,7 @@ import struct
 import zlib
 from array import array
 
-from fledge import _rosmsg
+from fledge.archive import rosmsg
 
 MAGIC = b"\x89MCAP0\r\n"
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)
@@ -63,7 +63,7 @@ class RawChannel:
         try:
             self.struct = self._parse()
             self.why_not = None
-        except _rosmsg.DefinitionError as error:
+        except rosmsg.DefinitionError as error:
             self.struct = None
             self.why_not = str(error)
         # The length that every Message record of a fixed-size type must state.
@@ -71,10 +71,10 @@ class RawChannel:
 
     def _parse(self):
         if (self.schema_encoding, self.encoding) != ("ros2msg", "cdr"):
-            raise _rosmsg.DefinitionError(
+            raise rosmsg.DefinitionError(
                 f'schema encoding "{self.schema_encoding}" and message encoding "{self.encoding}"; '
                 'only "ros2msg" and "cdr" are read')
-        return _rosmsg.parse(self.schema_text)
+        return rosmsg.parse(self.schema_text)
 
 
 class _Fields:

@@ -23,9 +23,11 @@ import re
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from fledge import _mcap
-from fledge._files import Part
-from fledge._rosmsg import Field
+from fledge.archive import mcap
+from fledge.errors import SetupError, listed, nearest
+from fledge.files import Part
+from fledge.series import Series
+from fledge.archive.rosmsg import Field
 
 __all__ = ["Archive", "ArchiveError", "Channel", "Field"]
 
@@ -99,8 +101,8 @@ class Archive:
         self.path = Path(path)
         self._data = _map(self.path)
         try:
-            scan = _mcap.Scan(self._data)
-        except _mcap.Unsupported as error:
+            scan = mcap.Scan(self._data)
+        except mcap.Unsupported as error:
             self._data.close()
             raise ArchiveError(f"{self.path}: cannot be read: {error}") from None
         self.metadata = scan.metadata
@@ -163,9 +165,8 @@ class Archive:
         near = [full for c in channels for full in [c.name] + [_full(c, n) for n in c._names()]
                 if last and last in full.rpartition(".")[2].lower()]
         if not near:  # misspelt: the nearest of all names' endings
-            from difflib import get_close_matches
             full = [_full(c, n).split(".") for c in channels for n in c._names()]
-            near = get_close_matches(dotted, [".".join(f[i:]) for f in full for i in range(len(f))], 1)
+            near = [one for one in [nearest(dotted, [".".join(f[i:]) for f in full for i in range(len(f))])] if one]
         raise ArchiveError(f'{self.path}: there is no "{key}"; '
                            + (f"did you mean {_listing(near)}?" if near else
                               f"the topics are {_listing(list(self.topics))}"))
@@ -208,6 +209,16 @@ class Archive:
                 return tail
         return channel.name
 
+    def series(self, key):
+        """The Series of a field or element, for plots."""
+        channel, name = self._find(re.sub(r"\[\d+\]", "", key))
+        if name is None or name not in channel.fields:
+            raise SetupError(f"'{key}' is a whole message; name one of its fields: "
+                             + ", ".join(n for n in channel.fields if not n.startswith(_HEAD + ".")))
+        field = channel.fields[name]
+        name = name.rpartition(".")[2] + "".join(re.findall(r"\[\d+\]", key))
+        return Series(key, name, channel.name, self.time(key), self[key], field.unit, field.meaning)
+
     # ---- data ----
 
     def __getitem__(self, key):
@@ -232,7 +243,7 @@ class Archive:
 
     def time_ns(self, topic):
         """The simulated times of a topic's (or field's) messages: (n,) int64 [ns]."""
-        return self._gather(self._channel(topic), _mcap.TIME_AT, "<i8").astype("=i8")
+        return self._gather(self._channel(topic), mcap.TIME_AT, "<i8").astype("=i8")
 
     def time(self, topic):
         """The simulated times of a topic's (or field's) messages: (n,) float64 [s]."""
@@ -257,7 +268,7 @@ class Archive:
             return self._decoded[channel.topic]
         struct = channel._struct()
         little, big = struct.dtype("<"), struct.dtype(">")
-        header = self._gather(channel, _mcap.CDR_AT, "V4").view("u1").reshape(-1, 4)
+        header = self._gather(channel, mcap.CDR_AT, "V4").view("u1").reshape(-1, 4)
         is_little = header[:, 1] == 1
         strange = (header[:, 0] != 0) | (header[:, 1] > 1)
         if strange.any():
@@ -265,7 +276,7 @@ class Archive:
             raise ArchiveError(f"{self.path}: {channel.topic}: message {i} at byte "
                                f"{channel._raw.offsets[i]} begins with "
                                f"{bytes(header[i]).hex(' ')}, expected plain CDR: 00 00 or 00 01")
-        raw = self._gather(channel, _mcap.PAYLOAD_AT, f"V{struct.size}") if struct.size else \
+        raw = self._gather(channel, mcap.PAYLOAD_AT, f"V{struct.size}") if struct.size else \
             np.empty(channel.count, "V0")
         if is_little.all():
             values = raw.view(little)
@@ -401,11 +412,11 @@ def _map(path):
     """The file's bytes, mapped into memory, if it begins as an MCAP file does."""
     try:
         with open(path, "rb") as file:
-            begin = file.read(len(_mcap.MAGIC))
-            if begin != _mcap.MAGIC:
+            begin = file.read(len(mcap.MAGIC))
+            if begin != mcap.MAGIC:
                 found = f"{begin.hex(' ')} ({begin!r})" if begin else "an empty file"
                 raise ArchiveError(f"{path}: not an MCAP file: expected it to begin with "
-                                   f"{_mcap.MAGIC.hex(' ')}, found {found}")
+                                   f"{mcap.MAGIC.hex(' ')}, found {found}")
             return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
     except OSError as error:
         raise ArchiveError(f"{path}: cannot be opened: {error.strerror}") from None
@@ -415,6 +426,5 @@ def _full(channel, name):
     return f"{channel.name}.{name}" if name else channel.name
 
 
-def _listing(names, most=12):
-    shown = ", ".join(names[:most]) or "none"
-    return shown + (f" and {len(names) - most} more" if len(names) > most else "")
+def _listing(names):
+    return listed(names, most=12)

@@ -10,7 +10,8 @@ import os
 import sys
 from pathlib import Path
 
-from fledge.cli.console import Failure, Plots, say, size_of
+from fledge.cli.console import Plots, say, size_of
+from fledge.errors import Failure
 
 
 # --- run -------------------------------------------------------------------------------------------
@@ -144,17 +145,18 @@ def parse_duration(text, option="--for"):
 
 def show(options):
     import fledge
-    from fledge.wiring import Wiring
+    from fledge import wiring_picture
+    from fledge.mission.wiring import Wiring
 
     from fledge.cli.node import given_parameters
 
     wiring = Wiring(fledge.load(options.mission, **given_parameters(options)), options.flight_only)
     if options.out:
-        say(str(wiring.save(options.out)))
+        say(str(wiring_picture.save(wiring, options.out)))
         return 0
     say(wiring.outline())
     if not options.text:
-        say(f"\ndrawn in {wiring.save(Path('runs') / wiring.name / 'wiring.svg')}")
+        say(f"\ndrawn in {wiring_picture.save(wiring, Path('runs') / wiring.name / 'wiring.svg')}")
     return 0
 
 
@@ -162,7 +164,7 @@ def show(options):
 
 def list_(options):
     from fledge import _core, flight, mission, world
-    from fledge._names import first_sentence
+    from fledge.objects.words import first_sentence
 
     say("missions")
     found = {name: one.summaries() for name, one in mission.missions().items()}
@@ -407,10 +409,10 @@ def _expected(error):
     """Errors that are about what the user gave, or what is not installed; not about this program."""
     if isinstance(error, (OSError, ImportError)):
         return True
-    from fledge import _core
+    from fledge import RunError, SetupError
     from fledge.archive import ArchiveError
 
-    return isinstance(error, (_core.SetupError, _core.RunError, ArchiveError))
+    return isinstance(error, (SetupError, RunError, ArchiveError))
 
 
 def _in_words(error):

@@ -24,7 +24,7 @@ def add(command):
 
 
 def compare(options):
-    from fledge import compare as comparing
+    from fledge.archive import compare as comparing
     from fledge.cli.console import say
     from fledge.cli import open_run
 

@@ -1,15 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the commands share: how they speak, fail, and keep what is plotted."""
+"""What the commands share: how they speak, and keep what is plotted."""
 
 import os
-
-
-class Failure(Exception):
-    """What ends a command: a text for the user, and the exit code."""
-
-    def __init__(self, text, code=2):
-        super().__init__(text)
-        self.code = code
 
 
 def say(text=""):

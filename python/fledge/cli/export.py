@@ -35,7 +35,8 @@ def add(command):
 def export(options):
     import fledge
     from fledge import export as exports
-    from fledge.cli.console import Failure, say
+    from fledge.cli.console import say
+    from fledge.errors import Failure
 
     tasks = [name.strip() for name in options.tasks.split(",")] if options.tasks is not None else None
     if options.form == "cfs" and not options.app:
@@ -70,8 +71,8 @@ def export(options):
 
 def export_cfs(mission, options, folder):
     """Write an app's folder; returns the paths."""
-    from fledge import project
-    from fledge.cli.console import Failure
+    from fledge.objects import project
+    from fledge.errors import Failure
     from fledge.export import cfs
 
     try:

@@ -41,8 +41,9 @@ def add(command):
 
 def fly(options):
     from fledge import cli
-    from fledge.cli.console import Failure, say
-    from fledge.fly import TARGETS, Job, RealCfs
+    from fledge.cli.console import say
+    from fledge.errors import Failure
+    from fledge.targets import TARGETS, Job, RealCfs
 
     names = [name.strip() for name in options.on.split(",") if name.strip()]
     if not names:
@@ -83,10 +84,11 @@ def fly(options):
 
 
 def _fly(job, targets, bounds, settled):
-    from fledge.cli.console import Failure, say
+    from fledge.cli.console import say
+    from fledge.errors import Failure
     from fledge.archive import Archive
-    from fledge.compare import compare, digest
-    from fledge.fly import table
+    from fledge.archive.compare import compare, digest
+    from fledge.targets import table
 
     whole = f"{job.mission.title}, {job.scenario}, {job.duration:g} s"
     say(whole + (f", through {', '.join(path.name for path in job.boards)}" if job.boards else ""))
@@ -124,7 +126,7 @@ def _fly(job, targets, bounds, settled):
 
 def _build(job, targets):
     from fledge.cli.console import say
-    from fledge.fly import table
+    from fledge.targets import table
 
     for target in targets:
         built = target.build(job)
@@ -135,7 +137,7 @@ def _build(job, targets):
 
 def _join(job, target, address, keys):
     from fledge.cli.console import say
-    from fledge.fly import table
+    from fledge.targets import table
 
     address = address or os.environ.get("FLEDGE_ADDRESS") or "tcp://127.0.0.1:7000"
     simulation = os.environ.get("FLEDGE_SIMULATION") or job.mission.title
@@ -149,7 +151,7 @@ def _join(job, target, address, keys):
 
 def _rounded(desktop, archive, job, flown, bounds, settled):
     """(what the table says, whether all bounds hold) of a flight through words that round."""
-    from fledge.compare import compare
+    from fledge.archive.compare import compare
 
     def late(t):
         return job.is_instant(t) & (t >= settled * 1e9)

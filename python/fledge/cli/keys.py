@@ -7,7 +7,8 @@ Exit codes as of all commands: 0 done; 2 the command line or a key is wrong, and
 import argparse
 import os
 
-from fledge.cli.console import Failure, say
+from fledge.cli.console import say
+from fledge.errors import Failure
 
 
 def add(command):

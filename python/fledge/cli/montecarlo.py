@@ -9,7 +9,7 @@ import sys
 import time
 from pathlib import Path
 
-from fledge.cli.progress import Bar, clock
+from fledge.progress import Bar, clock
 
 FAILURES_SHOWN = 8
 
@@ -29,7 +29,7 @@ def add(command):
 
 
 def montecarlo(options):
-    from fledge.cli.console import Failure
+    from fledge.errors import Failure
     from fledge.montecarlo import Campaign
 
     if (options.runs is None) == (options.only is None):
@@ -112,7 +112,8 @@ class _Live(Bar):
 def _one(campaign, options, folder):
     import fledge
     from fledge import _core
-    from fledge.cli.console import Failure, Plots, say, size_of
+    from fledge.cli.console import Plots, say, size_of
+    from fledge.errors import Failure
 
     index, d = options.only, campaign.dispersions
     sim = campaign.simulation(index, options.seed)

@@ -15,7 +15,8 @@ import sys
 from pathlib import Path
 from time import monotonic, perf_counter, sleep
 
-from fledge.cli.console import Failure, counted, say, size_of
+from fledge.cli.console import counted, say, size_of
+from fledge.errors import Failure
 
 
 def add(command):
@@ -298,10 +299,10 @@ def set_up(sim, scenario=None, free=False):
         raise Failure(f"the mission {sim.name} has no scenario '{name}'; it has {', '.join(known)}")
     again = _second_run(known[name])
     if again:
-        from fledge.mission import _relative
+        from fledge.files import shown
 
         others = [other for other in known if not _second_run(known[other])]
-        raise SetupError(f"{_relative(again[0])}, line {again[1]}: the scenario {name} runs again here, and what it "
+        raise SetupError(f"{shown(again[0])}, line {again[1]}: the scenario {name} runs again here, and what it "
                          "does between its runs cannot be done in programs of their own; fly it in one, by run"
                          + (f", take the scenario {' or '.join(others)}" if others else "") + ", or use --free")
 

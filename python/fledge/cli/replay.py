@@ -30,7 +30,8 @@ def add(command):
 
 
 def replay(options):
-    from fledge.cli.console import Failure, say, size_of
+    from fledge.cli.console import say, size_of
+    from fledge.errors import Failure
     from fledge.archive import ArchiveError
     from fledge.cli import parse_duration
     from fledge.cosim.replay import Exchange

@@ -4,7 +4,8 @@
 import sys
 from pathlib import Path
 
-from fledge.cli.console import Failure, say, size_of
+from fledge.cli.console import say, size_of
+from fledge.errors import Failure
 
 _MOST_RECORDS = 8   # that are listed one by one
 

@@ -365,7 +365,7 @@ PyObject *hook(const char *name)
 {
     static PyObject *hooks;
     if (!hooks) {
-        hooks = PyImport_ImportModule("fledge._hooks");
+        hooks = PyImport_ImportModule("fledge.objects.hooks");
     }
     PyObject *function = hooks ? PyObject_GetAttrString(hooks, name) : nullptr;
     Py_XDECREF(function); // the module holds it

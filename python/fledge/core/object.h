@@ -93,7 +93,7 @@ PyObject *root_of(PyObject *object);
 /// A new object for an instance. A new reference, or null with an exception set.
 PyObject *wrap(std::shared_ptr<sim::Instance> instance);
 
-/// The function of that name in fledge/_hooks.py, which is imported at the first call. Borrowed;
+/// The function of that name in fledge/objects/hooks.py, which is imported at the first call. Borrowed;
 /// null with an exception set.
 PyObject *hook(const char *name);
 

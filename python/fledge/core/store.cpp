@@ -79,7 +79,7 @@ Stored refuse(PyObject *object, const Member &member, PyObject *value, const std
 PyObject *strip(PyObject *object, const Member &member, PyObject *value)
 {
     const FledgeField &field = *member.field;
-    PyObject *function = hook("strip");
+    PyObject *function = hook("to_si");
     if (!function) {
         return nullptr;
     }

@@ -14,9 +14,10 @@ from collections import namedtuple
 from time import perf_counter
 
 from fledge import _core
-from fledge.process import Event, Process
+from fledge.errors import SetupError
+from fledge.mission.process import Event, Process
+from fledge.objects.si import time_ns
 
-SetupError = _core.SetupError
 DEFAULT_ADDRESS = "tcp://127.0.0.1:7000"
 
 Crossing = namedtuple("Crossing", "topic source port latency stale_after message optional")
@@ -114,7 +115,7 @@ class Node:
         """The run begins, or goes on from a snapshot of a program that was lost, whose record is kept."""
         sim = self.simulation
         if sim._archive and sim._core.now >= 0:
-            from fledge.simulation import _next_name
+            from fledge.mission.simulation import _next_name
 
             path, metadata = sim._archive
             while os.path.exists(path) or os.path.exists(path + ".part"):
@@ -140,12 +141,10 @@ class Controller:
 
     def __init__(self, simulation, nodes, end, *, seed=0, address=DEFAULT_ADDRESS, keys=None, unencrypted=False,
                  join=60.0, reply=60.0, sharing="allowed", save_every=0, report=None):
-        from fledge.process import _time
-
         nodes = [(one, "abort") if isinstance(one, str) else tuple(one) for one in nodes]
-        self._core = _core.Control(simulation, nodes, _time(end, "Controller: end"), seed, address, str(keys or ""),
+        self._core = _core.Control(simulation, nodes, time_ns(end, "Controller: end"), seed, address, str(keys or ""),
                                    unencrypted, float(join), float(reply), sharing,
-                                   _time(save_every, "Controller: save_every"), report or (lambda text: None))
+                                   time_ns(save_every, "Controller: save_every"), report or (lambda text: None))
         self.address = self._core.address
         self._nodes = [name for name, _ in nodes]
 
@@ -166,9 +165,9 @@ class Controller:
 # --- what cannot be split --------------------------------------------------------------------------
 
 def _at(place):
-    from fledge.mission import _relative
+    from fledge.files import shown
 
-    return f"{_relative(place[0])}, line {place[1]}: " if place else ""
+    return f"{shown(place[0])}, line {place[1]}: " if place else ""
 
 
 def _ties(simulation):
@@ -198,7 +197,7 @@ def _python_events(simulation):
                     continue
                 found = _Reach(simulation, foreign).of(function)
                 if found:
-                    yield (f"{_at(handle.place)}event {process.name}.{handle.name} calls Python that reaches {found}, "
+                    yield (f"{_at(handle.declared_at)}event {process.name}.{handle.name} calls Python that reaches {found}, "
                            f"which runs in another program; let a message tell it: wire an output to {process.name}, "
                            "or give the event to the other process")
 

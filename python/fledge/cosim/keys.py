@@ -8,7 +8,7 @@ import os
 import re
 from pathlib import Path
 
-from fledge._files import Part
+from fledge.files import Part
 
 CONTROLLER = "controller"
 _KEY = re.compile(r"[0-9a-zA-Z.\-:+=^!/*?&<>()\[\]{}@%$#]{40}")

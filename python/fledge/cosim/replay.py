@@ -17,7 +17,8 @@ from pathlib import Path
 
 from fledge import _core
 from fledge.archive import Archive, ArchiveError
-from fledge.compare import compare
+from fledge.archive.compare import compare
+from fledge.errors import SetupError
 
 __all__ = ["Exchange", "Replayed", "replay"]
 
@@ -114,17 +115,17 @@ def replay(exchange, node, command=None, *, out, until=None, address=None, keys=
     Raises SetupError for what cannot be replayed, OSError if the command cannot be started.
     """
     if node not in exchange.nodes:
-        raise _core.SetupError(f"{exchange.archive.path}: no node {node} took part; there are "
+        raise SetupError(f"{exchange.archive.path}: no node {node} took part; there are "
                                f"{', '.join(exchange.nodes)}")
     topics = exchange.written_by(node)
     if not topics:
-        raise _core.SetupError(f"{exchange.archive.path}: {node} wrote nothing that others read, so there is nothing "
+        raise SetupError(f"{exchange.archive.path}: {node} wrote nothing that others read, so there is nothing "
                                "to compare")
     until = exchange.known if until is None else min(until, exchange.known)
     if until < 0:
-        raise _core.SetupError(f"{exchange.archive.path}: nothing can be replayed: {exchange.limited}")
+        raise SetupError(f"{exchange.archive.path}: nothing can be replayed: {exchange.limited}")
     if not exchange.nodes[node].rates and not exchange.nodes[node].present:
-        raise _core.SetupError(f"{exchange.archive.path}: {node} did not step with the others, so it cannot be "
+        raise SetupError(f"{exchange.archive.path}: {node} did not step with the others, so it cannot be "
                                "replayed")
     others = [exchange.part(other, until) for other, member in exchange.nodes.items()
               if other != node and (member.present or exchange.written_by(other))]

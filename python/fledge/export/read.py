@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from fledge import _core
+from fledge.errors import SetupError
 from fledge.export import names
-
-SetupError = _core.SetupError
 
 
 class ExportError(SetupError):

@@ -13,7 +13,7 @@ from fledge import SetupError, _core, export
 from fledge.export import c_values
 from fledge.export.c_text import string
 from fledge.export.testing import COMPILERS, ROOT, STRICT, Compiled
-from fledge.simulation import Simulation
+from fledge.mission.simulation import Simulation
 
 HEADER = """
 #ifndef MINE_STORE_H

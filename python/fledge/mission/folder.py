@@ -21,10 +21,11 @@ import types
 import weakref
 from pathlib import Path
 
-from fledge import _core, project
-from fledge.simulation import Simulation
+from fledge.errors import SetupError
+from fledge.files import shown
+from fledge.mission.simulation import Simulation
+from fledge.objects import project
 
-SetupError = _core.SetupError
 _TAKES = {"flight": "f", "world": "w, f", "mission": "sim"}  # what a file's build() is called with
 _package = itertools.count(1)
 
@@ -133,7 +134,7 @@ def load(name, seed=0, **parameters):
     simulation = Simulation(mission.name, seed, empty=mission.several)
     simulation.mission = mission
     mission.parameters = dict(parameters)
-    with _Files(mission) as files:
+    with MissionFiles(mission) as files:
         flight = files.execute("flight", "build")
         builds = [(flight.build, [simulation.flight])] if not mission.several else []
         if (mission.folder / "world.py").exists():
@@ -173,7 +174,7 @@ def _refuse_unknown(mission, given, builds):
                              + (", ".join(f"{n}={d!r}" for n, d in known.items()) or "none"))
 
 
-class _Files:
+class MissionFiles:
     """A mission's files as the modules of a package of their own, made anew for each load."""
 
     def __init__(self, mission):
@@ -227,18 +228,11 @@ def explain(error, folder, path=None):
     """
     if isinstance(error, SyntaxError) and error.filename:
         line = (error.text or "").strip()
-        return f"{_relative(error.filename)}, line {error.lineno}: {error.msg}" + (f"\n    {line}" if line else "")
+        return f"{shown(error.filename)}, line {error.lineno}: {error.msg}" + (f"\n    {line}" if line else "")
     frames = [f for f in traceback.extract_tb(error.__traceback__) if Path(f.filename).is_relative_to(folder)]
     kind = "" if isinstance(error, (SetupError, AssertionError)) else f"{type(error).__name__}: "
     text = f"{kind}{error}" if str(error) else kind.rstrip(": ") or "an assertion does not hold"
     if not frames:
-        return f"{_relative(path)}: {text}" if path else text
+        return f"{shown(path)}: {text}" if path else text
     last = frames[-1]
-    return f"{_relative(last.filename)}, line {last.lineno}: {text}" + (f"\n    {last.line}" if last.line else "")
-
-
-def _relative(path):
-    try:
-        return Path(path).relative_to(Path.cwd())
-    except ValueError:
-        return path
+    return f"{shown(last.filename)}, line {last.lineno}: {text}" + (f"\n    {last.line}" if last.line else "")

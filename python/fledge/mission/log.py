@@ -14,9 +14,9 @@ Names are read from the end and may be as short as they are unique: "flight.trac
 
 import re
 
-from fledge import _core
+from fledge.errors import SetupError, did_you_mean
+from fledge.series import Series
 
-SetupError = _core.SetupError
 
 # How the types of the tables are called by numpy.
 _FORMATS = {"f64": "f8", "f32": "f4", "i8": "i1", "u8": "u1", "i16": "i2", "u16": "u2", "i32": "i4", "u32": "u4",
@@ -103,11 +103,8 @@ class Log:
             raise SetupError(f"the record's '{key}' may be "
                              + " or ".join(s.path + (f".{n}" if n else "") for s, n in found)
                              + "; write more of the name")
-        from difflib import get_close_matches
-
-        near = get_close_matches(wanted, [n for full in self.names for n in _endings(full)], 1, 0.6)
-        raise SetupError(f"the record has no '{key}'; " + (f"did you mean '{near[0]}'? " if near else "")
-                         + f"it has {', '.join(self.names)}")
+        endings = [ending for full in self.names for ending in _endings(full)]
+        raise SetupError(f"the record has no '{key}'{did_you_mean(wanted, endings)} it has {', '.join(self.names)}")
 
     def field(self, key):
         """What the header says of a field: its unit, shape and meaning."""
@@ -117,6 +114,13 @@ class Log:
                              + ", ".join(n for n in samples.fields if not n.startswith("head.")))
         return samples.fields[name]
 
+    def series(self, key):
+        """The Series of a field or element, for plots."""
+        samples, name, indices = self.find(key)
+        field = self.field(key)
+        name = name.rpartition(".")[2] + "".join(f"[{i}]" for i in indices)
+        return Series(key, name, samples.path, self.time_of(key), self[key], field.unit, field.doc)
+
     def short_name(self, path):
         """The shortest ending of a port's path that is unique here: "error"."""
         parts = path.split(".")
@@ -125,6 +129,11 @@ class Log:
             if sum(("." + other).endswith("." + tail) for other in self._samples) == 1:
                 return tail
         return path
+
+    @property
+    def plots(self):
+        """What collects the figures of this log: that of its simulation. False: nothing is to be drawn."""
+        return self._simulation.plots
 
     # --- data ---
 
@@ -160,7 +169,7 @@ class Log:
         values = self[key]
         if not len(values):
             raise SetupError(f"nothing was recorded of '{key}' yet: run the simulation first")
-        from fledge._vector import Vector
+        from fledge.objects.vector import Vector
 
         return values[-1].view(Vector) if getattr(values[-1], "ndim", 0) else values[-1].item()
 
@@ -204,9 +213,7 @@ class Log:
         """
         from fledge.plot import deliver, plot
 
-        if self._simulation.plots is False:
-            return None
-        return deliver(plot(self, *panels, **options), self._simulation.plots)
+        return None if self.plots is False else deliver(plot(self, *panels, **options), self.plots)
 
     def __repr__(self):
         return "\n".join(["log of"] + [f"  {path}, {len(s.core)} samples: "

@@ -10,93 +10,12 @@
                 enter=f.science)
 """
 
-import os
-import sys
 import weakref
 
 from fledge import _core
-from fledge.units import UnitError, nanoseconds
-
-SetupError = _core.SetupError
-
-
-# --- where the user said it ------------------------------------------------------------------------
-
-_PACKAGE = os.path.dirname(os.path.abspath(__file__)) + os.sep
-
-
-def place():
-    """(file, line) of the caller outside this package."""
-    frame = sys._getframe(1)
-    while frame.f_back is not None and frame.f_code.co_filename.startswith(_PACKAGE):
-        frame = frame.f_back
-    return frame.f_code.co_filename, frame.f_lineno
-
-
-# --- wires -----------------------------------------------------------------------------------------
-
-class Wire:
-    """Wires from one output, as `a.output >> b.input` or `a.output >> [b.input, c.input]` makes them.
-
-    They take effect in connect(). `(a >> b).latency(1)` makes the consumer read what the producer had
-    at the end of the previous exchange, so that both may run in parallel; `(a >> b).stale_after(2 * s)`
-    lowers the quality of a message that is older. Both return the wire, so they chain.
-    """
-
-    def __init__(self, source, targets):
-        self.source = source
-        self.targets = targets
-        self.place = place()
-        self.options = {"latency": 0, "stale_after": 0}
-
-    def latency(self, exchanges):
-        """0: the newest message; 1: that of the previous exchange."""
-        self.options["latency"] = exchanges
-        return self
-
-    def stale_after(self, age):
-        """A message older than `age`, a time, reaches the consumer as stale."""
-        self.options["stale_after"] = _time(age, f"{self!r}: stale_after")
-        return self
-
-    def __rshift__(self, target):
-        raise TypeError(f"{self!r} >> ...: a wire ends here; write a >> [b, c] for several")
-
-    def __repr__(self):
-        targets = [_core.path(t) for t in self.targets]
-        return f"{_core.path(self.source)} >> " + (targets[0] if len(targets) == 1 else f"[{', '.join(targets)}]")
-
-
-def wire(source, target):
-    """What `source >> target` means. Raises SetupError on what cannot be joined."""
-    if isinstance(target, list):
-        wires = [wire(source, one) for one in target]
-        return Wire(source, [t for w in wires for t in w.targets])
-    start = f"{_core.path(source)} >> "
-    if not isinstance(target, _core.Message):
-        if isinstance(target, (_core.Module, _core.Model)):
-            raise SetupError(f"{start}{_core.path(target)}: name an input, not the module; it has "
-                             + _ports(target, "in"))
-        raise SetupError(f"{start}{target!r}: expected an input or a list of inputs")
-    start += _core.path(target)
-    for port, group, word in ((source, "out", "output"), (target, "in", "input")):
-        field, root = _core.field(port), _core.root(port)
-        if field is None or root is None or field.group != group:
-            raise SetupError(f"{start}: {_core.path(port)} is no {word}"
-                             + (f"; {_core.path(root)} has {_ports(root, group)}" if root is not None else ""))
-    theirs, ours = _core.struct(source), _core.struct(target)
-    if (theirs.name, theirs.hash) != (ours.name, ours.hash):
-        fitting = [f.name for f in _core.struct(_core.root(target)).fields
-                   if f.group == "in" and f.struct.name == theirs.name]
-        raise SetupError(f"{start}: the output is {theirs.name}, the input takes {ours.name}"
-                         + (f"; {_core.path(_core.root(target))} takes {theirs.name} at {', '.join(fitting)}"
-                            if fitting else ""))
-    return Wire(source, [target])
-
-
-def _ports(obj, group):
-    names = [f.name for f in _core.struct(obj).fields if f.group == group]
-    return ("the inputs " if group == "in" else "the outputs ") + (", ".join(names) or "(none)")
+from fledge.errors import SetupError, did_you_mean, listed
+from fledge.objects.si import time_ns, to_si
+from fledge.objects.wires import Wire, caller
 
 
 # --- conditions ------------------------------------------------------------------------------------
@@ -154,10 +73,8 @@ class Watch:
             raise SetupError(f"{self._path}: compare one of its fields: {names}")
         if self._field.shape and self._index is None:
             raise SetupError(f"{self._path} has shape {self._field.shape}: compare an element, norm() or max_abs()")
-        from fledge._hooks import strip
-
         field = self._field
-        value = strip(constant, self._path, field.unit, field.dims, "a number")
+        value = to_si(constant, self._path, field.unit, field.dims, "a number")
         if not isinstance(value, (int, float)):
             raise SetupError(f"{self._path} {comparison} {constant!r}: expected a number")
         unit = f" {field.unit}" if field.unit not in ("", "-") else ""
@@ -229,7 +146,7 @@ class Event:
 
     def __init__(self, process, name, when, do):
         self._process, self.name, self._when, self._do = weakref.ref(process), name, when, do
-        self.place = place()
+        self.declared_at = caller()
         self._core = None
 
     @property
@@ -262,13 +179,6 @@ class Event:
             f", fired at {at:g} s>" if at is not None else ">")
 
 
-def _time(value, what):
-    try:
-        return nanoseconds(value)
-    except (UnitError, ValueError, TypeError) as error:
-        raise SetupError(f"{what}: {error}") from None
-
-
 # --- processes -------------------------------------------------------------------------------------
 
 class Process:
@@ -284,7 +194,7 @@ class Process:
         put(self, "_instances", {})
         put(self, "_gone", "")     # why it is not here, if it is not
         put(self, "_handles", {})  # modes and events
-        put(self, "_places", {})   # (file, line) of instances by name, and of wires by their readers' paths
+        put(self, "_declared_at", {})   # (file, line) of instances by name, and of wires by their readers' paths
         put(self, "_tasks", {})    # apart, because a task may have the name of an instance
 
     @property
@@ -306,7 +216,7 @@ class Process:
         self._accept(name, value)
         self._core_process.add(name, value)
         self._instances[name] = value
-        self._places[name] = place()
+        self._declared_at[name] = caller()
         _core.set_context(value, weakref.ref(self))
 
     def _accept(self, name, value):
@@ -332,12 +242,9 @@ class Process:
         return why
 
     def _unknown(self, name):
-        from difflib import get_close_matches
-
         known = [*self._instances, *self._handles]
-        near = get_close_matches(name, known, 1)
-        return (f"the process {self.name} has no '{name}'"
-                + (f"; did you mean '{near[0]}'?" if near else ";") + " it has " + (", ".join(known) or "nothing yet"))
+        return (f"the process {self.name} has no '{name}'{did_you_mean(name, known)} it has "
+                + listed(known, none="nothing yet"))
 
     def __dir__(self):
         return [*super().__dir__(), *self._instances, *self._handles, *self._tasks]
@@ -358,7 +265,7 @@ class Process:
                 raise SetupError(f"{self.name}.connect: expected wires, as in a.output >> b.input; found {one!r}")
             for target in one.targets:
                 self._core_simulation.connect(one.source, target, one.options["latency"], one.options["stale_after"])
-                self._places[_core.path(target)] = one.place
+                self._declared_at[_core.path(target)] = one.declared_at
 
     def task(self, name, *, every, run, offset=0, priority=0):
         """Run modules or models in order, at one rate. Returns a handle for mode().
@@ -371,7 +278,7 @@ class Process:
         for one in run:
             if not isinstance(one, (_core.Module, _core.Model)):
                 raise SetupError(f"{what}: run takes modules or models; found {one!r}")
-        self._core_process.add_task(name, _time(every, f"{what}: every"), _time(offset, f"{what}: offset"),
+        self._core_process.add_task(name, time_ns(every, f"{what}: every"), time_ns(offset, f"{what}: offset"),
                                     priority, run)
         self._tasks[name] = Task(name)
         return self._tasks[name]
@@ -416,7 +323,7 @@ class Process:
             raise SetupError(f"{what}: when takes a condition, as in watch(port).field < 1; found {when!r}")
         event = Event(self, name, when, do)
         event._core = self._core_process.add_event(
-            name, when if isinstance(when, _core.Condition) else event._predicate(), _time(hold, f"{what}: hold"),
+            name, when if isinstance(when, _core.Condition) else event._predicate(), time_ns(hold, f"{what}: hold"),
             once, "" if enter is None else getattr(enter, "name", enter), event._action() if do else None)
         self._handles[name] = event
         return event
@@ -447,7 +354,7 @@ class Process:
         other = type(self)(core_simulation, core_simulation.process(self.name))
         other._instances.update(other._core_process.wrap())
         other._tasks.update(self._tasks)
-        other._places.update(self._places)
+        other._declared_at.update(self._declared_at)
         for one in other._instances.values():
             _core.set_context(one, weakref.ref(other))
         events = {e.name: e for e in other._core_process.events}
@@ -495,6 +402,6 @@ class World(Process):
 
     def at(self, t, do, name=None):
         """Call `do()` once, at the first instant at or after the time t; said in an event, after this instant."""
-        ns = _time(t, f"{self.name}.at")
+        ns = time_ns(t, f"{self.name}.at")
         name = name or f"at_{ns}_ns" + (f"_{len(self._handles)}" if f"at_{ns}_ns" in self._handles else "")
         return self.event(name, when=_At(ns), do=do, once=True)

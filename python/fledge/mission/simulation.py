@@ -12,9 +12,9 @@
 from time import perf_counter
 
 from fledge import _core
-from fledge.process import Flight, World, _time
-
-SetupError = _core.SetupError
+from fledge.errors import SetupError
+from fledge.mission.process import Flight, World
+from fledge.objects.si import time_ns
 
 
 class Simulation:
@@ -144,7 +144,7 @@ class Simulation:
         if (duration is None) == (until is None):
             raise TypeError("run() takes a duration, or until=a time")
         start = max(self._core.now, 0)
-        end = start + _time(duration, "run") if until is None else _time(until, "run: until")
+        end = start + time_ns(duration, "run") if until is None else time_ns(until, "run: until")
         if end < start:
             raise SetupError(f"run: {end / 1e9:g} s lies before the present, {start / 1e9:g} s")
         pace = self.pace if pace is None else pace
@@ -152,13 +152,14 @@ class Simulation:
             raise SetupError(f"run: pace must be >= 0, found {pace:g}")
         self._core.ready_for(end)
         self._open_archive()
-        from fledge.cli.progress import Interrupt, Progress
+        from fledge.interruption import Interruption
+        from fledge.progress import Progress
 
         begun = perf_counter()
         try:
-            with Interrupt() as interrupt, Progress(self.name, start, end, progress) as bar:
+            with Interruption() as interruption, Progress(self.name, start, end, progress) as bar:
                 def look(now):
-                    interrupt.look()
+                    interruption.check()
                     if bar.wanted:
                         bar.at(now)
 
@@ -224,9 +225,9 @@ class Simulation:
         A module or model stands for all its outputs. every: a time; 0 records each instant. Returns a
         Log, which fills as the simulation runs.
         """
-        from fledge.log import Log
+        from fledge.mission.log import Log
 
-        period = _time(every, "record: every")
+        period = time_ns(every, "record: every")
         if not ports:
             raise SetupError("record: name at least one port, as in sim.record(f.tracking.error)")
         logs = []

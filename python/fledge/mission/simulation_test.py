@@ -350,7 +350,7 @@ def test_progress_is_for_long_runs_on_a_terminal_only(capfd):
 INTERRUPTED = """
 import sys, time
 sys.path[:0] = {path!r}
-from fledge.simulation_test import spinner
+from fledge.mission.simulation_test import spinner
 sim = spinner()
 print("ready", flush=True)
 try:
@@ -385,7 +385,7 @@ def test_ctrl_c_stops_after_an_instant_and_the_run_goes_on(pace):
 INTERRUPTED_EVENT = """
 import os, signal, sys
 sys.path[:0] = {path!r}
-from fledge.simulation_test import spinner
+from fledge.mission.simulation_test import spinner
 sim, done = spinner(), []
 def press():
     os.kill(os.getpid(), signal.SIGINT)
@@ -427,7 +427,7 @@ def test_in_ipython(tmp_path):
 
     if not shutil.which("ipython3"):
         pytest.skip("ipython3 is not installed")
-    script = ("from fledge.simulation_test import spinner\nsim = spinner()\nsim.run(1)\nsim.flight.tracking\n"
+    script = ("from fledge.mission.simulation_test import spinner\nsim = spinner()\nsim.run(1)\nsim.flight.tracking\n"
               "sim.flight.tracking?\nsim.flight.tracking.sigma_BcB\n")
     (tmp_path / "try.ipy").write_text("import sys\nsys.path[:0] = %r\n" % sys.path + script)
     out = subprocess.run(["/usr/bin/python3", "-m", "IPython", "--no-banner", "--colors=NoColor", "--no-confirm-exit"],

@@ -3,11 +3,11 @@
 
     wiring = Wiring(fledge.load("nadir_spin"))
     print(wiring.outline())
-    wiring.save("nadir_spin.svg")          # .svg, .png, .pdf or .dot; see wiring_picture
+    wiring_picture.save(wiring, "nadir_spin.svg")    # .svg, .png, .pdf or .dot
 """
 
 from fledge import _core
-from fledge.process import Event, World
+from fledge.mission.process import Event, World
 
 
 def kind_of(process):
@@ -156,17 +156,6 @@ class Wiring:
             if process.integrator:
                 lines.append(f"  integrator: {process.integrator}")
         return "\n".join(lines)
-
-    # --- picture ---
-
-    def save(self, path):
-        """Draw it into a file, whose ending says how: .svg, .png, .pdf or .dot. Returns the path.
-
-        Raises SetupError for another ending, or if graphviz is not installed.
-        """
-        from fledge.wiring_picture import save
-
-        return save(self, path)
 
 
 # --- reading ---------------------------------------------------------------------------------------

@@ -10,8 +10,8 @@ import pytest
 import fledge
 from fledge import SetupError, Simulation, cli, flight as fsw, world
 from fledge.units import s
-from fledge.wiring import Wiring
-from fledge.wiring_picture import dot, render
+from fledge.mission.wiring import Wiring
+from fledge.wiring_picture import dot, render, save
 
 graphviz = pytest.mark.skipif(not shutil.which("dot"), reason="graphviz is not installed")
 
@@ -141,23 +141,23 @@ def test_names_that_would_break_the_picture_are_shown_as_they_are(sim):
 @pytest.mark.parametrize("kind, start",
                          [("svg", b"<?xml"), ("png", b"\x89PNG"), ("pdf", b"%PDF"), ("dot", b"digraph")])
 def test_pictures_are_files_that_do_not_change(sim, tmp_path, kind, start):
-    first = Wiring(sim).save(tmp_path / "deep" / f"a.{kind}").read_bytes()
+    first = save(Wiring(sim), tmp_path / "deep" / f"a.{kind}").read_bytes()
     assert first.startswith(start)
-    assert Wiring(sim).save(tmp_path / f"b.{kind.upper()}").read_bytes() == first
+    assert save(Wiring(sim), tmp_path / f"b.{kind.upper()}").read_bytes() == first
     assert re.findall(rb"CreationDate \(D:(\d{4})", first) == [b"1970"] * (kind == "pdf")
 
 
 def test_other_endings_are_refused(sim, tmp_path):
     with pytest.raises(SetupError, match=r"a.jpg: the name of a picture ends in .svg, .png, .pdf or .dot"):
-        Wiring(sim).save(tmp_path / "a.jpg")
+        save(Wiring(sim), tmp_path / "a.jpg")
     assert not list(tmp_path.iterdir())
 
 
 def test_without_graphviz_the_package_is_named(sim, tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(SetupError, match="needs graphviz, which is not installed: apt-get install graphviz"):
-        Wiring(sim).save(tmp_path / "a.svg")
-    Wiring(sim).save(tmp_path / "a.dot")
+        save(Wiring(sim), tmp_path / "a.svg")
+    save(Wiring(sim), tmp_path / "a.dot")
     assert cli.main(["show", "nadir_spin", "--out", str(tmp_path / "b.svg")]) == 2
     assert "apt-get install graphviz" in capsys.readouterr().err
     assert cli.main(["show", "nadir_spin", "--text"]) == 0

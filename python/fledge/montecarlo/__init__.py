@@ -17,9 +17,9 @@ import os
 import types
 
 from fledge import _core, mission as missions
+from fledge.errors import SetupError
+from fledge.mission.folder import MissionFiles
 from fledge.montecarlo.dispersions import Dispersions
-
-SetupError = _core.SetupError
 
 
 class Campaign:
@@ -142,7 +142,7 @@ def _declare(mission, wanted):
     path = sim.mission.folder / "dispersions.py"
     if not path.exists():
         raise SetupError(f"the mission {sim.name} declares no dispersions: say in {path} what differs from run to run")
-    with missions._Files(sim.mission) as files:
+    with MissionFiles(sim.mission) as files:
         module = files.execute("dispersions")
         known = {name: f for name, f in vars(module).items()
                  if isinstance(f, types.FunctionType) and f.__module__ == module.__name__

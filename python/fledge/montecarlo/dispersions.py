@@ -20,12 +20,11 @@ a parameter is drawn from a stream of its own: a line more changes no other line
 """
 
 from fledge import _core
-from fledge._hooks import strip
-from fledge._place import Place, index_text, names_of
-from fledge.process import _time
-from fledge.requirements import Requirement, Series
+from fledge.errors import SetupError
+from fledge.objects.si import time_ns, to_si
+from fledge.montecarlo.field_path import Place, index_text, names_of
+from fledge.montecarlo.requirements import Requirement, Series
 
-SetupError = _core.SetupError
 
 _NUMBER = (0,) * 8
 _INFINITY = float("inf")
@@ -181,7 +180,7 @@ class Dispersions:
             return [default] * n
         relative = draw.scale == "relative"
         shown = f"{place.path} = {draw!r}"
-        value = strip(value, shown, "-" if relative else place.field.unit,
+        value = to_si(value, shown, "-" if relative else place.field.unit,
                       _NUMBER if relative else place.field.dims, "a number, or one for each element")
         if isinstance(value, (int, float)):
             return [float(value)] * n
@@ -256,7 +255,7 @@ class Dispersions:
 
 
 def _positive(value, what):
-    ns = _time(value, what)
+    ns = time_ns(value, what)
     if ns <= 0:
         raise SetupError(f"{what} must be > 0, found {ns / 1e9:g} s")
     return ns

@@ -5,8 +5,7 @@ import math
 import re
 
 from fledge import _core
-
-SetupError = _core.SetupError
+from fledge.errors import SetupError, did_you_mean
 
 
 class Place:
@@ -96,11 +95,8 @@ def _member(struct, name, owner, path):
     for field in struct.fields:
         if field.name == name and not field.spare:
             return field
-    from difflib import get_close_matches
-
-    near = get_close_matches(name, names_of(struct), 1)
-    raise SetupError(f"{path}: {owner} has no '{name}'" + (f"; did you mean '{near[0]}'?" if near else ";")
-                     + f" it has {', '.join(names_of(struct))}")
+    known = names_of(struct)
+    raise SetupError(f"{path}: {owner} has no '{name}'{did_you_mean(name, known)} it has {', '.join(known)}")
 
 
 def port(simulation, path):

@@ -137,7 +137,7 @@ def write(result, folder, command):
     """Write all files; returns (the summary's data, the paths)."""
     import json
 
-    from fledge._files import Part
+    from fledge.files import Part
     from fledge.plot import save
 
     folder = Path(folder)

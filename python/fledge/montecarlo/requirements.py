@@ -7,12 +7,9 @@
 
 import math
 
-from fledge import _core
-from fledge._hooks import strip
-from fledge._place import port
-from fledge.process import _time
-
-SetupError = _core.SetupError
+from fledge.errors import SetupError
+from fledge.objects.si import time_ns, to_si
+from fledge.montecarlo.field_path import port
 
 
 class Series:
@@ -72,7 +69,7 @@ class Series:
         return self._with(start=None)
 
     def _within(self, t, what):
-        ns = _time(t, f"{self!r}: {what}")
+        ns = time_ns(t, f"{self!r}: {what}")
         if not 0 <= ns <= (self._duration() or ns):
             raise SetupError(f"{self!r}: {what}({ns / 1e9:g} s) is not within the run")
         return ns
@@ -83,7 +80,7 @@ class Series:
         place = self._place
         if place.shape and not self._measure:
             raise SetupError(f"{self!r} has shape {place.shape}: compare an element, norm() or max_abs()")
-        value = strip(limit, repr(self), place.field.unit, place.field.dims, "a number")
+        value = to_si(limit, repr(self), place.field.unit, place.field.dims, "a number")
         if not isinstance(value, (int, float)) or not math.isfinite(value):
             raise SetupError(f"{self!r} {comparison} {limit!r}: expected a finite number")
         return Requirement(self, comparison, float(value))

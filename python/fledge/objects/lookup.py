@@ -4,6 +4,7 @@
 from types import BuiltinFunctionType, FunctionType, ModuleType
 
 from fledge import _core
+from fledge.errors import did_you_mean
 
 
 def lookup(module, types, extra):
@@ -13,15 +14,12 @@ def lookup(module, types, extra):
             return types[name]
         if name.startswith("__"):
             raise AttributeError(name)
-        from difflib import get_close_matches
-
         known = [n for n in __dir__() if not n.startswith("_")]
-        near = get_close_matches(name, known, 1)
         main = [n for n in types if _core.struct(types[n]).kind in ("module", "model")]
         own = [n for n in known if n not in types and n[:1].isupper()
                and not isinstance(extra.get(n), dict) and not n.endswith("Error")]
-        raise AttributeError(f"{module} has no '{name}'" + (f"; did you mean '{near[0]}'?" if near else ";")
-                             + f" there are {', '.join(sorted(main + own))}")
+        raise AttributeError(f"{module} has no '{name}'{did_you_mean(name, known)} there are "
+                             + ", ".join(sorted(main + own)))
 
     def __dir__():
         # Without what the module itself has from elsewhere: modules, and functions of others.
@@ -30,8 +28,3 @@ def lookup(module, types, extra):
         return sorted([*types, *own])
 
     return __getattr__, __dir__
-
-
-def first_sentence(doc):
-    """What a docstring or a header's comment says first, as one line that ends in a full stop."""
-    return " ".join(doc.split()).split(". ")[0].rstrip(".") + "."

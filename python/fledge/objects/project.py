@@ -11,8 +11,7 @@ from functools import cache
 from pathlib import Path
 
 from fledge import _core
-
-SetupError = _core.SetupError
+from fledge.errors import SetupError
 
 
 def folder():

@@ -10,9 +10,9 @@
     table.py      the one table
 """
 
-from fledge.fly.job import Job
-from fledge.fly.cfs import Cfs, RealCfs
-from fledge.fly.target import TARGETS, Flown, Target
+from fledge.targets.job import Job
+from fledge.targets.cfs import Cfs, RealCfs
+from fledge.targets.target import TARGETS, Flown, Target
 
 TARGETS[Cfs.name] = Cfs()
 

@@ -6,7 +6,7 @@ import shutil
 import subprocess
 from pathlib import Path
 
-from fledge.cli.console import Failure
+from fledge.errors import Failure
 from fledge.export.write import write_files
 
 ROOT = Path(__file__).resolve().parents[3]

@@ -10,12 +10,12 @@ import shutil
 import subprocess
 from pathlib import Path
 
-from fledge.cli.console import Failure
+from fledge.errors import Failure
 from fledge.export import cfs
 from fledge.export.cfs import around, hosted
 from fledge.export.write import write_files
-from fledge.fly import build
-from fledge.fly.target import Target
+from fledge.targets import build
+from fledge.targets.target import Target
 
 APP = cfs.App("fsw")
 

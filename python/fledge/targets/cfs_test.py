@@ -7,8 +7,8 @@ import pytest
 
 from fledge import cli
 from fledge.archive import Archive
-from fledge.compare import compare
-from fledge.fly import build
+from fledge.archive.compare import compare
+from fledge.targets import build
 
 MAKEFILE = """\
 B = build

@@ -21,9 +21,9 @@ import pytest
 import fledge
 from fledge import cli
 from fledge.archive import Archive
-from fledge.compare import compare
-from fledge.fly import TARGETS, Job, build, loop
-from fledge.fly.target import Linux
+from fledge.archive.compare import compare
+from fledge.targets import TARGETS, Job, build, loop
+from fledge.targets.target import Linux
 
 WHOLE = bool(os.environ.get("FLEDGE_FLY_WHOLE"))
 CONVERTERS = build.ROOT / "missions/nadir_spin/converters.toml"

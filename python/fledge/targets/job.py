@@ -7,10 +7,11 @@ from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
 
-from fledge import export, project
-from fledge.cli.console import Failure
-from fledge.fly import build
-from fledge.fly.rehearsal import rehearse
+from fledge import export
+from fledge.errors import Failure
+from fledge.objects import project
+from fledge.targets import build
+from fledge.targets.rehearsal import rehearse
 
 
 class Job:

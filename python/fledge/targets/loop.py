@@ -13,9 +13,9 @@ import sys
 import time
 from pathlib import Path
 
-from fledge.cli.console import Failure
-from fledge.cli.progress import Progress
-from fledge.fly import build
+from fledge.errors import Failure
+from fledge.progress import Progress
+from fledge.targets import build
 
 _numbers = itertools.count()
 

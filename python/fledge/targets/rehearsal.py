@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import fledge
 from fledge import SetupError, _core, export
-from fledge.cli.console import Failure
+from fledge.errors import Failure
 
 
 @dataclass
@@ -69,11 +69,11 @@ class Rehearsal:
 
     def run(self, duration=None, *, until=None, **_):
         """In place of the simulation's run()."""
-        from fledge.process import _time
+        from fledge.objects.si import time_ns
 
         sim = self.sim
         now = max(sim._core.now, 0)
-        end = now + _time(duration, "run") if until is None else _time(until, "run: until")
+        end = now + time_ns(duration, "run") if until is None else time_ns(until, "run: until")
         if self.start is None:
             self.begin()
         else:

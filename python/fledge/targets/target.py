@@ -8,7 +8,7 @@ from pathlib import Path
 from time import process_time
 
 from fledge.archive import Archive
-from fledge.fly import build, loop
+from fledge.targets import build, loop
 
 
 @dataclass

@@ -12,9 +12,9 @@ from collections import namedtuple
 from os import PathLike, fspath
 
 from fledge import _core
-from fledge.units import UnitError, nanoseconds
+from fledge.errors import SetupError
+from fledge.objects.si import time_ns
 
-SetupError = _core.SetupError
 
 BodyAttitude = namedtuple("BodyAttitude", "dcm_PN omega_PN_P")
 BodyAttitude.__doc__ = """How a body stands: P is fixed in it, with p3 along its pole and p1 in its prime meridian.
@@ -79,7 +79,7 @@ class Sky:
         """
         from fledge.flight import BodyState
 
-        ns = _time(t, "Sky.state: t")
+        ns = time_ns(t, "Sky.state: t")
         r, v, a = self._core.state(number(body, "Sky.state: body"),
                                    self.center if center is None else number(center, "Sky.state: center"), ns)
         state = BodyState(r_PN_N=r, v_PN_N=v, a_PN_N=a)
@@ -91,20 +91,20 @@ class Sky:
         from numpy import array
 
         dcm_PN, omega_PN_P = self._core.orientation(number(body, "Sky.orientation: body"),
-                                                    _time(t, "Sky.orientation: t"))
+                                                    time_ns(t, "Sky.orientation: t"))
         return BodyAttitude(array(dcm_PN), array(omega_PN_P))
 
     def utc(self, t=0):
         """The date and time in UTC at a time of the run, as text."""
-        return self._core.text(_time(t, "Sky.utc: t"), "UTC")
+        return self._core.text(time_ns(t, "Sky.utc: t"), "UTC")
 
     def tdb(self, t=0):
         """The date and time in TDB at a time of the run, as text."""
-        return self._core.text(_time(t, "Sky.tdb: t"), "TDB")
+        return self._core.text(time_ns(t, "Sky.tdb: t"), "TDB")
 
     def epoch_at(self, t=0):
         """Seconds of TDB past J2000 at a time of the run, which SPICE calls ephemeris time."""
-        return self._core.seconds(_time(t, "Sky.epoch_at: t"))
+        return self._core.seconds(time_ns(t, "Sky.epoch_at: t"))
 
     def time_of(self, date):
         """The time of the run [s] at a date, written as the epoch is."""
@@ -135,8 +135,3 @@ def _path(value, path):
     return fspath(value)
 
 
-def _time(t, what):
-    try:
-        return nanoseconds(t)
-    except (UnitError, ValueError, TypeError) as error:
-        raise SetupError(f"{what}: {error}") from None

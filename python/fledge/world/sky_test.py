@@ -13,7 +13,7 @@ from fledge.montecarlo.dispersions_test import mission
 from fledge.montecarlo import Campaign
 from fledge.units import day, deg, hour, km, m, minute, s
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 DATA = Path(os.environ.get("FLEDGE_TEST_DATA", ROOT.parent / "shared" / "data"))
 DE405 = Path("/usr/share/casacore/data/ephemerides/DE405")
 NOON = "2015-03-02T12:00:00 TDB"

@@ -2,7 +2,7 @@
 """A mission as a simulation of several programs, one for each of its processes."""
 from __future__ import annotations
 
-from fledge.cli.console import Failure
+from fledge.errors import Failure
 from fledge.cosim.up.description import Plan, Program
 
 
@@ -30,9 +30,9 @@ def _duration(sim, scenario: str | None) -> float | None:
         raise Failure(f"the mission {sim.name} has no scenario '{name}'; it has {', '.join(known) or 'none'}")
 
     def run(duration, *_, **__):
-        from fledge.process import _time
+        from fledge.objects.si import time_ns
 
-        raise _Runs(_time(duration, "run") / 1e9)
+        raise _Runs(time_ns(duration, "run") / 1e9)
 
     sim.plots, sim.run = False, run
     try:

@@ -8,7 +8,7 @@ import sys
 import time
 from dataclasses import dataclass, field, replace
 
-from fledge.cli.progress import clock
+from fledge.progress import clock
 
 _WIDTH = 28         # of the progress bar
 _SHARES = 16        # of the bar of a node's time

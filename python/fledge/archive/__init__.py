@@ -1,0 +1,12 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The MCAP files that every target writes: read, converted, compared.
+
+    reader.py   Archive: topics, fields and times by name; as pandas, CSV, HDF5
+    mcap.py     the container: where the messages are, and what is damaged
+    rosmsg.py   the message definitions
+    compare.py  where two archives differ
+"""
+
+from fledge.archive.reader import Archive, ArchiveError, Channel, Field
+
+__all__ = ["Archive", "ArchiveError", "Channel", "Field"]

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The library's errors, and the words that their texts share."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+
+class Failure(Exception):
+    """A command or flight cannot be carried out. `code` is the exit code: 2 a wrong request, 1 a failed one."""
+
+    def __init__(self, text: str, code: int = 2) -> None:
+        super().__init__(text)
+        self.code = code
+
+
+def nearest(name: str, known: Iterable[str], cutoff: float = 0.6) -> str:
+    """The known name that is most like `name`: the same but for case, or similar. "" if there is none."""
+    from difflib import get_close_matches
+
+    names = list(known)
+    same = [one for one in names if one.lower() == name.lower()]
+    return next(iter(same or get_close_matches(name, names, 1, cutoff)), "")
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """What follows "... has no 'name'": "; did you mean 'names'?", or ";" if no known name is similar."""
+    near = nearest(name, known)
+    return f"; did you mean '{near}'?" if near else ";"
+
+
+def listed(names: Sequence[str], most: int | None = None, none: str = "none") -> str:
+    """ "a, b and 3 more", of which at most `most` are named; `none` of an empty list."""
+    shown = ", ".join(names[:most]) or none
+    return shown + (f" and {len(names) - most} more" if most is not None and len(names) > most else "")
+
+
+def __getattr__(name: str) -> Any:
+    # SetupError and RunError come from the extension, which commands such as `fledge plot` need not load.
+    if name in ("SetupError", "RunError"):
+        from fledge import _core
+
+        return getattr(_core, name)
+    raise AttributeError(f"module {__name__} has no attribute '{name}'")

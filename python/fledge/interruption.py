@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Ctrl-C during a run."""
+
+import signal
+import threading
+from types import TracebackType
+from typing import Any
+
+
+class Interruption:
+    """Delays Ctrl-C until the current instant has ended, so that it cannot stop a Python event half way.
+
+    A second Ctrl-C takes effect at once.
+    """
+
+    def __enter__(self) -> "Interruption":
+        self._requested = False
+        self._replaced = (threading.current_thread() is threading.main_thread()
+                          and signal.getsignal(signal.SIGINT) is signal.default_int_handler)
+        if self._replaced:
+            signal.signal(signal.SIGINT, self._request)
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 traceback: TracebackType | None) -> None:
+        if self._replaced:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+        if kind is None:
+            self.check()
+
+    def _request(self, *_: Any) -> None:
+        self.check()
+        self._requested = True
+
+    def check(self) -> None:
+        """Raise KeyboardInterrupt if Ctrl-C was pressed."""
+        if self._requested:
+            raise KeyboardInterrupt

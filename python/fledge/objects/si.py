@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Quantities, numpy's and pint's numbers, as plain numbers in SI."""
+
+from typing import Any
+
+from fledge.errors import SetupError
+from fledge.units import Quantity, UnitError, nanoseconds
+
+
+def to_si(value, path, unit, dims, expected):
+    """The plain numbers, in the header's unit, behind a quantity, a numpy scalar or a list of such.
+
+    path: "flight.control.K"; unit: as in the header; dims: its exponents; expected: in words.
+    Raises SetupError on another dimension, or on what is no number.
+    """
+    def plain(x):
+        if isinstance(x, Quantity):
+            if x.dims[:7] != dims[:7]:
+                found = x.dims
+                raise SetupError(
+                    f"{path}: expected {_unit(unit, dims)}; found {x!r}"
+                    + ("" if any(found) else ", which has no unit"))
+            if unit == "ns":
+                return nanoseconds(x)
+            return plain(x.value)
+        if isinstance(x, (list, tuple)):
+            return [plain(y) for y in x]
+        if isinstance(x, (float, int)):
+            return x
+        if hasattr(x, "to_base_units") and hasattr(x, "magnitude"):
+            return plain(_from_pint(x))
+        if hasattr(x, "tolist"):  # numpy's arrays and scalars, pandas' series
+            return plain(x.tolist())
+        if hasattr(x, "__index__"):
+            return int(x)
+        if hasattr(x, "__float__"):
+            return float(x)
+        raise SetupError(f"{path}: expected {expected}; found {_short(value)}")
+
+    return plain(value)
+
+
+def _unit(unit, dims):
+    return f"a quantity in {unit}" if unit not in ("", "-") else "a number without unit"
+
+
+def _short(value):
+    text = repr(value).replace("\n", " ")
+    return text if len(text) <= 80 else text[:77] + "..."
+
+
+# pint's names of the base dimensions, in the order of our exponents.
+_PINT = ("[length]", "[mass]", "[time]", "[current]", "[temperature]", "[substance]", "[luminosity]")
+
+
+def _from_pint(x):
+    """A pint quantity as one of ours. pint itself is not imported: the object knows all."""
+    base = x.to_base_units()
+    dims = dict(base.dimensionality)
+    exponents = []
+    for name in _PINT:
+        n = dims.pop(name, 0)
+        if n != int(n):
+            return Quantity(base.magnitude, (99,) * 8)
+        exponents.append(int(n))
+    magnitude = base.magnitude
+    return Quantity(magnitude.tolist() if hasattr(magnitude, "tolist") else magnitude, (*exponents, 0))
+
+
+def to_number(value: Any, path: str, unit: str, dims: Any) -> float:
+    """One plain number in `unit`, "-" for none, as to_si() converts it. Raises SetupError on anything else."""
+    number = to_si(value, path, unit, dims, f"a number in {unit}" if unit != "-" else "a number")
+    if not isinstance(number, (int, float)):
+        raise SetupError(f"{path}: expected one number; found {value!r}")
+    return float(number)
+
+
+def to_vector(value: Any, path: str, unit: str, dims: Any) -> list[float]:
+    """Three plain numbers in `unit`, as to_si() converts them. Raises SetupError on anything else."""
+    numbers = to_si(value, path, unit, dims, f"3 numbers in {unit}")
+    if not isinstance(numbers, list) or len(numbers) != 3 or not all(isinstance(x, (int, float)) for x in numbers):
+        raise SetupError(f"{path}: expected 3 numbers; found {value!r}")
+    return [float(x) for x in numbers]
+
+
+def time_ns(value: Any, path: str) -> int:
+    """A time, a quantity or a number of seconds, in whole nanoseconds. Raises SetupError on anything else.
+
+    path: what the time belongs to, "task flight.gnc: every"
+    """
+    try:
+        return nanoseconds(value)
+    except (UnitError, ValueError, TypeError) as error:
+        raise SetupError(f"{path}: {error}") from None
+
+
+def enumeration(name, doc, values):
+    """A Python enum for one of C: its members without what all their names begin with."""
+    import enum
+
+    stem = name.upper() + "_"
+    names = [n[len(stem):] if n.startswith(stem) else n for n, _, _ in values]
+    made = enum.IntEnum(name, list(zip(names, (v for _, v, _ in values))), module="fledge")
+    made.__doc__ = doc + "\n\n" + "\n".join(f"{n}: {d}" for n, (_, _, d) in zip(names, values))
+    return made

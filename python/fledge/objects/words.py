@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Modules, models and messages in words: the tables that they print, and the errors for unknown names."""
+
+from fledge import _core
+from fledge.errors import SetupError, did_you_mean
+
+GROUPS = (("par", "parameters"), ("in", "inputs"), ("out", "outputs"), ("mem", "memory"), ("", "fields"))
+
+
+def names_by_group(obj):
+    """Group -> names, spares left out; properties that Python adds count as parameters."""
+    groups = {}
+    for field in _core.struct(obj).fields:
+        if not field.spare:
+            groups.setdefault(field.group, []).append(field.name)
+    extra = [n for n, v in vars(type(obj)).items() if isinstance(v, property)]
+    if extra:
+        groups.setdefault("par", []).extend(extra)
+    return groups
+
+
+def unknown_attribute(obj, name):
+    """The text of the error for a name that an object does not have."""
+    groups = names_by_group(obj)
+    everything = [n for names in groups.values() for n in names]
+    return f"{title(obj)} has no attribute '{name}'{did_you_mean(name, everything)} " + "; ".join(f"{word}: {', '.join(groups[g])}" for g, word in GROUPS if g in groups)
+
+
+def title(obj):
+    """"flight.control (MrpFeedback)", or the type's name alone."""
+    path, kind = _core.path(obj), _core.struct(obj).name
+    return kind if path == kind else f"{path} ({kind})"
+
+
+def show(obj):
+    """The repr of a module, model or message: a small table, group by group."""
+    groups = {}
+    for field in _core.struct(obj).fields:
+        if not field.spare:
+            groups.setdefault(field.group, []).append(_row(obj, field))
+    for name, value in vars(type(obj)).items():
+        if isinstance(value, property):
+            groups.setdefault("par", []).append((name, _property(obj, name), ""))
+    lines = [title(obj)]
+    for group, word in GROUPS:
+        rows = groups.get(group, [])
+        if group and rows:
+            lines.append(f"  {word}")
+        widths = [max((len(cell) for cell in column if len(cell) <= _WIDE), default=0) for column in zip(*rows)]
+        for row in rows:
+            lines.append(("    " + "  ".join(cell.ljust(width) for cell, width in zip(row, widths))).rstrip())
+    return "\n".join(lines)
+
+
+_WIDE = 48  # longer values do not set the width of their column
+
+
+def _property(obj, name):
+    try:
+        value = getattr(obj, name)
+    except (SetupError, AttributeError):
+        return "none"
+    if isinstance(value, (list, tuple)):
+        return ", ".join(getattr(x, "name", None) or _core.path(x) for x in value) or "none"
+    return repr(value)
+
+
+def _row(obj, field):
+    """(name, value, unit or rule) of a field."""
+    unit = field.unit if field.unit not in ("", "-") else ""
+    if field.group in ("in", "out"):
+        return field.name, field.struct.name, _wiring(obj, field)
+    if field.type == "struct":
+        value = getattr(obj, field.name)
+        if field.name == "head":
+            quality = value.quality
+            text = f"t = {value.t / 1e9:g} s, {getattr(quality, 'name', quality)}, {value.sequence}"
+            return field.name, text, ""
+        return field.name, field.struct.name, ""
+    note = unit
+    if field.group == "par" and field.name not in _core.given(obj):
+        note = (unit + "  " if unit else "") + ("required" if field.required and not _any(obj, field) else "")
+    return field.name, _value(obj, field), note.rstrip()
+
+
+def _any(obj, field):
+    value = getattr(obj, field.name)
+    return bool(value.any()) if field.shape and field.type != "char" else bool(value)
+
+
+def _value(obj, field):
+    value = getattr(obj, field.name)
+    if not field.shape or field.type == "char":
+        return f"{value:.7g}" if isinstance(value, float) else getattr(value, "name", repr(value))
+    return _array(value.tolist())
+
+
+def _array(value):
+    """A nested list on one line; a multiple of the identity and a diagonal as such."""
+    if isinstance(value, list) and value and isinstance(value[0], list) and len(value) == len(value[0]):
+        diagonal = [row[i] for i, row in enumerate(value)]
+        if all(x == 0 for i, row in enumerate(value) for j, x in enumerate(row) if i != j):
+            if len(set(diagonal)) == 1:
+                return f"{diagonal[0]:.7g} identity" if diagonal[0] else "0"
+            return f"diagonal {_array(diagonal)}"
+    if isinstance(value, list):
+        return "[" + ", ".join(_array(x) for x in value) + "]"
+    return f"{value:.7g}" if isinstance(value, float) else str(value)
+
+
+def _wiring(obj, field):
+    """Where a port's wires come from or go to."""
+    context = _core.context(obj)
+    process = context() if context is not None else None
+    path = f"{_core.path(obj)}.{field.name}"
+    if process is None:
+        return "optional" if field.optional else ""
+    wires = process._core_simulation.wires
+    if field.group == "in":
+        sources = [source for source, target, *_ in wires if target == path]
+        return "<< " + sources[0] if sources else "not wired, optional" if field.optional else "not wired"
+    targets = [target for source, target, *_ in wires if source == path]
+    return ">> " + ", ".join(targets) if targets else ""
+
+
+def first_sentence(doc):
+    """What a docstring or a header's comment says first, as one line that ends in a full stop."""
+    return " ".join(doc.split()).split(". ")[0].rstrip(".") + "."

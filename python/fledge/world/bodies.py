@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Celestial bodies, with their gravity, size and pole."""
+
+from os import fspath
+
+from fledge import _core
+from fledge.errors import SetupError
+from fledge.objects.si import to_vector
+
+# The exponents of the base units, as in fledge.units.
+LENGTH = (1, 0, 0, 0, 0, 0, 0, 0)
+SPEED = (1, 0, -1, 0, 0, 0, 0, 0)
+ANGLE = (0, 0, 0, 0, 0, 0, 0, 1)
+NUMBER = (0,) * 8
+
+
+class Body:
+    """A celestial body: gravity, size and pole.
+
+    name; mu [m^3/s^2]; radius [m], equatorial, to which J belongs; J: (J2, ..., J6); pole_N: unit
+    vector; r_PN_N [m], v_PN_N [m/s]: where it is at time 0, and its uniform motion; naif: the number by
+    which a Sky finds it; field: its gravity in spherical harmonics, or None.
+
+    As it stands, a body attracts as a point mass; `MARS.zonal(6)` adds J2 to J6, `MARS.harmonics(file)`
+    is the body with a whole field, `SUN.at(r, v)` the same body elsewhere, where there is no Sky.
+    """
+
+    def __init__(self, name, mu, radius, J=(), pole=(0.0, 90.0), naif=None):
+        from math import cos, radians, sin
+
+        self.name, self.mu, self.radius, self.naif = name, mu, radius, naif
+        self.field = None
+        self._known = tuple(J) + (0.0,) * (5 - len(J))
+        self.J = (0.0,) * 5
+        alpha, delta = radians(pole[0]), radians(pole[1])
+        self.pole_N = [cos(delta) * cos(alpha), cos(delta) * sin(alpha), sin(delta)]
+        self.r_PN_N = [0.0, 0.0, 0.0]
+        self.v_PN_N = [0.0, 0.0, 0.0]
+
+    def _copy(self):
+        other = object.__new__(Body)
+        other.__dict__.update(self.__dict__)
+        return other
+
+    def zonal(self, degree=6, pole_N=None):
+        """The same body with the zonal harmonics up to a degree from 2 to 6.
+
+        pole_N: a unit vector, where the orbit's N is not J2000; [0, 0, 1] for N on the body's equator.
+        """
+        if degree not in range(2, 7):
+            raise SetupError(f"{self.name}.zonal({degree}): expected a degree from 2 to 6")
+        if not any(self._known):
+            raise SetupError(f"{self.name}.zonal({degree}): no harmonics are known here")
+        if self.field is not None:
+            raise SetupError(f"{self.name}.zonal({degree}): it has a whole field already")
+        other = self._copy()
+        other.J = tuple(j if n <= degree else 0.0 for n, j in enumerate(self._known, 2))
+        if pole_N is not None:
+            other.pole_N = to_vector(pole_N, f"{self.name}.zonal: pole_N", "-", NUMBER)
+        return other
+
+    def harmonics(self, file, degree=None):
+        """The same body with the gravity field of a SHADR or ICGEM (.gfc) file, turning with the body.
+
+        degree: up to which; None: all there is. mu and radius are then the file's. Raises SetupError with
+        the line if the file is damaged or foreign, or if its mu is not this body's within 10 %.
+        """
+        path = f"{self.name}.harmonics"
+        if degree is not None and (not isinstance(degree, int) or degree < 0):
+            raise SetupError(f"{path}: degree must be a whole number >= 0; found {degree!r}")
+        other = self._copy()
+        try:
+            other.field = _core.harmonics(fspath(file), degree)
+        except SetupError as error:
+            raise SetupError(f"{path}: {error}") from None
+        if abs(other.field.mu - self.mu) > 0.1 * self.mu:
+            raise SetupError(f"{path}: {fspath(file)} is another body's field: its mu is {other.field.mu:.9g} m^3/s^2, "
+                             f"that of {self.name} {self.mu:.9g}")
+        other.mu, other.radius, other.J = other.field.mu, other.field.radius, (0.0,) * 5
+        return other
+
+    def at(self, r_PN_N, v_PN_N=(0.0, 0.0, 0.0)):
+        """The same body at a position [m] at time 0, in uniform motion [m/s]."""
+        other = self._copy()
+        other.r_PN_N = to_vector(r_PN_N, f"{self.name}.at: r_PN_N", "m", LENGTH)
+        other.v_PN_N = to_vector(v_PN_N, f"{self.name}.at: v_PN_N", "m/s", SPEED)
+        return other
+
+    def __repr__(self):
+        return (f"<{self.name}, mu = {self.mu:.9g} m^3/s^2, radius = {self.radius / 1e3:g} km"
+                + (f", J2..J6 = {self.J}" if any(self.J) else "")
+                + (f", harmonics to degree {self.field.degree}" if self.field is not None else "") + ">")
+
+
+# mu: Mars as in the thesis; the Sun, Mercury, Venus, Earth and Moon from DE430, the outer planets
+# without their moons from the JPL satellite ephemerides. Radii that J refer to, or equatorial ones
+# (IAU 2009). J: Earth GGM03S, Mars GGM2B, Moon GRAIL, Jupiter and Saturn from Juno and Cassini,
+# the others from the NASA planetary fact sheets. Poles: right ascension and declination at J2000
+# in degrees, IAU 2000 to 2009.
+SUN = Body("SUN", 1.32712440041939e20, 695700e3, (2.2e-7,), (286.13, 63.87), naif=10)
+MERCURY = Body("MERCURY", 2.203178e13, 2439.7e3, (5.03e-5,), (281.01, 61.45), naif=199)
+VENUS = Body("VENUS", 3.24858592e14, 6051.8e3, (4.458e-6,), (272.76, 67.16), naif=299)
+EARTH = Body("EARTH", 3.986004415e14, 6378.1363e3,
+             (1.0826353865e-3, -2.5325205e-6, -1.6199892e-6, -2.277385e-7, 5.406871e-7),
+             (0.0, 90.0), naif=399)
+MOON = Body("MOON", 4.902800066e12, 1738.0e3, (2.0323e-4, 8.46e-6, -9.6e-6), (269.9949, 66.5392), naif=301)
+MARS = Body("MARS", 4.2828314e13, 3397.0e3,
+            (1.955453679e-3, 3.14498094e-5, -1.53773962e-5, 5.7185472e-6, -4.8488418e-6),
+            (317.68143, 52.88650), naif=499)
+JUPITER = Body("JUPITER", 1.26686534e17, 71492e3, (1.469657e-2, -4.2e-8, -5.86609e-4, -6.9e-8, 3.4198e-5),
+               (268.05, 64.49), naif=599)
+SATURN = Body("SATURN", 3.79312077e16, 60330e3, (1.629057e-2, 6e-8, -9.3531e-4, -2.2e-7, 8.634e-5),
+              (40.589, 83.537), naif=699)
+URANUS = Body("URANUS", 5.7939513e15, 25559e3, (3.5107e-3, 0.0, -3.42e-5), (257.311, -15.175), naif=799)
+NEPTUNE = Body("NEPTUNE", 6.8350995e15, 25225e3, (3.4084e-3, 0.0, -3.34e-5), (299.36, 43.46), naif=899)
+PLUTO = Body("PLUTO", 8.6961381776e11, 1195e3, (), (313.02, 9.09), naif=999)
+
+# Planets together with their moons; without size or shape. mu from JPL's ephemerides.
+EMB, JUPITER_SYSTEM, SATURN_SYSTEM, URANUS_SYSTEM, NEPTUNE_SYSTEM, PLUTO_SYSTEM = (
+    Body(_core.body_name(n).rsplit(" ", 1)[0], _core.body_mu(n), 0.0, naif=n) for n in (3, 5, 6, 7, 8, 9))
+SSB = Body("SOLAR SYSTEM BARYCENTER", 0.0, 0.0, naif=0)  # where N may have its origin; it attracts nothing
+
+BODIES = {b.name: b for b in (SUN, MERCURY, VENUS, EARTH, MOON, MARS, JUPITER, SATURN, URANUS, NEPTUNE, PLUTO)}
+
+
+def body_of(value, path):
+    if isinstance(value, Body):
+        return value
+    if isinstance(value, str) and value.upper() in BODIES:
+        return BODIES[value.upper()]
+    raise SetupError(f"{path}: expected a body, such as world.MARS; found {value!r}. The bodies are "
+                     + ", ".join(BODIES))

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Keplerian orbits."""
+
+from fledge import _core
+from fledge.errors import SetupError
+from fledge.objects.si import to_number, to_vector
+from fledge.world.bodies import ANGLE, LENGTH, NUMBER, SPEED, body_of
+
+
+class Orbit:
+    """A Keplerian orbit of any shape, by classical elements.
+
+        Orbit(world.MARS, a=7471.618 * km, e=0.4, f=270 * deg)
+        Orbit(world.EARTH, altitude=500 * km, i=97.4 * deg)
+
+    The size and shape are given by one of
+        a and e            semi-major axis (negative for a hyperbola), eccentricity (default 0)
+        p and e            semi-latus rectum, which every conic has
+        rp and ra          radii of periapsis and apoapsis
+        rp and e           radius of periapsis, and eccentricity >= 0
+        altitude           above the equatorial radius, of a circular orbit
+    i, Omega, omega, f: inclination, right ascension of the ascending node, argument of periapsis and
+    true anomaly [rad], about the axes of N; default 0.
+
+    r_BN_N [m] and v_BN_N [m/s] hold the state, the body's own position and velocity included.
+    Raises SetupError on elements that describe no orbit.
+    """
+
+    def __init__(self, body, *, a=None, e=None, p=None, rp=None, ra=None, altitude=None,
+                 i=0.0, Omega=0.0, omega=0.0, f=0.0):
+        self.body = body_of(body, "Orbit")
+        given = {k: v for k, v in (("a", a), ("p", p), ("rp", rp), ("ra", ra), ("altitude", altitude))
+                 if v is not None}
+        sizes = {k: to_number(v, f"Orbit: {k}", "m", LENGTH) for k, v in given.items()}
+        for name, value in sizes.items():
+            if name != "a" and name != "altitude" and not value > 0:
+                raise SetupError(f"Orbit: {name} must be > 0, found {value:g} m")
+        e_given = e is not None
+        e = to_number(e, "Orbit: e", "-", NUMBER) if e_given else 0.0
+        names = set(sizes)
+        if names == {"a"}:
+            p = _core.semi_latus_rectum(sizes["a"], e)
+        elif names == {"p"}:
+            p = sizes["p"]
+        elif names == {"rp"} and e_given:
+            p = sizes["rp"] * (1.0 + e)
+        elif names == {"rp", "ra"} and not e_given:
+            rp, ra = sizes["rp"], sizes["ra"]
+            if rp > ra:
+                raise SetupError(f"Orbit: the radius of periapsis, {rp:g} m, is above that of apoapsis, {ra:g} m")
+            e = (ra - rp) / (ra + rp)
+            p = rp * (1.0 + e)
+        elif names == {"altitude"} and not e_given:
+            p = self.body.radius + sizes["altitude"]
+        else:
+            found = ", ".join([*sizes] + ["e"] * e_given) or "none"
+            raise SetupError(f"Orbit: expected a and e, p and e, rp and ra, rp and e, or altitude; found {found}")
+        self.p, self.e = p, e
+        self.i, self.Omega, self.omega, self.f = (
+            to_number(x, f"Orbit: {name}", "rad", ANGLE)
+            for name, x in (("i", i), ("Omega", Omega), ("omega", omega), ("f", f)))
+        r, v = _core.orbit_state(self.body.mu, p, e, self.i, self.Omega, self.omega, self.f)
+        self.r_BN_N = [x + y for x, y in zip(r, self.body.r_PN_N)]
+        self.v_BN_N = [x + y for x, y in zip(v, self.body.v_PN_N)]
+
+    @classmethod
+    def from_state(cls, body, r, v):
+        """The orbit through a position [m] with a velocity [m/s], relative to the body."""
+        body = body_of(body, "Orbit.from_state")
+        r = to_vector(r, "Orbit.from_state: r", "m", LENGTH)
+        v = to_vector(v, "Orbit.from_state: v", "m/s", SPEED)
+        p, e, i, Omega, omega, f = _core.orbit_elements(body.mu, r, v)
+        return cls(body, p=p, e=e, i=i, Omega=Omega, omega=omega, f=f)
+
+    @property
+    def a(self):
+        """The semi-major axis [m]: negative for a hyperbola, infinite for a parabola."""
+        return self.p / (1.0 - self.e**2) if self.e != 1.0 else float("inf")
+
+    @property
+    def period(self):
+        """The orbital period [s]; infinite for open orbits."""
+        from math import pi, sqrt
+
+        return 2.0 * pi * sqrt(self.a**3 / self.body.mu) if self.e < 1.0 else float("inf")
+
+    def __repr__(self):
+        from math import degrees
+
+        angles = ", ".join(f"{n} = {degrees(getattr(self, n)):g} deg" for n in ("i", "Omega", "omega", "f"))
+        return f"<Orbit about {self.body.name}: a = {self.a / 1e3:.8g} km, e = {self.e:g}, {angles}>"
