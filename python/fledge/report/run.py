@@ -12,11 +12,11 @@ from datetime import datetime, timezone
 from pathlib import Path
 
 from fledge import _core
-from fledge._html import Html, join, number, tag, text, value
+from fledge.report.numbers import Html, join, number, tag, text, value
 from fledge.process import Event, World
 from fledge.wiring import Wiring, action_text, condition_text, event_name
 
-STYLE = Path(__file__).with_name("report.css")
+STYLE = Path(__file__).with_name("templates") / "run.css"
 
 
 class Outcome:

@@ -10,7 +10,7 @@ import pytest
 
 import fledge
 from fledge import cli
-from fledge._html import Html, join, number, tag, text, value
+from fledge.report.numbers import Html, join, number, tag, text, value
 
 FLIGHT = '''
     """What flies: <b>nothing</b> & "more".
