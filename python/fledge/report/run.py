@@ -1,474 +1,280 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run on one HTML page, as `fledge run --report` writes it: no other file, no script, no network.
-
-    report = Report(sim, "spin", scenario)   # before the run: notes the parameters it begins with
-    ...
-    report.write(path, outcome)              # after it, whatever came of it
-"""
+"""The facts of a run, for the template of its page."""
+from __future__ import annotations
 
 import ast
+import inspect
+import math
+import platform
 import re
+import subprocess
+import sys
+from base64 import b64encode
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
 
-from fledge import _core
-from fledge.report.numbers import Html, join, number, tag, text, value
-from fledge.process import Event, World
+import jinja2
+from markupsafe import Markup
+
+import fledge
+from fledge import _core, wiring_picture
+from fledge._files import Part
+from fledge.log import dtype_of, leaves
+from fledge.report.numbers import duration, number, unit, value
 from fledge.wiring import Wiring, action_text, condition_text, event_name
 
-STYLE = Path(__file__).with_name("templates") / "run.css"
+QUALITIES = ("none", "stale", "degraded", "good")
 
 
+@dataclass
 class Outcome:
-    """What came of a run: "passed", "failed", "interrupted", or "flown" where nothing was checked.
-
-    message: what is wrong; record: the path of the archive; plots: the paths of the figures, or None if
-    they were left out; command: what repeats the run
-    """
-
-    def __init__(self, verdict, message="", record=None, plots=(), command=""):
-        self.verdict, self.message = verdict, message
-        self.record, self.plots, self.command = record, plots, command
+    """What came of a run: "passed", "failed", "interrupted", or "flown" where nothing was checked."""
+    verdict: str
+    message: str = ""                       # what is wrong
+    record: Path | None = None              # the archive
+    plots: list[Path] | None = ()           # the figures; None: they were left out
+    command: str = ""                       # it repeats the run
 
 
 class Report:
     """The report of a simulation's run. Made before it.
 
-    scenario: its name; function: what flies it, whose docstring says what it shows
+    scenario: its name; function: it flies the scenario, and its docstring says what that shows
     """
 
-    def __init__(self, simulation, scenario, function=None):
-        self._simulation, self.scenario = simulation, scenario
-        self.about = _docstring(function.__doc__) if function is not None else []
-        self._parameters = {_core.path(one): _parameters(one) for one in _instances(simulation)}
+    def __init__(self, simulation: fledge.Simulation, scenario: str, function: Callable | None = None):
+        self._simulation, self._scenario = simulation, scenario
+        self._about = _paragraphs(function.__doc__ if function else "")
         self._begun = datetime.now(timezone.utc)
-        self._modes = {p.name: p._core_process.mode for p in simulation.flights}
+        wiring = Wiring(simulation)
+        self._modes = {process.name: process.mode for process in wiring.processes}
+        self._before = {path: _parameters(node.instance) for path, node in wiring.nodes.items()}
 
-    def write(self, path, outcome):
+    def write(self, path: Path | str, outcome: Outcome) -> Path:
         """Write the page; returns its path."""
         path = Path(path)
         path.parent.mkdir(parents=True, exist_ok=True)
-        from fledge._files import Part
-
         with Part(path) as part:
             part.write_text(self.page(outcome), encoding="utf-8")
         return path
 
-    def page(self, outcome):
+    def page(self, outcome: Outcome) -> str:
         """The page as text."""
-        title = f"{self._simulation.name}, {self.scenario}"
-        body = join([self._header(outcome), self._figures(outcome), self._wiring(), self._schedule(),
-                     self._parameter_tables(), self._assumptions(), self._final_values(), self._provenance(outcome)])
-        style = STYLE.read_text(encoding="utf-8") + _wiring_style()
-        head = join([tag("meta", charset="utf-8"),
-                     tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
-                     tag("meta", name="color-scheme", content="light dark"),
-                     tag("title", title), tag("style", Html(style))], "\n")
-        page = tag("html", "\n", tag("head", head), "\n", tag("body", tag("main", body)), lang="en")
-        return f"<!doctype html>\n{str(page)}\n"
-
-    # --- sections ---
-
-    def _header(self, outcome):
         sim = self._simulation
-        facts = [("flown", _duration(sim.time)), ("seed", number(sim.seed)),
-                 ("took", join([number(sim.wall, digits=3), "\N{NO-BREAK SPACE}s"])),
-                 ("speed", f"{_thousands(sim.time / sim.wall)} times real time" if sim.wall > 0 else None),
-                 ("record", f"{outcome.record.name}, {_size(outcome.record)}" if outcome.record else "none"),
-                 ("begun", f"{self._begun:%Y-%m-%d %H:%M:%S} UTC")]
-        facts = [tag("div", tag("dt", word), tag("dd", fact)) for word, fact in facts if fact is not None]
-        about = [join([tag("dt", word), tag("dd", *paragraphs)]) for word, paragraphs in _documents(sim.mission)]
-        message = _without_paths(outcome.message, sim.mission)
-        return tag("header",
-                   tag("p", sim.name, class_="mission"),
-                   tag("h1", self.about[0] if self.about else self.scenario),
-                   tag("p", tag("span", outcome.verdict, class_=f"verdict {outcome.verdict}"),
-                       f"scenario {self.scenario}", class_="status"),
-                   tag("pre", message, class_="message") if message else None,
-                   *(tag("p", paragraph) for paragraph in self.about[1:]),
-                   tag("dl", *about, class_="about") if about else None,
-                   tag("dl", *facts, class_="facts"))
-
-    def _figures(self, outcome):
-        from base64 import b64encode
-
-        if outcome.plots is None:
-            return _section("Figures", tag("p", "The plots were left out of this run.", class_="empty"))
-        pictures = [tag("figure", tag("img", alt=f"figure {plot.stem}",
-                                      src=f"data:image/png;base64,{b64encode(plot.read_bytes()).decode()}"))
-                    for plot in outcome.plots]
-        return _section("Figures", *(pictures or [tag("p", "The scenario plotted nothing.", class_="empty")]))
-
-    def _wiring(self):
-        from fledge.wiring_picture import dot, render
-
-        wiring = Wiring(self._simulation)
+        wiring, logs = Wiring(sim), [log for log in sim._core.logs if len(log)]
         try:
-            picture = _inline_svg(render(dot(wiring, links=True), "svg"))
-            return _section("Wiring", tag("div", picture, class_="wiring"))
+            svg, no_svg = _inline_svg(wiring_picture.render(wiring_picture.dot(wiring, links=True), "svg")), ""
         except _core.SetupError as error:
-            return _section("Wiring", tag("p", f"An outline only: {error}", class_="empty"),
-                            tag("pre", wiring.outline(), class_="outline"))
+            svg, no_svg = None, error
+        return templates().get_template("run.html").render(
+            sim=sim, scenario=self._scenario, about=self._about, begun=self._begun, outcome=outcome,
+            message=_without_paths(outcome.message, sim.mission), documents=_documents(sim.mission),
+            pictures=[(plot.stem, b64encode(plot.read_bytes()).decode()) for plot in outcome.plots or ()],
+            wiring=wiring, svg=svg, no_svg=no_svg, colours=wiring_picture.NAMES,
+            schedule=[(title, *_used(titles, rows)) for title, titles, rows in self._schedule(wiring)],
+            parameters=[(path, _core.struct(node.instance), self._changes(path, node.instance))
+                        for path, node in wiring.nodes.items()],
+            finals=[_final(log) for log in reversed({log.path: log for log in reversed(logs)}.values())],
+            versions=_versions(sim.mission))
 
-    def _schedule(self):
-        sim = self._simulation
-        rows = []
-        for process in _processes(sim):
-            for name, period, offset, priority, run in process._core_process.tasks:
-                rows.append([process.name, name, _duration(period / 1e9), _duration(offset / 1e9) if offset else "",
-                             number(priority) if priority else "", join([tag("code", one) for one in run], ", "),
-                             _updates(process, name, period, offset, sim._core.now)])
-        parts = [_table(["process", "task", "every", "from", "priority", "runs in this order", "#updates"], rows)]
-        rows = []
-        for process in _processes(sim):
-            for name, tasks in process._core_process.modes:
-                began = process.name in self._modes and name == self._modes[process.name]
-                ended = process.name in self._modes and name == process._core_process.mode
-                when = ["began in it"] * began + ["ended in it"] * ended
-                rows.append([process.name, name, ", ".join(tasks), ", ".join(when)])
-        if rows:
-            parts += [tag("h3", "Modes"), _table(["process", "mode", "tasks", ""], rows)]
-        rows = []
-        for process in _processes(sim):
-            for event in (e for e in process._handles.values() if isinstance(e, Event)):
-                fired = "never" if event.fired_at is None else join(["t = ", _duration(event.fired_at)])
-                rows.append([process.name, event_name(event), tag("code", condition_text(event)),
-                             _duration(event._core.hold / 1e9) if event._core.hold else "", action_text(event),
-                             "once" if event._core.once else "each time", fired])
-        if rows:
-            titles = ["process", "event", "when", "held for", "does", "", "happened last"]
-            parts += [tag("h3", "Events"), _table(titles, rows)]
-        return _section("Tasks", *parts)
+    def _schedule(self, wiring: Wiring) -> Iterator[tuple[str, list[str], list]]:
+        """(heading, titles, rows) of the tables of tasks, modes and events."""
+        yield "", ["process", "task", "every", "from", "priority", "runs in this order", "#updates"], [
+            [process.name, task.name, duration(task.period / 1e9), task.offset and duration(task.offset / 1e9),
+             task.priority, Markup(", ").join(map(Markup("<code>{}</code>").format, task.run)),
+             _updates(process, task, self._simulation._core.now)]
+            for process in wiring.processes for task in process.tasks]
+        yield "Modes", ["process", "mode", "tasks", "when"], [
+            [process.name, name, tasks,
+             ", ".join(["began in it"] * (name == self._modes[process.name]) + ["ended in it"] * (name == process.mode))]
+            for process in wiring.processes for name, tasks in process.modes]
+        yield "Events", ["process", "event", "when", "held for", "does", "repeats", "happened last"], [
+            [process.name, event_name(event), Markup("<code>{}</code>").format(condition_text(event)),
+             event._core.hold and duration(event._core.hold / 1e9), action_text(event),
+             "once" if event._core.once else "each time",
+             "never" if event.fired_at is None else Markup("t = {}").format(duration(event.fired_at))]
+            for process in wiring.processes for event in process.handles]
 
-    def _parameter_tables(self):
-        parts = [tag("p", "As the run began. ", tag("span", "Grey", class_="default"),
-                     " is what was left at its default.", class_="note")]
-        for process in _processes(self._simulation):
-            for one in process:
-                struct = _core.struct(one)
-                before = self._parameters[_core.path(one)]
-                after = {row.name: row.value for row in _parameters(one) if not row.derived}
-                rows = [row.cells(after.get(row.name, row.value)) for row in before]
-                parts.append(tag("h3", tag("code", _core.path(one)), " ", tag("span", struct.name, class_="type"),
-                                 id=_core.path(one)))
-                parts.append(tag("p", " ".join(struct.doc.split()), class_="doc"))
-                if rows:
-                    parts.append(_values("parameter", "value", rows, [row.given for row in before]))
-        return _section("Parameters", *parts)
-
-    def _assumptions(self):
-        lines = self._simulation.assumptions
-        if not lines:
-            return _section("Assumptions",
-                            tag("p", "No parameter that matters was left at its default.", class_="empty"))
-        return _section("Assumptions", tag("ul", *(tag("li", line) for line in lines)))
-
-    def _final_values(self):
-        parts = []
-        seen = set()
-        for log in self._simulation._core.logs:
-            if log.path in seen or not len(log):
-                continue
-            seen.add(log.path)
-            head, rows = _message(log)
-            every = ["every ", _duration(log.every / 1e9)] if log.every else ["at every instant"]
-            parts.append(tag("h3", tag("code", log.path), " ", tag("span", log.struct.name, class_="type")))
-            parts.append(tag("p", f"{len(log):,} samples, ", *every, "; the last was written at ",
-                             _duration(head.t / 1e9), f", quality {head.quality}", class_="doc"))
-            parts.append(_values("field", "last value", rows))
-        return _section("Final values of what was recorded",
-                        *(parts or [tag("p", "Nothing was recorded.", class_="empty")]))
-
-    def _provenance(self, outcome):
-        import platform
-        import sys
-
-        import fledge
-
-        ours = _revision(Path(__file__).parent)
-        theirs = _revision(self._simulation.mission.folder) if self._simulation.mission else ""
-        rows = [("Fledge", fledge.__version__ + (f", {ours}" if ours else ""))]
-        if theirs != ours and theirs:
-            rows.append(("mission", theirs))
-        if build := _build():
-            rows.append(("built by", build))
-        rows.append(("Python", platform.python_version()))
-        rows += [(name, sys.modules[name].__version__) for name in ("numpy", "matplotlib") if name in sys.modules]
-        rows.append(("system", f"{_system()}, {platform.machine()}"))
-        rows.append(("seed", str(self._simulation.seed)))
-        if outcome.command:
-            rows.append(("to repeat it", tag("code", outcome.command)))
-        return _section("Versions", tag("dl", *(join([tag("dt", a), tag("dd", b)]) for a, b in rows), class_="about"),
-                        tag("p", "The times on this page are the wall clock's. The record has none, so that the same "
-                            "run gives the same record, bit for bit.", class_="note"))
+    def _changes(self, path: str, instance: _core.Module | _core.Model) -> list[_Value]:
+        """The parameters as the run began, each with its value now."""
+        now = {row.name: row.value for row in _parameters(instance) if not row.derived}
+        for row in self._before[path]:
+            row.after = now.get(row.name, row.value)
+        return self._before[path]
 
 
-# --- parameters ------------------------------------------------------------------------------------
+def templates() -> jinja2.Environment:
+    """The templates with their filters. They escape text, and replace control characters, which HTML cannot hold."""
+    def printable(found: object) -> object:
+        return found if isinstance(found, Markup) else "" if found is None else re.sub(
+            r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]", "\N{REPLACEMENT CHARACTER}", str(found))
 
-class _Parameter:
-    """A row of a table of parameters. derived: a property that Python adds, as text."""
-
-    def __init__(self, name, value, unit="", meaning="", rule="", given=True, derived=False):
-        self.name, self.value, self.unit = name, value, unit if unit != "-" else ""
-        self.meaning, self.rule, self.given, self.derived = meaning, rule, given, derived
-
-    def cells(self, after, digits=7):
-        shown = [value(self.value, digits)]
-        if (aside := _in_degrees(self.value, self.unit)) is not None:
-            unit = self.unit.replace("rad", "deg")
-            shown += [" ", tag("small", "= ", value(aside, digits), f" {unit}", class_="aside")]
-        if repr(after) != repr(self.value):  # not a number equals itself
-            shown.append(tag("div", "at the end ", value(after, digits), class_="changed"))
-        return [tag("code", self.name), join(shown), _unit(self.unit),
-                join([self.meaning, " ", tag("small", self.rule.replace(">=", "\N{GREATER-THAN OR EQUAL TO}")
-                                             .replace("<=", "\N{LESS-THAN OR EQUAL TO}"), class_="rule")])]
+    found = jinja2.Environment(loader=jinja2.FileSystemLoader(Path(__file__).with_name("templates")), autoescape=True,
+                               finalize=printable, undefined=jinja2.StrictUndefined)
+    found.filters.update(number=number, value=value, unit=unit, duration=duration)
+    return found
 
 
-def _parameters(instance):
+# --- values ----------------------------------------------------------------------------------------
+
+@dataclass
+class _Value:
+    """A row of a table of parameters or fields."""
+    name: str
+    value: str | float | list
+    unit: str = ""
+    meaning: str = ""
+    rule: str = ""
+    given: bool = True
+    derived: bool = False                       # a property that Python adds, as text
+    after: str | float | list | None = None     # at the end of the run
+
+    @property
+    def changed(self) -> bool:
+        return self.after is not None and repr(self.after) != repr(self.value)  # not a number equals itself
+
+    @property
+    def degrees(self) -> float | list | None:
+        """The same angle or rate in degrees; None of other values, and of 0."""
+        def convert(x):
+            return list(map(convert, x)) if isinstance(x, list) else float(f"{math.degrees(x):.12g}")
+
+        def empty(x):
+            return all(map(empty, x)) if isinstance(x, list) else x == 0
+
+        return convert(self.value) if re.fullmatch(r"rad(/s)?", self.unit) and not empty(self.value) else None
+
+
+def _parameters(instance: _core.Module | _core.Model) -> list[_Value]:
     """The parameters of a module or model, those that Python adds last."""
-    struct = _core.struct(instance)
-    given = set(_core.given(instance))
-    counts = {f.count for f in struct.fields if f.count}
-    rows = []
-    for field in struct.fields:
-        if field.group == "par" and not field.spare and not (field.name in counts and field.name not in given):
-            rows += _rows(instance, field, field.name, field.name in given)
+    struct, given = _core.struct(instance), set(_core.given(instance))
+    counts = {f.count for f in struct.fields if f.count} - given
+    rows = [row for field in struct.fields if field.group == "par" and not field.spare and field.name not in counts
+            for row in _rows(instance, field, field.name, field.name in given)]
     for name, one in vars(type(instance)).items():
         if isinstance(one, property):
             shown = _property(instance, name)
             meaning = (one.__doc__ or "").partition(";")[0].rstrip(".")  # what follows is about assigning it
-            rows.append(_Parameter(name, shown, meaning=meaning, given=bool(shown), derived=True))
+            rows.append(_Value(name, shown, meaning=meaning, given=bool(shown), derived=True))
     return rows
 
 
-def _property(instance, name):
+def _property(instance: _core.Module | _core.Model, name: str) -> str:
     """What Python adds to a model, in words: its parts, the bodies that attract it, its orbit. "" for nothing."""
     try:
         found = getattr(instance, name)
     except (_core.SetupError, AttributeError):
         return ""
-
-    def words(one):
-        if isinstance(one, _core.Model):
-            return _core.path(one)
-        return one if isinstance(one, str) else repr(one).strip("<>")
-
-    if isinstance(found, (list, tuple)):
-        return "; ".join(map(words, found))
-    return "" if found is None else words(found)
+    return "; ".join(_core.path(one) if isinstance(one, _core.Model) else one if isinstance(one, str)
+                     else repr(one).strip("<>")
+                     for one in (found if isinstance(found, (list, tuple)) else [found]) if one is not None)
 
 
-def _rows(owner, field, name, given):
+def _rows(owner, field, name: str, given: bool) -> list[_Value]:
     found = getattr(owner, field.name)
     if field.type != "struct":
-        return [_Parameter(name, _plain(found), field.unit, field.doc, field.rule, given)]
-    if isinstance(found, tuple):
-        return [row for i, one in enumerate(found) for row in _members(one, f"{name}[{i}]", given)]
-    return _members(found, name, given)
+        plain = found.tolist() if hasattr(found, "tolist") else getattr(found, "name", found)
+        return [_Value(name, plain, field.unit, field.doc, field.rule, given)]
+    messages = {f"{name}[{i}]": one for i, one in enumerate(found)} if isinstance(found, tuple) else {name: found}
+    return [row for start, message in messages.items() for member in _core.struct(message).fields if not member.spare
+            for row in _rows(message, member, f"{start}.{member.name}", given)]
 
 
-def _members(message, name, given):
-    return [row for field in _core.struct(message).fields if not field.spare
-            for row in _rows(message, field, f"{name}.{field.name}", given)]
-
-
-def _plain(found):
-    """A field's value as numbers, text and lists."""
-    if hasattr(found, "tolist"):
-        return found.tolist()
-    return found.name if hasattr(found, "name") else found
-
-
-def _in_degrees(found, unit):
-    """The same angle or rate in degrees, or None for what is no such thing, or 0."""
-    from math import degrees
-
-    def convert(x):
-        return [convert(one) for one in x] if isinstance(x, list) else float(f"{degrees(x):.12g}")
-
-    def empty(x):
-        return all(map(empty, x)) if isinstance(x, list) else x == 0
-
-    if not re.fullmatch(r"rad(/s)?", unit) or empty(found):
-        return None
-    return convert(found)
-
-
-def _unit(unit):
-    """A unit with its exponents raised."""
-    if unit in ("", "-"):
-        return Html("")
-    return join([tag("sup", part[1:].replace("-", "\N{MINUS SIGN}")) if part.startswith("^") else part
-                 for part in re.split(r"(\^-?\d+)", unit)])
-
-
-# --- messages --------------------------------------------------------------------------------------
-
-class _Head:
-    def __init__(self, t, quality):
-        self.t, self.quality = t, quality
-
-
-def _message(log):
-    """(head, rows) of the last sample of a record."""
+def _final(log) -> tuple:
+    """(log, time [ns], quality, rows) of its last sample."""
     import numpy as np
-
-    from fledge.log import dtype_of, leaves
 
     sample = np.frombuffer(log.last(), dtype_of(log.struct))[0]
 
-    def read(name):
+    def read(name: str):
         found = sample
         for part in name.split("."):
             found = found[part]
         return found.decode(errors="replace") if isinstance(found, bytes) else found.tolist()
 
-    rows = []
-    for name, field in leaves(log.struct):
-        if not name.startswith("head."):
-            rows.append(_Parameter(name, read(name), field.unit, field.doc))
-    quality = ("none", "stale", "degraded", "good")
-    level = read("head.quality")
-    head = _Head(read("head.t"), quality[level] if 0 <= level < len(quality) else level)
-    return head, [row.cells(row.value, digits=5) for row in rows]
+    quality = dict(enumerate(QUALITIES)).get(read("head.quality"), read("head.quality"))
+    return log, read("head.t"), quality, [_Value(name, read(name), field.unit, field.doc)
+                                          for name, field in leaves(log.struct) if not name.startswith("head.")]
 
 
 # --- words -----------------------------------------------------------------------------------------
 
-def _section(title, *children):
-    return tag("section", tag("h2", title), *children)
+def _used(titles: list[str], rows: list[list]) -> tuple[list[str], list[list]]:
+    """A table without its empty columns."""
+    used = [i for i in range(len(titles)) if any(row[i] for row in rows)]
+    return [titles[i] for i in used], [[row[i] or "" for i in used] for row in rows]
 
 
-def _table(titles, rows):
-    """A table, without the columns that are empty. A title that begins with # is of numbers."""
-    used = [i for i, title in enumerate(titles) if any(row[i] for row in rows)]
-    kinds = ["number" if titles[i].startswith("#") else None for i in used]
-    head = tag("tr", *(tag("th", titles[i].lstrip("#"), class_=kind) for i, kind in zip(used, kinds)))
-    lines = [tag("tr", *(tag("td", row[i], class_=kind) for i, kind in zip(used, kinds))) for row in rows]
-    return tag("div", tag("table", tag("thead", head), tag("tbody", *lines)), class_="scroll")
-
-
-def _values(name, value, rows, given=()):
-    """A table of values: all such have columns of the same widths. given: of each, whether it is no default."""
-    head = tag("tr", *(tag("th", title) for title in (name, value, "unit", "meaning")))
-    lines = [tag("tr", *(tag("td", cell) for cell in row), class_=None if not given or given[i] else "default")
-             for i, row in enumerate(rows)]
-    return tag("div", tag("table", tag("thead", head), tag("tbody", *lines), class_="values"), class_="scroll")
-
-
-def _processes(simulation):
-    """Its processes as a reader wants them: flight first."""
-    return sorted(simulation.processes, key=lambda process: isinstance(process, World))
-
-
-def _instances(simulation):
-    return [one for process in _processes(simulation) for one in process]
-
-
-def _duration(seconds):
-    """ "160 min", "2.5 h" beside the plain seconds where those are many."""
-    plain = join([number(seconds, digits=9), "\N{NO-BREAK SPACE}s"])
-    for name, factor in (("d", 86400.0), ("h", 3600.0), ("min", 60.0)):
-        if seconds >= 2 * factor:
-            return join([plain, tag("small", f" = {seconds / factor:.4g} {name}", class_="aside")])
-    return plain
-
-
-def _thousands(x):
-    return f"{x:,.0f}" if x >= 10 else f"{x:.3g}"
-
-
-def _size(path):
-    size = path.stat().st_size
-    return f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{size / 1e3:.1f} kB"
-
-
-def _updates(process, task, period, offset, now):
+def _updates(process, task, now: int) -> str:
     """How often a task ran until now [ns]; "" for one that modes start and stop."""
-    if any(task in tasks for _, tasks in process._core_process.modes):
+    if any(task.name in tasks.split(", ") for _, tasks in process.modes):
         return ""
-    return f"{(now - offset) // period + 1:,}" if now >= offset else "0"
+    return f"{(now - task.offset) // task.period + 1:,}" if now >= task.offset else "0"
 
 
-def _docstring(doc):
+def _paragraphs(doc: str | None) -> list[str]:
     """The paragraphs of a docstring, each on one line."""
-    import inspect
-
     return [" ".join(p.split()) for p in re.split(r"\n\s*\n", inspect.cleandoc(doc or "")) if p.strip()]
 
 
-def _documents(mission):
+def _documents(mission) -> list[tuple[str, list[str]]]:
     """(what it is about, its paragraphs) of the mission's files, from their docstrings."""
     found = []
     for file, word in (("flight.py", "what flies"), ("world.py", "the world"), ("scenarios.py", "scenarios")):
         path = mission.folder / file if mission else None
         if path and path.exists():
-            paragraphs = _docstring(ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))))
-            if paragraphs:
-                paragraphs[0] = re.sub(r"^(What flies|The truth|The world): *(.)",
-                                       lambda m: m[2].upper(), paragraphs[0])
-                found.append((word, [tag("p", p) for p in paragraphs]))
-    return found
+            doc = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+            doc = re.sub(r"^(What flies|The truth|The world): *(.)", lambda m: m[2].upper(), doc)
+            found.append((word, _paragraphs(doc)))
+    return [(word, paragraphs) for word, paragraphs in found if paragraphs]
 
 
-def _without_paths(message, mission):
+def _without_paths(message: str, mission) -> str:
     """A message without the folders of this machine."""
-    for folder, shown in ((mission.folder if mission else None, mission.name if mission else ""), (Path.cwd(), "."),
-                          (Path.home(), "~")):
-        if folder is not None and len(str(folder)) > 1:
+    folders = {mission.folder: mission.name} if mission else {}
+    for folder, shown in {**folders, Path.cwd(): ".", Path.home(): "~"}.items():
+        if len(str(folder)) > 1:
             message = message.replace(str(folder), shown)
     return message
 
 
-def _inline_svg(picture):
+def _inline_svg(picture: bytes) -> Markup:
     """graphviz' SVG as an element of the page: without prolog, comments, and sizes, which CSS gives."""
     svg = picture.decode()
     svg = re.sub(r"<!--.*?-->", "", svg[svg.index("<svg"):], flags=re.DOTALL)
-    width = re.match(r'<svg width="(\d+)pt"', svg)[1]
-    svg = re.sub(r'<svg width="\d+pt" height="\d+pt"', f'<svg style="max-width: {1.25 * int(width):.0f}px"', svg)
-    svg = re.sub(r' xmlns(:xlink)?="[^"]*"', "", svg)
-    return Html(re.sub(r"\n\s*\n*", "\n", svg))
-
-
-def _wiring_style():
-    """CSS that gives each colour of the wiring the variable that has its counterparts."""
-    from fledge import wiring_picture as picture
-
-    variables = {picture.INK: "ink", picture.SOFT: "soft", picture.PALE: "pale", picture.PAPER: "ground",
-                 picture.ACCENT: "accent"}
-    for process, shades in picture.SHADES.items():
-        variables.update(zip(shades, (process, f"{process}-ground", f"{process}-box")))
-    return "".join(f'.wiring [{what}="{colour}"] {{ {what}: var(--{name}); }}\n'
-                   for colour, name in variables.items() for what in ("fill", "stroke"))
+    svg = re.sub(r'<svg width="(\d+)pt" height="\d+pt"',
+                 lambda found: f'<svg style="max-width: {1.25 * int(found[1]):.0f}px"', svg)
+    return Markup(re.sub(r"\n\s*\n*", "\n", re.sub(r' xmlns(:xlink)?="[^"]*"', "", svg)))
 
 
 # --- where it comes from ---------------------------------------------------------------------------
 
-def _revision(folder):
-    """The revision of the git repository that a folder is in, or ""."""
-    import subprocess
+def _versions(mission) -> list[tuple[str, str]]:
+    ours, theirs = _revision(Path(__file__).parent), _revision(mission.folder) if mission else ""
+    try:
+        import _core_build  # the compiler and its options
 
+        build = " ".join(_core_build.TEXT.split())
+    except ImportError:
+        build = ""
+    try:
+        system = platform.freedesktop_os_release()["PRETTY_NAME"]
+    except (OSError, KeyError):
+        system = platform.system()
+    found = {"Fledge": ", ".join(filter(None, [fledge.__version__, ours])), "mission": theirs if theirs != ours else "",
+             "built by": build, "Python": platform.python_version(),
+             **{name: sys.modules[name].__version__ for name in ("numpy", "matplotlib") if name in sys.modules},
+             "system": f"{system}, {platform.machine()}"}
+    return [(name, version) for name, version in found.items() if version]
+
+
+def _revision(folder: Path) -> str:
+    """The revision of the git repository that a folder is in, or ""."""
     try:
         done = subprocess.run(["git", "-C", str(folder), "describe", "--always", "--dirty", "--abbrev=12"],
                               capture_output=True, text=True)
     except FileNotFoundError:
         return ""
     return f"revision {done.stdout.strip()}" if done.returncode == 0 else ""
-
-
-def _build():
-    """The compiler and its options, or "" where the build did not note them."""
-    try:
-        import _core_build
-    except ImportError:
-        return ""
-    return " ".join(_core_build.TEXT.split())
-
-
-def _system():
-    import platform
-
-    try:
-        return platform.freedesktop_os_release().get("PRETTY_NAME", platform.system())
-    except OSError:
-        return platform.system()
