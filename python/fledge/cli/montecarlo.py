@@ -104,7 +104,7 @@ class _Live(Bar):
             text += f", {finished / spent:,.3g} a second, {clock(spent / done - spent)} left"
         if failed:
             text += f", {failed} failed"
-        self._draw(done, text)
+        self.draw(done, text)
 
 
 # --- one run of it ---------------------------------------------------------------------------------

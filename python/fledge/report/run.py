@@ -64,6 +64,7 @@ class Report:
         """The page as text."""
         sim = self._simulation
         wiring, logs = Wiring(sim), [log for log in sim._core.logs if len(log)]
+        first = {log.path: log for log in reversed(logs)}
         try:
             svg, no_svg = _inline_svg(wiring_picture.render(wiring_picture.dot(wiring, links=True), "svg")), ""
         except _core.SetupError as error:
@@ -76,7 +77,7 @@ class Report:
             schedule=[(title, *_used(titles, rows)) for title, titles, rows in self._schedule(wiring)],
             parameters=[(path, _core.struct(node.instance), self._changes(path, node.instance))
                         for path, node in wiring.nodes.items()],
-            finals=[_final(log) for log in reversed({log.path: log for log in reversed(logs)}.values())],
+            finals=[_final(log) for log in logs if first[log.path] is log],
             versions=_versions(sim.mission))
 
     def _schedule(self, wiring: Wiring) -> Iterator[tuple[str, list[str], list]]:
