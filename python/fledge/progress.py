@@ -1,59 +1,68 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A progress bar for what takes long, on stderr."""
+"""A progress bar on stderr for long work."""
+from __future__ import annotations
 
 import sys
 import time
 
-_LONG = 2.0      # [s] of wall time: shorter runs show nothing
-_LOOK = 0.3      # [s] before the length of a run is estimated
+_LONG = 2.0      # [s] of wall time: shorter runs show no bar
+_LOOK = 0.3      # [s] until the duration of a run is estimated
 _WIDTH = 28
 
 
-class Bar:
-    """One line on stderr, drawn over and over; cleared at the end."""
+def bar(done: float) -> str:
+    """[#######.....]  58%"""
+    filled = int(done * _WIDTH)
+    return f"[{'#' * filled}{'.' * (_WIDTH - filled)}] {done:4.0%}"
 
-    def __init__(self, title):
+
+class Bar:
+    """One line on stderr, drawn again and again; cleared at the end."""
+
+    def __init__(self, title: str):
         self._title = title
         self._begun = time.monotonic()
         self._drawn = 0
 
-    def __enter__(self):
+    def __enter__(self) -> Bar:
         return self
 
     def __exit__(self, *_):
         if self._drawn:
-            sys.stderr.write("\r" + " " * self._drawn + "\r")
-            sys.stderr.flush()
+            self._write(" " * self._drawn + "\r")
 
-    def _draw(self, done, text):
-        filled = int(done * _WIDTH)
-        line = f"{self._title} [{'#' * filled}{'.' * (_WIDTH - filled)}] {done:4.0%}  {text}"
-        sys.stderr.write("\r" + line.ljust(self._drawn))
-        sys.stderr.flush()
+    def draw(self, done: float, text: str) -> None:
+        line = f"{self._title} {bar(done)}  {text}"
+        self._write(line.ljust(self._drawn))
         self._drawn = max(self._drawn, len(line))
+
+    @staticmethod
+    def _write(text: str) -> None:
+        sys.stderr.write("\r" + text)
+        sys.stderr.flush()
 
 
 class Progress(Bar):
-    """Draws while a run goes on. Times are nanoseconds of the simulation."""
+    """The bar of a run. Times are nanoseconds of the simulation."""
 
-    def __init__(self, title, start, end, wanted=None):
+    def __init__(self, title: str, start: int, end: int, wanted: bool | None = None):
         super().__init__(title)
         self.wanted = sys.stderr.isatty() if wanted is None else wanted
         self._forced = bool(wanted)
         self._start, self._end = start, end
 
-    def at(self, now):
-        """Called about every 50 ms with the simulated time."""
+    def at(self, now: int) -> None:
+        """The run calls this about every 50 ms with the simulated time."""
         spent = time.monotonic() - self._begun
         done = (now - self._start) / max(self._end - self._start, 1)
         if done <= 0 or spent < _LOOK or not (self._drawn or self._forced or spent / done > _LONG):
             return
         speed = (now - self._start) / 1e9 / spent
-        self._draw(done, f"{clock(now / 1e9)} of {clock(self._end / 1e9)}, {speed:.4g}x, "
-                         f"{clock(spent / done - spent)} left")
+        self.draw(done, f"{clock(now / 1e9)} of {clock(self._end / 1e9)}, {speed:.4g}x, "
+                        f"{clock(spent / done - spent)} left")
 
 
-def clock(seconds):
+def clock(seconds: float) -> str:
     """2:40:00, 1:05, 3 s"""
     whole = int(seconds + 0.5)
     if whole < 60:

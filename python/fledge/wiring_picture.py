@@ -18,11 +18,13 @@ from fledge.objects.words import first_sentence
 
 FORMATS = ("svg", "png", "pdf", "dot")
 
-# The colours. The report turns each of them into its dark counterpart.
 INK, SOFT, PALE, PAPER = "#222222", "#6f7780", "#c9d1d9", "#ffffff"
 ACCENT = "#c0561f"
 SHADES = {"flight": ("#1f5a96", "#f3f7fb", "#e4edf6"),  # of lines, of the ground, of boxes
           "world": ("#3d7a50", "#f4f9f5", "#e5f1e8")}
+# Their names as CSS variables of the report, which has dark counterparts.
+NAMES = {INK: "ink", SOFT: "soft", PALE: "pale", PAPER: "ground", ACCENT: "accent",
+         **{shade: kind + end for kind, shades in SHADES.items() for shade, end in zip(shades, ("", "-ground", "-box"))}}
 FONT = "DejaVu Sans,Helvetica,Arial,sans-serif"
 
 
@@ -118,7 +120,7 @@ def _row_of_parts(wiring, host):
 
 def _node(node, links):
     line, _, box = SHADES[node.kind]
-    quiet = node.place is None
+    quiet = node.slot is None
     name = _text(node.name) if quiet else f"<B>{_text(node.name)}</B>"
     words = [f'<FONT COLOR="{SOFT if quiet else INK}" POINT-SIZE="{9.5 if quiet else 11.5}">{name}</FONT>',
              _font(SOFT, node.type, 8 if quiet else 9), *(_font(SOFT, note, 8) for note in node.notes)]
@@ -137,7 +139,7 @@ def _node(node, links):
 
 def _wire(wiring, link):
     a, b = wiring.nodes.get(link.start), wiring.nodes.get(link.to)
-    quiet = a is not None and a.place is None
+    quiet = a is not None and a.slot is None
     words = [_font(SOFT if quiet else INK, link.ports), _font(SOFT, link.message, 7.5),
              *(_font(ACCENT, option) for option in link.options)]
     # The blanks keep the words off the line.

@@ -4,12 +4,17 @@
 Exit codes: 0 the same bits, 1 a difference, 2 the command line or a file is wrong.
 """
 
+from __future__ import annotations
+
 import argparse
 import sys
+from collections.abc import Callable
 
 
-def add(command):
-    """Add the subcommand, by the function of cli.parser() that adds one."""
+def add(command: Callable) -> None:
+    """Add the subcommand. command: the function of cli.parser() that adds one."""
+    from fledge.cli import _pace
+
     one = command("compare", compare, "show where two records first differ",
                   "compare runs/nadir_spin/fly/desktop.mcap runs/nadir_spin/fly/linux.mcap")
     one.add_argument("runs", nargs=2, metavar="RUN", help="a .mcap file, its folder, or the name of a mission flown "
@@ -17,20 +22,20 @@ def add(command):
     one.add_argument("--topics", nargs="+", metavar="TOPIC", help="only these, as in tracking.error; default: all")
     one.add_argument("--ignore", nargs="+", default=[], metavar="FIELD", help="fields that do not count, as in "
                      "head.sequence")
-    one.add_argument("--tolerance", type=_tolerance, default=0.0, metavar="X", help="differences of numbers up to this "
+    one.add_argument("--tolerance", type=_pace, default=0.0, metavar="X", help="differences of numbers up to this "
                      "do not count, in each field's unit; default: 0, the same bits")
     one.add_argument("--all", action="store_true", help="the first difference of each field, how often and how far; "
                      "default: the first of each topic")
 
 
-def compare(options):
+def compare(options: argparse.Namespace) -> int:
+    """Print the differences of two records; returns the exit code."""
     from fledge.archive import compare as comparing
-    from fledge.cli.console import say
+    from fledge.cli.console import counted, say
     from fledge.cli import open_run
 
     a, b = map(open_run, options.runs)
-    same = a.path.resolve() == b.path.resolve()
-    if same:
+    if a.path.resolve() == b.path.resolve():
         print(f"{a.path}: compared with itself", file=sys.stderr)
     found = comparing.compare(a, b, options.topics, options.ignore, options.tolerance)
     if not found:
@@ -40,25 +45,12 @@ def compare(options):
         say(f"{within}: {len(topics)} topics, {messages} messages in each")
         return 0
     say(f"a  {a.path}\nb  {b.path}")
-    seen = set()
-    for one in found:
-        if options.all or one.topic not in seen:
-            say(f"  {one}")
-            if options.all and one.count:
-                worst = f", by up to {one.worst:g}" if one.worst else ""
-                say(f"      in {one.count} of {one.total} messages{worst}")
-        seen.add(one.topic)
-    left = len(found) - len(seen)
-    if left and not options.all:
-        say(f"  and {left} more field{'s' * (left > 1)} of these: --all shows them")
+    first = {one.topic: one for one in reversed(found)}
+    shown = [one for one in found if options.all or first[one.topic] is one]
+    for one in shown:
+        say(f"  {one}")
+        if options.all and one.count:
+            say(f"      in {one.count} of {one.total} messages" + (f", by up to {one.worst:g}" if one.worst else ""))
+    if left := len(found) - len(shown):
+        say(f"  and {counted(left, 'more field')} of these: --all shows them")
     return 1
-
-
-def _tolerance(text):
-    try:
-        value = float(text)
-    except ValueError:
-        value = -1.0
-    if not 0 <= value < float("inf"):
-        raise argparse.ArgumentTypeError(f"expected a number >= 0; found '{text}'")
-    return value

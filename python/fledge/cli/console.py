@@ -1,32 +1,38 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the commands share: how they speak, and keep what is plotted."""
+"""Output and saved plots, which all commands share."""
+from __future__ import annotations
 
 import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
-def say(text=""):
+def say(text: str = "") -> None:
     print(text, flush=True)
 
 
-def counted(n, thing):
+def counted(n: int, thing: str) -> str:
     """"1 program", "2 programs"."""
     return f"{n} {thing}" + ("" if n == 1 else "s")
 
 
-def size_of(path):
-    """The size of a file, in words."""
+def size_of(path: Path | str) -> str:
+    """The size of a file: "6.6 MB"."""
     size = os.path.getsize(path)
     return f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{size / 1e3:.1f} kB"
 
 
 class Plots:
-    """Saves what a scenario plots, and remembers it."""
+    """Saves the figures of a scenario, and lists their paths."""
 
-    def __init__(self, folder):
+    def __init__(self, folder: Path):
         self.folder = folder
-        self.saved = []
+        self.saved: list[Path] = []
 
-    def add(self, figure):
+    def add(self, figure: Figure) -> None:
         from fledge.plot import save
 
         self.saved.append(save(figure, self.folder))

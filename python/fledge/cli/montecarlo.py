@@ -1,21 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
 """`fledge montecarlo MISSION [CAMPAIGN] --runs N`: dispersed runs, or with --only one of them.
 
-Exit codes as of all commands: 0 every run passed; 1 some did not; 2 the command line, the mission or
-its dispersions are wrong; 130 Ctrl-C, with a report on what was finished.
+Exit codes as of all commands: 0 every run passed; 1 some failed; 2 the command line, the mission or its dispersions
+are wrong; 130 Ctrl-C, with a report on the finished runs.
 """
+from __future__ import annotations
 
+import argparse
+import json
+import shlex
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
+from fledge.cli.console import Plots, say, size_of
+from fledge.errors import Failure
 from fledge.progress import Bar, clock
 
 FAILURES_SHOWN = 8
 
 
-def add(command):
-    """Add the subcommand, by the function of cli.parser() that adds one."""
+def add(command: Callable) -> None:
+    """Add the subcommand. command: the function of cli.parser() that adds one."""
     one = command("montecarlo", montecarlo, "fly dispersed runs of a mission", "montecarlo nadir_spin --runs 2000")
     one.add_argument("mission", help="the name of a mission, or its folder; its dispersions.py says what differs")
     one.add_argument("campaign", nargs="?", help="a function of dispersions.py; default: the first")
@@ -28,8 +35,8 @@ def add(command):
     one.add_argument("--json", action="store_true", help="print the summary as JSON, and nothing else")
 
 
-def montecarlo(options):
-    from fledge.errors import Failure
+def montecarlo(options: argparse.Namespace) -> int:
+    """Fly a campaign, or one run of it; returns the exit code."""
     from fledge.montecarlo import Campaign
 
     if (options.runs is None) == (options.only is None):
@@ -44,9 +51,7 @@ def montecarlo(options):
 
 
 def _command(campaign, options):
-    """index -> the command that flies it alone."""
-    import shlex
-
+    """index -> the command that flies this run alone."""
     first = next(iter(campaign.known))
     words = ["./fledge", "montecarlo", options.mission, *([campaign.name] if campaign.name != first else []),
              "--seed", str(options.seed), "--only"]
@@ -56,12 +61,8 @@ def _command(campaign, options):
 # --- a campaign ------------------------------------------------------------------------------------
 
 def _all(campaign, options, folder):
-    import json
+    from fledge.montecarlo import cores, report
 
-    from fledge.montecarlo import report
-    from fledge.montecarlo import cores
-
-    say = (lambda line="": None) if options.json else (lambda line="": print(line, flush=True))
     workers = min(cores() if options.threads is None else options.threads, options.runs)
     if campaign.has_callables and workers > 0:
         print(f"fledge: the world's events call Python, so {workers} processes fly the runs instead of threads, each "
@@ -75,8 +76,7 @@ def _all(campaign, options, folder):
         print(json.dumps(data, indent=1))
     else:
         say(report.text(data, FAILURES_SHOWN))
-        say()
-        say(f"  flown    {data['flown']} runs in {wall:.3g} s, {data['flown'] / wall:,.4g} a second, on {workers} "
+        say(f"\n  flown    {data['flown']} runs in {wall:.3g} s, {data['flown'] / wall:,.4g} a second, on {workers} "
             + ("processes" if campaign.has_callables else "threads" if workers > 1 else "thread"))
         for path in paths:
             say(f"  {'plot' if path.suffix == '.png' else 'report':8} {path}")
@@ -87,14 +87,14 @@ def _all(campaign, options, folder):
 
 
 class _Live(Bar):
-    """Draws while the runs are flown: finished, rate, time left, failures."""
+    """The bar of a campaign: finished runs, their rate, the time left, failures."""
 
-    def __init__(self, title, runs):
+    def __init__(self, title: str, runs: int):
         super().__init__(title)
         self._runs = runs
         self._wanted = sys.stderr.isatty()
 
-    def at(self, finished, failed):
+    def at(self, finished: int, failed: int) -> None:
         if not self._wanted:
             return
         spent = time.monotonic() - self._begun
@@ -104,7 +104,7 @@ class _Live(Bar):
             text += f", {finished / spent:,.3g} a second, {clock(spent / done - spent)} left"
         if failed:
             text += f", {failed} failed"
-        self._draw(done, text)
+        self.draw(done, text)
 
 
 # --- one run of it ---------------------------------------------------------------------------------
@@ -112,8 +112,6 @@ class _Live(Bar):
 def _one(campaign, options, folder):
     import fledge
     from fledge import _core
-    from fledge.cli.console import Plots, say, size_of
-    from fledge.errors import Failure
 
     index, d = options.only, campaign.dispersions
     sim = campaign.simulation(index, options.seed)

@@ -1,17 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`fledge up SIM.toml`: all programs of a co-simulation, started, watched and ended together."""
+"""`fledge up SIM.toml`: start, watch and end all programs of a co-simulation together."""
+from __future__ import annotations
 
+import argparse
+import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
-from fledge.cli.console import say, size_of
+from fledge.cli.console import counted, say, size_of
 from fledge.errors import Failure
 
-_MOST_RECORDS = 8   # that are listed one by one
+_MOST_RECORDS = 8   # in the list; of more only the sum is shown
 
 
-def add(command):
-    """Add the subcommand, by the function of cli.parser() that adds one."""
+def add(command: Callable) -> None:
+    """Add the subcommand. command: the function of cli.parser() that adds one."""
     from fledge.cli import _pace
     from fledge.cli.node import add_parameters
 
@@ -27,11 +31,12 @@ def add(command):
     one.add_argument("--tcp", action="store_true", help="meet at a TCP port of this machine")
     one.add_argument("--exchange", action="store_true", help="record all that passes between the nodes")
     one.add_argument("--out", metavar="DIR", help="for logs and records; default: runs/NAME")
-    one.add_argument("--logs", action="store_true", help="show what the programs say instead of the table")
-    one.add_argument("--check", action="store_true", help="only say what is wrong with the file")
+    one.add_argument("--logs", action="store_true", help="show the output of the programs instead of the table")
+    one.add_argument("--check", action="store_true", help="only check the file")
 
 
-def up(options):
+def up(options: argparse.Namespace) -> int:
+    """Run the co-simulation; returns the exit code."""
     from fledge import _core
     from fledge.cosim.up import description
     from fledge.cosim.up.session import Session, StartError
@@ -49,17 +54,16 @@ def up(options):
     folder = Path(options.out) if options.out else Path("runs") / plan.simulation
     view = _view(options)
     say(f"{plan.simulation}: {_programs(plan)}, {plan.until:g} s")
+    session = Session(plan, folder, view, built)
     try:
-        session = Session(plan, folder, view, built)
         outcome = session.run()
         if any(row.ticks for row in outcome.progress.rows):
             view.ends(outcome.progress)
     except StartError as error:
-        view.close()
         raise Failure(f"up: {error}") from None
     finally:
         view.close()
-    return _tell(plan, folder, session, outcome)
+    return _report(plan, folder, session, outcome)
 
 
 def _plan(options, description):
@@ -95,19 +99,12 @@ def _plan(options, description):
     return plan
 
 
-def _times(x):
-    return f"{x:,.0f}" if x >= 100 else f"{x:.3g}"
-
-
 def _programs(plan):
     others = len(plan.programs) - len(plan.nodes)
-    text = f"{len(plan.nodes)} node{'s' * (len(plan.nodes) != 1)}"
-    return text + (f" and {others} asynchronous program{'s' * (others != 1)}" if others else "")
+    return counted(len(plan.nodes), "node") + (f" and {counted(others, 'asynchronous program')}" if others else "")
 
 
 def _view(options):
-    import os
-
     from fledge.cosim.up.table import Lines, Screen
 
     if sys.stdout.isatty() and os.environ.get("TERM", "dumb") != "dumb" and not options.logs:
@@ -115,19 +112,22 @@ def _view(options):
     return Lines(show_logs=options.logs)
 
 
-def _tell(plan, folder, session, outcome):
-    """What there is to know about a run that is over; returns the exit code."""
+def _report(plan, folder, session, outcome):
+    """Print the results of a run; returns the exit code."""
+    from fledge.cosim.up.table import times
+
     t, wall = max(outcome.progress.t, 0.0), outcome.progress.wall
     if t > 0 and wall > 0:
-        say(f"  flown    {t:g} s in {wall:.3g} s, {_times(t / wall)} times real time")
+        say(f"  flown    {t:g} s in {wall:.3g} s, {times(t / wall)} times real time")
     if outcome.progress.overruns:
         say(f"  pace     {outcome.progress.overruns} instants were late, by up to "
             f"{1e3 * outcome.progress.worst:.1f} ms")
     records = session.records()
     if len(records) > _MOST_RECORDS:
         say(f"  record   {folder}: {len(records)} files ({sum(r.stat().st_size for r in records) / 1e6:.1f} MB)")
-    for record in records if len(records) <= _MOST_RECORDS else ():
-        say(f"  record   {record} ({size_of(record)})")
+    else:
+        for record in records:
+            say(f"  record   {record} ({size_of(record)})")
     say(f"  logs     {folder / 'log'}")
     for name, what in outcome.failed:
         lines = session.last_lines(name)

@@ -1,83 +1,87 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a simulation consists of and what is joined to what: the outline in text, and what is drawn.
+"""The instances of a simulation and the wires between them: as an outline in text, and for the picture.
 
     wiring = Wiring(fledge.load("nadir_spin"))
     print(wiring.outline())
     wiring_picture.save(wiring, "nadir_spin.svg")    # .svg, .png, .pdf or .dot
 """
 
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
 from fledge import _core
-from fledge.mission.process import Event, World
+from fledge.mission.process import Event, Process, World
 
 
-def kind_of(process):
+def kind_of(process: Process) -> str:
     """What a process is: "flight" or "world"."""
     return "world" if isinstance(process, World) else "flight"
 
 
 class Node:
-    """An instance: where it stands, and what it is."""
+    """An instance: its position in the tasks, and what it is."""
 
-    def __init__(self, process, name, instance):
+    def __init__(self, process: Process, name: str, instance: _core.Module | _core.Model):
         struct = _core.struct(instance)
+        self.instance = instance
         self.process, self.kind = process.name, kind_of(process)
         self.name, self.type, self.doc = name, struct.name, struct.doc
         self.path = f"{process.name}.{name}"
-        self.task = None          # the name of the task that runs it
-        self.place = None         # (task, index in it), of what a task runs; parts take that of their host
-        self.in_stack = False     # whether it is in the longest chain of its task
-        self.host = None          # the path of the model that it is a part of
+        self.task: str | None = None    # the task that runs it
+        self.slot: tuple | None = None  # (task, index in it) if a task runs it; a part takes the slot of its host
+        self.in_stack = False           # whether it is in the longest chain of its task
+        self.host: str | None = None    # the path of the model that it is a part of
         self.notes = _notes(instance)
         self.inputs = [f for f in struct.fields if f.group == "in"]
 
 
+@dataclass
 class Link:
     """A wire."""
-
-    def __init__(self, source, target, message, latency, stale_after):
-        self.source, self.target, self.message = source, target, message
-        self.latency, self.stale_after = latency, stale_after
-        self.back = False         # whether it is read only at a later instant
+    source: str
+    target: str
+    message: str            # the name of its type
+    latency: int            # [exchanges]
+    stale_after: int        # [ns]
+    back: bool = False      # whether its reader sees the data only at a later instant
 
     @property
-    def start(self):
+    def start(self) -> str:
         """The path of the instance that writes it."""
         return _owner(self.source)
 
     @property
-    def to(self):
+    def to(self) -> str:
         """The path of the instance that reads it."""
         return _owner(self.target)
 
     @property
-    def crosses(self):
+    def crosses(self) -> bool:
         """Whether it goes from one process to another."""
         return self.source.partition(".")[0] != self.target.partition(".")[0]
 
     @property
-    def ports(self):
+    def ports(self) -> str:
         """The names at its ends, once if they are the same."""
         a, b = (path.rpartition(".")[2] for path in (self.source, self.target))
         return a if a == b else f"{a} \N{RIGHTWARDS ARROW} {b}"
 
     @property
-    def options(self):
-        """What is special about it, in words."""
-        words = []
-        if self.latency:
-            words.append("one exchange late" if self.latency == 1 else f"{self.latency} exchanges late")
-        if self.stale_after:
-            words.append(f"stale after {self.stale_after / 1e9:g} s")
-        return words
+    def options(self) -> list[str]:
+        """Its latency and its age limit, in words."""
+        late = "one exchange late" if self.latency == 1 else f"{self.latency} exchanges late"
+        return [late] * bool(self.latency) + [f"stale after {self.stale_after / 1e9:g} s"] * bool(self.stale_after)
 
 
 class Wiring:
-    """What a simulation consists of, and what is joined to what.
+    """The processes, nodes and links of a simulation.
 
     flight_only: leave out the world; the wires between it and flight end at names.
     """
 
-    def __init__(self, simulation, flight_only=False):
+    def __init__(self, simulation, flight_only: bool = False):
         self.name = simulation.name
         # Flight first, as it is what a mission is about.
         shown = sorted(simulation.flights if flight_only else simulation.processes, key=lambda p: isinstance(p, World))
@@ -87,8 +91,7 @@ class Wiring:
         messages = {f"{_core.path(one)}.{f.name}": f.struct.name
                     for process in simulation.processes for one in process
                     for f in _core.struct(one).fields if f.group == "out"}
-        links = [Link(source, target, messages[source], latency, stale_after)
-                 for source, target, latency, stale_after in simulation._core.wires]
+        links = [Link(wire[0], wire[1], messages[wire[0]], *wire[2:]) for wire in simulation._core.wires]
         self.links = [link for link in links if link.start in self.nodes or link.to in self.nodes]
         self.open_ends = list(dict.fromkeys(port for link in self.links for port in (link.source, link.target)
                                             if _owner(port) not in self.nodes))
@@ -96,17 +99,15 @@ class Wiring:
             link.back = self._goes_back(link)
         self._find_stacks()
 
-    def _goes_back(self, link):
-        """Whether what it carries is read at a later instant: it is late, or its reader runs first."""
+    def _goes_back(self, link: Link) -> bool:
+        """Whether the reader sees the data at a later instant: the wire is late, or the reader runs first."""
         a, b = self.nodes.get(link.start), self.nodes.get(link.to)
         return bool(link.latency) or (a is not None and b is not None and not link.crosses
-                                      and None not in (a.place, b.place) and a.place >= b.place)
+                                      and None not in (a.slot, b.slot) and a.slot >= b.slot)
 
-    def _find_stacks(self):
-        """Find the stack of each task: its longest chain of wires, the last such one.
-
-        What is not in it, as what commands a module of the stack, stands beside.
-        """
+    def _find_stacks(self) -> None:
+        """Find the stack of each task: its longest chain of wires, the last of several. The other nodes of the task,
+        such as a source of commands for a module of the stack, stand beside it."""
         order = {f"{n.path}.{f.name}": i for n in self.nodes.values() for i, f in enumerate(n.inputs)}
         feeding = {}
         for link in sorted(self.links, key=lambda one: order.get(one.target, 0)):
@@ -126,8 +127,8 @@ class Wiring:
 
     # --- text ---
 
-    def outline(self):
-        """The wiring as text: what runs in which order, and where each input comes from."""
+    def outline(self) -> str:
+        """The wiring as text: the order in which the nodes run, and the source of each input."""
         sources = {link.target: link for link in self.links}
         lines = []
         for process in self.processes:
@@ -160,17 +161,25 @@ class Wiring:
 
 # --- reading ---------------------------------------------------------------------------------------
 
+@dataclass
 class _Task:
-    def __init__(self, name, period, offset, priority, run):
-        self.name, self.run = name, run
-        self.title = f"{name}, every {period / 1e9:g} s" + (f" from {offset / 1e9:g} s" if offset else "") \
-            + (f", priority {priority}" if priority else "")
+    name: str
+    period: int         # [ns]
+    offset: int         # [ns]
+    priority: int
+    run: list[str]
+
+    @property
+    def title(self) -> str:
+        return f"{self.name}, every {self.period / 1e9:g} s" \
+            + (f" from {self.offset / 1e9:g} s" if self.offset else "") \
+            + (f", priority {self.priority}" if self.priority else "")
 
 
 class _Process:
-    def __init__(self, process):
+    def __init__(self, process: Process):
         core = process._core_process
-        self.name, self.kind = process.name, kind_of(process)
+        self.name, self.kind, self.mode = process.name, kind_of(process), core.mode
         self.nodes = [Node(process, _core.name(one), one) for one in process]
         # In the order in which they run at equal times.
         self.tasks = [_Task(*t) for t in sorted(core.tasks, key=lambda t: -t[3])]
@@ -178,39 +187,32 @@ class _Process:
         for i, task in enumerate(self.tasks):
             for j, name in enumerate(task.run):
                 if by_name[name].task is None:
-                    by_name[name].task, by_name[name].place = task.name, (i, j)
-        for node, one in zip(self.nodes, process):
-            for k, part in enumerate(parts(one)):
+                    by_name[name].task, by_name[name].slot = task.name, (i, j)
+        for node in self.nodes:
+            for k, part in enumerate(getattr(node.instance, "parts", ())):
                 child = by_name.get(_core.name(part))
                 if child is not None:
                     child.host = node.path
-                    if child.place is None and node.place is not None:
-                        child.task, child.place = node.task, (*node.place, k)
+                    if child.slot is None and node.slot is not None:
+                        child.task, child.slot = node.task, (*node.slot, k)
         self.integrator = core.integrator if self.kind == "world" else ""
         self.modes = [(name, ", ".join(tasks) or "no task of its own") for name, tasks in core.modes]
-        self.events = [(event_name(e), event_text(e)) for e in process._handles.values() if isinstance(e, Event)]
+        self.handles = [e for e in process._handles.values() if isinstance(e, Event)]
+        self.events = [(event_name(e), event_text(e)) for e in self.handles]
 
-    def run_by(self, task):
-        """The nodes of a task in their order; None: those that no task runs."""
+    def run_by(self, task: str | None) -> list[Node]:
+        """The nodes of a task in their order; None: the nodes that no task runs."""
         found = [n for n in self.nodes if n.task == task]
-        return sorted(found, key=lambda n: n.place) if task else found
+        return sorted(found, key=lambda n: n.slot) if task else found
 
 
-def parts(instance):
-    """The models that are parts of this one."""
-    try:
-        return instance.parts
-    except AttributeError:
-        return ()
-
-
-def event_name(event):
+def event_name(event: Event) -> str:
     """The name of an event; "" for one that World.at() has named."""
     when = event._when
     return "" if hasattr(when, "ns") and event.name.startswith(f"at_{when.ns}_ns") else event.name
 
 
-def condition_text(event):
+def condition_text(event: Event) -> str:
     """When an event happens, in words."""
     when = event._when
     if isinstance(when, _core.Condition):
@@ -220,7 +222,7 @@ def condition_text(event):
     return _function_text(when)
 
 
-def action_text(event):
+def action_text(event: Event) -> str:
     """What an event does, in words."""
     words = [f"enter {event._core.mode}"] if event._core.mode else []
     if event._do:
@@ -228,27 +230,23 @@ def action_text(event):
     return ", ".join(words) or "nothing"
 
 
-def event_text(event):
+def event_text(event: Event) -> str:
     hold = f" for {event._core.hold / 1e9:g} s" if event._core.hold else ""
     once = ", once" if event._core.once else ""
     return f"{condition_text(event)}{hold}{once}: {action_text(event)}"
 
 
-def _function_text(function):
+def _function_text(function) -> str:
     name = getattr(function, "__name__", type(function).__name__)
     return "a Python function" if name == "<lambda>" else f"{name}()"
 
 
-def _notes(instance):
-    """What is said of it besides its name and type: the bodies that attract a craft."""
-    try:
-        bodies = instance.gravity
-    except AttributeError:
-        return []
-    names = ", ".join(getattr(b, "name", None) or _core.path(b) for b in bodies)
+def _notes(instance) -> list[str]:
+    """Notes beside its name and type: the bodies that attract a craft."""
+    names = ", ".join(getattr(b, "name", None) or _core.path(b) for b in getattr(instance, "gravity", ()))
     return [f"gravity: {names}"] if names else []
 
 
-def _owner(port):
+def _owner(port: str) -> str:
     """ "flight.control.error" -> "flight.control" """
     return port.rpartition(".")[0]

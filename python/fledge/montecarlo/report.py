@@ -1,22 +1,33 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a campaign leaves in its folder, the same bytes for the same seed:
+"""The files that a campaign writes into its folder, the same bytes for the same seed:
 
     summary.txt, summary.json   how many passed, percentiles, the drawn values, each failure with the
                                 command that repeats that run
-    runs.csv                    a line per run: its draws, its final values, what failed
-    runs.h5                     all of it, with the retained variables over time
+    runs.csv                    a line per run: its draws, its final values, its failure
+    runs.h5                     the same, with the retained variables over time
     bands-*.png                 percentiles of a retained variable over time
-    requirements.png            what each run reached, against the limit
+    requirements.png            the value that each run reached, against the limit
     drivers.png                 the draws that a requirement depends on most
 """
+from __future__ import annotations
 
+import csv
+import io
+import json
 import math
+from collections.abc import Callable, Container, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from fledge.files import Part
 from fledge.montecarlo.plots import PERCENTILES, figures, percentiles, summary_of
 
+if TYPE_CHECKING:
+    from fledge.montecarlo import Result
+    from fledge.montecarlo.requirements import Series
 
-def confidence(passed, n):
+
+def confidence(passed: int, n: int) -> tuple[float, float]:
     """The interval that holds the true rate with 95 % confidence, after Wilson (1927)."""
     if not n:
         return 0.0, 1.0
@@ -27,10 +38,10 @@ def confidence(passed, n):
     return (0.0 if passed == 0 else middle - half), (1.0 if passed == n else middle + half)
 
 
-def measures(result):
-    """A number over time for each retained variable, and each that a requirement is about: Series."""
+def measures(result: Result) -> list[Series]:
+    """A number over time for each retained variable and for each requirement."""
     d = result.campaign.dispersions
-    found = {}
+    found: dict[str, Series] = {}
     for series in [*map(summary_of, d.retained.values()), *(r.series for r in d.requirements)]:
         found.setdefault(series.measure_text, series)
     return list(found.values())
@@ -38,8 +49,8 @@ def measures(result):
 
 # --- text ------------------------------------------------------------------------------------------
 
-def summary(result, command):
-    """The figures of a campaign as plain data. command: a function of an index."""
+def summary(result: Result, command: Callable[[int], str]) -> dict:
+    """The figures of a campaign as plain data. command: of a run's index, repeats that run."""
     import numpy as np
 
     campaign, d = result.campaign, result.campaign.dispersions
@@ -48,10 +59,8 @@ def summary(result, command):
     low, high = confidence(passed, flown)
 
     def describe(values):
-        if not complete.any():
-            return {}
-        last = values[complete]
-        return {str(p): float(x) for p, x in zip(percentiles(len(last)), np.percentile(last, percentiles(len(last))))}
+        shown = percentiles(int(complete.sum()))
+        return {str(p): float(x) for p, x in zip(shown, np.percentile(values[complete], shown))} if shown else {}
 
     requirements = []
     for one in d.requirements:
@@ -84,8 +93,8 @@ def summary(result, command):
     }
 
 
-def text(data, failures=None):
-    """A summary in words; of the failures only so many, if told."""
+def text(data: dict, failures: int | None = None) -> str:
+    """A summary in words. failures: how many to show; None: all."""
     lines = [f"{data['mission']}, {data['campaign']}" + (f": {data['about']}" if data["about"] else "")]
     flown, passed = data["flown"], data["passed"]
     lines.append(f"  runs     {flown} of {data['duration']:g} s, seed {data['seed']}"
@@ -96,7 +105,8 @@ def text(data, failures=None):
                      f"the true rate is {100 * low:.4g} to {100 * high:.4g} % (95 % confidence)")
     if data["requirements"]:
         rows = [(one["requirement"], f"{one['held']} of {one['of']}",
-                 f"worst {_number(one['worst'], one['unit'])} in run {one['worst_run']}" if "worst" in one else "")
+                 f"worst {one['worst']:.4g} {one['unit']}".rstrip() + f" in run {one['worst_run']}"
+                 if "worst" in one else "")
                 for one in data["requirements"]]
         lines += ["", "required", *_columns(rows)]
     if any(one["percentiles"] for one in data["final"]):
@@ -121,11 +131,8 @@ def text(data, failures=None):
     return "\n".join(lines)
 
 
-def _number(x, unit):
-    return f"{x:.4g}" + (f" {unit}" if unit else "")
-
-
-def _columns(rows, right=()):
+def _columns(rows: Sequence[Sequence[str]], right: Container[int] = ()) -> list[str]:
+    """Rows as lines with aligned columns. right: the columns to align at the right."""
     widths = [max(map(len, column)) for column in zip(*rows)]
     return ["  " + "  ".join(cell.rjust(width) if i in right else cell.ljust(width)
                              for i, (cell, width) in enumerate(zip(row, widths))).rstrip() for row in rows]
@@ -133,34 +140,27 @@ def _columns(rows, right=()):
 
 # --- files -----------------------------------------------------------------------------------------
 
-def write(result, folder, command):
+def write(result: Result, folder: Path | str, command: Callable[[int], str]) -> tuple[dict, list[Path]]:
     """Write all files; returns (the summary's data, the paths)."""
-    import json
-
-    from fledge.files import Part
     from fledge.plot import save
 
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    for old in folder.glob("*.png"):  # of a campaign that retained other things
+    for old in folder.glob("*.png"):  # of a campaign that retained other variables
         old.unlink()
     data = summary(result, command)
-    paths = []
-    for name, content in (("summary.txt", text(data) + "\n"), ("summary.json", json.dumps(data, indent=1) + "\n"),
-                          ("runs.csv", _csv(result))):
+    contents = {"summary.txt": text(data) + "\n", "summary.json": json.dumps(data, indent=1) + "\n",
+                "runs.csv": _csv(result)}
+    for name, content in contents.items():
         with Part(folder / name) as part:
             part.write_text(content, encoding="utf-8")
-        paths.append(folder / name)
     with Part(folder / "runs.h5") as part:
         _hdf5(result, part)
-    paths.append(folder / "runs.h5")
-    return data, paths + [save(figure, folder) for figure in figures(result)]
+    return data, [*(folder / name for name in (*contents, "runs.h5")),
+                  *(save(figure, folder) for figure in figures(result))]
 
 
-def _csv(result):
-    import csv
-    import io
-
+def _csv(result: Result) -> str:
     d = result.campaign.dispersions
 
     def head(name, unit):
@@ -181,7 +181,7 @@ def _csv(result):
     return out.getvalue()
 
 
-def _hdf5(result, path):
+def _hdf5(result: Result, path: Path) -> None:
     import h5py
 
     campaign, d = result.campaign, result.campaign.dispersions

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A simulation as described by its SIM.toml: read, checked, and told at once what is wrong with it.
+"""A simulation as its SIM.toml describes it: read and checked; all mistakes in one error.
 
 docs/cosim.md lists the keys.
 """
@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import difflib
 import errno
-import math
 import os
 import re
 import secrets
 import shlex
 import shutil
 import socket
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 
 from registers.checked_toml import Tables, TomlError, parse, shown
@@ -24,68 +24,68 @@ POLICIES = ("abort", "pause", "hold", "drop", "restart")
 TRANSPORTS = ("ipc", "tcp")
 PLACEHOLDERS = ("simulation", "node", "address", "seed", "until", "record")
 WHEN_IT_COMES = "when it comes"
+SSH = ("ssh", "-o", "BatchMode=yes", "-o", "ServerAliveInterval=5", "{host}")
 
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
-_TAKEN = ("controller", "all", "exchange")      # by logs and records of our own
-_PLACEHOLDER = re.compile(r"\{(\w+)\}")
-_TOP = ("simulation", "until", "seed", "pace", "transport", "address", "keys", "unencrypted", "record",
-        "exchange", "watch", "join", "reply", "node", "asynchronous")
-_START = ("name", "mission", "process", "scenario", "free", "parameters", "command", "by_hand", "directory", "env",
-          "host", "launcher", "fledge", "keys")
-_NODE = (*_START, "on_loss", "restarts", "joins", "rejoins", "save_every", "reply")
-_ASYNCHRONOUS = (*_START, "writes")
+_TAKEN = ("controller", "all", "exchange")      # by Fledge's own logs and records
 _OF_MISSION = ("process", "scenario", "free", "parameters")
-SSH = ("ssh", "-o", "BatchMode=yes", "-o", "ServerAliveInterval=5", "{host}")
 
 
 class SimError(Exception):
-    """All that is wrong with a simulation's description, one complaint a line."""
+    """All mistakes in the description of a simulation, one a line."""
+
+
+def _key(check: str, default=None, *arguments, of: str = ""):
+    """A field that a key of the file fills. check: the method of _Reader that reads it; of: "node" if only nodes have
+    the key, "asynchronous" if only asynchronous programs have it."""
+    made = {"default_factory": default} if callable(default) else {"default": default}
+    return field(**made, metadata={"check": check, "arguments": arguments, "of": of})
 
 
 @dataclass
 class Program:
-    """One program to be started, and what becomes of the run without it."""
-    name: str
-    command: list[str] | None = None    # None: a mission's process, or started by hand
-    mission: str | None = None
-    process: str | None = None
-    scenario: str | None = None
-    free: bool = False
-    parameters: dict = field(default_factory=dict)
-    by_hand: bool = False
-    directory: str = "."                # of a host: there
-    env: dict[str, str] = field(default_factory=dict)
-    host: str | None = None
-    launcher: list[str] | None = None
-    fledge: str | None = None           # where Fledge is on the host
-    keys: str | None = None
+    """One program to start, and what the run does without it."""
+    name: str = _key("name", "?")
+    mission: str | None = _key("text")
+    process: str | None = _key("text")
+    scenario: str | None = _key("text")
+    free: bool = _key("flag", False)
+    parameters: dict = _key("table", dict)
+    command: list[str] | None = _key("words")           # None: a process of a mission, or started by hand
+    by_hand: bool = _key("flag", False)
+    directory: str = _key("text", ".")                  # on the host if there is one
+    env: dict[str, str] = _key("environment", dict)
+    host: str | None = _key("text")
+    launcher: list[str] | None = _key("words", None, True)
+    fledge: str | None = _key("text")                   # the folder of Fledge on the host
+    keys: str | None = _key("text")
+    on_loss: str = _key("choice", "abort", POLICIES, of="node")
+    restarts: int = _key("integer", 0, 0, 1_000_000, of="node")
+    joins: float | str | None = _key("joins", of="node")        # [s] simulated; None: at the start
+    rejoins: bool = _key("flag", False, of="node")
+    save_every: float = _key("seconds", 0.0, of="node")         # [s] simulated
+    reply: float | None = _key("seconds", of="node")            # [s]; None: as the others
+    writes: list[str] = _key("topics", list, of="asynchronous")
     asynchronous: bool = False
-    writes: list[str] = field(default_factory=list)     # topics, of an asynchronous one
-    on_loss: str = "abort"
-    restarts: int = 0
-    joins: float | str | None = None    # [s] simulated; None: at the start
-    rejoins: bool = False
-    save_every: float = 0.0             # [s] simulated
-    reply: float | None = None          # [s]; None: as all
 
 
 @dataclass
 class Plan:
     """A whole simulation."""
-    simulation: str
-    until: float | None                 # [s]
-    programs: list[Program]
-    seed: int = 0
-    pace: float = 0.0                   # 0: as fast as possible
-    address: str | None = None
-    transport: str = "ipc"
-    keys: str | None = None
-    unencrypted: bool = False
-    record: bool = True                 # of each process of a mission
-    watch: list[str] = field(default_factory=list)      # topics that are written though no node wants them
-    exchange: bool = False              # of all that nodes write to one another
-    join: float = 60.0                  # [s]
-    reply: float = 60.0                 # [s]
+    simulation: str = _key("simulation_name")
+    until: float | None = _key("seconds")               # [s]
+    programs: list[Program] = field(default_factory=list)
+    seed: int = _key("integer", 0, 0, 2**63 - 1)
+    pace: float = _key("seconds", 0.0, "simulated seconds per second")      # 0: as fast as possible
+    transport: str = _key("choice", "ipc", TRANSPORTS)
+    address: str | None = _key("text")
+    keys: str | None = _key("path")
+    unencrypted: bool = _key("flag", False)
+    record: bool = _key("flag", True)                   # of each process of a mission
+    exchange: bool = _key("flag", False)                # record every message between nodes
+    watch: list[str] = _key("topics", list)             # topics to write although no node subscribes to them
+    join: float = _key("seconds", 60.0)                 # [s]
+    reply: float = _key("seconds", 60.0)                # [s]
     file: str = ""
 
     @property
@@ -97,8 +97,13 @@ class Plan:
         """Whether other machines take part, or may."""
         return any(p.host for p in self.programs) or bool(self.address and not is_local(self.address))
 
+    def tables(self) -> Iterator[tuple[tuple, Program]]:
+        """Each program with the path of its table in the file."""
+        for kind, programs in (("node", self.nodes), ("asynchronous", [p for p in self.programs if p.asynchronous])):
+            yield from (((kind, i), p) for i, p in enumerate(programs))
+
     def listening(self) -> str:
-        """Where the controller is to listen; of an abstract address, a new name each time."""
+        """The address at which the controller listens; if none is given, a new abstract name each time."""
         if self.address:
             return self.address
         hosts = [p.host for p in self.programs if p.host]
@@ -124,17 +129,15 @@ def own_address(host: str) -> str:
 
 
 def read(path: Path) -> Plan:
-    """The simulation of a file; SimError with all complaints if there are any."""
+    """The simulation of a file. Raises SimError with all mistakes."""
     try:
         data, lines = parse(path.read_text(encoding="utf-8"), path)
     except UnicodeDecodeError:
         raise SimError(f"{path}:1: the file must be TOML; it is no text in UTF-8") from None
     except TomlError as error:
         raise SimError(str(error)) from None
-    reader = _Reader(str(path), lines)
-    reader.folder = path.resolve().parent
-    plan = reader.plan(data, path.stem)
-    plan.file = str(path)
+    reader = _Reader(path, lines)
+    plan = reader.plan(data)
     if reader.problems:
         raise SimError(reader.complaints())
     return plan
@@ -143,39 +146,22 @@ def read(path: Path) -> Plan:
 class _Reader(Tables):
     """The tables of a simulation."""
 
-    folder: Path
+    def __init__(self, path: Path, lines: dict):
+        super().__init__(str(path), lines)
+        self.folder, self.stem = path.resolve().parent, path.stem
+        self.names: dict[str, tuple] = {}
 
-    def plan(self, data: dict, stem: str) -> Plan:
-        self.keys(data, (), _TOP)
-        names: dict[str, tuple] = {}
-        programs = [self.program(table, ("node", i), names, False)
-                    for i, table in enumerate(self.tables(data, (), "node"))]
-        programs += [self.program(table, ("asynchronous", i), names, True)
-                     for i, table in enumerate(self.tables(data, (), "asynchronous"))]
-        if not any(not p.asynchronous for p in programs) and not self.problems:
+    def plan(self, data: dict) -> Plan:
+        plan = Plan(self.stem, file=self.file)
+        self.fill(plan, data, (), "", ("node", "asynchronous"))
+        plan.programs = [self.program(table, (kind, i), kind) for kind in ("node", "asynchronous")
+                         for i, table in enumerate(self.tables(data, (), kind))]
+        if not plan.nodes and not self.problems:
             self.refuse((), "a simulation has nodes", "there is none", "write [[node]] with a name and a command, "
                         "or a mission")
-        plan = Plan(
-            simulation=self.text(data, (), "simulation", stem),
-            until=self.seconds(data, (), "until", None),
-            programs=programs,
-            seed=self.integer(data, (), "seed", 0, 2**63 - 1, 0) or 0,
-            pace=self.seconds(data, (), "pace", 0.0, "simulated seconds per second"),
-            address=self.text(data, (), "address", None) or None,
-            transport=self.choice(data, (), "transport", TRANSPORTS, "ipc"),
-            keys=self.path(data, (), "keys"),
-            unencrypted=self.value(data, (), "unencrypted", (bool,), "true or false", False),
-            record=self.value(data, (), "record", (bool,), "true or false", True),
-            exchange=self.value(data, (), "exchange", (bool,), "true or false", False),
-            watch=self.topics(data, (), "watch"),
-            join=self.seconds(data, (), "join", 60.0),
-            reply=self.seconds(data, (), "reply", 60.0))
-        if "simulation" in data and not _NAME.fullmatch(plan.simulation):
-            self.refuse(("simulation",), "a simulation's name is of letters, digits, `_`, `-` and `.`",
-                        f"it is {shown(plan.simulation)}", "it also names the folder of its runs")
-        for i, p in enumerate(plan.nodes):
+        for path, p in plan.tables():
             if isinstance(p.joins, float) and plan.until is not None and p.joins >= plan.until:
-                self.refuse(("node", i, "joins"), "a node joins before the end", f"{p.name} joins at {p.joins:g} s, "
+                self.refuse((*path, "joins"), "a node joins before the end", f"{p.name} joins at {p.joins:g} s, "
                             f"the run ends at {plan.until:g} s", "choose an earlier time")
         if plan.nodes and all(p.joins is not None for p in plan.nodes):
             self.refuse(("node", 0, "joins"), "some node is there at the start", "all join later",
@@ -183,7 +169,17 @@ class _Reader(Tables):
         self.network(plan)
         return plan
 
-    # ---- where nodes meet
+    def fill(self, made: Plan | Program, table: dict, path: tuple, kind: str, others: tuple[str, ...] = ()) -> None:
+        """Fill a Plan or Program from a table. A wrong value leaves the default. others: further keys of the table."""
+        keys = {f.name: f.metadata for f in fields(made) if f.metadata and f.metadata["of"] in ("", kind)}
+        self.keys(table, path, (*keys, *others))
+        for key, how in keys.items():
+            if key in table:
+                value = getattr(self, how["check"])(table, path, key, *how["arguments"])
+                if value not in (None, ""):
+                    setattr(made, key, value)
+
+    # ---- the network
 
     def network(self, plan: Plan) -> None:
         address = plan.address
@@ -193,35 +189,32 @@ class _Reader(Tables):
             self.refuse(("address",), "an address is an abstract name of this machine, or a TCP port", found,
                         'write "ipc://@name", "tcp://127.0.0.1:7000", or "tcp://192.0.2.1:*" for any free port')
             return
-        if address is None:
-            for i, p in enumerate(plan.programs):
-                if p.host and (why := unreachable(p.host)):
-                    self.refuse(self.place(plan, i, "host"), "a host can be found", f"{p.host}: {why}",
-                                "give its name or number as user@address")
-                    return
-                if p.launcher and not p.host and "netns" in p.launcher:
-                    self.refuse(("address",), "in a network namespace nodes need an address that it reaches",
-                                "there is no `address`", 'write address = "tcp://ADDRESS:*", that of this side')
-                    return
-        elif why := busy(address):
+        for path, p in plan.tables() if address is None else ():
+            if p.host and (why := unreachable(p.host)):
+                self.refuse((*path, "host"), "a host can be found", f"{p.host}: {why}",
+                            "give its name or number as user@address")
+                return
+            if p.launcher and not p.host and "netns" in p.launcher:
+                self.refuse(("address",), "in a network namespace nodes need an address that it reaches",
+                            "there is no `address`", 'write address = "tcp://ADDRESS:*", that of this side')
+                return
+        if address is not None and (why := busy(address)):
             self.refuse(("address",), "the controller can listen there", f"{address}: {why}",
                         "choose another port, or `*` for any that is free")
         if plan.beyond and not plan.keys and not plan.unencrypted:
-            i = next((i for i, p in enumerate(plan.programs) if p.host), None)
-            where = ("address",) if i is None else self.place(plan, i, "host")
+            where = next(((*path, "host") for path, p in plan.tables() if p.host), ("address",))
             self.refuse(where, "what leaves the machine is encrypted", "there are no `keys`",
                         "make them with ./fledge keys new and write keys = \"FOLDER\"; or, in a network that you "
                         "trust, unencrypted = true")
-        for key, folder, where in [("keys", plan.keys, ("keys",))] + [
-                ("keys", p.keys, self.place(plan, i, "keys")) for i, p in enumerate(plan.programs) if not p.host]:
-            if folder and not Path(folder).exists():
-                self.refuse(where, f"`{key}` is a folder made by ./fledge keys", f"there is no {folder}",
+        for path, keys in [((), plan.keys), *((path, p.keys) for path, p in plan.tables() if not p.host)]:
+            if keys and not Path(keys).exists():
+                self.refuse((*path, "keys"), "`keys` is a folder made by ./fledge keys", f"there is no {keys}",
                             "make it, or give the right one")
-            elif folder and where == ("keys",):
-                self.allowed(plan, Path(folder))
+            elif keys and not path:
+                self.allowed(plan, Path(keys))
 
     def allowed(self, plan: Plan, folder: Path) -> None:
-        """Whether the controller has its keys, and lets all in."""
+        """Check that the controller has its keys, and that they admit all nodes."""
         from fledge.cosim import keys
 
         if not (folder / "controller.secret").exists():
@@ -237,57 +230,33 @@ class _Reader(Tables):
                 self.refuse(("node", i, "name"), "a node is let in by its key", f"no key in {folder}/allowed is for "
                             f"{p.name}", f"./fledge keys allow KEY --as {p.name} --keys {folder} lets it in")
 
-    @staticmethod
-    def place(plan: Plan, i: int, key: str) -> tuple:
-        nodes = len(plan.nodes)
-        return ("node", i, key) if i < nodes else ("asynchronous", i - nodes, key)
-
     # ---- a program
 
-    def program(self, table: dict, path: tuple, names: dict, asynchronous: bool) -> Program:
-        self.keys(table, path, _ASYNCHRONOUS if asynchronous else _NODE)
-        p = Program(self.name(table, path, names), asynchronous=asynchronous)
-        p.mission = self.text(table, path, "mission", None) or None
-        p.process = self.text(table, path, "process", None) or None
-        p.scenario = self.text(table, path, "scenario", None) or None
-        p.free = self.value(table, path, "free", (bool,), "true or false", False)
-        p.parameters = self.table(table, path, "parameters")
-        p.by_hand = self.value(table, path, "by_hand", (bool,), "true or false", False)
-        p.command = self.words(table, path, "command")
-        p.host = self.text(table, path, "host", None) or None
-        p.launcher = self.words(table, path, "launcher", split=True)
-        p.fledge = self.text(table, path, "fledge", None) or None
-        p.env = self.environment(table, path)
-        p.keys = self.text(table, path, "keys", None) or None if p.host else self.path(table, path, "keys")
-        p.directory = self.text(table, path, "directory", "." if not p.host else "") or "."
+    def program(self, table: dict, path: tuple, kind: str) -> Program:
+        p = Program(asynchronous=kind == "asynchronous")
+        if "name" not in table:
+            p.name = self.name(table, path, "name", table.get("process", ...))
+        self.fill(p, table, path, kind)
         if not p.host:
+            p.keys = p.keys and str(self.folder / p.keys)
             p.directory = str(self.folder / p.directory)
             if not Path(p.directory).is_dir():
                 self.refuse((*path, "directory"), "a program starts in a folder", f"there is no {p.directory}",
                             "it is relative to the file's")
                 p.command = None
-        self.what(table, path, p)
-        if asynchronous:
-            p.writes = self.topics(table, path, "writes")
-        else:
-            self.taking_part(table, path, p)
+        self.start(table, path, p)
+        if p.on_loss == "restart":
+            p.restarts = p.restarts if "restarts" in table else 3
+            if p.by_hand:
+                self.refuse((*path, "on_loss"), "who starts a program starts it again", f"{p.name} is started by hand",
+                            'write on_loss = "pause"')
+        elif "restarts" in table:
+            self.refuse((*path, "restarts"), '`restarts` is of on_loss = "restart"', f"{p.name} has "
+                        f"{shown(p.on_loss)}", 'leave it out, or write on_loss = "restart"')
         return p
 
-    def name(self, table: dict, path: tuple, names: dict) -> str:
-        name = self.text(table, path, "name", table.get("process", ...))
-        if not isinstance(name, str) or not name:
-            return "?"
-        if not _NAME.fullmatch(name) or name in _TAKEN:
-            self.refuse((*path, "name"), "a name is of letters, digits, `_`, `-` and `.`, and not `controller`, "
-                        "`all` or `exchange`", f"it is {shown(name)}", "it also names the program's log")
-        elif name in names:
-            self.refuse((*path, "name"), "names differ", f"`{name}` stands in line "
-                        f"{line_of(self.lines, names[name])} too", "rename one")
-        names.setdefault(name, (*path, "name"))
-        return name
-
-    def what(self, table: dict, path: tuple, p: Program) -> None:
-        """What is to be started."""
+    def start(self, table: dict, path: tuple, p: Program) -> None:
+        """Check how the program starts."""
         given = [key for key in ("mission", "command", "by_hand") if table.get(key)]
         if len(given) != 1:
             self.refuse((*path, given[1] if given else "command"),
@@ -305,18 +274,15 @@ class _Reader(Tables):
             p.process = p.process or p.name
             if not p.host:
                 self.mission(table, path, p)
-        elif p.command:
+        elif p.command and not p.host:      # on a host the log will say if it is missing
             self.executable(path, p)
-        for i, word in enumerate(p.command or ()):
-            for name in _PLACEHOLDER.findall(word):
-                near = difflib.get_close_matches(name, PLACEHOLDERS, 1)
-                if name not in PLACEHOLDERS and near:
-                    self.refuse((*path, "command"), "only known words in braces are filled in",
-                                f"there is {{{name}}}", f"did you mean {{{near[0]}}}?")
+        for name in re.findall(r"\{(\w+)\}", "\0".join(p.command or ())):
+            near = difflib.get_close_matches(name, PLACEHOLDERS, 1)
+            if name not in PLACEHOLDERS and near:
+                self.refuse((*path, "command"), "only known words in braces are filled in",
+                            f"there is {{{name}}}", f"did you mean {{{near[0]}}}?")
 
     def executable(self, path: tuple, p: Program) -> None:
-        if p.host:
-            return      # it is there, or the log will say that it is not
         if p.launcher and not shutil.which(p.launcher[0]):
             self.refuse((*path, "launcher"), "the launcher can be found", f"there is no {p.launcher[0]}",
                         "install it, or write its path")
@@ -355,43 +321,49 @@ class _Reader(Tables):
                         f"{table['mission']} has no `{p.process}`",
                         f"did you mean `{near[0]}`?" if near else f"choose {', '.join(processes)}")
 
-    def taking_part(self, table: dict, path: tuple, p: Program) -> None:
-        """What is only of nodes."""
-        p.on_loss = self.choice(table, path, "on_loss", POLICIES, "abort") or "abort"
-        p.restarts = self.integer(table, path, "restarts", 0, 1_000_000, 3 if p.on_loss == "restart" else 0) or 0
-        if "restarts" in table and p.on_loss != "restart":
-            self.refuse((*path, "restarts"), '`restarts` is of on_loss = "restart"', f"{p.name} has "
-                        f"{shown(p.on_loss)}", 'leave it out, or write on_loss = "restart"')
-        if p.by_hand and p.on_loss == "restart":
-            self.refuse((*path, "on_loss"), "who starts a program starts it again", f"{p.name} is started by hand",
-                        'write on_loss = "pause"')
-        p.rejoins = self.value(table, path, "rejoins", (bool,), "true or false", False)
-        p.save_every = self.seconds(table, path, "save_every", 0.0)
-        p.reply = self.seconds(table, path, "reply", None)
-        joins = table.get("joins")
-        if joins == WHEN_IT_COMES:
-            p.joins = joins
-        elif "joins" in table:
-            p.joins = self.seconds(table, path, "joins", None,
-                                   f"the simulated seconds after which it takes part, or {shown(WHEN_IT_COMES)}")
-
     # ---- values
 
-    def seconds(self, table: dict, path: tuple, key: str, default, words="seconds"):
-        if key not in table:
-            return default
+    def name(self, table: dict, path: tuple, key: str, default=...) -> str:
+        name = Tables.text(self, table, path, key, default)
+        if not isinstance(name, str) or not name:
+            return "?"
+        if not _NAME.fullmatch(name) or name in _TAKEN:
+            self.refuse((*path, "name"), "a name is of letters, digits, `_`, `-` and `.`, and not `controller`, "
+                        "`all` or `exchange`", f"it is {shown(name)}", "it also names the program's log")
+        elif name in self.names:
+            self.refuse((*path, "name"), "names differ", f"`{name}` stands in line "
+                        f"{line_of(self.lines, self.names[name])} too", "rename one")
+        self.names.setdefault(name, (*path, "name"))
+        return name
+
+    def simulation_name(self, table: dict, path: tuple, key: str) -> str:
+        name = self.text(table, path, key)
+        if isinstance(table[key], str) and not _NAME.fullmatch(name):
+            self.refuse((key,), "a simulation's name is of letters, digits, `_`, `-` and `.`", f"it is {shown(name)}",
+                        "it also names the folder of its runs")
+        return name
+
+    def flag(self, table: dict, path: tuple, key: str) -> bool | None:
+        return self.value(table, path, key, (bool,), "true or false", ...)
+
+    def path(self, table: dict, path: tuple, key: str) -> str | None:
+        text = self.text(table, path, key)
+        return text and str(self.folder / text)
+
+    def seconds(self, table: dict, path: tuple, key: str, words: str = "seconds") -> float | None:
         value = table[key]
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value) \
-                or not 0 <= value <= 1e9:
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 <= value <= 1e9:
             self.refuse((*path, key), f"`{key}` is {words}, from 0 to 1e9", f"it is {shown(value)}",
                         "write a number such as 60 or 0.5")
-            return default
+            return None
         return float(value)
 
-    def words(self, table: dict, path: tuple, key: str, split=False) -> list[str] | None:
-        value = table.get(key)
-        if value is None:
-            return None
+    def joins(self, table: dict, path: tuple, key: str) -> float | str | None:
+        return WHEN_IT_COMES if table[key] == WHEN_IT_COMES else self.seconds(
+            table, path, key, f"the simulated seconds after which it takes part, or {shown(WHEN_IT_COMES)}")
+
+    def words(self, table: dict, path: tuple, key: str, split: bool = False) -> list[str] | None:
+        value = table[key]
         if isinstance(value, str) and split:
             try:
                 value = shlex.split(value)
@@ -404,26 +376,22 @@ class _Reader(Tables):
             return None
         return value
 
-    def topics(self, table: dict, path: tuple, key: str) -> list[str]:
-        value = table.get(key, [])
+    def topics(self, table: dict, path: tuple, key: str) -> list[str] | None:
+        value = table[key]
         if not isinstance(value, list) or not all(isinstance(t, str) and re.fullmatch(r"/[^,\s]+", t) for t in value):
             self.refuse((*path, key), f"`{key}` is a list of topics", f"it is {shown(value)}",
                         'write for example ["/ground/command"]')
-            return []
+            return None
         return value
 
-    def environment(self, table: dict, path: tuple) -> dict[str, str]:
-        env = self.table(table, path, "env")
+    def environment(self, table: dict, path: tuple, key: str) -> dict[str, str] | None:
+        env = self.table(table, path, key)
         for name, value in env.items():
             if not isinstance(value, str) or not re.fullmatch(r"[A-Za-z_]\w*", name):
-                self.refuse((*path, "env"), "`env` holds texts by the names of variables",
+                self.refuse((*path, key), "`env` holds texts by the names of variables",
                             f"{name} is {shown(value)}", 'write for example env = { LEVEL = "2" }')
-                return {}
+                return None
         return env
-
-    def path(self, table: dict, path: tuple, key: str) -> str | None:
-        text = self.text(table, path, key, None)
-        return str(self.folder / text) if text else None
 
 
 def processes_of(mission: str, parameters: dict) -> list[str]:
@@ -443,7 +411,7 @@ def unreachable(host: str) -> str:
 
 
 def busy(address: str) -> str:
-    """Why nobody can listen at an address; "" if it is free. A name that only libzmq knows is free."""
+    """Why the controller cannot listen at an address; "" if it is free. A name that only libzmq resolves counts as free."""
     try:
         if address.startswith("ipc://@"):
             with socket.socket(socket.AF_UNIX) as probe:
@@ -463,6 +431,6 @@ def busy(address: str) -> str:
     except socket.gaierror:
         return ""
     except OSError as error:
-        return {errno.EADDRINUSE: "somebody listens there already",
+        return {errno.EADDRINUSE: "another program listens there already",
                 errno.EADDRNOTAVAIL: "it is not an address of this machine"}.get(error.errno, error.strerror.lower())
     return ""

@@ -190,15 +190,15 @@ def test_an_address_in_use(folder):
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         address = f"tcp://127.0.0.1:{taken.getsockname()[1]}"
-        assert busy(address) == "somebody listens there already"
+        assert busy(address) == "another program listens there already"
         (found,) = complaints(folder, f'address = "{address}"\n' + NODE)
-        assert found == (1, f"the controller can listen there; {address}: somebody listens there already; "
+        assert found == (1, f"the controller can listen there; {address}: another program listens there already; "
                          "choose another "
                             "port, or `*` for any that is free")
     assert busy(address) == ""
     with socket.socket(socket.AF_UNIX) as taken:
         taken.bind(f"\0fledge-taken-{os.getpid()}")
-        assert busy(f"ipc://@fledge-taken-{os.getpid()}") == "somebody listens there already"
+        assert busy(f"ipc://@fledge-taken-{os.getpid()}") == "another program listens there already"
     assert busy(f"ipc://@fledge-taken-{os.getpid()}") == ""
     assert busy("tcp://127.0.0.1:70000") == "ports go up to 65535"
     assert busy("tcp://127.0.0.1:*") == busy("tcp://*:*") == busy("tcp://lo:7000") == ""

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What programs say: a file each, as they wrote it, and all.log with everybody's lines.
+"""The output of the programs: a file each, and all.log with the lines of all.
 
-Programs write into their files themselves, so nothing is lost and nobody waits for a reader; all.log
-is gathered from the files some times a second.
+Programs write into their files themselves, so that nothing is lost and no program waits for a reader. The session
+gathers all.log from the files some times a second.
 """
 from __future__ import annotations
 
@@ -10,14 +10,15 @@ import re
 import time
 from collections import deque
 from pathlib import Path
+from typing import BinaryIO
 
-_MOST = 1 << 20     # bytes of one file at a time
+_MOST = 1 << 20     # bytes that are read of one file at a time
 _CONTROL = re.compile(r"\x1b\[[0-?]*[ -/]*[@-~]|\x1b\][^\x07\x1b]*(?:\x07|\x1b\\)|[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
 
 class Logs:
     def __init__(self, folder: Path, width: int):
-        """width: of the longest name. Empties the folder of older logs."""
+        """width: of the longest name. Deletes older logs in the folder."""
         folder.mkdir(parents=True, exist_ok=True)
         for old in folder.glob("*.log"):
             old.unlink()
@@ -26,25 +27,25 @@ class Logs:
         self._width = width
         self._begun = time.monotonic()
         self._all = open(folder / "all.log", "w", encoding="utf-8")
-        self._files: dict[str, tuple] = {}      # name -> (reader, bytes of a line that is not whole)
+        self._files: dict[str, tuple] = {}      # name -> (reader, bytes of an incomplete line)
 
     def file(self, name: str) -> Path:
         return self.folder / f"{name}.log"
 
-    def open(self, name: str):
-        """A file for a program to write into; what it said before it was started again stays."""
+    def open(self, name: str) -> BinaryIO:
+        """A file into which a program writes; the output of an earlier process of the program stays."""
         file = open(self.file(name), "ab", buffering=0)
         if name not in self._files:
             self._files[name] = (open(self.file(name), "rb"), b"")
         return file
 
     def say(self, name: str, text: str) -> None:
-        """A line of our own in somebody's log."""
+        """Add a line of Fledge to the log of a program."""
         with open(self.file(name), "ab") as file:
             file.write(f"--- {text}\n".encode())
 
-    def gather(self, rest=False) -> list[tuple[str, str]]:
-        """New lines as (name, line), into all.log too. rest: what is no whole line, too."""
+    def gather(self, rest: bool = False) -> list[tuple[str, str]]:
+        """The new lines as (name, line); they go into all.log too. rest: also incomplete lines."""
         lines = []
         for name, (reader, begun) in self._files.items():
             data = begun + reader.read(_MOST)
@@ -62,7 +63,7 @@ class Logs:
         return lines
 
     def last(self, name: str, count: int) -> list[str]:
-        """The last lines of a program, as they can be shown."""
+        """The last lines of a program, without control characters."""
         try:
             with open(self.file(name), "rb") as file:
                 file.seek(max(0, file.seek(0, 2) - 65536))
@@ -81,5 +82,5 @@ class Logs:
 
 
 def shown(line: str) -> str:
-    """A line without what would move the cursor or change colours."""
+    """A line without the characters that move the cursor or change colours."""
     return _CONTROL.sub("", line.rstrip("\r").rsplit("\r", 1)[-1]).expandtabs()

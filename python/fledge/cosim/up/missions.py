@@ -7,11 +7,11 @@ from fledge.cosim.up.description import Plan, Program
 
 
 class _Runs(BaseException):
-    """The scenario asks for its run; with how long [s]."""
+    """The scenario starts its run; the argument is its duration [s]."""
 
 
 def plan_of(name: str, scenario: str | None, parameters: dict) -> Plan:
-    """One node per process, for as long as the scenario runs. Raises SetupError, Failure."""
+    """One node per process, for the duration of the scenario. Raises SetupError, Failure."""
     import fledge
 
     sim = fledge.load(name, **parameters)
@@ -21,7 +21,7 @@ def plan_of(name: str, scenario: str | None, parameters: dict) -> Plan:
 
 
 def _duration(sim, scenario: str | None) -> float | None:
-    """How long a scenario runs, [s]: it is followed up to its first run."""
+    """The duration of a scenario [s]: the scenario is executed up to its first run."""
     known = sim.mission.scenarios
     if not known and scenario is None:
         return None

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Programs, each under a guard (cosim/guard.c), which leaves nothing of it behind.
 
-A guard lives as long as its standard input is held open here, so all ends with this program, whatever
-ends it. If a guard is killed itself, its command goes with it, and what that had started comes to
-this program, its subreaper, and is ended by `end_strays`.
+A guard lives as long as this program holds the guard's standard input open, so every command ends with this program,
+even if a signal kills it. If a signal kills a guard, its command ends too; the kernel makes this program the parent of
+the command's children, because it is their subreaper, and `end_strays` ends them.
 """
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ import os
 import shlex
 import signal
 import subprocess
+from collections.abc import Sequence
 from pathlib import Path
+from typing import BinaryIO
 
 _SUBREAPER = 36     # prctl(2)
 
@@ -23,13 +25,13 @@ def adopt_strays() -> None:
 
 
 class Process:
-    """A command under its guard. `code` is None while it runs, then its exit code: 128 + N if signal N
-    killed it."""
+    """A command under its guard. `code` is None while it runs, then its exit code: 128 + N if signal N killed it."""
 
-    def __init__(self, command: list[str], guard: str, log, launcher=(), env=None, directory=None, remote=None,
-                 pass_fds=()):
-        """remote: (folder there, variables there) of a command that a shell on another machine reads.
-        Raises OSError if it cannot be started."""
+    def __init__(self, command: list[str], guard: str, log: BinaryIO, launcher: Sequence[str] = (),
+                 env: dict[str, str] | None = None, directory: str | None = None,
+                 remote: tuple[str, dict[str, str]] | None = None, pass_fds: Sequence[int] = ()):
+        """remote: (folder, variables) on another machine, whose shell starts the command. Raises OSError if the
+        command cannot start."""
         if remote is None:
             whole = [*launcher, guard, "--", *command]
         else:
@@ -37,18 +39,18 @@ class Process:
             there = " && ".join([f"cd {_quoted(folder)}",
                                  *(f"{name}={_quoted(value)} && export {name}" for name, value in variables.items()),
                                  " ".join(["exec", _quoted(guard), "--", *map(_quoted, command)])])
-            whole = [*launcher, f"exec sh -c {shlex.quote(there)}"]     # whatever the shell there is
+            whole = [*launcher, f"exec sh -c {shlex.quote(there)}"]     # for any shell there
         self._process = subprocess.Popen(whole, stdin=subprocess.PIPE, stdout=log, stderr=subprocess.STDOUT,
                                          env=env, cwd=directory, start_new_session=True, pass_fds=pass_fds)
-        self.code = None
+        self.code: int | None = None
 
     @property
     def pid(self) -> int:
-        """Of its guard, or of what launched that."""
+        """Of its guard, or of the launcher of the guard."""
         return self._process.pid
 
     def look(self) -> bool:
-        """Whether it has ended; `code` is known then."""
+        """Whether it has ended; then `code` is set."""
         if self.code is None:
             code = self._process.poll()
             if code is not None:
@@ -57,18 +59,18 @@ class Process:
         return self.code is not None
 
     def end(self) -> None:
-        """Have it ended: asked to, and killed a second later. It goes on meanwhile; look() tells."""
+        """Make the guard end it: with SIGTERM, a second later with SIGKILL. Does not wait; see look()."""
         if not self._process.stdin.closed:
             self._process.stdin.close()
 
 
 def _quoted(word: str) -> str:
-    """For a shell, which is to fill in a leading ~/ itself."""
+    """For a shell, which replaces a leading ~/ itself."""
     return "~/" + shlex.quote(word[2:]) if word.startswith("~/") else shlex.quote(word)
 
 
 def in_words(code: int) -> str:
-    """What became of a program."""
+    """How a program ended."""
     if code > 128:
         try:
             return f"was killed by {signal.Signals(code - 128).name}"
@@ -95,8 +97,8 @@ def descendants(of: int) -> list[int]:
 
 
 def end_strays(known: set[int]) -> int:
-    """Reap and kill what came to this program because its own parent was killed. `known`: the processes
-    started here. Returns how many there were."""
+    """Reap and kill the processes that this program inherited because their parent was killed. known: the processes
+    that this program started. Returns the number of those killed."""
     count = 0
     while True:
         try:

@@ -1,42 +1,44 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run: the controller and all programs are started, watched and ended, and nothing stays behind."""
+"""A run: the session starts, watches and ends the controller and all programs."""
 from __future__ import annotations
 
 import fcntl
 import json
 import os
+import re
 import select
 import signal
 import socket
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from fledge.cosim.up.description import SSH, WHEN_IT_COMES, Plan, Program
 from fledge.cosim.up.logs import Logs
 from fledge.cosim.up.processes import Process, adopt_strays, end_strays, in_words
-from fledge.cosim.up.table import Progress, Row
+from fledge.cosim.up.table import Lines, Progress, Row
 
 _LOOK = 0.1         # [s]
-_FINISH = 12.0      # [s] for the controller to bring a run to its end
-_LEAVE = 10.0       # [s] for programs to end by themselves when the run has
-_GIVE_UP = 15.0     # [s] for guards to kill what does not
-_HUNG = 1.0         # [s] for a program to end by itself when its node is lost, or nobody waits for it
-_SILENT = 3.0       # [s] without a word from the controller, after which we decide ourselves
-_BUSY = 2.0         # [s] after which a request that is not answered is to be seen
-_LAST_LINES = 12    # of a program that failed
+_FINISH = 12.0      # [s] for the controller to end a run
+_LEAVE = 10.0       # [s] for programs to end by themselves after the run
+_GIVE_UP = 15.0     # [s] for guards to kill the others
+_HUNG = 1.0         # [s] for a program to end by itself when its node is lost, or when it is asynchronous
+_SILENT = 3.0       # [s] without a report of the controller, after which the session decides alone
+_BUSY = 2.0         # [s] after which the table shows an unanswered request
+_LAST_LINES = 12    # of the log of a program that failed
 
 FLEDGE = Path(__file__).resolve().parents[4]
 
 
 class StartError(Exception):
-    """Something that stands in the way of a run."""
+    """The reason why a run cannot start."""
 
 
 @dataclass
 class Outcome:
-    """How a run ended. `reason` is "" at the regular end; failed: (program, what became of it)."""
+    """How a run ended. `reason` is "" at the regular end; failed: (program, how it ended)."""
     reason: str
     progress: Progress
     failed: list[tuple[str, str]] = field(default_factory=list)
@@ -51,35 +53,35 @@ class _Running:
     started: int = 0            # times
     state: str = "absent"       # as the controller sees it
     lost_at: float | None = None
-    ending: bool = False        # it was asked to end from here
-    dead: str = ""              # what became of its last process, "" while it lives
-    died: tuple[int, float] = (0, 0.0)  # how often the controller had told of all by then, and when
-    dealt_with: bool = True     # with its last end
+    ending: bool = False        # the session has asked it to end
+    dead: str = ""              # how its last process ended; "" while it lives
+    died: tuple[int, float] = (0, 0.0)  # the number of reports of the controller by then, and the time
+    handled: bool = True        # the session has reacted to its last end
     again_at: float | None = None
 
 
 class Session:
-    """folder: for logs and records; built: where the controller and the guard are."""
+    """folder: for logs and records; view: shows the progress; built: the folder of the controller and the guard."""
 
-    def __init__(self, plan: Plan, folder: Path, view, built: Path):
+    def __init__(self, plan: Plan, folder: Path, view: Lines, built: Path):
         self.plan, self.folder, self.view = plan, folder, view
         self._controller_program, self._guard = str(built / "fledge_controller"), str(built / "fledge_guard")
         self._running = {p.name: _Running(p) for p in plan.programs}
         self.progress = Progress(plan.simulation, plan.until, rows=[
             Row(p.name, "by hand" if p.by_hand else "starting", takes_part=not p.asynchronous) for p in plan.programs])
         self._status = b""
-        self._told = 0                      # how often the controller has told of all
-        self._address = None
-        self._ended: str | None = None      # the reason, once the controller has said it
+        self._reports = 0                   # of the controller on all nodes
+        self._address: str | None = None
+        self._ended: str | None = None      # the reason, once the controller has given it
         self._asked_at: float | None = None
         self._signals = 0
         self._signal: int | None = None
         self._failed: dict[str, str] = {}
 
-    # ---- from the beginning to the end
+    # ---- the run
 
     def run(self) -> Outcome:
-        """Raises StartError if it cannot be started."""
+        """Raises StartError if the run cannot start."""
         self.folder.mkdir(parents=True, exist_ok=True)
         lock = os.open(self.folder, os.O_RDONLY | os.O_DIRECTORY)
         try:
@@ -92,7 +94,7 @@ class Session:
                 old.unlink()
             self.logs = Logs(self.folder / "log", max(len(name) for name in [*self._running, "controller"]))
             adopt_strays()
-            with _Signals(self._heard):
+            with _Signals(self._interrupt):
                 return self._run()
         finally:
             os.close(lock)
@@ -116,9 +118,9 @@ class Session:
         return Outcome(self._ended or "", self.progress, list(self._failed.items()), self._signal)
 
     def _look(self) -> None:
-        """What has happened meanwhile, and what is to be done about it."""
+        """Read the reports of the controller and the logs, look after the programs, and show the progress."""
         select.select([self._ours], [], [], _LOOK)
-        self._hear()
+        self._receive()
         self._look_at_processes()
         self.view.logged(self.logs.gather(), max(map(len, self._running)))
         for row in self.progress.rows:
@@ -126,14 +128,14 @@ class Session:
         self.view.goes(self.progress, self.logs.recent)
 
     def _over(self) -> bool:
-        """Whether the controller has ended, or has to be ended."""
+        """Whether the controller has ended, or the session must end it."""
         late = self._asked_at is not None and time.monotonic() - self._asked_at > _FINISH
         if self._signals > 1 or late:
             self._ended = self._ended or ("interrupted twice, so all was ended at once" if self._signals > 1 else
                                           "the controller did not come to an end")
             return True
         if self._ended is None and self._controller.look():
-            self._hear()
+            self._receive()
             if self._ended is None:
                 said = self.logs.last("controller", 1)
                 if self._controller.code < 128 and said:
@@ -144,11 +146,11 @@ class Session:
         return self._ended is not None
 
     def _leave(self) -> None:
-        """Let programs end by themselves; those that nobody waits for are asked to."""
+        """Let nodes end by themselves; end asynchronous programs, and nodes that never joined."""
         begun = time.monotonic()
         for r in self._running.values():
             if r.process and r.state == "absent" and not r.program.asynchronous:
-                self._end(r)    # nobody has told it
+                self._end(r)    # the controller cannot tell it
         while (spent := time.monotonic() - begun) < _LEAVE and self._signals < 2 and any(
                 r.process and not r.process.look() for r in self._running.values()):
             for r in self._running.values():
@@ -165,7 +167,7 @@ class Session:
         self.logs.gather()
 
     def _end_all(self) -> None:
-        """End whatever lives."""
+        """End all processes."""
         processes = [r.process for r in self._running.values() if r.process]
         if getattr(self, "_controller", None):
             processes.append(self._controller)
@@ -180,7 +182,7 @@ class Session:
         end_strays(set())
 
     def stop(self, why: str) -> None:
-        """Ask the controller for the end."""
+        """Ask the controller to end the run."""
         if self._asked_at is None:
             self._asked_at = time.monotonic()
             try:
@@ -188,7 +190,7 @@ class Session:
             except OSError:
                 pass    # it has ended
 
-    def _heard(self, number: int) -> None:
+    def _interrupt(self, number: int) -> None:
         self._signals += 1
         self._signal = self._signal or number
         if self._signals == 1 and getattr(self, "_ours", None):
@@ -201,10 +203,8 @@ class Session:
         command = [self._controller_program, "--simulation", plan.simulation, "--until", repr(plan.until),
                    "--seed", str(plan.seed), "--address", plan.listening(), "--join", repr(plan.join),
                    "--reply", repr(plan.reply), "--status", str(status)]
-        if plan.pace:
-            command += ["--pace", repr(plan.pace)]
-        if plan.exchange:
-            command += ["--record", str(self.folder.resolve() / "exchange.mcap")]
+        command += ["--pace", repr(plan.pace)] * bool(plan.pace)
+        command += ["--record", str(self.folder.resolve() / "exchange.mcap")] * plan.exchange
         if plan.keys:
             command += ["--keys", plan.keys]
         elif plan.beyond and plan.unencrypted:
@@ -213,13 +213,12 @@ class Session:
             command += ["--watch", topic]
         for p in plan.programs:
             if p.asynchronous:
-                command += ["--asynchronous", ":".join([p.name, *filter(None, [",".join(p.writes)])])]
+                command += ["--asynchronous", ":".join(filter(None, [p.name, ",".join(p.writes)]))]
         for p in plan.nodes:
-            joins = "" if p.joins is None else "any" if p.joins == WHEN_IT_COMES else repr(p.joins)
-            more = [f"joins={joins}"] * bool(joins) + ["rejoins"] * p.rejoins
-            more += [f"save={p.save_every!r}"] * bool(p.save_every)
-            more += [f"reply={p.reply!r}"] * (p.reply is not None)
-            command += ["--node", ",".join([f"{p.name}:{p.on_loss}", *more])]
+            joins = "any" if p.joins == WHEN_IT_COMES else repr(p.joins)
+            command += ["--node", ",".join([
+                f"{p.name}:{p.on_loss}", *[f"joins={joins}"] * (p.joins is not None), *["rejoins"] * p.rejoins,
+                *[f"save={p.save_every!r}"] * bool(p.save_every), *[f"reply={p.reply!r}"] * (p.reply is not None)])]
         return command
 
     def _start(self, name: str, command: list[str], guard=None, **options) -> Process:
@@ -232,13 +231,8 @@ class Session:
     def _start_program(self, r: _Running) -> None:
         p = r.program
         r.started += 1
-        r.dead, r.dealt_with, r.ending, r.lost_at, r.again_at = "", False, False, None, None
-        theirs = {"FLEDGE_SIMULATION": self.plan.simulation, "FLEDGE_NODE": p.name, "FLEDGE_ADDRESS": self._address,
-                  "PYTHONUNBUFFERED": "1"}
-        keys = p.keys or self.plan.keys
-        if keys:
-            theirs["FLEDGE_KEYS"] = keys
-        theirs |= p.env
+        r.dead, r.handled, r.ending, r.lost_at, r.again_at = "", False, False, None, None
+        theirs = {**self._variables(p), "PYTHONUNBUFFERED": "1", **p.env}
         if p.host:
             fledge = p.fledge or str(FLEDGE)
             guard = f"{fledge}/build/{os.environ.get('FLEDGE_PRESET', 'release')}/cosim/fledge_guard"
@@ -252,37 +246,33 @@ class Session:
                                 env={**os.environ, "PYTHONPATH": path, **theirs})
 
     def _command(self, p: Program, fledge: list[str]) -> list[str]:
-        values = {"simulation": self.plan.simulation, "node": p.name, "address": self._address,
-                  "seed": str(self.plan.seed), "until": repr(self.plan.until), "record": str(self.folder.resolve())}
+        folder = str(self.folder.resolve())
         if p.command:
-            command = []
-            for word in p.command:
-                for name, value in values.items():
-                    word = word.replace(f"{{{name}}}", value)
-                command.append(word)
-            return command
-        command = [*fledge, "node", p.mission, p.process, *([p.scenario] if p.scenario else []), "--name", p.name]
-        for name, value in p.parameters.items():
-            command += ["--set", f"{name}={value!r}"]
-        if p.free:
-            command.append("--free")
-        if self.plan.record:
-            command += ["--record", f"runs/{self.plan.simulation}" if p.host else str(self.folder.resolve())]
-        return command
+            values = {"simulation": self.plan.simulation, "node": p.name, "address": self._address,
+                      "seed": str(self.plan.seed), "until": repr(self.plan.until), "record": folder}
+            return [re.sub("{(" + "|".join(values) + ")}", lambda found: values[found[1]], word) for word in p.command]
+        record = f"runs/{self.plan.simulation}" if p.host else folder
+        return [*fledge, "node", p.mission, p.process, *filter(None, [p.scenario]), "--name", p.name,
+                *(word for name, value in p.parameters.items() for word in ("--set", f"{name}={value!r}")),
+                *["--free"] * p.free, *["--record", record] * self.plan.record]
 
     def _by_hand(self, r: _Running) -> str:
-        """The variables that tell a program where to go."""
-        keys = r.program.keys or self.plan.keys
-        return " ".join([f"FLEDGE_SIMULATION={self.plan.simulation}", f"FLEDGE_NODE={r.program.name}",
-                         f"FLEDGE_ADDRESS={self._address}", *([f"FLEDGE_KEYS={keys}"] if keys else [])])
+        """The variables for a program that the user starts, as a shell takes them."""
+        return " ".join(f"{name}={value}" for name, value in self._variables(r.program).items())
+
+    def _variables(self, p: Program) -> dict[str, str]:
+        """The environment in which a program finds the simulation."""
+        keys = p.keys or self.plan.keys
+        return {"FLEDGE_SIMULATION": self.plan.simulation, "FLEDGE_NODE": p.name, "FLEDGE_ADDRESS": self._address,
+                **({"FLEDGE_KEYS": keys} if keys else {})}
 
     def _end(self, r: _Running) -> None:
         r.ending = True
         r.process.end()
 
-    # ---- what the controller says
+    # ---- the reports of the controller
 
-    def _hear(self) -> None:
+    def _receive(self) -> None:
         while True:
             try:
                 data = self._ours.recv(65536)
@@ -292,27 +282,27 @@ class Session:
                 return
             *whole, self._status = (self._status + data).split(b"\n")
             for line in whole:
-                self._take(json.loads(line))
+                self._handle(json.loads(line))
 
-    def _take(self, said: dict) -> None:
-        if "listening" in said:
-            self._address = said["listening"]
+    def _handle(self, report: dict) -> None:
+        if "listening" in report:
+            self._address = report["listening"]
             if not self._signals:
                 for r in self._running.values():
                     if r.program.by_hand:
                         self.view.happens(f"  start {r.program.name} with {self._by_hand(r)}")
                     else:
                         self._start_program(r)
-        if "report" in said:
-            self.view.happens("  " + said["report"])
-        if "phase" in said:
-            self.progress.phase = said["phase"]
-        if "nodes" in said:
-            self._told += 1
-            self.progress.t = said["t"]
-            self.progress.overruns, self.progress.worst = said.get("overruns"), said.get("worst", 0.0)
+        if "report" in report:
+            self.view.happens("  " + report["report"])
+        if "phase" in report:
+            self.progress.phase = report["phase"]
+        if "nodes" in report:
+            self._reports += 1
+            self.progress.t = report["t"]
+            self.progress.overruns, self.progress.worst = report.get("overruns"), report.get("worst", 0.0)
             rows = {row.name: row for row in self.progress.rows}
-            for node in said["nodes"]:
+            for node in report["nodes"]:
                 row, r = rows[node["name"]], self._running[node["name"]]
                 for key in ("t", "ticks", "compute", "transport", "wait", "asked"):
                     setattr(row, key, node[key])
@@ -320,10 +310,10 @@ class Session:
                     r.lost_at = time.monotonic()
                 r.state = node["state"]
             self.progress.wall = max(row.compute + row.transport + row.wait + row.asked for row in rows.values())
-        if "ended" in said:
-            self._ended = said["ended"]
+        if "ended" in report:
+            self._ended = report["ended"]
 
-    # ---- what becomes of programs
+    # ---- the ends of programs
 
     def _look_at_processes(self) -> None:
         now = time.monotonic()
@@ -334,10 +324,10 @@ class Session:
             p = r.program
             if not r.dead and r.state == "lost" and r.lost_at and now - r.lost_at > _HUNG and not r.ending \
                     and p.on_loss != "pause":
-                self._end(r)    # it hangs, or has not noticed
-            # What the controller knows of its last moments is not here at once: it decides what they mean.
-            known = r.dead and (self._told >= r.died[0] + 2 or now - r.died[1] > _SILENT)
-            if known and not r.dealt_with and self._ended is None and self._asked_at is None:
+                self._end(r)    # it hangs, or does not know that its node is lost
+            # The controller decides what the end of a program means; its report arrives later than the end.
+            known = r.dead and (self._reports >= r.died[0] + 2 or now - r.died[1] > _SILENT)
+            if known and not r.handled and self._ended is None and self._asked_at is None:
                 self._lost(r, now)
             if r.again_at and now >= r.again_at and self._ended is None and self._asked_at is None:
                 self.logs.say(p.name, f"started again ({r.started} of {p.restarts})")
@@ -347,7 +337,7 @@ class Session:
         strays = False
         for r in self._running.values():
             if r.process and not r.dead and r.process.look():
-                r.dead, r.died = in_words(r.process.code), (self._told, time.monotonic())
+                r.dead, r.died = in_words(r.process.code), (self._reports, time.monotonic())
                 strays = strays or r.process.code == 128 + signal.SIGKILL
         if strays:
             end_strays({r.process.pid for r in self._running.values() if r.process and r.process.code is None}
@@ -356,12 +346,11 @@ class Session:
     def _lost(self, r: _Running, now: float) -> None:
         """A program has ended while the run goes on."""
         p, name = r.program, r.program.name
+        r.handled = True
         if p.asynchronous:
-            r.dealt_with = True
             if r.process.code:
-                self.view.happens(f"  {name}, for which nobody waits, {r.dead}")
+                self.view.happens(f"  {name}, an asynchronous program, {r.dead}")
             return
-        r.dealt_with = True
         if r.state in ("absent", "joining") and p.on_loss != "restart":
             self._failed[name] = r.dead
             if p.joins == WHEN_IT_COMES:
@@ -382,7 +371,7 @@ class Session:
             r.again_at = now + min(0.1 * r.started, 2.0)
 
     def _find_failed(self) -> None:
-        """Programs that ended badly: by themselves, not because the run did."""
+        """Find the programs that failed by themselves, not because the run ended."""
         reason = self._ended or ""
         for name, r in self._running.items():
             if not r.process or r.program.asynchronous or name in self._failed or r.ending:
@@ -391,7 +380,7 @@ class Session:
                 self._failed[name] = in_words(r.process.code)
 
     def _describe(self, row: Row) -> None:
-        """The state of a node, for people."""
+        """Fill in the state of a node for the table."""
         r = self._running[row.name]
         p = r.program
         row.bad = False
@@ -411,7 +400,7 @@ class Session:
             row.state, row.bad = r.state, r.state == "lost"
 
     def records(self) -> list[Path]:
-        """Those that there are of this run, or of one before."""
+        """The records of this run, or of an earlier one."""
         files = [self.folder / f"{name}.mcap" for name in [*self._running, "exchange"]]
         return [file for file in files if file.exists()]
 
@@ -420,13 +409,13 @@ class Session:
 
 
 class _Signals:
-    """Ctrl-C, SIGTERM and SIGHUP ask for the end instead of being it."""
+    """Ctrl-C, SIGTERM and SIGHUP call a function instead of ending the program."""
 
-    def __init__(self, heard):
-        self._heard = heard
+    def __init__(self, on_signal: Callable[[int], None]):
+        self._on_signal = on_signal
 
     def __enter__(self):
-        self._before = {number: signal.signal(number, lambda number, _: self._heard(number))
+        self._before = {number: signal.signal(number, lambda number, _: self._on_signal(number))
                         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
 
     def __exit__(self, *_):

@@ -92,7 +92,7 @@ def test_a_screen_draws_over_itself_and_keeps_what_happened():
     now = at(1.0, 1.0, 100, 0.5, 0.1)
     screen.goes(now, [("mass", "a line\x1b[2J of\x07 mass")])
     screen.happens("spring was killed")
-    screen._told = 0.0
+    screen._written = 0.0
     screen.goes(now, [])
     screen.ends(now)
     screen.close()

@@ -7,10 +7,12 @@ import textwrap
 from html.parser import HTMLParser
 
 import pytest
+from jinja2 import UndefinedError
 
 import fledge
 from fledge import cli
-from fledge._html import Html, join, number, tag, text, value
+from fledge.report.numbers import number, unit, value
+from fledge.report.run import templates
 
 FLIGHT = '''
     """What flies: <b>nothing</b> & "more".
@@ -220,13 +222,16 @@ def test_the_record_is_the_same_with_a_report(here):
 # --- HTML ------------------------------------------------------------------------------------------
 
 def test_text_is_escaped_once():
-    assert tag("p", "a < b & ", tag("b", "<c>"), None, class_='x"y') == \
-        '<p class="x&quot;y">a &lt; b &amp; <b>&lt;c&gt;</b></p>'
-    assert tag("tr", class_=None) == "<tr></tr>" and tag("img", alt="'") == '<img alt="&#x27;">'
-    assert text("a\x00\x1b\ud800b\n") == "a\ufffd\ufffd\ufffdb\n"
-    assert join([Html("<i>"), "<i>"], ", ") == "<i>, &lt;i&gt;"
-    with pytest.raises(TypeError, match="HTML is joined"):
-        f"{Html('<b>')}"
+    def shown(source, **given):
+        return templates().from_string(source).render(**given)
+
+    assert shown('<p class="{{ a }}">{{ b }}{{ c }}</p>', a='x"y', b="a < b & '", c=None) == \
+        '<p class="x&#34;y">a &lt; b &amp; &#39;</p>'
+    assert shown("{{ a }}", a="a\x00\x1b\ud800b\n") == "a\ufffd\ufffd\ufffdb\n"
+    assert shown("{{ a|unit }}", a="<i> m^-2") == "&lt;i&gt; m<sup>\N{MINUS SIGN}2</sup>" and unit("-") == ""
+    assert shown("{{ a|value }}", a=["<b>", "c"]) == '<span class="vector">[&lt;b&gt;, c]</span>'
+    with pytest.raises(UndefinedError, match="'b' is undefined"):
+        shown("{{ b }}")
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,281 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The facts of a run, for the template of its page."""
+from __future__ import annotations
+
+import ast
+import inspect
+import math
+import platform
+import re
+import subprocess
+import sys
+from base64 import b64encode
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from datetime import datetime, timezone
+from pathlib import Path
+
+import jinja2
+from markupsafe import Markup
+
+import fledge
+from fledge import _core, wiring_picture
+from fledge.files import Part
+from fledge.mission.log import dtype_of, leaves
+from fledge.report.numbers import duration, number, unit, value
+from fledge.mission.wiring import Wiring, action_text, condition_text, event_name
+
+QUALITIES = ("none", "stale", "degraded", "good")
+
+
+@dataclass
+class Outcome:
+    """What came of a run: "passed", "failed", "interrupted", or "flown" where nothing was checked."""
+    verdict: str
+    message: str = ""                       # what is wrong
+    record: Path | None = None              # the archive
+    plots: list[Path] | None = ()           # the figures; None: they were left out
+    command: str = ""                       # it repeats the run
+
+
+class Report:
+    """The report of a simulation's run. Made before it.
+
+    scenario: its name; function: it flies the scenario, and its docstring says what that shows
+    """
+
+    def __init__(self, simulation: fledge.Simulation, scenario: str, function: Callable | None = None):
+        self._simulation, self._scenario = simulation, scenario
+        self._about = _paragraphs(function.__doc__ if function else "")
+        self._begun = datetime.now(timezone.utc)
+        wiring = Wiring(simulation)
+        self._modes = {process.name: process.mode for process in wiring.processes}
+        self._before = {path: _parameters(node.instance) for path, node in wiring.nodes.items()}
+
+    def write(self, path: Path | str, outcome: Outcome) -> Path:
+        """Write the page; returns its path."""
+        path = Path(path)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with Part(path) as part:
+            part.write_text(self.page(outcome), encoding="utf-8")
+        return path
+
+    def page(self, outcome: Outcome) -> str:
+        """The page as text."""
+        sim = self._simulation
+        wiring, logs = Wiring(sim), [log for log in sim._core.logs if len(log)]
+        first = {log.path: log for log in reversed(logs)}
+        try:
+            svg, no_svg = _inline_svg(wiring_picture.render(wiring_picture.dot(wiring, links=True), "svg")), ""
+        except _core.SetupError as error:
+            svg, no_svg = None, error
+        return templates().get_template("run.html").render(
+            sim=sim, scenario=self._scenario, about=self._about, begun=self._begun, outcome=outcome,
+            message=_without_paths(outcome.message, sim.mission), documents=_documents(sim.mission),
+            pictures=[(plot.stem, b64encode(plot.read_bytes()).decode()) for plot in outcome.plots or ()],
+            wiring=wiring, svg=svg, no_svg=no_svg, colours=wiring_picture.NAMES,
+            schedule=[(title, *_used(titles, rows)) for title, titles, rows in self._schedule(wiring)],
+            parameters=[(path, _core.struct(node.instance), self._changes(path, node.instance))
+                        for path, node in wiring.nodes.items()],
+            finals=[_final(log) for log in logs if first[log.path] is log],
+            versions=_versions(sim.mission))
+
+    def _schedule(self, wiring: Wiring) -> Iterator[tuple[str, list[str], list]]:
+        """(heading, titles, rows) of the tables of tasks, modes and events."""
+        yield "", ["process", "task", "every", "from", "priority", "runs in this order", "#updates"], [
+            [process.name, task.name, duration(task.period / 1e9), task.offset and duration(task.offset / 1e9),
+             task.priority, Markup(", ").join(map(Markup("<code>{}</code>").format, task.run)),
+             _updates(process, task, self._simulation._core.now)]
+            for process in wiring.processes for task in process.tasks]
+        yield "Modes", ["process", "mode", "tasks", "when"], [
+            [process.name, name, tasks,
+             ", ".join(["began in it"] * (name == self._modes[process.name]) + ["ended in it"] * (name == process.mode))]
+            for process in wiring.processes for name, tasks in process.modes]
+        yield "Events", ["process", "event", "when", "held for", "does", "repeats", "happened last"], [
+            [process.name, event_name(event), Markup("<code>{}</code>").format(condition_text(event)),
+             event._core.hold and duration(event._core.hold / 1e9), action_text(event),
+             "once" if event._core.once else "each time",
+             "never" if event.fired_at is None else Markup("t = {}").format(duration(event.fired_at))]
+            for process in wiring.processes for event in process.handles]
+
+    def _changes(self, path: str, instance: _core.Module | _core.Model) -> list[_Value]:
+        """The parameters as the run began, each with its value now."""
+        now = {row.name: row.value for row in _parameters(instance) if not row.derived}
+        for row in self._before[path]:
+            row.after = now.get(row.name, row.value)
+        return self._before[path]
+
+
+def templates() -> jinja2.Environment:
+    """The templates with their filters. They escape text, and replace control characters, which HTML cannot hold."""
+    def printable(found: object) -> object:
+        return found if isinstance(found, Markup) else "" if found is None else re.sub(
+            r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]", "\N{REPLACEMENT CHARACTER}", str(found))
+
+    found = jinja2.Environment(loader=jinja2.FileSystemLoader(Path(__file__).with_name("templates")), autoescape=True,
+                               finalize=printable, undefined=jinja2.StrictUndefined)
+    found.filters.update(number=number, value=value, unit=unit, duration=duration)
+    return found
+
+
+# --- values ----------------------------------------------------------------------------------------
+
+@dataclass
+class _Value:
+    """A row of a table of parameters or fields."""
+    name: str
+    value: str | float | list
+    unit: str = ""
+    meaning: str = ""
+    rule: str = ""
+    given: bool = True
+    derived: bool = False                       # a property that Python adds, as text
+    after: str | float | list | None = None     # at the end of the run
+
+    @property
+    def changed(self) -> bool:
+        return self.after is not None and repr(self.after) != repr(self.value)  # not a number equals itself
+
+    @property
+    def degrees(self) -> float | list | None:
+        """The same angle or rate in degrees; None of other values, and of 0."""
+        def convert(x):
+            return list(map(convert, x)) if isinstance(x, list) else float(f"{math.degrees(x):.12g}")
+
+        def empty(x):
+            return all(map(empty, x)) if isinstance(x, list) else x == 0
+
+        return convert(self.value) if re.fullmatch(r"rad(/s)?", self.unit) and not empty(self.value) else None
+
+
+def _parameters(instance: _core.Module | _core.Model) -> list[_Value]:
+    """The parameters of a module or model, those that Python adds last."""
+    struct, given = _core.struct(instance), set(_core.given(instance))
+    counts = {f.count for f in struct.fields if f.count} - given
+    rows = [row for field in struct.fields if field.group == "par" and not field.spare and field.name not in counts
+            for row in _rows(instance, field, field.name, field.name in given)]
+    for name, one in vars(type(instance)).items():
+        if isinstance(one, property):
+            shown = _property(instance, name)
+            meaning = (one.__doc__ or "").partition(";")[0].rstrip(".")  # what follows is about assigning it
+            rows.append(_Value(name, shown, meaning=meaning, given=bool(shown), derived=True))
+    return rows
+
+
+def _property(instance: _core.Module | _core.Model, name: str) -> str:
+    """What Python adds to a model, in words: its parts, the bodies that attract it, its orbit. "" for nothing."""
+    try:
+        found = getattr(instance, name)
+    except (_core.SetupError, AttributeError):
+        return ""
+    return "; ".join(_core.path(one) if isinstance(one, _core.Model) else one if isinstance(one, str)
+                     else repr(one).strip("<>")
+                     for one in (found if isinstance(found, (list, tuple)) else [found]) if one is not None)
+
+
+def _rows(owner, field, name: str, given: bool) -> list[_Value]:
+    found = getattr(owner, field.name)
+    if field.type != "struct":
+        plain = found.tolist() if hasattr(found, "tolist") else getattr(found, "name", found)
+        return [_Value(name, plain, field.unit, field.doc, field.rule, given)]
+    messages = {f"{name}[{i}]": one for i, one in enumerate(found)} if isinstance(found, tuple) else {name: found}
+    return [row for start, message in messages.items() for member in _core.struct(message).fields if not member.spare
+            for row in _rows(message, member, f"{start}.{member.name}", given)]
+
+
+def _final(log) -> tuple:
+    """(log, time [ns], quality, rows) of its last sample."""
+    import numpy as np
+
+    sample = np.frombuffer(log.last(), dtype_of(log.struct))[0]
+
+    def read(name: str):
+        found = sample
+        for part in name.split("."):
+            found = found[part]
+        return found.decode(errors="replace") if isinstance(found, bytes) else found.tolist()
+
+    quality = dict(enumerate(QUALITIES)).get(read("head.quality"), read("head.quality"))
+    return log, read("head.t"), quality, [_Value(name, read(name), field.unit, field.doc)
+                                          for name, field in leaves(log.struct) if not name.startswith("head.")]
+
+
+# --- words -----------------------------------------------------------------------------------------
+
+def _used(titles: list[str], rows: list[list]) -> tuple[list[str], list[list]]:
+    """A table without its empty columns."""
+    used = [i for i in range(len(titles)) if any(row[i] for row in rows)]
+    return [titles[i] for i in used], [[row[i] or "" for i in used] for row in rows]
+
+
+def _updates(process, task, now: int) -> str:
+    """How often a task ran until now [ns]; "" for one that modes start and stop."""
+    if any(task.name in tasks.split(", ") for _, tasks in process.modes):
+        return ""
+    return f"{(now - task.offset) // task.period + 1:,}" if now >= task.offset else "0"
+
+
+def _paragraphs(doc: str | None) -> list[str]:
+    """The paragraphs of a docstring, each on one line."""
+    return [" ".join(p.split()) for p in re.split(r"\n\s*\n", inspect.cleandoc(doc or "")) if p.strip()]
+
+
+def _documents(mission) -> list[tuple[str, list[str]]]:
+    """(what it is about, its paragraphs) of the mission's files, from their docstrings."""
+    found = []
+    for file, word in (("flight.py", "what flies"), ("world.py", "the world"), ("scenarios.py", "scenarios")):
+        path = mission.folder / file if mission else None
+        if path and path.exists():
+            doc = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+            doc = re.sub(r"^(What flies|The truth|The world): *(.)", lambda m: m[2].upper(), doc)
+            found.append((word, _paragraphs(doc)))
+    return [(word, paragraphs) for word, paragraphs in found if paragraphs]
+
+
+def _without_paths(message: str, mission) -> str:
+    """A message without the folders of this machine."""
+    folders = {mission.folder: mission.name} if mission else {}
+    for folder, shown in {**folders, Path.cwd(): ".", Path.home(): "~"}.items():
+        if len(str(folder)) > 1:
+            message = message.replace(str(folder), shown)
+    return message
+
+
+def _inline_svg(picture: bytes) -> Markup:
+    """graphviz' SVG as an element of the page: without prolog, comments, and sizes, which CSS gives."""
+    svg = picture.decode()
+    svg = re.sub(r"<!--.*?-->", "", svg[svg.index("<svg"):], flags=re.DOTALL)
+    svg = re.sub(r'<svg width="(\d+)pt" height="\d+pt"',
+                 lambda found: f'<svg style="max-width: {1.25 * int(found[1]):.0f}px"', svg)
+    return Markup(re.sub(r"\n\s*\n*", "\n", re.sub(r' xmlns(:xlink)?="[^"]*"', "", svg)))
+
+
+# --- where it comes from ---------------------------------------------------------------------------
+
+def _versions(mission) -> list[tuple[str, str]]:
+    ours, theirs = _revision(Path(__file__).parent), _revision(mission.folder) if mission else ""
+    try:
+        import _core_build  # the compiler and its options
+
+        build = " ".join(_core_build.TEXT.split())
+    except ImportError:
+        build = ""
+    try:
+        system = platform.freedesktop_os_release()["PRETTY_NAME"]
+    except (OSError, KeyError):
+        system = platform.system()
+    found = {"Fledge": ", ".join(filter(None, [fledge.__version__, ours])), "mission": theirs if theirs != ours else "",
+             "built by": build, "Python": platform.python_version(),
+             **{name: sys.modules[name].__version__ for name in ("numpy", "matplotlib") if name in sys.modules},
+             "system": f"{system}, {platform.machine()}"}
+    return [(name, version) for name, version in found.items() if version]
+
+
+def _revision(folder: Path) -> str:
+    """The revision of the git repository that a folder is in, or ""."""
+    try:
+        done = subprocess.run(["git", "-C", str(folder), "describe", "--always", "--dirty", "--abbrev=12"],
+                              capture_output=True, text=True)
+    except FileNotFoundError:
+        return ""
+    return f"revision {done.stdout.strip()}" if done.returncode == 0 else ""
