@@ -36,10 +36,11 @@ def programs(tmp_path_factory):
     """A folder with all that is flown."""
     folder = tmp_path_factory.mktemp("downlink")
     subprocess.run(["mcs", "-warn:4", "-warnaserror", f"-out:{folder / 'Radio.exe'}", HERE / "Radio.cs",
-                    ROOT / "cosim/csharp/FledgeNode.cs"], check=True)
+                    ROOT / "cosim/bindings/csharp/FledgeNode.cs"], check=True)
     shutil.copy(HERE / "power.py", folder)
     text = (HERE / "downlink.toml").read_text()
-    for there, here in [("../../build/Radio.exe", "Radio.exe"), ("../../cosim/python", str(ROOT / "cosim/python"))]:
+    for there, here in [("../../build/Radio.exe", "Radio.exe"),
+                        ("../../cosim/bindings/python", str(ROOT / "cosim/bindings/python"))]:
         assert text.count(there) == 1
         text = text.replace(there, here)
     (folder / "downlink.toml").write_text(text)

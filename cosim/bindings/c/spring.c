@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A spring as a node: it reads where a mass is and writes the force on it.
  *     spring tcp://127.0.0.1:7000 */
-#include "cosim/c/fledge_node.h"
+#include "cosim/bindings/c/fledge_node.h"
 
 #include <stdio.h>
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Frames, definitions and messages as C++ writes and refuses them (testing/frames.cpp), in both byte orders:
+"""Frames, definitions and messages as C++ writes and refuses them (cosim/testing/frames.cpp), in both byte orders:
 Python and C# read the same bytes, and write them again; what C++ refuses, they refuse for the same reason."""
 import os
 import shutil
@@ -12,7 +12,7 @@ import pytest
 import _core
 
 HERE = Path(__file__).resolve().parent
-FRAMES = Path(_core.__file__).resolve().parents[1] / "cosim" / "cosim_frames"
+FRAMES = Path(_core.__file__).resolve().parents[1] / "cosim/bindings/cosim_frames"
 pytestmark = pytest.mark.skipif(not FRAMES.exists(), reason="cosim_frames is not built")
 
 sys.path.insert(0, str(HERE / "python"))

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The C face of a StructNode.
-#include "cosim/c/fledge_node.h"
+#include "cosim/bindings/c/fledge_node.h"
 
 #include "cosim/struct_node.h"
 
