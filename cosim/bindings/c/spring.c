@@ -36,7 +36,7 @@ int main(int argc, char **argv)
         fledge_node_writes(node, "/spring/force", "Force", "float64[2] F  # F [N] (2) force\n", &spring.force,
                            sizeof spring.force) ||
         fledge_node_run(node, step, &spring)) {
-        fprintf(stderr, "spring: %s\n", fledge_node_error(node));
+        fprintf(stderr, "spring: %s\n", fledge_error());
         return 1;
     }
     fledge_node_destroy(node);
