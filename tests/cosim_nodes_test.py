@@ -49,6 +49,7 @@ def nodes(tmp_path_factory):
     run("cmake", "-G", "Ninja", "-B", "build", f"-DFledge_DIR={BUILT}", folder=folder)
     run("cmake", "--build", "build", folder=folder)
     if shutil.which("mcs"):
+        shutil.copy(BUILT / "cosim/bindings/libfledge_node.so", folder)
         run("mcs", "-warn:4", "-warnaserror", "-out:mass.exe", "Mass.cs",
             ROOT / "cosim/bindings/csharp/FledgeNode.cs", folder=folder)
     return folder

@@ -19,6 +19,7 @@ from fledge.units import s
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
+BUILT = Path(_core.__file__).resolve().parents[1]
 UNTIL = 1000    # [s]: tumble, warm up, send, and Mars before Earth
 sys.path.insert(0, str(HERE))
 import power  # noqa: E402
@@ -40,6 +41,7 @@ def programs(tmp_path_factory):
     shutil.copy(HERE / "power.py", folder)
     text = (HERE / "downlink.toml").read_text()
     for there, here in [("../../build/Radio.exe", "Radio.exe"),
+                        ("../../build/release/cosim/bindings", str(BUILT / "cosim/bindings")),
                         ("../../cosim/bindings/python", str(ROOT / "cosim/bindings/python"))]:
         assert text.count(there) == 1
         text = text.replace(there, here)

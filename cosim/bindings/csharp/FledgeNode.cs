@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A C# program as a node of a co-simulation. This file is all that is needed, with libzmq (libzmq.so.5).
+// A C# program as a node of a co-simulation. Compile this file with the program. At run time, the program needs
+// Fledge's C library, libfledge_node.so: beside the program, or in a folder of LD_LIBRARY_PATH.
 //
 //     using Fledge;
 //     using static Fledge.Units;
@@ -15,28 +16,25 @@
 //     node.Run();
 //
 // Messages give values by the true names of their fields (nested ones with dots: "head.t",
-// "wheels[2].axis_B"). A definition is needed on one side only: without one here, that of the partner
-// comes when the run begins, so that all messages of a mission are known. Where it begins with a Fledge
-// head, its time, quality and sequence are filled in unless they are given. Times are integers in
+// "wheels[2].axis_B"). Only one side needs to give a definition: a topic without one here takes that of the
+// partner when the run begins, so a node knows all messages of a mission. Where a message begins with a Fledge
+// head, the node fills in its time, quality and sequence unless the program gives them. Times are integers in
 // nanoseconds.
-//
-// The format is described in cosim/protocol.h; names here follow it.
 using System;
 using System.Collections;
 using System.Collections.Generic;
-using System.Diagnostics;
 using System.Globalization;
 using System.IO;
 using System.Linq;
+using System.Runtime.ExceptionServices;
 using System.Runtime.InteropServices;
 using System.Text;
 using System.Text.RegularExpressions;
-using System.Threading;
 
 namespace Fledge
 {
 
-/// The controller refuses the node, is not there, or breaks the format; or a message is used wrongly.
+/// The controller refuses the node, is not there, or breaks the format; or the program uses a message wrongly.
 public sealed class NodeError : Exception
 {
     public NodeError(string text) : base(text) {}
@@ -58,214 +56,164 @@ public enum Latency : byte
 
 // ---- messages
 
-/// A number, an array of numbers, or a text; of a message that was read, or for one to be written. As
-/// a double or double[] it is taken as it is; other types are asked for: (long)m["head.t"],
+/// A number, an array of numbers, or a text; from a message that was read, or for one to be written. It
+/// converts to a double or double[] by itself; a cast converts it to other types: (long)m["head.t"],
 /// (string)m["mode"] for a text or the name of an enumeration's value, (Latency)(int)m["x"].
 public struct Value
 {
-    internal readonly object list; // double[], long[], ulong[]; string; or null
-    internal readonly double real;
-    internal readonly long whole;
-    internal readonly Field field;
-    internal readonly Form form;
+    internal readonly object x; // a number, an array of numbers, or a string
+    readonly Field field;
 
-    internal enum Form : byte { None, Real, Whole, Unsigned, Reals, Wholes, Unsigneds, Text }
-
-    internal Value(Form form, object list, double real, long whole, Field field)
+    internal Value(object x, Field field = null)
     {
-        this.form = form;
-        this.list = list;
-        this.real = real;
-        this.whole = whole;
+        this.x = x;
         this.field = field;
     }
 
-    public static implicit operator Value(double x) { return new Value(Form.Real, null, x, 0, null); }
-    public static implicit operator Value(long x) { return new Value(Form.Whole, null, 0, x, null); }
-    public static implicit operator Value(ulong x) { return new Value(Form.Unsigned, null, 0, (long)x, null); }
-    public static implicit operator Value(int x) { return (long)x; }
-    public static implicit operator Value(bool x) { return x ? 1L : 0L; }
-    public static implicit operator Value(string x) { return new Value(Form.Text, x, 0, 0, null); }
-    public static implicit operator Value(double[] x) { return new Value(Form.Reals, x.Clone(), 0, 0, null); }
-    public static implicit operator Value(long[] x) { return new Value(Form.Wholes, x.Clone(), 0, 0, null); }
-    public static implicit operator Value(ulong[] x) { return new Value(Form.Unsigneds, x.Clone(), 0, 0, null); }
-    public static implicit operator Value(int[] x)
-    {
-        return new Value(Form.Wholes, Array.ConvertAll(x, i => (long)i), 0, 0, null);
-    }
-    public static implicit operator Value(byte[] x)
-    {
-        return new Value(Form.Wholes, Array.ConvertAll(x, i => (long)i), 0, 0, null);
-    }
+    public static implicit operator Value(double x) { return new Value(x); }
+    public static implicit operator Value(long x) { return new Value(x); }
+    public static implicit operator Value(ulong x) { return new Value(x); }
+    public static implicit operator Value(int x) { return new Value(x); }
+    public static implicit operator Value(bool x) { return new Value(x ? 1 : 0); }
+    public static implicit operator Value(string x) { return new Value(x); }
+    public static implicit operator Value(double[] x) { return new Value(x.Clone()); }
+    public static implicit operator Value(long[] x) { return new Value(x.Clone()); }
+    public static implicit operator Value(ulong[] x) { return new Value(x.Clone()); }
+    public static implicit operator Value(int[] x) { return new Value(x.Clone()); }
+    public static implicit operator Value(byte[] x) { return new Value(x.Clone()); }
 
-    public static implicit operator double(Value v)
-    {
-        return v.form == Form.Real ? v.real : v.form == Form.Unsigned ? (ulong)v.whole : (double)v.Whole();
-    }
-    public static implicit operator double[](Value v)
-    {
-        switch (v.form)
-        {
-        case Form.Reals: return (double[])((double[])v.list).Clone();
-        case Form.Wholes: return Array.ConvertAll((long[])v.list, x => (double)x);
-        case Form.Unsigneds: return Array.ConvertAll((ulong[])v.list, x => (double)x);
-        }
-        throw v.Wrong("an array");
-    }
-    public static explicit operator long(Value v)
-    {
-        return v.form == Form.Unsigned ? checked((long)(ulong)v.whole) : v.Whole();
-    }
-    public static explicit operator ulong(Value v)
-    {
-        return v.form == Form.Unsigned ? (ulong)v.whole : checked((ulong)v.Whole());
-    }
-    public static explicit operator int(Value v) { return checked((int)(long)v); }
-    public static explicit operator uint(Value v) { return checked((uint)(long)v); }
+    public static implicit operator double(Value v) { return v.As<double>("a number"); }
+    public static implicit operator double[](Value v) { return v.AsArray<double>("an array"); }
+    public static explicit operator long(Value v) { return v.As<long>("an integer"); }
+    public static explicit operator ulong(Value v) { return v.As<ulong>("an integer"); }
+    public static explicit operator int(Value v) { return v.As<int>("an integer"); }
+    public static explicit operator uint(Value v) { return v.As<uint>("an integer"); }
     public static explicit operator bool(Value v) { return (long)v != 0; }
-    public static explicit operator long[](Value v)
-    {
-        return v.form == Form.Unsigneds ? Array.ConvertAll((ulong[])v.list, x => checked((long)x)) : v.Wholes();
-    }
-    public static explicit operator ulong[](Value v)
-    {
-        return v.form == Form.Unsigneds ? (ulong[])((ulong[])v.list).Clone()
-                                        : Array.ConvertAll(v.Wholes(), x => checked((ulong)x));
-    }
+    public static explicit operator long[](Value v) { return v.AsArray<long>("an array of integers"); }
+    public static explicit operator ulong[](Value v) { return v.AsArray<ulong>("an array of integers"); }
     /// A text up to its end, or the name of an enumeration's value.
     public static explicit operator string(Value v)
     {
-        if (v.form == Form.Text)
+        var array = v.x as Array;
+        if (v.x is string)
         {
-            return (string)v.list;
+            return (string)v.x;
         }
-        if (v.form == Form.Whole && v.field != null && v.field.Choices != null)
+        if (array == null && v.field != null && v.field.Choices != null)
         {
-            foreach (var choice in v.field.Choices)
-            {
-                if (choice.Value == v.whole)
-                {
-                    return choice.Key;
-                }
-            }
-            return v.ToString();
+            return v.field.Choices.Where(c => c.Value == (long)v).Select(c => c.Key).FirstOrDefault() ?? v.ToString();
         }
-        if (v.form == Form.Wholes && v.field != null && v.field.Item == 1)
+        if (array == null || Buffer.ByteLength(array) != array.Length)
         {
-            byte[] bytes = Array.ConvertAll((long[])v.list, x => (byte)x);
-            int end = Array.IndexOf(bytes, (byte)0);
-            return Encoding.UTF8.GetString(bytes, 0, end < 0 ? bytes.Length : end);
+            throw v.Wrong("a text or an enumeration");
         }
-        throw v.Wrong("a text or an enumeration");
+        var bytes = new byte[array.Length];
+        Buffer.BlockCopy(array, 0, bytes, 0, bytes.Length);
+        return Encoding.UTF8.GetString(bytes.TakeWhile(b => b != 0).ToArray());
     }
 
-    public int Length { get { return list is Array ? ((Array)list).Length : 1; } }
+    public int Length { get { return x is Array ? ((Array)x).Length : 1; } }
 
     /// Of an array, in memory order.
     public Value this[int i]
     {
         get
         {
-            switch (form)
+            if (!(x is Array))
             {
-            case Form.Reals: return ((double[])list)[i];
-            case Form.Wholes: return ((long[])list)[i];
-            case Form.Unsigneds: return ((ulong[])list)[i];
+                throw Wrong("an array");
             }
-            throw Wrong("an array");
+            return new Value(((Array)x).GetValue(i), field);
         }
     }
 
     public override string ToString()
     {
-        switch (form)
-        {
-        case Form.Text: return (string)list;
-        case Form.Real: return real.ToString("R", CultureInfo.InvariantCulture);
-        case Form.Whole: return whole.ToString(CultureInfo.InvariantCulture);
-        case Form.Unsigned: return ((ulong)whole).ToString(CultureInfo.InvariantCulture);
-        case Form.None: return "";
-        }
-        var numbers = new string[Length];
-        for (int i = 0; i < numbers.Length; i++)
-        {
-            numbers[i] = this[i].ToString();
-        }
-        return "[" + string.Join(", ", numbers) + "]";
+        var array = x as Array;
+        return array == null ? Text(x) : "[" + string.Join(", ", array.Cast<object>().Select(Text)) + "]";
     }
 
-    long Whole()
+    static string Text(object x)
     {
-        if (form != Form.Whole)
-        {
-            throw Wrong("an integer");
-        }
-        return whole;
+        return x is double ? ((double)x).ToString("R", CultureInfo.InvariantCulture)
+                           : Convert.ToString(x, CultureInfo.InvariantCulture);
     }
 
-    long[] Wholes()
+    internal static bool IsReal(object x) { return x is double || x is float; }
+
+    T As<T>(string wanted)
     {
-        if (form != Form.Wholes)
+        if (x == null || x is string || x is Array || IsReal(x) && typeof(T) != typeof(double))
         {
-            throw Wrong("an array of integers");
+            throw Wrong(wanted);
         }
-        return (long[])((long[])list).Clone();
+        return (T)Convert.ChangeType(x, typeof(T), CultureInfo.InvariantCulture);
+    }
+
+    T[] AsArray<T>(string wanted)
+    {
+        if (!(x is Array) || x is double[] && typeof(T) != typeof(double))
+        {
+            throw Wrong(wanted);
+        }
+        Value all = this;
+        return Enumerable.Range(0, Length).Select(i => all[i].As<T>(wanted)).ToArray();
     }
 
     NodeError Wrong(string wanted)
     {
-        string found = form == Form.Text ? "a text" : list is Array ? "an array of " + Length : "a number";
-        return new NodeError((field != null ? field.Name : "a value") + " is " +
-                             (form == Form.Real ? "a real number" : found) + ", not " + wanted);
+        string found = x is string ? "a text" : x is Array ? "an array of " + Length
+                     : IsReal(x) ? "a real number" : "a number";
+        return new NodeError((field != null ? field.Name : "a value") + " is " + found + ", not " + wanted);
     }
 }
 
 /// Values by the names of fields: new Message { ["T"] = 300, ["s_B"] = new[] { 0, 0.6, 0.8 } }.
-public sealed class Message : IEnumerable<KeyValuePair<string, Value>>
+public sealed class Message : Dictionary<string, Value>
 {
-    readonly Dictionary<string, Value> values;
-    readonly string type;
+    readonly string type = "the message";
 
-    public Message() : this("the message") {}
-    public Message(Message other)
-    {
-        type = other.type;
-        values = new Dictionary<string, Value>(other.values);
-    }
-    internal Message(string type)
-    {
-        this.type = type;
-        values = new Dictionary<string, Value>();
-    }
+    public Message() {}
+    public Message(Message other) : base(other) { type = other.type; }
+    internal Message(string type) { this.type = type; }
 
-    public Value this[string name]
+    public new Value this[string name]
     {
         get
         {
             Value value;
-            if (!values.TryGetValue(name, out value))
+            if (!TryGetValue(name, out value))
             {
-                throw new NodeError(type + " has no field " + name + "; it has " + string.Join(", ", values.Keys));
+                throw new NodeError(type + " has no field " + name + "; it has " + string.Join(", ", Keys));
             }
             return value;
         }
-        set { values[name] = value; }
+        set { base[name] = value; }
     }
-    public bool Has(string name) { return values.ContainsKey(name); }
-    public IEnumerable<string> Names { get { return values.Keys; } }
-    public void Add(string name, Value value) { values.Add(name, value); }
-    internal bool Get(string name, out Value value) { return values.TryGetValue(name, out value); }
-    IEnumerator IEnumerable.GetEnumerator() { return values.GetEnumerator(); }
-    public IEnumerator<KeyValuePair<string, Value>> GetEnumerator() { return values.GetEnumerator(); }
+    public bool Has(string name) { return ContainsKey(name); }
+    public IEnumerable<string> Names { get { return Keys; } }
 }
 
 /// A number, or an array of numbers, of a message.
 public sealed class Field
 {
-    public string Name, Type, Unit = "", Shape = "";
-    public int Offset, Item, Count = 1;
-    public bool IsArray;
+    public string Name, Type, Shape; ///< shape: "" for one number
+    public int Offset, Count;
     public Dictionary<string, long> Choices; ///< of an enumeration; else null
+
+    static readonly Dictionary<string, Type> types = new Dictionary<string, Type> {
+        { "float64", typeof(double) }, { "float32", typeof(float) }, { "int64", typeof(long) },
+        { "uint64", typeof(ulong) }, { "int32", typeof(int) }, { "uint32", typeof(uint) }, { "int16", typeof(short) },
+        { "uint16", typeof(ushort) }, { "int8", typeof(sbyte) } };
+
+    public bool IsArray { get { return Shape != ""; } }
+
+    /// Where the field's numbers go to and come from.
+    internal Array Numbers()
+    {
+        Type type; // else a byte, under one of its names
+        return Array.CreateInstance(types.TryGetValue(Type, out type) ? type : typeof(byte), Count);
+    }
 }
 
 /// What a message looks like: its name and ros2msg text. Packs messages, and unpacks bytes.
@@ -274,44 +222,38 @@ public sealed class Schema
     public readonly string Name, Text;
     public readonly List<Field> Fields = new List<Field>();
     public readonly int Size;
-    public readonly ulong Hash;
-
-    const int SizeMax = 1 << 24, FieldsMax = 1 << 16;
-    static readonly Dictionary<string, int> primitives = new Dictionary<string, int> {
-        { "float64", 8 }, { "float32", 4 }, { "int64", 8 }, { "uint64", 8 }, { "int32", 4 }, { "uint32", 4 },
-        { "int16", 2 }, { "uint16", 2 }, { "int8", 1 }, { "uint8", 1 }, { "bool", 1 }, { "byte", 1 }, { "char", 1 } };
-    static readonly char[] space = { ' ', '\t', '\r' };
-    static readonly Regex identifier = new Regex(@"^[A-Za-z_][A-Za-z0-9_]*\z");
-    static readonly Regex choices = new Regex(@"\{([^{}]*)\}\s*$");
-    readonly Dictionary<string, List<KeyValuePair<int, string>>> sections =
-        new Dictionary<string, List<KeyValuePair<int, string>>>();
 
     /// The text may be indented, as in a program. Without one, nothing is known yet.
-    public Schema(string name, string text) : this(name, text, true) {}
-
-    /// The text is as it was sent, with all its blanks.
-    public static Schema AsSent(string name, string text) { return new Schema(name, text, false); }
-
-    Schema(string name, string text, bool indented)
+    public Schema(string name, string text)
     {
         Name = name;
-        Text = indented ? Plain(text) : text;
-        if (Text == "")
+        Text = Plain(text);
+        if (!Given)
         {
             return;
         }
-        Read();
-        int at = 0;
-        Walk("", "", 0, ref at);
-        if (Fields.Count == 0)
+        string fields = Native.Text(Native.fledge_fields(Text));
+        if (fields == null)
         {
-            throw new NodeError(Name + ": the definition has no fields");
+            throw new NodeError(Name + ": " + Native.Error);
         }
-        Size = at;
-        Hash = 0xcbf29ce484222325;
-        foreach (byte b in Encoding.UTF8.GetBytes(Text))
+        foreach (string line in fields.TrimEnd('\n').Split('\n'))
         {
-            Hash = unchecked((Hash ^ b) * 0x100000001b3);
+            string[] column = line.Split('\t');
+            var field = new Field { Name = column[0], Type = column[1], Shape = column[2],
+                                    Offset = int.Parse(column[3]), Count = int.Parse(column[4]) };
+            Array numbers = field.Numbers();
+            if (column[5] != "" && !(numbers is double[] || numbers is float[]))
+            {
+                field.Choices = new Dictionary<string, long>();
+                foreach (Match choice in Regex.Matches(column[5], @"(\w+)\s*=\s*(-?\d+)"))
+                {
+                    field.Choices[choice.Groups[1].Value] =
+                        long.Parse(choice.Groups[2].Value, CultureInfo.InvariantCulture);
+                }
+            }
+            Fields.Add(field);
+            Size = field.Offset + Buffer.ByteLength(numbers);
         }
     }
 
@@ -326,263 +268,58 @@ public sealed class Schema
         return plain == "" ? "" : plain + "\n";
     }
 
-    NodeError Wrong(int line, string why, string found)
+    /// The struct. Fields that are not given are zero.
+    public byte[] Pack(Message message)
     {
-        return new NodeError(Name + ": line " + line + ": " + why + ", found \"" +
-                             found.Substring(0, Math.Min(80, found.Length)) + "\"");
+        var bytes = new byte[Size];
+        var unknown = message.Names.Except(Fields.Select(f => f.Name)).ToList();
+        if (unknown.Count > 0)
+        {
+            throw new NodeError(Name + " has no field " + string.Join(", ", unknown) + "; it has " +
+                                string.Join(", ", Fields.Select(f => f.Name)));
+        }
+        foreach (Field field in Fields.Where(f => message.Has(f.Name)))
+        {
+            object x = message[field.Name].x;
+            string where = Name + "." + field.Name;
+            x = x is string ? FromText(field, (string)x, where) : x;
+            var from = x as Array;
+            if (from != null != field.IsArray || from != null && from.Length != field.Count)
+            {
+                throw new NodeError(where + " takes " + (field.IsArray ? field.Count + " numbers" : "one number") +
+                                    ", found " + (from != null ? from.Length + " in an array" : "one"));
+            }
+            Array numbers = field.Numbers();
+            for (int i = 0; i < field.Count; i++)
+            {
+                numbers.SetValue(Converted(from != null ? from.GetValue(i) : x, field, numbers, where), i);
+            }
+            Buffer.BlockCopy(numbers, 0, bytes, field.Offset, Buffer.ByteLength(numbers));
+        }
+        return bytes;
     }
 
-    /// Sections are the nested types.
-    void Read()
+    static object Converted(object x, Field field, Array numbers, string where)
     {
-        string section = "";
-        sections[section] = new List<KeyValuePair<int, string>>();
-        bool afterRule = false;
-        string[] lines = Text.Split('\n');
-        int n = Text.EndsWith("\n", StringComparison.Ordinal) ? lines.Length - 1 : lines.Length;
-        for (int i = 0; i < n; i++)
+        if (Value.IsReal(x) && !(numbers is double[] || numbers is float[]))
         {
-            string line = lines[i];
-            if (afterRule)
+            throw new NodeError(where + " takes integers, found " + new Value(x));
+        }
+        try
+        {
+            object y = Convert.ChangeType(x, numbers.GetType().GetElementType(), CultureInfo.InvariantCulture);
+            if (!(y is float) || !float.IsInfinity((float)y) || double.IsInfinity(Convert.ToDouble(x)))
             {
-                section = line.StartsWith("MSG:", StringComparison.Ordinal) ? Short(line.Substring(4).Trim(space)) : "";
-                if (section == "" || sections.ContainsKey(section))
-                {
-                    throw Wrong(i + 1, "expected \"MSG: <a new type>\"", line);
-                }
-                sections[section] = new List<KeyValuePair<int, string>>();
-                afterRule = false;
-            }
-            else if (line.Length == 80 && line.Trim('=') == "")
-            {
-                afterRule = true;
-            }
-            else if (line.Split('#')[0].Trim(space) != "")
-            {
-                sections[section].Add(new KeyValuePair<int, string>(i + 1, line));
+                return y;
             }
         }
+        catch (OverflowException)
+        {
+        }
+        throw new NodeError(where + ": " + new Value(x) + " does not fit a " + field.Type);
     }
 
-    static string Short(string type) { return type.Substring(type.LastIndexOf('/') + 1); }
-
-    /// The leading word, which is taken off.
-    static string TakeWord(ref string text)
-    {
-        text = text.Trim(space);
-        int end = text.IndexOfAny(space);
-        string word = end < 0 ? text : text.Substring(0, end);
-        text = text.Substring(word.Length);
-        return word;
-    }
-
-    /// What is between these at the beginning, which is taken off; null if the text begins otherwise.
-    static string TakeBetween(char open, char close, ref string text)
-    {
-        text = text.Trim(space);
-        if (text == "" || text[0] != open)
-        {
-            return null;
-        }
-        int end = text.IndexOf(close);
-        string inside = end < 0 ? text.Substring(1) : text.Substring(1, end - 1);
-        text = end < 0 ? "" : text.Substring(end + 1);
-        return inside;
-    }
-
-    static bool Number(string text, out uint n)
-    {
-        return uint.TryParse(text, NumberStyles.None, CultureInfo.InvariantCulture, out n);
-    }
-
-    void Walk(string section, string prefix, int depth, ref int at)
-    {
-        var names = new HashSet<string>();
-        foreach (var line in sections[section])
-        {
-            int hash = line.Value.IndexOf('#');
-            string code = hash < 0 ? line.Value : line.Value.Substring(0, hash);
-            string comment = hash < 0 ? "" : line.Value.Substring(hash + 1), meaning = comment;
-            string type = TakeWord(ref code), name = TakeWord(ref code);
-            var field = new Field();
-            uint count = 1;
-            int bracket = type.IndexOf('[');
-            if (bracket >= 0)
-            {
-                if (type[type.Length - 1] != ']' ||
-                    !Number(type.Substring(bracket + 1, type.Length - bracket - 2), out count) || count == 0)
-                {
-                    throw Wrong(line.Key, "expected an array of fixed size", line.Value);
-                }
-                field.IsArray = true;
-                field.Shape = count.ToString(CultureInfo.InvariantCulture);
-                type = type.Substring(0, bracket);
-            }
-            if (!identifier.IsMatch(name) || code.Trim(space) != "")
-            {
-                throw Wrong(line.Key, "expected \"<type> <name>\" of fixed size", line.Value);
-            }
-            if (!names.Add(name))
-            {
-                throw Wrong(line.Key, "this name is there twice", name);
-            }
-            string told = TakeWord(ref comment);
-            if (string.Equals(told, name, StringComparison.OrdinalIgnoreCase))
-            {
-                name = told;
-                field.Unit = TakeBetween('[', ']', ref comment) ?? "";
-                field.Shape = field.IsArray ? Told(TakeBetween('(', ')', ref comment), count) ?? field.Shape : "";
-            }
-            field.Name = prefix + name;
-            field.Type = type;
-            if (primitives.TryGetValue(type, out field.Item))
-            {
-                Add(line.Key, field, count, meaning, ref at);
-            }
-            else if (Short(type) == "" || !sections.ContainsKey(Short(type)))
-            {
-                throw Wrong(line.Key, "this type is not of fixed size or not defined here", type);
-            }
-            else if (depth >= 16)
-            {
-                throw Wrong(line.Key, "types are nested too deeply, or contain themselves", type);
-            }
-            else
-            {
-                for (uint i = 0; i < count; i++)
-                {
-                    int before = Fields.Count;
-                    Walk(Short(type), field.Name + (field.IsArray ? "[" + i + "]." : "."), depth + 1, ref at);
-                    if (Fields.Count == before)
-                    {
-                        throw Wrong(line.Key, "this type has no fields", type);
-                    }
-                }
-            }
-        }
-    }
-
-    /// "3, 3" tells the dimensions of what ROS has as one, if their product is the same; else null.
-    static string Told(string shape, uint count)
-    {
-        ulong product = 1;
-        var dimensions = new List<uint>();
-        foreach (string dimension in (shape ?? "").Split(','))
-        {
-            uint n;
-            if (!Number(dimension.Trim(space), out n) || n == 0 || product > count)
-            {
-                return null;
-            }
-            product *= n;
-            dimensions.Add(n);
-        }
-        return product == count ? string.Join(", ", dimensions) : null;
-    }
-
-    void Add(int line, Field field, uint count, string comment, ref int at)
-    {
-        if (at + (long)field.Item * count > SizeMax || Fields.Count >= FieldsMax)
-        {
-            throw Wrong(line, "the message is too large", field.Name);
-        }
-        if (at % field.Item != 0)
-        {
-            throw Wrong(line, "padding would be needed before this field", field.Name);
-        }
-        Match match = choices.Match(comment);
-        if (match.Success && !field.Type.StartsWith("float", StringComparison.Ordinal))
-        {
-            field.Choices = new Dictionary<string, long>();
-            foreach (string choice in match.Groups[1].Value.Split(','))
-            {
-                string[] parts = choice.Split('=');
-                long number;
-                if (parts.Length == 2 && long.TryParse(parts[1].Trim(), NumberStyles.AllowLeadingSign,
-                                                       CultureInfo.InvariantCulture, out number))
-                {
-                    field.Choices[parts[0].Trim()] = number;
-                }
-            }
-        }
-        field.Offset = at;
-        field.Count = (int)count;
-        at += field.Item * field.Count;
-        Fields.Add(field);
-    }
-
-    /// A payload: CDR header and struct, little-endian unless asked otherwise. Fields that are not given
-    /// are zero.
-    public byte[] Pack(Message message, bool little = true)
-    {
-        var payload = new byte[4 + Size];
-        payload[1] = (byte)(little ? 1 : 0);
-        int given = 0;
-        foreach (Field field in Fields)
-        {
-            Value value;
-            if (message.Get(field.Name, out value))
-            {
-                Put(payload, field, value, little);
-                given++;
-            }
-        }
-        if (given != message.Names.Count())
-        {
-            var names = Fields.Select(f => f.Name).ToList();
-            throw new NodeError(Name + " has no field " + string.Join(", ", message.Names.Except(names)) + "; it has " +
-                                string.Join(", ", names));
-        }
-        return payload;
-    }
-
-    void Put(byte[] payload, Field field, Value value, bool little)
-    {
-        string where = Name + "." + field.Name;
-        bool real = field.Type.StartsWith("float", StringComparison.Ordinal);
-        if (value.form == Value.Form.Text)
-        {
-            value = FromText(field, (string)value.list, where);
-        }
-        if (value.Length != field.Count || value.list is Array != field.IsArray)
-        {
-            throw new NodeError(where + " takes " + (field.IsArray ? field.Count + " numbers" : "one number") +
-                                ", found " + (value.list is Array ? value.Length + " in an array" : "one"));
-        }
-        for (int i = 0; i < field.Count; i++)
-        {
-            Value x = field.IsArray ? value[i] : value;
-            ulong bits;
-            if (real)
-            {
-                double d = x;
-                bits = field.Item == 8 ? (ulong)BitConverter.DoubleToInt64Bits(d)
-                                       : BitConverter.ToUInt32(BitConverter.GetBytes((float)d), 0);
-                if (field.Item == 4 && float.IsInfinity((float)d) && !double.IsInfinity(d))
-                {
-                    throw new NodeError(where + ": " + x + " does not fit a " + field.Type);
-                }
-            }
-            else
-            {
-                if (x.form == Value.Form.Real)
-                {
-                    throw new NodeError(where + " takes integers, found " + x);
-                }
-                bits = (ulong)x.whole;
-                bool unsigned = field.Type[0] == 'u' || field.Item == 1 && field.Type != "int8";
-                bool negative = x.form == Value.Form.Whole && x.whole < 0;
-                int room = 8 * field.Item - (unsigned ? 0 : 1);
-                if (negative ? unsigned || room < 63 && x.whole < -(1L << room) : room < 64 && bits >> room != 0)
-                {
-                    throw new NodeError(where + ": " + x + " does not fit a " + field.Type);
-                }
-            }
-            Raw.Put(payload, 4 + field.Offset + i * field.Item, bits, field.Item, little);
-        }
-    }
-
-    static Value FromText(Field field, string text, string where)
+    static object FromText(Field field, string text, string where)
     {
         if (field.Choices != null && !field.IsArray)
         {
@@ -594,7 +331,8 @@ public sealed class Schema
             }
             return choice;
         }
-        if (!field.IsArray || field.Item != 1)
+        Array numbers = field.Numbers();
+        if (!field.IsArray || Buffer.ByteLength(numbers) != field.Count)
         {
             throw new NodeError(where + " takes numbers, found \"" + text + "\"");
         }
@@ -603,864 +341,40 @@ public sealed class Schema
         {
             throw new NodeError(where + " takes " + field.Count + " bytes of text, found " + bytes.Length);
         }
-        Array.Resize(ref bytes, field.Count);
-        return field.Type == "int8" ? Array.ConvertAll(bytes, b => (long)(sbyte)b) : (Value)bytes;
+        Buffer.BlockCopy(bytes, 0, numbers, 0, bytes.Length);
+        return numbers;
     }
 
-    /// A message, from a payload.
-    public Message Unpack(byte[] payload)
+    /// A message, from a struct.
+    public Message Unpack(byte[] bytes)
     {
-        if (payload.Length != Size + 4 || payload[0] != 0 || payload[1] > 1 || payload[2] != 0 || payload[3] != 0)
+        if (bytes.Length != Size)
         {
-            throw new NodeError("a " + Name + " of " + payload.Length + " bytes, expected a CDR header and " + Size);
+            throw new NodeError("a " + Name + " of " + bytes.Length + " bytes, expected " + Size);
         }
-        bool little = payload[1] == 1;
         var message = new Message(Name);
         foreach (Field field in Fields)
         {
-            message[field.Name] = Get(payload, field, little);
+            Array numbers = field.Numbers();
+            Buffer.BlockCopy(bytes, field.Offset, numbers, 0, Buffer.ByteLength(numbers));
+            message[field.Name] = new Value(field.IsArray ? numbers : numbers.GetValue(0), field);
         }
         return message;
     }
 
-    static Value Get(byte[] payload, Field field, bool little)
+    /// The struct, with its head filled in where it begins with one; the head that the message gives stays.
+    internal byte[] PackWithHead(Message message, long t, uint sequence)
     {
-        int at = 4 + field.Offset, n = field.Count, item = field.Item;
-        bool array = field.IsArray;
-        switch (field.Type)
+        if (Fields[0].Name == "head.t")
         {
-        case "float64":
-        case "float32":
-            var reals = new double[n];
-            for (int i = 0; i < n; i++)
+            var whole = new Message { ["head.t"] = t, ["head.quality"] = 3, ["head.sequence"] = (long)sequence };
+            foreach (var field in message)
             {
-                ulong bits = Raw.Get(payload, at + i * item, item, little);
-                reals[i] = item == 8 ? BitConverter.Int64BitsToDouble((long)bits)
-                                     : BitConverter.ToSingle(BitConverter.GetBytes((uint)bits), 0);
+                whole[field.Key] = field.Value;
             }
-            return new Value(array ? Value.Form.Reals : Value.Form.Real, array ? reals : null, reals[0], 0, field);
-        case "uint64":
-            var unsigneds = new ulong[n];
-            for (int i = 0; i < n; i++)
-            {
-                unsigneds[i] = Raw.Get(payload, at + i * item, item, little);
-            }
-            return new Value(array ? Value.Form.Unsigneds : Value.Form.Unsigned, array ? unsigneds : null, 0,
-                             (long)unsigneds[0], field);
+            message = whole;
         }
-        var wholes = new long[n];
-        int spare = field.Type.StartsWith("int", StringComparison.Ordinal) ? 64 - 8 * item : 0;
-        for (int i = 0; i < n; i++)
-        {
-            wholes[i] = (long)Raw.Get(payload, at + i * item, item, little) << spare >> spare;
-        }
-        return new Value(array ? Value.Form.Wholes : Value.Form.Whole, array ? wholes : null, 0, wholes[0], field);
-    }
-}
-
-/// Numbers in bytes, in either order.
-static class Raw
-{
-    public static void Put(byte[] to, int at, ulong x, int size, bool little)
-    {
-        for (int i = 0; i < size; i++, x >>= 8)
-        {
-            to[little ? at + i : at + size - 1 - i] = (byte)x;
-        }
-    }
-
-    public static ulong Get(byte[] from, int at, int size, bool little)
-    {
-        ulong x = 0;
-        for (int i = 0; i < size; i++)
-        {
-            x = x << 8 | from[little ? at + size - 1 - i : at + i];
-        }
-        return x;
-    }
-}
-
-// ---- frames
-
-/// A frame, as cosim/protocol.h describes it: its kind, number, and what its body holds, in order.
-public sealed class Frame
-{
-    public const int Version = 1, HeaderSize = 24;
-    public const int Largest = 64 << 20; ///< bytes of a frame
-    const int name_max = 255, text_max = 1 << 20, items_max = 65536;
-
-    public readonly string Kind;
-    public readonly uint Number;
-    public readonly List<object> Body;
-
-    // Of each kind, what its body holds: B I Q q integers (u8, u32, u64, i64), ? 0 or 1, l a latency,
-    // r a role, n a name, t a text, p bytes, S a schema (name, text, size, hash), R a record, [] a list.
-    static readonly string[] forms = {
-        "Hello BBr?nn", "Welcome ttQ", "Refused t", "Initialize Qqqttp", "Initialized [qq]??", "ProvideDesired",
-        "Desired [nl?S]", "Match [InS]", "Matched [ISp]", "Start [InS]", "Ready", "Tick q[R]", "Tock qq?[R]",
-        "Finish t", "Finished", "Failed t", "Attached tt[InS]", "Published Rn", "Save q", "Saved p" };
-    static readonly string[] kinds = Array.ConvertAll(forms, f => f.Split(' ')[0]);
-    static readonly string[] bodies = Array.ConvertAll(
-        forms, f => (f + " ").Split(' ')[1].Replace("S", "ntIQ").Replace("R", "qIIp"));
-    static readonly uint[] crcTable = MakeCrcTable();
-
-    public Frame(string kind, uint number, params object[] body) : this(kind, number, new List<object>(body)) {}
-    public Frame(string kind, uint number, List<object> body)
-    {
-        Kind = kind;
-        Number = number;
-        Body = body;
-    }
-
-    public byte[] Encode(bool little = true)
-    {
-        int kind = Array.IndexOf(kinds, Kind), at = 0;
-        var writer = new Writer { little = little };
-        Write(writer, Body, bodies[kind], ref at);
-        byte[] frame = writer.bytes;
-        Array.Resize(ref frame, writer.size);
-        Encoding.ASCII.GetBytes("FLCS").CopyTo(frame, 0);
-        frame[4] = (byte)(little ? 1 : 0);
-        frame[5] = Version;
-        Raw.Put(frame, 6, (ulong)kind + 1, 2, little);
-        Raw.Put(frame, 8, (ulong)(frame.Length - HeaderSize), 4, little);
-        Raw.Put(frame, 12, Crc(frame), 4, little);
-        Raw.Put(frame, 16, Number, 4, little);
-        return frame;
-    }
-
-    /// A frame is read whole or refused, with the byte and the reason.
-    public static Frame Decode(byte[] frame)
-    {
-        if (frame.Length > Largest)
-        {
-            throw new NodeError("a frame of " + frame.Length + " bytes; " + Largest + " are the most");
-        }
-        if (frame.Length < HeaderSize || Encoding.ASCII.GetString(frame, 0, 4) != "FLCS")
-        {
-            throw new NodeError("this is no frame of a co-simulation");
-        }
-        if (frame[4] > 1)
-        {
-            throw new NodeError("there is no byte order " + frame[4]);
-        }
-        if (frame[5] != Version)
-        {
-            throw new NodeError("version " + frame[5] + " of the format, while this program speaks version " + Version);
-        }
-        bool little = frame[4] == 1;
-        ulong kind = Raw.Get(frame, 6, 2, little), size = Raw.Get(frame, 8, 4, little);
-        if (size != (ulong)(frame.Length - HeaderSize))
-        {
-            throw new NodeError("a body of " + (frame.Length - HeaderSize) + " bytes, while the header says " + size);
-        }
-        if (Raw.Get(frame, 12, 4, little) != Crc(frame))
-        {
-            throw new NodeError("the checksum of the body is wrong");
-        }
-        if (Raw.Get(frame, 20, 4, little) != 0)
-        {
-            throw new NodeError("bytes 20 to 23 of the header are not zero");
-        }
-        if (kind < 1 || kind > (ulong)kinds.Length)
-        {
-            throw new NodeError("there is no frame of kind " + kind);
-        }
-        var reader = new Reader { frame = frame, little = little, kind = kinds[kind - 1] };
-        return new Frame(reader.kind, (uint)Raw.Get(frame, 16, 4, little), ReadAll(reader, bodies[kind - 1]));
-    }
-
-    /// The bytes of a body without a header, little-endian.
-    internal static byte[] Pack(string form, params object[] values)
-    {
-        var writer = new Writer { little = true };
-        int at = 0;
-        Write(writer, new List<object>(values), form, ref at);
-        var body = new byte[writer.size - HeaderSize];
-        Array.Copy(writer.bytes, HeaderSize, body, 0, body.Length);
-        return body;
-    }
-
-    internal static List<object> Unpack(string form, byte[] body)
-    {
-        var frame = new byte[HeaderSize + body.Length];
-        body.CopyTo(frame, HeaderSize);
-        return ReadAll(new Reader { frame = frame, little = true, kind = "snapshot" }, form);
-    }
-
-    static List<object> ReadAll(Reader reader, string form)
-    {
-        var body = new List<object>();
-        int at = 0;
-        Read(reader, body, form, ref at);
-        if (reader.at != reader.frame.Length)
-        {
-            throw reader.Wrong(reader.frame.Length - reader.at + " bytes are left over");
-        }
-        return body;
-    }
-
-    static int SizeOf(char code)
-    {
-        return code == 'q' || code == 'Q' ? 8 : "B?lr".IndexOf(code) >= 0 ? 1 : 4;
-    }
-
-    /// The form goes on at `at`, up to the end of it or of the list.
-    static void Write(Writer writer, List<object> body, string form, ref int at)
-    {
-        foreach (object item in body)
-        {
-            char code = form[at++];
-            if (code == '[')
-            {
-                var list = (List<List<object>>)item;
-                writer.Number((ulong)list.Count, 4);
-                int begin = at;
-                foreach (List<object> inner in list)
-                {
-                    at = begin;
-                    Write(writer, inner, form, ref at);
-                }
-                at = form.IndexOf(']', begin) + 1;
-            }
-            else if (code == 'n' || code == 't')
-            {
-                writer.Bytes(Encoding.UTF8.GetBytes((string)item));
-            }
-            else if (code == 'p')
-            {
-                writer.Bytes((byte[])item);
-            }
-            else
-            {
-                writer.Number(item is long ? (ulong)(long)item : Convert.ToUInt64(item), SizeOf(code));
-            }
-        }
-    }
-
-    static void Read(Reader reader, List<object> body, string form, ref int at)
-    {
-        while (at < form.Length && form[at] != ']')
-        {
-            char code = form[at++];
-            if (code == '[')
-            {
-                int end = form.IndexOf(']', at), least = 0;
-                for (int i = at; i < end; i++)
-                {
-                    least += SizeOf(form[i]);
-                }
-                ulong n = reader.Number(4);
-                if (n > items_max)
-                {
-                    throw reader.Wrong("a list of " + n + " items; " + items_max + " are the most");
-                }
-                if (n > (ulong)((reader.frame.Length - reader.at) / least))
-                {
-                    throw reader.Wrong("a list of " + n + " items does not fit into what is left");
-                }
-                var list = new List<List<object>>();
-                for (ulong i = 0; i < n; i++)
-                {
-                    var inner = new List<object>();
-                    int begin = at;
-                    Read(reader, inner, form, ref begin);
-                    list.Add(inner);
-                }
-                body.Add(list);
-                at = end + 1;
-                continue;
-            }
-            if (code == 'n' || code == 't')
-            {
-                body.Add(reader.Text(code == 'n' ? name_max : text_max));
-                continue;
-            }
-            if (code == 'p')
-            {
-                body.Add(reader.Bytes(Largest));
-                continue;
-            }
-            ulong number = reader.Number(SizeOf(code));
-            if (code == '?' && number > 1)
-            {
-                throw reader.Wrong("expected 0 or 1, found " + number);
-            }
-            if (code == 'l' && number > (ulong)Latency.NextExchange)
-            {
-                throw reader.Wrong("there is no latency " + number);
-            }
-            if (code == 'r' && number > 1)
-            {
-                throw reader.Wrong("there is no role " + number);
-            }
-            body.Add(code == 'q' ? (object)(long)number : code == 'I' ? (object)(uint)number : number);
-        }
-    }
-
-    /// Numbers at multiples of their size, from the start of the body.
-    sealed class Writer
-    {
-        public byte[] bytes = new byte[256];
-        public int size = HeaderSize;
-        public bool little;
-
-        public void Number(ulong x, int n)
-        {
-            size += (HeaderSize - size % n) % n;
-            int at = Room(n);
-            Raw.Put(bytes, at, x, n, little);
-        }
-        public void Bytes(byte[] data)
-        {
-            Number((ulong)data.Length, 4);
-            int at = Room(data.Length);
-            data.CopyTo(bytes, at);
-        }
-        int Room(int n)
-        {
-            size += n;
-            if (size > bytes.Length)
-            {
-                Array.Resize(ref bytes, 2 * size);
-            }
-            return size - n;
-        }
-    }
-
-    sealed class Reader
-    {
-        public byte[] frame;
-        public int at = HeaderSize;
-        public bool little;
-        public string kind;
-
-        public ulong Number(int n)
-        {
-            while ((at - HeaderSize) % n != 0)
-            {
-                if (frame[Take(1)] != 0)
-                {
-                    throw Wrong("a gap is not zero");
-                }
-            }
-            return Raw.Get(frame, Take(n), n, little);
-        }
-        public byte[] Bytes(int most)
-        {
-            var bytes = new byte[Counted(most)];
-            Array.Copy(frame, at - bytes.Length, bytes, 0, bytes.Length);
-            return bytes;
-        }
-        public string Text(int most)
-        {
-            int n = Counted(most);
-            if (Array.IndexOf(frame, (byte)0, at - n, n) >= 0)
-            {
-                throw Wrong("a text holds a zero byte");
-            }
-            try
-            {
-                return utf8.GetString(frame, at - n, n);
-            }
-            catch (ArgumentException)
-            {
-                throw Wrong("a text is not UTF-8");
-            }
-        }
-        int Counted(int most)
-        {
-            ulong n = Number(4);
-            if (n > (ulong)most)
-            {
-                throw Wrong("a length of " + n + "; " + most + " is the most");
-            }
-            Take((int)n);
-            return (int)n;
-        }
-        int Take(int n)
-        {
-            if (n > frame.Length - at)
-            {
-                throw Wrong("it ends here, " + (n - (frame.Length - at)) + " bytes too early");
-            }
-            at += n;
-            return at - n;
-        }
-        public NodeError Wrong(string why)
-        {
-            return new NodeError(kind + ": byte " + (at - HeaderSize) + " of the body: " + why);
-        }
-        static readonly Encoding utf8 = new UTF8Encoding(false, true);
-    }
-
-    static uint[] MakeCrcTable()
-    {
-        var table = new uint[256];
-        for (uint i = 0; i < 256; i++)
-        {
-            uint x = i;
-            for (int k = 0; k < 8; k++)
-            {
-                x = x >> 1 ^ ((x & 1) != 0 ? 0xedb88320 : 0);
-            }
-            table[i] = x;
-        }
-        return table;
-    }
-
-    /// CRC-32 of the body.
-    static uint Crc(byte[] frame)
-    {
-        uint crc = 0xffffffff;
-        for (int i = HeaderSize; i < frame.Length; i++)
-        {
-            crc = crc >> 8 ^ crcTable[(byte)(crc ^ frame[i])];
-        }
-        return ~crc;
-    }
-}
-
-// ---- sockets
-
-/// A socket of libzmq.
-sealed class Socket : IDisposable
-{
-    public const int Pair = 0, Subscriber = 2, Dealer = 5, Publisher = 9; // the last as XPUB
-    const short readable = 1, writable = 2;
-    const int linger_ = 17, largest_ = 22, heartbeat = 75, silence = 77; // options
-    const int publicKey = 48, secretKey = 49, serverKey = 50, subscribe = 6, noDrop = 69;
-    const int dontWait = 1, sendMore = 2, interrupted = 4;
-
-    public readonly IntPtr handle;
-    readonly IntPtr message = Marshal.AllocHGlobal(64); // a zmq_msg_t
-
-    public Socket(IntPtr context, int type, int linger, Keys keys = null)
-    {
-        handle = zmq_socket(context, type);
-        if (handle == IntPtr.Zero)
-        {
-            throw Error("cannot open a socket");
-        }
-        Set(linger_, BitConverter.GetBytes(linger));
-        Set(heartbeat, BitConverter.GetBytes(1000));
-        Set(silence, BitConverter.GetBytes(5000));
-        Set(largest_, BitConverter.GetBytes((long)Frame.Largest));
-        if (keys != null)
-        {
-            Set(publicKey, Encoding.ASCII.GetBytes(keys.Own + "\0"));
-            Set(secretKey, Encoding.ASCII.GetBytes(keys.Secret + "\0"));
-            Set(serverKey, Encoding.ASCII.GetBytes(keys.Controller + "\0"));
-        }
-        if (type == Publisher)
-        {
-            Set(noDrop, BitConverter.GetBytes(1));
-        }
-    }
-
-    public void Subscribe(string topic) { Set(subscribe, Encoding.UTF8.GetBytes(topic)); }
-
-    public void Dispose()
-    {
-        zmq_close(handle);
-        Marshal.FreeHGlobal(message);
-    }
-
-    void Set(int option, byte[] value)
-    {
-        if (zmq_setsockopt(handle, option, value, (UIntPtr)value.Length) != 0)
-        {
-            throw Error("cannot set up a socket");
-        }
-    }
-
-    public void Connect(string address)
-    {
-        if (zmq_connect(handle, address) != 0)
-        {
-            throw Error("cannot connect to " + address);
-        }
-    }
-
-    /// To a side that is gone it does nothing; in lock step only a few frames are ever on their way.
-    public void Send(params byte[][] parts)
-    {
-        for (int i = 0; i < parts.Length; i++)
-        {
-            int flags = dontWait | (i + 1 < parts.Length ? sendMore : 0);
-            while (zmq_send(handle, parts[i], (UIntPtr)parts[i].Length, flags) < 0 &&
-                   Marshal.GetLastWin32Error() == interrupted)
-            {
-            }
-        }
-    }
-
-    /// The parts of what has come.
-    public List<byte[]> Receive()
-    {
-        var parts = new List<byte[]>();
-        for (bool more = true; more;)
-        {
-            zmq_msg_init(message);
-            while (zmq_msg_recv(message, handle, 0) < 0)
-            {
-                if (Marshal.GetLastWin32Error() != interrupted)
-                {
-                    throw Error("cannot receive");
-                }
-            }
-            var part = new byte[(int)zmq_msg_size(message)];
-            Marshal.Copy(zmq_msg_data(message), part, 0, part.Length);
-            parts.Add(part);
-            more = zmq_msg_more(message) != 0;
-            zmq_msg_close(message);
-        }
-        return parts;
-    }
-
-    [StructLayout(LayoutKind.Sequential)]
-    struct Item
-    {
-        public IntPtr socket;
-        public int fd;
-        public short events, found;
-    }
-
-    /// The first of these to which something has come; null if none has after so many seconds (negative:
-    /// for ever) on a clock. `look` is called ten times a second.
-    public static Socket First(Stopwatch clock, double most, Action look, params Socket[] sockets)
-    {
-        var items = Array.ConvertAll(sockets, x => new Item { socket = x.handle, events = readable });
-        for (;;)
-        {
-            look();
-            double rest = most < 0 ? 0.1 : Math.Min(0.1, most - clock.Elapsed.TotalSeconds);
-            if (Poll(items, rest))
-            {
-                return sockets[Array.FindIndex(items, i => i.found != 0)];
-            }
-            if (most >= 0 && clock.Elapsed.TotalSeconds >= most)
-            {
-                return null;
-            }
-        }
-    }
-
-    /// Whether something can be sent, after so many seconds at most.
-    public bool TakesMore(double most)
-    {
-        return Poll(new[] { new Item { socket = handle, events = writable } }, most);
-    }
-
-    static bool Poll(Item[] items, double seconds)
-    {
-        int n = zmq_poll(items, items.Length, (IntPtr)(long)Math.Ceiling(1000 * Math.Max(0, seconds)));
-        if (n < 0 && Marshal.GetLastWin32Error() != interrupted)
-        {
-            throw Error("cannot wait");
-        }
-        return n > 0;
-    }
-
-    public static NodeError Error(string what)
-    {
-        return new NodeError(what + ": " + Marshal.PtrToStringAnsi(zmq_strerror(Marshal.GetLastWin32Error())));
-    }
-
-    /// What libzmq's own thread tells of a socket. It is to end before that.
-    public sealed class Monitor : IDisposable
-    {
-        public const int Disconnected = 0x0200, FailedNoDetail = 0x0800, Succeeded = 0x1000, FailedProtocol = 0x2000,
-                         FailedAuth = 0x4000;
-        public readonly Socket events;
-        readonly Socket watched;
-        static int monitors;
-
-        public Monitor(IntPtr context, Socket socket, int kinds)
-        {
-            string name = "inproc://fledge-monitor-" + Interlocked.Increment(ref monitors);
-            if (zmq_socket_monitor(socket.handle, name, kinds) != 0)
-            {
-                throw Error("cannot watch a socket");
-            }
-            watched = socket;
-            events = new Socket(context, Pair, 0);
-            events.Connect(name);
-        }
-
-        public void Dispose()
-        {
-            zmq_socket_monitor(watched.handle, null, 0);
-            events.Dispose();
-        }
-    }
-
-    const string zmq = "libzmq.so.5";
-    [DllImport(zmq)] public static extern IntPtr zmq_ctx_new();
-    [DllImport(zmq)] public static extern int zmq_ctx_term(IntPtr context);
-    [DllImport(zmq, SetLastError = true)] static extern IntPtr zmq_socket(IntPtr context, int type);
-    [DllImport(zmq)] static extern int zmq_close(IntPtr socket);
-    [DllImport(zmq, SetLastError = true)]
-    static extern int zmq_setsockopt(IntPtr socket, int option, byte[] value, UIntPtr size);
-    [DllImport(zmq, SetLastError = true)] static extern int zmq_connect(IntPtr socket, string address);
-    [DllImport(zmq, SetLastError = true)]
-    static extern int zmq_socket_monitor(IntPtr socket, string address, int events);
-    [DllImport(zmq, SetLastError = true)]
-    static extern int zmq_send(IntPtr socket, byte[] data, UIntPtr size, int flags);
-    [DllImport(zmq)] static extern int zmq_msg_init(IntPtr message);
-    [DllImport(zmq, SetLastError = true)] static extern int zmq_msg_recv(IntPtr message, IntPtr socket, int flags);
-    [DllImport(zmq)] static extern IntPtr zmq_msg_data(IntPtr message);
-    [DllImport(zmq)] static extern UIntPtr zmq_msg_size(IntPtr message);
-    [DllImport(zmq)] static extern int zmq_msg_more(IntPtr message);
-    [DllImport(zmq)] static extern int zmq_msg_close(IntPtr message);
-    [DllImport(zmq, SetLastError = true)] static extern int zmq_poll([In, Out] Item[] items, int n, IntPtr most);
-    [DllImport(zmq)] static extern IntPtr zmq_strerror(int error);
-}
-
-// ---- keys
-
-/// What a program needs that goes to a controller with keys: files as cosim/keys.h describes them, in Z85.
-sealed class Keys
-{
-    public readonly string Own, Secret, Controller;
-
-    public Keys(string place, string name)
-    {
-        string secret = place;
-        if (Directory.Exists(place))
-        {
-            secret = Path.Combine(place, name + ".secret");
-            if (name.Contains("/") || !File.Exists(secret))
-            {
-                string[] others = Directory.GetFiles(place, "*.secret");
-                others = others.Where(o => Path.GetFileName(o) != "controller.secret").OrderBy(o => o).ToArray();
-                if (others.Length != 1)
-                {
-                    throw new NodeError(place + " holds no " + name + ".secret" +
-                                        (others.Length > 1
-                                             ? " but several others; say which by FLEDGE_KEYS=" + others[0]
-                                             : "; ./fledge keys new " + name + " makes a pair of keys"));
-                }
-                secret = others[0];
-            }
-        }
-        if (!File.Exists(secret))
-        {
-            throw new NodeError(secret + ": there are no keys; ./fledge keys new " + name + " makes a pair");
-        }
-        if ((Mode(secret) & 0x3f) != 0)
-        {
-            throw new NodeError(secret + ": others may read this secret key; chmod 600 keeps it yours, and if they " +
-                                "might have, make a new one");
-        }
-        string controller = Path.Combine(Path.GetDirectoryName(Path.GetFullPath(secret)), "controller.public");
-        Own = Key(secret, "public-key");
-        Secret = Key(secret, "secret-key");
-        Controller = Key(controller, "public-key");
-    }
-
-    static string Key(string file, string which)
-    {
-        try
-        {
-            Match match = Regex.Match(File.ReadAllText(file), @"^\s*" + which + @"\s*=\s*""([^""]{40})""",
-                                      RegexOptions.Multiline);
-            if (!match.Success)
-            {
-                throw new NodeError(file + " holds no " + which + " of 40 characters; it is no file of a key");
-            }
-            return match.Groups[1].Value;
-        }
-        catch (IOException error)
-        {
-            throw new NodeError("keys: " + error.Message);
-        }
-    }
-
-    /// Permissions of a file, by Linux' statx, whose struct is the same on all machines; 0 elsewhere.
-    static int Mode(string file)
-    {
-        try
-        {
-            var found = new byte[256];
-            const int modeWanted = 2, place = 28, here = -100;
-            return statx(here, file, 0, modeWanted, found) == 0 ? BitConverter.ToUInt16(found, place) : 0;
-        }
-        catch (EntryPointNotFoundException)
-        {
-            return 0;
-        }
-        catch (DllNotFoundException)
-        {
-            return 0;
-        }
-    }
-
-    [DllImport("libc.so.6")] static extern int statx(int folder, string file, int flags, uint mask, byte[] found);
-}
-
-/// What Fledge's messages begin with.
-static class Head
-{
-    /// A message with its head, where it begins with one; what is given stays.
-    public static Message FilledIn(Schema schema, Message message, long t, uint sequence)
-    {
-        if (schema.Fields.Count == 0 || schema.Fields[0].Name != "head.t")
-        {
-            return message;
-        }
-        var whole = new Message { ["head.t"] = t, ["head.quality"] = 3, ["head.sequence"] = (long)sequence };
-        foreach (var field in message)
-        {
-            whole[field.Key] = field.Value;
-        }
-        return whole;
-    }
-}
-
-// ---- greeting
-
-/// Watches a socket that connects: libzmq itself would try for ever, and tell nobody why.
-sealed class Handshake : IDisposable
-{
-    public bool Made { get; private set; }
-    public Stopwatch Lost { get; private set; } ///< since it was; null if it is not
-    readonly Socket.Monitor monitor;
-    readonly bool keyed;
-    int brokenOff;
-
-    public Handshake(IntPtr context, Socket socket, Keys keys)
-    {
-        keyed = keys != null;
-        monitor = new Socket.Monitor(context, socket, Socket.Monitor.Disconnected | Socket.Monitor.Succeeded |
-                                                          Socket.Monitor.FailedAuth | Socket.Monitor.FailedProtocol |
-                                                          Socket.Monitor.FailedNoDetail);
-    }
-
-    public void Dispose() { monitor.Dispose(); }
-
-    /// Whether something comes to the socket in time [s]. Throws if this program is not let in.
-    public bool Wait(Socket socket, double most, Action look, string where)
-    {
-        var clock = Stopwatch.StartNew();
-        for (;;)
-        {
-            Socket first = Socket.First(clock, most, look, socket, monitor.events);
-            if (first != monitor.events)
-            {
-                return first != null;
-            }
-            string why = Refusal(monitor.events.Receive()[0]);
-            if (why != null)
-            {
-                throw new NodeError(where + " does not let this program in: " + why);
-            }
-        }
-    }
-
-    string Refusal(byte[] told)
-    {
-        const uint mechanismMismatch = 0x11000002;
-        switch (BitConverter.ToUInt16(told, 0))
-        {
-        case Socket.Monitor.Succeeded:
-            Made = true;
-            Lost = null;
-            brokenOff = 0;
-            return null;
-        case Socket.Monitor.Disconnected:
-            if (Made)
-            {
-                Made = false;
-                Lost = Stopwatch.StartNew();
-            }
-            return null;
-        case Socket.Monitor.FailedAuth:
-            return "it does not know this key: ./fledge keys allow, where the controller runs, lets it in";
-        case Socket.Monitor.FailedProtocol:
-            if (BitConverter.ToUInt32(told, 2) == mechanismMismatch)
-            {
-                return keyed ? "it uses no keys, and this program does"
-                             : "it asks for keys, and this program has none: give it some by FLEDGE_KEYS " +
-                                   "(./fledge keys new makes them)";
-            }
-            break;
-        }
-        if (++brokenOff < 5) // it may have been killed just now; again and again it is something else
-        {
-            return null;
-        }
-        return keyed ? "what listens there breaks off when it sees these keys: controller.public here is not that of " +
-                           "this controller, or it uses no keys"
-                     : "what listens there breaks off: it is no controller, or it asks for keys";
-    }
-}
-
-/// What nodes and observers do first.
-sealed class Greeting
-{
-    public readonly string Simulation, Name, Address;
-    public readonly double Patience;
-    public readonly Keys Keys;
-
-    public Greeting(string simulation, string name, string address, double patience, string keys)
-    {
-        Simulation = Given("simulation", simulation, "FLEDGE_SIMULATION");
-        Name = Given("name", name, "FLEDGE_NODE");
-        Address = Given("address", address, "FLEDGE_ADDRESS");
-        Patience = patience;
-        string place = string.IsNullOrEmpty(keys) ? Environment.GetEnvironmentVariable("FLEDGE_KEYS") : keys;
-        Keys = string.IsNullOrEmpty(place) ? null : new Keys(place, Name);
-    }
-
-    static string Given(string what, string value, string variable)
-    {
-        value = string.IsNullOrEmpty(value) ? Environment.GetEnvironmentVariable(variable) : value;
-        if (string.IsNullOrEmpty(value))
-        {
-            throw new NodeError("a node needs its " + what + ", given here or by " + variable);
-        }
-        return value;
-    }
-
-    public byte[] Hello(int role)
-    {
-        return new Frame("Hello", 1, Frame.Version, Frame.Version, role, 0, Simulation, Name).Encode();
-    }
-
-    /// The controller's answer, of this kind.
-    public Frame Ask(IntPtr context, int role, string expected, Action look)
-    {
-        using (var lobby = new Socket(context, Socket.Dealer, 0, Keys))
-        using (var handshake = new Handshake(context, lobby, Keys))
-        {
-            lobby.Connect(Address);
-            lobby.Send(Hello(role));
-            if (!handshake.Wait(lobby, Patience, look, "the controller at " + Address))
-            {
-                throw new NodeError(handshake.Made ? "the controller at " + Address +
-                                                         " has no answer: not all nodes are there"
-                                                   : "no controller answers at " + Address);
-            }
-            Frame frame = Frame.Decode(lobby.Receive()[0]);
-            if (frame.Kind == "Refused")
-            {
-                throw new NodeError("the controller refuses " + Name + ": " + frame.Body[0]);
-            }
-            if (frame.Kind != expected)
-            {
-                throw new NodeError("the controller answers a Hello with " + frame.Kind);
-            }
-            return frame;
-        }
-    }
-
-    /// A controller that listens everywhere does not know by which name it is reached.
-    public string Reachable(string address)
-    {
-        return address.StartsWith("tcp://0.0.0.0:", StringComparison.Ordinal)
-                   ? Address.Substring(0, Address.LastIndexOf(':')) + address.Substring(address.LastIndexOf(':'))
-                   : address;
+        return Pack(message);
     }
 }
 
@@ -1471,65 +385,64 @@ public sealed class Node
 {
     /// simulation, name, address: null: what FLEDGE_SIMULATION, FLEDGE_NODE and FLEDGE_ADDRESS say
     /// every, offset: [ns] it steps at offset + k every
-    /// patience: [s] for the controller to be there
+    /// timeout: [s] in which the controller must answer
     /// keys: a folder or file of `fledge keys`, for a controller that asks for them; null: FLEDGE_KEYS
     public Node(string simulation = null, string name = null, string address = null, long every = 0, long offset = 0,
-                double patience = 60, string keys = null)
+                double timeout = 60, string keys = null)
     {
-        greeting = new Greeting(simulation, name, address, patience, keys);
-        if (every <= 0 || offset < 0)
-        {
-            throw new NodeError(Name + ": it steps at offset + k every, with every > 0 and offset >= 0, found " +
-                                offset + " and " + every);
-        }
-        this.every = every;
-        this.offset = offset;
+        node = Native.fledge_node_create(simulation, name, address, every, offset);
+        Check(node == IntPtr.Zero ? -1 : Native.fledge_node_set(node, keys, timeout));
     }
+    ~Node() { Native.fledge_node_destroy(node); }
 
-    public string Simulation { get { return greeting.Simulation; } }
-    public string Name { get { return greeting.Name; } }
-    public ulong Seed { get; private set; }    ///< of the run, once it has begun
-    public long End { get; private set; }      ///< [ns] of the run
-    public string Reason { get; private set; } ///< of its end; "" at the regular one
-    public Action<long> Step;                  ///< called with each instant [ns]
+    public string Simulation { get { return Native.Text(Native.fledge_node_simulation(node)); } }
+    public string Name { get { return Native.Text(Native.fledge_node_name(node)); } }
+    public ulong Seed { get { return Native.fledge_node_seed(node); } } ///< of the run, once it has begun
+    public long End { get { return Native.fledge_node_end(node); } }    ///< [ns] of the run
+    public string Reason { get; private set; }                          ///< of its end; "" at the regular one
+    public Action<long> Step;                                           ///< called with each instant [ns]
 
-    /// What returns all that another program of this name needs to go on from here, and what takes it
-    /// before the first step of that one. With both, one that was lost is started again without all its
-    /// steps from the beginning.
+    /// `Saves` returns all that the next steps depend on, besides the messages. `Restores` takes that before the
+    /// first step of another program of this name. With both, a node that was lost goes on from a snapshot;
+    /// without them, from the beginning.
     public Func<byte[]> Saves;
     public Action<byte[]> Restores;
+
+    /// Step at these instants, too.
+    public void AlsoSteps(long every, long offset = 0) { Check(Native.fledge_node_also_steps(node, every, offset)); }
 
     /// Read a topic. Without a definition, it is as its writer says.
     public void Reads(string topic, Latency latency = Latency.SameInstant, bool optional = false, string name = "",
                       string text = "")
     {
-        wants.RemoveAll(w => w.topic == topic);
-        wants.Add(new Want { topic = topic, latency = latency, optional = optional, schema = new Schema(name, text) });
+        inputs.Add(topic, new Schema(name, text));
+        Check(Native.fledge_node_reads(node, topic, (int)latency + (optional ? 4 : 0), name, inputs[topic].Text,
+                                       IntPtr.Zero, UIntPtr.Zero));
     }
 
-    /// Write a topic, which holds `initial` before the first step; all zero unless it is given. Without a
+    /// Write a topic. `initial` is its value before the first step; fields without a value are zero. Without a
     /// definition, it is as its reader says.
     public void Writes(string topic, string name = "", string text = "", Message initial = null)
     {
-        outputs[topic] = new Output { schema = new Schema(name, text), latest = initial ?? new Message() };
+        var output = new Output { schema = new Schema(name, text), latest = initial ?? new Message() };
+        outputs.Add(topic, output);
+        Check(Native.fledge_node_writes(node, topic, name, output.schema.Text, IntPtr.Zero, UIntPtr.Zero));
+        Put(topic, output);
     }
 
-    /// What was read last; null where nobody writes an optional topic. Or write a message, now.
+    /// The last message of a topic; null where no node writes an optional one. Or write a message, now.
     public Message this[string topic]
     {
         get
         {
-            Want want = wants.Find(w => w.topic == topic);
-            if (want == null)
+            Schema schema;
+            if (!inputs.TryGetValue(topic, out schema))
             {
-                throw new NodeError(Name + " does not read " + topic + "; it reads " +
-                                    List(wants.Select(w => w.topic)));
+                throw new NodeError(Name + " does not read " + topic + "; it reads " + List(inputs.Keys));
             }
-            if (want.value == null && want.payload != null) // nobody has looked at it yet
-            {
-                want.value = want.schema.Unpack(want.payload);
-            }
-            return want.value;
+            UIntPtr size;
+            IntPtr message = Native.fledge_node_message(node, topic, out size);
+            return message == IntPtr.Zero ? null : schema.Unpack(Native.Bytes(message, size));
         }
         set
         {
@@ -1541,360 +454,141 @@ public sealed class Node
             output.latest = new Message(value);
             output.t = now;
             output.sequence++;
-            if (output.asked)
-            {
-                output.payload = Packed(output);
-                if (!output.written)
-                {
-                    output.written = true;
-                    written.Add(output);
-                }
-            }
+            Put(topic, output);
         }
     }
 
-    /// Take no further part in the run: what this step writes is the last. Run() returns then.
-    public void Leave() { leaving = true; }
+    /// Take no further part in the run. The node still sends what this step writes, and Run() returns.
+    public void Leave() { Native.fledge_node_leave(node); }
 
-    /// End the part in the run with an error, from any thread. Ctrl-C is left to the program: unless it
-    /// handles it, it ends at once, which the controller notices. (Under Mono, Console.CancelKeyPress
-    /// takes hold of the terminal, and stops programs that run in the background.)
-    public void Stop() { stopped = true; }
+    /// From any thread: end the part in the run with an error, instead of the next step. Ctrl-C ends a program
+    /// that does not handle it at once, which the controller notices. (Under Mono, Console.CancelKeyPress takes
+    /// hold of the terminal, and stops programs that run in the background.)
+    public void Stop() { Native.fledge_node_stop(node); }
 
     /// Take part in a run, to its end. Returns its reason, "" at the regular one. Throws NodeError, and
     /// what the step throws.
     public string Run()
     {
-        IntPtr context = Socket.zmq_ctx_new();
-        try
+        if (Step == null)
         {
-            // What follows the address is for shared memory, which C# leaves alone.
-            Frame welcome = greeting.Ask(context, 0, "Welcome", Look);
-            using (var link = new Socket(context, Socket.Pair, 1000, greeting.Keys))
-            using (var monitor = new Socket.Monitor(context, link, Socket.Monitor.Disconnected))
-            {
-                link.Connect(greeting.Reachable((string)welcome.Body[0]));
-                link.Send(greeting.Hello(0));
-                Serve(link, monitor.events);
-            }
+            throw new NodeError("there is no step function");
         }
-        finally
+        // Variables keep the functions alive while the library calls them.
+        Native.Step step = (user, t) => Guarded(() => Step(now = t));
+        Native.Define define = (user, topic, type, text) =>
+            Guarded(() => Define(Native.Text(topic), new Schema(Native.Text(type), Native.Text(text))));
+        Native.Save save = user => Guarded(Save);
+        Native.Restore restore = (user, saved, size) => Guarded(() => Restore(Native.Bytes(saved, size)));
+        bool saves = Saves != null && Restores != null;
+        Check(Native.fledge_node_on(node, define, saves ? save : null, saves ? restore : null, IntPtr.Zero));
+        int result = Native.fledge_node_run(node, step, IntPtr.Zero);
+        GC.KeepAlive(define);
+        GC.KeepAlive(save);
+        GC.KeepAlive(restore);
+        if (failure != null)
         {
-            Socket.zmq_ctx_term(context);
+            ExceptionDispatchInfo.Capture(failure).Throw();
         }
+        Check(Math.Min(result, 0));
+        Reason = Native.Error;
         return Reason;
-    }
-
-    sealed class Want
-    {
-        public string topic;
-        public Latency latency;
-        public bool optional;
-        public Schema schema;
-        public byte[] payload; // as last seen
-        public Message value;
-        public uint count;
     }
 
     sealed class Output
     {
         public Schema schema;
-        public Message latest; // as last written, at t, or what it holds at first; null: from a snapshot
+        public Message latest; // as last written, at t, or the initial value; null: from a snapshot
         public long t;
         public uint sequence;
-        public bool asked, written;
-        public uint channel, count;
-        public byte[] payload;
     }
 
-    struct Coming
-    {
-        public long t;
-        public Want want;
-        public byte[] payload;
-    }
-
-    readonly List<Want> wants = new List<Want>();
+    readonly IntPtr node;
+    readonly Dictionary<string, Schema> inputs = new Dictionary<string, Schema>();  // by topic
     readonly Dictionary<string, Output> outputs = new Dictionary<string, Output>(); // by topic
-    readonly Dictionary<uint, Want> channels = new Dictionary<uint, Want>();        // of what is read
-    readonly List<Output> written = new List<Output>();                             // in this step
-    readonly Greeting greeting;
-    readonly long every, offset;
-    List<Coming> coming = new List<Coming>(); // that no instant has seen
-    long next, now = -1;
-    bool leaving;
-    volatile bool stopped;
+    long now = -1;
+    Exception failure;
 
-    static string List(IEnumerable<string> names)
-    {
-        string list = string.Join(", ", names);
-        return list == "" ? "nothing" : list;
-    }
+    static string List(IEnumerable<string> names) { return names.Any() ? string.Join(", ", names) : "nothing"; }
 
-    void Look()
+    internal static void Check(int result)
     {
-        if (stopped)
+        if (result < 0)
         {
-            throw new NodeError("the program ended it");
+            throw new NodeError(Native.Error);
         }
     }
 
-    void Serve(Socket link, Socket monitor)
+    /// The C library cannot pass exceptions on: it gets the text, and Run() throws the exception.
+    int Guarded(Action action)
     {
-        var clock = Stopwatch.StartNew();
-        for (double most = greeting.Patience; Reason == null; most = -1) // the first request comes in time
+        try
         {
-            uint number = 0;
-            try
+            action();
+            return 0;
+        }
+        catch (Exception error)
+        {
+            failure = error;
+            return Native.fledge_fail((error.GetType().Name + ": " + error.Message).Replace("\0", ""));
+        }
+    }
+
+    void Put(string topic, Output output)
+    {
+        if (output.schema.Given && output.latest != null)
+        {
+            byte[] bytes = output.sequence == 0 ? output.schema.Pack(output.latest)
+                                                : output.schema.PackWithHead(output.latest, output.t, output.sequence);
+            Check(Native.fledge_node_put(node, topic, bytes, (UIntPtr)bytes.Length));
+        }
+    }
+
+    void Define(string topic, Schema schema)
+    {
+        Output output;
+        if (inputs.ContainsKey(topic))
+        {
+            inputs[topic] = schema;
+        }
+        if (outputs.TryGetValue(topic, out output))
+        {
+            output.schema = schema;
+            Put(topic, output);
+        }
+    }
+
+    /// The library saves the messages; the counts in their heads are here.
+    void Save()
+    {
+        if (outputs.Values.Any(o => o.sequence > 0 && !o.schema.Given))
+        {
+            return; // a message that has no bytes yet
+        }
+        var stream = new MemoryStream();
+        using (var writer = new BinaryWriter(stream))
+        {
+            foreach (Output output in outputs.Values)
             {
-                // In this order: what was sent before the controller went counts.
-                Socket from = Socket.First(clock, most, Look, link, monitor);
-                if (from != link)
-                {
-                    throw new Gone(from == null ? "the controller let this program in, but asks nothing of it"
-                                                : "the controller is gone");
-                }
-                List<byte[]> parts = link.Receive();
-                if (parts.Count != 1)
-                {
-                    throw new NodeError("a frame is one part, not " + parts.Count);
-                }
-                Frame request = Frame.Decode(parts[0]);
-                number = request.Number;
-                link.Send(Answer(request).Encode());
+                writer.Write(output.sequence);
             }
-            catch (Gone gone)
-            {
-                throw new NodeError(gone.Message);
-            }
-            catch (Exception error)
-            {
-                string why = (error.GetType().Name + ": " + error.Message).Replace("\0", "");
-                link.Send(new Frame("Failed", number, why).Encode());
-                throw;
-            }
+            writer.Write(Saves());
         }
+        byte[] saved = stream.ToArray();
+        Check(Native.fledge_node_saved(node, saved, (UIntPtr)saved.Length));
     }
 
-    sealed class Gone : Exception
+    void Restore(byte[] saved)
     {
-        public Gone(string text) : base(text) {}
-    }
-
-    /// The reply to a request.
-    Frame Answer(Frame request)
-    {
-        List<object> body = request.Body;
-        uint number = request.Number;
-        switch (request.Kind)
+        using (var reader = new BinaryReader(new MemoryStream(saved)))
         {
-        case "Initialize": return new Frame("Initialized", number, Initialize(body));
-        case "ProvideDesired": return new Frame("Desired", number, Desired());
-        case "Match": return new Frame("Matched", number, Match((List<List<object>>)body[0]));
-        case "Start":
-            Start((List<List<object>>)body[0]);
-            return new Frame("Ready", number);
-        case "Tick": return new Frame("Tock", number, Tick((long)body[0], (List<List<object>>)body[1]));
-        case "Save": return new Frame("Saved", number, Snapshot());
-        case "Finish":
-            Reason = (string)body[0];
-            return new Frame("Finished", number);
-        }
-        throw new NodeError("the controller sent " + request.Kind + ", which is no request");
-    }
-
-    static List<object> Items(params object[] items) { return new List<object>(items); }
-    static void AddSchema(List<object> to, Schema schema)
-    {
-        to.AddRange(Items(schema.Name, schema.Text, schema.Size, schema.Hash));
-    }
-
-    object[] Initialize(List<object> body)
-    {
-        Seed = (ulong)body[0];
-        End = (long)body[1];
-        var start = (long)body[2];
-        var snapshot = (byte[])body[5];
-        if (Step == null)
-        {
-            throw new NodeError("there is no step function");
-        }
-        next = offset;
-        if (start >= offset) // in the place of one that was lost
-        {
-            next += ((start - offset) / every + 1) * every;
-        }
-        if (snapshot.Length > 0)
-        {
-            GoOnFrom(snapshot);
-        }
-        int saves = Saves != null && Restores != null ? 1 : 0;
-        return new object[] { new List<List<object>> { Items(every, offset) }, 0, saves };
-    }
-
-    const string ofSnapshot = "[np][nqIp]p"; // what was seen; what was written; the program's own
-
-    byte[] Snapshot()
-    {
-        if (Saves == null || Restores == null || outputs.Values.Any(o => o.sequence > 0 && !o.schema.Given))
-        {
-            return new byte[0]; // it cannot
-        }
-        var seen = new List<List<object>>();
-        foreach (Want want in wants.Where(w => w.payload != null))
-        {
-            seen.Add(Items(want.topic, want.payload));
-        }
-        var said = new List<List<object>>();
-        foreach (var output in outputs.Where(o => o.Value.sequence > 0))
-        {
-            said.Add(Items(output.Key, output.Value.t, output.Value.sequence, Packed(output.Value)));
-        }
-        return Frame.Pack(ofSnapshot, seen, said, Saves());
-    }
-
-    void GoOnFrom(byte[] snapshot)
-    {
-        if (Restores == null)
-        {
-            throw new NodeError("there is a snapshot to go on from, but no Restores");
-        }
-        List<object> body = Frame.Unpack(ofSnapshot, snapshot);
-        foreach (List<object> item in (List<List<object>>)body[0])
-        {
-            Want want = wants.Find(w => w.topic == (string)item[0]);
-            if (want != null)
-            {
-                want.payload = (byte[])item[1];
-            }
-        }
-        foreach (List<object> item in (List<List<object>>)body[1])
-        {
-            Output output;
-            if (outputs.TryGetValue((string)item[0], out output))
+            foreach (Output output in outputs.Values)
             {
                 output.latest = null;
-                output.t = (long)item[1];
-                output.sequence = (uint)item[2];
-                output.payload = (byte[])item[3];
+                output.sequence = reader.ReadUInt32();
             }
+            Restores(reader.ReadBytes(saved.Length));
         }
-        Restores((byte[])body[2]);
-    }
-
-    List<List<object>> Desired()
-    {
-        var desired = new List<List<object>>();
-        foreach (Want want in wants)
-        {
-            List<object> item = Items(want.topic, (ulong)want.latency, want.optional ? 1 : 0);
-            AddSchema(item, want.schema);
-            desired.Add(item);
-        }
-        return desired;
-    }
-
-    List<List<object>> Match(List<List<object>> asked)
-    {
-        var offers = new List<List<object>>();
-        foreach (Output output in outputs.Values)
-        {
-            output.asked = false;
-        }
-        foreach (List<object> channel in asked)
-        {
-            Output output;
-            if (!outputs.TryGetValue((string)channel[1], out output))
-            {
-                continue;
-            }
-            output.asked = true;
-            output.channel = (uint)channel[0];
-            if (!output.schema.Given)
-            {
-                output.schema = Schema.AsSent((string)channel[2], (string)channel[3]);
-            }
-            List<object> offer = Items(output.channel);
-            AddSchema(offer, output.schema);
-            offer.Add(Packed(output));
-            offers.Add(offer);
-        }
-        return offers;
-    }
-
-    /// The message as it was last written, with a head where it begins with one.
-    static byte[] Packed(Output output)
-    {
-        Message message = output.latest;
-        if (message == null)
-        {
-            return output.payload;
-        }
-        if (output.sequence > 0)
-        {
-            message = Head.FilledIn(output.schema, message, output.t, output.sequence);
-        }
-        return output.schema.Pack(message);
-    }
-
-    void Start(List<List<object>> wired)
-    {
-        channels.Clear(); // all counts begin again
-        coming.Clear();
-        foreach (Output output in outputs.Values)
-        {
-            output.count = 0;
-        }
-        foreach (List<object> channel in wired)
-        {
-            Want want = wants.Find(w => w.topic == (string)channel[1]);
-            if (want == null)
-            {
-                throw new NodeError("the controller wires " + channel[1] + ", which is not wanted");
-            }
-            want.schema = Schema.AsSent((string)channel[2], (string)channel[3]);
-            want.count = 0;
-            channels[(uint)channel[0]] = want;
-        }
-    }
-
-    object[] Tick(long until, List<List<object>> records)
-    {
-        foreach (List<object> record in records)
-        {
-            Want want;
-            var count = (uint)record[2];
-            if (!channels.TryGetValue((uint)record[1], out want) || count != want.count + 1)
-            {
-                throw new NodeError("message " + count + " on channel " + record[1] + " is not the next one");
-            }
-            want.count = count;
-            coming.Add(new Coming { t = (long)record[0], want = want, payload = (byte[])record[3] });
-        }
-        coming = coming.OrderBy(record => record.t).ToList(); // stable
-        var tock = new List<List<object>>();
-        var clock = Stopwatch.StartNew();
-        int seen = 0;
-        for (; next <= until; next += every)
-        {
-            now = next;
-            for (; seen < coming.Count && coming[seen].t <= now; seen++)
-            {
-                coming[seen].want.payload = coming[seen].payload;
-                coming[seen].want.value = null;
-            }
-            Step(now);
-            foreach (Output output in written)
-            {
-                output.written = false;
-                tock.Add(Items(now, output.channel, ++output.count, output.payload));
-            }
-            written.Clear();
-            until = leaving ? now : until;
-        }
-        coming.RemoveRange(0, seen);
-        long compute = (long)(clock.ElapsedTicks * (1e9 / Stopwatch.Frequency));
-        return new object[] { until, compute, leaving ? 1 : 0, tock };
     }
 }
 
@@ -1905,14 +599,14 @@ public sealed class Seen
 {
     public string Topic, Node;
     public long T;             ///< [ns] of writing; -1: before the first step
-    public uint Count, Missed; ///< on its topic (0: what it held at the beginning); since the one seen before
+    public uint Count, Missed; ///< on its topic (0: the initial value); since the one seen before
     public Message Message;
     public Value this[string field] { get { return Message[field]; } }
 }
 
-/// A program that steps with nobody. It comes and goes as it likes, sees what nodes write, and may write
-/// what nodes read and the controller's configuration says comes from it. The run never waits for it:
-/// what it does not take in time it misses, and is told how much.
+/// A program that takes no steps: a viewer, a ground system. It comes and goes at any time, sees what nodes write,
+/// and may write topics that the controller's configuration assigns to it. The run never waits for it: it misses
+/// the messages that it does not read in time, and counts them.
 ///
 ///     using (var observer = new Observer("spring", "ground", "tcp://127.0.0.1:7000"))
 ///     {
@@ -1921,41 +615,30 @@ public sealed class Seen
 ///             observer.Write("/ground/stiffness", new Message { ["k"] = 2 });
 ///     }
 ///
-/// It is for one thread, but Write() may be called by others.
+/// One thread uses it, but other threads may call Write().
 public sealed class Observer : IEnumerable<Seen>, IDisposable
 {
-    /// As for a node; patience [s] also for the nodes to have met.
-    public Observer(string simulation = null, string name = null, string address = null, double patience = 60,
+    /// As for a node; timeout [s] is also the time for all nodes to have joined.
+    public Observer(string simulation = null, string name = null, string address = null, double timeout = 60,
                     string keys = null)
     {
-        greeting = new Greeting(simulation, name, address, patience, keys);
-        context = Socket.zmq_ctx_new();
-        try
-        {
-            Attach();
-            socket = new Socket(context, Socket.Subscriber, 0, greeting.Keys);
-            handshake = new Handshake(context, socket, greeting.Keys);
-            socket.Subscribe("finish");
-            socket.Connect(backend);
-        }
-        catch
-        {
-            Dispose();
-            throw;
-        }
+        observer = Native.fledge_observer_create(simulation, name, address, keys, timeout);
+        Node.Check(observer == IntPtr.Zero ? -1 : 0);
+        FindTopics();
     }
 
     public readonly Dictionary<string, Schema> Topics = new Dictionary<string, Schema>(); ///< all that there are
-    public ulong Missed { get; private set; }  ///< messages, of all topics
-    public string Reason { get; private set; } ///< of the end of the run, once it is over; "" at the regular one
-    public long T { get; private set; }        ///< [ns] of the newest message
+    public ulong Missed { get; private set; } ///< messages, of all topics
+    /// Of the end of the run, once it is over; "" at the regular one.
+    public string Reason { get { return Native.Text(Native.fledge_observer_reason(observer)); } }
+    public long T { get; private set; } ///< [ns] of the newest message
 
-    /// See all topics that begin like one of these; "": all. Of each the last comes at once.
+    /// See all topics that begin like one of these; "": all. The last message of each comes at once.
     public void Subscribe(params string[] topics)
     {
         foreach (string topic in topics)
         {
-            socket.Subscribe(topic);
+            Node.Check(Native.fledge_observer_subscribe(observer, topic));
         }
     }
 
@@ -1963,28 +646,22 @@ public sealed class Observer : IEnumerable<Seen>, IDisposable
     /// if the controller is gone.
     public Seen Next(double most = -1)
     {
-        var clock = Stopwatch.StartNew();
-        while (Reason == null)
+        Native.Seen seen;
+        int found = Native.fledge_observer_next(observer, most, out seen);
+        Node.Check(found);
+        if (found == 0)
         {
-            double rest = most < 0 ? 0.1 : Math.Max(0, Math.Min(0.1, most - clock.Elapsed.TotalSeconds));
-            if (handshake.Wait(socket, rest, () => {}, "the broker at " + backend))
-            {
-                Seen seen = Read(socket.Receive());
-                if (seen != null)
-                {
-                    return seen;
-                }
-            }
-            else if (handshake.Lost != null && handshake.Lost.Elapsed.TotalSeconds > 2)
-            {
-                throw new NodeError("the controller is gone"); // one that was stopped for long would be let in again
-            }
-            else if (most >= 0 && clock.Elapsed.TotalSeconds >= most)
-            {
-                break;
-            }
+            return null;
         }
-        return null;
+        Missed += seen.missed;
+        T = Math.Max(T, seen.t);
+        string topic = Native.Text(seen.topic);
+        lock (counts)
+        {
+            return new Seen { Topic = topic, Node = Native.Text(seen.node), T = seen.t, Count = seen.count,
+                              Missed = seen.missed,
+                              Message = SchemaOf(topic).Unpack(Native.Bytes(seen.message, seen.size)) };
+        }
     }
 
     public IEnumerator<Seen> GetEnumerator()
@@ -1999,78 +676,43 @@ public sealed class Observer : IEnumerable<Seen>, IDisposable
     /// Write a message. Where it begins with a Fledge head, that is filled in unless it is given.
     public void Write(string topic, Message message)
     {
-        lock (mutex)
+        lock (counts)
         {
             Schema schema = SchemaOf(topic);
             uint count;
             counts.TryGetValue(topic, out count);
-            count++;
-            byte[] payload = schema.Pack(Head.FilledIn(schema, message, T, count));
-            if (written == null)
-            {
-                PrepareWriting();
-            }
-            if (!written.TakesMore(greeting.Patience))
-            {
-                throw new NodeError("the broker at " + frontend + " takes no more");
-            }
-            written.Send(Encoding.UTF8.GetBytes(topic),
-                         new Frame("Published", 0, 0L, 0U, count, payload, greeting.Name).Encode());
+            byte[] bytes = schema.PackWithHead(message, T, ++count);
+            Node.Check(Native.fledge_observer_write(observer, topic, bytes, (UIntPtr)bytes.Length));
             counts[topic] = count;
         }
     }
 
     public void Dispose()
     {
-        if (context == IntPtr.Zero)
-        {
-            return;
-        }
-        foreach (IDisposable part in new IDisposable[] { handshake, socket, written })
-        {
-            if (part != null)
-            {
-                part.Dispose();
-            }
-        }
-        Socket.zmq_ctx_term(context);
-        context = IntPtr.Zero;
+        Native.fledge_observer_destroy(observer);
+        observer = IntPtr.Zero;
     }
 
-    struct Place
-    {
-        public uint count;
-        public long t;
-    }
+    readonly Dictionary<string, uint> counts = new Dictionary<string, uint>(); // of messages written, by topic
+    IntPtr observer;
 
-    readonly Greeting greeting;
-    readonly Socket socket;
-    readonly Handshake handshake;
-    readonly Dictionary<string, Place> places = new Dictionary<string, Place>(); // by topic: what was seen last
-    readonly Dictionary<string, uint> counts = new Dictionary<string, uint>();   // by topic: messages written
-    readonly object mutex = new object();
-    IntPtr context;
-    string frontend, backend;
-    Socket written;
-
-    void Attach()
+    void FindTopics()
     {
-        Frame attached = greeting.Ask(context, 1, "Attached", () => {});
-        frontend = greeting.Reachable((string)attached.Body[0]);
-        backend = greeting.Reachable((string)attached.Body[1]);
-        foreach (List<object> channel in (List<List<object>>)attached.Body[2])
+        foreach (string topic in Native.Text(Native.fledge_observer_topics(observer))
+                     .Split(new[] { '\n' }, StringSplitOptions.RemoveEmptyEntries).Except(Topics.Keys))
         {
-            Topics[(string)channel[1]] = Schema.AsSent((string)channel[2], (string)channel[3]);
+            Topics[topic] = new Schema(Native.Text(Native.fledge_observer_type(observer, topic)),
+                                       Native.Text(Native.fledge_observer_definition(observer, topic)));
         }
     }
 
     Schema SchemaOf(string topic)
     {
-        if (!Topics.ContainsKey(topic))
-        {
-            Attach(); // nodes may have joined
-        }
         Schema schema;
+        if (!Topics.ContainsKey(topic) && Native.fledge_observer_definition(observer, topic) != IntPtr.Zero)
+        {
+            FindTopics(); // nodes have joined
+        }
         if (!Topics.TryGetValue(topic, out schema))
         {
             throw new NodeError("there is no topic " + topic + "; there are " +
@@ -2078,66 +720,82 @@ public sealed class Observer : IEnumerable<Seen>, IDisposable
         }
         return schema;
     }
+}
 
-    /// Null for what has been seen already, and for the end.
-    Seen Read(List<byte[]> parts)
+// ---- the C library
+
+/// cosim/bindings/c/fledge_node.h.
+static class Native
+{
+    const string library = "fledge_node";
+
+    public delegate int Step(IntPtr user, long t);
+    public delegate int Define(IntPtr user, IntPtr topic, IntPtr type, IntPtr definition);
+    public delegate int Save(IntPtr user);
+    public delegate int Restore(IntPtr user, IntPtr saved, UIntPtr size);
+
+    [StructLayout(LayoutKind.Sequential)]
+    public struct Seen
     {
-        if (parts.Count != 2)
-        {
-            throw new NodeError("the broker sends a message that is not of two parts");
-        }
-        Frame frame = Frame.Decode(parts[1]);
-        if (frame.Kind == "Finish")
-        {
-            Reason = (string)frame.Body[0];
-            return null;
-        }
-        if (frame.Kind != "Published")
-        {
-            throw new NodeError("the broker sends " + frame.Kind);
-        }
-        string topic = Encoding.UTF8.GetString(parts[0]);
-        var t = (long)frame.Body[0];
-        var count = (uint)frame.Body[2];
-        Place before;
-        bool known = places.TryGetValue(topic, out before);
-        if (known && before.count == count && before.t == t)
-        {
-            return null; // it came again for another, who subscribed
-        }
-        places[topic] = new Place { count = count, t = t };
-        uint missed = !known || count == 0 ? 0 : count > before.count ? count - before.count - 1 : count - 1;
-        Missed += missed;
-        T = Math.Max(T, t);
-        lock (mutex)
-        {
-            return new Seen { Topic = topic, Node = (string)frame.Body[4], T = t, Count = count, Missed = missed,
-                              Message = SchemaOf(topic).Unpack((byte[])frame.Body[3]) };
-        }
+        public IntPtr topic, node, message;
+        public UIntPtr size;
+        public long t;
+        public uint count, missed;
     }
 
-    /// What is sent before the broker has said that it listens would be lost.
-    void PrepareWriting()
+    [DllImport(library)] static extern IntPtr fledge_error();
+    [DllImport(library)] public static extern int fledge_fail(string why);
+    [DllImport(library)] public static extern IntPtr fledge_fields(string definition);
+
+    [DllImport(library)] public static extern IntPtr fledge_node_create(string simulation, string node, string address,
+                                                                        long every, long offset);
+    [DllImport(library)] public static extern void fledge_node_destroy(IntPtr node);
+    [DllImport(library)] public static extern IntPtr fledge_node_simulation(IntPtr node);
+    [DllImport(library)] public static extern IntPtr fledge_node_name(IntPtr node);
+    [DllImport(library)] public static extern int fledge_node_set(IntPtr node, string keys, double timeout);
+    [DllImport(library)] public static extern int fledge_node_also_steps(IntPtr node, long every, long offset);
+    [DllImport(library)] public static extern int fledge_node_reads(IntPtr node, string topic, int latency, string type,
+                                                                    string definition, IntPtr message, UIntPtr size);
+    [DllImport(library)] public static extern int fledge_node_writes(IntPtr node, string topic, string type,
+                                                                     string definition, IntPtr message, UIntPtr size);
+    [DllImport(library)] public static extern int fledge_node_on(IntPtr node, Define define, Save save, Restore restore,
+                                                                 IntPtr user);
+    [DllImport(library)] public static extern int fledge_node_saved(IntPtr node, byte[] saved, UIntPtr size);
+    [DllImport(library)] public static extern IntPtr fledge_node_message(IntPtr node, string topic, out UIntPtr size);
+    [DllImport(library)] public static extern int fledge_node_put(IntPtr node, string topic, byte[] message,
+                                                                  UIntPtr size);
+    [DllImport(library)] public static extern int fledge_node_run(IntPtr node, Step step, IntPtr user);
+    [DllImport(library)] public static extern void fledge_node_leave(IntPtr node);
+    [DllImport(library)] public static extern void fledge_node_stop(IntPtr node);
+    [DllImport(library)] public static extern ulong fledge_node_seed(IntPtr node);
+    [DllImport(library)] public static extern long fledge_node_end(IntPtr node);
+
+    [DllImport(library)] public static extern IntPtr fledge_observer_create(string simulation, string name,
+                                                                            string address, string keys,
+                                                                            double timeout);
+    [DllImport(library)] public static extern void fledge_observer_destroy(IntPtr observer);
+    [DllImport(library)] public static extern int fledge_observer_subscribe(IntPtr observer, string prefix);
+    [DllImport(library)] public static extern int fledge_observer_next(IntPtr observer, double timeout, out Seen seen);
+    [DllImport(library)] public static extern int fledge_observer_write(IntPtr observer, string topic, byte[] message,
+                                                                        UIntPtr size);
+    [DllImport(library)] public static extern IntPtr fledge_observer_topics(IntPtr observer);
+    [DllImport(library)] public static extern IntPtr fledge_observer_type(IntPtr observer, string topic);
+    [DllImport(library)] public static extern IntPtr fledge_observer_definition(IntPtr observer, string topic);
+    [DllImport(library)] public static extern IntPtr fledge_observer_reason(IntPtr observer);
+
+    /// Why the last function failed; "" if it did not.
+    public static string Error { get { return Text(fledge_error()); } }
+
+    public static string Text(IntPtr text) { return Marshal.PtrToStringAnsi(text); } // UTF-8, under Mono
+
+    public static byte[] Bytes(IntPtr memory, UIntPtr size)
     {
-        var publisher = new Socket(context, Socket.Publisher, 1000, greeting.Keys);
-        try
+        var bytes = new byte[(int)size];
+        if (bytes.Length > 0)
         {
-            using (var made = new Handshake(context, publisher, greeting.Keys))
-            {
-                publisher.Connect(frontend);
-                if (!made.Wait(publisher, greeting.Patience, () => {}, "the broker at " + frontend))
-                {
-                    throw new NodeError("no broker listens at " + frontend);
-                }
-                publisher.Receive();
-            }
+            Marshal.Copy(memory, bytes, 0, bytes.Length);
         }
-        catch
-        {
-            publisher.Dispose();
-            throw;
-        }
-        written = publisher;
+        return bytes;
     }
 }
 
