@@ -113,7 +113,13 @@ std::string Delegate::serve(Node &node)
         link.share(std::move(shared));
     }
     for (auto patience = config_.patience;; patience = {}) {
-        const Frame request = link.wait(patience);
+        Frame request;
+        try {
+            request = link.wait(patience);
+        } catch (const ProtocolError &error) {
+            link.send({0, Failed{error.what()}});
+            throw;
+        }
         try {
             const Frame reply{request.number, answer(node, request.message)};
             link.send(reply, !is_whole(request.message, reply.message));

@@ -34,11 +34,21 @@ void Outbox::add(std::uint32_t channel, std::span<const std::byte> message)
     outputs_.push_back({channel, message, Bytes(message.begin(), message.end()), 0});
 }
 
+void Outbox::resend(std::span<const std::byte> message)
+{
+    for (Output &output : outputs_) {
+        if (output.message.data() == message.data()) {
+            output.sent.clear();
+        }
+    }
+}
+
 void Outbox::say(Ns t, std::vector<Record> &records)
 {
     for (Output &output : outputs_) {
-        if (std::memcmp(output.message.data(), output.sent.data(), output.sent.size())) {
-            std::copy(output.message.begin(), output.message.end(), output.sent.begin());
+        if (output.sent.size() != output.message.size() ||
+            std::memcmp(output.message.data(), output.sent.data(), output.sent.size())) {
+            output.sent.assign(output.message.begin(), output.message.end());
             records.push_back({output.channel, ++output.count, t, make_payload(output.message)});
         }
     }

@@ -38,6 +38,8 @@ public:
     void clear() { outputs_.clear(); }
     /// The others have what stands there now; it stays where it is.
     void add(std::uint32_t channel, std::span<const std::byte> message);
+    /// Send the message at this place with the next say(), even if it has not changed.
+    void resend(std::span<const std::byte> message);
     /// What has changed since: the others still have the rest.
     void say(Ns t, std::vector<Record> &records);
 

@@ -165,6 +165,9 @@ private:
         }
         names.push_back(name);
 
+        if (const auto open = comment.rfind('{'); open != std::string_view::npos && trim(comment).back() == '}') {
+            field.choices = comment.substr(open + 1, comment.rfind('}') - open - 1);
+        }
         field.name = prefix + std::string(name);
         if (const std::string_view told = take_word(comment); same_but_for_case(told, name)) {
             field.name = prefix + std::string(told);

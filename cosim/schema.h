@@ -44,6 +44,7 @@ struct SchemaField {
     std::uint32_t offset = 0;
     std::uint32_t item = 0;  ///< bytes of one number
     std::uint32_t count = 1; ///< numbers
+    std::string choices;     ///< of an enumeration: "OFF=0, ON=1"
 
     bool operator==(const SchemaField &) const = default;
 };

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <limits>
 
 namespace fledge::cosim {
 
@@ -18,16 +19,49 @@ void check_size(const Schema &schema, std::size_t size)
 
 } // namespace
 
-void StructNode::read(const std::string &topic, Latency latency, std::span<std::byte> message, Schema schema)
+void StructNode::Memory::resize(std::size_t size)
 {
-    check_size(schema, message.size());
-    inputs_.push_back({{topic, latency, false, std::move(schema)}, message});
+    own.resize(size);
+    bytes = own;
+}
+
+void StructNode::read(const std::string &topic, Latency latency, std::span<std::byte> message, Schema schema,
+                      bool optional)
+{
+    if (!message.empty()) {
+        check_size(schema, message.size());
+    }
+    inputs_.push_back({{topic, latency, optional, std::move(schema)}, Memory(message)});
 }
 
 void StructNode::write(const std::string &topic, std::span<std::byte> message, Schema schema)
 {
-    check_size(schema, message.size());
-    outputs_.push_back({topic, std::move(schema), message});
+    if (!message.empty()) {
+        check_size(schema, message.size());
+    }
+    outputs_.push_back({topic, std::move(schema), Memory(message)});
+    if (Output &output = outputs_.back(); output.memory.owned) {
+        output.memory.resize(output.schema.size);
+    }
+}
+
+std::span<const std::byte> StructNode::message(const std::string &topic) const
+{
+    const auto input = std::ranges::find_if(inputs_, [&](const Input &i) { return i.want.topic == topic; });
+    return input == inputs_.end() ? std::span<const std::byte>() : input->memory.bytes;
+}
+
+void StructNode::put(const std::string &topic, std::span<const std::byte> message)
+{
+    const auto output = std::ranges::find(outputs_, topic, &Output::topic);
+    if (output == outputs_.end() || output->memory.bytes.size() != message.size()) {
+        throw SchemaError(topic + (output == outputs_.end()
+                                       ? " is not written here"
+                                       : " has " + std::to_string(output->memory.bytes.size()) +
+                                             " bytes, the message here " + std::to_string(message.size())));
+    }
+    std::ranges::copy(message, output->memory.bytes.begin());
+    outbox_.resend(output->memory.bytes);
 }
 
 std::string StructNode::run(const std::function<void(Ns)> &step)
@@ -37,70 +71,98 @@ std::string StructNode::run(const std::function<void(Ns)> &step)
     return Delegate(context, config_).serve(*this);
 }
 
+/// The first instant after t at which the node steps.
+Ns StructNode::instant_after(Ns t) const
+{
+    Ns first = std::numeric_limits<Ns>::max();
+    for (const Rate &rate : rates_) {
+        first = std::min(first, t < rate.offset ? rate.offset
+                                                : rate.offset + ((t - rate.offset) / rate.period + 1) * rate.period);
+    }
+    return first;
+}
+
 Initialized StructNode::initialize(const Initialize &m)
 {
-    next_ = rate_.offset;
-    if (m.start >= rate_.offset) {
-        next_ += ((m.start - rate_.offset) / rate_.period + 1) * rate_.period;
-    }
+    next_ = instant_after(m.start);
+    seed_ = m.seed;
+    end_ = m.end;
     leaving_ = false;
     if (!m.snapshot.empty()) {
         go_on_from(m.snapshot);
     }
-    return {{rate_}, false, !kept_.empty()};
+    return {rates_, false, !kept_.empty() || hooks_.save};
 }
 
 /// What a snapshot is made of.
-std::vector<std::span<std::byte>> StructNode::memory() const
+std::vector<StructNode::Memory *> StructNode::memory()
 {
-    auto all = kept_;
-    for (const Input &input : inputs_) {
-        all.push_back(input.message);
+    std::vector<Memory *> all;
+    for (Memory &state : kept_) {
+        all.push_back(&state);
     }
-    for (const Output &output : outputs_) {
-        all.push_back(output.message);
+    for (Input &input : inputs_) {
+        all.push_back(&input.memory);
+    }
+    for (Output &output : outputs_) {
+        all.push_back(&output.memory);
     }
     return all;
 }
 
-/// The byte order, then each piece of memory with its size before it.
+/// The byte order, then each piece of memory with its size before it, then what the program saves.
 Bytes StructNode::save()
 {
-    if (kept_.empty()) {
+    if (kept_.empty() && !hooks_.save) {
         return {};
     }
     Bytes snapshot{static_cast<std::byte>(native_order())};
-    for (const auto part : memory()) {
-        const std::uint64_t size = part.size();
+    for (const Memory *part : memory()) {
+        const std::uint64_t size = part->bytes.size();
         const auto head = std::as_bytes(std::span(&size, 1));
         snapshot.insert(snapshot.end(), head.begin(), head.end());
-        snapshot.insert(snapshot.end(), part.begin(), part.end());
+        snapshot.insert(snapshot.end(), part->bytes.begin(), part->bytes.end());
+    }
+    if (hooks_.save) {
+        const Bytes saved = hooks_.save();
+        if (saved.empty()) {
+            return {};
+        }
+        snapshot.insert(snapshot.end(), saved.begin(), saved.end());
     }
     return snapshot;
 }
 
 void StructNode::go_on_from(std::span<const std::byte> snapshot)
 {
+    std::vector<std::span<const std::byte>> pieces;
+    bool fits = snapshot[0] == static_cast<std::byte>(native_order());
+    snapshot = snapshot.subspan(1);
     const auto parts = memory();
-    std::size_t size = 1;
-    for (const auto part : parts) {
-        size += sizeof(std::uint64_t) + part.size();
+    for (const Memory *part : parts) {
+        std::uint64_t size = 0;
+        fits = fits && snapshot.size() >= sizeof size;
+        if (fits) {
+            std::memcpy(&size, snapshot.data(), sizeof size);
+            snapshot = snapshot.subspan(sizeof size);
+            fits = size <= snapshot.size() && (part->owned || size == part->bytes.size());
+        }
+        if (fits) {
+            pieces.push_back(snapshot.first(size));
+            snapshot = snapshot.subspan(size);
+        }
     }
-    bool fits = snapshot.size() == size && snapshot[0] == static_cast<std::byte>(native_order());
-    for (std::size_t at = 1, i = 0; fits && i < parts.size(); i++) {
-        std::uint64_t told = 0;
-        std::memcpy(&told, snapshot.data() + at, sizeof told);
-        fits = told == parts[i].size();
-        at += sizeof told + parts[i].size();
-    }
-    if (!fits) {
+    if (!fits || (!hooks_.restore && !snapshot.empty())) {
         throw ProtocolError("the snapshot to go on from is that of another program, or of another machine");
     }
-    std::size_t at = 1;
-    for (const auto part : parts) {
-        at += sizeof(std::uint64_t);
-        std::copy_n(snapshot.begin() + static_cast<std::ptrdiff_t>(at), part.size(), part.begin());
-        at += part.size();
+    for (std::size_t i = 0; i < parts.size(); i++) {
+        if (parts[i]->owned) {
+            parts[i]->resize(pieces[i].size());
+        }
+        std::ranges::copy(pieces[i], parts[i]->bytes.begin());
+    }
+    if (hooks_.restore) {
+        hooks_.restore(snapshot);
     }
 }
 
@@ -118,16 +180,24 @@ std::vector<Offer> StructNode::match(const std::vector<Channel> &asked)
     std::vector<Offer> offers;
     outbox_.clear();
     for (const Channel &channel : asked) {
-        for (const Output &output : outputs_) {
+        for (Output &output : outputs_) {
             if (output.topic == channel.topic) {
                 const Schema &schema = output.schema.given() ? output.schema : channel.schema;
-                if (schema.given() && schema.size != output.message.size()) {
+                Memory &memory = output.memory;
+                if (memory.owned && !output.schema.given() && schema.given()) {
+                    output.schema = channel.schema;
+                    memory.resize(schema.size);
+                    if (hooks_.define) {
+                        hooks_.define(output.topic, schema);
+                    }
+                }
+                if (schema.given() && schema.size != memory.bytes.size()) {
                     throw SchemaError(output.topic + " has " + std::to_string(schema.size) +
                                       " bytes where it is read, the struct here " +
-                                      std::to_string(output.message.size()));
+                                      std::to_string(memory.bytes.size()));
                 }
-                offers.push_back({channel.channel, schema, make_payload(output.message)});
-                outbox_.add(channel.channel, output.message);
+                offers.push_back({channel.channel, schema, make_payload(memory.bytes)});
+                outbox_.add(channel.channel, memory.bytes);
             }
         }
     }
@@ -141,11 +211,14 @@ void StructNode::start(const std::vector<Channel> &channels)
     for (const Channel &channel : channels) {
         const auto input =
             std::find_if(inputs_.begin(), inputs_.end(), [&](const Input &i) { return i.want.topic == channel.topic; });
-        if (input == inputs_.end() || channel.schema.size != input->message.size()) {
+        if (input == inputs_.end() || (!input->memory.owned && channel.schema.size != input->memory.bytes.size())) {
             throw SchemaError(channel.topic + " has " + std::to_string(channel.schema.size) +
                               " bytes where it is written, which is not the size of the struct here");
         }
-        wired_[channel.channel] = {input->message, parse_schema(channel.schema.text)};
+        if (input->memory.owned && !input->want.schema.given() && hooks_.define) {
+            hooks_.define(channel.topic, channel.schema);
+        }
+        wired_[channel.channel] = {&input->memory, channel.schema.size, parse_schema(channel.schema.text)};
     }
 }
 
@@ -154,11 +227,17 @@ Tock StructNode::tick(const Tick &tick)
     inbox_.take(tick.records);
     Tock tock;
     tock.reached = tick.until;
-    for (; next_ <= tock.reached; next_ += rate_.period) {
+    for (; next_ <= tock.reached; next_ = instant_after(next_)) {
         inbox_.see(next_, [this](const Record &record) {
             const Wired &wire = wired_.at(record.channel);
-            read_payload(record.payload, wire.fields, wire.message);
+            if (wire.memory->owned) {
+                wire.memory->resize(wire.size);
+            }
+            read_payload(record.payload, wire.fields, wire.memory->bytes);
         });
+        if (stopped_) {
+            throw std::runtime_error("the program ended it");
+        }
         step_(next_);
         outbox_.say(next_, tock.records);
         if (leaving_) {

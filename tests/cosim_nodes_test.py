@@ -45,12 +45,13 @@ def nodes(tmp_path_factory):
     for _, file, text in BLOCK.findall((ROOT / "docs/cosim.md").read_text(encoding="utf-8")):
         if file:
             folder.joinpath(file).write_text(text)
-    shutil.copy(ROOT / "cosim/python/fledge_node.py", folder)
+    shutil.copy(ROOT / "cosim/bindings/python/fledge_node.py", folder)
     run("cmake", "-G", "Ninja", "-B", "build", f"-DFledge_DIR={BUILT}", folder=folder)
     run("cmake", "--build", "build", folder=folder)
     if shutil.which("mcs"):
-        run("mcs", "-warn:4", "-warnaserror", "-out:mass.exe", "Mass.cs", ROOT / "cosim/csharp/FledgeNode.cs",
-            folder=folder)
+        shutil.copy(BUILT / "cosim/bindings/libfledge_node.so", folder)
+        run("mcs", "-warn:4", "-warnaserror", "-out:mass.exe", "Mass.cs",
+            ROOT / "cosim/bindings/csharp/FledgeNode.cs", folder=folder)
     return folder
 
 

@@ -19,6 +19,7 @@ from fledge.units import s
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
+BUILT = Path(_core.__file__).resolve().parents[1]
 UNTIL = 1000    # [s]: tumble, warm up, send, and Mars before Earth
 sys.path.insert(0, str(HERE))
 import power  # noqa: E402
@@ -36,10 +37,12 @@ def programs(tmp_path_factory):
     """A folder with all that is flown."""
     folder = tmp_path_factory.mktemp("downlink")
     subprocess.run(["mcs", "-warn:4", "-warnaserror", f"-out:{folder / 'Radio.exe'}", HERE / "Radio.cs",
-                    ROOT / "cosim/csharp/FledgeNode.cs"], check=True)
+                    ROOT / "cosim/bindings/csharp/FledgeNode.cs"], check=True)
     shutil.copy(HERE / "power.py", folder)
     text = (HERE / "downlink.toml").read_text()
-    for there, here in [("../../build/Radio.exe", "Radio.exe"), ("../../cosim/python", str(ROOT / "cosim/python"))]:
+    for there, here in [("../../build/Radio.exe", "Radio.exe"),
+                        ("../../build/release/cosim/bindings", str(BUILT / "cosim/bindings")),
+                        ("../../cosim/bindings/python", str(ROOT / "cosim/bindings/python"))]:
         assert text.count(there) == 1
         text = text.replace(there, here)
     (folder / "downlink.toml").write_text(text)

@@ -238,9 +238,9 @@ class Session:
             guard = f"{fledge}/build/{os.environ.get('FLEDGE_PRESET', 'release')}/cosim/fledge_guard"
             launcher = [word.replace("{host}", p.host) for word in p.launcher or SSH]
             r.process = self._start(p.name, self._command(p, [f"{fledge}/fledge"]), guard, launcher=launcher,
-                                    remote=(p.directory, {"PYTHONPATH": f"{fledge}/cosim/python", **theirs}))
+                                    remote=(p.directory, {"PYTHONPATH": f"{fledge}/cosim/bindings/python", **theirs}))
             return
-        path = os.pathsep.join([str(FLEDGE / "cosim/python"), *filter(None, [os.environ.get("PYTHONPATH")])])
+        path = os.pathsep.join([str(FLEDGE / "cosim/bindings/python"), *filter(None, [os.environ.get("PYTHONPATH")])])
         r.process = self._start(p.name, self._command(p, [sys.executable, "-m", "fledge.cli"]),
                                 launcher=p.launcher or (), directory=p.directory if not p.mission else None,
                                 env={**os.environ, "PYTHONPATH": path, **theirs})

@@ -244,7 +244,7 @@ def test_one_may_be_started_by_hand_and_again(mark, tmp_path):
         shown = re.fullmatch(r"  start spring with (FLEDGE_SIMULATION=pair FLEDGE_NODE=spring FLEDGE_ADDRESS=\S+)\n",
                              process.stdout.readline())
         told = dict(word.split("=", 1) for word in shown[1].split())
-        path = os.pathsep.join([str(BUILT.parents[2] / "cosim/python"), os.environ.get("PYTHONPATH", "")])
+        path = os.pathsep.join([str(BUILT.parents[2] / "cosim/bindings/python"), os.environ.get("PYTHONPATH", "")])
         spring = [sys.executable, str(tmp_path / "spring.py")]
         first = subprocess.Popen(spring, env=mark.env | told | {"PYTHONPATH": path})
         while "the mass is at" not in logs(tmp_path).get("mass", ""):

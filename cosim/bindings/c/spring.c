@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A spring as a node: it reads where a mass is and writes the force on it.
  *     spring tcp://127.0.0.1:7000 */
-#include "cosim/c/fledge_node.h"
+#include "cosim/bindings/c/fledge_node.h"
 
 #include <stdio.h>
 
@@ -36,7 +36,7 @@ int main(int argc, char **argv)
         fledge_node_writes(node, "/spring/force", "Force", "float64[2] F  # F [N] (2) force\n", &spring.force,
                            sizeof spring.force) ||
         fledge_node_run(node, step, &spring)) {
-        fprintf(stderr, "spring: %s\n", fledge_node_error(node));
+        fprintf(stderr, "spring: %s\n", fledge_error());
         return 1;
     }
     fledge_node_destroy(node);

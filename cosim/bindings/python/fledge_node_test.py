@@ -16,6 +16,7 @@ import _core
 
 HERE = Path(__file__).resolve().parent
 CONTROLLER = Path(_core.__file__).resolve().parents[1] / "cosim" / "fledge_controller"
+SPRING_IN_C = CONTROLLER.with_name("bindings") / "fledge_spring"
 pytestmark = pytest.mark.skipif(not CONTROLLER.exists(), reason="the controller is not built")
 
 sys.path.insert(0, str(HERE))
@@ -157,7 +158,7 @@ def test_two_programs_give_what_one_would(programs, transport):
 def test_a_program_in_c_takes_the_place_of_one_in_python(programs):
     controller = Controller("--node", "mass", "--node", "spring")
     programs += [start(MASS, controller.address, "next_instant"),
-                 subprocess.Popen([CONTROLLER.parent / "fledge_spring", controller.address], stderr=subprocess.PIPE),
+                 subprocess.Popen([SPRING_IN_C, controller.address], stderr=subprocess.PIPE),
                  controller.process]
     assert controller.end() == (0, "")
     assert result(programs[0])["seen"] == alone(101)
@@ -168,7 +169,7 @@ def test_a_program_in_c_says_what_is_wrong(programs):
     controller = Controller("--node", "mass", "--node", "spring")
     short = MASS.replace("float64[2] v  # v [m/s] (2) velocity", "").replace(', "v": v}', "}")
     programs += [start(short, controller.address, "next_instant"),
-                 subprocess.Popen([CONTROLLER.parent / "fledge_spring", controller.address], stderr=subprocess.PIPE),
+                 subprocess.Popen([SPRING_IN_C, controller.address], stderr=subprocess.PIPE),
                  controller.process]
     code, errors = controller.end()
     why = "/mass/state has 32 bytes where it is written, which is not the size of the struct here"
@@ -386,7 +387,7 @@ def test_with_keys_programs_in_python_and_c_take_part(programs, tmp_path, monkey
     controller = Controller("--node", "mass", "--node", "spring", address="tcp://0.0.0.0:*")
     address = controller.address.replace("0.0.0.0", "127.0.0.1")
     programs += [start(MASS, address, "next_instant"),
-                 subprocess.Popen([CONTROLLER.parent / "fledge_spring", address], stderr=subprocess.PIPE),
+                 subprocess.Popen([SPRING_IN_C, address], stderr=subprocess.PIPE),
                  controller.process]
     assert controller.end() == (0, "")
     assert result(programs[0])["seen"] == alone(101)
@@ -410,7 +411,7 @@ def test_who_has_no_right_key_is_told_at_once(programs, tmp_path, monkeypatch):
         "the controller refuses spring: its key mass is not allowed to speak as spring")
     assert "it asks for keys" in refusal("mass")
     assert "controller.public here is not that of this controller" in refusal("mass", "else", "mass.secret")
-    bare = subprocess.run([CONTROLLER.parent / "fledge_spring", controller.address], stderr=subprocess.PIPE,
+    bare = subprocess.run([SPRING_IN_C, controller.address], stderr=subprocess.PIPE,
                           timeout=20, text=True)
     assert bare.returncode == 1 and "it asks for keys" in bare.stderr
     controller.process.send_signal(signal.SIGTERM)
