@@ -2,7 +2,7 @@
 // The C face of a StructNode.
 #include "cosim/c/fledge_node.h"
 
-#include "cosim/struct_node.h"
+#include "cosim/node/struct_node.h"
 
 #include <new>
 

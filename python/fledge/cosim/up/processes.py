@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Programs, each under a guard (cosim/guard.c), which leaves nothing of it behind.
+"""Programs, each under a guard (cosim/tools/guard.c), which leaves nothing of it behind.
 
 A guard lives as long as its standard input is held open here, so all ends with this program, whatever
 ends it. If a guard is killed itself, its command goes with it, and what that had started comes to
