@@ -4,8 +4,8 @@
 //     fledge_bench_cosim CASE TRANSPORT NODES ROUNDS      prints the median time of a round [ns]
 #include "bench/cosim_cases.h"
 
-#include "cosim/observer.h"
-#include "cosim/router.h"
+#include "cosim/node/observer.h"
+#include "cosim/router/router.h"
 
 #include <array>
 #include <csignal>

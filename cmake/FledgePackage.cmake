@@ -2,7 +2,8 @@
 # Fledge's build as a CMake package: find_package(Fledge) with Fledge_DIR=<Fledge>/build/<preset>.
 
 set(libraries fledge_math fledge_flight fledge_record fledge_sim fledge_tables fledge_world
-    fledge_cosim_protocol fledge_cosim fledge_node)
+    fledge_cosim_protocol fledge_cosim_security fledge_cosim_transport fledge_cosim_controller fledge_cosim_node
+    fledge_cosim_router fledge_cosim_tools fledge_cosim fledge_node)
 foreach(library IN LISTS libraries)
     string(REPLACE fledge_ "" name ${library})
     set_target_properties(${library} PROPERTIES EXPORT_NAME ${name})

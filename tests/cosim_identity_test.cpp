@@ -2,8 +2,8 @@
 // The nadir spin in one program, and with world and flight in two that are joined by sockets or shared
 // memory: every message has the same bytes, whatever the transport, the latencies, the order in which
 // programs start, and the time that they take.
-#include "cosim/router.h"
-#include "cosim/simulation_node.h"
+#include "cosim/node/simulation_node.h"
+#include "cosim/router/router.h"
 #include "flight/actuation/wheel_torques.h"
 #include "flight/control/mrp_feedback.h"
 #include "flight/guidance/euler_rotation.h"

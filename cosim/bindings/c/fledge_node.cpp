@@ -2,9 +2,9 @@
 // The C interface of a StructNode and of an Observer.
 #include "cosim/bindings/c/fledge_node.h"
 
-#include "cosim/greeting.h"
-#include "cosim/observer.h"
-#include "cosim/struct_node.h"
+#include "cosim/transport/greeting.h"
+#include "cosim/node/observer.h"
+#include "cosim/node/struct_node.h"
 
 #include <cmath>
 #include <mutex>

@@ -3,9 +3,9 @@
 // without Python's lock, so nothing of Python is in the loop but a world's own Python events.
 #include "core/extension.h"
 
-#include "cosim/replay.h"
-#include "cosim/simulation_node.h"
-#include "cosim/words.h"
+#include "cosim/controller/words.h"
+#include "cosim/node/simulation_node.h"
+#include "cosim/tools/replay.h"
 
 #include <pybind11/functional.h>
 #include <pybind11/stl.h>

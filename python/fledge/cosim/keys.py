@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Keys for co-simulations beyond one machine: pairs in files, and who is allowed as what.
 
-The files are ZeroMQ's certificates; cosim/keys.h says where they lie and who reads them.
+The files are ZeroMQ's certificates; cosim/security/keys.h says where they lie and who reads them.
 """
 
 import os

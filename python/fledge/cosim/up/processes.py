@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Programs, each under a guard (cosim/guard.c), which leaves nothing of it behind.
+"""Programs, each under a guard (cosim/tools/guard.c), which leaves nothing of it behind.
 
 A guard lives as long as this program holds the guard's standard input open, so every command ends with this program,
 even if a signal kills it. If a signal kills a guard, its command ends too; the kernel makes this program the parent of

@@ -1,0 +1,514 @@
+// SPDX-License-Identifier: Apache-2.0
+// Runs from the first greeting to the end, whatever the order of answers, and what cannot run. Comings and
+// goings are in controller_life_test.cpp.
+#include "cosim/controller/testing/network.h"
+
+#include <array>
+
+namespace fledge::cosim {
+namespace {
+
+TEST(Controller, WhatNodesSeeFollowsFromTheLatenciesInWhateverOrderTheyAnswer)
+{
+    for (unsigned network = 0; network < 400; network++) {
+        Random random(network);
+        const auto specs = random_network(random);
+        const History wanted = expected(specs, 400);
+        for (unsigned order = 0; order < 8; order++) {
+            const std::uint32_t batch = order % 3 == 0 ? 1 : order % 3 == 1 ? 3 : 1000;
+            Bench bench(specs, 400, 1000 * network + order, batch, order % 2 ? 4 : 4096);
+            ASSERT_EQ(bench.run(), "") << "network " << network << ", order " << order;
+            for (const Spec &spec : specs) {
+                ASSERT_EQ(bench.history()[spec.name],
+                          wanted.contains(spec.name) ? wanted.at(spec.name) : History::mapped_type{})
+                    << spec.name << " in network " << network << ", order " << order;
+            }
+        }
+    }
+}
+
+/// A node that steps every 10 ns.
+Spec spec_of(const std::string &name, std::vector<Want> wants, std::vector<std::string> writes)
+{
+    return {name, {{10, 0}}, false, std::move(wants), std::move(writes)};
+}
+
+TEST(Controller, WhatComesFromOutsideIsSeenAsIfItHadBeenWrittenAtATimeThatIsTold)
+{
+    std::size_t seen = 0, written = 0;
+    for (unsigned network = 0; network < 300; network++) {
+        Random random(network);
+        auto specs = random_network(random);
+        for (Spec &spec : specs) {
+            if (random() % 2) {
+                spec.wants.push_back(want("/ground/command", static_cast<Latency>(random() % 3)));
+            }
+        }
+        Bench bench(specs, 400, network, network % 3 ? 1 + network % 5 : 1000);
+        EXPECT_NE(bench.controller.inject("ground", "/ground/command", word(1)), "");
+        bench.arrive_all();
+        std::uint64_t x = 100;
+        while (bench.reply_somewhere()) {
+            for (auto n = bench.controller.running() && random() % 8 == 0 ? random() % 3 : 0; n; n--) {
+                bench.sleeping = false;
+                const std::string fault = bench.controller.inject("ground", "/ground/command", word(x + 1));
+                ASSERT_TRUE(fault.empty() || fault == "nobody reads /ground/command") << fault;
+                x += fault.empty();
+            }
+        }
+        ASSERT_EQ(bench.outcome, "") << network;
+        std::vector<Write> writes{{-1, 0}};
+        for (const auto &[t, value] : bench.told["/ground/command"]) {
+            ASSERT_GT(t, writes.back().t);
+            writes.push_back({t, value});
+        }
+        EXPECT_EQ(writes.size() - 1, x - 100) << "all that was taken is told";
+        const History wanted = expected(specs, 400, lives_of(specs, {}), {{"/ground/command", writes}});
+        for (const Spec &spec : specs) {
+            ASSERT_EQ(bench.history()[spec.name],
+                      wanted.contains(spec.name) ? wanted.at(spec.name) : History::mapped_type{})
+                << spec.name << " in network " << network;
+            // No reader misses one, unless the end comes first.
+            for (const Want &want : spec.wants) {
+                if (want.topic != "/ground/command" || spec.any_time) {
+                    continue;
+                }
+                std::size_t last = 0;
+                for (const Ns t : spec.instants(400)) {
+                    const Ns latest = latest_seen(want.latency, t, spec.rates);
+                    std::size_t now = last;
+                    while (now + 1 < writes.size() && writes[now + 1].t <= latest) {
+                        now++;
+                    }
+                    if (last) {
+                        EXPECT_LE(now, last + 1) << spec.name << " misses a message in network " << network;
+                    }
+                    last = now;
+                }
+                seen += last;
+                written += writes.size() - 1;
+            }
+        }
+    }
+    EXPECT_GT(seen, 1000u);
+    EXPECT_GT(written, seen / 2);
+}
+
+TEST(Controller, WhatMayComeFromOutsideIsSaid)
+{
+    std::vector<Spec> specs{spec_of("a", {want("/ground/command", Latency::same_instant)}, {"/a/x"}),
+                            spec_of("b", {want("/a/x", Latency::next_instant)}, {})};
+    Bench bench(specs, 100, 1);
+    bench.arrive_all();
+    while (!bench.controller.running()) {
+        ASSERT_TRUE(bench.reply_somewhere());
+    }
+    bench.act();
+    const auto inject = [&](const std::string &program, const std::string &topic, const Bytes &payload) {
+        return bench.controller.inject(program, topic, payload);
+    };
+    EXPECT_EQ(inject("ground", "/ground/command", word(5)), "");
+    EXPECT_EQ(inject("ground", "/a/x", word(5)), "/a/x does not come from ground");
+    EXPECT_EQ(inject("viewer", "/ground/command", word(5)), "/ground/command does not come from viewer");
+    EXPECT_EQ(inject("ground", "/ground/other", word(5)), "nobody reads /ground/other");
+    EXPECT_EQ(inject("ground", "/ground/command", Bytes(7)),
+              "a message of /ground/command has 7 bytes; expected a CDR header and 8");
+    Bytes head = word(5);
+    head[0] = std::byte{9};
+    EXPECT_NE(inject("ground", "/ground/command", head), "");
+    std::string full;
+    for (int i = 0; i < 5000 && full.empty(); i++) {
+        full = inject("ground", "/ground/command", word(5));
+    }
+    EXPECT_EQ(full, "a has not yet seen 4096 messages of /ground/command");
+    EXPECT_EQ(bench.go_on(), "");
+    EXPECT_EQ(inject("ground", "/ground/command", word(5)), "the run is over");
+    // Nobody may greet as it, and what it writes has to be defined by a reader.
+    Bench other({spec_of("a", {{"/ground/command", Latency::same_instant, false, {}}}, {})}, 100, 1);
+    other.controller.hello(1, {1, 1, "bench", "ground"});
+    other.act();
+    EXPECT_EQ(other.refusals.at(0), "bench has no node ground; it has a");
+    EXPECT_EQ(other.run(), "/ground/command comes from ground, an asynchronous program, and no reader defines it; "
+                           "one of them has to");
+}
+
+TEST(Controller, WhatIsWatchedIsWrittenThoughNobodyReadsIt)
+{
+    ControllerConfig config = Bench::configured({spec_of("a", {}, {"/a/x"})}, 50, 1000, 4096);
+    config.watched = {"/a/x", "/a/none"};
+    Bench bench({spec_of("a", {}, {"/a/x"})}, 50, 1);
+    bench.controller = Controller(config);
+    EXPECT_EQ(bench.run(), "");
+    EXPECT_EQ(bench.exchange.topics.at(1).name, "/a/x");
+    EXPECT_EQ(bench.exchange.topics.at(0).writer, "");
+    EXPECT_FALSE(bench.told["/a/x"].empty());
+}
+
+/// A node that reads and writes one word.
+Spec spec(const std::string &name, Ns period, std::vector<Want> wants, std::vector<std::string> writes)
+{
+    return {name, {{period, 0}}, false, std::move(wants), std::move(writes)};
+}
+
+std::vector<Spec> pair(Latency there = Latency::same_instant, Latency back = Latency::next_instant)
+{
+    return {spec("world", 100, {want("/flight/u", back)}, {"/world/x"}),
+            spec("flight", 500, {want("/world/x", there)}, {"/flight/u"})};
+}
+
+TEST(Controller, WhatIsToldForRecordsIsAllThatWasWrittenInOrder)
+{
+    for (unsigned network = 0; network < 40; network++) {
+        Random random(network);
+        const auto specs = random_network(random);
+        Bench bench(specs, 400, network);
+        ASSERT_EQ(bench.run(), "");
+        ASSERT_EQ(bench.exchange.after, -1);
+        History history = bench.history();
+        for (std::size_t i = 0; i < specs.size(); i++) {
+            EXPECT_EQ(bench.exchange.members[i].name, specs[i].name);
+            EXPECT_EQ(bench.exchange.members[i].rates, specs[i].rates);
+            EXPECT_EQ(bench.exchange.members[i].wants, specs[i].wants);
+        }
+        for (const Exchange::Topic &topic : bench.exchange.topics) {
+            const auto &spec =
+                *std::find_if(specs.begin(), specs.end(), [&](const Spec &s) { return s.name == topic.writer; });
+            const auto k = static_cast<std::size_t>(std::find(spec.writes.begin(), spec.writes.end(), topic.name) -
+                                                    spec.writes.begin());
+            EXPECT_EQ(topic.initial, word(spec.initial(k)));
+            std::vector<std::pair<Ns, std::uint64_t>> written;
+            for (const auto &[t, state] : history[spec.name]) {
+                if (spec.writes_at(t, k)) {
+                    written.emplace_back(t, Spec::output(state, k));
+                }
+            }
+            EXPECT_EQ(bench.told[topic.name], written) << topic.name << " in network " << network;
+        }
+    }
+}
+
+TEST(Controller, FastNodesStepOftenInOneTickWhileTheSlowOneHasNothingToSay)
+{
+    // Ten milliseconds and a second meet once a second: two ticks each, not a hundred.
+    const std::vector<Spec> specs = {
+        spec("control", 10, {want("/thermal/t", Latency::next_instant)}, {"/control/u"}),
+        spec("thermal", 1000, {want("/control/u", Latency::same_instant)}, {"/thermal/t"})};
+    Bench bench(specs, 10'000, 1);
+    std::size_t instants = 0;
+    ASSERT_EQ(bench.run(), "");
+    for (const FakeNode &node : bench.nodes) {
+        instants += node.history.size();
+    }
+    EXPECT_EQ(instants, 1001u + 11u);
+    // Without early returns it would be one tick per second and node, and one for the instant 0.
+    EXPECT_LT(bench.ticks, 200u);
+    // And the slow one was told only what it sees.
+    EXPECT_EQ(bench.nodes[1].counts.begin()->second, 11u);
+}
+
+TEST(Controller, NodesJoinedByExchangesStepSideBySide)
+{
+    Bench bench(pair(Latency::next_exchange, Latency::next_exchange), 2000, 1);
+    bench.arrive(0);
+    bench.arrive(1);
+    while (!bench.controller.running() && bench.reply_somewhere()) {
+    }
+    bench.act();
+    ASSERT_TRUE(bench.requests[0] && bench.requests[1]);
+    EXPECT_EQ(std::get<Tick>(bench.requests[0]->message).until, 0);
+    EXPECT_EQ(std::get<Tick>(bench.requests[1]->message).until, 0);
+
+    Bench ordered(pair(), 2000, 1);
+    ordered.arrive(0);
+    ordered.arrive(1);
+    while (!ordered.controller.running() && ordered.reply_somewhere()) {
+    }
+    ordered.act();
+    EXPECT_TRUE(ordered.requests[0] && !ordered.requests[1]); // the world first
+}
+
+TEST(Controller, WhatCannotRunIsRefusedBeforeTheFirstTickWithAllReasons)
+{
+    auto specs = pair(Latency::same_instant, Latency::same_instant);
+    const auto outcome = [&] { return Bench(specs, 1000, 5).run(); };
+    EXPECT_EQ(outcome(), "these wait for one another without end: flight for /world/x of world, world for /flight/u "
+                         "of flight; one of these messages has to be read later, at the next instant or exchange");
+    specs = pair();
+    specs[0].wants.push_back(want("/flight/v", Latency::next_instant));
+    specs[0].wants.push_back(want("/world/x", Latency::next_instant));
+    specs[0].wants.push_back(specs[0].wants[0]);
+    EXPECT_EQ(outcome(), "world wants /flight/v, which no other node writes\n"
+                         "world wants /world/x, which no other node writes\n"
+                         "world wants /flight/u twice");
+    specs[0].wants.resize(2);
+    specs[0].wants[1].optional = true;
+    Bench without(specs, 1000, 5);
+    EXPECT_EQ(without.run(), "");
+    ASSERT_EQ(without.reports.size(), 1u); // it flies, but nobody is left to believe that all is there
+    EXPECT_EQ(without.reports[0], "world wants /flight/v, which no other node writes; it can do without");
+    specs = pair();
+    specs.push_back(spec("other", 100, {}, {"/world/x"}));
+    const std::string why = outcome(); // the one that matches first is named first
+    EXPECT_TRUE(why.starts_with("/world/x is written by world and by other; one of them has to leave it") ||
+                why.starts_with("/world/x is written by other and by world; one of them has to leave it"))
+        << why;
+    specs = pair();
+    specs[1].wants[0].schema = make_schema("Word", "uint64 x  # x [m] a word\n");
+    EXPECT_EQ(outcome(), "flight wants /world/x of world, but field x is uint64 [-] where it is offered and "
+                         "uint64 [m] where it is wanted");
+    specs[1].wants[0].schema.hash++;
+    EXPECT_EQ(outcome(), "flight wants /world/x with a bad definition: its hash is not that of its text");
+    specs = pair();
+    specs[1].rates[0].period = 0;
+    EXPECT_EQ(outcome().substr(0, 42), "flight: a step of 0 ns from 0 ns on; a per");
+    specs[1].rates.clear();
+    EXPECT_EQ(outcome(), "flight: it never steps");
+}
+
+TEST(Controller, WhoMayComeInIsSaid)
+{
+    Bench bench(pair(), 1000, 1);
+    bench.controller.hello(9, {2, 3, "bench", "world"});
+    bench.controller.hello(9, {1, 1, "other", "world"});
+    bench.controller.hello(9, {1, 1, "bench", "wrold"});
+    bench.controller.hello(9, {0, 5, "bench", "world"});
+    bench.controller.hello(9, {1, 1, "bench", "world"});
+    bench.sleeping = false;
+    bench.controller.stop("enough");
+    bench.controller.hello(9, {1, 1, "bench", "flight"});
+    bench.act();
+    EXPECT_EQ(bench.refusals, (std::vector<std::string>{
+                                  "this controller speaks version 1 of the format, the node versions 2 to 3",
+                                  "this is the simulation bench, not other",
+                                  "bench has no node wrold; it has world and flight",
+                                  "there is a node world already",
+                                  "the run is over: enough",
+                              }));
+    EXPECT_EQ(bench.go_on(), "enough");
+}
+
+/// The outcome when the first Tock of `world` that has a record is changed.
+template <class Change> std::string outcome_of(Change change)
+{
+    Bench bench(pair(), 1000, 3);
+    bench.arrive(0);
+    bench.arrive(1);
+    for (bool changed = false; bench.act(), bench.requests[0] || bench.requests[1];) {
+        if (const NodeId id = bench.requests[0] ? 0 : 1; id == 0 && !changed) {
+            const Frame request = *std::exchange(bench.requests[0], std::nullopt);
+            Frame answer{request.number, bench.nodes[0].answer(request.message, bench.random, bench.end)};
+            if (auto *tock = std::get_if<Tock>(&answer.message); tock && !tock->records.empty()) {
+                change(answer, *tock);
+                changed = true;
+            }
+            bench.controller.received(0, answer);
+        } else {
+            bench.reply(id);
+        }
+    }
+    return bench.outcome.value_or("the run hangs");
+}
+
+TEST(Controller, NothingIsLostSilently)
+{
+    const auto starts = [](const std::string &outcome, const std::string &start) {
+        EXPECT_TRUE(outcome.starts_with("world: " + start)) << outcome;
+    };
+    starts(outcome_of([](Frame &, Tock &m) { m.records[0].count = 0; }),
+           "duplicate: message 0 of /world/x came before");
+    starts(outcome_of([](Frame &, Tock &m) { m.records[0].count++; }), "gap: message 2 of /world/x follows message 0");
+    starts(outcome_of([](Frame &, Tock &m) { m.records[0].t = -1; }),
+           "late: message 1 of /world/x is of the start, and others have passed it");
+    starts(outcome_of([](Frame &, Tock &m) { m.records[0].t = m.reached + 1; }), "early: message 1 of /world/x");
+    starts(outcome_of([](Frame &, Tock &m) {
+               m.reached = std::max<Ns>(m.reached, 0);
+               m.records.push_back(m.records.back());
+               m.records.back().count++;
+           }),
+           "out of order: message ");
+    starts(outcome_of([](Frame &, Tock &m) { m.records[0].payload.pop_back(); }),
+           "incomplete: message 1 of /world/x has 11 bytes");
+    starts(outcome_of([](Frame &, Tock &m) { m.records[0].channel = 0; }),
+           "it wrote on channel 0, which is not its own");
+    starts(outcome_of([](Frame &, Tock &m) { m.records[0].channel = 77; }),
+           "it wrote on channel 77, which is not its own");
+    starts(outcome_of([](Frame &, Tock &m) { m.reached = -1; }),
+           "it says that it reached the start; it may go from the start to 0 s");
+    starts(outcome_of([](Frame &, Tock &m) { m.reached += 1000; }), "it says that it reached ");
+    starts(outcome_of([](Frame &f, Tock &) { f.number++; }), "it sent Tock ");
+    starts(outcome_of([](Frame &f, Tock &) { f.message = Ready{}; }), "it sent Ready ");
+    starts(outcome_of([](Frame &f, Tock &) { f.message = Failed{"a pole"}; }), "it failed: a pole");
+    EXPECT_EQ(outcome_of([](Frame &, Tock &) {}), "");
+}
+
+TEST(Controller, ALaterStepOutOfTheGridIsRefused)
+{
+    auto specs = pair();
+    Bench bench(specs, 1000, 3);
+    bench.arrive(0);
+    bench.arrive(1);
+    while (!bench.controller.running()) {
+        bench.reply_somewhere();
+    }
+    bench.act();
+    const Frame request = *std::exchange(bench.requests[0], std::nullopt);
+    ASSERT_EQ(std::get<Tick>(request.message).until, 0);
+    bench.controller.received(0, {request.number, Tock{0, 0, {}}});
+    bench.act();
+    ASSERT_TRUE(bench.requests[1]);
+    const Frame slow = *std::exchange(bench.requests[1], std::nullopt);
+    bench.controller.received(1, {slow.number, Tock{0, 0, {}}});
+    bench.act();
+    const Frame batch = *std::exchange(bench.requests[0], std::nullopt);
+    ASSERT_EQ(std::get<Tick>(batch.message).until, 500); // flight's command of 0 holds until then
+    const auto channel = bench.nodes[0].written.at("/world/x").first;
+    bench.controller.received(0, {batch.number, Tock{500, 0, {{channel, 1, 150, word(1)}}}});
+    bench.controller.received(0, {batch.number, Tock{500, 0, {}}});
+    EXPECT_EQ(bench.go_on(), "world: out of step: message 1 of /world/x is of 0.00000015 s, when it does not step "
+                             "(it had reached 0 s)");
+}
+
+/// Run until the node owes a reply to some tick later than `t`, which it will never give.
+bool lose(Bench &bench, NodeId id, Ns t)
+{
+    for (;;) {
+        bench.act();
+        if (bench.requests[id] && std::holds_alternative<Tick>(bench.requests[id]->message) &&
+            bench.controller.reached(id) >= t) {
+            bench.sleeping = false;
+            bench.controller.lost(id, "it was killed");
+            return true;
+        }
+        if (!bench.reply_somewhere()) {
+            return false;
+        }
+    }
+}
+
+TEST(Controller, ALostNodeEndsTheRunOrNotAsItsPolicySays)
+{
+    for (const Policy policy : {Policy::abort, Policy::hold, Policy::drop}) {
+        auto specs = pair(Latency::next_exchange, Latency::next_exchange);
+        specs[1].on_loss = policy;
+        Bench bench(specs, 5000, 11);
+        bench.arrive_all();
+        ASSERT_TRUE(lose(bench, 1, 1000));
+        const std::string outcome = bench.go_on();
+        if (policy == Policy::abort) {
+            EXPECT_TRUE(outcome.starts_with("flight: it was killed (it had reached ")) << outcome;
+            continue;
+        }
+        EXPECT_EQ(outcome, "");
+        EXPECT_EQ(bench.nodes[0].history.back().first, 5000);
+        ASSERT_EQ(bench.reports.size(), 1u);
+        EXPECT_TRUE(bench.reports[0].starts_with("flight: it was killed")) << bench.reports[0];
+        const std::uint64_t seen = bench.nodes[0].seen.at("/flight/u");
+        EXPECT_EQ(seen == 0, policy == Policy::drop);
+    }
+}
+
+TEST(Controller, ARunThatWaitedForANodeGivesTheSame)
+{
+    std::size_t losses = 0;
+    for (unsigned network = 0; network < 100; network++) {
+        Random random(network);
+        auto specs = random_network(random);
+        for (Spec &spec : specs) {
+            spec.on_loss = Policy::pause;
+        }
+        const History wanted = expected(specs, 400);
+        Bench bench(specs, 400, network);
+        bench.arrive_all();
+        for (int n = 0; n < 4; n++) {
+            const NodeId id = random() % specs.size();
+            if (!lose(bench, id, static_cast<Ns>(random() % 300))) {
+                break;
+            }
+            losses++;
+            while (bench.reply_somewhere()) {
+            }
+            ASSERT_FALSE(bench.outcome); // all wait
+            // It comes back as it was at the end of its last tick, but remembers no message.
+            FakeNode &node = bench.nodes[id];
+            node.counts.clear();
+            node.seen.clear();
+            node.coming.clear();
+            node.wired.clear();
+            bench.arrive(id);
+        }
+        ASSERT_EQ(bench.go_on(), "") << network;
+        for (const Spec &spec : specs) {
+            ASSERT_EQ(bench.history()[spec.name],
+                      wanted.contains(spec.name) ? wanted.at(spec.name) : History::mapped_type{})
+                << spec.name << " in network " << network;
+        }
+        EXPECT_EQ(bench.reports.size() % 2, 0u);
+    }
+    EXPECT_GT(losses, 100u);
+}
+
+TEST(Controller, ANodeThatComesBackOtherwiseIsRefused)
+{
+    auto specs = pair();
+    specs[1].on_loss = Policy::pause;
+    Bench bench(specs, 5000, 11);
+    bench.arrive_all();
+    ASSERT_TRUE(lose(bench, 1, 1000));
+    bench.specs[1].rates[0].period = 250;
+    bench.arrive(1);
+    while (bench.reply_somewhere()) {
+    }
+    ASSERT_FALSE(bench.reports.empty());
+    EXPECT_TRUE(bench.reports.back().starts_with("flight: it came back with other steps")) << bench.reports.back();
+    bench.sleeping = false;
+    bench.controller.stop("no flight");
+    EXPECT_EQ(bench.go_on(), "no flight");
+}
+
+TEST(Controller, EveryEndComesWhateverDiesWhen)
+{
+    // Some node dies after any number of replies, others while they finish: the run still ends.
+    for (unsigned seed = 0; seed < 2000; seed++) {
+        Random random(seed);
+        auto specs = random_network(random);
+        for (Spec &spec : specs) {
+            spec.on_loss = std::array{Policy::abort, Policy::hold, Policy::drop}[random() % 3];
+        }
+        Bench bench(specs, 200, seed);
+        bench.arrive_all();
+        for (auto n = random() % 60; n; n--) {
+            bench.reply_somewhere();
+        }
+        for (auto n = 1 + random() % 2; n; n--) {
+            bench.sleeping = false;
+            bench.controller.lost(random() % specs.size(), "it was killed");
+            for (auto k = random() % 10; k; k--) {
+                bench.reply_somewhere();
+            }
+        }
+        if (random() % 4 == 0) {
+            bench.sleeping = false;
+            bench.controller.stop("asked");
+        }
+        ASSERT_NE(bench.go_on(), "the run hangs") << seed;
+        ASSERT_TRUE(bench.controller.done());
+        for (NodeId id = 0; id < specs.size(); id++) {
+            EXPECT_FALSE(bench.controller.waiting_for(id));
+        }
+    }
+}
+
+TEST(Controller, AConfigurationThatMakesNoSenseIsRefused)
+{
+    const auto configured = [](const std::vector<Spec> &specs, Ns end) {
+        return Controller(Bench::configured(specs, end, 1000, 4096));
+    };
+    const Spec one = spec("one", 1, {}, {});
+    EXPECT_THROW(configured({}, 1), std::invalid_argument);
+    EXPECT_THROW(configured({one, one}, 1), std::invalid_argument);
+    EXPECT_THROW(configured({one}, -1), std::invalid_argument);
+    EXPECT_NO_THROW(configured({one}, 0));
+}
+
+} // namespace
+} // namespace fledge::cosim

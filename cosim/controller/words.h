@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+// The words for what one may choose, as options, records and Python have them.
+#pragma once
+
+#include "cosim/controller/controller.h"
+#include "cosim/transport/link.h"
+
+#include <cstddef>
+#include <optional>
+#include <string_view>
+#include <utility>
+
+namespace fledge::cosim {
+
+inline constexpr std::pair<std::string_view, Latency> latency_words[] = {{"same_instant", Latency::same_instant},
+                                                                         {"next_instant", Latency::next_instant},
+                                                                         {"next_exchange", Latency::next_exchange}};
+
+inline constexpr std::pair<std::string_view, Policy> policy_words[] = {{"abort", Policy::abort},
+                                                                       {"pause", Policy::pause},
+                                                                       {"hold", Policy::hold},
+                                                                       {"drop", Policy::drop},
+                                                                       {"restart", Policy::restart}};
+
+inline constexpr std::pair<std::string_view, Sharing> sharing_words[] = {
+    {"allowed", Sharing::allowed}, {"forbidden", Sharing::forbidden}, {"required", Sharing::required}};
+
+/// The choice that a word means, if it means one.
+template <class T, std::size_t N>
+std::optional<T> meant_by(const std::pair<std::string_view, T> (&words)[N], std::string_view word)
+{
+    for (const auto &[known, choice] : words) {
+        if (known == word) {
+            return choice;
+        }
+    }
+    return std::nullopt;
+}
+
+template <class T, std::size_t N> std::string_view word_for(const std::pair<std::string_view, T> (&words)[N], T choice)
+{
+    for (const auto &[word, known] : words) {
+        if (known == choice) {
+            return word;
+        }
+    }
+    return "";
+}
+
+} // namespace fledge::cosim

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+// An exported mission's flight as a node, for a target that knows nothing but the registers of its
+// boards: what others write is put into the lanes, the clock ticks at flight's instants, and what
+// flight wrote is taken out and told. To the others it is what flight would be as a process of a
+// simulation: the same topics, latencies and rates. Messages age in flight, where their wires say so.
+#pragma once
+
+#include "cosim/node/delegate.h"
+#include "cosim/node/mailbox.h"
+#include "registers/backend.h"
+#include "registers/outside.h"
+#include "targets/mission_host.h"
+
+#include <map>
+
+namespace fledge::cosim {
+
+class BoardNode final : public Node {
+public:
+    /// The tables of the mission, as both sides of its boards have them; flight's functions are not
+    /// called. Both live as long as the node. `patience`: for flight to answer a tick.
+    BoardNode(const MissionHost &mission, registers::Backend &backend, std::chrono::nanoseconds patience);
+
+    /// Parameters from the ground: put into their lane before flight's first instant after `after`. `id`:
+    /// the number of messages and the block's place. Call it in the order of time, before the run. Throws
+    /// registers::Error if no lane carries that block, or it is of another size.
+    void load(Ns after, std::uint32_t id, Bytes block);
+
+    /// Flight begins anew, and shows what it puts out. Throws registers::Error if it does not answer.
+    Initialized initialize(const Initialize &request) override;
+    std::vector<Want> desired() override;
+    std::vector<Offer> match(const std::vector<Channel> &asked) override;
+    void start(const std::vector<Channel> &wired) override;
+    Tock tick(const Tick &tick) override;
+    void finish(const std::string &reason) override;
+
+    /// What went wrong at this end of the lanes.
+    const MissionIoCounts &counts() const { return counts_; }
+
+private:
+    struct Message {
+        std::string topic;
+        Schema schema;
+        std::vector<SchemaField> fields;
+        Bytes held; ///< as last put, or taken
+        bool to_flight = false, carried = false;
+    };
+
+    Ns next_after(Ns t) const;
+    void exchange(Ns t);
+
+    const MissionHost &mission_;
+    registers::Backend &backend_;
+    registers::Outside outside_;
+    std::chrono::nanoseconds patience_;
+    std::vector<Message> messages_;                 ///< by id
+    std::map<std::uint32_t, std::uint32_t> inputs_; ///< channel -> id
+    Inbox inbox_;
+    Outbox outbox_;
+    struct Load {
+        Ns after;
+        std::uint32_t id;
+        Bytes block;
+    };
+    std::vector<Load> loads_;
+    std::size_t loaded_ = 0;
+    MissionIoCounts counts_{};
+    Ns reached_ = -1;
+};
+
+} // namespace fledge::cosim

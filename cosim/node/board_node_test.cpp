@@ -1,0 +1,288 @@
+// SPDX-License-Identifier: Apache-2.0
+// The node of a board, with flight in this process: what flight saw at each of its instants, and what
+// others were told, against a look-up in what was written.
+#include "cosim/node/board_node.h"
+
+#include <cstring>
+#include <random>
+
+#include <gtest/gtest.h>
+
+namespace {
+
+using namespace fledge;
+using namespace fledge::cosim;
+using namespace std::chrono_literals;
+
+// Flight: its two inputs, and an output that tells both and changes at every second tick.
+struct Number {
+    Head head;
+    double x;
+    double y;
+};
+struct Flight {
+    Number a, b, out, inner;
+};
+Flight flight;
+std::vector<std::pair<Ns, Flight>> seen;
+
+constexpr const char *TEXT = "fledge/Head head  # head\n"
+                             "float64 x  # x [m] a number\n"
+                             "float64 y  # y [m] another\n"
+                             "================================================================================\n"
+                             "MSG: fledge/Head\n"
+                             "int64 t  # t [ns] time of validity\n"
+                             "int32 quality  # quality [-] how far it may be trusted\n"
+                             "uint32 sequence  # sequence [-] counts the writings\n";
+
+void begin()
+{
+    flight = {};
+    flight.out.x = 42; // what it holds before its first tick
+    seen.clear();
+}
+
+void tick(std::int64_t t)
+{
+    seen.emplace_back(t, flight);
+    if (seen.size() % 2) {
+        flight.out = {{t, QUALITY_GOOD, flight.out.head.sequence + 1}, flight.a.x, flight.b.x};
+    }
+}
+
+RegisterLane lane(std::uint32_t address, bool from_flight)
+{
+    RegisterLane l{};
+    l.name = "message";
+    l.form = REGISTER_MESSAGE;
+    l.flags = from_flight ? std::uint32_t{REGISTER_FROM_FLIGHT} : 0u;
+    l.address = address;
+    l.descriptors = REGISTER_NOWHERE;
+    l.capacity = sizeof(Number) + 4;
+    l.stride = 48;
+    l.depth = 4;
+    l.count = 1;
+    l.interrupt = -1;
+    return l;
+}
+
+const RegisterRun RUNS[] = {{8, 1}, {4, 2}, {8, 2}};
+const RegisterMessage TYPE = {"Number", sizeof(Number), 3, RUNS};
+const RegisterLane LANES[] = {lane(32, false), lane(256, false), lane(480, true), lane(704, false)};
+const RegisterBoard BOARD = {"board", 1, 0, 1024, 1, 0, -1, REGISTER_NOWHERE, 0, 4, LANES};
+const RegisterBoard *const BOARDS[] = {&BOARD};
+const MissionMessage MESSAGES[] = {
+    {"world.m.a", "Number", offsetof(Flight, a), sizeof(Number), MISSION_IN},
+    {"world.m.b", "Number", offsetof(Flight, b), sizeof(Number), MISSION_IN},
+    {"flight.n.out", "Number", offsetof(Flight, out), sizeof(Number), MISSION_OUT},
+    {"flight.n.inner", "Number", offsetof(Flight, inner), sizeof(Number), MISSION_INSIDE},
+};
+const MissionLane ROWS[] = {{&TYPE, 0, 0, 0, 0, 0, MISSION_F64},
+                            {&TYPE, 1, 0, 1, 0, 0, MISSION_F64},
+                            {&TYPE, 2, 0, 2, 0, 0, MISSION_F64},
+                            {&TYPE, 5, 0, 3, 0, 0, MISSION_F64}}; // the second block of parameters
+const MissionParameters PARAMETERS[] = {{"flight.m", "M", offsetof(Flight, inner), sizeof(Number)},
+                                        {"flight.n", "N", offsetof(Flight, inner), sizeof(Number)}};
+Number block;
+const MissionIo IO = {MESSAGES, BOARDS, ROWS, 4, 1, 4, 2, PARAMETERS, &block};
+const MissionTopic TOPICS[] = {
+    {"/world/m/a", 0, 0, 0}, {"/world/m/b", 0, 1, 1}, {"/flight/n/out", 0, 0, 0}, {"/flight/n/inner", 0, 0, 0}};
+const MissionDefinition DEFINITIONS[] = {{"Number", "fledge/msg/Number", TEXT}};
+const MissionRate RATES[] = {{30, 10}, {50, 0}};
+
+MissionHost host()
+{
+    MissionHost h{};
+    h.name = "numbers";
+    h.mission = &flight;
+    h.init = h.reset = begin;
+    h.tick = tick;
+    h.io = &IO;
+    h.topics = TOPICS;
+    h.definitions = DEFINITIONS;
+    h.rates = RATES;
+    h.n_rates = 2;
+    return h;
+}
+
+Bytes payload(const Number &n)
+{
+    return make_payload(std::as_bytes(std::span(&n, 1)));
+}
+
+Number number(const Bytes &p)
+{
+    Number n;
+    read_payload(p, parse_schema(TEXT), std::as_writable_bytes(std::span(&n, 1)));
+    return n;
+}
+
+class BoardNodeTest : public ::testing::Test {
+protected:
+    BoardNodeTest() : backend_(BOARDS, [this] { fly_(); }), node_(mission_, backend_, 1ms) {}
+
+    void exchange()
+    {
+        ::Tick due;
+        const RegisterWindow *w = backend_.windows().data();
+        MissionIoCounts counts{};
+        ASSERT_TRUE(register_clock_due(w, &due));
+        mission_host_exchange(&mission_, w, due.t, &counts);
+        register_clock_finish(w);
+    }
+
+    void start()
+    {
+        node_.initialize({});
+        node_.match({{7, "/flight/n/out", {}}, {8, "/flight/n/inner", {}}, {9, "/world/m/a", {}}});
+        node_.start({{1, "/world/m/a", {}}, {2, "/world/m/b", {}}});
+    }
+
+    const MissionHost mission_ = host();
+    std::function<void()> fly_ = [this] { exchange(); };
+    registers::InProcess backend_;
+    BoardNode node_;
+};
+
+TEST_F(BoardNodeTest, SaysWhatFlightWouldSay)
+{
+    const Initialized answer = node_.initialize({});
+    EXPECT_EQ(answer.rates, (std::vector<Rate>{{30, 10}, {50, 0}}));
+    EXPECT_FALSE(answer.any_time || answer.saves);
+    const Schema schema = make_schema("Number", TEXT);
+    EXPECT_EQ(node_.desired(), (std::vector<Want>{{"/world/m/a", Latency::same_instant, false, schema},
+                                                  {"/world/m/b", Latency::next_exchange, true, schema}}));
+    // What the board does not carry is not offered, nor what flight only reads.
+    const auto offers = node_.match({{7, "/flight/n/out", {}}, {8, "/flight/n/inner", {}}, {9, "/world/m/a", {}}});
+    ASSERT_EQ(offers.size(), 1u);
+    EXPECT_EQ(offers[0].channel, 7u);
+    EXPECT_EQ(offers[0].schema, schema);
+    EXPECT_EQ(number(offers[0].initial).x, 42); // as after its reset
+    EXPECT_TRUE(seen.empty());                  // and nothing ran
+}
+
+TEST_F(BoardNodeTest, FlightSeesWhatIsThereAtEachOfItsInstantsHoweverTheyComeInTicks)
+{
+    std::mt19937 rng(5);
+    for (int round = 0; round < 100; round++) {
+        start();
+        std::vector<Record> all[2];
+        std::vector<Record> told;
+        Ns until = -1;
+        std::uint32_t counts[2] = {0, 0};
+        while (until < 1000) {
+            cosim::Tick granted;
+            const Ns from = until + 1;
+            until += 1 + static_cast<Ns>(rng() % 120);
+            for (std::uint32_t channel = 1; channel <= 2; channel++) {
+                Ns t = from;
+                for (std::uint32_t k = rng() % 4; k > 0; k--) {
+                    t += static_cast<Ns>(rng() % 40);
+                    const Number n = {{t, QUALITY_GOOD, counts[channel - 1] + 1}, static_cast<double>(rng()), 0.5};
+                    all[channel - 1].push_back({channel, ++counts[channel - 1], t, payload(n)});
+                    granted.records.push_back(all[channel - 1].back());
+                }
+            }
+            for (const Record &r : granted.records) {
+                until = std::max(until, r.t);
+            }
+            granted.until = until;
+            const Tock tock = node_.tick(granted);
+            EXPECT_EQ(tock.reached, until);
+            told.insert(told.end(), tock.records.begin(), tock.records.end());
+        }
+        std::vector<Ns> instants;
+        for (Ns t = 0; t <= until; t++) {
+            if (t % 50 == 0 || (t >= 10 && (t - 10) % 30 == 0)) {
+                instants.push_back(t);
+            }
+        }
+        ASSERT_EQ(seen.size(), instants.size());
+        std::uint32_t n_told = 0;
+        for (std::size_t i = 0; i < instants.size(); i++) {
+            EXPECT_EQ(seen[i].first, instants[i]);
+            for (int k = 0; k < 2; k++) {
+                Number last{};
+                for (const Record &r : all[k]) {
+                    last = r.t <= instants[i] ? number(r.payload) : last;
+                }
+                EXPECT_EQ(std::memcmp(k ? &seen[i].second.b : &seen[i].second.a, &last, sizeof last), 0);
+            }
+            if (i % 2 == 0) { // it said something else
+                ASSERT_LT(n_told, told.size());
+                const Record &r = told[n_told++];
+                EXPECT_EQ(r.channel, 7u);
+                EXPECT_EQ(r.count, n_told);
+                EXPECT_EQ(r.t, instants[i]);
+                EXPECT_EQ(number(r.payload).x, seen[i].second.a.x);
+                EXPECT_EQ(number(r.payload).y, seen[i].second.b.x);
+            }
+        }
+        EXPECT_EQ(n_told, told.size());
+    }
+    EXPECT_EQ(node_.counts().corrupt + node_.counts().refused + node_.counts().saturated, 0u);
+}
+
+TEST_F(BoardNodeTest, ParametersFromTheGroundCountFromTheNextInstantOnAndOnce)
+{
+    const auto bytes = [](double x) {
+        const Number n = {{0, QUALITY_NONE, 0}, x, -x};
+        const auto view = std::as_bytes(std::span(&n, 1));
+        return Bytes(view.begin(), view.end());
+    };
+    start();
+    node_.load(-1, 5, bytes(1));
+    node_.load(40, 5, bytes(2));
+    node_.load(50, 5, bytes(3)); // at 50 it is too late for that instant
+    node_.load(55, 5, bytes(4)); // and takes the place of the one before
+    for (const Ns until : {45, 50, 200}) {
+        node_.tick({until, {}});
+        flight.inner.y = 7; // flight's own, as no new block has come
+    }
+    const std::pair<Ns, double> expected[] = {{0, 1}, {10, 1}, {40, 1}, {50, 2}, {70, 4}, {100, 4}};
+    for (std::size_t i = 0; i < 6; i++) {
+        EXPECT_EQ(seen[i].first, expected[i].first);
+        EXPECT_EQ(seen[i].second.inner.x, expected[i].second) << seen[i].first;
+    }
+    EXPECT_EQ(seen[3].second.inner.y, -2);
+    EXPECT_EQ(seen[5].second.inner.y, -4);
+    EXPECT_THROW(node_.load(300, 4, bytes(5)), registers::Error); // no lane carries the first block
+    EXPECT_THROW(node_.load(300, 3, bytes(5)), registers::Error); // this is a message
+    EXPECT_THROW(node_.load(300, 5, Bytes(8)), registers::Error);
+}
+
+TEST_F(BoardNodeTest, AMessageThatIsNotTheNextOneIsAnError)
+{
+    start();
+    EXPECT_THROW(node_.tick({100, {{1, 2, 0, payload({})}}}), ProtocolError);
+    EXPECT_THROW(node_.tick({100, {{3, 1, 0, payload({})}}}), ProtocolError);
+}
+
+TEST_F(BoardNodeTest, FlightThatDoesNotAnswerIsAnErrorThatSaysWhen)
+{
+    start();
+    fly_ = [] {};
+    try {
+        node_.tick({60, {}});
+        FAIL();
+    } catch (const registers::Error &error) {
+        EXPECT_NE(std::string(error.what()).find("did not answer the tick at"), std::string::npos) << error.what();
+    }
+}
+
+TEST_F(BoardNodeTest, ItCannotBeginInTheMiddle)
+{
+    Initialize request;
+    request.start = 100;
+    EXPECT_THROW(node_.initialize(request), registers::Error);
+}
+
+TEST_F(BoardNodeTest, TheEndReachesTheBoard)
+{
+    start();
+    EXPECT_FALSE(register_clock_stopped(backend_.windows().data()));
+    node_.finish("");
+    EXPECT_TRUE(register_clock_stopped(backend_.windows().data()));
+}
+
+} // namespace

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cosim/node/mailbox.h"
+
+#include <algorithm>
+#include <cstring>
+
+namespace fledge::cosim {
+
+void Inbox::open(const std::vector<Channel> &wired)
+{
+    counts_.clear();
+    coming_.clear();
+    for (const Channel &channel : wired) {
+        counts_[channel.channel] = 0;
+    }
+}
+
+void Inbox::take(const std::vector<Record> &records)
+{
+    for (const Record &record : records) {
+        const auto count = counts_.find(record.channel);
+        if (count == counts_.end() || record.count != ++count->second) {
+            throw ProtocolError("message " + std::to_string(record.count) + " on channel " +
+                                std::to_string(record.channel) + " is not the next one");
+        }
+        const auto later =
+            std::find_if(coming_.rbegin(), coming_.rend(), [&](const Record &r) { return r.t <= record.t; });
+        coming_.insert(later.base(), record);
+    }
+}
+
+void Outbox::add(std::uint32_t channel, std::span<const std::byte> message)
+{
+    outputs_.push_back({channel, message, Bytes(message.begin(), message.end()), 0});
+}
+
+void Outbox::resend(std::span<const std::byte> message)
+{
+    for (Output &output : outputs_) {
+        if (output.message.data() == message.data()) {
+            output.sent.clear();
+        }
+    }
+}
+
+void Outbox::say(Ns t, std::vector<Record> &records)
+{
+    for (Output &output : outputs_) {
+        if (output.sent.size() != output.message.size() ||
+            std::memcmp(output.message.data(), output.sent.data(), output.sent.size())) {
+            output.sent.assign(output.message.begin(), output.message.end());
+            records.push_back({output.channel, ++output.count, t, make_payload(output.message)});
+        }
+    }
+}
+
+} // namespace fledge::cosim

@@ -1,0 +1,172 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cosim/node/simulation_node.h"
+
+#include "sim/text.h"
+
+#include <algorithm>
+#include <cstring>
+
+namespace fledge::cosim {
+
+namespace {
+
+/// It does nothing: its output is written from outside.
+class Still final : public sim::Model {
+public:
+    void prepare(const sim::Setup &) override {}
+    void reset(sim::Ns) override {}
+    void update(::Tick) override {}
+};
+
+std::unique_ptr<sim::Model> make_still(void *)
+{
+    return std::make_unique<Still>();
+}
+
+std::string topic_of(const sim::Instance &instance, const FledgeField &field)
+{
+    std::string topic = "/" + instance.path + "/" + field.name;
+    std::replace(topic.begin(), topic.end(), '.', '/');
+    return topic;
+}
+
+} // namespace
+
+/// An instance with one output, and the tables that describe it.
+struct SimulationNode::StandIn {
+    explicit StandIn(const FledgeStruct &message)
+    {
+        field.name = "message";
+        field.size = message.size;
+        field.type = FLEDGE_STRUCT;
+        field.group = FLEDGE_OUT;
+        field.sub = &message;
+        field.unit = "";
+        field.ctype = message.name;
+        field.doc = message.doc;
+        face.name = "StandIn";
+        face.doc = "stands for another node's output";
+        face.header = face.folder = "";
+        face.kind = FLEDGE_MODEL;
+        face.size = message.size;
+        face.align = message.align;
+        face.n = 1;
+        face.fields = &field;
+        type = {&face, make_still};
+        instance = std::make_shared<sim::Instance>(type);
+    }
+
+    FledgeField field{};
+    FledgeStruct face{};
+    sim::ModelType type{};
+    std::shared_ptr<sim::Instance> instance;
+};
+
+SimulationNode::SimulationNode(sim::Simulation &simulation, const std::string &process)
+    : simulation_(simulation), process_(simulation.process(process)), others_(simulation.add_process("others"))
+{
+}
+
+SimulationNode::~SimulationNode() = default;
+
+void SimulationNode::read(const std::string &topic, const sim::Port &to, Latency latency, Ns stale_after)
+{
+    auto &stand_in = stand_ins_[topic];
+    if (!stand_in) {
+        stand_in = std::make_unique<StandIn>(*to.field->sub);
+        std::string name = topic.substr(topic.find_first_not_of('/'));
+        std::replace(name.begin(), name.end(), '/', '_');
+        others_.add(name, stand_in->instance);
+        wants_.push_back({topic, latency, (to.field->flags & FLEDGE_OPTIONAL) != 0,
+                          make_schema(to.field->sub->name, to.field->sub->schema)});
+    }
+    Want &want = *std::find_if(wants_.begin(), wants_.end(), [&](const Want &w) { return w.topic == topic; });
+    if (want.latency != latency) {
+        throw sim::SetupError(to.path() + " reads " + topic + " at another latency than others here do");
+    }
+    want.optional = want.optional && (to.field->flags & FLEDGE_OPTIONAL);
+    simulation_.connect({stand_in->instance, &stand_in->field}, to, {0, stale_after});
+}
+
+Initialized SimulationNode::initialize(const Initialize &request)
+{
+    // Stand-ins are models, which have to step: with the process, so that no instant is added.
+    if (!stand_ins_.empty() && others_.tasks().empty() && !process_.tasks().empty()) {
+        const sim::Task &first = process_.tasks().front();
+        others_.add_task({"stand", first.period, first.offset, 0, others_.instances()});
+    }
+    simulation_.set_seed(request.seed);
+    simulation_.prepare();
+    if (request.start >= 0 && request.snapshot.empty()) {
+        simulation_.begin_after(request.start); // it joins a run
+    }
+    if (!request.snapshot.empty()) {
+        simulation_.restore(request.snapshot);
+        if (simulation_.now() > request.start || simulation_.next() <= request.start) {
+            throw sim::SetupError("its snapshot is of " + sim::format_time(simulation_.now()) +
+                                  ", but it is to begin after " + sim::format_time(request.start));
+        }
+    }
+    Initialized answer;
+    answer.saves = true;
+    for (const sim::Task &task : process_.tasks()) {
+        answer.rates.push_back({task.period, task.offset});
+    }
+    return answer;
+}
+
+std::vector<Offer> SimulationNode::match(const std::vector<Channel> &asked)
+{
+    std::vector<Offer> offers;
+    outbox_.clear();
+    for (const auto &instance : process_.instances()) {
+        for (const FledgeField &field : sim::fields(instance->type())) {
+            const auto channel = std::find_if(asked.begin(), asked.end(), [&](const Channel &c) {
+                return field.group == FLEDGE_OUT && c.topic == topic_of(*instance, field);
+            });
+            if (channel != asked.end()) {
+                const std::span<const std::byte> bytes(instance->memory() + field.offset, field.size);
+                offers.push_back(
+                    {channel->channel, make_schema(field.sub->name, field.sub->schema), make_payload(bytes)});
+                outbox_.add(channel->channel, bytes);
+            }
+        }
+    }
+    return offers;
+}
+
+/// What others told it last is in the stand-ins; what is yet to come, the controller sends anew.
+Bytes SimulationNode::save()
+{
+    return simulation_.snapshot();
+}
+
+void SimulationNode::start(const std::vector<Channel> &wired)
+{
+    inbox_.open(wired);
+    inputs_.clear();
+    for (const Channel &channel : wired) {
+        const StandIn &stand_in = *stand_ins_.at(channel.topic);
+        inputs_[channel.channel] = {{stand_in.instance->memory(), stand_in.field.size},
+                                    parse_schema(channel.schema.text)};
+    }
+}
+
+Tock SimulationNode::tick(const Tick &tick)
+{
+    inbox_.take(tick.records);
+    Tock tock;
+    tock.reached = tick.until;
+    while (simulation_.next() <= tick.until) {
+        const Ns t = simulation_.next();
+        inbox_.see(t, [this](const Record &record) {
+            const Input &input = inputs_.at(record.channel);
+            read_payload(record.payload, input.fields, input.bytes);
+        });
+        simulation_.step();
+        outbox_.say(t, tock.records);
+    }
+    return tock;
+}
+
+} // namespace fledge::cosim

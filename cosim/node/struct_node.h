@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: Apache-2.0
+// A C++ program as a node, whose messages are its own structs:
+//
+//     StructNode node({.node = "spring"}, {10 * ms, 0});
+//     node.read("/mass/state", Latency::same_instant, state);
+//     node.write("/spring/force", force, make_schema("Force", "float64[2] F  # F [N] (2) force\n"));
+//     node.run([&](Ns t) { force.F[0] = -state.x[0]; });
+//
+// A struct has the fields of its definition in their order, without padding. Before each step, what is
+// read holds what is seen at that instant; after it, what was changed is sent. A definition is needed on
+// one side only: without one here, that of the partner is taken, whose size must be that of the struct.
+// Other byte orders are turned round.
+//
+// Without a struct (an empty span) the node itself has the memory of a message, as large as the definition
+// says: message() and put() read and write it.
+#pragma once
+
+#include "cosim/node/delegate.h"
+#include "cosim/node/mailbox.h"
+
+#include <atomic>
+#include <functional>
+#include <map>
+#include <type_traits>
+
+namespace fledge::cosim {
+
+/// Functions of the program that a StructNode calls. Each may be empty.
+struct StructNodeHooks {
+    /// A topic without a struct and definition here gets this definition from the partner.
+    std::function<void(const std::string &topic, const Schema &schema)> define;
+    /// Both or neither: return all that the next steps depend on, besides the messages (nothing: there is
+    /// no snapshot now); and go on from that.
+    std::function<Bytes()> save;
+    std::function<void(std::span<const std::byte>)> restore;
+};
+
+class StructNode final : private Node {
+public:
+    /// What the config does not say is as the environment does. It steps at offset + k period.
+    StructNode(DelegateConfig config, Rate steps) : config_(std::move(config)), rates_{steps} {}
+
+    DelegateConfig &config() { return config_; } ///< before run()
+    const DelegateConfig &config() const { return config_; }
+    StructNodeHooks &hooks() { return hooks_; } ///< before run()
+
+    /// Step at these instants, too.
+    void also_step(Rate steps) { rates_.push_back(steps); }
+
+    /// Read a topic into `message`, which lives as long as the node. Throws SchemaError. The run begins
+    /// without a writer of an optional topic.
+    void read(const std::string &topic, Latency latency, std::span<std::byte> message, Schema schema = {},
+              bool optional = false);
+    /// Write a topic from `message`, which lives as long as the node. What it holds when the run begins
+    /// is its initial value. Throws SchemaError.
+    void write(const std::string &topic, std::span<std::byte> message, Schema schema = {});
+
+    template <class T>
+    requires(!std::is_convertible_v<T &, std::span<const std::byte>>) void read(const std::string &topic,
+                                                                                Latency latency, T &message,
+                                                                                Schema schema = {})
+    {
+        static_assert(std::is_trivially_copyable_v<T>);
+        read(topic, latency, std::as_writable_bytes(std::span(&message, 1)), std::move(schema));
+    }
+    template <class T>
+    requires(!std::is_convertible_v<T &, std::span<const std::byte>>) void write(const std::string &topic, T &message,
+                                                                                 Schema schema = {})
+    {
+        static_assert(std::is_trivially_copyable_v<T>);
+        write(topic, std::as_writable_bytes(std::span(&message, 1)), std::move(schema));
+    }
+
+    /// All that its steps depend on, besides the messages, is in this memory (and what else is told so), which
+    /// lives as long as the node, without pointers. With it one that was lost goes on from a snapshot, and not
+    /// by all its steps from the beginning.
+    void keep(std::span<std::byte> state) { kept_.emplace_back(state); }
+    template <class T>
+    requires(!std::is_convertible_v<T &, std::span<const std::byte>>) void keep(T &state)
+    {
+        static_assert(std::is_trivially_copyable_v<T>);
+        keep(std::as_writable_bytes(std::span(&state, 1)));
+    }
+
+    /// The message of a topic without a struct that the node reads; empty before the first one has come.
+    std::span<const std::byte> message(const std::string &topic) const;
+    /// Write a topic without a struct: this step sends it, even if it has not changed. Before the run, it is
+    /// the initial value. Throws SchemaError if its size is not that of the definition, or there is none yet.
+    void put(const std::string &topic, std::span<const std::byte> message);
+
+    /// Take part in a run, with a function that does what is due at an instant. Returns the reason of its
+    /// end, "" if it is the regular one. Throws what Delegate::serve does, and what the function throws.
+    std::string run(const std::function<void(Ns)> &step);
+
+    /// From within the step: take no further part. What this step writes is the last, and run() returns.
+    void leave() { leaving_ = true; }
+    /// From any thread or a signal handler: run() throws instead of the next step, and the run's controller
+    /// gets the reason.
+    void stop() { stopped_ = true; }
+
+    std::uint64_t seed() const { return seed_; } ///< of the run
+    Ns end() const { return end_; }              ///< of the run
+
+private:
+    struct Memory {
+        explicit Memory(std::span<std::byte> given) : bytes(given), owned(given.empty()) {}
+        void resize(std::size_t size); ///< of owned memory
+
+        std::span<std::byte> bytes;
+        bool owned;
+        Bytes own;
+    };
+    struct Input {
+        Want want;
+        Memory memory;
+    };
+    struct Output {
+        std::string topic;
+        Schema schema;
+        Memory memory; ///< only a snapshot or put() writes to it
+    };
+    struct Wired {
+        Memory *memory;
+        std::size_t size;
+        std::vector<SchemaField> fields;
+    };
+
+    Initialized initialize(const Initialize &request) override;
+    std::vector<Want> desired() override;
+    std::vector<Offer> match(const std::vector<Channel> &asked) override;
+    void start(const std::vector<Channel> &channels) override;
+    Tock tick(const Tick &tick) override;
+    Bytes save() override;
+    void go_on_from(std::span<const std::byte> snapshot);
+    std::vector<Memory *> memory();
+    Ns instant_after(Ns t) const;
+
+    DelegateConfig config_;
+    std::vector<Rate> rates_;
+    StructNodeHooks hooks_;
+    std::function<void(Ns)> step_;
+    std::vector<Input> inputs_;
+    std::vector<Output> outputs_;
+    std::map<std::uint32_t, Wired> wired_; ///< by channel
+    std::vector<Memory> kept_;
+    Inbox inbox_;
+    Outbox outbox_;
+    Ns next_ = 0, end_ = 0;
+    std::uint64_t seed_ = 0;
+    bool leaving_ = false;
+    std::atomic<bool> stopped_ = false;
+};
+
+} // namespace fledge::cosim

@@ -1,0 +1,272 @@
+// SPDX-License-Identifier: Apache-2.0
+// The wire format between controller and nodes: the five requests of the thesis' appendix C and
+// their replies, a greeting before, and a start after the matching.
+//
+//     node                                controller
+//     Hello                          -->                     on the one static address
+//                                    <--  Welcome | Refused
+//     Hello                          -->                     from here on the node's own socket
+//                                    <--  Initialize
+//     Initialized                    -->
+//                                    <--  ProvideDesired
+//     Desired                        -->
+//                                    <--  Match
+//     Matched                        -->
+//                                    <--  Start
+//     Ready                          -->
+//                                    <--  Tick               again and again
+//     Tock                           -->
+//                                    <--  Save               between ticks
+//     Saved                          -->
+//                                    <--  Match, Start       again, where programs join a run
+//     Matched, Ready                 -->
+//                                    <--  Finish
+//     Finished                       -->
+//     Failed                         -->                     instead of any reply
+//
+//     asynchronous program
+//     Hello                          -->
+//                                    <--  Attached | Refused
+//                                    <--  Published          from the broker, behind the topic's name
+//
+// All counts of messages begin at 1 with each Start.
+//
+// A frame is a header of 24 bytes and a body:
+//
+//      0  4  'F' 'L' 'C' 'S'
+//      4  1  byte order of all that follows: 1 little, 0 big (as in CDR)
+//      5  1  version of this format
+//      6  2  kind
+//      8  4  bytes of the body
+//     12  4  CRC-32 of the body (that of zlib); 0 in shared memory
+//     16  4  number of the request; a reply repeats it
+//     20  4  0
+//
+// In the body, numbers stand at multiples of their size from its start, gaps are zero. A text or a
+// list begins with its length (uint32). A frame is read whole or refused: nothing may be missing,
+// left over or out of bounds.
+#pragma once
+
+#include "cosim/protocol/schema.h"
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <variant>
+#include <vector>
+
+namespace fledge::cosim {
+
+using Ns = std::int64_t;
+using Bytes = std::vector<std::byte>;
+
+inline constexpr std::uint8_t protocol_version = 1;
+inline constexpr std::size_t frame_header_size = 24;
+
+/// What a reader accepts. The defaults are what a mission may want, not what a machine may bear.
+struct Limits {
+    std::size_t frame = std::size_t{64} << 20; ///< bytes
+    std::size_t name = 255;                    ///< bytes of a name
+    std::size_t text = std::size_t{1} << 20;   ///< bytes of a definition, reason or address
+    std::size_t items = 65536;                 ///< of a list
+};
+
+/// A frame that breaks the format. The text says where and how.
+class ProtocolError : public std::runtime_error {
+    using runtime_error::runtime_error;
+};
+
+/// When a consumer sees what a producer wrote at t.
+enum class Latency : std::uint8_t {
+    same_instant = 0,  ///< at t: the producer steps first
+    next_instant = 1,  ///< at its first instant after t: it steps first, or both at once
+    next_exchange = 2, ///< after the exchange that follows: both step at once, for a whole period
+};
+
+/// Some message, somewhere on its way.
+struct Record {
+    std::uint32_t channel = 0; ///< see Match
+    std::uint32_t count = 0;   ///< of the messages on this channel to this reader, from 1
+    Ns t = 0;                  ///< in a tock: when it was written. In a tick: from when on it is seen
+    Bytes payload;             ///< as in the archive: CDR header, then the struct in the order it tells
+    bool operator==(const Record &) const = default;
+};
+
+/// A node steps at offset + k period for each of these.
+struct Rate {
+    Ns period = 0, offset = 0;
+    bool operator==(const Rate &) const = default;
+};
+
+/// What a node would like to read.
+struct Want {
+    std::string topic; ///< "/world/nav/attitude"
+    Latency latency = Latency::same_instant;
+    bool optional = false;
+    Schema schema;
+    bool operator==(const Want &) const = default;
+};
+
+/// A topic that is spoken of by number from here on.
+struct Channel {
+    std::uint32_t channel = 0;
+    std::string topic;
+    Schema schema;
+    bool operator==(const Channel &) const = default;
+};
+
+/// A channel that a node writes, with what it holds after its reset.
+struct Offer {
+    std::uint32_t channel = 0;
+    Schema schema;
+    Bytes initial;
+    bool operator==(const Offer &) const = default;
+};
+
+/// Who greets.
+enum class Role : std::uint8_t {
+    node = 0,         ///< it steps with the others
+    asynchronous = 1, ///< it looks on, and nobody waits for it
+};
+
+struct Hello {
+    std::uint8_t oldest = protocol_version, newest = protocol_version; ///< versions that it speaks
+    std::string simulation, node;
+    Role role = Role::node;
+    bool shared = false; ///< on the node's own socket: it goes on over the shared memory
+    bool operator==(const Hello &) const = default;
+};
+struct Welcome {
+    std::string address;     ///< of the socket that the controller opened for this node
+    std::string shared = {}; ///< path of memory for it: "/proc/123/fd/7"; "" if there is none
+    std::uint64_t nonce = 0; ///< it stands in that memory too, if it is the right one
+    bool operator==(const Welcome &) const = default;
+};
+struct Refused {
+    std::string reason;
+    bool operator==(const Refused &) const = default;
+};
+struct Initialize {
+    std::uint64_t seed = 0;        ///< of the run
+    Ns end = 0;                    ///< of the run
+    Ns start = -1;                 ///< it begins after this instant; -1: with its reset
+    std::string frontend, backend; ///< of the broker for observers; "" if there is none
+    Bytes snapshot = {};           ///< what it saved at `start`, to go on from; empty: none
+    bool operator==(const Initialize &) const = default;
+};
+struct Initialized {
+    std::vector<Rate> rates;
+    bool any_time = false; ///< it may write between its instants too, and come back early
+    bool saves = false;    ///< it answers Save with a snapshot
+    bool operator==(const Initialized &) const = default;
+};
+struct ProvideDesired {
+    bool operator==(const ProvideDesired &) const = default;
+};
+struct Desired {
+    std::vector<Want> wants;
+    bool operator==(const Desired &) const = default;
+};
+struct Match {
+    std::vector<Channel> asked; ///< all that other nodes asked for
+    bool operator==(const Match &) const = default;
+};
+struct Matched {
+    std::vector<Offer> offers; ///< those of them that this node writes
+    bool operator==(const Matched &) const = default;
+};
+struct Start {
+    std::vector<Channel> wired; ///< what this node will read, in the order of its wants; optional
+                                ///< ones that nobody writes are missing
+    bool operator==(const Start &) const = default;
+};
+struct Ready {
+    bool operator==(const Ready &) const = default;
+};
+struct Tick {
+    Ns until = 0; ///< step through all instants up to and including this one
+    std::vector<Record> records;
+    bool operator==(const Tick &) const = default;
+};
+struct Tock {
+    Ns reached = 0;    ///< all instants up to and including this one are done; may be before `until`
+    Ns compute_ns = 0; ///< of wall time, spent in stepping
+    std::vector<Record> records;
+    bool leaving = false; ///< it takes no further part in the run
+    bool operator==(const Tock &) const = default;
+};
+struct Finish {
+    std::string reason; ///< "" at the regular end
+    bool operator==(const Finish &) const = default;
+};
+struct Finished {
+    bool operator==(const Finished &) const = default;
+};
+struct Failed {
+    std::string reason;
+    bool operator==(const Failed &) const = default;
+};
+
+/// The answer to an asynchronous program.
+struct Attached {
+    std::string frontend, backend; ///< of the broker: where to publish, and where to subscribe
+    std::vector<Channel> channels; ///< all topics that are known
+    bool operator==(const Attached &) const = default;
+};
+/// What the broker carries.
+struct Published {
+    Record record;    ///< t: when it was written
+    std::string node; ///< that wrote it
+    bool operator==(const Published &) const = default;
+};
+struct Save {
+    Ns time = 0; ///< which it has reached
+    bool operator==(const Save &) const = default;
+};
+struct Saved {
+    Bytes snapshot; ///< with which another program of this name goes on from there; empty: it cannot
+    bool operator==(const Saved &) const = default;
+};
+
+/// In the order of their kinds, from 1.
+using Message = std::variant<Hello, Welcome, Refused, Initialize, Initialized, ProvideDesired, Desired, Match, Matched,
+                             Start, Ready, Tick, Tock, Finish, Finished, Failed, Attached, Published, Save, Saved>;
+
+/// "Tock", for messages to people; by place in Message.
+const char *kind_name(std::size_t index);
+inline const char *kind_name(const Message &message)
+{
+    return kind_name(message.index());
+}
+
+struct Frame {
+    std::uint32_t number = 0;
+    Message message;
+    bool operator==(const Frame &) const = default;
+};
+
+enum class Order : std::uint8_t { big = 0, little = 1 };
+Order native_order();
+
+/// Whether a frame carries a checksum: not where it never leaves the machine's memory.
+enum class Sum { zero, crc };
+
+/// The bytes of a frame, in place of what `out` holds (its room is used again). The other byte order
+/// than the machine's serves tests. Throws ProtocolError if the body exceeds 4 GiB.
+void encode(const Frame &frame, Bytes &out, Order order = native_order(), Sum sum = Sum::crc);
+Bytes encode(const Frame &frame, Order order = native_order());
+
+/// Throws ProtocolError.
+Frame decode(std::span<const std::byte> bytes, const Limits &limits = {}, Sum sum = Sum::crc);
+
+/// A payload from a struct in the machine's order.
+Bytes make_payload(std::span<const std::byte> message);
+
+/// The struct in a payload, turned to the machine's order if need be, into `message`.
+/// Throws ProtocolError if the sizes differ or the CDR header is none.
+void read_payload(std::span<const std::byte> payload, std::span<const SchemaField> fields,
+                  std::span<std::byte> message);
+
+} // namespace fledge::cosim

@@ -1,0 +1,254 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cosim/protocol/testing/frames.h"
+
+#include <gtest/gtest.h>
+
+namespace fledge::cosim {
+namespace {
+
+using namespace testing;
+
+std::string why(std::span<const std::byte> bytes, const Limits &limits = {})
+{
+    try {
+        decode(bytes, limits);
+    } catch (const ProtocolError &error) {
+        return error.what();
+    }
+    return "";
+}
+
+TEST(Protocol, EveryMessageIsReadAsItWasWrittenInBothByteOrders)
+{
+    const auto frames = one_of_each();
+    ASSERT_EQ(frames.size(), std::variant_size_v<Message>);
+    for (std::size_t i = 0; i < frames.size(); i++) {
+        EXPECT_EQ(frames[i].message.index(), i);
+        for (const Order order : {Order::little, Order::big}) {
+            EXPECT_EQ(decode(encode(frames[i], order)), frames[i]) << kind_name(frames[i].message);
+        }
+    }
+}
+
+TEST(Protocol, AFrameLiesInMemoryAsTheHeaderSays)
+{
+    const Bytes b = encode({258, Tock{1, 2, {{5, 6, 3, make_payload(filled(8))}}, true}}, Order::big);
+    const unsigned char expected[] = {
+        'F', 'L', 'C', 'S', 0, 1, 0, 13, 0, 0, 0, 56, 0, 0, 0, 0, 0, 0, 1, 2, 0, 0, 0, 0, // header, crc left out
+        0,   0,   0,   0,   0, 0, 0, 1,  0, 0, 0, 0,  0, 0, 0, 2,                         // reached, compute
+        1,   0,   0,   0,   0, 0, 0, 1,  0, 0, 0, 0,  0, 0, 0, 3,                         // leaving; one record; its t
+        0,   0,   0,   5,   0, 0, 0, 6,  0, 0, 0, 12};                                    // channel, count, length
+    ASSERT_EQ(b.size(), frame_header_size + 56);
+    for (std::size_t i = 0; i < sizeof expected; i++) {
+        if (i < 12 || i >= 16) {
+            EXPECT_EQ(std::to_integer<int>(b[i]), expected[i]) << "byte " << i;
+        }
+    }
+    // The struct begins at a multiple of 8, behind the CDR header.
+    EXPECT_EQ(std::to_integer<int>(b[frame_header_size + 48]), 1);
+}
+
+TEST(Protocol, EveryTruncationAndEveryTurnedBitIsRefused)
+{
+    for (const Frame &frame : one_of_each()) {
+        const Bytes whole = encode(frame);
+        for (std::size_t n = 0; n < whole.size(); n++) {
+            EXPECT_NE(why({whole.data(), n}), "") << kind_name(frame.message) << " cut to " << n;
+        }
+        for (std::size_t bit = 0; bit < 8 * whole.size(); bit++) {
+            if (bit / 8 >= 16 && bit / 8 < 20) {
+                continue; // the number may be any
+            }
+            Bytes turned = whole;
+            turned[bit / 8] ^= static_cast<std::byte>(1 << bit % 8);
+            // A turned kind may be that of a message with the same body; nothing else passes.
+            if (bit / 8 != 6 && bit / 8 != 7) {
+                EXPECT_NE(why(turned), "") << kind_name(frame.message) << " bit " << bit;
+            }
+        }
+    }
+}
+
+TEST(Protocol, WhatIsWrittenIsTheOnlyWayToWriteIt)
+{
+    // Bodies are changed at random and sealed anew: whatever is still read is written as the same bytes.
+    std::mt19937 random(4);
+    std::size_t read = 0, refused = 0;
+    const auto frames = one_of_each();
+    for (int i = 0; i < 200'000; i++) {
+        Bytes b = encode(frames[random() % frames.size()]);
+        change(b, random);
+        try {
+            const Frame frame = decode(b);
+            EXPECT_EQ(encode(frame), b);
+            read++;
+        } catch (const ProtocolError &) {
+            refused++;
+        }
+    }
+    EXPECT_GT(read, 10'000u);
+    EXPECT_GT(refused, 10'000u);
+}
+
+TEST(Protocol, ARefusalSaysWhereAndWhy)
+{
+    Bytes b = encode({1, Hello{1, 1, "spin", "flight"}});
+    EXPECT_EQ(why({}), "this is no frame of a co-simulation");
+    b[5] = std::byte{9};
+    EXPECT_EQ(why(b), "version 9 of the format, while this program speaks version 1");
+    b[5] = std::byte{1};
+    b.back() = std::byte{0};
+    EXPECT_EQ(why(b), "the checksum of the body is wrong");
+    seal(b);
+    EXPECT_EQ(why(b), "Hello: byte 22 of the body: a text holds a zero byte");
+    b.push_back(std::byte{1});
+    EXPECT_EQ(why(b), "a body of 23 bytes, while the header says 22");
+    Limits limits;
+    limits.name = 5;
+    EXPECT_EQ(why(encode({1, Hello{1, 1, "spin", "flight"}}), limits),
+              "Hello: byte 16 of the body: a length of 6; 5 is the most");
+    limits.frame = 40;
+    EXPECT_EQ(why(encode({1, Hello{1, 1, "spin", "flight"}}), limits), "a frame of 46 bytes; 40 are the most");
+    Bytes wrong = encode({1, Desired{{{"/a", Latency::same_instant, false, {}}}}});
+    wrong[frame_header_size + 10] = std::byte{7};
+    seal(wrong);
+    EXPECT_EQ(why(wrong), "Desired: byte 11 of the body: there is no latency 7");
+    wrong = encode({1, Hello{1, 1, "spin", "flight"}});
+    wrong[frame_header_size + 2] = std::byte{2};
+    seal(wrong);
+    EXPECT_EQ(why(wrong), "Hello: byte 3 of the body: there is no role 2");
+}
+
+TEST(Protocol, AListMakesNoMoreRoomThanWasSent)
+{
+    Bytes b = encode({1, Match{}});
+    const std::uint32_t many = 65536;
+    std::memcpy(b.data() + frame_header_size, &many, 4);
+    seal(b);
+    EXPECT_EQ(why(b), "Match: byte 4 of the body: a list of 65536 items does not fit into what is left");
+}
+
+TEST(Protocol, APayloadOfTheOtherByteOrderIsTurnedRound)
+{
+    struct {
+        std::int64_t t = -7;
+        std::uint32_t quality = 3, sequence = 9;
+        double sigma[3] = {0.1, -0.2, 0.3}, p[9] = {1, 2, 3, 4, 5, 6, 7, 8, 9.5};
+        std::int32_t mode = -1;
+        float x = 1.25f;
+    } sent, got;
+    const auto fields = parse_schema(error_text);
+    const auto bytes_of = [](auto &s) { return std::as_writable_bytes(std::span(&s, 1)); };
+    Bytes payload = make_payload(bytes_of(sent));
+    EXPECT_EQ(payload.size(), 4 + error_schema().size);
+    got = {};
+    got.x = 0;
+    read_payload(payload, fields, bytes_of(got));
+    EXPECT_EQ(std::memcmp(&sent, &got, sizeof sent), 0);
+
+    payload[1] ^= std::byte{1};
+    const auto number = [&](std::size_t at, std::size_t n) { std::reverse(&payload[4 + at], &payload[4 + at] + n); };
+    number(0, 8);
+    number(8, 4);
+    number(12, 4);
+    for (std::size_t i = 0; i < 12; i++) {
+        number(16 + 8 * i, 8);
+    }
+    number(112, 4);
+    number(116, 4);
+    got.x = 0;
+    read_payload(payload, fields, bytes_of(got));
+    EXPECT_EQ(std::memcmp(&sent, &got, sizeof sent), 0);
+
+    payload[0] = std::byte{1};
+    EXPECT_THROW(read_payload(payload, fields, bytes_of(got)), ProtocolError);
+    payload.pop_back();
+    EXPECT_THROW(read_payload(payload, fields, bytes_of(got)), ProtocolError);
+}
+
+TEST(Schema, IsReadWithTrueNamesUnitsAndShapes)
+{
+    const auto fields = parse_schema(error_text);
+    ASSERT_EQ(fields.size(), 7u);
+    EXPECT_EQ(fields[0], (SchemaField{"head.t", "int64", "ns", "", 0, 8, 1}));
+    EXPECT_EQ(fields[3], (SchemaField{"sigma_BR", "float64", "-", "3", 16, 8, 3}));
+    EXPECT_EQ(fields[4], (SchemaField{"P", "float64", "N m s", "3, 3", 40, 8, 9}));
+    EXPECT_EQ(fields[6], (SchemaField{"x", "float32", "m", "", 116, 4, 1}));
+    EXPECT_EQ(error_schema().size, 120u);
+}
+
+TEST(Schema, ADifferenceNamesTheField)
+{
+    const Schema offered = error_schema();
+    const auto changed = [&](const std::string &from, const std::string &to) {
+        std::string text = error_text;
+        const auto at = text.find(from);
+        EXPECT_NE(at, std::string::npos);
+        return schema_difference(offered, make_schema("AttError", text.replace(at, from.size(), to)));
+    };
+    EXPECT_EQ(schema_difference(offered, offered), "");
+    EXPECT_EQ(schema_difference(offered, {}), "");
+    EXPECT_EQ(changed("attitude error", "the same in other words"), "");
+    EXPECT_EQ(changed("[m]", "[km]"), "field x is float32 [m] where it is offered and float32 [km] where it is wanted");
+    EXPECT_EQ(changed("float32 x", "uint32 x"),
+              "field x is float32 [m] where it is offered and uint32 [m] where it is wanted");
+    EXPECT_EQ(changed("(3, 3)", "(9)"),
+              "field P is float64 (3, 3) [N m s] where it is offered and float64 (9) [N m s] where it is wanted");
+    EXPECT_EQ(changed("float32 x  # x [m]\n", ""), "field x is not there where it is wanted");
+    EXPECT_EQ(changed("float32 x  # x [m]\n", "float32 x  # x [m]\nfloat64 y\n"),
+              "field y is not there where it is offered");
+    EXPECT_EQ(
+        changed("int32 mode  # mode {OFF=0, ON=1}\nfloat32 x  # x [m]\n", "float32 x  # x [m]\nint32 mode  # mode\n"),
+        "field x is at another place where it is offered");
+    EXPECT_EQ(schema_difference(offered, make_schema("Other", error_text)),
+              "it is a AttError where it is offered and a Other where it is wanted");
+}
+
+TEST(Schema, ABadDefinitionIsRefusedWithItsLine)
+{
+    const auto refusal = [](const std::string &text) -> std::string {
+        try {
+            parse_schema(text);
+        } catch (const SchemaError &error) {
+            return error.what();
+        }
+        return "";
+    };
+    EXPECT_EQ(refusal(""), "the definition has no fields");
+    EXPECT_EQ(refusal("int32 a\nfloat64 b\n"), "line 2: padding would be needed before this field, found \"b\"");
+    EXPECT_EQ(refusal("string s\n"), "line 1: this type is not of fixed size or not defined here, found \"string\"");
+    EXPECT_EQ(refusal("int32[] a\n"), "line 1: expected an array of fixed size, found \"int32[] a\"");
+    EXPECT_EQ(refusal("int32[0] a\n"), "line 1: expected an array of fixed size, found \"int32[0] a\"");
+    EXPECT_EQ(refusal("int32 a b\n"), "line 1: expected \"<type> <name>\" of fixed size, found \"int32 a b\"");
+    EXPECT_EQ(refusal("int8 a\nint8 a\n"), "line 2: this name is there twice, found \"a\"");
+    EXPECT_EQ(refusal("float64[4000000000] a\n"), "line 1: the message is too large, found \"a\"");
+    const std::string rule(80, '=');
+    EXPECT_EQ(refusal("p/A a\n" + rule + "\nMSG: p/A\np/A a\n"),
+              "line 4: types are nested too deeply, or contain themselves, found \"p/A\"");
+    EXPECT_EQ(refusal("p/A[4000000000] a\n" + rule + "\nMSG: p/A\n"), "line 1: this type has no fields, found \"p/A\"");
+    EXPECT_EQ(refusal("p/A[4000000000] a\n" + rule + "\nMSG: p/A\nint8 x\n"),
+              "line 4: the message is too large, found \"a[65536].x\"");
+    EXPECT_EQ(refusal(rule + "\nnonsense\n"), "line 2: expected \"MSG: <a new type>\", found \"nonsense\"");
+}
+
+TEST(Schema, NoTextBreaksTheReader)
+{
+    std::mt19937 random(6);
+    std::size_t read = 0;
+    for (int i = 0; i < 30'000; i++) {
+        const std::string text = change(i % 2 ? error_text : rich_text, random);
+        try {
+            const auto fields = parse_schema(text);
+            EXPECT_EQ(fields.front().offset, 0u);
+            for (std::size_t k = 1; k < fields.size(); k++) {
+                EXPECT_EQ(fields[k].offset, fields[k - 1].offset + fields[k - 1].item * fields[k - 1].count);
+            }
+            read++;
+        } catch (const SchemaError &) {
+        }
+    }
+    EXPECT_GT(read, 1000u);
+}
+
+} // namespace
+} // namespace fledge::cosim

@@ -1,0 +1,358 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cosim/router/broker.h"
+
+#include <algorithm>
+#include <cstring>
+#include <sys/resource.h>
+#include <unistd.h>
+#include <utility>
+
+namespace fledge::cosim {
+
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr auto shortest = 1ms, longest = 20ms; ///< between two looks at the ring
+constexpr auto patience_at_the_end = 500ms;
+constexpr int background = 10;                          ///< niceness of the thread
+constexpr int most_entries = 4096, most_messages = 256; ///< in one look
+constexpr std::int64_t longest_subscription = 4096;
+constexpr std::size_t most_written = 1024, most_said = 20;
+constexpr const char *finish_topic = "finish";
+
+std::string bind(zmq::socket_t &socket, const std::string &address, const char *what)
+{
+    try {
+        socket.bind(address);
+    } catch (const zmq::error_t &error) {
+        throw LinkError(std::string("cannot listen at ") + address + " for " + what + ": " + error.what());
+    }
+    return socket.get(zmq::sockopt::last_endpoint);
+}
+
+} // namespace
+
+Broker::Broker(zmq::context_t &context, BrokerConfig config, Gate *gate)
+    : config_(std::move(config)), gate_(gate), frontend_(context, zmq::socket_type::xsub),
+      backend_(context, zmq::socket_type::xpub), ring_(config_.room)
+{
+    for (zmq::socket_t *socket : {&frontend_, &backend_}) {
+        set_up(*socket, config_.limits);
+        if (gate_) {
+            gate_->guard(*socket);
+        }
+    }
+    backend_.set(zmq::sockopt::maxmsgsize, longest_subscription); // nothing else comes in there
+    backend_.set(zmq::sockopt::sndhwm, config_.waiting);
+    backend_.set(zmq::sockopt::xpub_verbose, true);
+    frontend_address_ = bind(frontend_, config_.frontend, "what asynchronous programs publish");
+    backend_address_ = bind(backend_, config_.backend, "those who watch");
+    frontend_.send(zmq::buffer("\1", 1), zmq::send_flags::none); // all topics, also of those who come later
+    thread_ = std::thread([this] { serve(); });
+}
+
+Broker::~Broker()
+{
+    for (int n = 0; (end_is_late_ || !late_.empty()) && n < 200; n++) {
+        std::this_thread::sleep_for(shortest);
+        hand_on_late();
+    }
+    stop_ = true;
+    thread_.join();
+}
+
+// ---- on the Router's thread
+
+void Broker::began(const Exchange &exchange)
+{
+    topics_.clear();
+    for (std::uint32_t channel = 0; channel < exchange.topics.size(); channel++) {
+        const Exchange::Topic &topic = exchange.topics[channel];
+        topics_.push_back(topic.name);
+        if (!topic.initial.empty()) {
+            hand_on_or_keep(topic.name, topic.writer, {channel, 0, exchange.after, topic.initial});
+        }
+    }
+}
+
+void Broker::wrote(const std::string &node, const std::vector<Record> &records)
+{
+    if (!late_.empty()) {
+        hand_on_late();
+    }
+    for (const Record &record : records) {
+        hand_on_or_keep(topics_[record.channel], node, record);
+    }
+    published_.fetch_add(records.size(), std::memory_order_relaxed);
+}
+
+void Broker::ended(const std::string &reason)
+{
+    end_ = reason;
+    end_is_late_ = true;
+    hand_on_late();
+}
+
+void Broker::hand_on_or_keep(const std::string &topic, const std::string &node, const Record &record)
+{
+    if ((late_.empty() || !late_.contains(topic)) && hand_on(Kind::record, topic, node, record)) {
+        return;
+    }
+    if (sizeof(Head) + topic.size() + node.size() + record.payload.size() > ring_.largest()) {
+        dropped_.fetch_add(1, std::memory_order_relaxed); // there never will be room
+        return;
+    }
+    const bool first = late_.insert_or_assign(topic, Published{record, node}).second;
+    dropped_.fetch_add(!first, std::memory_order_relaxed);
+}
+
+void Broker::hand_on_late()
+{
+    for (auto it = late_.begin(); it != late_.end(); it = late_.erase(it)) {
+        if (!hand_on(Kind::record, it->first, it->second.node, it->second.record)) {
+            return;
+        }
+    }
+    if (end_is_late_) {
+        end_is_late_ = !hand_on(Kind::finish, end_.substr(0, config_.limits.text), "", {});
+    }
+}
+
+bool Broker::hand_on(Kind kind, const std::string &topic, const std::string &node, const Record &record)
+{
+    std::byte *at = ring_.claim(sizeof(Head) + topic.size() + node.size() + record.payload.size());
+    if (!at) {
+        return false;
+    }
+    const Head head{kind,
+                    record.channel,
+                    record.count,
+                    static_cast<std::uint32_t>(topic.size()),
+                    static_cast<std::uint32_t>(node.size()),
+                    0,
+                    record.payload.size(),
+                    record.t};
+    const auto put = [&](const void *from, std::size_t n) {
+        if (n) {
+            std::memcpy(at, from, n);
+            at += n;
+        }
+    };
+    put(&head, sizeof head);
+    put(topic.data(), topic.size());
+    put(node.data(), node.size());
+    put(record.payload.data(), record.payload.size());
+    ring_.commit();
+    return true;
+}
+
+std::vector<Broker::Written> Broker::take()
+{
+    const std::lock_guard lock(mutex_);
+    heard_ = false;
+    inbox_bytes_ = 0;
+    return std::exchange(inbox_, {});
+}
+
+std::vector<std::string> Broker::take_reports()
+{
+    const std::lock_guard lock(mutex_);
+    return std::exchange(reports_, {});
+}
+
+BrokerCounts Broker::counts() const
+{
+    return {published_, dropped_, received_, refused_};
+}
+
+// ---- on the broker's thread
+
+void Broker::serve()
+{
+    // Where processors are few, the run goes first.
+    setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), background);
+    zmq::pollitem_t items[] = {{frontend_.handle(), 0, ZMQ_POLLIN, 0}, {backend_.handle(), 0, ZMQ_POLLIN, 0}};
+    std::optional<std::chrono::steady_clock::time_point> stopped_at;
+    for (auto pause = shortest;;) {
+        try {
+            const bool stop = stop_; // before the ring is looked at: what was written before comes out
+            hear_subscriptions();
+            bool busy = hear_programs();
+            busy = drain() || busy;
+            const bool told = tell_end();
+            if (stop && !stopped_at) {
+                stopped_at = std::chrono::steady_clock::now();
+            }
+            if (!busy && stop && (told || std::chrono::steady_clock::now() - *stopped_at >= patience_at_the_end)) {
+                return;
+            }
+            pause = busy ? shortest : std::min(2 * pause, std::chrono::milliseconds(longest));
+            poll(items, busy ? 0ms : pause);
+            if (busy) {
+                std::this_thread::sleep_for(shortest); // in batches: the processor is for the run
+            }
+        } catch (const zmq::error_t &error) {
+            if (error.num() == ETERM) {
+                return;
+            }
+        }
+    }
+}
+
+bool Broker::drain()
+{
+    int n = 0;
+    for (; n < most_entries; n++) {
+        const auto entry = ring_.front();
+        if (!entry.data()) {
+            break;
+        }
+        publish(entry);
+        ring_.pop();
+    }
+    return n > 0;
+}
+
+void Broker::publish(std::span<const std::byte> entry)
+{
+    Head head;
+    std::memcpy(&head, entry.data(), sizeof head);
+    const char *text = reinterpret_cast<const char *>(entry.data()) + sizeof head;
+    const std::string topic(text, head.topic);
+    if (head.kind == Kind::finish) {
+        over_ = Finish{topic};
+        return send(finish_topic, *over_);
+    }
+    Last &last = last_[topic];
+    last.published.node.assign(text + head.topic, head.node);
+    Record &record = last.published.record;
+    record.channel = head.channel;
+    record.count = head.count;
+    record.t = head.t;
+    const auto payload = entry.subspan(sizeof head + head.topic + head.node);
+    record.payload.assign(payload.begin(), payload.end());
+    if (wanted(topic, last)) {
+        send(topic, last.published);
+    }
+}
+
+void Broker::send(const std::string &topic, const Message &message)
+{
+    encode({0, message}, frame_);
+    // To those who take no more, libzmq drops it whole.
+    (void)backend_.send(zmq::buffer(topic), zmq::send_flags::sndmore | zmq::send_flags::dontwait);
+    (void)backend_.send(zmq::buffer(frame_), zmq::send_flags::dontwait);
+}
+
+/// Whether all that asked for it have heard of the end; some have still to take what came before.
+bool Broker::tell_end()
+{
+    if (over_ && subscribed_.contains(finish_topic)) {
+        send(finish_topic, *over_);
+        return false;
+    }
+    return true;
+}
+
+bool Broker::wanted(const std::string &topic, Last &last)
+{
+    if (last.looked != subscriptions_) {
+        last.looked = subscriptions_;
+        last.wanted = std::any_of(subscribed_.begin(), subscribed_.end(),
+                                  [&](const std::string &prefix) { return topic.starts_with(prefix); });
+    }
+    return last.wanted;
+}
+
+void Broker::hear_subscriptions()
+{
+    zmq::message_t message;
+    for (int n = 0; n < most_messages && backend_.recv(message, zmq::recv_flags::dontwait); n++) {
+        const std::string_view text = message.to_string_view();
+        if (text.empty() || text[0] > 1 || text[0] < 0) {
+            refused_++; // subscribers have nothing else to say
+            continue;
+        }
+        const std::string prefix(text.substr(1));
+        if (text[0] == 0) {
+            subscribed_.erase(prefix);
+            subscriptions_++;
+            continue;
+        }
+        if (subscribed_.insert(prefix).second) {
+            subscriptions_++;
+        }
+        for (auto it = last_.lower_bound(prefix); it != last_.end() && it->first.starts_with(prefix); ++it) {
+            send(it->first, it->second.published);
+        }
+    }
+}
+
+bool Broker::hear_programs()
+{
+    int n = 0;
+    for (zmq::message_t part; n < most_messages && frontend_.recv(part, zmq::recv_flags::dontwait); n++) {
+        std::vector<zmq::message_t> parts;
+        std::size_t count = 1;
+        bool more = part.more();
+        parts.push_back(std::move(part));
+        for (part.rebuild(); more && frontend_.recv(part, zmq::recv_flags::dontwait); part.rebuild()) {
+            more = part.more();
+            if (++count <= 2) {
+                parts.push_back(std::move(part));
+            }
+        }
+        Written written;
+        const std::string why =
+            count == 2 ? read(parts, written) : "a message of " + std::to_string(count) + " parts, not 2";
+        if (!why.empty()) {
+            refuse(why);
+            continue;
+        }
+        received_++;
+        const std::lock_guard lock(mutex_);
+        inbox_bytes_ += written.payload.size();
+        inbox_.push_back(std::move(written));
+        heard_ = true;
+    }
+    return n > 0;
+}
+
+/// Why it is refused; "" if it is not.
+std::string Broker::read(std::vector<zmq::message_t> &parts, Written &written)
+{
+    if (parts[0].size() > config_.limits.name) {
+        return "a topic's name of " + std::to_string(parts[0].size()) + " bytes";
+    }
+    written.topic = parts[0].to_string();
+    try {
+        Frame frame = decode({parts[1].data<std::byte>(), parts[1].size()}, config_.limits);
+        auto *published = std::get_if<Published>(&frame.message);
+        if (!published) {
+            return std::string("expected Published, found ") + kind_name(frame.message);
+        }
+        written.program = std::move(published->node);
+        written.payload = std::move(published->record.payload);
+    } catch (const ProtocolError &error) {
+        return error.what();
+    }
+    if (gate_ && !config_.frontend.starts_with("inproc://") && !gate_->may_speak_as(parts[1], written.program)) {
+        return "the key " + gate_->name_of(parts[1]) + " is not allowed to speak as " + written.program;
+    }
+    const std::lock_guard lock(mutex_);
+    return inbox_.size() >= most_written || inbox_bytes_ + written.payload.size() > config_.limits.frame
+               ? written.program + " writes faster than the run can take it"
+               : "";
+}
+
+void Broker::refuse(const std::string &why)
+{
+    refused_++;
+    const std::lock_guard lock(mutex_);
+    if (said_.size() < most_said && said_.insert(why).second) {
+        reports_.push_back("what came to the broker was refused: " + why);
+    }
+}
+
+} // namespace fledge::cosim

@@ -1,0 +1,597 @@
+// SPDX-License-Identifier: Apache-2.0
+// Those who watch and those who write from outside, on real sockets around a real run.
+#include "cosim/node/observer.h"
+#include "cosim/router/testing/nodes.h"
+
+#include <gtest/gtest.h>
+
+#include <condition_variable>
+#include <future>
+#include <random>
+
+namespace fledge::cosim {
+namespace {
+
+using namespace std::chrono_literals;
+using namespace testing_nodes;
+
+TEST(ByteRing, WhatGoesInComesOutInOrderAndWholeOnTwoThreads)
+{
+    ByteRing ring(4096);
+    EXPECT_EQ(ring.claim(ring.largest() + 1), nullptr);
+    EXPECT_FALSE(ring.front().data());
+    constexpr int n = 200'000;
+    std::thread writer([&] {
+        std::mt19937 random(1);
+        for (int i = 0; i < n;) {
+            const std::size_t size = random() % (i % 100 ? 60 : ring.largest() + 1);
+            std::byte *at = nullptr;
+            while (!(at = ring.claim(size))) {
+                std::this_thread::yield();
+            }
+            std::memset(at, i & 0xff, size);
+            ring.commit();
+            i++;
+        }
+    });
+    std::mt19937 random(1);
+    int wrong = 0;
+    for (int i = 0; i < n; i++) {
+        const std::size_t size = random() % (i % 100 ? 60 : ring.largest() + 1);
+        std::span<const std::byte> entry;
+        while (!(entry = ring.front()).data()) {
+            std::this_thread::yield();
+        }
+        const auto byte = static_cast<std::byte>(i & 0xff);
+        wrong += entry.size() != size || (size && (entry.front() != byte || entry.back() != byte));
+        ring.pop();
+    }
+    writer.join();
+    EXPECT_EQ(wrong, 0);
+    EXPECT_FALSE(ring.front().data());
+}
+
+Bytes published_by(const std::string &node, const Bytes &payload)
+{
+    Frame frame{0, Published{}};
+    std::get<Published>(frame.message).node = node;
+    std::get<Published>(frame.message).record.payload = payload;
+    return encode(frame);
+}
+
+/// A run of a and b, which count together, that goes on only as far as it is let.
+class Watched {
+public:
+    explicit Watched(const std::string &transport, Ns end = 1000, const std::string &keys = "",
+                     std::vector<std::string> more_wants = {})
+        : router(context, configured(end), router_config(transport, keys)),
+          a("/b/n", "/a/n", Latency::next_instant, this), b("/a/n", "/b/n", Latency::same_instant, this)
+    {
+        a.more_wants = std::move(more_wants);
+        run = std::async(std::launch::async, [this] { return router.run([this] { return !stop; }); });
+        serve_a = std::async(std::launch::async, [this, keys] { return serve(nodes, router.address(), "a", a, keys); });
+        serve_b = std::async(std::launch::async, [this, keys] { return serve(nodes, router.address(), "b", b, keys); });
+    }
+    ~Watched()
+    {
+        stop = true;
+        let(for_ever);
+        for (auto *future : {&run, &serve_a, &serve_b}) {
+            if (future->valid()) {
+                future->wait();
+            }
+        }
+    }
+
+    static ControllerConfig configured(Ns end)
+    {
+        ControllerConfig config = config_of({{"a", Policy::abort}, {"b", Policy::abort}}, end);
+        config.asynchronous = {{"ground", {}}};
+        config.batch = 1;
+        return config;
+    }
+    RouterConfig router_config(const std::string &transport, const std::string &keys)
+    {
+        static std::atomic<int> count{0};
+        const std::string name = "fledge-broker-" + std::to_string(getpid()) + "-" + std::to_string(count++);
+        RouterConfig config;
+        config.broker = true;
+        config.keys = keys;
+        config.address = transport == "tcp" ? "tcp://127.0.0.1:*" : "ipc://@" + name;
+        config.report = [this](const std::string &text) {
+            const std::lock_guard lock(mutex);
+            reports += text + "\n";
+        };
+        return config;
+    }
+
+    /// Let the nodes step up to and including t.
+    void let(Ns t)
+    {
+        const std::lock_guard lock(mutex);
+        limit = std::max(limit, t);
+        moved.notify_all();
+    }
+
+    ObserverConfig observer(const std::string &name, const std::string &keys = "") const
+    {
+        ObserverConfig config;
+        config.simulation = "test";
+        config.name = name;
+        config.address = router.address();
+        config.patience = 20s;
+        config.keys = keys;
+        return config;
+    }
+
+    bool said(const std::string &text)
+    {
+        for (int i = 0; i < 1000; i++) {
+            {
+                const std::lock_guard lock(mutex);
+                if (reports.find(text) != reports.npos) {
+                    return true;
+                }
+            }
+            std::this_thread::sleep_for(10ms);
+        }
+        return false;
+    }
+
+    /// The counter of the other tests, which waits, and may read more.
+    struct Waiting : Counter {
+        Waiting(std::string reads, std::string writes, Latency latency, Watched *its_owner)
+            : Counter(std::move(reads), std::move(writes), latency), owner(its_owner)
+        {
+        }
+        std::vector<Want> desired() override
+        {
+            auto wants = Counter::desired();
+            for (const std::string &topic : more_wants) {
+                wants.push_back({topic, Latency::same_instant, false, make_schema("Word", word_text)});
+            }
+            return wants;
+        }
+        void start(const std::vector<Channel> &channels) override
+        {
+            Counter::start(channels);
+            for (const Channel &channel : channels) {
+                topics[channel.channel] = channel.topic;
+            }
+        }
+        Tock tick(const Tick &tick) override
+        {
+            Tick mine{tick.until, {}};
+            for (const Record &record : tick.records) {
+                if (topics[record.channel].starts_with("/ground/")) {
+                    commands.push_back({record.t, word_of(record.payload)});
+                } else {
+                    mine.records.push_back(record);
+                }
+            }
+            return Counter::tick(mine);
+        }
+        void before_step(Ns t) override
+        {
+            std::unique_lock lock(owner->mutex);
+            owner->moved.wait(lock, [&] { return owner->limit >= t; });
+        }
+
+        Watched *owner;
+        std::vector<std::string> more_wants;
+        std::map<std::uint32_t, std::string> topics;
+        std::vector<std::pair<Ns, std::uint64_t>> commands; ///< and when they were seen
+    };
+
+    zmq::context_t context, nodes;
+    std::mutex mutex;
+    std::condition_variable moved;
+    Ns limit = -1;
+    std::string reports;
+    std::atomic<bool> stop{false};
+    Router router;
+    Waiting a, b;
+    std::future<std::string> run, serve_a, serve_b;
+};
+
+class Broadcast : public testing::TestWithParam<const char *> {};
+
+TEST_P(Broadcast, WhoWatchesFromTheBeginningSeesAllInOrder)
+{
+    Watched run(GetParam());
+    zmq::context_t context;
+    Observer observer(context, run.observer("viewer"));
+    EXPECT_EQ(observer.topics().size(), 2u);
+    EXPECT_EQ(observer.schema("/a/n"), make_schema("Word", word_text));
+    EXPECT_THROW(observer.schema("/c/n"), LinkError);
+    observer.subscribe("/a/");
+    auto first = observer.next(20s);
+    ASSERT_TRUE(first);
+    EXPECT_EQ(first->count, 0u); // the initial value, before any step
+    EXPECT_EQ(first->t, -1);
+    run.let(for_ever);
+    for (std::uint32_t k = 1; k <= 101; k++) {
+        const auto seen = observer.next(20s);
+        ASSERT_TRUE(seen) << k;
+        EXPECT_EQ(seen->topic, "/a/n");
+        EXPECT_EQ(seen->node, "a");
+        EXPECT_EQ(seen->count, k);
+        EXPECT_EQ(seen->t, 10 * (k - 1));
+        EXPECT_EQ(word_of(seen->payload), 2 * k - 1);
+        EXPECT_EQ(seen->missed, 0u);
+    }
+    EXPECT_FALSE(observer.next(20s));
+    EXPECT_TRUE(observer.over());
+    EXPECT_EQ(observer.reason(), "");
+    EXPECT_EQ(observer.missed(), 0u);
+    EXPECT_EQ(run.run.get(), "");
+}
+
+TEST_P(Broadcast, WhoComesLateGetsTheLastOfEachTopicAtOnce)
+{
+    Watched run(GetParam());
+    zmq::context_t context;
+    run.let(500);
+    Observer first(context, run.observer("viewer"));
+    first.subscribe("");
+    while (true) {
+        const auto seen = first.next(20s);
+        ASSERT_TRUE(seen);
+        if (seen->topic == "/b/n" && seen->t == 500) {
+            break;
+        }
+    }
+    Observer late(context, run.observer("another"));
+    late.subscribe("/");
+    std::map<std::string, Observed> got;
+    for (int i = 0; i < 2; i++) {
+        const auto seen = late.next(20s);
+        ASSERT_TRUE(seen);
+        got[seen->topic] = *seen;
+    }
+    EXPECT_EQ(got.at("/a/n").t, 500);
+    EXPECT_EQ(got.at("/a/n").count, 51u);
+    EXPECT_EQ(got.at("/a/n").missed, 0u); // what was before it came is not missed
+    EXPECT_EQ(got.at("/b/n").t, 500);
+    // The first one is not told the same again, and sees no gap.
+    run.let(510);
+    for (const char *topic : {"/a/n", "/b/n"}) {
+        const auto seen = first.next(20s);
+        ASSERT_TRUE(seen);
+        EXPECT_EQ(seen->topic, topic);
+        EXPECT_EQ(seen->count, 52u);
+    }
+    EXPECT_EQ(first.missed(), 0u);
+    // Who comes after all is told so.
+    run.let(for_ever);
+    EXPECT_EQ(run.run.get(), "");
+}
+
+INSTANTIATE_TEST_SUITE_P(All, Broadcast, testing::Values("tcp", "ipc"));
+
+TEST(Broker, WhoComesBeforeTheNodesHaveMetWaitsForThem)
+{
+    zmq::context_t context, other;
+    RouterConfig config;
+    config.broker = true;
+    config.address = "tcp://127.0.0.1:*";
+    auto run_config = config_of({{"a", Policy::abort}}, 1000);
+    run_config.watched = {"/a/n"};
+    Router router(context, run_config, config);
+    auto run = std::async(std::launch::async, [&] { return router.run(); });
+    ObserverConfig observer;
+    observer.simulation = "test";
+    observer.name = "viewer";
+    observer.address = router.address();
+    observer.patience = 300ms;
+    EXPECT_THROW(Observer(other, observer), LinkError);
+    observer.patience = 20s;
+    auto watch = std::async(std::launch::async, [&] {
+        Observer viewer(other, observer);
+        return viewer.topics().count("/a/n");
+    });
+    std::this_thread::sleep_for(200ms);
+    Counter a("", "/a/n", Latency::same_instant);
+    EXPECT_EQ(serve(other, router.address(), "a", a), "");
+    EXPECT_EQ(run.get(), "");
+    EXPECT_EQ(watch.get(), 1u);
+}
+
+TEST(Broker, WhatAnAsynchronousProgramWritesIsSeenByNodesAndByThoseWhoWatch)
+{
+    Watched run("tcp", 1000, "", {"/ground/command"});
+    zmq::context_t context;
+    Observer ground(context, run.observer("ground"));
+    Observer viewer(context, run.observer("viewer"));
+    viewer.subscribe("/ground/");
+    ASSERT_TRUE(viewer.next(20s)); // the initial value
+    for (std::uint64_t x = 1; x <= 20; x++) {
+        ground.write("/ground/command", word(100 + x));
+    }
+    std::vector<std::pair<Ns, std::uint64_t>> told;
+    for (std::uint32_t k = 1; k <= 20; k++) {
+        const auto seen = viewer.next(20s);
+        ASSERT_TRUE(seen);
+        EXPECT_EQ(seen->node, "ground");
+        EXPECT_EQ(seen->count, k);
+        told.emplace_back(seen->t, word_of(seen->payload));
+    }
+    EXPECT_THROW(ground.write("/ground/other", word(1)), LinkError);
+    EXPECT_THROW(ground.write("/ground/command", Bytes(7)), LinkError);
+    ground.write("/a/n", word(1)); // that the controller refuses
+    viewer.write("/ground/command", word(1));
+    EXPECT_TRUE(run.said("ground writes /a/n: /a/n does not come from ground"));
+    EXPECT_TRUE(run.said("viewer writes /ground/command: /ground/command does not come from viewer"));
+    run.let(for_ever);
+    EXPECT_EQ(run.run.get(), "");
+    run.serve_a.wait();
+    auto &commands = run.a.commands;
+    ASSERT_EQ(commands.size(), 21u);
+    EXPECT_EQ(commands[0].second, 0u); // the initial value
+    commands.erase(commands.begin());
+    EXPECT_EQ(commands, told); // a reader of the same instant sees it at the time of which it is
+    for (std::size_t k = 1; k < commands.size(); k++) {
+        EXPECT_EQ(commands[k].first - commands[k - 1].first, k == 1 ? commands[1].first - commands[0].first : 10);
+    }
+    EXPECT_EQ(run.router.broker()->counts().received, 22u);
+    EXPECT_EQ(run.router.broker()->counts().refused, 2u);
+}
+
+TEST(Broker, GarbageIsCountedAndDisturbsNobody)
+{
+    Watched run("tcp", 1000, "", {"/ground/command"});
+    run.let(0);
+    zmq::context_t context;
+    Observer ground(context, run.observer("ground"));
+    const auto send = [&](zmq::socket_t &socket, std::vector<std::string> parts) {
+        for (std::size_t i = 0; i < parts.size(); i++) {
+            socket.send(zmq::buffer(parts[i]), i + 1 < parts.size() ? zmq::send_flags::sndmore : zmq::send_flags::none);
+        }
+    };
+    zmq::socket_t front(context, zmq::socket_type::xpub), back(context, zmq::socket_type::xsub);
+    for (zmq::socket_t *socket : {&front, &back}) {
+        socket->set(zmq::sockopt::linger, 1000);
+        socket->set(zmq::sockopt::rcvtimeo, 20'000);
+    }
+    front.connect(run.router.broker()->frontend());
+    back.connect(run.router.broker()->backend());
+    zmq::message_t subscription;
+    ASSERT_TRUE(front.recv(subscription));
+    std::mt19937 random(3);
+    const auto bytes = [&](std::size_t n) {
+        std::string text(n, 0);
+        std::generate(text.begin(), text.end(), [&] { return static_cast<char>(random()); });
+        return text;
+    };
+    const Bytes good = published_by("ground", word(7));
+    const std::string frame(reinterpret_cast<const char *>(good.data()), good.size());
+    std::uint64_t sent = 0;
+    for (int i = 0; i < 200; i++) {
+        std::string damaged = frame;
+        damaged[random() % damaged.size()] ^= static_cast<char>(1 + random() % 255);
+        for (auto &parts : {std::vector<std::string>{bytes(random() % 100)},
+                            {"/ground/command", damaged},
+                            {"/ground/command", frame, "more"},
+                            {bytes(300), frame},
+                            {"/ground/command", bytes(random() % 5000)}}) {
+            send(front, parts);
+            sent++;
+        }
+        send(back, {bytes(1 + random() % 50)});
+        std::this_thread::sleep_for(1ms);
+    }
+    send(back, {std::string(1, 1) + std::string(100'000, 'x')}); // a subscription that is too long
+    ground.write("/ground/command", word(42));                   // the good one still comes through
+    Observer viewer(context, run.observer("viewer"));
+    viewer.subscribe("/ground/command");
+    for (std::uint64_t x = 0; x != 42;) {
+        const auto seen = viewer.next(20s);
+        ASSERT_TRUE(seen);
+        x = word_of(seen->payload);
+    }
+    for (int i = 0; i < 1000 && run.router.broker()->counts().refused < sent; i++) {
+        std::this_thread::sleep_for(10ms);
+    }
+    EXPECT_GE(run.router.broker()->counts().refused, sent);
+    run.let(for_ever);
+    EXPECT_EQ(run.run.get(), "");
+}
+
+TEST(Broker, OneThatDoesNotKeepUpSeesTheGapByTheCountAndSlowsNobody)
+{
+    // One that never reads: the run goes to its end with far more messages than wait for it.
+    zmq::context_t context, other;
+    RouterConfig config;
+    config.broker = true;
+    config.address = "tcp://127.0.0.1:*";
+    auto run_config = config_of({{"a", Policy::abort}}, 1'000'000);
+    run_config.watched = {"/a/n"};
+    Router router(context, run_config, config);
+    struct Held : Counter {
+        using Counter::Counter;
+        void before_step(Ns t) override
+        {
+            while (t == 10 && !go) {
+                std::this_thread::sleep_for(1ms);
+            }
+        }
+        std::atomic<bool> go{false};
+    } a("", "/a/n", Latency::same_instant);
+    auto run = std::async(std::launch::async, [&] { return router.run(); });
+    auto serve_a = std::async(std::launch::async, [&] { return serve(context, router.address(), "a", a); });
+    ObserverConfig slow;
+    slow.simulation = "test";
+    slow.name = "slow";
+    slow.address = router.address();
+    slow.waiting = 10;
+    Observer observer(other, slow);
+    observer.subscribe("/a/n");
+    EXPECT_TRUE(observer.next(20s));
+    a.go = true;
+    EXPECT_EQ(run.get(), "");
+    EXPECT_EQ(serve_a.get(), "");
+    std::uint64_t seen = 0, missed = 0;
+    std::uint32_t last = 0;
+    for (; const auto message = observer.next(20s); seen++) {
+        EXPECT_EQ(message->count, last + message->missed + 1);
+        last = message->count;
+        missed += message->missed;
+    }
+    EXPECT_TRUE(observer.over()); // of which it is told when it has taken what came before
+    EXPECT_EQ(observer.missed(), missed);
+    EXPECT_EQ(seen + missed, last);
+    EXPECT_EQ(router.broker()->counts().published, 100'001u);
+    EXPECT_GT(missed + (100'001 - last), 0u);
+    EXPECT_GT(seen, 0u);
+}
+
+TEST(Broker, WithoutRoomTheNewestOfEachTopicStillComes)
+{
+    // No thread of the run: records are handed over faster than the ring has room.
+    zmq::context_t context;
+    BrokerConfig config;
+    config.frontend = "inproc://broker-front";
+    config.backend = "inproc://broker-back";
+    config.room = 4096;
+    Broker broker(context, config);
+    zmq::socket_t seen(context, zmq::socket_type::sub);
+    seen.set(zmq::sockopt::rcvhwm, 0);
+    seen.set(zmq::sockopt::rcvtimeo, 20'000);
+    seen.set(zmq::sockopt::subscribe, "");
+    seen.connect("inproc://broker-back");
+    Exchange exchange;
+    exchange.topics = {{"/a", {}, "n", word(0)}, {"/b", {}, "n", word(0)}};
+    broker.began(exchange);
+    constexpr std::uint32_t n = 50'000;
+    broker.wrote("n", {{1, 1, 0, word(77)}}); // once only: it must not be lost among the others
+    for (std::uint32_t k = 1; k <= n; k++) {
+        broker.wrote("n", {{0, k, k, word(k)}});
+    }
+    broker.wrote("n", {{0, n + 1, n + 1, Bytes(5000)}}); // for which there never is room
+    broker.ended("over");
+    std::uint32_t last = 0, gaps = 0;
+    bool rare = false, over = false;
+    while (!over) {
+        broker.tend();
+        zmq::message_t topic, bytes;
+        ASSERT_TRUE(seen.recv(topic) && seen.recv(bytes));
+        const Message message = decode({bytes.data<std::byte>(), bytes.size()}).message;
+        if (const auto *finish = std::get_if<Finish>(&message)) {
+            EXPECT_EQ(finish->reason, "over");
+            over = true;
+            continue;
+        }
+        const auto &published = std::get<Published>(message);
+        EXPECT_EQ(published.node, "n");
+        if (topic.to_string_view() == "/b") {
+            rare = rare || word_of(published.record.payload) == 77;
+        } else if (published.record.count) {
+            EXPECT_GT(published.record.count, last);
+            EXPECT_EQ(word_of(published.record.payload), published.record.count);
+            gaps += published.record.count - last - 1;
+            last = published.record.count;
+        }
+    }
+    EXPECT_TRUE(rare);
+    EXPECT_EQ(last, n);
+    EXPECT_EQ(broker.counts().dropped, gaps + 1);
+}
+
+TEST(Broker, WithKeysOnlyWhoIsAllowedWatchesOrWrites)
+{
+    Keys keys;
+    keys.allow("a", "a");
+    keys.allow("b", "b");
+    keys.allow("ground", "ground");
+    keys.allow("viewer", "viewer");
+    keys.make("stranger");
+    Watched run("tcp", 1000, keys.folder(), {"/ground/command"});
+    zmq::context_t context;
+    Observer ground(context, run.observer("ground", keys.of("ground")));
+    ground.write("/ground/command", word(5));
+    Observer viewer(context, run.observer("viewer", keys.of("viewer")));
+    viewer.subscribe("/ground/");
+    for (std::uint64_t x = 0; x != 5;) {
+        const auto seen = viewer.next(20s);
+        ASSERT_TRUE(seen);
+        x = word_of(seen->payload);
+    }
+    // Another name than that of its key, at the greeting and in what it writes.
+    EXPECT_THROW(Observer(context, run.observer("ground", keys.of("viewer"))), LinkError);
+    EXPECT_THROW(Observer(context, run.observer("ground", keys.of("stranger"))), LinkError);
+    zmq::socket_t front(context, zmq::socket_type::xpub);
+    front.set(zmq::sockopt::linger, 1000);
+    front.set(zmq::sockopt::rcvtimeo, 20'000);
+    use_keys(front, read_client_keys(keys.of("viewer"), "viewer"));
+    front.connect(run.router.broker()->frontend());
+    zmq::message_t subscription;
+    ASSERT_TRUE(front.recv(subscription));
+    front.send(zmq::str_buffer("/ground/command"), zmq::send_flags::sndmore);
+    front.send(zmq::buffer(published_by("ground", word(6))), zmq::send_flags::none);
+    EXPECT_TRUE(run.said("the key viewer is not allowed to speak as ground"));
+    // Without a key, and with a stranger's, nothing is heard at the backend.
+    zmq::context_t others;
+    zmq::socket_t bare(others, zmq::socket_type::sub), stranger(others, zmq::socket_type::sub);
+    for (zmq::socket_t *socket : {&bare, &stranger}) {
+        socket->set(zmq::sockopt::linger, 0);
+        socket->set(zmq::sockopt::rcvtimeo, 500);
+        socket->set(zmq::sockopt::subscribe, "");
+    }
+    use_keys(stranger, read_client_keys(keys.of("stranger"), "stranger"));
+    Handshake refused(others, stranger, true);
+    bare.connect(run.router.broker()->backend());
+    stranger.connect(run.router.broker()->backend());
+    zmq::message_t message;
+    EXPECT_FALSE(bare.recv(message));
+    EXPECT_FALSE(stranger.recv(message));
+    EXPECT_NE(refused.failure(), "");
+    run.let(for_ever);
+    EXPECT_EQ(run.run.get(), "");
+}
+
+TEST(Broker, WhatCannotBeIsSaid)
+{
+    zmq::context_t context;
+    RouterConfig config;
+    config.address = "tcp://127.0.0.1:*";
+    auto run = config_of({{"a", Policy::abort}}, 10);
+    const auto refusal = [&]() -> std::string {
+        try {
+            Router router(context, run, config);
+        } catch (const LinkError &error) {
+            return error.what();
+        }
+        return "";
+    };
+    run.asynchronous = {{"ground", {}}};
+    EXPECT_EQ(refusal(), "asynchronous programs, such as ground, need a broker, and this controller has none");
+    config.broker = true;
+    config.backend = "tcp://0.0.0.0:*";
+    EXPECT_TRUE(refusal().starts_with("tcp://0.0.0.0:* can be reached from other machines, which needs keys"));
+    config.backend = "";
+    config.frontend = "tcp://127.0.0.1:x";
+    EXPECT_TRUE(refusal().starts_with("cannot listen at tcp://127.0.0.1:x for what asynchronous programs publish: "));
+    config.frontend = "";
+    EXPECT_EQ(refusal(), "");
+    // Who comes where nobody can watch is told.
+    config.broker = false;
+    run.asynchronous.clear();
+    Router router(context, run, config);
+    std::atomic<bool> stop{false};
+    auto done = std::async(std::launch::async, [&] { return router.run([&] { return !stop; }); });
+    ObserverConfig observer;
+    observer.simulation = "test";
+    observer.name = "viewer";
+    observer.address = router.address();
+    try {
+        Observer viewer(context, observer);
+        ADD_FAILURE();
+    } catch (const LinkError &error) {
+        EXPECT_EQ(std::string(error.what()),
+                  "the controller refuses viewer: this controller has no broker, so nobody can watch");
+    }
+    stop = true;
+}
+
+} // namespace
+} // namespace fledge::cosim

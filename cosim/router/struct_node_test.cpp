@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: Apache-2.0
+// Programs whose messages are their own structs: what they exchange, how they leave, and how another goes on.
+#include "cosim/node/struct_node.h"
+
+#include "cosim/router/router.h"
+
+#include <gtest/gtest.h>
+
+#include <future>
+#include <optional>
+
+namespace fledge::cosim {
+namespace {
+
+constexpr Ns ms = 1'000'000;
+
+struct Position {
+    double x, y;
+};
+
+const Schema position_schema = make_schema("Position", "float64 x  # x [m]\nfloat64 y  # y [m]\n");
+
+/// Says where it is, and drifts with what it hears; `drift` is its own.
+struct Drifter {
+    Position here{1, 0}, there{};
+    double drift = 0;
+
+    void step()
+    {
+        drift += 0.25 * there.x;
+        here.x += 0.125 * drift;
+        here.y += 1;
+    }
+};
+
+/// What a run was like for the one that nobody killed.
+struct Outcome {
+    std::vector<double> seen;
+    std::string reason, victim;
+    Ns began_again = -1;
+};
+
+/// Two drifters; one is lost at the instant `dies`, and another takes its place.
+Outcome fly(Ns dies, bool keeps)
+{
+    static int runs = 0;
+    ControllerConfig config;
+    config.simulation = "drift";
+    config.nodes = {{"a", Policy::restart}, {"b", Policy::abort}};
+    config.nodes[0].save_every = 100 * ms;
+    config.end = 1000 * ms;
+    RouterConfig router_config;
+    router_config.address = "ipc://@fledge-struct-node-" + std::to_string(getpid()) + "-" + std::to_string(runs++);
+    zmq::context_t context;
+    Router router(context, config, router_config);
+    Outcome outcome;
+
+    const auto be_a = [&](std::optional<Ns> end) -> std::string {
+        Drifter drifter;
+        StructNode a({"drift", "a", router.address()}, {10 * ms, 0});
+        a.read("/b/position", Latency::next_instant, drifter.there, position_schema);
+        a.write("/a/position", drifter.here, position_schema);
+        if (keeps) {
+            a.keep(drifter.drift);
+        }
+        bool first = true;
+        try {
+            return a.run([&](Ns t) {
+                if (!end && first) {
+                    outcome.began_again = t;
+                }
+                first = false;
+                if (t == end) {
+                    throw std::runtime_error("killed");
+                }
+                drifter.step();
+            });
+        } catch (const std::exception &error) {
+            return error.what();
+        }
+    };
+    auto b = std::async(std::launch::async, [&] {
+        Drifter drifter;
+        StructNode node({"drift", "b", router.address()}, {10 * ms, 0});
+        node.read("/a/position", Latency::same_instant, drifter.there);
+        node.write("/b/position", drifter.here, position_schema);
+        outcome.reason = node.run([&](Ns) {
+            outcome.seen.push_back(drifter.there.x);
+            drifter.step();
+        });
+    });
+    auto a = std::async(std::launch::async, [&] {
+        outcome.victim = be_a(dies);
+        if (outcome.victim == "killed") {
+            be_a({});
+        }
+    });
+    const std::string reason = router.run();
+    EXPECT_EQ(reason, "");
+    a.get();
+    b.get();
+    return outcome;
+}
+
+TEST(StructNode, AnotherGoesOnFromASnapshotOrFromTheBeginning)
+{
+    const Outcome whole = fly(-1, false);
+    ASSERT_EQ(whole.seen.size(), 101u);
+    EXPECT_EQ(whole.victim, "");
+    EXPECT_NE(whole.seen.back(), whole.seen.front());
+    for (const bool keeps : {false, true}) {
+        const Outcome again = fly(500 * ms, keeps);
+        EXPECT_EQ(again.victim, "killed");
+        EXPECT_EQ(again.reason, "");
+        EXPECT_EQ(again.seen, whole.seen);
+        if (keeps) {
+            EXPECT_GT(again.began_again, 300 * ms);
+            EXPECT_LE(again.began_again, 500 * ms);
+        } else {
+            EXPECT_EQ(again.began_again, 0);
+        }
+    }
+}
+
+TEST(StructNode, ADefinitionThatDoesNotFitTheStructIsRefused)
+{
+    StructNode node({"drift", "a", "ipc://@x"}, {1, 0});
+    Position position{};
+    double x = 0;
+    EXPECT_NO_THROW(node.read("/p", Latency::same_instant, position, position_schema));
+    EXPECT_THROW(node.read("/x", Latency::same_instant, x, position_schema), SchemaError);
+    EXPECT_THROW(node.write("/x", x, position_schema), SchemaError);
+}
+
+} // namespace
+} // namespace fledge::cosim

@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: Apache-2.0
+// What tests of the network share: nodes that count, folders of keys.
+#pragma once
+
+#include "cosim/router/router.h"
+
+#include "cosim/node/delegate.h"
+#include "cosim/protocol/testing/words.h"
+
+#include <atomic>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <unistd.h>
+
+namespace fledge::cosim::testing_nodes {
+
+/// Says one more than it heard, at each multiple of 10.
+class Counter : public Node {
+public:
+    Counter(std::string reads, std::string writes, Latency latency)
+        : reads_(std::move(reads)), writes_(std::move(writes)), latency_(latency)
+    {
+    }
+
+    Initialized initialize(const Initialize &m) override
+    {
+        initialized = m;
+        return {{{10, 0}}, false};
+    }
+    std::vector<Want> desired() override
+    {
+        return reads_.empty() ? std::vector<Want>{} : std::vector<Want>{{reads_, latency_, false, schema_}};
+    }
+    std::vector<Offer> match(const std::vector<Channel> &asked) override
+    {
+        for (const Channel &channel : asked) {
+            if (channel.topic == writes_) {
+                channel_ = channel.channel;
+                return {{*channel_, schema_, word(0)}};
+            }
+        }
+        return {};
+    }
+    void start(const std::vector<Channel> &) override { count_ = 0; }
+    Tock tick(const Tick &tick) override
+    {
+        Tock tock{tick.until, 0, {}};
+        auto record = tick.records.begin();
+        for (; next <= tick.until; next += 10) {
+            for (; record != tick.records.end() && record->t <= next; ++record) {
+                heard = word_of(record->payload);
+                all.push_back({next, heard});
+            }
+            before_step(next);
+            if (channel_) {
+                tock.records.push_back({*channel_, ++count_, next, word(heard + 1)});
+            }
+        }
+        return tock;
+    }
+    void finish(const std::string &why) override { reason = why; }
+    virtual void before_step(Ns) {}
+
+    std::uint64_t heard = 0;
+    std::vector<std::pair<Ns, std::uint64_t>> all; ///< that was heard, and when
+    Ns next = 0;
+    Initialize initialized;
+    std::string reason = "(no end)";
+
+private:
+    Schema schema_ = make_schema("Word", word_text);
+    std::string reads_, writes_;
+    Latency latency_;
+    std::optional<std::uint32_t> channel_;
+    std::uint32_t count_ = 0;
+};
+
+inline ControllerConfig config_of(std::vector<NodeConfig> nodes, Ns end)
+{
+    ControllerConfig config;
+    config.simulation = "test";
+    config.nodes = std::move(nodes);
+    config.end = end;
+    return config;
+}
+
+/// Takes part; returns the reason of the end, or "threw: ...".
+inline std::string serve(zmq::context_t &context, const std::string &address, const std::string &name, Node &node,
+                         const std::string &keys = "", std::chrono::milliseconds patience = std::chrono::seconds(20))
+{
+    try {
+        DelegateConfig config;
+        config.simulation = "test";
+        config.node = name;
+        config.address = address;
+        config.patience = patience;
+        config.keys = keys;
+        return Delegate(context, config).serve(node);
+    } catch (const std::exception &error) {
+        return std::string("threw: ") + error.what();
+    }
+}
+
+/// A folder of keys that is gone after the test.
+class Keys {
+public:
+    Keys()
+    {
+        std::string name = (std::filesystem::temp_directory_path() / "fledge-keys-XXXXXX").string();
+        folder_ = mkdtemp(name.data());
+        std::filesystem::create_directory(folder_ / "allowed");
+        make("controller");
+    }
+    ~Keys() { std::filesystem::remove_all(folder_); }
+    Keys(const Keys &) = delete;
+    Keys &operator=(const Keys &) = delete;
+
+    std::filesystem::path folder() const { return folder_; }
+    std::string of(const std::string &name) const { return folder_ / (name + ".secret"); }
+
+    /// A pair, in the controller's own folder.
+    KeyPair make(const std::string &name)
+    {
+        char open[41], secret[41];
+        zmq_curve_keypair(open, secret);
+        write(folder_ / (name + ".public"), open, "");
+        write(folder_ / (name + ".secret"), open, std::string("    secret-key = \"") + secret + "\"\n");
+        std::filesystem::permissions(of(name), std::filesystem::perms::owner_read);
+        return {open, secret};
+    }
+
+    /// A pair that is let in.
+    KeyPair allow(const std::string &name, const std::string &nodes)
+    {
+        const KeyPair pair = make(name);
+        write(folder_ / "allowed" / (name + ".public"), pair.open, "", nodes);
+        return pair;
+    }
+
+    static void write(const std::filesystem::path &path, const std::string &open, const std::string &more,
+                      const std::string &nodes = "")
+    {
+        std::ofstream file(path);
+        file << "# a key\nmetadata\n    name = \"x\"\n";
+        if (!nodes.empty()) {
+            file << "    nodes = \"" << nodes << "\"\n";
+        }
+        file << "curve\n    public-key = \"" << open << "\"\n" << more;
+    }
+
+private:
+    std::filesystem::path folder_;
+};
+
+} // namespace fledge::cosim::testing_nodes

@@ -1,0 +1,183 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cosim/security/authenticator.h"
+
+#include <array>
+#include <cstdio>
+#include <utility>
+
+namespace fledge::cosim {
+
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr auto read_again_after = 200ms;
+constexpr std::size_t most_said = 100;
+
+/// The key that libzmq kept with a message, since this gate gave it as the user's name.
+std::string key_of(zmq::message_t &message)
+{
+    const char *key = zmq_msg_gets(message.handle(), "User-Id");
+    return key ? key : "";
+}
+
+} // namespace
+
+Gate::Gate(zmq::context_t &context, std::filesystem::path folder)
+    : folder_(std::move(folder)), own_(read_controller_keys(folder_)), requests_(context, zmq::socket_type::rep),
+      end_(context, zmq::socket_type::pair), told_(context, zmq::socket_type::pair),
+      allowed_(read_allowed_keys(folder_)), read_(std::chrono::steady_clock::now())
+{
+    for (zmq::socket_t *socket : {&requests_, &end_, &told_}) {
+        socket->set(zmq::sockopt::linger, 0);
+    }
+    char name[64];
+    std::snprintf(name, sizeof name, "inproc://fledge-gate-%p", static_cast<void *>(this));
+    try {
+        requests_.bind("inproc://zeromq.zap.01");
+    } catch (const zmq::error_t &) {
+        throw KeyError("there is another controller with keys in this program; give each a context of its own");
+    }
+    end_.bind(name);
+    told_.connect(name);
+    thread_ = std::thread([this] { serve(); });
+}
+
+Gate::~Gate()
+{
+    end_.send(zmq::message_t(), zmq::send_flags::dontwait);
+    thread_.join();
+}
+
+void Gate::guard(zmq::socket_t &socket, const std::string &node)
+{
+    const std::lock_guard lock(mutex_);
+    std::string domain = "all";
+    if (!node.empty()) {
+        domain = "node-" + std::to_string(nodes_.size());
+        for (const auto &[known, name] : nodes_) {
+            domain = name == node ? known : domain;
+        }
+        nodes_[domain] = node;
+    }
+    socket.set(zmq::sockopt::curve_server, true);
+    socket.set(zmq::sockopt::curve_secretkey, own_.secret);
+    socket.set(zmq::sockopt::zap_domain, domain);
+}
+
+bool Gate::may_speak_as(zmq::message_t &message, const std::string &node) const
+{
+    const std::lock_guard lock(mutex_);
+    const AllowedKey *allowed = find(key_of(message));
+    return allowed && allowed->may_speak_as(node);
+}
+
+std::string Gate::name_of(zmq::message_t &message) const
+{
+    const std::lock_guard lock(mutex_);
+    const AllowedKey *allowed = find(key_of(message));
+    return allowed ? allowed->name : "";
+}
+
+std::vector<std::string> Gate::take_reports()
+{
+    const std::lock_guard lock(mutex_);
+    return std::exchange(reports_, {});
+}
+
+void Gate::serve()
+{
+    zmq::pollitem_t items[] = {{requests_.handle(), 0, ZMQ_POLLIN, 0}, {told_.handle(), 0, ZMQ_POLLIN, 0}};
+    while (!items[1].revents) {
+        try {
+            zmq::poll(items, 2, -1ms);
+            if (items[0].revents) {
+                answer();
+            }
+        } catch (const zmq::error_t &error) {
+            if (error.num() != EINTR) {
+                return; // the context is gone
+            }
+        }
+    }
+}
+
+/// One request: version, number, domain, address, identity, mechanism, credentials.
+void Gate::answer()
+{
+    std::vector<zmq::message_t> parts;
+    do {
+        zmq::message_t part;
+        (void)requests_.recv(part);
+        parts.push_back(std::move(part));
+    } while (parts.back().more());
+    std::string key;
+    if (parts.size() == 7 && parts[5].to_string_view() == "CURVE" && parts[6].size() == 32) {
+        char text[41];
+        zmq_z85_encode(text, parts[6].data<std::uint8_t>(), 32);
+        key = text;
+    }
+    const std::string why = [&]() -> std::string {
+        const std::lock_guard lock(mutex_);
+        read_again();
+        const std::string address = parts.size() > 3 ? parts[3].to_string() : "";
+        const std::string who = "a program" + (address.empty() ? "" : " at " + address);
+        const AllowedKey *allowed = find(key);
+        if (!allowed) {
+            report(who + " was not let in: its public key is not allowed here: " + key +
+                   "; ./fledge keys allow lets it in");
+            return "unknown key";
+        }
+        const auto node = nodes_.find(parts[2].to_string());
+        if (node != nodes_.end() && !allowed->may_speak_as(node->second)) {
+            report(who + " was not let in as " + node->second + ", for which its key " + allowed->name +
+                   " is not allowed");
+            return "not for this node";
+        }
+        return "";
+    }();
+    const std::string version = parts[0].to_string(), number = parts.size() > 1 ? parts[1].to_string() : "";
+    const std::string code = why.empty() ? "200" : "400", text = why.empty() ? "OK" : why;
+    const std::string user = why.empty() ? key : "";
+    const std::array<const std::string *, 5> reply{&version, &number, &code, &text, &user};
+    for (const std::string *part : reply) {
+        requests_.send(zmq::buffer(*part), zmq::send_flags::sndmore);
+    }
+    requests_.send(zmq::message_t(), zmq::send_flags::none); // no metadata
+}
+
+const AllowedKey *Gate::find(const std::string &key) const
+{
+    for (const AllowedKey &allowed : allowed_) {
+        if (allowed.key == key) {
+            return &allowed;
+        }
+    }
+    return nullptr;
+}
+
+void Gate::read_again()
+{
+    const auto now = std::chrono::steady_clock::now();
+    std::error_code missing;
+    const auto changed = std::filesystem::last_write_time(folder_ / "allowed", missing);
+    if (changed == changed_ && now - read_ < read_again_after) {
+        return;
+    }
+    read_ = now;
+    changed_ = changed;
+    try {
+        allowed_ = read_allowed_keys(folder_);
+    } catch (const KeyError &error) {
+        report(std::string(error.what()) + "; who was allowed before stays so");
+    }
+}
+
+void Gate::report(const std::string &text)
+{
+    if (said_.size() < most_said && said_.insert(text).second) {
+        reports_.push_back(text);
+    }
+}
+
+} // namespace fledge::cosim

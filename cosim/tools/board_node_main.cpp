@@ -1,0 +1,290 @@
+// SPDX-License-Identifier: Apache-2.0
+// The node of a board as a program: fledge_board_node --help.
+#include "cosim/node/board_node.h"
+
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <dlfcn.h>
+#include <fcntl.h>
+#include <fstream>
+#include <string_view>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <thread>
+#include <unistd.h>
+
+namespace {
+
+using namespace fledge;
+using namespace std::chrono_literals;
+
+constexpr const char *usage =
+    "usage: fledge_board_node --tables FILE [options] --registers FILE\n"
+    "       fledge_board_node --tables FILE [options] -- COMMAND [ARGUMENT ...]\n"
+    "\n"
+    "Joins a simulation for a flight computer that knows nothing but the registers of its boards.\n"
+    "\n"
+    "  --tables FILE      the mission and its boards as data: a shared object, as ./fledge fly builds it\n"
+    "  --registers FILE   the register file to be made; flight attaches to it by itself\n"
+    "  -- COMMAND ...     starts flight; {registers} in its arguments is what it is to attach to. It ends\n"
+    "                     with this program\n"
+    "  --loads FILE       parameters from the ground: lines of a time [ns], a block's id, and its bytes in\n"
+    "                     hexadecimal; each is told before flight's first instant after its time\n"
+    "  --simulation NAME  of the run; default: FLEDGE_SIMULATION, else the mission's name\n"
+    "  --node NAME        of this node; default: FLEDGE_NODE, else flight\n"
+    "  --address ADDRESS  of the controller; default: FLEDGE_ADDRESS, else tcp://127.0.0.1:7000\n"
+    "  --keys PATH        of this node (fledge keys); default: FLEDGE_KEYS\n"
+    "  --patience SECONDS for the controller, and for flight, to be there; default 60\n"
+    "  --reply SECONDS    for flight to answer a tick; default 60\n"
+    "\n"
+    "example: fledge_board_node --tables nadir_spin.so -- ./nadir_spin --record flight.mcap {registers}\n"
+    "\n"
+    "Exits with 0 at the regular end, 1 at another, 2 on a mistake in the options.\n";
+
+struct Options {
+    std::string tables, registers, loads;
+    std::vector<std::string> command;
+    cosim::DelegateConfig delegate;
+    std::chrono::nanoseconds reply = 60s;
+};
+
+[[noreturn]] void refuse(const std::string &why)
+{
+    std::fprintf(stderr, "fledge_board_node: %s; see --help\n", why.c_str());
+    std::exit(2);
+}
+
+double seconds(const std::string &option, const char *text)
+{
+    char *end = nullptr;
+    const double value = std::strtod(text, &end);
+    if (end == text || *end || !(value > 0) || value > 1e6) {
+        refuse(option + ": expected seconds, more than 0 and up to 1e6, found " + text);
+    }
+    return value;
+}
+
+Options options(int argc, char **argv)
+{
+    Options o;
+    for (int i = 1; i < argc; i++) {
+        const std::string option = argv[i];
+        if (option == "--help") {
+            std::fputs(usage, stdout);
+            std::exit(0);
+        }
+        if (option == "--") {
+            o.command.assign(argv + i + 1, argv + argc);
+            break;
+        }
+        if (i + 1 == argc) {
+            refuse(option + " needs a value");
+        }
+        const char *value = argv[++i];
+        if (option == "--tables") {
+            o.tables = value;
+        } else if (option == "--registers") {
+            o.registers = value;
+        } else if (option == "--loads") {
+            o.loads = value;
+        } else if (option == "--simulation") {
+            o.delegate.simulation = value;
+        } else if (option == "--node") {
+            o.delegate.node = value;
+        } else if (option == "--address") {
+            o.delegate.address = value;
+        } else if (option == "--keys") {
+            o.delegate.keys = value;
+        } else if (option == "--patience") {
+            o.delegate.patience = std::chrono::milliseconds(static_cast<long>(seconds(option, value) * 1e3));
+        } else if (option == "--reply") {
+            o.reply = std::chrono::milliseconds(static_cast<long>(seconds(option, value) * 1e3));
+        } else {
+            refuse("there is no option " + option);
+        }
+    }
+    if (o.tables.empty() || o.registers.empty() == o.command.empty()) {
+        refuse("--tables, and either --registers or a command are needed");
+    }
+    return o;
+}
+
+/// What is not given: the environment's, else the usual.
+void fill(std::string &value, const char *variable, const char *usual)
+{
+    const char *given = std::getenv(variable);
+    if (value.empty()) {
+        value = given && *given ? given : usual;
+    }
+}
+
+const MissionHost &load(const std::string &path)
+{
+    // Without a slash it would be looked for among the system's libraries.
+    const std::string file = path.find('/') == path.npos ? "./" + path : path;
+    void *library = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
+    const void *mission = library ? dlsym(library, "fledge_mission") : nullptr;
+    if (!mission) {
+        refuse("--tables " + path + ": " + dlerror());
+    }
+    return *static_cast<const MissionHost *>(mission);
+}
+
+/// Flight in a process that this program starts: it ends with it, and its end is seen at once, also
+/// before it has attached.
+class Launched final : public registers::Backend {
+public:
+    Launched(std::span<const RegisterBoard *const> boards, std::vector<std::string> command) : file_(boards, "")
+    {
+        const std::string path = "/dev/fd/" + std::to_string(file_.fd());
+        std::vector<char *> arguments;
+        for (std::string &word : command) {
+            if (const auto at = word.find("{registers}"); at != word.npos) {
+                word.replace(at, std::strlen("{registers}"), path);
+            }
+            arguments.push_back(word.data());
+        }
+        arguments.push_back(nullptr);
+        const pid_t parent = getpid();
+        pid_ = fork();
+        if (pid_ == 0) {
+            prctl(PR_SET_PDEATHSIG, SIGKILL);
+            if (getppid() != parent || fcntl(file_.fd(), F_SETFD, 0) != 0) {
+                _exit(126);
+            }
+            execvp(arguments[0], arguments.data());
+            std::fprintf(stderr, "fledge_board_node: %s cannot be started: %s\n", arguments[0], std::strerror(errno));
+            _exit(127);
+        }
+        if (pid_ < 0) {
+            throw registers::Error(std::string("no process can be started: ") + std::strerror(errno));
+        }
+    }
+    Launched(const Launched &) = delete;
+    Launched &operator=(const Launched &) = delete;
+    ~Launched() override
+    {
+        if (!ended() && !wait(2s)) {
+            kill(pid_, SIGTERM);
+            if (!wait(5s)) {
+                kill(pid_, SIGKILL);
+                waitpid(pid_, &status_, 0);
+            }
+        }
+    }
+
+    std::span<const RegisterWindow> windows() const override { return file_.windows(); }
+
+    registers::Wait await_done(const RegisterWindow &clock, std::chrono::nanoseconds timeout) override
+    {
+        const auto end = std::chrono::steady_clock::now() + timeout;
+        for (;;) {
+            const auto left = end - std::chrono::steady_clock::now();
+            const auto wait = file_.await_done(clock, std::min<std::chrono::nanoseconds>(left, 200ms));
+            if (wait != registers::Wait::late) {
+                return wait;
+            }
+            if (ended()) {
+                return registers::Wait::gone;
+            }
+            if (left <= 0ns) {
+                return registers::Wait::late;
+            }
+        }
+    }
+
+    /// Flight's exit code, after waiting so long for its end; -1 if it goes on, 128 + n after signal n.
+    int result(std::chrono::seconds patience)
+    {
+        return !wait(patience) ? -1 : WIFEXITED(status_) ? WEXITSTATUS(status_) : 128 + WTERMSIG(status_);
+    }
+
+private:
+    bool ended()
+    {
+        ended_ = ended_ || waitpid(pid_, &status_, WNOHANG) == pid_;
+        return ended_;
+    }
+    bool wait(std::chrono::milliseconds patience)
+    {
+        for (auto left = patience; !ended() && left > 0ms; left -= 5ms) {
+            std::this_thread::sleep_for(5ms);
+        }
+        return ended();
+    }
+
+    registers::SharedFile file_;
+    pid_t pid_ = -1;
+    int status_ = 0;
+    bool ended_ = false;
+};
+
+void read_loads(const std::string &path, cosim::BoardNode &node)
+{
+    std::ifstream file(path);
+    cosim::Ns after = 0;
+    std::uint32_t id = 0;
+    std::string digits;
+    for (int line = 1; file >> after >> id >> digits; line++) {
+        cosim::Bytes block;
+        for (std::size_t i = 0; i + 1 < digits.size(); i += 2) {
+            block.push_back(static_cast<std::byte>(std::stoi(digits.substr(i, 2), nullptr, 16)));
+        }
+        node.load(after, id, std::move(block));
+    }
+    if (!file.eof()) {
+        throw registers::Error("--loads " + path + ": expected lines of a time, an id and bytes");
+    }
+}
+
+/// Returns the reason of an early end, "" at the regular one.
+std::string serve(const Options &o, const MissionHost &mission, registers::Backend &backend)
+{
+    zmq::context_t context;
+    cosim::BoardNode node(mission, backend, o.reply);
+    if (!o.loads.empty()) {
+        read_loads(o.loads, node);
+    }
+    std::string reason = cosim::Delegate(context, o.delegate).serve(node);
+    const MissionIoCounts &counts = node.counts();
+    std::printf("outside_refused %u\noutside_corrupt %u\noutside_saturated %u\n", counts.refused, counts.corrupt,
+                counts.saturated);
+    return reason;
+}
+
+} // namespace
+
+int main(int argc, char **argv)
+{
+    Options o = options(argc, argv);
+    const MissionHost &mission = load(o.tables);
+    fill(o.delegate.simulation, "FLEDGE_SIMULATION", mission.name);
+    fill(o.delegate.node, "FLEDGE_NODE", "flight");
+    fill(o.delegate.address, "FLEDGE_ADDRESS", "tcp://127.0.0.1:7000");
+    const std::span boards(mission.io->boards, mission.io->n_boards);
+    try {
+        std::string reason;
+        if (o.command.empty()) {
+            registers::SharedFile file(boards, o.registers);
+            reason = serve(o, mission, file);
+        } else {
+            Launched flight(boards, o.command);
+            reason = serve(o, mission, flight);
+            const int result = flight.result(10s);
+            if (reason.empty() && result != 0) {
+                reason = result < 0 ? "flight did not end with the run"
+                                    : "flight ended with exit code " + std::to_string(result);
+            }
+        }
+        if (!reason.empty()) {
+            std::fprintf(stderr, "the run ended early: %s\n", reason.c_str());
+            return 1;
+        }
+    } catch (const std::exception &error) {
+        std::fprintf(stderr, "fledge_board_node: %s\n", error.what());
+        return 1;
+    }
+    return 0;
+}

@@ -1,0 +1,273 @@
+// SPDX-License-Identifier: Apache-2.0
+// Where a node's time goes, with nodes that sleep; and the lines that tell of it.
+#include "cosim/tools/status.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <future>
+#include <sys/socket.h>
+#include <thread>
+#include <unistd.h>
+
+namespace fledge::cosim {
+namespace {
+
+using namespace std::chrono_literals;
+
+/// Says one word after a sleep, and waits for that of another.
+class Sleeper : public Node {
+public:
+    Sleeper(std::string reads, std::string writes, Latency latency, std::chrono::milliseconds nap)
+        : reads_(std::move(reads)), writes_(std::move(writes)), latency_(latency), nap_(nap)
+    {
+    }
+
+    Initialized initialize(const Initialize &m) override
+    {
+        next_ = m.start < 0 ? 0 : m.start + 10;
+        return {{{10, 0}}, false};
+    }
+    std::vector<Want> desired() override { return {{reads_, latency_, false, schema_}}; }
+    std::vector<Offer> match(const std::vector<Channel> &asked) override
+    {
+        for (const Channel &channel : asked) {
+            if (channel.topic == writes_) {
+                channel_ = channel.channel;
+                return {{channel_, schema_, word()}};
+            }
+        }
+        return {};
+    }
+    void start(const std::vector<Channel> &) override {}
+    Tock tick(const Tick &tick) override
+    {
+        Tock tock;
+        tock.reached = tick.until;
+        for (; next_ <= tick.until; next_ += 10) {
+            std::this_thread::sleep_for(nap_);
+            if (next_ == quits_at) {
+                throw std::runtime_error("enough");
+            }
+            tock.records.push_back({channel_, ++count_, next_, word()});
+            steps++;
+        }
+        return tock;
+    }
+
+    int steps = 0;
+    Ns quits_at = -1;
+
+private:
+    static Bytes word()
+    {
+        const std::uint64_t x = 0;
+        return make_payload(std::as_bytes(std::span(&x, 1)));
+    }
+
+    Schema schema_ = make_schema("Word", "uint64 x  # x [-] a word\n");
+    std::string reads_, writes_;
+    Latency latency_;
+    std::chrono::milliseconds nap_;
+    std::uint32_t channel_ = 0, count_ = 0;
+    Ns next_ = 0;
+};
+
+struct Ends {
+    Ends() { EXPECT_EQ(socketpair(AF_UNIX, SOCK_STREAM, 0, ends.data()), 0); }
+    ~Ends()
+    {
+        close(ends[0]);
+        close(ends[1]);
+    }
+    std::string heard() const
+    {
+        std::string all;
+        char text[4096];
+        for (ssize_t n; (n = recv(ends[0], text, sizeof text, MSG_DONTWAIT)) > 0;) {
+            all.append(text, static_cast<std::size_t>(n));
+        }
+        return all;
+    }
+    std::array<int, 2> ends{};
+};
+
+ControllerConfig two(Ns end)
+{
+    ControllerConfig config;
+    config.simulation = "test";
+    config.nodes = {{"slow", Policy::abort}, {"quick", Policy::abort}};
+    config.end = end;
+    return config;
+}
+
+TEST(Status, TimeIsSpentComputingOnTheWayOrWaiting)
+{
+    zmq::context_t context;
+    const ControllerConfig config = two(190);
+    RouterConfig at;
+    at.address = "inproc://status";
+    Router router(context, config, at);
+    // In turns: while one sleeps, the other waits.
+    Sleeper slow("/quick/n", "/slow/n", Latency::next_instant, 8ms);
+    Sleeper quick("/slow/n", "/quick/n", Latency::same_instant, 2ms);
+    const auto serve = [&](const char *name, Node &node) {
+        return Delegate(context, {"test", name, router.address(), 10s, {}}).serve(node);
+    };
+    const auto begun = std::chrono::steady_clock::now();
+    auto a = std::async(std::launch::async, serve, "slow", std::ref(slow));
+    auto b = std::async(std::launch::async, serve, "quick", std::ref(quick));
+    EXPECT_EQ(router.run(), "");
+    const Ns all = std::chrono::nanoseconds(std::chrono::steady_clock::now() - begun).count();
+    a.get();
+    b.get();
+
+    const NodeTimes s = router.times(0), q = router.times(1);
+    ASSERT_EQ(slow.steps, 20);
+    ASSERT_EQ(quick.steps, 20);
+    EXPECT_EQ(s.ticks, 20u);
+    EXPECT_GE(s.compute, 20 * 8'000'000);
+    EXPECT_GE(q.compute, 20 * 2'000'000);
+    EXPECT_GE(s.wait, 19 * 2'000'000);
+    EXPECT_GE(q.wait, 20 * 8'000'000);
+    EXPECT_GT(s.transport, 0);
+    EXPECT_GT(q.transport, 0);
+    for (const NodeTimes &t : {s, q}) {
+        EXPECT_EQ(t.asked, 0);
+        EXPECT_LE(t.compute + t.transport + t.wait, all);
+    }
+}
+
+/// Of a run of 20 instants at a pace: how many steps there were, how long it took, how it kept up.
+struct Paced {
+    Paced(double speed, std::chrono::milliseconds nap)
+    {
+        zmq::context_t context;
+        RouterConfig at;
+        at.address = "inproc://pace";
+        at.pace = speed;
+        Router router(context, two(190), at);
+        Sleeper a("/quick/n", "/slow/n", Latency::next_instant, nap);
+        Sleeper b("/slow/n", "/quick/n", Latency::same_instant, nap);
+        const auto begun = std::chrono::steady_clock::now();
+        router.host("slow", a);
+        router.host("quick", b);
+        EXPECT_EQ(router.run(), "");
+        took = std::chrono::steady_clock::now() - begun;
+        steps = a.steps + b.steps;
+        if (router.pace()) {
+            report = *router.pace();
+        }
+    }
+    int steps;
+    std::chrono::nanoseconds took;
+    PaceReport report;
+};
+
+TEST(Pace, InstantsBeginWhenTheirTimeHasCome)
+{
+    const Paced paced(1e-6, 0ms); // an instant each 10 ms
+    EXPECT_EQ(paced.steps, 40);
+    EXPECT_GE(paced.took, 190ms);
+}
+
+TEST(Pace, WhoCannotKeepUpIsLateAndLosesNothing)
+{
+    const Paced paced(1e-5, 5ms); // an instant each 1 ms, which takes 10 ms
+    EXPECT_EQ(paced.steps, 40);
+    EXPECT_GE(paced.took, 200ms);
+    EXPECT_GE(paced.report.overruns, 1u);
+    EXPECT_GE(paced.report.worst, 8'000'000);
+}
+
+TEST(Pace, WithoutOneNothingIsWaitedFor)
+{
+    const Paced paced(0.0, 0ms);
+    EXPECT_EQ(paced.steps, 40);
+    EXPECT_EQ(paced.report.overruns, 0u);
+}
+
+TEST(Status, HowLongOneMayBeAwayCountsFromItsLoss)
+{
+    zmq::context_t context;
+    ControllerConfig config = two(890);
+    config.nodes[1].on_loss = Policy::restart;
+    RouterConfig at;
+    at.address = "inproc://status-away";
+    at.join = 2s;
+    Router router(context, config, at);
+    Sleeper slow("/quick/n", "/slow/n", Latency::next_instant, 25ms);
+    Sleeper first("/slow/n", "/quick/n", Latency::same_instant, 0ms), second = first;
+    first.quits_at = 840; // later than `join` after the start
+    const auto serve = [&](const char *name, Node &node) {
+        return Delegate(context, {"test", name, router.address(), 10s, {}, {}}).serve(node);
+    };
+    auto a = std::async(std::launch::async, serve, "slow", std::ref(slow));
+    auto b = std::async(std::launch::async, [&] {
+        EXPECT_THROW(serve("quick", first), std::runtime_error);
+        std::this_thread::sleep_for(300ms); // until it has been missed
+        return serve("quick", second);
+    });
+    EXPECT_EQ(router.run(), "");
+    EXPECT_EQ(a.get(), "");
+    EXPECT_EQ(b.get(), "");
+}
+
+TEST(Status, ItIsToldInLines)
+{
+    zmq::context_t context;
+    const ControllerConfig config = two(0);
+    RouterConfig at;
+    at.address = "inproc://status-lines";
+    Router router(context, config, at);
+    const Ends pair;
+    StatusStream status(pair.ends[1]);
+    status.listening(router.address());
+    EXPECT_EQ(pair.heard(), "{\"listening\":\"inproc://status-lines\"}\n");
+    status.report("a \"quote\", a \\ and\na line");
+    EXPECT_EQ(pair.heard(), "{\"report\":\"a \\\"quote\\\", a \\\\ and\\u000aa line\"}\n");
+    status.progress(router, config);
+    const std::string line = pair.heard();
+    EXPECT_TRUE(line.starts_with("{\"phase\":\"gathering\",\"wall\":")) << line;
+    EXPECT_NE(line.find("{\"name\":\"quick\",\"state\":\"absent\",\"t\":-1,\"ticks\":0,\"compute\":0,\"transport\":0,"
+                        "\"wait\":0,\"asked\":0}]}\n"),
+              line.npos)
+        << line;
+    status.progress(router, config);
+    EXPECT_EQ(pair.heard(), "") << "not so often";
+}
+
+TEST(Status, WhoListensMayAskForTheEnd)
+{
+    Ends pair;
+    StatusStream status(pair.ends[1]);
+    EXPECT_EQ(status.asked_to_stop(), "");
+    ASSERT_EQ(send(pair.ends[0], "stop mass did", 13, 0), 13);
+    EXPECT_EQ(status.asked_to_stop(), "");
+    ASSERT_EQ(send(pair.ends[0], " not start\n", 11, 0), 11);
+    EXPECT_EQ(status.asked_to_stop(), "mass did not start");
+}
+
+TEST(Status, ItsEndIsHeardAndOneThatIsSlowHoldsNothingUp)
+{
+    Ends pair;
+    StatusStream status(pair.ends[1]);
+    for (int i = 0; i < 10'000; i++) {
+        status.report("a line that nobody reads, of many");
+    }
+    EXPECT_EQ(status.asked_to_stop(), "");
+    close(std::exchange(pair.ends[0], -1));
+    EXPECT_EQ(status.asked_to_stop(), "who started it is gone");
+    status.report("to nobody");
+}
+
+TEST(Status, WithoutAnybodyNothingIsDone)
+{
+    StatusStream status(-1);
+    status.listening("x");
+    EXPECT_EQ(status.asked_to_stop(), "");
+    EXPECT_THROW(StatusStream(999), LinkError);
+}
+
+} // namespace
+} // namespace fledge::cosim

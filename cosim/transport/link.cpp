@@ -1,0 +1,266 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cosim/transport/link.h"
+
+#include "cosim/security/keys.h"
+#include "cosim/transport/shared_channel.h"
+
+#include <atomic>
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <thread>
+#include <unistd.h>
+#include <utility>
+
+namespace fledge::cosim {
+
+namespace {
+
+using namespace std::chrono_literals;
+using Clock = std::chrono::steady_clock;
+
+constexpr int heartbeat_ms = 1000, silence_ms = 5000, linger_ms = 1000;
+constexpr std::chrono::milliseconds look = 100ms; ///< how often a silent side is looked for
+constexpr std::chrono::milliseconds for_ever = -1ms;
+
+} // namespace
+
+bool is_local(const std::string &address)
+{
+    return address.starts_with("ipc://") || address.starts_with("inproc://") || address.starts_with("tcp://127.") ||
+           address.starts_with("tcp://localhost:");
+}
+
+void set_up(zmq::socket_t &socket, const Limits &limits)
+{
+    socket.set(zmq::sockopt::linger, linger_ms);
+    socket.set(zmq::sockopt::maxmsgsize, static_cast<std::int64_t>(limits.frame));
+    socket.set(zmq::sockopt::heartbeat_ivl, heartbeat_ms);
+    socket.set(zmq::sockopt::heartbeat_timeout, silence_ms);
+}
+
+void poll(std::span<zmq::pollitem_t> items, std::chrono::milliseconds most)
+{
+    try {
+        zmq::poll(items.data(), items.size(), most);
+    } catch (const zmq::error_t &error) {
+        if (error.num() != EINTR) {
+            throw;
+        }
+        for (zmq::pollitem_t &item : items) { // a signal came: nothing has happened here
+            item.revents = 0;
+        }
+    }
+}
+
+int descriptor(zmq::socket_t &socket)
+{
+    return socket.get(zmq::sockopt::fd);
+}
+
+Link::Link(zmq::context_t &context, const Limits &limits)
+    : limits_(limits), socket_(context, zmq::socket_type::pair), monitor_(context, zmq::socket_type::pair)
+{
+    set_up(socket_, limits);
+    static std::atomic<unsigned> count{0};
+    const std::string name = "inproc://fledge-monitor-" + std::to_string(count++);
+    if (zmq_socket_monitor(socket_.handle(), name.c_str(),
+                           ZMQ_EVENT_DISCONNECTED | ZMQ_EVENT_HANDSHAKE_SUCCEEDED | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH |
+                               ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL | ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL)) {
+        throw LinkError(std::string("cannot watch a socket: ") + zmq_strerror(zmq_errno()));
+    }
+    monitor_.set(zmq::sockopt::linger, 0);
+    monitor_.connect(name);
+    gone(); // only from a first look on does its descriptor tell
+}
+
+/// Looks whether the controller goes, while its node sleeps without a time to wake: timers would cost
+/// each tick some hundred nanoseconds.
+class Link::Watcher {
+public:
+    Watcher(zmq::socket_t monitor, SharedChannel &channel)
+        : monitor_(std::move(monitor)), channel_(channel), stop_(eventfd(0, EFD_CLOEXEC)), thread_([this] { watch(); })
+    {
+    }
+    ~Watcher()
+    {
+        eventfd_write(stop_, 1);
+        thread_.join();
+        close(stop_);
+    }
+    Watcher(const Watcher &) = delete;
+    Watcher &operator=(const Watcher &) = delete;
+
+    bool gone() const { return gone_; }
+
+private:
+    void watch()
+    {
+        try {
+            pollfd fds[] = {{descriptor(monitor_), POLLIN, 0}, {stop_, POLLIN, 0}};
+            while (!fds[1].revents) {
+                std::uint16_t kind = 0;
+                for (std::uint32_t value = 0; next_event(monitor_, kind, value);) {
+                    gone_ = gone_ || kind == ZMQ_EVENT_DISCONNECTED;
+                }
+                if (gone_) {
+                    channel_.interrupt();
+                }
+                ::poll(fds, std::size(fds), -1);
+            }
+        } catch (const zmq::error_t &) { // the context is being closed, and with it the link
+            gone_ = true;
+            channel_.interrupt();
+        }
+    }
+
+    zmq::socket_t monitor_;
+    SharedChannel &channel_;
+    int stop_;
+    std::atomic<bool> gone_{false};
+    std::thread thread_; ///< the last, for it uses the others
+};
+
+Link::~Link()
+{
+    if (!socket_) {
+        return; // moved
+    }
+    if (shared_ && !shared_->is_controllers()) {
+        // The last frame may be a long one.
+        const auto end = Clock::now() + std::chrono::milliseconds(linger_ms);
+        try {
+            while (!shared_->flush() && !gone() && Clock::now() < end) {
+                shared_->wait(look);
+            }
+        } catch (const ProtocolError &) {
+            // The other side takes nothing more.
+        }
+    }
+    // libzmq's own thread tells the monitor what becomes of the socket, and would wait for ever for one
+    // that was closed before.
+    zmq_socket_monitor(socket_.handle(), nullptr, 0);
+    watcher_.reset();
+}
+
+Link::Link(Link &&) noexcept = default;
+Link &Link::operator=(Link &&) noexcept = default;
+
+void Link::share(std::unique_ptr<SharedChannel> channel)
+{
+    shared_ = std::move(channel);
+    shared_->hide();
+    if (!shared_->is_controllers() && !gone()) {
+        watcher_ = std::make_unique<Watcher>(std::move(monitor_), *shared_);
+    }
+}
+
+std::string Link::bind(const std::string &address)
+{
+    bound_ = true;
+    try {
+        socket_.bind(address);
+    } catch (const zmq::error_t &error) {
+        throw LinkError("cannot listen at " + address + ": " + error.what());
+    }
+    return socket_.get(zmq::sockopt::last_endpoint);
+}
+
+void Link::connect(const std::string &address)
+{
+    try {
+        socket_.connect(address);
+    } catch (const zmq::error_t &error) {
+        throw LinkError("cannot connect to " + address + ": " + error.what());
+    }
+}
+
+void Link::send(const Frame &frame, bool urgent)
+{
+    encode(frame, bytes_, native_order(), shared_ ? Sum::zero : Sum::crc);
+    if (shared_) {
+        return shared_->send(bytes_, urgent);
+    }
+    // It never waits: in lock step only a few frames are ever on their way, so a side that takes no
+    // more is gone. What it sent before, perhaps that it ends the run, is still to be read.
+    if (!socket_.send(zmq::buffer(bytes_), zmq::send_flags::dontwait)) {
+        gone_ = true;
+    }
+}
+
+bool Link::receive(Frame &frame)
+{
+    if (shared_) {
+        if (!shared_->receive(received_)) {
+            return false;
+        }
+        frame = decode(received_, limits_, Sum::zero);
+        return true;
+    }
+    if (!socket_.recv(message_, zmq::recv_flags::dontwait)) {
+        return false;
+    }
+    if (message_.more()) {
+        while (message_.more() && socket_.recv(message_, zmq::recv_flags::dontwait)) {
+        }
+        throw ProtocolError("a frame is one part, not several");
+    }
+    frame = decode({message_.data<std::byte>(), message_.size()}, limits_);
+    return true;
+}
+
+Frame Link::wait(std::chrono::milliseconds most)
+{
+    Frame frame;
+    const bool limited = most.count() > 0;
+    const auto end = limited ? Clock::now() + most : Clock::time_point::max();
+    while (!receive(frame)) {
+        const auto rest = limited ? std::chrono::ceil<std::chrono::milliseconds>(end - Clock::now()) : look;
+        if (rest.count() <= 0) {
+            throw LinkError("nothing came within " + std::to_string(most.count()) + " ms");
+        }
+        if (silent(limited || !watcher_ ? std::min(rest, look) : for_ever) && gone()) {
+            if (receive(frame)) {
+                break;
+            }
+            throw LinkError(refusal_.empty() ? "the other side is gone" : refusal_);
+        }
+    }
+    return frame;
+}
+
+/// Wait a while for a frame. Whether it is time to look for the other side.
+bool Link::silent(std::chrono::milliseconds most)
+{
+    if (shared_) {
+        shared_->wait(most);
+        return !shared_->pending();
+    }
+    pollfd fds[] = {{frames(), POLLIN, 0}, {events(), POLLIN, 0}};
+    ::poll(fds, std::size(fds), static_cast<int>(most.count()));
+    return fds[1].revents || !fds[0].revents;
+}
+
+bool Link::gone()
+{
+    if (watcher_) {
+        return watcher_->gone();
+    }
+    std::uint16_t kind = 0;
+    for (std::uint32_t value = 0; next_event(monitor_, kind, value);) {
+        if (kind != ZMQ_EVENT_DISCONNECTED) {
+            // Strangers come to a bound socket, too: libzmq lets the first in that it may, and no other.
+            const bool first = kind == ZMQ_EVENT_HANDSHAKE_SUCCEEDED && !std::exchange(made_, true);
+            strangers_ += bound_ && !first;
+            if (!bound_ && kind == ZMQ_EVENT_HANDSHAKE_FAILED_AUTH) {
+                refusal_ = refusal(kind, value, true);
+            }
+        } else if (strangers_) {
+            strangers_--;
+        } else {
+            gone_ = true;
+        }
+    }
+    return gone_;
+}
+
+} // namespace fledge::cosim

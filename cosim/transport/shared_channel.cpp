@@ -1,0 +1,408 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cosim/transport/shared_channel.h"
+
+#include "cosim/transport/link.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <climits>
+#include <cstring>
+#include <fcntl.h>
+#include <linux/futex.h>
+#include <new>
+#include <random>
+#include <string_view>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+#include <utility>
+
+namespace fledge::cosim {
+
+namespace {
+
+constexpr char magic[8] = {'F', 'L', 'E', 'D', 'G', 'S', 'M', '1'};
+constexpr std::size_t ring_size = 16384; ///< of each way: some ticks fit in, and it stays in the cache
+constexpr std::size_t word = 8;
+
+static_assert(std::atomic<std::uint32_t>::is_always_lock_free && std::atomic<std::uint64_t>::is_always_lock_free);
+
+struct Head {
+    char magic[8];
+    std::uint64_t nonce, spin, slot;
+    char bell[64], pipe[64];
+};
+
+/// What a frame begins with.
+struct Length {
+    std::uint32_t size, zero;
+};
+static_assert(sizeof(Length) == word);
+
+std::size_t filled_up(std::size_t n)
+{
+    return (n + word - 1) / word * word;
+}
+
+std::uint64_t draw_nonce()
+{
+    std::random_device device;
+    return static_cast<std::uint64_t>(device()) << 32 | device();
+}
+
+void set_text(char (&to)[64], const std::string &text)
+{
+    if (text.size() >= sizeof to) {
+        throw LinkError("no shared memory: the path " + text + " is too long");
+    }
+    std::memcpy(to, text.c_str(), text.size() + 1);
+}
+
+std::string text_of(const char (&from)[64])
+{
+    return {from, strnlen(from, sizeof from)};
+}
+
+} // namespace
+
+// ---- the bell
+
+struct Bell::Memory {
+    std::uint64_t nonce;
+    alignas(64) std::atomic<std::uint32_t> armed;
+    alignas(64) std::atomic<std::uint32_t> calls[words_of_slots];
+};
+
+Bell::Memory &Bell::words() const
+{
+    return *std::launder(reinterpret_cast<Memory *>(memory_.bytes().data()));
+}
+
+Bell::Bell() : memory_(SharedMemory::create(sizeof(Memory))), nonce_(draw_nonce())
+{
+    if (pipe2(pipe_, O_NONBLOCK | O_CLOEXEC)) {
+        throw LinkError(std::string("no pipe: ") + std::strerror(errno));
+    }
+    (new (memory_.bytes().data()) Memory{})->nonce = nonce_;
+}
+
+Bell::Bell(const std::string &memory, const std::string &pipe, std::uint64_t nonce)
+    : memory_(SharedMemory::open(memory, sizeof(Memory))), nonce_(nonce)
+{
+    const int looked = open(pipe.c_str(), O_PATH | O_CLOEXEC);
+    struct stat found {};
+    if (looked >= 0 && !fstat(looked, &found) && S_ISFIFO(found.st_mode)) {
+        // Also to read: so a controller that is gone is no signal to this program.
+        pipe_[1] = open(("/proc/self/fd/" + std::to_string(looked)).c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC);
+    }
+    if (looked >= 0) {
+        close(looked);
+    }
+    if (pipe_[1] < 0 || words().nonce != nonce) {
+        if (pipe_[1] >= 0) {
+            close(pipe_[1]);
+        }
+        throw LinkError("no shared memory: the bell is another one");
+    }
+}
+
+Bell::~Bell()
+{
+    for (const int fd : pipe_) {
+        if (fd >= 0) {
+            close(fd);
+        }
+    }
+}
+
+Bell::Bell(Bell &&other) noexcept : memory_(std::move(other.memory_)), called_(other.called_), nonce_(other.nonce_)
+{
+    std::swap(pipe_[0], other.pipe_[0]);
+    std::swap(pipe_[1], other.pipe_[1]);
+}
+
+Bell &Bell::operator=(Bell &&other) noexcept
+{
+    std::swap(memory_, other.memory_);
+    std::swap(called_, other.called_);
+    std::swap(pipe_, other.pipe_);
+    std::swap(nonce_, other.nonce_);
+    return *this;
+}
+
+void Bell::ring()
+{
+    std::atomic_thread_fence(std::memory_order_seq_cst);
+    std::atomic<std::uint32_t> &armed = words().armed;
+    switch (armed.load(std::memory_order_relaxed) ? armed.exchange(awake) : awake) {
+    case polls: (void)!write(pipe_[1], "", 1); break; // a full pipe is readable already
+    case rests: syscall(SYS_futex, &armed, FUTEX_WAKE, 1, nullptr, nullptr, 0); break;
+    default: break;
+    }
+}
+
+void Bell::wake()
+{
+    for (std::size_t i = 0; i < words_of_slots; i++) {
+        if (const std::uint32_t who = std::exchange(called_[i], 0)) {
+            std::atomic<std::uint32_t> &calls = words().calls[i];
+            calls.fetch_add(1);
+            syscall(SYS_futex, &calls, FUTEX_WAKE_BITSET, INT_MAX, nullptr, nullptr, who);
+        }
+    }
+}
+
+std::uint32_t Bell::calls(std::size_t slot) const
+{
+    return words().calls[slot / 32 % words_of_slots].load();
+}
+
+bool Bell::sleep(std::size_t slot, std::uint32_t calls, std::chrono::milliseconds most)
+{
+    timespec until{};
+    if (most.count() >= 0) {
+        clock_gettime(CLOCK_MONOTONIC, &until);
+        const auto ns = until.tv_nsec + most.count() % 1000 * 1'000'000;
+        until = {until.tv_sec + most.count() / 1000 + ns / 1'000'000'000, ns % 1'000'000'000};
+    }
+    return !syscall(SYS_futex, &words().calls[slot / 32 % words_of_slots], FUTEX_WAIT_BITSET, calls,
+                    most.count() >= 0 ? &until : nullptr, nullptr, 1u << slot % 32) ||
+           errno == EAGAIN;
+}
+
+void Bell::rest(std::chrono::milliseconds most)
+{
+    const timespec rest = {most.count() / 1000, most.count() % 1000 * 1'000'000};
+    syscall(SYS_futex, &words().armed, FUTEX_WAIT, rests, &rest, nullptr, 0);
+}
+
+void Bell::arm(Wait how)
+{
+    words().armed.store(how, std::memory_order_relaxed);
+    std::atomic_thread_fence(std::memory_order_seq_cst);
+}
+
+void Bell::disarm(bool rang)
+{
+    words().armed.store(awake, std::memory_order_relaxed);
+    char bytes[256];
+    while (rang && read(pipe_[0], bytes, sizeof bytes) == sizeof bytes) {
+    }
+}
+
+// ---- a node's memory
+
+struct SharedChannel::Lane {
+    alignas(64) std::atomic<std::uint64_t> written;
+    std::atomic<std::uint32_t> blocked; ///< the writer waits for room
+    alignas(64) std::atomic<std::uint64_t> taken;
+};
+
+struct SharedChannel::Memory {
+    Head head;
+    alignas(64) std::atomic<std::uint32_t> asleep;  ///< the node is
+    alignas(64) std::atomic<std::uint32_t> ignored; ///< the controller does not wait for this node
+    Lane lanes[2];                                  ///< to the node, to the controller
+    alignas(64) std::byte rings[2][ring_size];
+};
+
+SharedChannel::Memory &SharedChannel::words() const
+{
+    return *std::launder(reinterpret_cast<Memory *>(memory_.bytes().data()));
+}
+
+SharedChannel::SharedChannel(Bell &bell, std::size_t slot, std::chrono::nanoseconds spin, const Limits &limits)
+    : memory_(SharedMemory::create(sizeof(Memory))), bell_(&bell), slot_(slot), nonce_(bell.nonce()),
+      limit_(limits.frame)
+{
+    Memory &memory = *new (memory_.bytes().data()) Memory{};
+    std::memcpy(memory.head.magic, magic, sizeof magic);
+    memory.head.nonce = nonce_;
+    memory.head.spin = static_cast<std::uint64_t>(spin.count());
+    memory.head.slot = slot;
+    set_text(memory.head.bell, bell.memory_path());
+    set_text(memory.head.pipe, bell.pipe_path());
+    out_ = &memory.lanes[0];
+    in_ = &memory.lanes[1];
+    ring_out_ = memory.rings[0];
+    ring_in_ = memory.rings[1];
+}
+
+SharedChannel::SharedChannel(const std::string &path, std::uint64_t nonce, const Limits &limits)
+    : memory_(SharedMemory::open(path, sizeof(Memory))), nonce_(nonce), limit_(limits.frame)
+{
+    Memory &memory = words();
+    const Head head = memory.head;
+    if (std::memcmp(head.magic, magic, sizeof magic) || head.nonce != nonce) {
+        throw LinkError("no shared memory: " + path + " is another one");
+    }
+    own_.emplace(text_of(head.bell), text_of(head.pipe), nonce);
+    slot_ = head.slot;
+    spin_ = Spin(std::chrono::nanoseconds(std::min<std::uint64_t>(head.spin, 1'000'000)));
+    in_ = &memory.lanes[0];
+    out_ = &memory.lanes[1];
+    ring_in_ = memory.rings[0];
+    ring_out_ = memory.rings[1];
+}
+
+void SharedChannel::expect(bool expected)
+{
+    if (expected != expected_) {
+        expected_ = expected;
+        words().ignored.store(!expected, std::memory_order_relaxed); // Bell::arm() follows
+    }
+}
+
+void SharedChannel::ring(bool urgent)
+{
+    Memory &memory = words();
+    std::atomic_thread_fence(std::memory_order_seq_cst);
+    if (bell_) {
+        if (memory.asleep.load(std::memory_order_relaxed)) {
+            bell_->call(slot_);
+        }
+    } else if (urgent || !memory.ignored.load(std::memory_order_relaxed)) {
+        own_->ring();
+    }
+}
+
+void SharedChannel::wait(std::chrono::milliseconds most)
+{
+    if (spin_.spin([&] { return pending(); })) {
+        return;
+    }
+    Memory &memory = words();
+    memory.asleep.store(1, std::memory_order_relaxed);
+    std::atomic_thread_fence(std::memory_order_seq_cst);
+    // Others of its slots' word are woken, too.
+    for (std::uint32_t calls = own_->calls(slot_); !pending() && !interrupted_ && own_->sleep(slot_, calls, most);) {
+        calls = own_->calls(slot_);
+    }
+    memory.asleep.store(0, std::memory_order_relaxed);
+}
+
+void SharedChannel::interrupt()
+{
+    interrupted_ = true;
+    own_->call(slot_);
+    own_->wake();
+}
+
+// ---- the rings
+
+std::size_t SharedChannel::filled() const
+{
+    const std::uint64_t n = in_->written.load(std::memory_order_acquire) - taken_;
+    if (n > ring_size || n % word) {
+        throw ProtocolError("the shared memory counts " + std::to_string(n) + " bytes in a ring of " +
+                            std::to_string(ring_size));
+    }
+    return n;
+}
+
+std::size_t SharedChannel::room()
+{
+    const std::uint64_t passed = out_->taken.load(std::memory_order_acquire);
+    if (passed - passed_ > written_ - passed_ || passed % word) {
+        throw ProtocolError("the shared memory counts more bytes taken than were written");
+    }
+    passed_ = passed;
+    return ring_size - (written_ - passed_);
+}
+
+/// There is room.
+void SharedChannel::put(std::span<const std::byte> bytes)
+{
+    const std::size_t at = written_ % ring_size, first = std::min(bytes.size(), ring_size - at);
+    std::memcpy(ring_out_ + at, bytes.data(), first);
+    std::memcpy(ring_out_, bytes.data() + first, bytes.size() - first);
+    written_ += filled_up(bytes.size());
+}
+
+void SharedChannel::send(std::span<const std::byte> frame, bool urgent)
+{
+    if (frame.size() > limit_) {
+        throw ProtocolError("a frame of " + std::to_string(frame.size()) + " bytes; " + std::to_string(limit_) +
+                            " are the most");
+    }
+    const Length length{static_cast<std::uint32_t>(frame.size()), 0};
+    const auto head = std::as_bytes(std::span(&length, 1));
+    if (kept_.empty() && word + filled_up(frame.size()) <= room()) {
+        put(head);
+        put(frame);
+        out_->written.store(written_, std::memory_order_release);
+        return ring(urgent);
+    }
+    kept_.insert(kept_.end(), head.begin(), head.end());
+    kept_.insert(kept_.end(), frame.begin(), frame.end());
+    kept_.resize(filled_up(kept_.size()));
+    flush();
+}
+
+bool SharedChannel::flush()
+{
+    if (kept_.empty()) {
+        return true;
+    }
+    out_->blocked.store(1, std::memory_order_relaxed);
+    std::atomic_thread_fence(std::memory_order_seq_cst);
+    if (const std::size_t n = std::min(room(), kept_.size() - kept_at_)) {
+        put(std::span(kept_).subspan(kept_at_, n));
+        kept_at_ += n;
+        out_->written.store(written_, std::memory_order_release);
+        ring();
+    }
+    if (kept_at_ == kept_.size()) {
+        kept_.clear();
+        kept_at_ = 0;
+        out_->blocked.store(0, std::memory_order_relaxed);
+    }
+    return kept_.empty();
+}
+
+bool SharedChannel::receive(Bytes &frame)
+{
+    flush();
+    std::size_t n = filled();
+    if (!n) {
+        return false;
+    }
+    if (!size_) {
+        Length length;
+        std::memcpy(&length, ring_in_ + taken_ % ring_size, sizeof length);
+        if (length.size == 0 || length.zero || length.size > limit_) {
+            throw ProtocolError("a frame of " + std::to_string(length.size) + " bytes in the shared memory; " +
+                                std::to_string(limit_) + " are the most");
+        }
+        size_ = length.size;
+        missing_ = filled_up(size_);
+        taken_ += sizeof length;
+        n -= sizeof length;
+        coming_.clear();
+    }
+    n = std::min(n, missing_);
+    const std::size_t at = taken_ % ring_size, first = std::min(n, ring_size - at);
+    coming_.insert(coming_.end(), ring_in_ + at, ring_in_ + at + first);
+    coming_.insert(coming_.end(), ring_in_, ring_in_ + (n - first));
+    taken_ += n;
+    missing_ -= n;
+    in_->taken.store(taken_, std::memory_order_release);
+    std::atomic_thread_fence(std::memory_order_seq_cst);
+    if (in_->blocked.load(std::memory_order_relaxed)) {
+        ring();
+    }
+    if (missing_) {
+        return false;
+    }
+    coming_.resize(std::exchange(size_, 0));
+    std::swap(frame, coming_);
+    return true;
+}
+
+bool SharedChannel::pending() const
+{
+    return in_->written.load(std::memory_order_acquire) != taken_ ||
+           (!kept_.empty() && out_->taken.load(std::memory_order_acquire) != passed_);
+}
+
+} // namespace fledge::cosim
