@@ -1,8 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-# Unit tests in GoogleTest. They are built by the target `tests`, not by `all`, so that flying a
-# mission waits for no test, and each case is known to ctest by its own name.
+# Unit tests in GoogleTest. The target `tests` builds them; `all` does not, so that a flight does not
+# wait for its tests. ctest knows each case by its own name.
 
 add_custom_target(tests)
+
+# The source of a test runs once: what optimisation it has costs more than it gains. The code under
+# test keeps the options of its library.
+set(FLEDGE_TEST_OPTIONS "" CACHE STRING "compile options of the sources of tests")
+mark_as_advanced(FLEDGE_TEST_OPTIONS)
 
 if(BUILD_TESTING)
     find_package(GTest REQUIRED)
@@ -17,7 +22,27 @@ function(fledge_add_test name)
     cmake_parse_arguments(PARSE_ARGV 1 arg "" "" "SOURCES;LIBRARIES")
     add_executable(${name} EXCLUDE_FROM_ALL ${arg_SOURCES})
     fledge_cxx_options(${name})
+    target_compile_options(${name} PRIVATE ${FLEDGE_TEST_OPTIONS})
     target_link_libraries(${name} PRIVATE ${arg_LIBRARIES} GTest::gtest_main)
+    if(TARGET fledge_test_headers)
+        target_compile_options(${name} PRIVATE -fpch-preprocess)    # so that ccache can cache it
+        target_precompile_headers(${name} REUSE_FROM fledge_test_headers)
+    endif()
     add_dependencies(tests ${name})
     gtest_discover_tests(${name} TEST_PREFIX ${name}/ PROPERTIES TIMEOUT 300)
+endfunction()
+
+# fledge_precompile_test_headers(<header>...): compile large headers of others once for all tests
+# that follow.
+function(fledge_precompile_test_headers)
+    if(NOT BUILD_TESTING)
+        return()
+    endif()
+    # An executable, because the tests are executables: the compiler refuses headers compiled with other options.
+    file(CONFIGURE OUTPUT fledge_test_headers.cpp CONTENT "int main() {}\n")
+    add_executable(fledge_test_headers EXCLUDE_FROM_ALL ${CMAKE_CURRENT_BINARY_DIR}/fledge_test_headers.cpp)
+    fledge_cxx_options(fledge_test_headers)
+    target_compile_options(fledge_test_headers PRIVATE ${FLEDGE_TEST_OPTIONS} -fpch-preprocess)
+    target_link_libraries(fledge_test_headers PRIVATE GTest::gtest Eigen3::Eigen)
+    target_precompile_headers(fledge_test_headers PRIVATE ${ARGN})
 endfunction()

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who may include whom. The folders are the architecture; this keeps them so.
+"""Every #include and import goes in the direction that tests/layers.py allows.
 
-Flight code must build for a flight computer and the simulation kernel must know no physics: both
-stay true only while nobody takes a shortcut through an #include or an import.
+Flight code must build for a flight computer, and the simulation kernel must know no physics: one include in the wrong
+direction ends that.
 """
 
 import ast
@@ -12,44 +12,14 @@ from pathlib import Path
 
 import pytest
 
+from tests import layers
 from tests.tree import ROOT, files
 
-# A folder may include itself and these. The longest name that fits a path is its rule.
-MAY_INCLUDE = {
-    "flight":      ["flight/math", "flight/msg"],  # its subfolders never include one another
-    "flight/math": [],
-    "flight/msg":  ["flight/math"],
-    "registers":   ["flight/math", "flight/msg"],
-    "record":      [],                             # a writer any target can take as it is
-    "sim":         ["flight/math", "flight/msg", "record"],
-    "world":       ["flight/math", "flight/msg", "sim"],
-    "cosim":       ["flight/math", "flight/msg", "record", "sim", "registers", "targets"],
-    "emulator":    ["flight/math", "registers"],
-    "ground":      ["flight/math"],
-    "targets":     ["flight", "registers", "record"],
-    "introspect":  [],
-    "fledge":      ["flight", "registers", "record", "sim", "world", "cosim"],
-    "missions":    ["fledge"],
-    "bench":       ["flight", "record", "sim", "world", "cosim", "fledge"],
-    "tests":       ["flight", "registers", "record", "sim", "world", "cosim", "emulator", "ground",
-                    "targets", "introspect", "fledge", "missions"],
-}
+TOPS = {folder.split("/")[0] for folder in layers.RULES}
 
 # What C that flies may take from the language's library: what a freestanding compiler has, and the
 # two whose few functions used here (sqrt, memcpy) every compiler turns into instructions.
 FLIGHT_LIBRARY = {"float.h", "limits.h", "math.h", "stdbool.h", "stddef.h", "stdint.h", "string.h"}
-
-# Python's third parties: Debian's packages, each only where it is needed.
-THIRD_PARTIES = {
-    "flight":     {"mpmath"},                      # flight/math/tools: how coefficients were found
-    "introspect": {"clang"},
-    "fledge":     {"_core", "_core_build", "h5py", "jinja2", "markupsafe", "matplotlib", "numpy", "pandas",
-                   "zmq"},
-    "cosim":      {"zmq"},
-    "missions":   {"fledge_node", "numpy"},        # nodes in Python have the one, and nothing else
-    "bench":      {"_core", "jplephem", "mpmath", "numpy"},
-    "tests":      {"_core", "numpy"},
-}
 
 # flight.py also runs under MicroPython, which has nothing but these. (sqrt is exact in both.)
 FLIGHT_PY_MODULES = {"fledge.flight", "fledge.units", "math.sqrt"}
@@ -62,22 +32,10 @@ C_SUFFIXES = {".c", ".h", ".cpp", ".hpp"}
 INCLUDE = re.compile(r'^\s*#\s*include\s*(?:"([^"]+)"|<([^>]+)>)')
 
 
-def folder_of(path: str) -> str:
-    """The folder whose rule holds for `path`: the subfolder in flight/, else the first one."""
-    parts = path.removeprefix("python/").split("/")
-    return "/".join(parts[:2]) if parts[0] == "flight" and len(parts) > 2 else parts[0]
-
-
 def resolve(include: str) -> str:
     """The path from the root of what `include` names; `include` itself if there is no such file."""
     return next((start + include for start in INCLUDE_ROOTS if (ROOT / start / include).is_file()),
                 include)
-
-
-def may_include(folder: str, other: str) -> bool:
-    """Whether a file in `folder` may include one in the folder `other`."""
-    allowed = MAY_INCLUDE.get(folder, MAY_INCLUDE.get(folder.split("/")[0], []))
-    return other == folder or any(other == name or other.startswith(name + "/") for name in allowed)
 
 
 def is_test(path: Path) -> bool:
@@ -88,14 +46,14 @@ def is_test(path: Path) -> bool:
 
 def may_include_helper(folder: str, helper: str) -> bool:
     """Whether a test in `folder` may include a test helper: its own, or of a folder it may use."""
-    tops = {name.split("/")[0] for name in [folder, *MAY_INCLUDE.get(folder.split("/")[0], [])]}
+    tops = {name.split("/")[0] for name in [folder, *layers.uses(folder)]}
     return helper.split("/")[0] in tops
 
 
 def check_c(path: Path, text: str) -> list[str]:
     """Complaints about the includes of a C or C++ file at `path` (relative to the root)."""
     complaints = []
-    folder = folder_of(path.as_posix())
+    folder = layers.rule_of(path.as_posix())
     for number, line in enumerate(text.splitlines(), 1):
         match = INCLUDE.match(line)
         if not match:
@@ -105,7 +63,7 @@ def check_c(path: Path, text: str) -> list[str]:
             if not is_test(path) or not may_include_helper(folder, ours):
                 complaints.append(f'{path}:{number}: "{ours}" is for the tests of its folder and of '
                                   f"those that may use it")
-        elif ours and not may_include(folder, folder_of(resolve(ours))):
+        elif ours and not layers.may_use(folder, layers.rule_of(resolve(ours))):
             complaints.append(f'{path}:{number}: {folder} may not include "{ours}"; '
                               f"it may include {allowed_text(folder)}")
         if library and folder.startswith("flight") and not is_test(path) \
@@ -118,8 +76,8 @@ def check_c(path: Path, text: str) -> list[str]:
 def check_python(path: Path, text: str) -> list[str]:
     """Complaints about the imports of a Python file at `path` (relative to the root)."""
     complaints = []
-    folder = folder_of(path.as_posix())
-    third_parties = THIRD_PARTIES.get(folder.split("/")[0], set())
+    folder = layers.rule_of(path.as_posix())
+    third_parties = layers.THIRD_PARTIES.get(folder.split("/")[0], set())
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
@@ -134,8 +92,8 @@ def check_python(path: Path, text: str) -> list[str]:
                            for module in FLIGHT_PY_MODULES):
                     complaints.append(f"{path}:{node.lineno}: flight.py may not import {name}; it "
                                       f"may import {', '.join(sorted(FLIGHT_PY_MODULES))}")
-            elif top in MAY_INCLUDE:
-                if not may_include(folder, top) and not (is_test(path) and top == "tests"):
+            elif top in TOPS:
+                if not layers.may_use(folder, top) and not (is_test(path) and top == "tests"):
                     complaints.append(f"{path}:{node.lineno}: {folder} may not import {name}; "
                                       f"it may import {allowed_text(folder)}")
             elif top not in sys.stdlib_module_names and not is_test(path) \
@@ -147,8 +105,7 @@ def check_python(path: Path, text: str) -> list[str]:
 
 
 def allowed_text(folder: str) -> str:
-    allowed = MAY_INCLUDE.get(folder, MAY_INCLUDE.get(folder.split("/")[0], []))
-    return ", ".join([folder, *allowed])
+    return ", ".join([folder, *layers.uses(folder)])
 
 
 def check(path: Path, text: str) -> list[str]:
@@ -166,9 +123,9 @@ def test_every_include_and_import_goes_the_right_way():
 
 
 def test_every_folder_with_code_has_a_rule():
-    folders = {folder_of(path.as_posix()).split("/")[0] for path in files()
+    folders = {layers.rule_of(path.as_posix()).split("/")[0] for path in files()
                if len(path.parts) > 1 and path.suffix in C_SUFFIXES | {".py"}}
-    assert folders <= MAY_INCLUDE.keys()
+    assert folders <= TOPS
 
 
 def test_every_quoted_include_is_found_from_the_root():
@@ -224,3 +181,8 @@ def test_a_shortcut_is_refused_with_its_place_and_rule(path, line, complaint):
 ])
 def test_what_goes_the_right_way_passes(path, line):
     assert check(Path(path), line + "\n") == []
+
+
+def test_the_architecture_document_shows_these_rules():
+    text = layers.DOCUMENT.read_text(encoding="utf-8")
+    assert text == layers.with_table(text), "the table is outdated; mend it with: /usr/bin/python3 -m tests.layers"

@@ -16,7 +16,7 @@ import _core
 
 HERE = Path(__file__).resolve().parent
 CONTROLLER = Path(_core.__file__).resolve().parents[1] / "cosim" / "fledge_controller"
-SPRING_IN_C = CONTROLLER.with_name("bindings") / "fledge_spring"
+SPRING_IN_C = CONTROLLER.with_name("fledge_spring")
 pytestmark = pytest.mark.skipif(not CONTROLLER.exists(), reason="the controller is not built")
 
 sys.path.insert(0, str(HERE))

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which folder may use which: the table that include_direction_test.py checks, and that docs/architecture.md shows.
+
+    /usr/bin/python3 -m tests.layers        writes the table into docs/architecture.md
+
+A rule holds for its folder and all folders below it that have no rule of their own. The rule `flight/*` holds for each
+sub-folder of flight/ by itself: they do not use one another.
+"""
+
+from typing import NamedTuple
+
+from tests.tree import ROOT
+
+DOCUMENT = ROOT / "docs/architecture.md"
+BEGIN, END = "<!-- printed by tests/layers.py -->\n", "<!-- end of what tests/layers.py prints -->\n"
+
+
+class Rule(NamedTuple):
+    """What the documents say of a folder, and the folders that its files may include or import besides their own."""
+
+    language: str
+    what: str
+    uses: list[str]
+
+
+FLIGHT = ["flight/math", "flight/msg"]
+
+RULES = {
+    "flight/math": Rule("C99", "vectors, attitudes, elementary functions", []),
+    "flight/msg": Rule("C99", "the messages", ["flight/math"]),
+    "flight/exec": Rule("C99", "the rules of time, for the desktop and for every exported mission", FLIGHT),
+    "flight/*": Rule("C99", "the modules; these folders do not use one another", FLIGHT),
+    "record": Rule("C99", "one writer of MCAP without a heap, for every target", []),
+    "registers": Rule("C99, C++20, Python", "boards from TOML; lanes between flight and models, also across processes "
+                      "and byte orders", FLIGHT),
+    "introspect": Rule("Python", "the reader of headers, and the emitters", []),
+    "targets": Rule("C99", "what hosts an exported mission (`mission.h`); `targets/cfs` is the pocket cFE, for machines "
+                    "without NASA's", [*FLIGHT, "flight/exec", "registers", "record"]),
+    "sim": Rule("C++20", "the kernel: instances, wires, tasks, processes, clock, recorder",
+                [*FLIGHT, "flight/exec", "record"]),
+    "world": Rule("C++20", "dynamics, environment, sensors, actuators", [*FLIGHT, "sim"]),
+    "cosim": Rule("C++20; nodes also in C, Python, C#", "a simulation of many programs: protocol, controller, "
+                  "transport, nodes", [*FLIGHT, "record", "registers", "sim", "targets"]),
+    "emulator": Rule("C++20", "the flight computer; it meets the avionics at the registers alone", ["registers"]),
+    "ground": Rule("Python", "telecommands and telemetry, by emitted codecs alone", []),
+    "fledge": Rule("Python, C++", "`python/fledge`: what the user imports, the extension, the command line",
+                   ["flight", "registers", "record", "sim", "world", "cosim"]),
+    "missions": Rule("Python", "worked missions", ["fledge"]),
+    "bench": Rule("Python, C++", "measurements", ["flight", "record", "sim", "world", "cosim", "fledge"]),
+    "tests": Rule("Python, C++", "tests of the whole",
+                  ["flight", "registers", "record", "sim", "world", "cosim", "emulator", "ground", "targets",
+                   "introspect", "fledge", "missions"]),
+}
+
+# Python packages of other projects, and where each may be imported. They are Debian's.
+THIRD_PARTIES = {
+    "flight":     {"mpmath"},                      # flight/math/tools: how the coefficients were found
+    "introspect": {"clang"},
+    "fledge":     {"_core", "_core_build", "h5py", "jinja2", "markupsafe", "matplotlib", "numpy", "pandas",
+                   "zmq"},
+    "cosim":      {"zmq"},
+    "missions":   {"fledge_node", "numpy"},        # a node in Python imports fledge_node and nothing else of Fledge
+    "bench":      {"_core", "jplephem", "mpmath", "numpy"},
+    "tests":      {"_core", "numpy"},
+}
+
+
+def rule_of(path: str) -> str:
+    """The folder whose rule holds for a path: the longest that the path begins with."""
+    parts = path.removeprefix("python/").split("/")
+    for length in range(len(parts) - 1, 0, -1):
+        folder = "/".join(parts[:length])
+        if folder in RULES or "/".join([*parts[:length - 1], "*"]) in RULES:
+            return folder
+    return parts[0]
+
+
+def uses(folder: str) -> list[str]:
+    """The folders that this one may use; those below one of them count too."""
+    rule = RULES.get(folder) or RULES.get(f"{folder.rpartition('/')[0]}/*")
+    return rule.uses if rule else []
+
+
+def may_use(folder: str, other: str) -> bool:
+    return other == folder or any(other == name or other.startswith(f"{name}/") for name in uses(folder))
+
+
+def table() -> str:
+    """The rules of the folders that there are, as Markdown."""
+    rows = ["| folder | language | what it is | may use |", "|---|---|---|---|"]
+    for folder, rule in RULES.items():
+        if (ROOT / folder.removesuffix("/*")).is_dir() or folder == "fledge":
+            used = ", ".join(f"`{name}`" for name in rule.uses if (ROOT / name).is_dir() or name == "fledge")
+            rows.append(f"| `{folder}` | {rule.language} | {rule.what} | {used or 'nothing'} |")
+    return "\n".join(rows) + "\n"
+
+
+def with_table(text: str) -> str:
+    """A document with the table of today between its two marks."""
+    before, rest = text.split(BEGIN)
+    return before + BEGIN + table() + END + rest.split(END)[1]
+
+
+if __name__ == "__main__":
+    DOCUMENT.write_text(with_table(DOCUMENT.read_text(encoding="utf-8")), encoding="utf-8")
