@@ -18,6 +18,12 @@ from fledge._hooks import strip
 from fledge._names import lookup
 from fledge.sky import Sky, number
 
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # Type checkers and editors take it for true. The build writes these stubs from the headers.
+    from _fledge_world import *
+    from _project_world import *
+del TYPE_CHECKING
+
 TYPES = {**_core.library("world"), **_project.types("world")}
 SetupError = _core.SetupError
 
