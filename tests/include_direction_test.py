@@ -43,7 +43,7 @@ FLIGHT_LIBRARY = {"float.h", "limits.h", "math.h", "stdbool.h", "stddef.h", "std
 THIRD_PARTIES = {
     "flight":     {"mpmath"},                      # flight/math/tools: how coefficients were found
     "introspect": {"clang"},
-    "fledge":     {"_core", "_core_build", "h5py", "matplotlib", "numpy", "pandas",
+    "fledge":     {"_core", "_core_build", "_fledge_world", "_project_world", "h5py", "matplotlib", "numpy", "pandas",
                    "zmq"},
     "cosim":      {"zmq"},
     "missions":   {"fledge_node", "numpy"},        # nodes in Python have the one, and nothing else
