@@ -6,7 +6,7 @@ import numpy as np
 from mpmath import mp, mpf
 
 import fledge
-from fledge import Orbit, world
+from fledge import Orbit, flight, world
 
 from bench import closed_forms as exact
 from bench.accuracy_table import Section, Table
@@ -187,7 +187,6 @@ def energy_and_polar_momentum(state, mu, R, J2):
 
 BODY, WHEEL = 20.0, 0.5    # [kg m^2] inertia of the body and of the wheel, about the wheel's axis
 STEPS_OF_WHEELS = [1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01]
-PYRAMID = [[-0.5, 0.5, -sqrt(0.5)], [0.5, 0.5, -sqrt(0.5)], [0.5, -0.5, -sqrt(0.5)], [-0.5, -0.5, -sqrt(0.5)]]
 
 
 def one_wheel(method, update, **given):
@@ -229,7 +228,7 @@ def wheels():
     I_B = np.diag([50.0, 60.0, 80.0])
     for name, method, update in methods(STEPS_OF_WHEELS, 1.0):
         sim = spacecraft(method, update, I_B=I_B, sigma_BN=[0.1, 0.2, -0.3], omega_BN_B=[0.02, -0.03, 0.01], parts=[
-            world.ReactionWheels(axes_B=PYRAMID, J=0.16, u_max=0.2, Omega=[0, 10, 20, 30], viscosity=1e-3,
+            world.ReactionWheels(axes_B=flight.PYRAMID, J=0.16, u_max=0.2, Omega=[0, 10, 20, 30], viscosity=1e-3,
                                  friction=0.01)])
         sim.reset()
         before = total_momentum(sim.world, I_B)

@@ -11,7 +11,8 @@ get_filename_component(FLEDGE_ROOT ${CMAKE_CURRENT_LIST_DIR}/.. ABSOLUTE)
 #   layout  a file that compiles only where structs lie in memory as the tables say
 #   orders  the byte order of its messages: `fledge_messages_<name>`, see registers/message.h
 #   models  what makes its models: `fledge_models_<name>`, see sim/model_library.h
-# Without EMIT: tables and layout. Folders are relative to ROOT (default: the project); INCLUDE names
+#   stubs   stubs/*.pyi, its types for Python's editors and type checkers
+# Without EMIT: tables, layout and stubs. Folders are relative to ROOT (default: the project); INCLUDE names
 # further roots that headers include from, besides Fledge itself.
 #
 # The reader walks the folders, so that a new header costs no line here. It runs again when a header
@@ -25,7 +26,7 @@ function(fledge_introspect target)
         set(arg_ROOT ${PROJECT_SOURCE_DIR})
     endif()
     if(NOT arg_EMIT)
-        set(arg_EMIT tables layout)
+        set(arg_EMIT tables layout stubs)
     endif()
 
     set(options --library ${arg_LIBRARY} --root ${arg_ROOT})
@@ -47,6 +48,11 @@ function(fledge_introspect target)
     endforeach()
     list(TRANSFORM written APPEND .c REGEX "_(tables|layout|orders)$")
     list(TRANSFORM written APPEND .cpp REGEX "_models$")
+    if(arg_LIBRARY MATCHES "^(flight|world)$")
+        list(TRANSFORM written REPLACE "[^/]*_stubs$" stubs/_fledge_${arg_LIBRARY}.pyi)
+    else()
+        list(TRANSFORM written REPLACE "[^/]*_stubs$" stubs/_project_flight.pyi)
+    endif()
     list(GET written 0 first)
     add_custom_command(
         OUTPUT ${written}

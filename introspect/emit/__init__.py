@@ -2,9 +2,9 @@
 """Emitters: each turns one library of a model into files.
 
 An emitter is a function `emit(library) -> {file name: text}`. Its text depends on the model alone,
-in a fixed order, so that equal headers give equal files. A new one costs its module and a line.
+in a fixed order, so that equal headers give equal files. A new emitter costs its module and a line.
 """
-from introspect.emit import layout, models, orders, schema, tables
+from introspect.emit import layout, models, orders, schema, stubs, tables
 
 EMITTERS = {
     "tables": tables.emit,
@@ -12,4 +12,5 @@ EMITTERS = {
     "models": models.emit,
     "orders": orders.emit,
     "schema": schema.emit,
+    "stubs": stubs.emit,
 }

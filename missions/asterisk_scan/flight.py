@@ -1,13 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What flies: four lines through one inertial direction, an asterisk, and back to where it began."""
-from math import sqrt
-
 from fledge import flight as fsw
 from fledge.units import N, deg, kg, m, s
-
-# Spin axes of the wheels in body axes. Thesis, table 2.2.
-TILT = sqrt(2) / 2
-PYRAMID = [[-0.5, 0.5, -TILT], [0.5, 0.5, -TILT], [0.5, -0.5, -TILT], [-0.5, -0.5, -TILT]]
 
 # Table 2.4: yaw, pitch and roll where each line begins, in units of alpha, and the way it runs. The
 # fifth is the way back, to the point where the first began.
@@ -29,7 +23,7 @@ def asterisk(alpha, lead=0.0):
 def build(f):
     # The vehicle, said once.
     f.vehicle  = fsw.VehicleConfig(I_B=[700, 700, 800] * kg * m**2)
-    f.wheels   = fsw.WheelConfig(axes_B=PYRAMID, J=0.1591549 * kg * m**2, u_max=0.2 * N * m)
+    f.wheels   = fsw.WheelConfig(axes_B=fsw.PYRAMID, J=0.1591549 * kg * m**2, u_max=0.2 * N * m)
 
     # Guidance: a direction that rests in N, and Euler angles that a list of rasters commands.
     f.guidance = fsw.InertialPointing(sigma_RN=[0, 0, 0])

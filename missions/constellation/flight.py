@@ -1,13 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What flies, in each of many spacecraft: the antenna on the one ahead, as it says where it is."""
-from math import sqrt
-
 from fledge import flight as fsw
 from fledge.units import N, deg, kg, m, s
-
-# Spin axes of the wheels in body axes. Thesis, table 2.2.
-TILT = sqrt(2) / 2
-PYRAMID = [[-0.5, 0.5, -TILT], [0.5, 0.5, -TILT], [0.5, -0.5, -TILT], [-0.5, -0.5, -TILT]]
 
 PERIOD = 0.5 * s
 
@@ -15,7 +9,7 @@ PERIOD = 0.5 * s
 def build(f):
     # The vehicle as all of them should be; none is quite so.
     f.vehicle  = fsw.VehicleConfig(I_B=[700, 700, 800] * kg * m**2)
-    f.wheels   = fsw.WheelConfig(axes_B=PYRAMID, J=0.1591549 * kg * m**2, u_max=0.2 * N * m)
+    f.wheels   = fsw.WheelConfig(axes_B=fsw.PYRAMID, J=0.1591549 * kg * m**2, u_max=0.2 * N * m)
 
     # What is said is read by the one behind half a second later.
     f.beacon   = fsw.OrbitBeacon(lead=PERIOD)

@@ -1,19 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """What flies: one axis along the velocity, through a hyperbolic fly-by."""
-from math import sqrt
-
 from fledge import flight as fsw
 from fledge.units import N, kg, m, s
-
-# Spin axes of the wheels in body axes. Thesis, table 2.2.
-TILT = sqrt(2) / 2
-PYRAMID = [[-0.5, 0.5, -TILT], [0.5, 0.5, -TILT], [0.5, -0.5, -TILT], [-0.5, -0.5, -TILT]]
 
 
 def build(f):
     # The vehicle, said once.
     f.vehicle  = fsw.VehicleConfig(I_B=[700, 700, 800] * kg * m**2)
-    f.wheels   = fsw.WheelConfig(axes_B=PYRAMID, J=0.1591549 * kg * m**2, u_max=0.2 * N * m)
+    f.wheels   = fsw.WheelConfig(axes_B=fsw.PYRAMID, J=0.1591549 * kg * m**2, u_max=0.2 * N * m)
 
     # Guidance: the velocity frame. Flight knows of Mars only, and takes the way past it for a conic.
     f.guidance = fsw.VelocityPointing(mu=4.2828314e13 * m**3 / s**2)

@@ -1,19 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """What flies: the Hill frame, turned about nadir, tracked with a pyramid of four wheels."""
-from math import sqrt
-
 from fledge import flight as fsw
 from fledge.units import N, deg, kg, m, s
-
-# Spin axes of the wheels in body axes. Thesis, table 2.2.
-TILT = sqrt(2) / 2
-PYRAMID = [[-0.5, 0.5, -TILT], [0.5, 0.5, -TILT], [0.5, -0.5, -TILT], [-0.5, -0.5, -TILT]]
 
 
 def build(f):
     # The vehicle, said once.
     f.vehicle  = fsw.VehicleConfig(I_B=[700, 700, 800] * kg * m**2)
-    f.wheels   = fsw.WheelConfig(axes_B=PYRAMID, J=0.1591549 * kg * m**2, u_max=0.2 * N * m)
+    f.wheels   = fsw.WheelConfig(axes_B=fsw.PYRAMID, J=0.1591549 * kg * m**2, u_max=0.2 * N * m)
 
     # Guidance: Hill frame R0, turned about its radial axis at a constant rate (table 2.3). The
     # control frame is turned by 180 degrees about b3, so that b1 looks down, not up (Eq. 2.23).

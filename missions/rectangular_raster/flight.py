@@ -1,13 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What flies: five parallel lines across the planet below, there and back, again and again."""
-from math import sqrt
-
 from fledge import flight as fsw
 from fledge.units import N, deg, kg, m, s
-
-# Spin axes of the wheels in body axes. Thesis, table 2.2.
-TILT = sqrt(2) / 2
-PYRAMID = [[-0.5, 0.5, -TILT], [0.5, 0.5, -TILT], [0.5, -0.5, -TILT], [-0.5, -0.5, -TILT]]
 
 # The thesis draws this pattern (figure 2.6a) without numbers; these fill its 9600 s with two passes.
 # The swath is +-6 deg wide; the lines reach 2 deg beyond, where the body turns into the next one.
@@ -23,7 +17,7 @@ BACK   = 200                    # [s] from the last corner to the first
 def raster():
     """The rasters of one pass: yaw, pitch and roll where each begins, their rates, and durations."""
     corner = [END, PITCH[0], 0]
-    angles, rates, durations = [corner], [[0, 0, 0]], [SETTLE]
+    angles, rates, durations = [corner], [[0.0, 0.0, 0.0]], [SETTLE]
     side = 1
     for here, there in zip(PITCH, PITCH[1:] + [None]):
         angles += [[side * END, here, 0]]
@@ -43,7 +37,7 @@ def raster():
 def build(f):
     # The vehicle, said once.
     f.vehicle  = fsw.VehicleConfig(I_B=[700, 700, 800] * kg * m**2)
-    f.wheels   = fsw.WheelConfig(axes_B=PYRAMID, J=0.1591549 * kg * m**2, u_max=0.2 * N * m)
+    f.wheels   = fsw.WheelConfig(axes_B=fsw.PYRAMID, J=0.1591549 * kg * m**2, u_max=0.2 * N * m)
 
     # Guidance: the Hill frame, turned by Euler angles that a list of rasters commands. The control
     # frame is turned by 180 degrees about b3, so that b1 looks down, not up.

@@ -1,13 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What flies: a roll and then a pitch at constant rates, a spiral about an inertial direction."""
-from math import sqrt
-
 from fledge import flight as fsw
 from fledge.units import N, deg, kg, m, s
-
-# Spin axes of the wheels in body axes. Thesis, table 2.2.
-TILT = sqrt(2) / 2
-PYRAMID = [[-0.5, 0.5, -TILT], [0.5, 0.5, -TILT], [0.5, -0.5, -TILT], [-0.5, -0.5, -TILT]]
 
 # The thesis gives no rates. A turn takes 20 minutes, in which the boresight moves 3 deg outward.
 TURN    = 0.3 * deg / s
@@ -17,7 +11,7 @@ OUTWARD = 0.0025 * deg / s
 def build(f):
     # The vehicle, said once.
     f.vehicle  = fsw.VehicleConfig(I_B=[700, 700, 800] * kg * m**2)
-    f.wheels   = fsw.WheelConfig(axes_B=PYRAMID, J=0.1591549 * kg * m**2, u_max=0.2 * N * m)
+    f.wheels   = fsw.WheelConfig(axes_B=fsw.PYRAMID, J=0.1591549 * kg * m**2, u_max=0.2 * N * m)
 
     # Guidance (figure 2.13): a direction that rests in N, a roll about it, and a pitch in the rolled
     # frame that grows. The boresight b1 is as far from the centre as the pitch, where the roll says.

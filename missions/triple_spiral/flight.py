@@ -1,13 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What flies: three spirals side by side, one stack of rotations commanded by lists of rasters."""
-from math import sqrt
-
 from fledge import flight as fsw
 from fledge.units import N, deg, kg, m, s
-
-# Spin axes of the wheels in body axes. Thesis, table 2.2.
-TILT = sqrt(2) / 2
-PYRAMID = [[-0.5, 0.5, -TILT], [0.5, 0.5, -TILT], [0.5, -0.5, -TILT], [-0.5, -0.5, -TILT]]
 
 # The thesis gives no numbers. Each spiral has three turns of 15 minutes, 2 deg apart, and its centre
 # (yaw, pitch, roll) is 14 deg from the others', so that they stay apart. Before each the body comes
@@ -24,7 +18,7 @@ REST    = [0, 0, 0]
 def build(f):
     # The vehicle, said once.
     f.vehicle  = fsw.VehicleConfig(I_B=[700, 700, 800] * kg * m**2)
-    f.wheels   = fsw.WheelConfig(axes_B=PYRAMID, J=0.1591549 * kg * m**2, u_max=0.2 * N * m)
+    f.wheels   = fsw.WheelConfig(axes_B=fsw.PYRAMID, J=0.1591549 * kg * m**2, u_max=0.2 * N * m)
 
     # Guidance (figure 2.17): the stack of the single spiral on top of one more rotation, to the centre
     # of the spiral. All three take commands: settle, spiral, settle, spiral, settle, spiral, rest.

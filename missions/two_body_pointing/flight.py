@@ -1,19 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """What flies: the antenna on Earth, exactly, and the panels towards the Sun, as nearly as that allows."""
-from math import sqrt
-
 from fledge import flight as fsw
 from fledge.units import N, deg, kg, m, s
-
-# Spin axes of the wheels in body axes. Thesis, table 2.2.
-TILT = sqrt(2) / 2
-PYRAMID = [[-0.5, 0.5, -TILT], [0.5, 0.5, -TILT], [0.5, -0.5, -TILT], [-0.5, -0.5, -TILT]]
 
 
 def build(f):
     # The vehicle, said once: the antenna looks along b1, the panels' cells along b2.
     f.vehicle  = fsw.VehicleConfig(I_B=[700, 700, 800] * kg * m**2)
-    f.wheels   = fsw.WheelConfig(axes_B=PYRAMID, J=0.1591549 * kg * m**2, u_max=0.2 * N * m)
+    f.wheels   = fsw.WheelConfig(axes_B=fsw.PYRAMID, J=0.1591549 * kg * m**2, u_max=0.2 * N * m)
 
     # Guidance: where Earth and Sun are is given to it. With the Sun within a degree of the line
     # through Earth, there would be no telling which way to turn about that line.

@@ -5,9 +5,15 @@ Each is an object on the memory of its C struct: `help(fsw.MrpFeedback)` shows i
 parameters. A name that is not there is answered with those that are.
 """
 
+from math import sqrt as _sqrt
+
 from fledge import _core
 from fledge.objects import project as _project
 from fledge.objects.lookup import lookup
 
 TYPES = {**_core.library("flight"), **_project.types("flight")}
+# Spin axes in B of four wheels in a pyramid, each at 45 degrees to the plane of b1 and b2 (thesis, table 2.2).
+_UP = _sqrt(2) / 2
+PYRAMID = [[-0.5, 0.5, -_UP], [0.5, 0.5, -_UP], [0.5, -0.5, -_UP], [-0.5, -0.5, -_UP]]
+
 __getattr__, __dir__ = lookup(__name__, TYPES, globals())

@@ -8,11 +8,14 @@
 #include "world/environment/text_kernel.h"
 
 #include <array>
+#include <chrono>
 #include <cmath>
 
 namespace fledge::world {
 
 namespace {
+
+using namespace std::chrono;
 
 constexpr std::int64_t second = 1'000'000'000; // [ns]
 constexpr std::int64_t day_seconds = 86'400;
@@ -21,58 +24,20 @@ constexpr int first_year = 1709, last_year = 2291;
 constexpr std::array<std::string_view, 12> months = {"JAN", "FEB", "MAR", "APR", "MAY", "JUN",
                                                      "JUL", "AUG", "SEP", "OCT", "NOV", "DEC"};
 
-std::int64_t floor_div(std::int64_t a, std::int64_t b)
-{
-    return a / b - (a % b < 0);
-}
-
-bool is_leap(std::int64_t year)
-{
-    return year % 4 == 0 && (year % 100 != 0 || year % 400 == 0);
-}
-
-int days_in(std::int64_t year, int month)
-{
-    constexpr int days[12] = {31, 28, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31};
-    return month == 2 && is_leap(year) ? 29 : days[month - 1];
-}
-
-/// Days before the first of January of a year, counted from that of the year 0.
-std::int64_t days_before(std::int64_t year)
-{
-    const std::int64_t y = year - 1;
-    return 365 * year + floor_div(y, 4) - floor_div(y, 100) + floor_div(y, 400) + 1;
-}
-
 /// Days past 2000-01-01.
-std::int64_t day_number(std::int64_t year, int month, int day)
+std::int64_t day_number(year_month_day date)
 {
-    std::int64_t days = days_before(year) - days_before(2000) + day - 1;
-    for (int m = 1; m < month; m++) {
-        days += days_in(year, m);
-    }
-    return days;
+    return (sys_days{date} - sys_days{2000y / 1 / 1}).count();
 }
 
-struct Date {
-    std::int64_t year;
-    int month, day;
-};
-
-Date date_of(std::int64_t day)
+year_month_day date_of(std::int64_t day)
 {
-    std::int64_t year = 2000 + floor_div(day * 400, 146'097); // right, or one off
-    while (day < day_number(year, 1, 1)) {
-        year--;
-    }
-    while (day >= day_number(year + 1, 1, 1)) {
-        year++;
-    }
-    int month = 1;
-    while (month < 12 && day >= day_number(year, month + 1, 1)) {
-        month++;
-    }
-    return {year, month, static_cast<int>(day - day_number(year, month, 1)) + 1};
+    return sys_days{2000y / 1 / 1} + days{day};
+}
+
+year_month_day date_of(const CalendarTime &time)
+{
+    return year{time.year} / time.month / time.day;
 }
 
 std::string two(std::int64_t n)
@@ -80,11 +45,34 @@ std::string two(std::int64_t n)
     return (n < 10 ? "0" : "") + std::to_string(n);
 }
 
-std::string format_date(const Date &date)
+/// "2015-03-02"
+std::string format_date(year_month_day date)
 {
-    std::string year = std::to_string(std::abs(date.year));
-    year.insert(0, year.size() < 4 ? 4 - year.size() : 0, '0');
-    return (date.year < 0 ? "-" : "") + year + "-" + two(date.month) + "-" + two(date.day);
+    const int year{date.year()};
+    std::string digits = std::to_string(std::abs(year));
+    digits.insert(0, digits.size() < 4 ? 4 - digits.size() : 0, '0');
+    return (year < 0 ? "-" : "") + digits + "-" + two(unsigned{date.month()}) + "-" + two(unsigned{date.day()});
+}
+
+/// "2015-03-02T12:00:00"
+std::string format_time(const CalendarTime &time)
+{
+    return format_date(date_of(time)) + "T" + two(time.hour) + ":" + two(time.minute) + ":" + two(time.second);
+}
+
+/// What a clock shows so many seconds after 2000-01-01T12:00:00.
+CalendarTime calendar_time(std::int64_t since_noon)
+{
+    const seconds since_midnight{since_noon + noon};
+    const days day = floor<days>(since_midnight);
+    const year_month_day date = date_of(day.count());
+    const hh_mm_ss clock{since_midnight - day};
+    return {.year = int{date.year()},
+            .month = static_cast<int>(unsigned{date.month()}),
+            .day = static_cast<int>(unsigned{date.day()}),
+            .hour = static_cast<int>(clock.hours().count()),
+            .minute = static_cast<int>(clock.minutes().count()),
+            .second = static_cast<int>(clock.seconds().count())};
 }
 
 std::string_view name_of(TimeScale scale)
@@ -177,22 +165,21 @@ std::int64_t kernel_day(const KernelValue &value, const std::string &file)
             month = i + 1;
         }
     }
-    if (!year || !day || *year < first_year || *year > last_year || month < 1 || month > 12 || *day < 1 ||
-        *day > days_in(*year, month)) {
+    if (!year || !day || *year < first_year || *year > last_year || month < 1 || month > 12 || *day < 1 || *day > 31) {
         refuse_date();
     }
-    return day_number(*year, month, *day);
+    const year_month_day date = std::chrono::year{*year} / month / *day;
+    if (!date.ok()) {
+        refuse_date();
+    }
+    return day_number(date);
 }
 
 } // namespace
 
 std::string format_tdb(double seconds)
 {
-    const double whole = std::floor(seconds);
-    const auto since_midnight = static_cast<std::int64_t>(whole) + noon;
-    const std::int64_t day = floor_div(since_midnight, day_seconds);
-    const std::int64_t s = since_midnight - day * day_seconds;
-    return format_date(date_of(day)) + "T" + two(s / 3600) + ":" + two(s / 60 % 60) + ":" + two(s % 60) + " TDB";
+    return format_time(calendar_time(static_cast<std::int64_t>(std::floor(seconds)))) + " TDB";
 }
 
 std::int64_t TimeSystem::Step::begin() const
@@ -212,7 +199,7 @@ TimeSystem::TimeSystem()
                  {1997, 7}, {1999, 1}, {2006, 1}, {2009, 1}, {2012, 7}, {2015, 7}, {2017, 1}};
     int tai_minus_utc = 10;
     for (const auto &date : dates) {
-        steps_.push_back({day_number(date.year, date.month, 1), tai_minus_utc++});
+        steps_.push_back({day_number(year{date.year} / date.month / 1), tai_minus_utc++});
     }
 }
 
@@ -311,8 +298,7 @@ int TimeSystem::tai_minus_utc(Epoch epoch) const
 
 Epoch TimeSystem::epoch(const CalendarTime &time, TimeScale scale) const
 {
-    const std::string shown = format_date({time.year, time.month, time.day}) + "T" + two(time.hour) + ":" +
-                              two(time.minute) + ":" + two(time.second) + " " + std::string(name_of(scale));
+    const std::string shown = format_time(time) + " " + std::string(name_of(scale));
     const auto within = [&](const char *what, int value, int least, int most) {
         if (value < least || value > most) {
             refuse(shown, std::string(what) + " " + std::to_string(value) + " is not within " + std::to_string(least) +
@@ -321,12 +307,13 @@ Epoch TimeSystem::epoch(const CalendarTime &time, TimeScale scale) const
     };
     within("year", time.year, first_year, last_year);
     within("month", time.month, 1, 12);
-    within("day", time.day, 1, days_in(time.year, time.month));
+    const year_month_day_last last_day = year{time.year} / time.month / last;
+    within("day", time.day, 1, static_cast<int>(unsigned{last_day.day()}));
     within("hour", time.hour, 0, 23);
     within("minute", time.minute, 0, 59);
     within("nanosecond", time.nanosecond, 0, 999'999'999);
 
-    const std::int64_t day = day_number(time.year, time.month, time.day);
+    const std::int64_t day = day_number(date_of(time));
     const Step *step = nullptr;
     bool leap = false;
     if (scale == TimeScale::utc) {
@@ -348,8 +335,8 @@ Epoch TimeSystem::epoch(const CalendarTime &time, TimeScale scale) const
         within("second", time.second, 0, 59);
     }
 
-    const std::int64_t seconds = day * day_seconds - noon + time.hour * 3600 + time.minute * 60 + time.second;
-    const std::int64_t reading = seconds * second + time.nanosecond;
+    const std::int64_t past_noon = day * day_seconds - noon + time.hour * 3600 + time.minute * 60 + time.second;
+    const std::int64_t reading = past_noon * second + time.nanosecond;
     switch (scale) {
     case TimeScale::utc: return from_tai(reading + step->tai_minus_utc * second);
     case TimeScale::tai: return from_tai(reading);
@@ -411,26 +398,17 @@ CalendarTime TimeSystem::calendar(Epoch epoch, TimeScale scale) const
             reading -= second; // 23:59:59 once more, to be called 60
         }
     }
-    const std::int64_t since_midnight = reading + noon * second;
-    const std::int64_t day = floor_div(since_midnight, day_seconds * second);
-    const std::int64_t ns = since_midnight - day * day_seconds * second;
-    const Date date = date_of(day);
-    CalendarTime time;
-    time.year = static_cast<int>(date.year);
-    time.month = date.month;
-    time.day = date.day;
-    time.hour = static_cast<int>(ns / (3600 * second));
-    time.minute = static_cast<int>(ns / (60 * second) % 60);
-    time.second = static_cast<int>(ns / second % 60) + in_leap_second;
-    time.nanosecond = static_cast<std::int32_t>(ns % second);
+    const auto whole = floor<seconds>(nanoseconds{reading});
+    CalendarTime time = calendar_time(whole.count());
+    time.second += in_leap_second;
+    time.nanosecond = static_cast<std::int32_t>((nanoseconds{reading} - whole).count());
     return time;
 }
 
 std::string TimeSystem::text(Epoch epoch, TimeScale scale) const
 {
     const CalendarTime time = calendar(epoch, scale);
-    std::string text = format_date({time.year, time.month, time.day}) + "T" + two(time.hour) + ":" + two(time.minute) +
-                       ":" + two(time.second);
+    std::string text = format_time(time);
     if (time.nanosecond) {
         std::string digits = std::to_string(second + time.nanosecond).substr(1);
         digits.erase(digits.find_last_not_of('0') + 1);

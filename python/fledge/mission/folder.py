@@ -9,7 +9,7 @@ simulations share nothing. What they take besides, as in build(f, wheels=4), is 
 mission: load("my_mission", wheels=3). A mission of several spacecraft has a mission.py with build(sim)
 as well, which makes the processes and calls what builds each. In scenarios.py every public function that
 takes a simulation is a scenario, and the first line of its docstring says what it shows. The files may
-import from one another: `from .flight import PYRAMID`.
+import from one another, `from .flight import TURN`, and from a mission beside: `from .single_spiral.world import build`.
 """
 
 import ast
@@ -183,7 +183,7 @@ class MissionFiles:
 
     def __enter__(self):
         package = types.ModuleType(self.package)
-        package.__path__ = [str(self.mission.folder)]
+        package.__path__ = [str(self.mission.folder), str(self.mission.folder.parent)]
         sys.modules[self.package] = package
         return self
 

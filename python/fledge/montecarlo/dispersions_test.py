@@ -123,7 +123,7 @@ def test_errors_name_file_and_line(tmp_path):
 
 
 def test_campaigns_by_name(tmp_path):
-    text = ("from fledge.units import kg\nfrom .flight import PYRAMID\ndef _both(d):\n    d.duration = 10\n"
+    text = ("from fledge.units import kg\nfrom .flight import fsw\ndef _both(d):\n    d.duration = 10\n"
             "def heavy(d):\n    'Heavy ones.'\n    _both(d)\n    d['world.craft.mass'] = d.uniform(1 * kg, 2 * kg)\n"
             "def light(d):\n    _both(d)\n    d['world.craft.mass'] = d.uniform(0, 1)\n")
     mission(tmp_path, text)

@@ -21,6 +21,12 @@ from fledge.world.bodies import (BODIES, EARTH, EMB, JUPITER, JUPITER_SYSTEM, MA
 from fledge.world.orbit import Orbit
 from fledge.world.sky import Sky
 
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # Type checkers and editors take it for true. The build writes these stubs from the headers.
+    from _fledge_world import *
+    from _project_world import *
+del TYPE_CHECKING
+
 TYPES = {**_core.library("world"), **_project.types("world")}
 add_attributes(TYPES)
 
