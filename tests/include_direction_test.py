@@ -21,7 +21,7 @@ MAY_INCLUDE = {
     "flight/msg":  ["flight/math"],
     "registers":   ["flight/math", "flight/msg"],
     "record":      [],                             # a writer any target can take as it is
-    "sim":         ["flight/math", "flight/msg", "record"],
+    "sim":         ["flight/exec", "flight/math", "flight/msg", "record"],
     "world":       ["flight/math", "flight/msg", "sim"],
     "cosim":       ["flight/math", "flight/msg", "record", "sim", "registers", "targets"],
     "emulator":    ["flight/math", "registers"],
