@@ -15,26 +15,7 @@ namespace {
 /// The element of a numeric field as a double.
 double number(const FledgeField &field, const std::byte *bytes, std::size_t index)
 {
-    const auto read = [&]<class T>(T value) {
-        std::memcpy(&value, bytes + index * sizeof value, sizeof value);
-        return static_cast<double>(value);
-    };
-    switch (field.type) {
-    case FLEDGE_F64: return read(double{});
-    case FLEDGE_F32: return read(float{});
-    case FLEDGE_I8: return read(std::int8_t{});
-    case FLEDGE_U8: return read(std::uint8_t{});
-    case FLEDGE_I16: return read(std::int16_t{});
-    case FLEDGE_U16: return read(std::uint16_t{});
-    case FLEDGE_I32: return read(std::int32_t{});
-    case FLEDGE_U32: return read(std::uint32_t{});
-    case FLEDGE_I64: return read(std::int64_t{});
-    case FLEDGE_U64: return read(std::uint64_t{});
-    case FLEDGE_ENUM: return read(std::int32_t{});
-    case FLEDGE_CHAR:
-    case FLEDGE_STRUCT: break;
-    }
-    return 0.0;
+    return element_read(field.type, bytes + index * element_size(field.type));
 }
 
 std::string bounds_text(const FledgeField &field)
@@ -50,57 +31,18 @@ std::string bounds_text(const FledgeField &field)
     return std::string("must be ") + (field.bounds & FLEDGE_HI_OPEN ? "< " : "<= ") + format_number(field.hi);
 }
 
-bool within_bounds(const FledgeField &field, double x)
-{
-    if (field.bounds & FLEDGE_HAS_LO && !(field.bounds & FLEDGE_LO_OPEN ? x > field.lo : x >= field.lo)) {
-        return false;
-    }
-    return !(field.bounds & FLEDGE_HAS_HI) || (field.bounds & FLEDGE_HI_OPEN ? x < field.hi : x <= field.hi);
-}
-
-/// Whether m + shift has only positive eigenvalues: Sylvester's criterion.
-bool positive_definite(const double (&matrix)[3][3], double shift)
-{
-    double m[3][3];
-    std::memcpy(m, matrix, sizeof m);
-    for (int i = 0; i < 3; i++) {
-        m[i][i] += shift;
-    }
-    const double minor = m[0][0] * m[1][1] - m[0][1] * m[1][0];
-    const double determinant = m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) -
-                               m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0]) +
-                               m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0]);
-    return m[0][0] > 0.0 && minor > 0.0 && determinant > 0.0;
-}
-
 /// What is wrong with an inertia matrix; "" if nothing is.
 std::string inertia_fault(const std::byte *bytes)
 {
     double m[3][3];
     std::memcpy(m, bytes, sizeof m);
-    const double trace = m[0][0] + m[1][1] + m[2][2];
-    for (int i = 0; i < 3; i++) {
-        for (int j = 0; j < i; j++) {
-            if (std::abs(m[i][j] - m[j][i]) > 1e-9 * std::abs(trace)) {
-                return "must be symmetric";
-            }
-        }
+    switch (exec_inertia(m)) {
+    case EXEC_INERTIA_ASYMMETRIC: return "must be symmetric";
+    case EXEC_INERTIA_INDEFINITE: return "must be positive definite";
+    case EXEC_INERTIA_NO_BODY: return "is that of no body: a principal moment exceeds the sum of the others";
+    case EXEC_INERTIA_GOOD: break;
     }
-    // By more than rounding: the zero moment of a rod that lies askew comes out as 1e-16 of its trace.
-    if (!positive_definite(m, -1e-12 * trace)) {
-        return "must be positive definite";
-    }
-    // No principal moment exceeds the sum of the other two if and only if trace/2 - I has no
-    // negative eigenvalue. A flat body lies on the edge.
-    double rest[3][3];
-    for (int i = 0; i < 3; i++) {
-        for (int j = 0; j < 3; j++) {
-            rest[i][j] = (i == j ? 0.5 * trace : 0.0) - m[i][j];
-        }
-    }
-    return positive_definite(rest, 1e-9 * trace)
-               ? ""
-               : "is that of no body: a principal moment exceeds the sum of the others";
+    return "";
 }
 
 } // namespace
@@ -123,7 +65,7 @@ void check_field(const FledgeStruct &type, const FledgeField &field, const std::
         if (!std::isfinite(x)) {
             fail("must be finite", found());
         }
-        if (field.bounds && !within_bounds(field, x)) {
+        if (!exec_within(field.bounds, field.lo, field.hi, x)) {
             fail(bounds_text(field) + unit, found());
         }
     }

@@ -3,6 +3,7 @@
 // runtime.cpp.
 #include "sim/simulation.h"
 
+#include "flight/exec/event.h"
 #include "sim/runtime.h"
 #include "sim/text.h"
 
@@ -86,29 +87,18 @@ std::string Port::path() const
 bool Condition::holds() const
 {
     const std::byte *p = instance->memory() + offset;
-    const auto read = [&](std::size_t i) -> double {
-        switch (type) {
-        case FLEDGE_F32: return static_cast<double>(element<float>(p + 4 * i));
-        case FLEDGE_I8: return element<std::int8_t>(p + i);
-        case FLEDGE_U8: return element<std::uint8_t>(p + i);
-        case FLEDGE_I16: return element<std::int16_t>(p + 2 * i);
-        case FLEDGE_U16: return element<std::uint16_t>(p + 2 * i);
-        case FLEDGE_ENUM:
-        case FLEDGE_I32: return element<std::int32_t>(p + 4 * i);
-        case FLEDGE_U32: return element<std::uint32_t>(p + 4 * i);
-        case FLEDGE_I64: return static_cast<double>(element<std::int64_t>(p + 8 * i));
-        case FLEDGE_U64: return static_cast<double>(element<std::uint64_t>(p + 8 * i));
-        default: return element<double>(p + 8 * i);
-        }
-    };
-    double value = read(0);
+    double value = element_read(type, p);
     if (measure != Measure::element) {
-        double sum = 0.0, largest = 0.0;
-        for (std::size_t i = 0; i < elements; i++) {
-            sum += read(i) * read(i);
-            largest = std::max(largest, std::abs(read(i)));
+        const double *x = reinterpret_cast<const double *>(p);
+        if (type != FLEDGE_F64) {
+            static thread_local std::vector<double> numbers;
+            numbers.resize(elements);
+            for (std::size_t i = 0; i < elements; i++) {
+                numbers[i] = element_read(type, p + i * element_size(type));
+            }
+            x = numbers.data();
         }
-        value = measure == Measure::norm ? std::sqrt(sum) : largest;
+        value = measure == Measure::norm ? exec_norm(x, elements) : exec_max_abs(x, elements);
     }
     switch (comparison) {
     case Comparison::less: return value < constant;

@@ -4,6 +4,9 @@
 #ifndef SIM_TABLE_H
 #define SIM_TABLE_H
 
+#include "flight/exec/bounds.h"
+#include "flight/exec/element.h"
+
 #include <stddef.h>
 #include <stdint.h>
 
@@ -15,22 +18,6 @@ extern "C" {
 #define FLEDGE_TABLE_VERSION 2u
 
 #define FLEDGE_DIMS_MAX 4
-
-typedef enum FledgeType {
-    FLEDGE_F64,
-    FLEDGE_F32,
-    FLEDGE_I8,
-    FLEDGE_U8,
-    FLEDGE_I16,
-    FLEDGE_U16,
-    FLEDGE_I32,
-    FLEDGE_U32,
-    FLEDGE_I64,
-    FLEDGE_U64,
-    FLEDGE_CHAR,  /* a fixed-size text */
-    FLEDGE_ENUM,  /* 4 bytes */
-    FLEDGE_STRUCT /* see sub */
-} FledgeType;
 
 typedef enum FledgeGroup {
     FLEDGE_NONE, /* a member of a message or plain struct */
@@ -49,9 +36,6 @@ enum {
     FLEDGE_INERTIA = 1 << 4,  /* symmetric, positive definite, triangle inequality of its moments */
     FLEDGE_SPARE = 1 << 5     /* fills a gap; shown to nobody */
 };
-
-/* How a number is bounded: lo and hi hold, open or closed. */
-enum { FLEDGE_HAS_LO = 1 << 0, FLEDGE_HAS_HI = 1 << 1, FLEDGE_LO_OPEN = 1 << 2, FLEDGE_HI_OPEN = 1 << 3 };
 
 struct FledgeStruct;
 

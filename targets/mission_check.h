@@ -1,21 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Whether parameters keep the rules of their headers, as data and one function: for parameters that
- * come from outside, as tables do. The rules are the desktop's (sim/check.cpp), all but `required`:
- * what comes from outside was given. */
+/* Checks parameters that come from outside, as tables do, against the rules of their headers. The rules
+ * are those of sim/check.cpp without `required`: a parameter that comes from outside was given. */
 #ifndef TARGETS_MISSION_CHECK_H
 #define TARGETS_MISSION_CHECK_H
 
-#include "targets/mission_io.h"
+#include "flight/exec/bounds.h"
+#include "flight/exec/element.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
 enum {
-    MISSION_HAS_LOW = 1 << 0,
-    MISSION_HAS_HIGH = 1 << 1,
-    MISSION_LOW_OPEN = 1 << 2,
-    MISSION_HIGH_OPEN = 1 << 3,
     MISSION_NON_ZERO = 1 << 4, ///< no number is 0, or with `row` 3 no vector
     MISSION_INERTIA = 1 << 5   ///< nine numbers: the inertia of a body
 };
@@ -30,13 +26,13 @@ typedef struct MissionRule {
     uint32_t n;       ///< numbers
     uint32_t row;     ///< numbers in each row
     uint32_t rows_at; ///< [bytes] where a uint32_t says how many rows count; MISSION_ALL: all do
-    uint32_t flags;
-    MissionNumber number;
+    uint32_t flags;   ///< FLEDGE_HAS_LO ... and the two above
+    FledgeType number;
     double low;
     double high;
 } MissionRule;
 
-/** The first rule that a block breaks, and the number that does; NULL: it keeps them all. */
+/** The first rule that a block breaks, and which number breaks it; NULL: it keeps all rules. */
 const MissionRule *mission_check(const MissionRule *rules, uint32_t n, const void *block, uint32_t *element);
 
 #ifdef __cplusplus

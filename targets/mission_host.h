@@ -36,7 +36,7 @@ typedef struct MissionHost {
     const MissionIo *io;
     const MissionTopic *topics; ///< of each message, by id
     const MissionDefinition *definitions;
-    const MissionRate *rates;
+    const ExecRate *rates;
     McapSchema *schemas;   ///< room for those of the record ...
     McapChannel *channels; ///< ... and its topics
     uint16_t n_schemas;

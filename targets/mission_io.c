@@ -10,68 +10,6 @@ static const RegisterLane *lane_of(const MissionIo *io, const MissionLane *row)
     return &io->boards[row->board]->lanes[row->lane];
 }
 
-/* ---- numbers in memory */
-
-static uint32_t size_of(MissionNumber number)
-{
-    static const uint8_t sizes[] = {8u, 4u, 1u, 1u, 2u, 2u, 4u, 4u, 8u, 8u};
-    return sizes[number];
-}
-
-#define LOAD(ctype)                                                                                                    \
-    {                                                                                                                  \
-        ctype v;                                                                                                       \
-        memcpy(&v, p, sizeof v);                                                                                       \
-        return (double)v;                                                                                              \
-    }
-
-static double load(MissionNumber number, const uint8_t *p)
-{
-    switch (number) {
-    case MISSION_F64: LOAD(double)
-    case MISSION_F32: LOAD(float)
-    case MISSION_I8: LOAD(int8_t)
-    case MISSION_U8: LOAD(uint8_t)
-    case MISSION_I16: LOAD(int16_t)
-    case MISSION_U16: LOAD(uint16_t)
-    case MISSION_I32: LOAD(int32_t)
-    case MISSION_U32: LOAD(uint32_t)
-    case MISSION_I64: LOAD(int64_t)
-    case MISSION_U64: LOAD(uint64_t)
-    }
-    return 0.0;
-}
-
-/* The whole number nearest to x, from low to high; the ends are below 2^63. */
-static int64_t whole(double x, double low, double high)
-{
-    const double held = x > low ? (x < high ? x : high) : low;
-    return (int64_t)(held < 0.0 ? held - 0.5 : held + 0.5);
-}
-
-#define STORE(ctype, value)                                                                                            \
-    {                                                                                                                  \
-        const ctype v = (ctype)(value);                                                                                \
-        memcpy(p, &v, sizeof v);                                                                                       \
-        return;                                                                                                        \
-    }
-
-static void store(MissionNumber number, uint8_t *p, double x)
-{
-    switch (number) {
-    case MISSION_F64: STORE(double, x)
-    case MISSION_F32: STORE(float, x)
-    case MISSION_I8: STORE(int8_t, whole(x, -128.0, 127.0))
-    case MISSION_U8: STORE(uint8_t, whole(x, 0.0, 255.0))
-    case MISSION_I16: STORE(int16_t, whole(x, -32768.0, 32767.0))
-    case MISSION_U16: STORE(uint16_t, whole(x, 0.0, 65535.0))
-    case MISSION_I32: STORE(int32_t, whole(x, -2147483648.0, 2147483647.0))
-    case MISSION_U32: STORE(uint32_t, whole(x, 0.0, 4294967295.0))
-    case MISSION_I64: STORE(int64_t, whole(x, -9.0e15, 9.0e15))
-    case MISSION_U64: STORE(uint64_t, whole(x, 0.0, 9.0e15))
-    }
-}
-
 /* ---- one row of the table */
 
 static void put_row(const MissionIo *io, const RegisterWindow *w, const MissionLane *row, const uint8_t *message,
@@ -85,10 +23,10 @@ static void put_row(const MissionIo *io, const RegisterWindow *w, const MissionL
     }
     const RegisterField *field = &lane->fields[row->field];
     const uint8_t *p = message + row->offset;
-    for (uint32_t i = 0u; i < lane->count; i++, p += size_of(row->number)) {
+    for (uint32_t i = 0u; i < lane->count; i++, p += element_size(row->number)) {
         int saturated = 0;
         uint32_t word = 0u;
-        const int64_t count = register_field_quantise(field, load(row->number, p), &saturated);
+        const int64_t count = register_field_quantise(field, element_read(row->number, p), &saturated);
         (void)register_take_word(w, lane, i, &word); /* the word's other fields stay */
         (void)register_put_word(w, lane, i, register_field_place(field, word, count));
         counts->saturated += saturated != 0;
@@ -111,10 +49,10 @@ static void take_row(const MissionIo *io, const RegisterWindow *w, const Mission
     }
     const RegisterField *field = &lane->fields[row->field];
     uint8_t *p = message + row->offset;
-    for (uint32_t i = 0u; i < lane->count; i++, p += size_of(row->number)) {
+    for (uint32_t i = 0u; i < lane->count; i++, p += element_size(row->number)) {
         uint32_t word = 0u;
         (void)register_take_word(w, lane, i, &word);
-        store(row->number, p, register_field_value(field, register_field_count(field, word)));
+        element_write(row->number, p, register_field_value(field, register_field_count(field, word)));
     }
 }
 

@@ -17,6 +17,7 @@
 #ifndef TARGETS_MISSION_IO_H
 #define TARGETS_MISSION_IO_H
 
+#include "flight/exec/element.h"
 #include "registers/clock.h"
 #include "registers/message.h"
 #include "targets/mission.h"
@@ -24,20 +25,6 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
-
-/** How a number lies in memory. */
-typedef enum MissionNumber {
-    MISSION_F64,
-    MISSION_F32,
-    MISSION_I8,
-    MISSION_U8,
-    MISSION_I16,
-    MISSION_U16,
-    MISSION_I32, ///< enums, too
-    MISSION_U32,
-    MISSION_I64, ///< of these two, what a double holds exactly
-    MISSION_U64
-} MissionNumber;
 
 /** A message in a lane, or some of its numbers in a field of a lane of words. */
 typedef struct MissionLane {
@@ -47,7 +34,7 @@ typedef struct MissionLane {
     uint16_t lane;               ///< its place among the board's lanes
     uint16_t field;              ///< of the words
     uint32_t offset;             ///< [bytes] of the first number in the message
-    MissionNumber number;
+    FledgeType number;
 } MissionLane;
 
 /** All of a mission. The lanes of one message follow one another. */

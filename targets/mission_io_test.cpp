@@ -41,21 +41,21 @@ constexpr RegisterRun RUNS[] = {{8, 1}, {4, 2}, {8, 6}, {4, 6}, {2, 4}, {1, 8}};
 constexpr RegisterMessage TYPE = {"Numbers", sizeof(Numbers), 6, RUNS};
 
 struct Row {
-    MissionNumber number;
+    FledgeType number;
     std::uint32_t offset;
     double low, high; // what the type holds
 };
 constexpr std::array<Row, 10> ROWS = {{
-    {MISSION_F64, offsetof(Numbers, f64), -1e9, 1e9},
-    {MISSION_F32, offsetof(Numbers, f32), -1e6, 1e6},
-    {MISSION_I64, offsetof(Numbers, i64), -2147483648.0, 2147483647.0},
-    {MISSION_U64, offsetof(Numbers, u64), 0, 2147483647.0},
-    {MISSION_I32, offsetof(Numbers, i32), -2147483648.0, 2147483647.0},
-    {MISSION_U32, offsetof(Numbers, u32), 0, 2147483647.0},
-    {MISSION_I16, offsetof(Numbers, i16), -32768, 32767},
-    {MISSION_U16, offsetof(Numbers, u16), 0, 65535},
-    {MISSION_I8, offsetof(Numbers, i8), -128, 127},
-    {MISSION_U8, offsetof(Numbers, u8), 0, 255},
+    {FLEDGE_F64, offsetof(Numbers, f64), -1e9, 1e9},
+    {FLEDGE_F32, offsetof(Numbers, f32), -1e6, 1e6},
+    {FLEDGE_I64, offsetof(Numbers, i64), -2147483648.0, 2147483647.0},
+    {FLEDGE_U64, offsetof(Numbers, u64), 0, 2147483647.0},
+    {FLEDGE_I32, offsetof(Numbers, i32), -2147483648.0, 2147483647.0},
+    {FLEDGE_U32, offsetof(Numbers, u32), 0, 2147483647.0},
+    {FLEDGE_I16, offsetof(Numbers, i16), -32768, 32767},
+    {FLEDGE_U16, offsetof(Numbers, u16), 0, 65535},
+    {FLEDGE_I8, offsetof(Numbers, i8), -128, 127},
+    {FLEDGE_U8, offsetof(Numbers, u8), 0, 255},
 }};
 
 class MissionIoTest : public ::testing::TestWithParam<bool> {
@@ -65,7 +65,7 @@ protected:
         for (std::size_t way = 0; way < 2; way++) {
             for (const Row &row : ROWS) {
                 // Whole counts for all but f64, which has halves.
-                fields_.push_back({"n", "-", row.number == MISSION_F64 ? 0.5 : 1.0, 0.0, 0, 32, 1, 0});
+                fields_.push_back({"n", "-", row.number == FLEDGE_F64 ? 0.5 : 1.0, 0.0, 0, 32, 1, 0});
                 rows_.push_back({nullptr, static_cast<std::uint16_t>(way), 0, static_cast<std::uint16_t>(rows_.size()),
                                  0, row.offset, row.number});
             }
@@ -96,7 +96,7 @@ protected:
         message.count = 1;
         message.interrupt = -1;
         lanes_.push_back(message);
-        rows_.push_back({&TYPE, 2, 0, static_cast<std::uint16_t>(lanes_.size() - 1), 0, 0, MISSION_F64});
+        rows_.push_back({&TYPE, 2, 0, static_cast<std::uint16_t>(lanes_.size() - 1), 0, 0, FLEDGE_F64});
         board_ = {"bench",
                   1,
                   0,
@@ -192,10 +192,10 @@ TEST_P(MissionIoTest, WhatAWordHoldsAndATypeDoesNotIsHeldAtItsEnd)
         mission_io_read(&io_, &window_, &mission, 0, &counts_);
         double found = 0;
         switch (ROWS[i].number) {
-        case MISSION_I16: found = mission.in.i16[1]; break;
-        case MISSION_U16: found = mission.in.u16[1]; break;
-        case MISSION_I8: found = mission.in.i8[1]; break;
-        case MISSION_U8: found = mission.in.u8[1]; break;
+        case FLEDGE_I16: found = mission.in.i16[1]; break;
+        case FLEDGE_U16: found = mission.in.u16[1]; break;
+        case FLEDGE_I8: found = mission.in.i8[1]; break;
+        case FLEDGE_U8: found = mission.in.u8[1]; break;
         default: continue; // as wide as the words, or wider
         }
         EXPECT_EQ(found, ROWS[i].high);

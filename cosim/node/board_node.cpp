@@ -136,7 +136,7 @@ Ns BoardNode::next_after(Ns t) const
 {
     Ns next = std::numeric_limits<Ns>::max();
     for (std::uint16_t i = 0; i < mission_.n_rates; i++) {
-        next = std::min(next, mission_on_grid(mission_.rates[i], t + 1));
+        next = std::min(next, exec_on_grid(mission_.rates[i], t + 1));
     }
     return next;
 }

@@ -77,10 +77,10 @@ const MissionMessage MESSAGES[] = {
     {"flight.n.out", "Number", offsetof(Flight, out), sizeof(Number), MISSION_OUT},
     {"flight.n.inner", "Number", offsetof(Flight, inner), sizeof(Number), MISSION_INSIDE},
 };
-const MissionLane ROWS[] = {{&TYPE, 0, 0, 0, 0, 0, MISSION_F64},
-                            {&TYPE, 1, 0, 1, 0, 0, MISSION_F64},
-                            {&TYPE, 2, 0, 2, 0, 0, MISSION_F64},
-                            {&TYPE, 5, 0, 3, 0, 0, MISSION_F64}}; // the second block of parameters
+const MissionLane ROWS[] = {{&TYPE, 0, 0, 0, 0, 0, FLEDGE_F64},
+                            {&TYPE, 1, 0, 1, 0, 0, FLEDGE_F64},
+                            {&TYPE, 2, 0, 2, 0, 0, FLEDGE_F64},
+                            {&TYPE, 5, 0, 3, 0, 0, FLEDGE_F64}}; // the second block of parameters
 const MissionParameters PARAMETERS[] = {{"flight.m", "M", offsetof(Flight, inner), sizeof(Number)},
                                         {"flight.n", "N", offsetof(Flight, inner), sizeof(Number)}};
 Number block;
@@ -88,7 +88,7 @@ const MissionIo IO = {MESSAGES, BOARDS, ROWS, 4, 1, 4, 2, PARAMETERS, &block};
 const MissionTopic TOPICS[] = {
     {"/world/m/a", 0, 0, 0}, {"/world/m/b", 0, 1, 1}, {"/flight/n/out", 0, 0, 0}, {"/flight/n/inner", 0, 0, 0}};
 const MissionDefinition DEFINITIONS[] = {{"Number", "fledge/msg/Number", TEXT}};
-const MissionRate RATES[] = {{30, 10}, {50, 0}};
+const ExecRate RATES[] = {{30, 10}, {50, 0}};
 
 MissionHost host()
 {

@@ -11,13 +11,12 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
+from fledge.elements import ELEMENTS
 from fledge.export import names
 from fledge.export.c_source import extern, row, written
 from fledge.export.read import ExportError, Message
 
 BASE, CLOCK, INTERRUPTS, FIRST = 0xA0000000, 0x0, 0x20, 0x40
-WIDTHS = {"f64": 8, "i64": 8, "u64": 8, "f32": 4, "i32": 4, "u32": 4, "enum": 4, "i16": 2, "u16": 2, "i8": 1,
-          "u8": 1, "char": 1}
 
 
 @dataclass
@@ -245,7 +244,7 @@ class _Finder:
         elif field.unit not in ("-", unit) and unit:
             self.refuse(board, field.line, f"{field.carries} is in {unit}, the field in {field.unit}; write unit = "
                         f"\"{unit}\", and scale and offset in it")
-        elif self.take(board, field.line, message, range(offset, offset + lane.count * WIDTHS[type_])):
+        elif self.take(board, field.line, message, range(offset, offset + lane.count * ELEMENTS[type_].size)):
             self.found.append(Lane(message, id, i, place, k, offset, type_, lane.count, field.scale))
 
     def take(self, board, line, message, places):
@@ -359,14 +358,13 @@ def source(mission, boards, found):
               "", "static const MissionLane lanes[] = {"]
     for one in found:
         board = boards[one.board]
-        kind = "enum" if one.number is None else one.number
         n = len(mission.inputs) + len(mission.outputs)
         typed = one.message.struct.name if one in loads else f"fledge_message_{one.message.struct.name}"
         lines += row("0" if one.number else f"&{typed}",
                      f"{upper}_MESSAGES + {one.id - n}" if one in loads else f"{upper}_MSG_{one.message.name.upper()}",
                      f"{one.board}u",
                      f"{board.name.upper()}_LANE_{board.lanes[one.lane].name.upper()}", f"{one.field}u",
-                     f"{one.offset}u", "MISSION_" + {"enum": "i32"}.get(kind, kind).upper())
+                     f"{one.offset}u", f"FLEDGE_{(one.number or 'enum').upper()}")
     lines += ["};", "", f"const MissionIo {name}_io = {{",
               f"    {name}_messages, boards, lanes, {upper}_MESSAGES, {len(boards)}u, {len(found)}u,",
               f"    {upper}_PARAMETERS, {name}_parameters, block" if loads else "    0u, 0, 0", "};", ""]
@@ -389,4 +387,4 @@ def _widths(struct):
             for _ in range(field.size // field.struct.size):
                 yield from _widths(field.struct)
         else:
-            yield WIDTHS[field.type], field.size // WIDTHS[field.type]
+            yield ELEMENTS[field.type].size, field.size // ELEMENTS[field.type].size

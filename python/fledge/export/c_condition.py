@@ -13,13 +13,13 @@ def condition(event):
     if c.measure == "element":
         value = number(field, elements[first])
     elif field.ctype == "Vec3" and len(field.shape) == 1:
-        value = f"mission_{c.measure}({start}.v, 3)"
+        value = f"exec_{c.measure}({start}.v, 3)"
     elif field.type == "f64" and len(field.shape) == 1:
-        value = f"mission_{c.measure}({start}, {len(elements)})"
+        value = f"exec_{c.measure}({start}, {len(elements)})"
     else:
         table = f"{event.name}_elements"
         before = [f"    const double {table}[] = {{", *(f"        {number(field, e)}," for e in elements), "    };"]
-        value = f"mission_{c.measure}({table}, {len(elements)})"
+        value = f"exec_{c.measure}({table}, {len(elements)})"
     return before, f"{value} {c.comparison} {float(c.constant)!r}"
 
 

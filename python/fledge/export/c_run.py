@@ -14,7 +14,7 @@ def rate(task):
 
 
 def rates(mission):
-    rows = [(f"static const MissionRate {rate(t)} = {{{t.period}, {t.offset}}};",
+    rows = [(f"static const ExecRate {rate(t)} = {{{t.period}, {t.offset}}};",
              f"every {seconds(t.period)}" + (f", from {seconds(t.offset)} on" if t.offset else ""))
             for t in mission.tasks]
     yield "\n".join([*with_notes(rows, ""), ""])
@@ -28,7 +28,7 @@ def carry(wire):
     """The copy of one message, and its ageing."""
     lines = [f"    m->{wire.target} = m->{wire.source};"]
     if wire.stale_after:
-        lines.append(f"    mission_age(&m->{wire.target}.head, t.t, {wire.stale_after}); "
+        lines.append(f"    exec_age(&m->{wire.target}.head, t.t, {wire.stale_after}); "
                      f"/* {seconds(wire.stale_after)} */")
     return lines
 
@@ -75,10 +75,10 @@ def reset(mission):
         lines += [f"    m->mode.current = {mode(mission, mission.initial_mode)};",
                   "    m->mode.asked = m->mode.current;", "    m->mode.t = -1;"]
     for event in mission.events:
-        lines.append(f"    m->event.{event.name} = mission_armed();")
+        lines.append(f"    m->event.{event.name} = exec_armed();")
     for task in mission.tasks:
         active = 1 if task.modes is None else int(mission.initial_mode in task.modes)
-        lines.append(f"    m->task.{task.name} = (MissionTask){{{rate(task)}.offset, -1, {active}, 0}};")
+        lines.append(f"    m->task.{task.name} = exec_start({rate(task)}, {active}, 0);")
     if mission.configuration:
         lines += ["", *(f"    {mission.name}_publish_{m.name}(m, 0);" for m in mission.configuration)]
     return function(f"void {mission.name}_reset({mission.struct()} *m)", lines)
@@ -106,7 +106,7 @@ def modes(mission):
                        ["    return " + " ||\n           ".join(terms) + ";"])
     lines = ["    m->mode.current = m->mode.asked;"]
     for task in switched(mission):
-        lines += [f"    if (mission_switch(&m->task.{task.name}, runs_{task.name}(m->mode.current), {rate(task)}, "
+        lines += [f"    if (exec_switch(&m->task.{task.name}, runs_{task.name}(m->mode.current), {rate(task)}, "
                   "t)) {",
                   *(f"        {m.function}_reset(&m->{m.name});" for m in task.run), "    }"]
     lines = [one for line in lines for one in call_broken(line)]
@@ -120,7 +120,7 @@ def call_broken(line):
     """A call that is too long goes on under its first argument."""
     if len(line) <= COLUMNS:
         return [line]
-    start = line.index("(", line.index("mission_")) + 1
+    start = line.index("(", line.index("exec_")) + 1
     at = line.rindex(", ", start, COLUMNS) + 1
     return [line[:at], " " * start + line[at + 1:]]
 
@@ -137,7 +137,7 @@ def events(mission):
         lines += comment(f"{event.title}: {event.condition!r}"
                          + (f" for {seconds(event.hold)}" if event.hold else ""), "    ")
         lines += [*before, broken(f"const int {event.name} = {holds};"),
-                  *call_broken(f"    if (mission_fires(&m->event.{event.name}, {event.name}, {event.hold}, "
+                  *call_broken(f"    if (exec_fires(&m->event.{event.name}, {event.name}, {event.hold}, "
                                f"{int(event.once)}, t)) {{"),
                   f"        m->mode.asked = {mode(mission, event.mode)};", "    }"]
     yield function(f"static void look_at_events({mission.struct()} *m, int64_t t)", lines)
@@ -155,8 +155,8 @@ def tick(mission):
     if mission.events:
         lines.append("    int ran = 0;")
     for task in mission.tasks:
-        lines += [f"    if (mission_due(&m->task.{task.name}, t)) {{",
-                  f"        run_{task.name}(m, mission_begin(&m->task.{task.name}, {rate(task)}, t));",
+        lines += [f"    if (exec_due(&m->task.{task.name}, t)) {{",
+                  f"        run_{task.name}(m, exec_begin(&m->task.{task.name}, {rate(task)}, t));",
                   *["        ran = 1;"] * bool(mission.events), "    }"]
     if mission.modes:
         lines.append("    m->mode.t = t;")
@@ -169,9 +169,6 @@ def next_tick(mission):
     """The earliest of the active tasks, and those of a mode that is asked for."""
     lines = ["    int64_t t = INT64_MAX;"]
     for task in mission.tasks:
-        if task in switched(mission):
-            lines += call_broken(f"    t = mission_sooner_in(t, &m->task.{task.name}, runs_{task.name}(m->mode.asked), "
-                                 f"{rate(task)}, m->mode.t);")
-        else:
-            lines.append(f"    t = mission_sooner(t, &m->task.{task.name});")
+        asked, now = (f"runs_{task.name}(m->mode.asked)", "m->mode.t") if task in switched(mission) else ("0", "0")
+        lines += call_broken(f"    t = exec_sooner(t, exec_next(&m->task.{task.name}, {rate(task)}, {asked}, {now}));")
     return function(f"int64_t {mission.name}_next(const {mission.struct()} *m)", [*lines, "    return t;"])

@@ -97,7 +97,7 @@ def inputs(mission):
 def whole(mission):
     """The struct of the mission."""
     name = mission.struct()
-    rows = ["    struct {", *with_notes([(f"MissionTask {t.name};", f"every {seconds(t.period)}"
+    rows = ["    struct {", *with_notes([(f"ExecTask {t.name};", f"every {seconds(t.period)}"
                                           + (f", from {seconds(t.offset)} on" if t.offset else "")
                                           + (f"; in {', '.join(mission.mode_titles[m] for m in t.modes)}"
                                              if t.modes is not None else "")) for t in mission.tasks],
@@ -110,7 +110,7 @@ def whole(mission):
                  "    } mode;"]
     if mission.events:
         rows += ["    struct {",
-                 *with_notes([(f"MissionEvent {e.name};", f"{e.condition!r}"
+                 *with_notes([(f"ExecEvent {e.name};", f"{e.condition!r}"
                                + (f" for {seconds(e.hold)}" if e.hold else "")
                                + f": enter {mission.mode_titles[e.mode]}" + (", once" if e.once else ""))
                               for e in mission.events], "        ", "///<", ""),

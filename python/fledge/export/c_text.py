@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Text of C as a careful person lays it out: 100 columns, notes in line with one another."""
 
-COLUMNS = 100
+COLUMNS = 120
 
 
 def wrap(pieces, first, following, end=""):

@@ -7,11 +7,9 @@ shortest decimal that reads back as the same double, with every compiler.
 
 import struct as packing
 
+from fledge.elements import ELEMENTS
 from fledge.export.c_text import COLUMNS, declaration, string
 
-INTEGERS = {"i8": "b", "u8": "B", "i16": "h", "u16": "H", "i32": "i", "u32": "I", "i64": "q", "u64": "Q", "enum": "i"}
-C_TYPES = {"f64": "double", "f32": "float", "i8": "int8_t", "u8": "uint8_t", "i16": "int16_t", "u16": "uint16_t",
-           "i32": "int32_t", "u32": "uint32_t", "i64": "int64_t", "u64": "uint64_t"}
 TABLE = 6       # from so many elements on, a plain array is set from a table
 
 
@@ -97,7 +95,7 @@ def numbers(field, raw, target, table):
     given = [i for i, e in enumerate(elements) if any(e)]
     last = given[-1] + 1
     if len(field.shape) == 1 and last >= TABLE and 2 * len(given) >= last:
-        ctype = field.ctype if field.type == "enum" else C_TYPES[field.type]
+        ctype = field.ctype if field.type == "enum" else ELEMENTS[field.type].ctype
         yield declaration(f"static const {ctype} {table}[] = ", [literal(field, e) for e in elements[:last]])
         yield f"memcpy({target}, {table}, sizeof {table});"
     else:
@@ -113,7 +111,7 @@ def literal(field, raw):
         return double(packing.unpack("=d", raw)[0])
     if field.type == "f32":
         return single(packing.unpack("=f", raw)[0])
-    value = packing.unpack("=" + INTEGERS[field.type], raw)[0]
+    value = packing.unpack("=" + ELEMENTS[field.type].code, raw)[0]
     if field.type == "enum":
         return next((n for n, v in field.enumerators if v == value), f"({field.ctype}){value}")
     return integer(value)

@@ -26,7 +26,7 @@ def emit_host(mission):
     places = {one.name: i for i, one in enumerate(types)}
     for one in messages:
         lines += row(f'"{topic(one.path)}"', f"{places[one.struct.name]}u", f"{one.latency}u", f"{int(one.optional)}u")
-    lines += ["};", "", "static const MissionRate rates[] = {"]
+    lines += ["};", "", "static const ExecRate rates[] = {"]
     lines += [f"    {{{task.period}, {task.offset}}}," for task in mission.tasks]
     lines += ["};", "", "const MissionHost fledge_mission = {"]
     lines += [f"    .{key} = {value}," for key, value in (

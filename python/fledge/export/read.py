@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from fledge import _core
+from fledge.elements import ELEMENTS
 from fledge.errors import SetupError
 from fledge.export import names
 
@@ -304,5 +305,5 @@ def floats(struct, memory, prefix=""):
                 row = f"{path}[{i}]" if f.shape else path
                 yield from floats(f.struct, memory[at:at + f.struct.size], row + ".")
         elif f.type in ("f64", "f32"):
-            values = packing.unpack_from(f"={count}{'d' if f.type == 'f64' else 'f'}", memory, f.offset)
+            values = packing.unpack_from(f"={count}{ELEMENTS[f.type].code}", memory, f.offset)
             yield from ((path + (f"[{i}]" if f.shape else ""), v) for i, v in enumerate(values))

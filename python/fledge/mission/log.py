@@ -14,13 +14,10 @@ Names are read from the end and may be as short as they are unique: "flight.trac
 
 import re
 
+from fledge.elements import ELEMENTS
 from fledge.errors import SetupError, did_you_mean
 from fledge.series import Series
 
-
-# How the types of the tables are called by numpy.
-_FORMATS = {"f64": "f8", "f32": "f4", "i8": "i1", "u8": "u1", "i16": "i2", "u16": "u2", "i32": "i4", "u32": "u4",
-            "i64": "i8", "u64": "u8", "enum": "i4"}
 
 
 def dtype_of(struct):
@@ -34,7 +31,7 @@ def dtype_of(struct):
         if field.type == "char":
             kind = f"S{field.size}"
         else:
-            kind = dtype_of(field.struct) if field.type == "struct" else np.dtype(_FORMATS[field.type])
+            kind = dtype_of(field.struct) if field.type == "struct" else np.dtype(ELEMENTS[field.type].dtype)
             kind = (kind, field.shape) if field.shape else kind
         names.append(field.name)
         formats.append(kind)

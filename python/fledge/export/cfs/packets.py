@@ -1,10 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Packets and tables as C structs that need nothing of Fledge: for the app, for its tables, for the ground."""
 
+from fledge.elements import ELEMENTS
 from fledge.export.c_text import doc, plain, with_notes, wrap
-
-TYPES = {"f64": "double", "f32": "float", "i8": "int8", "u8": "uint8", "i16": "int16", "u16": "uint16", "i32": "int32",
-         "u32": "uint32", "i64": "int64", "u64": "uint64", "enum": "int32", "char": "char"}
 
 
 def members(fields, indent="    "):
@@ -27,7 +25,7 @@ def members(fields, indent="    "):
         notes += [field.doc] if field.doc else []
         if field.type == "enum":
             notes.append(", ".join(f"{value} {name}" for name, value in field.enumerators))
-        rows.append((f"{TYPES[field.type]} {field.name}{dims};", " ".join(notes)))
+        rows.append((f"{ELEMENTS[field.type].ctype.removesuffix('_t')} {field.name}{dims};", " ".join(notes)))
     flush()
     return lines
 

@@ -162,7 +162,7 @@ def test_table_files_read_back_as_the_parameters(name, order):
         assert struct.unpack(end + "II", content[:8]) == (table.layout, 0)
         content = content[8:]
         for field in table.fields:                      # each number by itself, as a ground tool would
-            letter = tables.INTEGERS[field.type]
+            letter = tables.ELEMENTS[field.type].code
             n = field.size // struct.calcsize(letter)
             at = field.offset - table.start
             assert struct.unpack_from(f"{end}{n}{letter}", content, at) == \

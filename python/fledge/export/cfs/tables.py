@@ -12,7 +12,7 @@ import zlib
 from dataclasses import dataclass
 
 from fledge.export import names
-from fledge.export.board import WIDTHS
+from fledge.elements import ELEMENTS
 from fledge.export.c_text import plain, string, wrap
 from fledge.export.c_values import literal
 from fledge.export.cfs.packets import camel, guarded, struct
@@ -21,8 +21,6 @@ from fledge.export.read import Module
 NAME_MAX, FILE_MAX = 15, 19          # CFE_MISSION_TBL_MAX_NAME_LENGTH, OS_MAX_FILE_NAME, less the end of a text
 HEAD_SIZE = 8
 HEAD = ["uint32 Layout; /* ..._LAYOUT: tells byte order and version of what follows */", "uint32 Spare;"]
-INTEGERS = {"i8": "b", "u8": "B", "i16": "h", "u16": "H", "i32": "i", "u32": "I", "i64": "q", "u64": "Q", "enum": "i",
-            "f64": "d", "f32": "f"}
 
 
 @dataclass
@@ -90,7 +88,7 @@ def swapped(fields, content, start=0):
             for i in range(at, at + field.size, field.struct.size):
                 out[i:i + field.struct.size] = swapped(field.struct.fields, content[i:i + field.struct.size])
         else:
-            width = WIDTHS[field.type]
+            width = ELEMENTS[field.type].size
             for i in range(at, at + field.size, width):
                 out[i:i + width] = content[i:i + width][::-1]
     return bytes(out)
@@ -165,18 +163,18 @@ def rule_rows(fields, start, prefix="", base=0):
             continue
         low, high, low_open, high_open = f.bounds
         flags = [name for name, on in (
-            ("MISSION_HAS_LOW", low is not None), ("MISSION_HAS_HIGH", high is not None),
-            ("MISSION_LOW_OPEN", low_open and low is not None), ("MISSION_HIGH_OPEN", high_open and high is not None),
+            ("FLEDGE_HAS_LO", low is not None), ("FLEDGE_HAS_HI", high is not None),
+            ("FLEDGE_LO_OPEN", low_open and low is not None), ("FLEDGE_HI_OPEN", high_open and high is not None),
             ("MISSION_NON_ZERO", f.non_zero), ("MISSION_INERTIA", f.inertia)) if on]
-        if f.type not in ("f64", "f32") and not flags:
+        if not ELEMENTS[f.type].is_float and not flags:
             continue                                   # whole numbers are finite
-        n = f.size // WIDTHS[f.type]
+        n = f.size // ELEMENTS[f.type].size
         rule = f.rule.removeprefix("required").removeprefix(", ")
         text = "finite" + (f", {rule}" if rule else "")
         text += f" {f.unit}" if f.unit not in ("", "-") and (low is not None or high is not None) else ""
         yield [string((prefix + f.name).encode()), string(text.encode()), f"{at}u", f"{n}u",
                f"{n // f.shape[0] if f.shape else 1}u", f"{places[f.count]}u" if f.count else "MISSION_ALL",
-               " | ".join(flags) or "0u", "MISSION_" + {"enum": "I32"}.get(f.type, f.type.upper()),
+               " | ".join(flags) or "0u", f"FLEDGE_{f.type.upper()}",
                repr(low or 0.0), repr(high or 0.0)]
 
 
