@@ -15,7 +15,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 REFERENCE = "build/docs/reference"
-sys.path.append(str(ROOT / "cosim/python"))
+sys.path.append(str(next(ROOT.glob("cosim/**/fledge_node.py")).parent))
 
 project = "Fledge"
 author = "the Fledge maintainers"
