@@ -43,12 +43,13 @@ html_theme_options = {"sidebar_hide_name": False}
 
 CHAPTERS = {
     "Begin": ["docs/tutorial", "docs/guide", "docs/existing-code", "docs/debugging", "docs/glossary"],
-    "Several programs": ["docs/cosim", "cosim/README", "registers/README"],
+    "Several programs": ["docs/cosim", "Co-simulation, inside <cosim/README>", "registers/README"],
     "Targets": ["docs/export", "docs/targets", "docs/cfs", "targets/cfs/README", "record/README"],
     "Models and missions": ["docs/environment", "docs/accuracy", "docs/references", "missions/README"],
     "Reference": [f"{REFERENCE}/{page}" for page in (
         "flight-modules", "flight-messages", "world-models", "world-messages", "python", "nodes")],
-    "Developers": ["CONTRIBUTING", "CHANGELOG", "docs/architecture", "introspect/README", "flight/math/README"],
+    "Developers": ["CONTRIBUTING", "CHANGELOG", "docs/architecture", "The reader of headers <introspect/README>",
+                   "Elementary functions <flight/math/README>"],
 }
 
 # Classes of objects that the user gets from others, and therefore never imports.
@@ -77,16 +78,14 @@ def write_reference(app):
             (folder / name).write_text(text, encoding="utf-8")
 
 
-def directive(kind, name, exclude=()):
-    options = ["   :members:"] if kind != "function" else []
-    if exclude:
-        options.append(f"   :exclude-members: {', '.join(sorted(exclude))}")
+def directive(kind, name, members=None):
+    """An autodoc directive: with all members, with some (a list), or with none (an empty list)."""
+    options = [f"   :members: {', '.join(members or ())}".rstrip()] if kind != "function" and members != [] else []
     return [f".. auto{kind}:: {name}", *options, ""]
 
 
 def python_page():
     """What `import fledge` gives, the classes of the objects that it returns, and its public modules."""
-    import _core
     import fledge
 
     named = {name: getattr(fledge, name) for name in fledge.__all__}
@@ -100,10 +99,20 @@ def python_page():
         kind = "class" if inspect.isclass(value) else "function"
         lines += [name, "-" * len(name), "", *directive(kind, f"{value.__module__}.{name}")]
     for name, module in modules.items():
-        introspected = [n for n, value in vars(module).items() if inspect.isclass(value)
-                        and issubclass(value, (_core.Module, _core.Model, _core.Message))]
-        lines += [name, "-" * len(name), "", *directive("module", name, [*own, *introspected])]
+        members = [n for n, value in vars(module).items() if is_member(value, module) and n not in own and n[0] != "_"]
+        lines += [name, "-" * len(name), "", *directive("module", name, members)]
     return "\n".join(lines)
+
+
+def is_member(value, module):
+    """Whether a name of a module is a function or class that it or a part of it defines. The classes of the C
+    structs have pages of their own."""
+    import _core
+
+    if inspect.isclass(value) and issubclass(value, (_core.Module, _core.Model, _core.Message)):
+        return False
+    where = getattr(value, "__module__", None) or ""
+    return (inspect.isclass(value) or inspect.isfunction(value)) and f"{where}.".startswith(f"{module.__name__}.")
 
 
 def classes_of(package):
@@ -174,11 +183,16 @@ def prepare(app, page, source):
         source[0] = LINK.sub(resolved, source[0])
     if page == root_doc:
         for title, pages in CHAPTERS.items():
-            there = [p for p in pages if any((ROOT / (p + end)).exists() for end in (".md", ".rst"))]
+            there = [p for p in pages if any((ROOT / (document(p) + end)).exists() for end in (".md", ".rst"))]
             source[0] += "\n".join(["\n```{toctree}", ":hidden:", f":caption: {title}", ":maxdepth: 1", "", *there,
                                     "```\n"])
-    elif not any(page in pages for pages in CHAPTERS.values()):
+    elif not any(page == document(p) for pages in CHAPTERS.values() for p in pages):
         source[0] = "---\norphan: true\n---\n" + source[0]
+
+
+def document(entry):
+    """The document of an entry, which is one or `Title <document>`."""
+    return entry.partition("<")[2].rstrip(">") or entry
 
 
 def begin_at_the_readme(app, error):
