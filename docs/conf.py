@@ -93,13 +93,13 @@ def python_page():
     modules.pop("fledge.flight")  # its names are on the page of the flight modules
     own = {name: value for name, value in named.items() if not isinstance(value, types.ModuleType)}
     own |= {name: value for name, value in classes_of(fledge).items() if name in RETURNED}
-    lines = ["Python", "======", "", "``import fledge`` gives these names, and its modules below. ``fledge.flight`` and",
-             "``fledge.world`` also have a class for each module and model of the headers.", ""]
+    lines = ["Python", "======", "", "``import fledge`` gives these names, and the modules below. ``fledge.flight``",
+             "and ``fledge.world`` also have a class for each module and model of the headers.", ""]
     for name, value in sorted(own.items(), key=lambda item: item[0].lower()):
         kind = "class" if inspect.isclass(value) else "function"
         lines += [name, "-" * len(name), "", *directive(kind, f"{value.__module__}.{name}")]
     for name, module in modules.items():
-        members = [n for n, value in vars(module).items() if is_member(value, module) and n not in own and n[0] != "_"]
+        members = [n for n in dir(module) if n not in own and n[0] != "_" and is_member(getattr(module, n), module)]
         lines += [name, "-" * len(name), "", *directive("module", name, members)]
     return "\n".join(lines)
 
@@ -107,9 +107,7 @@ def python_page():
 def is_member(value, module):
     """Whether a name of a module is a function or class that it or a part of it defines. The classes of the C
     structs have pages of their own."""
-    import _core
-
-    if inspect.isclass(value) and issubclass(value, (_core.Module, _core.Model, _core.Message)):
+    if inspect.isclass(value) and {"Module", "Model", "Message"} & {base.__name__ for base in value.__mro__}:
         return False
     where = getattr(value, "__module__", None) or ""
     return (inspect.isclass(value) or inspect.isfunction(value)) and f"{where}.".startswith(f"{module.__name__}.")

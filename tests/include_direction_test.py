@@ -30,6 +30,7 @@ MAY_INCLUDE = {
     "introspect":  [],
     "fledge":      ["flight", "registers", "record", "sim", "world", "cosim"],
     "missions":    ["fledge"],
+    "docs":        ["introspect", "fledge"],       # docs/conf.py writes the reference
     "bench":       ["flight", "record", "sim", "world", "cosim", "fledge"],
     "tests":       ["flight", "registers", "record", "sim", "world", "cosim", "emulator", "ground",
                     "targets", "introspect", "fledge", "missions"],
