@@ -106,6 +106,11 @@ def test_the_tutorial_leads_to_a_module_in_closed_loop(tmp_path):
     assert (tmp_path / "my_sat/runs/turn/slew/slew.png").stat().st_size > 10_000
 
 
+def test_the_guide_shows_what_fledge_prints(tmp_path):
+    assert follow("guide.md", Shell(tmp_path)) >= 12
+    assert (tmp_path / "runs/imager/acquire/band.png").stat().st_size > 10_000
+
+
 def test_existing_code_is_wrapped_and_flown(tmp_path):
     assert follow("existing-code.md", Shell(tmp_path)) >= 7
 

@@ -46,6 +46,7 @@ RULES = {
     "fledge": Rule("Python, C++", "`python/fledge`: what the user imports, the extension, the command line",
                    ["flight", "registers", "record", "sim", "world", "cosim"]),
     "missions": Rule("Python", "worked missions", ["fledge"]),
+    "docs": Rule("Markdown, Python", "the documents, and the settings of their HTML", ["introspect", "fledge"]),
     "bench": Rule("Python, C++", "measurements", ["flight", "record", "sim", "world", "cosim", "fledge"]),
     "tests": Rule("Python, C++", "tests of the whole",
                   ["flight", "registers", "record", "sim", "world", "cosim", "emulator", "ground", "targets",

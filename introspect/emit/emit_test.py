@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from introspect.emit import EMITTERS, schema
+from introspect.emit import EMITTERS, reference, schema
 from introspect.errors import HeaderError
 from introspect.model import Bounds, Kind
 from introspect.testing import ROOT, read_this, read_tree, write_header
@@ -317,3 +317,14 @@ def test_a_message_with_padding_has_no_schema(model):
         schema.text(padded)
     with pytest.raises(HeaderError, match=f"padding at byte {message.size}"):
         schema.text(replace(message, size=message.size + 8))
+
+
+def test_the_reference_has_each_declaration_with_unit_condition_and_meaning(model):
+    pages = reference.emit(model.library("flight"))
+    assert sorted(pages) == ["flight-messages.md", "flight-modules.md"]
+    text = "".join(pages.values())
+    for struct in model.library("flight").structs:
+        assert text.count(f"\n### {struct.name}\n") == 1
+    assert "| `K` | double | N m | required, > 0 | gain on the MRP error |" in text
+    assert "| `error` | {ref}`AttError <c-atterror>` |" in text
+    assert "| `QUALITY_STALE` | 1 | older than its wire allows |" in text

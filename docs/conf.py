@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sphinx's configuration: `./fledge docs` builds these pages and the reference into build/docs.
+
+The sources are the repository's Markdown files as they are. The reference is written from the C headers by
+introspect and from the docstrings by autodoc, into build/docs/reference. Nothing needs a network.
+"""
+import importlib
+import inspect
+import os
+import pkgutil
+import re
+import sys
+import types
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+REFERENCE = "build/docs/reference"
+sys.path.append(str(next(ROOT.glob("cosim/**/fledge_node.py")).parent))
+
+project = "Fledge"
+author = "the Fledge maintainers"
+extensions = ["myst_parser", "sphinx.ext.autodoc"]
+root_doc = "README"
+include_patterns = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/*.md", "*/README.md", "*/*/README.md",
+                    f"{REFERENCE}/*"]
+exclude_patterns = ["build/release/**", "build/asan/**", "build/debug/**", "python/README.md", "python/*/*/README.md"]
+myst_heading_anchors = 4
+suppress_warnings = ["myst.header"]
+highlight_language = "none"
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"
+add_module_names = False
+toc_object_entries = False
+
+html_theme = "furo"
+html_title = "Fledge"
+html_static_path = ["static"]
+html_css_files = ["fledge.css"]
+html_show_sphinx = False
+html_show_copyright = False
+html_copy_source = False
+html_theme_options = {"sidebar_hide_name": False}
+
+CHAPTERS = {
+    "Begin": ["docs/tutorial", "docs/guide", "docs/existing-code", "docs/debugging", "docs/glossary"],
+    "Several programs": ["docs/cosim", "Co-simulation, inside <cosim/README>", "registers/README"],
+    "Targets": ["docs/export", "docs/targets", "docs/cfs", "targets/cfs/README", "record/README"],
+    "Models and missions": ["docs/environment", "docs/accuracy", "docs/references", "missions/README"],
+    "Reference": [f"{REFERENCE}/{page}" for page in (
+        "flight-modules", "flight-messages", "world-models", "world-messages", "python", "nodes")],
+    "Developers": ["CONTRIBUTING", "CHANGELOG", "docs/architecture", "The reader of headers <introspect/README>",
+                   "Elementary functions <flight/math/README>"],
+}
+
+# Classes of objects that the user gets from others, and therefore never imports.
+RETURNED = {"Campaign", "Dispersions", "Event", "Flight", "Log", "Mission", "Mode", "Node", "Result", "Series", "Task",
+            "Watch", "Wire", "World"}
+
+
+# --- the reference ---------------------------------------------------------------------------------
+
+def write_reference(app):
+    from introspect.emit import reference
+    from introspect.model import Kind
+    from introspect.reader import read
+    from introspect.sources import Source
+
+    model = read([Source(ROOT, "flight", Kind.MODULE, "flight"), Source(ROOT, "world", Kind.MODEL, "world")])
+    pages = {}
+    for name in model.library_names:
+        pages |= reference.emit(model.library(name))
+    pages["python.rst"] = python_page()
+    pages["nodes.rst"] = "\n".join(["Nodes in Python", "===============", "", *directive("module", "fledge_node")])
+    folder = ROOT / REFERENCE
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, text in pages.items():
+        if not (folder / name).exists() or (folder / name).read_text(encoding="utf-8") != text:
+            (folder / name).write_text(text, encoding="utf-8")
+
+
+def directive(kind, name, members=None):
+    """An autodoc directive: with all members, with some (a list), or with none (an empty list)."""
+    options = [f"   :members: {', '.join(members or ())}".rstrip()] if kind != "function" and members != [] else []
+    return [f".. auto{kind}:: {name}", *options, ""]
+
+
+def python_page():
+    """What `import fledge` gives, the classes of the objects that it returns, and its public modules."""
+    import fledge
+
+    named = {name: getattr(fledge, name) for name in fledge.__all__}
+    modules = {value.__name__: value for value in named.values() if isinstance(value, types.ModuleType)}
+    modules.pop("fledge.flight")  # its names are on the page of the flight modules
+    own = {name: value for name, value in named.items() if not isinstance(value, types.ModuleType)}
+    own |= {name: value for name, value in classes_of(fledge).items() if name in RETURNED}
+    lines = ["Python", "======", "", "``import fledge`` gives these names, and the modules below. ``fledge.flight``",
+             "and ``fledge.world`` also have a class for each module and model of the headers.", ""]
+    for name, value in sorted(own.items(), key=lambda item: item[0].lower()):
+        kind = "class" if inspect.isclass(value) else "function"
+        lines += [name, "-" * len(name), "", *directive(kind, f"{value.__module__}.{name}")]
+    for name, module in modules.items():
+        members = [n for n in dir(module) if n not in own and n[0] != "_" and is_member(getattr(module, n), module)]
+        lines += [name, "-" * len(name), "", *directive("module", name, members)]
+    return "\n".join(lines)
+
+
+def is_member(value, module):
+    """Whether a name of a module is a function or class that it or a part of it defines. The classes of the C
+    structs have pages of their own."""
+    if inspect.isclass(value) and {"Module", "Model", "Message"} & {base.__name__ for base in value.__mro__}:
+        return False
+    where = getattr(value, "__module__", None) or ""
+    return (inspect.isclass(value) or inspect.isfunction(value)) and f"{where}.".startswith(f"{module.__name__}.")
+
+
+def classes_of(package):
+    """The classes that the modules of a package define, by name."""
+    found = {}
+    for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+        if not re.search(r"_test$|\.cli\b|\.templates|\.testing|__main__", module.name):
+            there = importlib.import_module(module.name)
+            found |= {n: c for n, c in vars(there).items() if inspect.isclass(c) and c.__module__ == module.name}
+    return found
+
+
+ARGUMENT = re.compile(r"([a-z_]\w*(?:, [a-z_]\w*)*): (?=\S)")
+
+
+def as_rst(app, what, name, thing, options, lines):
+    """Docstrings are plain text: code in single backticks, examples indented after a blank line, and arguments as
+    `name: what it is`, on lines of their own."""
+    text, lines[:] = list(lines), []
+    literal = item = False
+    previous = ""
+    for line in text:
+        if line[:1] == " " and not literal and not previous.strip():
+            lines += ["::", ""]
+            literal, item = True, False
+        elif line[:1] != " " and line:
+            literal = False
+        if not literal and line.strip():
+            line = escaped(line.strip())
+            argument = ARGUMENT.match(line)
+            if argument and what != "module":
+                lines += [] if item else [""]
+                line = f"* *{argument[1]}*: {line[argument.end():]}"
+                item = True
+            elif item and re.match("Raises|Returns", line):
+                lines.append("")
+                item = False
+            elif item:
+                line = "  " + line
+        elif not literal:
+            item = False
+        lines.append(line)
+        previous = line
+
+
+def escaped(line):
+    parts = line.split("`")
+    parts[::2] = [re.sub(r"([\\*|])|(?<=\w)(_)(?!\w)", r"\\\g<0>", part) for part in parts[::2]]
+    return "``".join(parts)
+
+
+# --- the pages -------------------------------------------------------------------------------------
+
+LINK = re.compile(r"\[([^]\n]*)\]\((?!\w+:|#)([^)#\s]+)(#[^)\s]*)?\)")
+
+
+def prepare(app, page, source):
+    """Link a folder to its README, if it has one; give the first page the list of all."""
+    folder = (ROOT / page).parent
+
+    def resolved(link):
+        readme = (folder / link[2] / "README.md").resolve()
+        if readme.exists():
+            return f"[{link[1]}]({os.path.relpath(readme, folder)}{link[3] or ''})"
+        return link[1] if readme.parent.is_dir() else link[0]
+
+    if not page.startswith(REFERENCE):
+        source[0] = LINK.sub(resolved, source[0])
+    if page == root_doc:
+        for title, pages in CHAPTERS.items():
+            there = [p for p in pages if any((ROOT / (document(p) + end)).exists() for end in (".md", ".rst"))]
+            source[0] += "\n".join(["\n```{toctree}", ":hidden:", f":caption: {title}", ":maxdepth: 1", "", *there,
+                                    "```\n"])
+    elif not any(page == document(p) for pages in CHAPTERS.values() for p in pages):
+        source[0] = "---\norphan: true\n---\n" + source[0]
+
+
+def document(entry):
+    """The document of an entry, which is one or `Title <document>`."""
+    return entry.partition("<")[2].rstrip(">") or entry
+
+
+def begin_at_the_readme(app, error):
+    if not error:
+        Path(app.outdir, "index.html").write_text('<meta http-equiv="refresh" content="0; url=README.html">\n')
+
+
+def setup(app):
+    app.connect("builder-inited", write_reference)
+    app.connect("autodoc-process-docstring", as_rst)
+    app.connect("source-read", prepare)
+    app.connect("build-finished", begin_at_the_readme)

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The reference pages of a library, in Markdown: its modules or models, and its messages.
+
+Every declaration gets a heading that other pages link to, its doc comment, and tables of its fields with
+unit, condition and meaning. docs/conf.py gives the pages to Sphinx.
+"""
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+from introspect.model import Bounds, Enumeration, Field, Group, Kind, Library, Struct
+
+_HEADINGS = {Group.IN: "Inputs", Group.OUT: "Outputs", Group.PAR: "Parameters", Group.MEM: "Memory"}
+_KINDS = {Kind.MODULE: "modules", Kind.MODEL: "models"}
+
+
+def emit(library: Library) -> dict[str, str]:
+    """A page of modules or models, if the library has any, and one of messages and their parts."""
+    pages = {}
+    for kind, word in _KINDS.items():
+        interfaces = [s for s in library.structs if s.kind is kind]
+        if interfaces:
+            pages[f"{library.name}-{word}.md"] = _page(f"{library.name.title()} {word}", _by_folder(interfaces))
+    messages = [s for s in library.structs if s.kind is Kind.MESSAGE]
+    parts = [s for s in library.structs if s.kind is Kind.PLAIN]
+    sections = [("Messages", map(_struct, messages)), ("Parts of messages", map(_struct, parts)),
+                ("Enumerations", map(_enum, library.enums))]
+    text = _page(f"{library.name.title()} messages", sections)
+    return pages | {f"{library.name}-messages.md": text} if messages or parts or library.enums else pages
+
+
+def _page(title: str, sections: Iterable[tuple[str, Iterable[str]]]) -> str:
+    parts = [f"# {title}\n"]
+    for heading, entries in sections:
+        entries = list(entries)
+        if entries:
+            parts += [f"## {heading}\n", *entries]
+    return "\n".join(parts)
+
+
+def _by_folder(structs: list[Struct]) -> Iterable[tuple[str, Iterable[str]]]:
+    for folder in sorted({s.folder for s in structs}):
+        yield f"{folder}/", [_struct(s) for s in structs if s.folder == folder]
+
+
+def _struct(struct: Struct) -> str:
+    doc, _, source = struct.doc.partition("Source: ")
+    parts = [_heading(struct.name), f"{_text(doc)}\n", f"Source: {_text(source)}\n" if source else "",
+             f"Declared in `{struct.header}`, {struct.size} bytes.\n"]
+    for group in Group:
+        fields = [f for f in struct.fields if f.group is group and not f.is_spare]
+        if fields:
+            if group in _HEADINGS:
+                parts.append(f"**{_HEADINGS[group]}**\n")
+            parts.append(_table(fields))
+    return "\n".join(parts)
+
+
+def _enum(enum: Enumeration) -> str:
+    rows = [f"| `{e.name}` | {e.value} | {_text(e.doc)} |" for e in enum.values]
+    return "\n".join([_heading(enum.name), f"{_text(enum.doc)}\n", f"Declared in `{enum.header}`.\n",
+                      "| value | number | meaning |", "|---|---|---|", *rows, ""])
+
+
+def _heading(name: str) -> str:
+    return f"(c-{name.lower()})=\n### {name}\n"
+
+
+def _table(fields: list[Field]) -> str:
+    """Ports have no unit; columns that would be empty are left out."""
+    columns = [("name", [f"`{f.name}`" for f in fields]),
+               ("type", [_type(f) for f in fields]),
+               ("unit", [_text(f.unit.text) if f.unit and f.unit.text != "-" else "" for f in fields]),
+               ("condition", [_condition(f) for f in fields]),
+               ("meaning", [_text(f.doc or (f.struct.doc if f.struct else "")) for f in fields])]
+    columns = [(title, cells) for title, cells in columns if any(cells)]
+    rows = zip(*(cells for _, cells in columns))
+    return "\n".join(["| " + " | ".join(title for title, _ in columns) + " |", "|---" * len(columns) + "|",
+                      *("| " + " | ".join(row) + " |" for row in rows), ""])
+
+
+def _type(field: Field) -> str:
+    declared = field.struct or field.enum
+    name = f"{{ref}}`{declared.name} <c-{declared.name.lower()}>`" if declared and declared.library else field.ctype
+    shape = field.shape[:-{"Vec3": 1, "Mat3": 2}.get(field.ctype, 0) or None]
+    return name + "".join(f"\\[{n}\\]" for n in shape)
+
+
+def _condition(field: Field) -> str:
+    words = sorted(field.clauses)
+    if field.bounds:
+        words.append(_bounds(field.bounds))
+    if field.count:
+        words.append(f"the first `{field.count}` count")
+    if field.distinct:
+        words.append(f"another source than `{field.distinct}`")
+    return ", ".join(words)
+
+
+def _bounds(bounds: Bounds) -> str:
+    low = f"{'>' if bounds.lo_open else '≥'} {bounds.lo:g}" if bounds.lo is not None else ""
+    high = f"{'<' if bounds.hi_open else '≤'} {bounds.hi:g}" if bounds.hi is not None else ""
+    return " and ".join(filter(None, [low, high]))
+
+
+def _text(text: str) -> str:
+    """A comment's text, with what Markdown would take for markup escaped."""
+    return re.sub(r"([\\`*_{}\[\]<>|#$])", r"\\\1", " ".join(text.split()))

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Each link in a document leads to a file of this repository, and each anchor to a heading of it."""
+
+import re
+
+import pytest
+
+from tests.tree import ROOT, files
+
+FENCE = re.compile(r"^ *```.*?^ *```$", re.MULTILINE | re.DOTALL)
+LINK = re.compile(r"(?<!`)\[[^]]*\]\(([^)\s]+)\)")
+HEADING = re.compile(r"^#+ +(.+?) *$", re.MULTILINE)
+
+
+def prose(text):
+    return FENCE.sub("", text)
+
+
+def anchors(text):
+    """The anchors that GitHub and MyST give to the headings of a document."""
+    found = []
+    for heading in HEADING.findall(prose(text)):
+        words = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", heading).lower()
+        anchor = re.sub(r"[^\w\- ]", "", words).replace(" ", "-")
+        found.append(anchor if anchor not in found else f"{anchor}-{found.count(anchor)}")
+    return found
+
+
+def broken(path, text, tree):
+    """The links of a document that lead nowhere. `tree` has the repository's files."""
+    wrong = []
+    for link in LINK.findall(prose(text)):
+        target, _, anchor = link.partition("#")
+        if ":" in target:
+            continue
+        there = (ROOT / path).parent.joinpath(target).resolve() if target else ROOT / path
+        try:
+            name = str(there.relative_to(ROOT))
+        except ValueError:
+            wrong.append(link)
+            continue
+        exists = name in tree or name == "." or any(file.startswith(name + "/") for file in tree)
+        if not exists or (anchor and anchor not in anchors(text if not target else there.read_text(encoding="utf-8"))):
+            wrong.append(link)
+    return wrong
+
+
+def test_each_link_leads_to_a_file_and_a_heading():
+    tree = {str(path) for path in files()}
+    found = {str(path): wrong for path in files() if path.suffix == ".md"
+             if (wrong := broken(path, (ROOT / path).read_text(encoding="utf-8"), tree))}
+    assert found == {}
+
+
+@pytest.mark.parametrize("text, wrong", [
+    ("[a](../README.md)", []),
+    ("[a](../missions)", []),
+    ("[a](https://mcap.dev)", []),
+    ("# One\n[a](#one)", []),
+    ("[a](nothing.md)", ["nothing.md"]),
+    ("[a](../README.md#nothing)", ["../README.md#nothing"]),
+    ("[a](#nothing)", ["#nothing"]),
+    ("[a](../../elsewhere)", ["../../elsewhere"]),
+    ("```\n[a](nothing.md)\n```", []),
+])
+def test_a_broken_link_is_noticed(text, wrong):
+    assert broken("docs/tutorial.md", text, {str(path) for path in files()}) == wrong
+
+
+def test_headings_have_the_anchors_that_markdown_gives_them():
+    assert anchors("# Many programs, one `run`\n## A [b](c)\n## A b\n") == ["many-programs-one-run", "a-b", "a-b-1"]
