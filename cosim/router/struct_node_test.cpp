@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cstring>
 #include <future>
 #include <optional>
 
@@ -120,6 +121,68 @@ TEST(StructNode, AnotherGoesOnFromASnapshotOrFromTheBeginning)
             EXPECT_EQ(again.began_again, 0);
         }
     }
+}
+
+TEST(StructNode, AProgramStepsAtSeveralRatesAndReadsMessagesWithoutAStruct)
+{
+    ControllerConfig config;
+    config.simulation = "drift";
+    config.nodes = {{"a", Policy::abort}, {"b", Policy::abort}};
+    config.end = 60 * ms;
+    RouterConfig router_config;
+    router_config.address = "ipc://@fledge-struct-node-rates-" + std::to_string(getpid());
+    zmq::context_t context;
+    Router router(context, config, router_config);
+    std::vector<Ns> instants;
+    std::vector<double> seen;
+    std::string defined;
+
+    auto a = std::async(std::launch::async, [&] {
+        Position here{};
+        StructNode node({"drift", "a", router.address()}, {20 * ms, 0});
+        node.also_step({30 * ms, 5 * ms});
+        node.write("/a/position", here, position_schema);
+        node.run([&](Ns t) {
+            instants.push_back(t);
+            here.x = static_cast<double>(t / ms);
+        });
+    });
+    auto b = std::async(std::launch::async, [&] {
+        StructNode node({"drift", "b", router.address()}, {30 * ms, 0});
+        node.read("/a/position", Latency::same_instant, {});
+        node.read("/nothing", Latency::same_instant, {}, {}, true);
+        node.hooks().define = [&](const std::string &topic, const Schema &schema) { defined += topic + schema.name; };
+        node.run([&](Ns) {
+            double x = 0;
+            ASSERT_EQ(node.message("/a/position").size(), sizeof(Position));
+            std::memcpy(&x, node.message("/a/position").data(), sizeof x);
+            seen.push_back(x);
+            EXPECT_TRUE(node.message("/nothing").empty());
+        });
+    });
+    EXPECT_EQ(router.run(), "");
+    a.get();
+    b.get();
+    EXPECT_EQ(instants, (std::vector<Ns>{0, 5 * ms, 20 * ms, 35 * ms, 40 * ms, 60 * ms}));
+    EXPECT_EQ(seen, (std::vector<double>{0, 20, 60}));
+    EXPECT_EQ(defined, "/a/positionPosition");
+}
+
+TEST(Outbox, AnUnchangedMessageIsSentOnlyIfItIsToBeSentAgain)
+{
+    Position position{1, 2};
+    const auto bytes = std::as_bytes(std::span(&position, 1));
+    Outbox outbox;
+    outbox.add(3, bytes);
+    std::vector<Record> records;
+    outbox.say(10, records);
+    EXPECT_TRUE(records.empty());
+    outbox.resend(bytes);
+    outbox.say(20, records);
+    outbox.say(30, records);
+    ASSERT_EQ(records.size(), 1u);
+    EXPECT_EQ(records[0].t, 20);
+    EXPECT_EQ(records[0].count, 1u);
 }
 
 TEST(StructNode, ADefinitionThatDoesNotFitTheStructIsRefused)

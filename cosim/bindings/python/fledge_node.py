@@ -16,8 +16,8 @@
 
     node.run()
 
-A program that steps with nobody, a viewer or a ground system, watches and writes as an Observer, on a
-thread of its own or beside a script:
+A program that takes no steps, a viewer or a ground system, reads and writes as an Observer, on a thread of its
+own or within a script:
 
     with Observer("spin", "ground") as observer:
         observer.subscribe("/thermal/")
@@ -26,12 +26,12 @@ thread of its own or beside a script:
             observer.write("/ground/heater", {"on": 1})
 
 Messages are dicts from the true names of their fields (nested ones with dots) to numbers, or lists
-of numbers in memory order. Where a field is an enumeration or holds a text, a str may be given; what
-is read has the name of an enumeration's value as `.name`, and text() makes a str of its numbers.
+of numbers in memory order. A field that is an enumeration or holds a text accepts a str; an enumeration's value
+has its name as `.name`, and text() makes a str of an array of characters.
 
-A definition is needed on one side only: without one here, that of the partner comes when the run
-begins, so that all messages of a mission are known. Where it begins with a Fledge head, its time,
-quality and sequence are filled in unless they are given. Times are integers in nanoseconds.
+Only one side needs to give a definition: a topic without one here takes that of the partner when the run begins,
+so a node knows all messages of a mission. Where a message begins with a Fledge head, the node fills in its time,
+quality and sequence unless the program gives them. Times are integers in nanoseconds.
 
 The format is described in cosim/protocol.h; names here follow it.
 """
@@ -54,6 +54,7 @@ KINDS = ["Hello", "Welcome", "Refused", "Initialize", "Initialized", "ProvideDes
          "Matched", "Start", "Ready", "Tick", "Tock", "Finish", "Finished", "Failed", "Attached", "Published",
          "Save", "Saved"]
 VERSION = 1
+CDR_LITTLE = b"\0\1\0\0"  # before a payload's struct
 LARGEST = 64 << 20  # bytes of a frame
 
 
@@ -160,6 +161,12 @@ class Schema:
         except (struct.error, OverflowError) as error:
             raise NodeError(f"{self.name}: {error}") from None
 
+    def with_head(self, values, t, sequence):
+        """The values with those of a Fledge head, where the message begins with one; given values stay."""
+        if self.fields and self.fields[0][0] == "head.t":
+            return {"head.t": t, "head.quality": 3, "head.sequence": sequence} | values
+        return values
+
     def _numbers(self, name, n, array, text):
         """Of a text, or of the name of a value."""
         if not array:
@@ -198,6 +205,10 @@ class _Writer:
         self.body += bytes(-len(self.body) % struct.calcsize(code))
         self.body += struct.pack(self.order + code, x)
 
+    def numbers(self, codes, *numbers):
+        for code, x in zip(codes, numbers):
+            self.number(code, x)
+
     def bytes(self, data):
         self.number("I", len(data))
         self.body += data
@@ -208,8 +219,7 @@ class _Writer:
     def schema(self, schema):
         self.text(schema.name)
         self.text(schema.text)
-        self.number("I", schema.size)
-        self.number("Q", schema.hash)
+        self.numbers("IQ", schema.size, schema.hash)
 
     def frame(self, kind, number):
         return struct.pack(self.order + "4sBBHIIII", b"FLCS", self.order == "<", VERSION, KINDS.index(kind) + 1,
@@ -315,38 +325,101 @@ class _Reader:
 
 # ---- the node
 
-class Node:
+class _Member:
+    """A program that greets the controller: its names, the address, the keys."""
+
+    def __init__(self, simulation, name, address, timeout, keys):
+        self.simulation = _given("simulation", simulation, "FLEDGE_SIMULATION")
+        self.name = _given("name", name, "FLEDGE_NODE")
+        self.address = _given("address", address, "FLEDGE_ADDRESS")
+        self.timeout = timeout
+        self.reason = None  #: of the end of the run, once it is over; "" at the regular one
+        self._keys = _read_keys(keys or os.environ.get("FLEDGE_KEYS"), self.name)
+
+    def _hello(self):
+        w = _Writer()
+        w.numbers("BBBB", VERSION, VERSION, self._role, 0)  # without shared memory
+        w.text(self.simulation)
+        w.text(self.name)
+        return w.frame("Hello", 1)
+
+    def _greet(self, context, expected):
+        """The controller's answer, as a reader."""
+        with context.socket(zmq.DEALER) as socket:
+            _set_up(socket, 0, self._keys)
+            handshake = _Handshake(socket, self._keys)
+            try:
+                socket.connect(self.address)
+                socket.send(self._hello())
+                if not handshake.wait(self.timeout, f"the controller at {self.address}"):
+                    raise NodeError(f"no controller answers at {self.address}" if not handshake.made else
+                                    f"the controller at {self.address} has no answer: not all nodes are there")
+                r = _Reader(socket.recv())
+            finally:
+                handshake.close()
+        if r.kind == "Refused":
+            raise NodeError(f"the controller refuses {self.name}: {r.text()}")
+        if r.kind != expected:
+            raise NodeError(f"the controller answers a Hello with {r.kind}")
+        return r
+
+    def _reachable(self, address):
+        """A controller that listens on all interfaces does not know the name by which a node reaches it."""
+        if address.startswith("tcp://0.0.0.0:"):
+            return self.address.rpartition(":")[0] + ":" + address.rpartition(":")[2]
+        return address
+
+
+class _Subscription:
+    """A topic that a node reads."""
+
+    def __init__(self, latency, optional, schema):
+        self.latency, self.optional, self.schema = latency, optional, schema
+        self.count = 0       # messages since the last matching
+        self.payload = None  # of the last message
+        self.values = None   # of the payload, once the program has looked
+
+
+class _Publication:
+    """A topic that a node writes."""
+
+    def __init__(self, schema, initial):
+        self.schema = schema
+        self.message = initial          # as last written, at t; a dict, or bytes from a snapshot
+        self.t = self.sequence = 0      # of its head; sequence 0: the initial value
+        self.channel, self.count = None, 0  # of the last matching; messages since then
+
+    def packed(self):
+        """The last message, with a head where it begins with one."""
+        if isinstance(self.message, bytes):
+            return self.message
+        return self.schema.pack(self.schema.with_head(self.message, self.t, self.sequence) if self.sequence else
+                                self.message)
+
+
+class Node(_Member):
     """One program's part in a run.
 
     simulation, name, address: None: what FLEDGE_SIMULATION, FLEDGE_NODE and FLEDGE_ADDRESS say
     keys: a folder or file of `./fledge keys`, for a controller that asks for them; None: FLEDGE_KEYS
     every, offset: [ns] it steps at offset + k every
-    patience: [s] for the controller to be there
+    timeout: [s] in which the controller must answer
     """
 
-    def __init__(self, simulation=None, name=None, address=None, *, every, offset=0, patience=60,
-                 keys=None):
-        simulation = _given("simulation", simulation, "FLEDGE_SIMULATION")
-        name = _given("name", name, "FLEDGE_NODE")
-        address = _given("address", address, "FLEDGE_ADDRESS")
-        self.simulation, self.name, self.address = simulation, name, address
-        self._keys = _read_keys(keys or os.environ.get("FLEDGE_KEYS"), name)
+    _role = 0
+
+    def __init__(self, simulation=None, name=None, address=None, *, every, offset=0, timeout=60, keys=None):
+        super().__init__(simulation, name, address, timeout, keys)
         if every <= 0 or offset < 0:
             raise NodeError(f"every has to be > 0 ns and offset >= 0 ns; found {every} and {offset}")
-        self.every, self.offset, self.patience = every, offset, patience
+        self.every, self.offset = every, offset
         self.seed = self.end = None  #: of the run, once it has begun
-        self.reason = None           #: of its end; "" at the regular one
-        self._wants = {}     # topic -> (latency, optional, Schema)
-        self._writes = {}    # topic -> [Schema, initial value]
-        self._channels = {}  # channel -> topic, of what is read
-        self._seen = {}      # topic -> payload, as last seen
-        self._values = {}    # topic -> dict of it, once somebody has looked
-        self._counts = {}    # channel -> messages, read or written
-        self._offers = {}    # topic -> channel, of what is written
-        self._latest = {}    # topic -> (time, count, dict), as last written; from a snapshot, bytes
-        self._sequence = {}  # topic -> of its head
-        self._coming = []    # records that no instant has seen
-        self._now = -1       # the instant of the last step
+        self._subscriptions = {}     # by topic
+        self._publications = {}      # by topic
+        self._channels = {}          # channel -> subscription
+        self._pending = []           # (t, subscription, payload) that no step has seen yet, in the order of t
+        self._written = {}           # publication -> message of this step
+        self._now = -1               # the instant of the last step
         self._leaving = False
         self._step = self._save = self._restore = None
 
@@ -354,67 +427,62 @@ class Node:
         """Read a topic. Without a definition, it is as its writer says."""
         if latency not in LATENCIES:
             raise NodeError(f"there is no latency {latency}; there are {', '.join(LATENCIES)}")
-        self._wants[topic] = (LATENCIES[latency], optional, Schema(name, text))
+        self._subscriptions[topic] = _Subscription(LATENCIES[latency], optional, Schema(name, text))
 
     def writes(self, topic, name="", text="", initial=None):
-        """Write a topic, which holds `initial` before the first step; all zero unless it is given.
-        Without a definition, it is as its reader says."""
-        self._writes[topic] = [Schema(name, text), dict(initial or {})]
+        """Write a topic. `initial` is its value before the first step; fields without a value are zero. Without a
+        definition, it is as its reader says."""
+        self._publications[topic] = _Publication(Schema(name, text), dict(initial or {}))
 
     def step(self, function):
-        """The function that is called with each instant [ns]."""
+        """The node calls this function with each instant [ns]."""
         self._step = function
         return function
 
     def __getitem__(self, topic):
-        """What was read last, a dict; None where nobody writes an optional topic."""
-        if topic not in self._wants:
-            raise NodeError(f"{self.name} does not read {topic}; it reads {', '.join(self._wants) or 'nothing'}")
-        if topic not in self._values and topic in self._seen:
-            self._values[topic] = self._wants[topic][2].unpack(self._seen[topic])
-        return self._values.get(topic)
+        """The last message of a topic, a dict; None where no node writes an optional topic."""
+        if topic not in self._subscriptions:
+            raise NodeError(f"{self.name} does not read {topic}; it reads "
+                            f"{', '.join(self._subscriptions) or 'nothing'}")
+        subscription = self._subscriptions[topic]
+        if subscription.values is None and subscription.payload is not None:
+            subscription.values = subscription.schema.unpack(subscription.payload)
+        return subscription.values
 
     def __setitem__(self, topic, values):
         """Write a message, now."""
-        if topic not in self._writes:
-            raise NodeError(f"{self.name} does not write {topic}; it writes {', '.join(self._writes) or 'nothing'}")
-        self._sequence[topic] = self._sequence.get(topic, 0) + 1
-        self._latest[topic] = (self._now, self._sequence[topic], dict(values))
-        if topic in self._offers:
-            self._written[topic] = self._packed(topic)
+        if topic not in self._publications:
+            raise NodeError(f"{self.name} does not write {topic}; it writes "
+                            f"{', '.join(self._publications) or 'nothing'}")
+        publication = self._publications[topic]
+        publication.message, publication.t = dict(values), self._now
+        publication.sequence += 1
+        if publication.channel is not None:
+            self._written[publication] = publication.packed()
 
     def saves(self, function):
-        """The function that returns, as bytes, all that another program of this name needs to go on from
-        here. With restores(), one that was lost is started again without all its steps from the beginning."""
+        """The function returns, as bytes, all that the next steps depend on, besides the messages. With restores(),
+        a node that was lost goes on from a snapshot; without it, from the beginning."""
         self._save = function
         return function
 
     def restores(self, function):
-        """The function that takes what saves() returned, before the first step of the other program."""
+        """The function takes what saves() returned, before the first step of the program that goes on."""
         self._restore = function
         return function
 
     def leave(self):
-        """Take no further part in the run: what this step writes is the last. run() returns then."""
+        """Take no further part in the run. The node still sends what this step writes, and run() returns."""
         self._leaving = True
-
-    def _packed(self, topic):
-        """The message as it was last written, with a head where it begins with one."""
-        schema, initial = self._writes[topic]
-        if topic not in self._latest:
-            return schema.pack(initial)
-        t, sequence, values = self._latest[topic]
-        if isinstance(values, bytes):
-            return values
-        if schema.fields and schema.fields[0][0] == "head.t":
-            values = {"head.t": t, "head.quality": 3, "head.sequence": sequence} | values
-        return schema.pack(values)
 
     def run(self):
         """Take part in a run, to its end. Returns its reason, "" at the regular one. Raises NodeError,
         and what the step raises."""
         with zmq.Context() as context:
-            address = self._greet(context)
+            welcome = self._greet(context, "Welcome")
+            address = self._reachable(welcome.text())
+            welcome.text(), welcome.number("Q")  # of shared memory, which Python does not use
+            welcome.end()
             with context.socket(zmq.PAIR) as link:
                 _set_up(link, 1000, self._keys)
                 monitor = link.get_monitor_socket(zmq.EVENT_DISCONNECTED)
@@ -427,30 +495,18 @@ class Node:
                     monitor.close(0)
         return self.reason
 
-    def _hello(self):
-        return _hello(self.simulation, self.name, role=0)
-
-    def _greet(self, context):
-        r = _greet(context, self.address, self._hello(), self.name, self.patience, self._keys)
-        if r.kind != "Welcome":
-            raise NodeError(f"the controller answers a Hello with {r.kind}")
-        address = r.text()
-        r.text(), r.number("Q")  # shared memory, which is not for Python
-        r.end()
-        return _reachable(address, self.address)
-
     def _serve(self, link, monitor):
         poller = zmq.Poller()
         poller.register(link, zmq.POLLIN)
         poller.register(monitor, zmq.POLLIN)
-        patience = 1000 * self.patience  # for the first request
+        timeout = 1000 * self.timeout  # for the first request
         while self.reason is None:
-            ready = dict(poller.poll(patience))
+            ready = dict(poller.poll(timeout))
             if not ready:
                 raise NodeError("the controller let this program in, but asks nothing of it")
             if link not in ready:
                 raise NodeError("the controller is gone")
-            frame, patience, number, w = link.recv_multipart(), None, 0, _Writer()
+            frame, timeout, number, w = link.recv_multipart(), None, 0, _Writer()
             try:
                 if len(frame) != 1:
                     raise NodeError(f"a frame is one part, not {len(frame)}")
@@ -475,47 +531,45 @@ class Node:
         if self._step is None:
             raise NodeError("there is no step function")
         self._next = self.offset
-        if start >= self.offset:  # in the place of one that was lost
+        if start >= self.offset:  # in the place of a node that was lost
             self._next += ((start - self.offset) // self.every + 1) * self.every
         if snapshot:
             self._go_on_from(_Reader.of(snapshot))
         w.number("I", 1)
-        w.number("q", self.every)
-        w.number("q", self.offset)
-        w.number("B", 0)  # it writes at its instants only
-        w.number("B", bool(self._save and self._restore))
+        w.numbers("qq", self.every, self.offset)
+        w.numbers("BB", 0, bool(self._save and self._restore))  # 0: it writes at its instants only
         return "Initialized"
 
     def _on_ProvideDesired(self, r, w):
         r.end()
-        w.number("I", len(self._wants))
-        for topic, (latency, optional, schema) in self._wants.items():
+        w.number("I", len(self._subscriptions))
+        for topic, subscription in self._subscriptions.items():
             w.text(topic)
-            w.number("B", latency)
-            w.number("B", optional)
-            w.schema(schema)
+            w.numbers("BB", subscription.latency, subscription.optional)
+            w.schema(subscription.schema)
         return "Desired"
 
     def _on_Match(self, r, w):
-        asked = [channel for channel in r.channels() if channel[1] in self._writes]
+        asked = [channel for channel in r.channels() if channel[1] in self._publications]
         r.end()
+        for publication in self._publications.values():
+            publication.channel = None
         w.number("I", len(asked))
-        self._offers = {}
         for channel, topic, (name, text) in asked:
-            self._offers[topic] = channel
-            if not self._writes[topic][0].text:
-                self._writes[topic][0] = Schema(name, text)
+            publication = self._publications[topic]
+            publication.channel, publication.count = channel, 0
+            if not publication.schema.text:
+                publication.schema = Schema(name, text)
             w.number("I", channel)
-            w.schema(self._writes[topic][0])
-            w.bytes(b"\0\1\0\0" + self._packed(topic))
+            w.schema(publication.schema)
+            w.bytes(CDR_LITTLE + publication.packed())
         return "Matched"
 
     def _on_Start(self, r, w):
-        self._channels, self._counts, self._coming = {}, {}, []
+        self._channels, self._pending = {}, []
         for channel, topic, (name, text) in r.channels():
-            self._channels[channel] = topic
-            latency, optional, _ = self._wants[topic]
-            self._wants[topic] = (latency, optional, Schema(name, text))
+            subscription = self._channels[channel] = self._subscriptions[topic]
+            subscription.schema, subscription.count = Schema(name, text), 0
         r.end()
         return "Ready"
 
@@ -524,68 +578,63 @@ class Node:
         records = r.records()
         r.end()
         for t, channel, count, payload in records:
-            self._count(channel, count)
-            self._coming.append((t, channel, payload))
-        self._coming.sort(key=lambda record: record[0])
+            subscription = self._channels.get(channel)
+            if not subscription or count != subscription.count + 1:
+                raise NodeError(f"message {count} on channel {channel} is not the next one")
+            subscription.count = count
+            self._pending.append((t, subscription, payload))
+        self._pending.sort(key=lambda record: record[0])
         out, begun = [], time.perf_counter_ns()
         while self._next <= until:
             self._now = self._next
-            while self._coming and self._coming[0][0] <= self._now:
-                _, channel, payload = self._coming.pop(0)
-                topic = self._channels[channel]
-                self._seen[topic] = payload
-                self._values.pop(topic, None)
+            while self._pending and self._pending[0][0] <= self._now:
+                _, subscription, subscription.payload = self._pending.pop(0)
+                subscription.values = None
             self._written = {}
             self._step(self._now)
-            for topic, message in self._written.items():
-                channel = self._offers[topic]
-                self._counts[channel] = self._counts.get(channel, 0) + 1
-                out.append((self._now, channel, self._counts[channel], b"\0\1\0\0" + message))
+            for publication, message in self._written.items():
+                publication.count += 1
+                out.append((self._now, publication.channel, publication.count, CDR_LITTLE + message))
             self._next += self.every
             if self._leaving:
                 until = self._now
-        w.number("q", until)
-        w.number("q", time.perf_counter_ns() - begun)
-        w.number("B", self._leaving)
+        w.numbers("qqB", until, time.perf_counter_ns() - begun, self._leaving)
         w.number("I", len(out))
-        for t, channel, count, payload in out:
-            w.number("q", t)
-            w.number("I", channel)
-            w.number("I", count)
+        for *numbers, payload in out:
+            w.numbers("qII", *numbers)
             w.bytes(payload)
         return "Tock"
 
     def _on_Save(self, r, w):
         r.number("q")
         r.end()
-        snapshot = b""  # it cannot
-        if self._save and self._restore and all(self._writes[topic][0].text for topic in self._latest):
-            snapshot = self._snapshot()
-        w.bytes(snapshot)
+        snapshot = _Writer()  # empty: the node cannot make one
+        written = {topic: p for topic, p in self._publications.items() if p.sequence}
+        if self._save and self._restore and all(p.schema.text for p in written.values()):
+            seen = {topic: sub.payload for topic, sub in self._subscriptions.items() if sub.payload is not None}
+            snapshot.number("I", len(seen))
+            for topic, payload in seen.items():
+                snapshot.text(topic)
+                snapshot.bytes(payload)
+            snapshot.number("I", len(written))
+            for topic, publication in written.items():
+                snapshot.text(topic)
+                snapshot.numbers("qI", publication.t, publication.sequence)
+                snapshot.bytes(publication.packed())
+            snapshot.bytes(self._save())
+        w.bytes(snapshot.body)
         return "Saved"
-
-    def _snapshot(self):
-        w = _Writer()
-        w.number("I", len(self._seen))
-        for topic, payload in self._seen.items():
-            w.text(topic)
-            w.bytes(payload)
-        w.number("I", len(self._latest))
-        for topic, (t, sequence, _) in self._latest.items():
-            w.text(topic)
-            w.number("q", t)
-            w.number("I", sequence)
-            w.bytes(self._packed(topic))
-        w.bytes(self._save())
-        return bytes(w.body)
 
     def _go_on_from(self, r):
         if not self._restore:
             raise NodeError("there is a snapshot to go on from, but no restores()")
-        self._seen = dict(r.list(lambda: (r.text(), r.bytes()), 8))
+        for topic, payload in r.list(lambda: (r.text(), r.bytes()), 8):
+            if topic in self._subscriptions:
+                self._subscriptions[topic].payload = payload
         for topic, t, sequence, message in r.list(lambda: (r.text(), r.number("q"), r.number("I"), r.bytes()), 20):
-            self._latest[topic] = t, sequence, message
-            self._sequence[topic] = sequence
+            if topic in self._publications:
+                p = self._publications[topic]
+                p.t, p.sequence, p.message = t, sequence, message
         self._restore(r.bytes())
         r.end()
 
@@ -594,11 +643,8 @@ class Node:
         r.end()
         return "Finished"
 
-    def _count(self, channel, count):
-        if channel not in self._channels or count != self._counts.get(channel, 0) + 1:
-            raise NodeError(f"message {count} on channel {channel} is not the next one")
-        self._counts[channel] = count
 
+# ---- the observer
 
 class Seen(dict):
     """A message as it was written: a dict, with .topic, .node, .t [ns] (-1 before the first step), .count (on
@@ -609,31 +655,28 @@ class Seen(dict):
         self.topic, self.node, self.t, self.count, self.missed = topic, node, t, count, missed
 
 
-class Observer:
-    """A program that steps with nobody. It comes and goes as it likes, sees what nodes write, and may write what
-    nodes read and the controller's configuration says comes from it. The run never waits for it: what
-    it does not take in time it misses, and is told how much.
+class Observer(_Member):
+    """A program that takes no steps: a viewer, a ground system. It comes and goes at any time, sees what nodes write,
+    and may write topics that the controller's configuration assigns to it. The run never waits for it: it
+    misses the messages that it does not read in time, and counts them.
 
     simulation, name, address, keys: as of a Node
-    patience: [s] for the controller to be there, and the nodes to have met
+    timeout: [s] in which the controller must answer and all nodes must have joined
 
-    It is for one thread, but write() may be called by others. Close it, or use `with`.
+    One thread uses it, but other threads may call write(). Close it, or use `with`.
     """
 
-    def __init__(self, simulation=None, name=None, address=None, *, patience=60, keys=None):
-        self.simulation = _given("simulation", simulation, "FLEDGE_SIMULATION")
-        self.name = _given("name", name, "FLEDGE_NODE")
-        self.address = _given("address", address, "FLEDGE_ADDRESS")
-        self.patience = patience
-        self.topics = {}    #: topic -> Schema, of all that there are
-        self.missed = 0     #: messages, of all topics
-        self.reason = None  #: of the end of the run, once it is over; "" at the regular one
-        self.t = 0          #: [ns] of the newest message
-        self._keys = _read_keys(keys or os.environ.get("FLEDGE_KEYS"), self.name)
-        self._seen = {}     # topic -> (count, t) of the last message
-        self._counts = {}   # topic -> messages written
+    _role = 1
+
+    def __init__(self, simulation=None, name=None, address=None, *, timeout=60, keys=None):
+        super().__init__(simulation, name, address, timeout, keys)
+        self.topics = {}      #: topic -> Schema, of all that there are
+        self.missed = 0       #: messages, of all topics
+        self.t = 0            #: [ns] of the newest message
+        self._positions = {}  # topic -> (count, t) of the last message
+        self._counts = {}     # topic -> messages written
         self._lock = threading.Lock()
-        self._written = None
+        self._publisher = None
         self._context = zmq.Context()
         self._socket = self._context.socket(zmq.SUB)
         self._handshake = _Handshake(self._socket, self._keys)
@@ -656,12 +699,12 @@ class Observer:
         if not self._context.closed:
             self._handshake.close()
             self._socket.close(0)
-            if self._written:
-                self._written.close()
+            if self._publisher:
+                self._publisher.close()
             self._context.term()
 
     def subscribe(self, *topics):
-        """See all topics that begin like one of these; "": all. Of each the last comes at once."""
+        """See all topics that begin like one of these; "": all. The last message of each comes at once."""
         for topic in topics:
             self._socket.subscribe(topic)
 
@@ -671,12 +714,12 @@ class Observer:
         end = None if timeout is None else time.monotonic() + timeout
         while self.reason is None:
             rest = 0.1 if end is None else max(0, min(0.1, end - time.monotonic()))
-            if _wait(self._socket, self._handshake, rest, f"the broker at {self._backend}"):
+            if self._handshake.wait(rest, f"the broker at {self._backend}"):
                 seen = self._read(self._socket.recv_multipart())
                 if seen is not None:
                     return seen
             elif self._handshake.lost and time.monotonic() - self._handshake.lost > 2:
-                raise NodeError("the controller is gone")  # one that was stopped for long would be let in again
+                raise NodeError("the controller is gone")  # a controller that was only stopped is back earlier
             elif end is not None and time.monotonic() >= end:
                 break
         return None
@@ -692,27 +735,20 @@ class Observer:
         with self._lock:
             schema = self._schema(topic)
             count = self._counts.get(topic, 0) + 1
-            if schema.fields and schema.fields[0][0] == "head.t":
-                values = {"head.t": self.t, "head.quality": 3, "head.sequence": count} | values
             w = _Writer()
-            w.number("q", 0)
-            w.number("I", 0)
-            w.number("I", count)
-            w.bytes(b"\0\1\0\0" + schema.pack(values))
+            w.numbers("qII", 0, 0, count)
+            w.bytes(CDR_LITTLE + schema.pack(schema.with_head(values, self.t, count)))
             w.text(self.name)
-            if not self._written:
+            if not self._publisher:
                 self._prepare_writing()
-            if not self._written.poll(1000 * self.patience, zmq.POLLOUT):
+            if not self._publisher.poll(1000 * self.timeout, zmq.POLLOUT):
                 raise NodeError(f"the broker at {self._frontend} takes no more")
-            self._written.send_multipart([topic.encode(), w.frame("Published", 0)])
+            self._publisher.send_multipart([topic.encode(), w.frame("Published", 0)])
             self._counts[topic] = count
 
     def _attach(self):
-        r = _greet(self._context, self.address, _hello(self.simulation, self.name, role=1), self.name, self.patience,
-                   self._keys)
-        if r.kind != "Attached":
-            raise NodeError(f"the controller answers an asynchronous program with {r.kind}")
-        self._frontend, self._backend = (_reachable(r.text(), self.address) for _ in range(2))
+        r = self._greet(self._context, "Attached")
+        self._frontend, self._backend = self._reachable(r.text()), self._reachable(r.text())
         for _, topic, (name, text) in r.channels():
             if topic not in self.topics or self.topics[topic].text != text:
                 self.topics[topic] = Schema(name, text)
@@ -726,23 +762,23 @@ class Observer:
         return self.topics[topic]
 
     def _read(self, parts):
-        """A Seen; None for what has been seen already, and for the end."""
+        """A Seen; None for a message that comes again, and at the end."""
         if len(parts) != 2:
             raise NodeError("the broker sends a message that is not of two parts")
         topic, r = parts[0].decode(), _Reader(parts[1])
         if r.kind == "Finish":
             self.reason = r.text()
-            self._socket.unsubscribe("finish")  # which says that it has come
+            self._socket.unsubscribe("finish")  # tells the broker that it has come
             return None
         if r.kind != "Published":
             raise NodeError(f"the broker sends {r.kind}")
         t, _, count, payload = r.record()
         node = r.name()
         r.end()
-        before, at = self._seen.get(topic, (None, None))
+        before, at = self._positions.get(topic, (None, None))
         if (before, at) == (count, t):
-            return None  # it came again for another, who subscribed
-        self._seen[topic] = (count, t)
+            return None  # the broker sent it again, because another observer subscribed
+        self._positions[topic] = (count, t)
         missed = 0 if before is None else max(0, count - before - 1 if count > before else count - 1)
         self.missed += missed
         self.t = max(self.t, t)
@@ -751,22 +787,21 @@ class Observer:
         return Seen(topic, node, t, count, missed, schema.unpack(payload))
 
     def _prepare_writing(self):
-        """What is sent before the broker has said that it listens would be lost."""
+        """Wait until the broker listens: it would lose a message that came before."""
         socket = self._context.socket(zmq.XPUB)
         _set_up(socket, 1000, self._keys)
         socket.xpub_nodrop = True
         handshake = _Handshake(socket, self._keys)
         try:
             socket.connect(self._frontend)
-            if not _wait(socket, handshake, self.patience, f"the broker at {self._frontend}"):
+            if not handshake.wait(self.timeout, f"the broker at {self._frontend}"):
                 raise NodeError(f"no broker listens at {self._frontend}")
             socket.recv()
-        except BaseException:
+            self._publisher = socket
+        finally:
             handshake.close()
-            socket.close(0)
-            raise
-        handshake.close()
-        self._written = socket
+            if not self._publisher:
+                socket.close(0)
 
 
 def _given(what, value, variable):
@@ -807,7 +842,7 @@ def _read_keys(place, name):
 
 
 class _Handshake:
-    """Watches a socket that connects: libzmq itself would try for ever, and tell nobody why."""
+    """Watches a socket that connects: libzmq itself would try for ever, and not say why it fails."""
 
     def __init__(self, socket, keys):
         self.socket, self.keys, self.made, self.lost, self._broken_off = socket, keys, False, None, 0
@@ -815,7 +850,7 @@ class _Handshake:
             zmq.EVENT_DISCONNECTED | zmq.EVENT_HANDSHAKE_SUCCEEDED | zmq.EVENT_HANDSHAKE_FAILED_AUTH
             | zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL | zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL)
 
-    def look(self, where):
+    def _look(self, where):
         """Raises NodeError if this program is not let in there."""
         while self.monitor.poll(0):
             kind, value = struct.unpack("=HI", self.monitor.recv_multipart()[0])
@@ -837,65 +872,27 @@ class _Handshake:
                     "(./fledge keys new makes them)")
         else:
             self._broken_off += 1
-            if self._broken_off >= 5:  # it may have been killed just now; again and again it is something else
+            if self._broken_off >= 5:  # once, it may have been killed just now
                 return ("what listens there breaks off when it sees these keys: controller.public here is not that "
                         "of this controller, or it uses no keys" if self.keys else
                         "what listens there breaks off: it is no controller, or it asks for keys")
         return None
 
+    def wait(self, timeout, where):
+        """Whether something came to the socket in time [s]. Raises NodeError if this program is not let in."""
+        poller = zmq.Poller()
+        poller.register(self.socket, zmq.POLLIN)
+        poller.register(self.monitor, zmq.POLLIN)
+        end = time.monotonic() + timeout
+        while True:
+            ready = dict(poller.poll(max(0, 1000 * (end - time.monotonic()))))
+            if self.socket in ready or not ready:
+                return bool(ready)
+            self._look(where)
+
     def close(self):
         self.socket.disable_monitor()
         self.monitor.close(0)
-
-
-def _wait(socket, handshake, patience, where):
-    """Whether something came to the socket in time [s]. Raises NodeError if this program is not let in."""
-    poller = zmq.Poller()
-    poller.register(socket, zmq.POLLIN)
-    poller.register(handshake.monitor, zmq.POLLIN)
-    end = time.monotonic() + patience
-    while True:
-        ready = dict(poller.poll(max(0, 1000 * (end - time.monotonic()))))
-        if socket in ready or not ready:
-            return bool(ready)
-        handshake.look(where)
-
-
-def _hello(simulation, name, role):
-    w = _Writer()
-    w.number("B", VERSION)
-    w.number("B", VERSION)
-    w.number("B", role)
-    w.number("B", 0)  # without shared memory
-    w.text(simulation)
-    w.text(name)
-    return w.frame("Hello", 1)
-
-
-def _greet(context, address, hello, name, patience, keys):
-    """The controller's answer, as a reader."""
-    with context.socket(zmq.DEALER) as lobby:
-        _set_up(lobby, 0, keys)
-        handshake = _Handshake(lobby, keys)
-        try:
-            lobby.connect(address)
-            lobby.send(hello)
-            if not _wait(lobby, handshake, patience, f"the controller at {address}"):
-                raise NodeError(f"no controller answers at {address}" if not handshake.made else
-                                f"the controller at {address} has no answer: not all nodes are there")
-            r = _Reader(lobby.recv())
-        finally:
-            handshake.close()
-    if r.kind == "Refused":
-        raise NodeError(f"the controller refuses {name}: {r.text()}")
-    return r
-
-
-def _reachable(address, controller):
-    """A controller that listens everywhere does not know by which name it is reached."""
-    if address.startswith("tcp://0.0.0.0:"):
-        return controller.rpartition(":")[0] + ":" + address.rpartition(":")[2]
-    return address
 
 
 def _set_up(socket, linger, keys):

@@ -541,13 +541,13 @@ def test_an_observer_is_refused_with_the_reason(tmp_path):
     with pytest.raises(NodeError, match="its key viewer is not allowed to speak as viewer"):
         Observer("spring", "viewer", controller.address, keys=tmp_path)
     with pytest.raises(NodeError, match="has no answer: not all nodes are there"):
-        Observer("spring", "ground", controller.address, keys=tmp_path / "viewer.secret", patience=0.5)
+        Observer("spring", "ground", controller.address, keys=tmp_path / "viewer.secret", timeout=0.5)
     controller.process.send_signal(signal.SIGTERM)
     controller.end()
 
 
 def test_without_a_controller_it_gives_up():
-    node = Node("spring", "mass", f"ipc://@fledge-nobody-{os.getpid()}", every=ms, patience=0.2)
+    node = Node("spring", "mass", f"ipc://@fledge-nobody-{os.getpid()}", every=ms, timeout=0.2)
     with pytest.raises(NodeError, match="no controller answers"):
         node.run()
 
