@@ -134,7 +134,7 @@ def _declared(root: Path) -> Iterator[tuple[str, Path]]:
 
 def _text(template: str, names: dict[str, str]) -> str:
     """A template with other names, longer ones first."""
-    pattern = "|".join(sorted(map(re.escape, names), key=len, reverse=True))
+    pattern = "|".join(re.escape(name) for name in sorted(names, key=len, reverse=True))
     return re.sub(pattern, lambda match: names[match[0]], (TEMPLATES / template).read_text(encoding="utf-8"))
 
 

@@ -30,7 +30,8 @@ SHADES = {"flight": ("#1f5a96", "#f3f7fb", "#e4edf6"),  # of lines, of the groun
           "world": ("#3d7a50", "#f4f9f5", "#e5f1e8")}
 # Their names as CSS variables of the report, which has dark counterparts.
 NAMES = {INK: "ink", SOFT: "soft", PALE: "pale", PAPER: "ground", ACCENT: "accent",
-         **{shade: kind + end for kind, shades in SHADES.items() for shade, end in zip(shades, ("", "-ground", "-box"))}}
+         **{shade: kind + part for kind, shades in SHADES.items()
+            for shade, part in zip(shades, ("", "-ground", "-box"))}}
 FONT = "DejaVu Sans,Helvetica,Arial,sans-serif"
 
 
@@ -78,11 +79,11 @@ def dot(wiring: Wiring, links: bool = False) -> str:
         style = _attributes(shape="plaintext", style="", fontcolor=SOFT, fontsize=9.5)
         lines.append(f"  {_quoted(port)} [{style}];")
     lines += [_wire(wiring, link) for link in wiring.links]
-    for node in wiring.nodes.values():
-        if node.host:
-            style = _attributes(label="part", dir="back", arrowtail="odiamond", color=SHADES[node.kind][0],
+    for one in wiring.nodes.values():
+        if one.host:
+            style = _attributes(label="part", dir="back", arrowtail="odiamond", color=SHADES[one.kind][0],
                                 penwidth=0.8, arrowsize=0.8, weight=20)
-            lines.append(f"  {_quoted(node.host)} -> {_quoted(node.path)} [{style}];")
+            lines.append(f"  {_quoted(one.host)} -> {_quoted(one.path)} [{style}];")
     return "\n".join([*lines, "}", ""])
 
 
@@ -114,7 +115,7 @@ def _process(wiring: Wiring, process: _Process, links: bool) -> list[str]:
 def _row_of_parts(wiring: Wiring, host: Node) -> list[Node]:
     """The row below a craft: first its sensors, towards flight, then its parts."""
     parts = [n for n in wiring.nodes.values() if n.host == host.path]
-    above = {}
+    above: dict[str, set[str]] = {}
     for link in wiring.links:
         if not link.back and not link.crosses:
             above.setdefault(link.to, set()).add(link.start)
@@ -126,12 +127,13 @@ def _row_of_parts(wiring: Wiring, host: Node) -> list[Node]:
 
 def _node(node: Node, links: bool) -> str:
     line, _, box = SHADES[node.kind]
-    quiet = node.slot is None
+    quiet = not node.slot
     name = _text(node.name) if quiet else f"<B>{_text(node.name)}</B>"
     words = [f'<FONT COLOR="{SOFT if quiet else INK}" POINT-SIZE="{9.5 if quiet else 11.5}">{name}</FONT>',
              _font(SOFT, node.type, 8 if quiet else 9), *(_font(SOFT, note, 8) for note in node.notes)]
-    style = {"label": _Markup(f"<{'<BR/>'.join(words)}>"), "tooltip": first_sentence(node.doc),
-             "color": PALE if quiet else line, "fillcolor": PAPER if quiet else box}
+    style: dict[str, object] = {
+        "label": _Markup(f"<{'<BR/>'.join(words)}>"), "tooltip": first_sentence(node.doc),
+        "color": PALE if quiet else line, "fillcolor": PAPER if quiet else box}
     if quiet:
         style.update(penwidth=0.8, margin="0.1,0.04", height=0.32)
     else:
@@ -145,14 +147,15 @@ def _node(node: Node, links: bool) -> str:
 
 def _wire(wiring: Wiring, link: Link) -> str:
     a, b = wiring.nodes.get(link.start), wiring.nodes.get(link.to)
-    quiet = a is not None and a.slot is None
+    quiet = a is not None and not a.slot
     words = [_font(SOFT if quiet else INK, link.ports), _font(SOFT, link.message, 7.5),
              *(_font(ACCENT, option) for option in link.options)]
     # The blanks keep the words off the line.
     label = _Markup("<" + "".join(f'&#160;{word}&#160;<BR ALIGN="LEFT"/>' for word in words) + ">")
     says = f"{link.source} >> {link.target}"
-    style = {"label": label, "color": PALE if quiet else SHADES[wiring.kinds[link.start.partition(".")[0]]][0],
-             "edgetooltip": says, "labeltooltip": says}
+    style: dict[str, object] = {
+        "label": label, "color": PALE if quiet else SHADES[wiring.kinds[link.start.partition(".")[0]]][0],
+        "edgetooltip": says, "labeltooltip": says}
     tail, head = (link.start if a else link.source), (link.to if b else link.target)
     if link.back:
         style["style"] = "dashed"

@@ -411,7 +411,7 @@ def unreachable(host: str) -> str:
 
 
 def busy(address: str) -> str:
-    """Why the controller cannot listen at an address; "" if it is free. A name that only libzmq resolves counts as free."""
+    """Why the controller cannot listen at an address; "" if it is free, or if only libzmq can resolve it."""
     try:
         if address.startswith("ipc://@"):
             with socket.socket(socket.AF_UNIX) as probe:
