@@ -1,19 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """`fledge new`: begin a module, model, mission or project.
 
-What it writes is what stands in templates/, a project that works, under other names. It checks
-everything before it writes, and never writes over a file.
+It copies templates/, a project that works, under other names. It checks all names and files before it writes, and
+never overwrites a file.
 """
+from __future__ import annotations
 
 import keyword
 import re
 import shlex
+from collections.abc import Iterator
 from pathlib import Path
 
 TEMPLATES = Path(__file__).with_name("templates")
 FLEDGE = Path(__file__).resolve().parents[2]
 
-# Of C and C++; Python's are in `keyword`. Those that no lower-case name could be are left out.
+# Of C and C++, as far as they are lower-case names. The module `keyword` has those of Python.
 _C_KEYWORDS = set("""
     alignas alignof and asm auto bitand bitor bool break case catch char class compl concept const
     consteval constexpr constinit continue decltype default delete do double else enum explicit export
@@ -27,37 +29,33 @@ _TAKEN = set("all clean fledge flight help install math package record sim std t
 
 
 class NewError(Exception):
-    """What is wrong with the name, or in the way of the files."""
+    """Why a name or a file cannot be made."""
 
 
-def snake(name):
-    """MrpFeedback -> mrp_feedback, as the reader of headers has it."""
+def snake(name: str) -> str:
+    """MrpFeedback -> mrp_feedback, as the reader of headers does it."""
     words = re.sub(r"([a-z0-9])([A-Z])", r"\1_\2", name)
     return re.sub(r"([A-Z])([A-Z][a-z])", r"\1_\2", words).lower()
 
 
-def module(name, project=None):
-    """Begin a flight module: its face, its C, its test, and its line for CMake.
+def module(name: str, project: Path | str | None = None) -> tuple[list[Path], str]:
+    """Begin a flight module: its interface, its C, its test, and its line for CMake.
 
     name: "SunSlew", or "guidance/SunSlew" for a subfolder of flight/; project: its folder, else Fledge
-    itself. Returns (files written, what to do next). Raises NewError.
+    itself. Returns (files written, advice for the next step). Raises NewError.
     """
-    return _type("module", name, project)
+    return _type("module", name, project, "flight", "control", "TorqueLimiter", (".h", ".c", "_test.cpp"))
 
 
-def model(name, project=None):
-    """Begin a model of the world: its face, its class in C++, its test, and its line for CMake."""
-    return _type("model", name, project)
+def model(name: str, project: Path | str | None = None) -> tuple[list[Path], str]:
+    """Begin a model of the world: its interface, its class in C++, its test, and its line for CMake."""
+    return _type("model", name, project, "world", "dynamics", "EddyDamping",
+                 (".h", "_model.h", "_model.cpp", "_model_test.cpp"))
 
 
-_KINDS = {  # kind: top folder, subfolder within Fledge, name and endings of the template, list in CMake
-    "module": ("flight", "control", "TorqueLimiter", (".h", ".c", "_test.cpp"), "FLIGHT"),
-    "model": ("world", "dynamics", "EddyDamping", (".h", "_model.h", "_model.cpp", "_model_test.cpp"), "WORLD"),
-}
-
-
-def _type(kind, name, project):
-    top, default, theirs, endings, keyword_ = _KINDS[kind]
+def _type(kind: str, name: str, project: Path | str | None, top: str, default: str, theirs: str,
+          endings: tuple[str, ...]) -> tuple[list[Path], str]:
+    """top: the folder; default: its subfolder within Fledge; theirs, endings: the name and the files of the template"""
     root = Path(project) if project else FLEDGE
     *folders, name = name.removeprefix(f"{top}/").split("/")
     if not re.fullmatch(r"[A-Z][A-Za-z0-9]*", name):
@@ -75,33 +73,32 @@ def _type(kind, name, project):
     names = {old: path, old.upper().replace("/", "_"): path.upper().replace("/", "_"),
              theirs: name, snake(theirs): snake(name), "my_sat": _namespace(root) if project else "fledge::world"}
     texts = {root / (path + ending): _text(old + ending, names) for ending in endings}
-    cmake = (_project_line(root, keyword_, path) if project
-             else _module_line(root, path) if kind == "module" else _model_line(root, path))
-    _write(texts, cmake)
-    where = "flight.py" if kind == "module" else "world.py"
+    file, text = (_project_line(root, top.upper(), path) if project
+                  else _module_line(root, path) if kind == "module" else _model_line(root, path))
+    _write(texts)
+    file.write_text(text, encoding="utf-8")
     library = "fsw" if kind == "module" else "world"
-    return [*texts, cmake[0]], f"In a mission's {where}, it is {library}.{name}. Its test: ./fledge test -k {name}"
+    return [*texts, file], f"In a mission's {top}.py, it is {library}.{name}. Its test: ./fledge test -k {name}"
 
 
-def mission(name, project=None):
-    """Begin a mission: what flies, the truth, a scenario, and the test that flies it."""
+def mission(name: str, project: Path | str | None = None) -> tuple[list[Path], str]:
+    """Begin a mission: its flight software, its world, a scenario, and the test that flies it."""
     name = snake(name) if name[:1].isupper() else name
     _no_keyword(name, name)
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
         raise NewError(f"a mission's name is of small letters, digits and _, such as first_light; found '{name}'")
     root = Path(project) if project else FLEDGE
-    folder, files = root / "missions" / name, ("flight.py", "world.py", "scenarios.py")
+    folder = root / "missions" / name
     if folder.exists():
         raise NewError(f"{folder} is there already; choose another name")
-    names = {"first_light": name}
-    texts = {folder / file: _text(f"missions/first_light/{file}", names) for file in files}
-    texts[folder / f"{name}_test.py"] = _text("missions/first_light/first_light_test.py", names)
+    texts = {folder / file.replace("first_light", name): _text(f"missions/first_light/{file}", {"first_light": name})
+             for file in ("flight.py", "world.py", "scenarios.py", "first_light_test.py")}
     _write(texts)
     return list(texts), f"Fly it: ./fledge run {name}"
 
 
-def project(folder):
-    """Begin a project: a folder outside Fledge for modules, models and missions of one's own."""
+def project(folder: Path | str) -> tuple[list[Path], str]:
+    """Begin a project: a folder outside Fledge for the user's own modules, models and missions."""
     folder = Path(folder)
     name = snake(folder.resolve().name).replace("-", "_")
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
@@ -119,13 +116,13 @@ def project(folder):
 
 # --- names -----------------------------------------------------------------------------------------
 
-def _no_keyword(name, given):
+def _no_keyword(name: str, given: str) -> None:
     for language, words in (("C or C++", _C_KEYWORDS), ("Python", set(keyword.kwlist))):
         if name in words:
             raise NewError(f"{given}: '{name}' is a keyword of {language}; choose another name")
 
 
-def _declared(root):
+def _declared(root: Path) -> Iterator[tuple[str, Path]]:
     """(name, header) of each struct and enum in the headers of flight/ and world/."""
     for top in ("flight", "world"):
         for header in sorted((root / top).rglob("*.h")):
@@ -133,64 +130,58 @@ def _declared(root):
                 yield name, header.relative_to(root)
 
 
-def _namespace(root):
-    """The name that a project gives to fledge_project()."""
-    return _search(root / "CMakeLists.txt", r"^\s*fledge_project\(\s*(\w+)", "its fledge_project(NAME ...)")[1]
-
-
 # --- text ------------------------------------------------------------------------------------------
 
-def _text(template, names):
+def _text(template: str, names: dict[str, str]) -> str:
     """A template with other names, longer ones first."""
-    text = (TEMPLATES / template).read_text(encoding="utf-8")
-    pattern = "|".join(sorted(map(re.escape, names), key=len, reverse=True))
-    return re.sub(pattern, lambda match: names[match[0]], text)
+    pattern = "|".join(re.escape(name) for name in sorted(names, key=len, reverse=True))
+    return re.sub(pattern, lambda match: names[match[0]], (TEMPLATES / template).read_text(encoding="utf-8"))
 
 
-def _search(file, pattern, what):
+def _last(file: Path, what: str, *patterns: str) -> re.Match:
+    """The last match of the first pattern that matches the text of a file. what: to name in the error"""
     try:
         text = file.read_text(encoding="utf-8")
     except FileNotFoundError:
         raise NewError(f"there is no {file}; './fledge new project' makes one") from None
-    found = re.search(pattern, text, re.M)
+    found = next(filter(None, (list(re.finditer(pattern, text, re.M)) for pattern in patterns)), None)
     if not found:
         raise NewError(f"{file}: cannot find {what}")
-    return found
+    return found[-1]
 
 
-def _project_line(root, keyword_, path):
+def _namespace(root: Path) -> str:
+    """The name that a project gives to fledge_project()."""
+    return _last(root / "CMakeLists.txt", "its fledge_project(NAME ...)", r"^\s*fledge_project\(\s*(\w+)")[1]
+
+
+def _project_line(root: Path, list_: str, path: str) -> tuple[Path, str]:
     """(CMakeLists.txt, its text with the path at the end of a list of fledge_project())."""
     file = root / "CMakeLists.txt"
-    found = _search(file, rf"^( *){keyword_}\n(?:\1 +[\w/]+\n)*", f"a line {keyword_} in fledge_project(), for {path}")
+    found = _last(file, f"a line {list_} in fledge_project(), for {path}", rf"^( *){list_}\n(?:\1 +[\w/]+\n)*")
     return file, f"{found.string[:found.end()]}{found[1]}    {path}\n{found.string[found.end():]}"
 
 
-def _module_line(root, path):
+def _module_line(root: Path, path: str) -> tuple[Path, str]:
     """The same for Fledge's own: after the modules of the same folder, else after all."""
     file, short = root / "flight/CMakeLists.txt", path.removeprefix("flight/")
-    folder = short.rpartition("/")[0]
-    lines = r"(?:^flight_module\(.*\)\n)*"
-    _search(file, r"^flight_module\(", "the list of flight_module(...)")
-    for place in (rf"(?:^flight_module\({folder}/.*\)\n)+", rf"^flight_module\(.*\)\n{lines}"):
-        found = list(re.finditer(place, file.read_text(encoding="utf-8"), re.M))
-        if found:
-            break
-    end, text = found[-1].end(), found[-1].string
-    return file, f"{text[:end]}flight_module({short})\n{text[end:]}"
+    found = _last(file, "the list of flight_module(...)", rf"^flight_module\({short.rpartition('/')[0]}/.*\)\n",
+                  r"^flight_module\(.*\)\n")
+    return file, f"{found.string[:found.end()]}flight_module({short})\n{found.string[found.end():]}"
 
 
-def _model_line(root, path):
+def _model_line(root: Path, path: str) -> tuple[Path, str]:
     """The same for Fledge's own: among the sources, and a test."""
     file, short = root / "world/CMakeLists.txt", path.removeprefix("world/")
-    found = _search(file, r"^add_library\(fledge_world STATIC\n((?: +.*\n)+)\)", "the sources of fledge_world")
+    found = _last(file, "the sources of fledge_world", r"^add_library\(fledge_world STATIC\n((?: +.*\n)+)\)")
     sources = sorted([*found[1].splitlines(), f"    {short}_model.cpp"])
     text = found.string[:found.start(1)] + "\n".join(sources) + "\n" + found.string[found.end(1):]
     test = f"world_{short.replace('/', '_')}_test"
     return file, f"{text}fledge_add_test({test} SOURCES {short}_model_test.cpp LIBRARIES fledge::world)\n"
 
 
-def _write(texts, edit=None):
-    """Write new files, and one that changes; nothing if one of the new is there."""
+def _write(texts: dict[Path, str]) -> None:
+    """Write new files; none if one of them exists."""
     for path in texts:
         if path.exists():
             raise NewError(f"{path} is there already, and stays as it is")
@@ -198,5 +189,3 @@ def _write(texts, edit=None):
         path.parent.mkdir(parents=True, exist_ok=True)
         with open(path, "x", encoding="utf-8") as file:
             file.write(text)
-    if edit:
-        edit[0].write_text(edit[1], encoding="utf-8")

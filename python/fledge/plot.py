@@ -1,25 +1,39 @@
 # SPDX-License-Identifier: Apache-2.0
 """Plots of recorded fields against time, of a Log or of an Archive.
 
-Labels come from the headers: `sigma_BR` is shown as a Greek letter with its frames, the unit beside it,
-the components in the legend.
+Labels come from the headers: `sigma_BR` becomes a Greek letter with its frames and its unit, and the legend names the
+components.
 """
+from __future__ import annotations
 
+import itertools
 import re
 import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fledge.errors import SetupError
 
+if TYPE_CHECKING:
+    import numpy as np
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from fledge.archive import Archive
+    from fledge.mission.log import Log
+    from fledge.series import Series
 
 GREEK = ("alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau upsilon phi chi "
          "psi omega Gamma Delta Theta Lambda Xi Pi Sigma Phi Psi Omega").split()
 STYLE = Path(__file__).with_name("style.mplstyle")
+TITLE = {"x": 0.01, "ha": "left", "fontsize": 11, "fontweight": "bold", "color": "#222222"}     # of a figure
 
 
 # --- words -----------------------------------------------------------------------------------------
 
-def symbol(name):
+def symbol(name: str) -> str:
     """A field's name as mathtext without dollars: "omega_BN_B" -> {}^{B}\\omega_{B/N}.
 
     Names that are words rather than symbols are returned upright.
@@ -48,7 +62,7 @@ def symbol(name):
     return shown
 
 
-def _frames(text):
+def _frames(text: str) -> list[str] | None:
     """ "BN" -> [B, N], "BcB" -> [B_c, B]; None if the text names no two frames."""
     parts = re.findall(r"[A-Z][a-z0-9]*", text)
     if len(parts) != 2 or "".join(parts) != text:
@@ -56,7 +70,7 @@ def _frames(text):
     return [p[0] + (f"_{{{p[1:]}}}" if p[1:] else "") for p in parts]
 
 
-def unit_label(unit):
+def unit_label(unit: str) -> str:
     """ "kg m^2" -> kg·m², as mathtext within dollars; "" for none."""
     if unit in ("", "-"):
         return ""
@@ -64,14 +78,12 @@ def unit_label(unit):
     return re.sub(r"(?<! /) (?!/)", "·", text).replace(" / ", "/").replace("/ ", "/")
 
 
-def component_labels(name, meaning, shape):
+def component_labels(name: str, meaning: str, shape: tuple[int, ...]) -> list[str]:
     """The legend of an array: the meaning's own words if it lists them, else numbered symbols."""
-    import itertools
-
     words = [w.strip() for w in re.sub(r"\(.*?\)", "", meaning).split(",")]
     if len(shape) == 1 and len(words) == shape[0] and all(re.fullmatch(r"\w+", w) for w in words):
         return [f"${symbol(w)}$" for w in words]
-    # Frames stand at the axis already; the components get only their number.
+    # The axis names the frames already; the components need only their number.
     base = symbol(name.split("_")[0])
     base = base if "mathrm" not in base else ""
     return [f"${base}_{{{','.join(str(i + 1) for i in index)}}}$" if base else
@@ -80,7 +92,7 @@ def component_labels(name, meaning, shape):
 
 # --- data ------------------------------------------------------------------------------------------
 
-def time_unit(seconds):
+def time_unit(seconds: float) -> tuple[str, float]:
     """The unit that suits a time axis: ("h", 3600)."""
     for limit, name, factor in ((180, "s", 1.0), (7200, "min", 60.0), (4 * 86400, "h", 3600.0)):
         if seconds < limit:
@@ -90,16 +102,17 @@ def time_unit(seconds):
 
 # --- drawing ---------------------------------------------------------------------------------------
 
-def plot(source, *panels, titles=None, columns=1, units=None, title=None, name=None, size=None):
+def plot(source: Log | Archive, *panels: str | Sequence[str], titles: Sequence[str] | None = None, columns: int = 1,
+         units: dict[str, str] | None = None, title: str | None = None, name: str | None = None,
+         size: tuple[float, float] | None = None) -> Figure:
     """Plot fields against time; returns a matplotlib Figure.
 
-    source: a Log or an Archive
     panels: for each panel the name of a field, or a list of names that share it
     titles: of the panels; default: the port and the meaning of the field
-    columns: of panels
-    units: field name -> unit to show it in, as in {"euler.angles": "deg"}
+    columns: the number of panels side by side
+    units: field name -> unit of the axis, as in {"euler.angles": "deg"}
     title, name: of the figure, and of its file; size: (width, height) in inches
-    Raises SetupError for names that are not there.
+    Raises SetupError for unknown names.
     """
     import matplotlib.style
     from matplotlib.figure import Figure
@@ -118,51 +131,58 @@ def plot(source, *panels, titles=None, columns=1, units=None, title=None, name=N
         axes[0].xaxis.set_major_locator(MaxNLocator(steps=[1, 2, 5, 10]))  # whole minutes; all share it
         for i, (axis, group) in enumerate(zip(axes, groups)):
             _panel(axis, group, factor, units or {}, titles[i] if titles and i < len(titles) else None)
-        for i, axis in enumerate(axes):
-            if i >= len(groups):
-                axis.set_visible(False)
-            elif i + columns >= len(groups):
-                axis.set_xlabel(f"time [{unit}]")
-                axis.tick_params(labelbottom=True)
-        figure.align_ylabels()
+        label_time(axes, len(groups), columns, unit)
         if title:
-            figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold", color="#222222")
+            figure.suptitle(title, **TITLE)
     figure.fledge_name = name or _file_name(groups)
     return figure
 
 
-def _panel(axis, group, factor, units, title):
+def label_time(axes: Sequence[Axes], count: int, columns: int, unit: str) -> None:
+    """Label the time at the lowest panel of each column. count: of the panels; the other axes are hidden."""
+    for i, axis in enumerate(axes):
+        if i >= count:
+            axis.set_visible(False)
+        elif i + columns >= count:
+            axis.set_xlabel(f"time [{unit}]")
+            axis.tick_params(labelbottom=True)
+    axes[0].figure.align_ylabels()
+
+
+def axis_label(shown: str, unit: str) -> str:
+    """A symbol, with its unit in brackets."""
+    return f"{shown}  [{unit}]" if unit else shown
+
+
+def _panel(axis: Axes, group: list[Series], factor: float, units: dict[str, str], title: str | None) -> None:
     import numpy as np
 
     labels = []
     for one in group:
         values, shown_unit = _in_unit(one, units)
         values = values.reshape(len(values), -1)
-        used = _used(values, one.shape)
-        names = component_labels(one.name, one.meaning, one.shape) if one.shape else [
-            f"${symbol(one.name.split('[')[0])}$"]
+        label = f"${symbol(one.name.split('[')[0])}$"
+        names = component_labels(one.name, one.meaning, one.shape) if one.shape else [label]
         shown = np.array(values, dtype=float)
         shown[1:][_jumps(shown, one, shown_unit)] = np.nan
-        for k in range(used):
+        for k in range(used(values, one.shape)):
             text = names[k] if len(group) == 1 else f"{names[k]} ({one.port.rpartition('.')[2]})"
             axis.plot(one.time / factor, shown[:, k], label=text)
-        label = f"${symbol(one.name.split('[')[0])}$"
-        unit = unit_label(shown_unit)
-        labels.append(f"{label}  [{unit}]" if unit else label)
+        labels.append(axis_label(label, unit_label(shown_unit)))
     axis.set_ylabel(", ".join(dict.fromkeys(labels)))
     axis.set_title(title if title is not None else _title(group))
     if len(axis.lines) > 1:
         # Outside, where no line can run through it.
         axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), handlelength=1.2)
     lines = [line.get_ydata() for line in axis.lines]
-    if lines and all(len(y) and min(y) == max(y) for y in lines):  # all constant: show them apart from the frame
+    if lines and all(len(y) and min(y) == max(y) for y in lines):  # all constant: keep them apart from the frame
         low, high = min(y[0] for y in lines), max(y[0] for y in lines)
         pad = 0.1 * max(high - low, abs(high), 1e-3)
         axis.set_ylim(low - pad, high + pad)
 
 
-def _in_unit(one, units):
-    """The values in the unit that the caller wants."""
+def _in_unit(one: Series, units: dict[str, str]) -> tuple[np.ndarray, str]:
+    """The values in the unit that the caller has chosen, and that unit."""
     wanted = next((u for k, u in units.items() if one.key == k or one.key.endswith("." + k)), None)
     if wanted is None:
         return one.values, one.unit
@@ -171,17 +191,15 @@ def _in_unit(one, units):
     return one.values / getattr(table, wanted).value, wanted
 
 
-def _used(values, shape):
-    """How many elements to draw: of long arrays, those after the last that is ever used are left out."""
-    n = values.shape[1]
+def used(values: np.ndarray, shape: tuple[int, ...]) -> int:
+    """The number of elements to draw: of a long array only those up to the last that is ever non-zero."""
     if len(shape) == 1 and shape[0] > 3:
-        busy = [k for k in range(n) if values[:, k].any()]
-        return max(busy, default=0) + 1
-    return n
+        return max((k for k in range(shape[0]) if values[:, k].any()), default=0) + 1
+    return values.shape[1]
 
 
-def _jumps(values, one, unit):
-    """Where not to draw a line: at a jump to the shadow set (MRPs) or across half a turn (angles)."""
+def _jumps(values: np.ndarray, one: Series, unit: str) -> np.ndarray:
+    """Where to interrupt a line: at a jump to the shadow set (MRPs) or across half a turn (angles)."""
     import numpy as np
 
     steps = np.abs(np.diff(values, axis=0))
@@ -192,33 +210,33 @@ def _jumps(values, one, unit):
     return np.zeros(len(steps), bool)
 
 
-def _title(group):
+def _title(group: list[Series]) -> str:
     one = group[0]
     port = one.port.partition(".")[2] or one.port
     meaning = re.split(r"[,;(]", one.meaning)[0].strip() if one.shape and one.meaning else ""
     return port if len(group) > 1 or not meaning else f"{port}: {meaning}"
 
 
-def _file_name(groups):
+def _file_name(groups: list[list[Series]]) -> str:
     keys = dict.fromkeys(re.sub(r"\W+", "_", one.key.strip("/")).strip("_") for group in groups for one in group)
     return "-".join(list(keys)[:3]) + ("-etc" if len(keys) > 3 else "")
 
 
 # --- delivery --------------------------------------------------------------------------------------
 
-def deliver(figure, plots):
-    """Hand a figure to what collects plots, or without one to pyplot, to be shown as the user is used to."""
+def deliver(figure: Figure, plots) -> Figure:
+    """Add a figure to a collection of plots; if there is none, give it to pyplot, which shows it."""
     if plots is not None:
         plots.add(figure)
     elif "matplotlib.pyplot" in sys.modules or "IPython" in sys.modules:
         import matplotlib.pyplot as plt
 
-        # pyplot's own way to take a figure made elsewhere: a new number, this figure as its content.
+        # pyplot takes a figure from elsewhere in this way only: a new number, this figure as its content.
         plt.figure(FigureClass=lambda *_, **__: figure)
     return figure
 
 
-def save(figure, folder):
+def save(figure: Figure, folder: Path | str) -> Path:
     """Save a figure as PNG under its name; returns the path."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 

@@ -1,20 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
 """The wiring of a simulation as a picture, laid out by graphviz.
 
-Each process is a box and each of its tasks a box in it. In a task, data flow from the top down, its
-longest chain as a straight stack. What only publishes its parameters (the vehicle, the wheels) stands
-beside. The world stands beside flight, sensors towards it. What a dashed wire carries is read at a
-later instant, for its reader runs first.
+Each process is a box and each of its tasks a box in it. In a task, data flow from the top down, and the longest chain
+is a straight stack. Modules that only publish their parameters (the vehicle, the wheels) stand beside it. The world
+stands beside flight, with its sensors towards flight. The reader of a dashed wire sees the data at a later instant,
+because it runs first.
 """
+from __future__ import annotations
 
 import re
 import subprocess
 from html import escape
 from pathlib import Path
+from textwrap import wrap
+from typing import TYPE_CHECKING
 
 from fledge import _core
 from fledge.files import Part
 from fledge.objects.words import first_sentence
+
+if TYPE_CHECKING:
+    from fledge.wiring import Link, Node, Wiring, _Process
 
 FORMATS = ("svg", "png", "pdf", "dot")
 
@@ -24,12 +30,13 @@ SHADES = {"flight": ("#1f5a96", "#f3f7fb", "#e4edf6"),  # of lines, of the groun
           "world": ("#3d7a50", "#f4f9f5", "#e5f1e8")}
 # Their names as CSS variables of the report, which has dark counterparts.
 NAMES = {INK: "ink", SOFT: "soft", PALE: "pale", PAPER: "ground", ACCENT: "accent",
-         **{shade: kind + end for kind, shades in SHADES.items() for shade, end in zip(shades, ("", "-ground", "-box"))}}
+         **{shade: kind + part for kind, shades in SHADES.items()
+            for shade, part in zip(shades, ("", "-ground", "-box"))}}
 FONT = "DejaVu Sans,Helvetica,Arial,sans-serif"
 
 
-def save(wiring, path):
-    """Draw into a file, whose ending says how. Returns the path."""
+def save(wiring: Wiring, path: Path | str) -> Path:
+    """Draw into a file of the kind that its ending names. Returns the path."""
     path = Path(path)
     kind = path.suffix[1:].lower()
     if kind not in FORMATS:
@@ -42,23 +49,23 @@ def save(wiring, path):
     return path
 
 
-def render(source, kind, dpi=144):
-    """The bytes that graphviz makes of a text in its language. Raises SetupError if it is not installed."""
-    arguments = ["dot", f"-T{kind}"] + ([f"-Gdpi={dpi}"] if kind == "png" else [])
+def render(source: str, kind: str) -> bytes:
+    """The picture that graphviz makes of a text in its language. Raises SetupError if it is not installed."""
     try:
-        done = subprocess.run(arguments, input=source.encode(), capture_output=True)
+        done = subprocess.run(["dot", f"-T{kind}", *["-Gdpi=144"] * (kind == "png")], input=source.encode(),
+                              capture_output=True)
     except FileNotFoundError:
         raise _core.SetupError("drawing the wiring needs graphviz, which is not installed: apt-get install graphviz"
                                ) from None
     if done.returncode:
         raise _core.SetupError("graphviz cannot draw the wiring: " + done.stderr.decode(errors="replace").strip())
-    # A PDF holds the date of its making: always the same one, of the same length.
+    # A PDF holds its creation date: write the same date each time.
     return re.sub(rb"(?<=/CreationDate \(D:)\d{14}", b"19700101000000", done.stdout)
 
 
 # --- graphviz' language ----------------------------------------------------------------------------
 
-def dot(wiring, links=False):
+def dot(wiring: Wiring, links: bool = False) -> str:
     """The picture in graphviz' language. links: modules refer to "#flight.control"."""
     graph = _attributes(bgcolor=PAPER, fontname=FONT, nodesep=0.2, ranksep=0.38, margin=0, pad=0.1,
                         outputorder="edgesfirst")
@@ -72,15 +79,15 @@ def dot(wiring, links=False):
         style = _attributes(shape="plaintext", style="", fontcolor=SOFT, fontsize=9.5)
         lines.append(f"  {_quoted(port)} [{style}];")
     lines += [_wire(wiring, link) for link in wiring.links]
-    for node in wiring.nodes.values():
-        if node.host:
-            style = _attributes(label="part", dir="back", arrowtail="odiamond", color=SHADES[node.kind][0],
+    for one in wiring.nodes.values():
+        if one.host:
+            style = _attributes(label="part", dir="back", arrowtail="odiamond", color=SHADES[one.kind][0],
                                 penwidth=0.8, arrowsize=0.8, weight=20)
-            lines.append(f"  {_quoted(node.host)} -> {_quoted(node.path)} [{style}];")
+            lines.append(f"  {_quoted(one.host)} -> {_quoted(one.path)} [{style}];")
     return "\n".join([*lines, "}", ""])
 
 
-def _process(wiring, process, links):
+def _process(wiring: Wiring, process: _Process, links: bool) -> list[str]:
     line, ground, _ = SHADES[process.kind]
     rows = [f'<FONT COLOR="{line}" POINT-SIZE="12"><B>{_text(process.name)}</B></FONT>']
     for word, entries in (("mode", process.modes), ("event", process.events)):
@@ -98,34 +105,35 @@ def _process(wiring, process, links):
         style = _attributes(label=task.title, labeljust="l", fontsize=9.5, fontcolor=line, style="rounded,filled",
                             color=PALE, fillcolor=PAPER, margin=12)
         lines += [f"    subgraph {_quoted(f'cluster_{process.name}_{task.name}')} {{", f"      graph [{style}];"]
-        # Before the nodes, for graphviz begins with an order like that of their first mention.
+        # Before the nodes, because graphviz starts with the order in which the text names them.
         for row in filter(None, (_row_of_parts(wiring, node) for node in nodes)):
             lines.append(f"      {{rank=same; {' -> '.join(_quoted(n.path) for n in row)} [style=invis]}}")
         lines += [*(f"      {_node(node, links)}" for node in nodes), "    }"]
     return [*lines, *(f"    {_node(node, links)}" for node in process.run_by(None)), "  }"]
 
 
-def _row_of_parts(wiring, host):
-    """Who stands below a craft: the sensors that look at it first, towards flight, then its parts."""
+def _row_of_parts(wiring: Wiring, host: Node) -> list[Node]:
+    """The row below a craft: first its sensors, towards flight, then its parts."""
     parts = [n for n in wiring.nodes.values() if n.host == host.path]
-    above = {}
+    above: dict[str, set[str]] = {}
     for link in wiring.links:
         if not link.back and not link.crosses:
             above.setdefault(link.to, set()).add(link.start)
     if any(n.path in above or any(n.path in sources for sources in above.values()) for n in parts):
-        return []  # they stand where their wires want them
+        return []  # their wires determine their positions
     sensors = [n for n in wiring.nodes.values() if n.task == host.task and above.get(n.path) == {host.path}]
     return [*sensors, *parts] if sensors and parts else []
 
 
-def _node(node, links):
+def _node(node: Node, links: bool) -> str:
     line, _, box = SHADES[node.kind]
-    quiet = node.slot is None
+    quiet = not node.slot
     name = _text(node.name) if quiet else f"<B>{_text(node.name)}</B>"
     words = [f'<FONT COLOR="{SOFT if quiet else INK}" POINT-SIZE="{9.5 if quiet else 11.5}">{name}</FONT>',
              _font(SOFT, node.type, 8 if quiet else 9), *(_font(SOFT, note, 8) for note in node.notes)]
-    style = {"label": _Markup(f"<{'<BR/>'.join(words)}>"), "tooltip": first_sentence(node.doc),
-             "color": PALE if quiet else line, "fillcolor": PAPER if quiet else box}
+    style: dict[str, object] = {
+        "label": _Markup(f"<{'<BR/>'.join(words)}>"), "tooltip": first_sentence(node.doc),
+        "color": PALE if quiet else line, "fillcolor": PAPER if quiet else box}
     if quiet:
         style.update(penwidth=0.8, margin="0.1,0.04", height=0.32)
     else:
@@ -137,30 +145,31 @@ def _node(node, links):
     return f"{_quoted(node.path)} [{_attributes(**style)}];"
 
 
-def _wire(wiring, link):
+def _wire(wiring: Wiring, link: Link) -> str:
     a, b = wiring.nodes.get(link.start), wiring.nodes.get(link.to)
-    quiet = a is not None and a.slot is None
+    quiet = a is not None and not a.slot
     words = [_font(SOFT if quiet else INK, link.ports), _font(SOFT, link.message, 7.5),
              *(_font(ACCENT, option) for option in link.options)]
     # The blanks keep the words off the line.
     label = _Markup("<" + "".join(f'&#160;{word}&#160;<BR ALIGN="LEFT"/>' for word in words) + ">")
     says = f"{link.source} >> {link.target}"
-    style = {"label": label, "color": PALE if quiet else SHADES[wiring.kinds[link.start.partition(".")[0]]][0],
-             "edgetooltip": says, "labeltooltip": says}
+    style: dict[str, object] = {
+        "label": label, "color": PALE if quiet else SHADES[wiring.kinds[link.start.partition(".")[0]]][0],
+        "edgetooltip": says, "labeltooltip": says}
     tail, head = (link.start if a else link.source), (link.to if b else link.target)
     if link.back:
         style["style"] = "dashed"
     if a and b and link.crosses and a.kind == b.kind:
-        # Between several spacecraft: all in one direction, for graphviz fails where ranks go in a ring.
+        # Between several spacecraft: all in one direction, because graphviz fails where ranks form a ring.
         order = list(wiring.kinds)
         style["weight"] = 0
         if order.index(a.process) > order.index(b.process):
             style["dir"] = "back"
             tail, head = head, tail
     elif a and b and (link.back or link.crosses):
-        style["constraint"] = "false"  # processes stand side by side, whatever goes back and forth
+        style["constraint"] = "false"  # such wires do not move processes, which stand side by side
     if a and b and link.crosses and (a.kind, b.kind) == ("flight", "world"):
-        # Commands are laid from the world to flight, like measurements, so that they run beside them.
+        # graphviz lays commands from the world to flight, like measurements, so that both are side by side.
         style["dir"] = "back"
         tail, head = head, tail
     elif a and b and not link.back and a.in_stack and b.in_stack and a.task == b.task:
@@ -171,35 +180,33 @@ def _wire(wiring, link):
 # --- text ------------------------------------------------------------------------------------------
 
 class _Markup(str):
-    """An HTML-like label, complete: not to be quoted."""
+    """A complete HTML-like label, which must not be quoted."""
 
 
-def _attributes(**values):
+def _attributes(**values: object) -> str:
     return ", ".join(f"{name}={value if isinstance(value, _Markup) else _quoted(value)}"
                      for name, value in values.items())
 
 
-def _quoted(text):
-    """A string of graphviz' language. A backslash is doubled, for it would begin an escape."""
+def _quoted(text: object) -> str:
+    """A string of graphviz' language. Backslashes are doubled, because one starts an escape."""
     return '"' + _printable(text).replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
-def _font(colour, text, size=8.5):
+def _font(colour: str, text: object, size: float = 8.5) -> str:
     return f'<FONT COLOR="{colour}" POINT-SIZE="{size}">{_text(text)}</FONT>'
 
 
-def _wrapped(text, width):
+def _wrapped(text: str, width: int) -> str:
     """Text of a few lines, broken between words."""
-    from textwrap import wrap
-
     return "<BR/>".join(_font(SOFT, line) for line in wrap(text, width))
 
 
-def _text(text):
+def _text(text: object) -> str:
     """Text within an HTML-like label."""
     return escape(_printable(text))
 
 
-def _printable(text):
-    """Without the control characters that XML cannot hold."""
+def _printable(text: object) -> str:
+    """Text without the control characters that XML cannot hold."""
     return re.sub(r"[\x00-\x08\x0b-\x1f\x7f\ufffe\uffff]", "\N{REPLACEMENT CHARACTER}", str(text))

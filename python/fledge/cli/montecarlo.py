@@ -7,7 +7,6 @@ are wrong; 130 Ctrl-C, with a report on the finished runs.
 from __future__ import annotations
 
 import argparse
-import json
 import shlex
 import sys
 import time
@@ -61,6 +60,8 @@ def _command(campaign, options):
 # --- a campaign ------------------------------------------------------------------------------------
 
 def _all(campaign, options, folder):
+    import json
+
     from fledge.montecarlo import cores, report
 
     workers = min(cores() if options.threads is None else options.threads, options.runs)

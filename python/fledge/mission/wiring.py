@@ -29,10 +29,10 @@ class Node:
         self.process, self.kind = process.name, kind_of(process)
         self.name, self.type, self.doc = name, struct.name, struct.doc
         self.path = f"{process.name}.{name}"
-        self.task: str | None = None    # the task that runs it
-        self.slot: tuple | None = None  # (task, index in it) if a task runs it; a part takes the slot of its host
-        self.in_stack = False           # whether it is in the longest chain of its task
-        self.host: str | None = None    # the path of the model that it is a part of
+        self.task: str | None = None     # the task that runs it
+        self.slot: tuple[int, ...] = ()  # (task, index in it) if a task runs it; a part takes the slot of its host
+        self.in_stack = False            # whether it is in the longest chain of its task
+        self.host: str | None = None     # the path of the model that it is a part of
         self.notes = _notes(instance)
         self.inputs = [f for f in struct.fields if f.group == "in"]
 
@@ -87,14 +87,14 @@ class Wiring:
         shown = sorted(simulation.flights if flight_only else simulation.processes, key=lambda p: isinstance(p, World))
         self.processes = [_Process(p) for p in shown]
         self.kinds = {p.name: kind_of(p) for p in simulation.processes}
-        self.nodes = {node.path: node for process in self.processes for node in process.nodes}
+        self.nodes: dict[str, Node] = {node.path: node for process in self.processes for node in process.nodes}
         messages = {f"{_core.path(one)}.{f.name}": f.struct.name
                     for process in simulation.processes for one in process
                     for f in _core.struct(one).fields if f.group == "out"}
         links = [Link(wire[0], wire[1], messages[wire[0]], *wire[2:]) for wire in simulation._core.wires]
-        self.links = [link for link in links if link.start in self.nodes or link.to in self.nodes]
-        self.open_ends = list(dict.fromkeys(port for link in self.links for port in (link.source, link.target)
-                                            if _owner(port) not in self.nodes))
+        self.links: list[Link] = [link for link in links if link.start in self.nodes or link.to in self.nodes]
+        ports = dict.fromkeys(port for link in self.links for port in (link.source, link.target))
+        self.open_ends: list[str] = [port for port in ports if _owner(port) not in self.nodes]
         for link in self.links:
             link.back = self._goes_back(link)
         self._find_stacks()
@@ -102,25 +102,24 @@ class Wiring:
     def _goes_back(self, link: Link) -> bool:
         """Whether the reader sees the data at a later instant: the wire is late, or the reader runs first."""
         a, b = self.nodes.get(link.start), self.nodes.get(link.to)
-        return bool(link.latency) or (a is not None and b is not None and not link.crosses
-                                      and None not in (a.slot, b.slot) and a.slot >= b.slot)
+        return bool(link.latency) or bool(a and b and not link.crosses and a.slot and b.slot and a.slot >= b.slot)
 
     def _find_stacks(self) -> None:
         """Find the stack of each task: its longest chain of wires, the last of several. The other nodes of the task,
         such as a source of commands for a module of the stack, stand beside it."""
         order = {f"{n.path}.{f.name}": i for n in self.nodes.values() for i, f in enumerate(n.inputs)}
-        feeding = {}
+        feeding: dict[str, list[str]] = {}
         for link in sorted(self.links, key=lambda one: order.get(one.target, 0)):
             a, b = self.nodes.get(link.start), self.nodes.get(link.to)
             if a and b and a.task and (a.process, a.task) == (b.process, b.task) and not link.back:
                 feeding.setdefault(b.path, []).append(a.path)
         for process in self.processes:
             for task in process.tasks:
-                length, before = {}, {}
+                length, before = {"": 0}, {}
                 for node in process.run_by(task.name):
-                    above = max(feeding.get(node.path, ()), key=length.get, default=None)
-                    before[node.path], length[node.path] = above, 1 + length.get(above, 0)
-                last = max(reversed(length), key=length.get, default=None)
+                    above = max(feeding.get(node.path, ()), key=lambda path: length[path], default="")
+                    before[node.path], length[node.path] = above, 1 + length[above]
+                last = max(reversed(length), key=lambda path: length[path])
                 while last:
                     self.nodes[last].in_stack = True
                     last = before[last]
@@ -130,7 +129,7 @@ class Wiring:
     def outline(self) -> str:
         """The wiring as text: the order in which the nodes run, and the source of each input."""
         sources = {link.target: link for link in self.links}
-        lines = []
+        lines: list[str] = []
         for process in self.processes:
             lines += ["", process.name] if lines else [process.name]
             width = max((len(n.name) for n in process.nodes), default=0)
@@ -193,7 +192,7 @@ class _Process:
                 child = by_name.get(_core.name(part))
                 if child is not None:
                     child.host = node.path
-                    if child.slot is None and node.slot is not None:
+                    if node.slot and not child.slot:
                         child.task, child.slot = node.task, (*node.slot, k)
         self.integrator = core.integrator if self.kind == "world" else ""
         self.modes = [(name, ", ".join(tasks) or "no task of its own") for name, tasks in core.modes]

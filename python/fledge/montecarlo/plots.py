@@ -1,32 +1,43 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The figures of a campaign: percentile bands over time, what the runs reached, and the draws that matter."""
+"""The figures of a campaign: percentile bands over time, the values that the runs reached, and the draws on which
+these depend most."""
+from __future__ import annotations
 
 import math
 import re
+from typing import TYPE_CHECKING
+
+from fledge.plot import STYLE, TITLE, axis_label, component_labels, label_time, symbol, time_unit, unit_label, used
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from fledge.montecarlo import Result
+    from fledge.requirements import Requirement, Series
 
 PERCENTILES = (1, 5, 25, 50, 75, 95, 99)
 
 BANDS = (("1", "99", "#e3ebf4"), ("5", "95", "#c3d5e8"), ("25", "75", "#8fb1d3"))
 MEDIAN, FAILED, LIMIT = "#1f5a96", "#d1622b", "#a6394a"
-LINES_MAX = 12      # single runs in a panel: more is a mist
+DASHED = {"color": LIMIT, "linestyle": (0, (4, 1.5))}
+LINES_MAX = 12      # single runs in a panel
 
 
-def percentiles(n):
-    """Those that n runs can tell: the 5th is one of the runs only if there are at least 19."""
+def percentiles(n: int) -> tuple[int, ...]:
+    """The percentiles that n runs determine: the 5th is one of the runs only if there are at least 19."""
     return tuple(p for p in PERCENTILES if (n + 1) * min(p, 100 - p) >= 100)
 
 
-def summary_of(series):
-    """The number that stands for a variable: of a vector its norm, of another array its largest element."""
+def summary_of(series: Series) -> Series:
+    """A variable as one number: of a vector the norm, of another array the largest element."""
     shape = series._place.shape
     return series if not shape else series.norm() if shape == (3,) else series.max_abs()
 
 
-def figures(result):
-    """All figures of a campaign: matplotlib Figures."""
+def figures(result: Result) -> list[Figure]:
+    """All figures of a campaign."""
     import matplotlib.style
-
-    from fledge.plot import STYLE
 
     if not result.complete.any():
         return []
@@ -41,8 +52,7 @@ def _figure(rows, columns, name, title, result, sharex=False, height=2.3):
     figure = Figure(figsize=(7.2 if columns == 1 else 5.0 * columns, 0.6 + height * rows), layout="constrained")
     axes = figure.subplots(rows, columns, sharex=sharex, squeeze=False).flatten()
     d = result.campaign.dispersions
-    figure.suptitle(f"{result.campaign.nominal.name}, {result.campaign.name}: {title}\n", x=0.01, ha="left",
-                    fontsize=11, fontweight="bold", color="#222222", linespacing=1.6)
+    figure.suptitle(f"{result.campaign.nominal.name}, {result.campaign.name}: {title}\n", **TITLE, linespacing=1.6)
     n = int(result.flown.sum())
     about = f"{_count(n, n, 'run')} of {d.duration:g} s, seed {result.seed}"
     figure.text(0.01, 1 - 0.32 / figure.get_figheight(), about, fontsize=8.5, color="#777777", va="top")
@@ -50,10 +60,8 @@ def _figure(rows, columns, name, title, result, sharex=False, height=2.3):
     return figure, axes
 
 
-def _shown(series):
-    """(symbol in mathtext, unit) of a series."""
-    from fledge.plot import component_labels, symbol, unit_label
-
+def _shown(series: Series) -> str:
+    """The symbol of a series in mathtext."""
     field = series._place.field
     base = symbol(field.name)
     if series._measure == "norm":
@@ -65,16 +73,15 @@ def _shown(series):
         for i, n in zip(series._measure, series._place.shape):
             flat = flat * n + i
         base = component_labels(field.name, field.doc, series._place.shape)[flat].strip("$")
-    return f"${base}$", unit_label(series.unit)
+    return f"${base}$"
 
 
-def _axis_label(series):
-    shown, unit = _shown(series)
-    return f"{shown}  [{unit}]" if unit else shown
+def _axis_label(series: Series) -> str:
+    return axis_label(_shown(series), unit_label(series.unit))
 
 
-def _spans_decades(values):
-    """Whether positive values are read better on a logarithmic axis."""
+def _spans_decades(values) -> bool:
+    """Whether a logarithmic axis shows the values better; they must be positive."""
     import numpy as np
 
     values = np.asarray(values)[np.isfinite(values)]
@@ -84,17 +91,15 @@ def _spans_decades(values):
     return high > 20 * low and (values == 0).mean() < 0.05
 
 
-def _bands(result, series):
+def _bands(result: Result, series: Series) -> Figure:
     import numpy as np
-
-    from fledge.plot import _used, time_unit
 
     place = series._place
     panels = [summary_of(series)]
     if place.shape:
         values = result.retained[series.path][result.complete]
-        used = _used(values.reshape(-1, math.prod(place.shape)), place.shape)
-        panels += [series[index] for k, index in enumerate(np.ndindex(place.shape)) if k < used]
+        shown = used(values.reshape(-1, math.prod(place.shape)), place.shape)
+        panels += [series[index] for index in list(np.ndindex(place.shape))[:shown]]
     columns = 1 if len(panels) == 1 else 2
     figure, axes = _figure(-(-len(panels) // columns), columns,
                            "bands-" + re.sub(r"\W+", "_", series.path).strip("_"),
@@ -104,20 +109,13 @@ def _bands(result, series):
     for axis, one in zip(axes, panels):
         _band_panel(axis, one, result, factor)
         axis.set_ylabel(_axis_label(one))
-    for i, axis in enumerate(axes):
-        if i >= len(panels):
-            axis.set_visible(False)
-        elif i + columns >= len(panels):
-            axis.set_xlabel(f"time [{unit}]")
-            axis.tick_params(labelbottom=True)
-    right = axes[min(columns, len(panels)) - 1]
-    handles, labels = axes[0].get_legend_handles_labels()
-    right.legend(handles, labels, loc="upper left", bbox_to_anchor=(1.0, 1.0), handlelength=1.2)
-    figure.align_ylabels()
+    label_time(axes, len(panels), columns, unit)
+    axes[min(columns, len(panels)) - 1].legend(*axes[0].get_legend_handles_labels(), loc="upper left",
+                                               bbox_to_anchor=(1.0, 1.0), handlelength=1.2)
     return figure
 
 
-def _band_panel(axis, series, result, factor):
+def _band_panel(axis: Axes, series: Series, result: Result, factor: float) -> None:
     import numpy as np
 
     values = series.values(result)
@@ -137,7 +135,7 @@ def _band_panel(axis, series, result, factor):
     if few:
         for i, run in enumerate(complete[:LINES_MAX]):
             axis.plot(time, run, color="#b0b0b0", linewidth=0.7, label=None if i else "single runs")
-    if "25" in curves:  # fewer than three runs have no median worth drawing
+    if "25" in curves:  # at least three runs
         axis.plot(time, curves["50"], color=MEDIAN, label="median")
     failed = [i for i in result.failures if np.isfinite(values[i, 0])]
     for k, i in enumerate(failed[:LINES_MAX]):
@@ -148,23 +146,25 @@ def _band_panel(axis, series, result, factor):
             _limit(axis, one, result, factor)
 
 
-def _count(shown, n, what):
+def _count(shown: int, n: int, what: str) -> str:
     return f"{what}s ({shown} of {n})" if shown < n else f"{n} {what}{'s' if n != 1 else ''}"
 
 
-def _limit(axis, requirement, result, factor):
-    """The limit over the time in which it holds; of one at the end, a stub."""
+def _limit(axis: Axes, requirement: Requirement, result: Result, factor: float) -> None:
+    """Draw the limit over the time in which it holds; a limit at the end as a short line."""
     part = requirement.series.samples(result.ns)
     start, end = result.time[part.start] / factor, result.time[part.stop - 1] / factor
     if start == end:
         start = end - 0.06 * result.time[-1] / factor
     labels = axis.get_legend_handles_labels()[1]
-    axis.plot([start, end], [requirement.limit] * 2, color=LIMIT, linewidth=1.4, linestyle=(0, (4, 1.5)),
+    axis.plot([start, end], [requirement.limit] * 2, **DASHED, linewidth=1.4,
               label=None if "limit" in labels else "limit", zorder=5)
 
 
-def _requirements(result):
+def _requirements(result: Result) -> list[Figure]:
     import numpy as np
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
 
     requirements = result.campaign.dispersions.requirements
     if not requirements:
@@ -190,33 +190,30 @@ def _requirements(result):
         # The limit is an edge, so that no bar holds runs of both kinds.
         edges = np.unique(np.append(edges, one.limit))
         axis.hist([good, bad], edges, stacked=True, color=["#8fb1d3", FAILED])
-        # A bar of one run among a thousand is not seen: each failed run has its mark.
+        # A bar of one run among a thousand is invisible: each failed run has its mark.
         if len(bad):
             axis.plot(bad, np.zeros(len(bad)), linestyle="", marker="^", markersize=5, color=FAILED, clip_on=False,
                       zorder=6)
-        axis.axvline(one.limit, color=LIMIT, linewidth=1.4, linestyle=(0, (4, 1.5)))
+        axis.axvline(one.limit, **DASHED, linewidth=1.4)
         unit = f" {one.series.unit}" if one.series.unit else ""
-        axis.set_title(f"{_shown(one.series)[0]} {one.series.when} {one.comparison} {one.limit:.4g}{unit}")
+        axis.set_title(f"{_shown(one.series)} {one.series.when} {one.comparison} {one.limit:.4g}{unit}")
         axis.set_title(f"{len(good)} of {result.complete.sum()}", loc="right", color="#777777", fontsize=9)
         axis.set_xlabel(_axis_label(one.series) + ("" if one.series._start is None else ", the worst of each run"))
         axis.set_ylabel("runs")
         axis.yaxis.get_major_locator().set_params(integer=True)
         axis.grid(False, axis="x")
         axis.margins(x=0.02)
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
     axes[min(columns, len(requirements)) - 1].legend(
         [Patch(color="#8fb1d3"), Line2D([], [], linestyle="", marker="^", markersize=5, color=FAILED),
-         Line2D([], [], color=LIMIT, linewidth=1.4, linestyle=(0, (4, 1.5)))],
+         Line2D([], [], **DASHED, linewidth=1.4)],
         ["runs that fulfil it", "each that does not", "limit"], loc="upper left", bbox_to_anchor=(1.0, 1.0))
     for axis in axes[len(requirements):]:
         axis.set_visible(False)
     return [figure]
 
 
-def correlations(result, requirement):
-    """[(rank correlation, path of a draw, whether with the draw's distance from its median)] with what
+def correlations(result: Result, requirement: Requirement) -> list[tuple[float, str, bool]]:
+    """[(rank correlation, path of a draw, whether it is of the draw's distance from its median)] with the values that
     the runs reached, the strongest first."""
     import numpy as np
 
@@ -242,8 +239,8 @@ def correlations(result, requirement):
     return sorted(found, key=lambda one: -abs(one[0]))
 
 
-def _drivers(result):
-    """Of each requirement, the three draws it goes with most; none if that may be chance."""
+def _drivers(result: Result) -> list[Figure]:
+    """Of each requirement, the three draws with the strongest correlation, unless it may be chance."""
     n = int(result.complete.sum())
     rows = []
     for one in result.campaign.dispersions.requirements:
@@ -267,9 +264,9 @@ def _drivers(result):
                 axis.scatter(result.draws[path][chosen], values[chosen], s=size, color=colour, linewidths=0, alpha=0.7)
             if _spans_decades(values[result.complete]):
                 axis.set_yscale("log")
-            axis.axhline(one.limit, color=LIMIT, linewidth=1.2, linestyle=(0, (4, 1.5)))
+            axis.axhline(one.limit, **DASHED, linewidth=1.2)
             unit = d.columns[path]
-            axis.set_xlabel(f"{path.partition('.')[2]}" + (f"  [{unit}]" if unit else ""))
+            axis.set_xlabel(axis_label(path.partition(".")[2], unit))
             axis.set_title(f"rank correlation {rho:+.2f}".replace("-", "\N{MINUS SIGN}")
                            + (" with |x \N{MINUS SIGN} median|" if distance else ""))
             axis.margins(x=0.03)

@@ -111,11 +111,11 @@ def text(data: dict, failures: int | None = None) -> str:
         lines += ["", "required", *_columns(rows)]
     if any(one["percentiles"] for one in data["final"]):
         shown = list(data["final"][0]["percentiles"])
-        rows = [("at the end", "", *(f"{p} %" for p in shown))]
-        rows += [(one["measure"], one["unit"], *(f"{x:.3g}" for x in one["percentiles"].values()))
+        ends: list[tuple[str, ...]] = [("at the end", "", *(f"{p} %" for p in shown))]
+        ends += [(one["measure"], one["unit"], *(f"{x:.3g}" for x in one["percentiles"].values()))
                  for one in data["final"]]
         left = [p for p in PERCENTILES if str(p) not in shown]
-        table = _columns(rows, right=range(2, 2 + len(shown)))
+        table = _columns(ends, right=range(2, 2 + len(shown)))
         lines += ["", table[0][2:], *table[1:]]
         if left:
             lines.append(f"  too few runs for the percentiles {', '.join(map(str, left))}")

@@ -10,7 +10,7 @@ import re
 import subprocess
 import sys
 from base64 import b64encode
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
@@ -34,7 +34,7 @@ class Outcome:
     verdict: str
     message: str = ""                       # what is wrong
     record: Path | None = None              # the archive
-    plots: list[Path] | None = ()           # the figures; None: they were left out
+    plots: Sequence[Path] | None = ()       # the figures; None: they were left out
     command: str = ""                       # it repeats the run
 
 

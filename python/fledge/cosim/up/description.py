@@ -273,23 +273,23 @@ class _Reader(Tables):
         if p.mission:
             p.process = p.process or p.name
             if not p.host:
-                self.mission(table, path, p)
+                self.mission(table, path, p, p.mission, p.process)
         elif p.command and not p.host:      # on a host the log will say if it is missing
-            self.executable(path, p)
+            self.executable(path, p, p.command)
         for name in re.findall(r"\{(\w+)\}", "\0".join(p.command or ())):
             near = difflib.get_close_matches(name, PLACEHOLDERS, 1)
             if name not in PLACEHOLDERS and near:
                 self.refuse((*path, "command"), "only known words in braces are filled in",
                             f"there is {{{name}}}", f"did you mean {{{near[0]}}}?")
 
-    def executable(self, path: tuple, p: Program) -> None:
+    def executable(self, path: tuple, p: Program, command: list[str]) -> None:
         if p.launcher and not shutil.which(p.launcher[0]):
             self.refuse((*path, "launcher"), "the launcher can be found", f"there is no {p.launcher[0]}",
                         "install it, or write its path")
-        program, place = p.command[0], Path(p.directory)
+        program, folder = command[0], Path(p.directory)
         here = {"PATH": os.environ.get("PATH", os.defpath), **p.env}["PATH"]
         if "/" in program:
-            file = place / program
+            file = folder / program
             if not file.is_file():
                 self.refuse((*path, "command"), "the program can be found", f"there is no {file}",
                             "build it, or write the path relative to `directory`")
@@ -301,24 +301,24 @@ class _Reader(Tables):
             self.refuse((*path, "command"), "the program can be found", f"{program} is not on the PATH",
                         f"did you mean {near[0]}?" if near else "install it, or write its path: "
                         f"\"./{program}\" is relative to `directory`")
-        elif len(p.command) > 1 and re.fullmatch(r"[^-{][^{]*\.(py|exe|sh|jl|js)", p.command[1]) \
-                and not (place / p.command[1]).is_file():
-            self.refuse((*path, "command"), "the program can be found", f"there is no {place / p.command[1]}",
+        elif len(command) > 1 and re.fullmatch(r"[^-{][^{]*\.(py|exe|sh|jl|js)", command[1]) \
+                and not (folder / command[1]).is_file():
+            self.refuse((*path, "command"), "the program can be found", f"there is no {folder / command[1]}",
                         "it is relative to `directory`")
 
-    def mission(self, table: dict, path: tuple, p: Program) -> None:
+    def mission(self, table: dict, path: tuple, p: Program, mission: str, process: str) -> None:
         from fledge import SetupError
 
-        p.mission = str(self.folder / p.mission) if os.sep in p.mission else p.mission
+        p.mission = str(self.folder / mission) if os.sep in mission else mission
         try:
             processes = processes_of(p.mission, p.parameters)
         except SetupError as error:
             self.refuse((*path, "mission"), "the mission can be loaded", str(error), "see ./fledge list")
             return
-        if p.process not in processes:
-            near = difflib.get_close_matches(p.process, processes, 1)
+        if process not in processes:
+            near = difflib.get_close_matches(process, processes, 1)
             self.refuse((*path, "process" if "process" in table else "name"), "the process is one of the mission's",
-                        f"{table['mission']} has no `{p.process}`",
+                        f"{table['mission']} has no `{process}`",
                         f"did you mean `{near[0]}`?" if near else f"choose {', '.join(processes)}")
 
     # ---- values
@@ -411,7 +411,7 @@ def unreachable(host: str) -> str:
 
 
 def busy(address: str) -> str:
-    """Why the controller cannot listen at an address; "" if it is free. A name that only libzmq resolves counts as free."""
+    """Why the controller cannot listen at an address; "" if it is free, or if only libzmq can resolve it."""
     try:
         if address.startswith("ipc://@"):
             with socket.socket(socket.AF_UNIX) as probe:

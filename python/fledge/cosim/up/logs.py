@@ -23,7 +23,7 @@ class Logs:
         for old in folder.glob("*.log"):
             old.unlink()
         self.folder = folder
-        self.recent = deque(maxlen=200)     #: (name, line) of all
+        self.recent: deque[tuple[str, str]] = deque(maxlen=200)     #: (name, line) of all logs
         self._width = width
         self._begun = time.monotonic()
         self._all = open(folder / "all.log", "w", encoding="utf-8")

@@ -14,7 +14,7 @@ import signal
 import subprocess
 from collections.abc import Sequence
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, cast
 
 _SUBREAPER = 36     # prctl(2)
 
@@ -42,6 +42,7 @@ class Process:
             whole = [*launcher, f"exec sh -c {shlex.quote(there)}"]     # for any shell there
         self._process = subprocess.Popen(whole, stdin=subprocess.PIPE, stdout=log, stderr=subprocess.STDOUT,
                                          env=env, cwd=directory, start_new_session=True, pass_fds=pass_fds)
+        self._lifeline = cast(BinaryIO, self._process.stdin)
         self.code: int | None = None
 
     @property
@@ -55,13 +56,13 @@ class Process:
             code = self._process.poll()
             if code is not None:
                 self.code = code if code >= 0 else 128 - code
-                self._process.stdin.close()
+                self._lifeline.close()
         return self.code is not None
 
     def end(self) -> None:
         """Make the guard end it: with SIGTERM, a second later with SIGKILL. Does not wait; see look()."""
-        if not self._process.stdin.closed:
-            self._process.stdin.close()
+        if not self._lifeline.closed:
+            self._lifeline.close()
 
 
 def _quoted(word: str) -> str:
@@ -69,9 +70,9 @@ def _quoted(word: str) -> str:
     return "~/" + shlex.quote(word[2:]) if word.startswith("~/") else shlex.quote(word)
 
 
-def in_words(code: int) -> str:
+def in_words(code: int | None) -> str:
     """How a program ended."""
-    if code > 128:
+    if code and code > 128:
         try:
             return f"was killed by {signal.Signals(code - 128).name}"
         except ValueError:

@@ -67,11 +67,11 @@ class Session:
         self.plan, self.folder, self.view = plan, folder, view
         self._controller_program, self._guard = str(built / "fledge_controller"), str(built / "fledge_guard")
         self._running = {p.name: _Running(p) for p in plan.programs}
-        self.progress = Progress(plan.simulation, plan.until, rows=[
+        self.progress = Progress(plan.simulation, plan.until or 0.0, rows=[
             Row(p.name, "by hand" if p.by_hand else "starting", takes_part=not p.asynchronous) for p in plan.programs])
         self._status = b""
         self._reports = 0                   # of the controller on all nodes
-        self._address: str | None = None
+        self._address = ""
         self._ended: str | None = None      # the reason, once the controller has given it
         self._asked_at: float | None = None
         self._signals = 0
@@ -138,7 +138,7 @@ class Session:
             self._receive()
             if self._ended is None:
                 said = self.logs.last("controller", 1)
-                if self._controller.code < 128 and said:
+                if (self._controller.code or 0) < 128 and said:
                     self._ended = said[-1].removeprefix("fledge_controller: ")
                 else:
                     self._ended = f"the controller {in_words(self._controller.code)}"
@@ -250,9 +250,10 @@ class Session:
         if p.command:
             values = {"simulation": self.plan.simulation, "node": p.name, "address": self._address,
                       "seed": str(self.plan.seed), "until": repr(self.plan.until), "record": folder}
-            return [re.sub("{(" + "|".join(values) + ")}", lambda found: values[found[1]], word) for word in p.command]
+            places = "{(" + "|".join(values) + ")}"
+            return [re.sub(places, lambda found: values[str(found[1])], word) for word in p.command]
         record = f"runs/{self.plan.simulation}" if p.host else folder
-        return [*fledge, "node", p.mission, p.process, *filter(None, [p.scenario]), "--name", p.name,
+        return [*fledge, "node", str(p.mission), str(p.process), *filter(None, [p.scenario]), "--name", p.name,
                 *(word for name, value in p.parameters.items() for word in ("--set", f"{name}={value!r}")),
                 *["--free"] * p.free, *["--record", record] * self.plan.record]
 
@@ -268,7 +269,8 @@ class Session:
 
     def _end(self, r: _Running) -> None:
         r.ending = True
-        r.process.end()
+        if r.process:
+            r.process.end()
 
     # ---- the reports of the controller
 
@@ -348,7 +350,7 @@ class Session:
         p, name = r.program, r.program.name
         r.handled = True
         if p.asynchronous:
-            if r.process.code:
+            if r.process and r.process.code:
                 self.view.happens(f"  {name}, an asynchronous program, {r.dead}")
             return
         if r.state in ("absent", "joining") and p.on_loss != "restart":
@@ -393,7 +395,7 @@ class Session:
             row.bad = True
         elif r.state == "absent":
             row.state = "by hand" if p.by_hand else "starting" if p.joins is None else \
-                p.joins if p.joins == WHEN_IT_COMES else f"joins at {p.joins:g} s"
+                WHEN_IT_COMES if p.joins == WHEN_IT_COMES else f"joins at {p.joins:g} s"
         elif r.state == "running" and row.asked > _BUSY:
             row.state, row.bad = f"busy {row.asked:.0f} s", True
         else:

@@ -68,7 +68,7 @@ class Progress:
 def slowest(rates: list[Row]) -> str | None:
     """The node with the largest share of compute and transport: the others wait for it."""
     busy = {row.name: 1.0 - row.shares()[2] for row in rates if row.takes_part and sum(row.shares()) > 0}
-    return max(busy, key=busy.get) if len(busy) > 1 else None
+    return max(busy, key=lambda name: busy[name]) if len(busy) > 1 else None
 
 
 def times(x: float) -> str:

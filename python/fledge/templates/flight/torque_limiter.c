@@ -1,17 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The torque goes straight to the wanted one, by no more than  rate dt  per update. */
+/* The torque moves straight to the wanted torque, by at most  rate dt  per update. */
 #include "flight/torque_limiter.h"
 
 #include <string.h>
 
-/* Called before the first update, and when the module's task begins anew. Parameters stay. */
+/* Called before the first update, and when the module's task restarts. Parameters stay. */
 void torque_limiter_reset(TorqueLimiter *m)
 {
     memset(&m->out, 0, sizeof m->out);
     memset(&m->mem, 0, sizeof m->mem);
 }
 
-/* Called at each turn of the task: t.t is now, t.dt the time since the last update (0 at first). */
+/* Called at each run of the task: t.t is the time, t.dt the time since the last update (0 at first). */
 void torque_limiter_update(TorqueLimiter *m, Tick t)
 {
     Vec3 torque_B = m->in.wanted.torque_B;
@@ -22,8 +22,8 @@ void torque_limiter_update(TorqueLimiter *m, Tick t)
         torque_B = vec_add(m->mem.torque_B, vec_scale(most / size, change));
     }
 
-    /* An output is as good as what it was made from; without data, or a result, the last one is
-     * held. See flight/msg/head.h. */
+    /* An output has the quality of its inputs. Without data, or without a finite result, the module
+     * holds its last output. See flight/msg/head.h. */
     BodyTorque *out = &m->out.torque;
     Quality quality = quality_through(m->in.wanted.head);
     if (quality != QUALITY_NONE && vec_finite(torque_B)) {

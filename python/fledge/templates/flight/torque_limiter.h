@@ -4,16 +4,16 @@
 
 #include "flight/msg/vehicle.h"
 
-/** Limit how fast a torque changes. This is an example to be replaced: say here what the module
- *  does, and where the equations come from. What follows is all that Python, records and plots know
- *  of it: the messages that it takes and gives, parameters with their units and limits (`required`,
- *  `> 0`, `in [0, 1]`), and in `mem` what it remembers from one update to the next. */
+/** Limit how fast a torque changes. Replace this example: describe the module here, and give the
+ *  source of its equations. Python, records and plots know the module from this struct alone: its
+ *  input and output messages, its parameters with their units and limits (`required`, `> 0`,
+ *  `in [0, 1]`), and in `mem` its state from one update to the next. */
 typedef struct TorqueLimiter {
     struct {
         BodyTorque wanted;
     } in;
     struct {
-        BodyTorque torque; ///< the wanted one, or on its way there
+        BodyTorque torque; ///< the wanted torque, or a step towards it
     } out;
     struct {
         double rate; ///< [N m / s] required, > 0: how much the torque may change per time

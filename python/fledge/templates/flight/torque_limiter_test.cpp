@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The limiter by its properties: they hold for any numbers, so the numbers are random.
+// The properties of the limiter hold for all numbers, so the tests draw random ones.
 #include "flight/testing/poison.h"
 
 extern "C" {

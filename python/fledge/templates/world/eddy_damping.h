@@ -4,9 +4,9 @@
 
 #include "world/msg/craft.h"
 
-/** A torque against the body's rotation, with noise. This is an example to be replaced: say here
- *  what the model does, what it assumes, and where the equations come from. The rules are those of
- *  flight modules; the behaviour is the class in eddy_damping_model.h. */
+/** A torque against the body's rotation, with noise. Replace this example: describe the model, its
+ *  assumptions and the source of its equations. The rules are those of flight modules; the class in
+ *  eddy_damping_model.h has the behaviour. */
 typedef struct EddyDamping {
     struct {
         CraftState truth;

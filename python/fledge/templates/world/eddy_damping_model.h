@@ -10,18 +10,18 @@ namespace my_sat {
 
 class EddyDampingModel final : public fledge::sim::Model {
 public:
-    explicit EddyDampingModel(EddyDamping &face) : face_(face) {}
+    explicit EddyDampingModel(EddyDamping &interface) : interface_(interface) {}
 
     void prepare(const fledge::sim::Setup &setup) override;
     void reset(fledge::sim::Ns t) override;
     void update(Tick tick) override;
 
-    /// All that changes in a run besides the face, so that snapshots and clones hold it.
+    /// All state of a run besides the interface: snapshots and clones copy it.
     std::span<std::byte> memory() override { return std::as_writable_bytes(std::span(&random_, 1)); }
 
 private:
-    EddyDamping &face_;
-    fledge::sim::Random seeded_; ///< the stream as each run begins it
+    EddyDamping &interface_;
+    fledge::sim::Random seeded_; ///< the stream at the start of each run
     fledge::sim::Random random_;
 };
 

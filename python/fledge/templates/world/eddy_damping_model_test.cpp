@@ -15,12 +15,12 @@ using namespace my_sat;
 using namespace flight::testing;
 
 struct Damping {
-    EddyDamping face{};
-    EddyDampingModel model{face};
+    EddyDamping interface = {};
+    EddyDampingModel model{interface};
 
     explicit Damping(std::uint64_t seed = 1)
     {
-        face.in.truth.head = good();
+        interface.in.truth.head = good();
         model.prepare({"world.damping", seed, nullptr});
         model.reset(0);
     }
@@ -28,7 +28,7 @@ struct Damping {
     Vec3 torque()
     {
         model.update({0, 0});
-        return face.out.load.torque_B;
+        return interface.out.load.torque_B;
     }
 
     std::vector<double> torques(int n)
@@ -47,10 +47,10 @@ TEST(EddyDamping, takes_energy_and_never_gives_any)
     flight::testing::Random random{1};
     for (int i = 0; i < 1000; i++) {
         Damping d;
-        d.face.par.damping = random.real(0, 1);
-        d.face.in.truth.omega_BN_B = vec(random.vector());
-        const Vec3 &omega = d.face.in.truth.omega_BN_B;
-        EXPECT_NEAR(vec_dot(d.torque(), omega), -d.face.par.damping * vec_norm2(omega), 1e-15);
+        d.interface.par.damping = random.real(0, 1);
+        d.interface.in.truth.omega_BN_B = vec(random.vector());
+        const Vec3 &omega = d.interface.in.truth.omega_BN_B;
+        EXPECT_NEAR(vec_dot(d.torque(), omega), -d.interface.par.damping * vec_norm2(omega), 1e-15);
     }
     EXPECT_EQ(vec_norm(Damping().torque()), 0.0);
 }
@@ -58,7 +58,7 @@ TEST(EddyDamping, takes_energy_and_never_gives_any)
 TEST(EddyDamping, noise_has_its_deviation)
 {
     Damping d;
-    d.face.par.noise = 0.1;
+    d.interface.par.noise = 0.1;
     double square = 0.0;
     for (double x : d.torques(10000)) {
         square += x * x / 30000;
@@ -69,7 +69,7 @@ TEST(EddyDamping, noise_has_its_deviation)
 TEST(EddyDamping, the_seed_and_the_memory_fix_the_noise)
 {
     Damping d, other{2};
-    d.face.par.noise = other.face.par.noise = 0.1;
+    d.interface.par.noise = other.interface.par.noise = 0.1;
     const auto first = d.torques(5);
     EXPECT_NE(first, other.torques(5));
 

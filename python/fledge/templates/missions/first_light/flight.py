@@ -5,13 +5,13 @@ from fledge.units import N, kg, m, s
 
 
 def build(f):
-    # The vehicle, said once.
+    # The vehicle.
     f.vehicle  = fsw.VehicleConfig(I_B=[40, 35, 30] * kg * m**2)
     f.wheels   = fsw.WheelConfig(axes_B=[[1, 0, 0], [0, 1, 0], [0, 0, 1]], J=0.01 * kg * m**2, u_max=0.1 * N * m)
 
-    # From where to point to what the wheels do. A module of your own stands here by its name,
+    # From the attitude reference to the wheel torques. Add a module of your own here,
     #     f.limiter = fsw.TorqueLimiter(rate=0.01 * N * m / s)
-    # is wired in connect(), and takes its turn in the task's list.
+    # wire it in connect(), and add it to the list of the task.
     f.guidance = fsw.HillPointing()
     f.tracking = fsw.TrackingError()
     f.control  = fsw.MrpFeedback(K=0.2 * N * m, P=3 * N * m * s)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What to fly, to look at, and to demand. Each function that takes a simulation is a scenario."""
+"""Scenarios: each function of a simulation runs it, plots results, and checks them."""
 from fledge.units import minute, s
 
 
