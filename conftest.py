@@ -12,8 +12,6 @@ ROOT = Path(__file__).resolve().parent
 FOLDERS = [str(ROOT / part) for part in ("python", ".", f"build/{os.environ.get('FLEDGE_PRESET', 'release')}/python")]
 
 # In a sub-folder, `python3 -m pytest` puts that folder first: python/fledge/flight.py would hide flight/.
-if not os.environ.get("PYTHONSAFEPATH"):
-    sys.path[:] = [path for path in sys.path if path not in ("", os.getcwd())]
-sys.path.extend(FOLDERS)
+sys.path[:] = [*(path for path in sys.path if path not in ("", os.getcwd())), *FOLDERS]
 # The programs that tests start.
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [os.environ.get("PYTHONPATH"), *FOLDERS]))

@@ -9,7 +9,8 @@
 #   -fno-math-errno    sqrt is one instruction. It changes no result.
 # Never -march=native, never -ffast-math (which flight/math refuses to compile with).
 function(fledge_common_options target)
-    target_include_directories(${target} PUBLIC ${PROJECT_SOURCE_DIR})
+    target_include_directories(${target} PUBLIC
+        $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}> $<INSTALL_INTERFACE:${FLEDGE_HOME}>)
     target_compile_options(${target} PUBLIC -ffp-contract=off -fno-math-errno)
 endfunction()
 

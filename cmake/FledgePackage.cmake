@@ -1,5 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-# Fledge's build as a CMake package: find_package(Fledge) with Fledge_DIR=<Fledge>/build/<preset>.
+# Fledge for programs and projects outside this tree.
+#
+# The build is a CMake package: find_package(Fledge) with Fledge_DIR=<Fledge>/build/<preset>. So is an installed Fledge,
+# with CMAKE_PREFIX_PATH=<prefix>. Below the prefix, `cmake --install build/release --prefix P` writes
+#
+#   bin/fledge                              the command
+#   lib/fledge/                             this tree without its tests, and what was built
+#   lib/python3.11/*-packages/fledge.pth    for `import fledge`: a Python of that prefix reads it
+#
+# Headers and sources are installed too: projects include them, and `fledge export` compiles them.
 
 set(libraries fledge_math fledge_flight fledge_record fledge_sim fledge_tables fledge_world
     fledge_cosim_protocol fledge_cosim_security fledge_cosim_transport fledge_cosim_controller fledge_cosim_node
@@ -14,5 +23,44 @@ string(TOUPPER "${CMAKE_BUILD_TYPE}" type)
 set(FLEDGE_C_FLAGS "${CMAKE_C_FLAGS_${type}}")
 set(FLEDGE_CXX_FLAGS "${CMAKE_CXX_FLAGS_${type}}")
 set(FLEDGE_COMPILER "${CMAKE_CXX_COMPILER_ID} ${CMAKE_CXX_COMPILER_VERSION}")
+set(FLEDGE_CMAKE_DIR ${PROJECT_SOURCE_DIR}/cmake)
 configure_file(
     ${PROJECT_SOURCE_DIR}/cmake/FledgeConfig.cmake.in ${PROJECT_BINARY_DIR}/FledgeConfig.cmake @ONLY)
+set(FLEDGE_CMAKE_DIR "\${CMAKE_CURRENT_LIST_DIR}")
+configure_file(
+    ${PROJECT_SOURCE_DIR}/cmake/FledgeConfig.cmake.in ${PROJECT_BINARY_DIR}/installed/FledgeConfig.cmake @ONLY)
+
+# --- the install -----------------------------------------------------------------------------------
+
+install(TARGETS ${libraries} EXPORT FledgeTargets DESTINATION ${FLEDGE_HOME}/lib)
+install(EXPORT FledgeTargets NAMESPACE fledge:: DESTINATION ${FLEDGE_HOME}/cmake)
+install(TARGETS fledge_controller fledge_board_node fledge_guard DESTINATION ${FLEDGE_HOME}/cosim)
+install(TARGETS _core DESTINATION ${FLEDGE_HOME}/python)
+install(FILES ${FLEDGE_PYTHON_DIR}/_core_build.py DESTINATION ${FLEDGE_HOME}/python)
+
+foreach(folder flight record registers sim world targets cosim introspect missions)
+    install(DIRECTORY ${folder} DESTINATION ${FLEDGE_HOME}
+        REGEX "(_test[.](c|cpp|py)|/CMakeLists[.]txt|/__pycache__|/[.].*|/runs|/build|/oracle)$" EXCLUDE)
+endforeach()
+install(DIRECTORY python/fledge DESTINATION ${FLEDGE_HOME}/python
+    REGEX "(_test[.]py|fledge/CMakeLists[.]txt|/__pycache__|fledge/templates|fledge/core)$" EXCLUDE)
+install(DIRECTORY python/fledge/templates DESTINATION ${FLEDGE_HOME}/python/fledge
+    REGEX "/__pycache__$" EXCLUDE)     # with the tests that a project begins with
+install(DIRECTORY registers DESTINATION ${FLEDGE_HOME}/python
+    FILES_MATCHING PATTERN "*.py" PATTERN "*_test.py" EXCLUDE PATTERN "testing" EXCLUDE PATTERN "boards" EXCLUDE)
+install(DIRECTORY cmake DESTINATION ${FLEDGE_HOME} FILES_MATCHING PATTERN "*.cmake" PATTERN "packages.txt")
+install(FILES ${PROJECT_BINARY_DIR}/installed/FledgeConfig.cmake DESTINATION ${FLEDGE_HOME}/cmake)
+install(FILES LICENSE DESTINATION ${FLEDGE_HOME})
+install(PROGRAMS fledge DESTINATION ${FLEDGE_HOME})
+
+# Both files name what they need relative to themselves: the prefix may be moved.
+file(CONFIGURE OUTPUT installed/fledge.pth CONTENT "../../fledge/python\n")
+file(CONFIGURE OUTPUT installed/fledge @ONLY CONTENT
+"#!/bin/sh
+exec \"$(dirname -- \"$(readlink -f -- \"$0\")\")/../${FLEDGE_HOME}/fledge\" \"$@\"
+")
+install(PROGRAMS ${PROJECT_BINARY_DIR}/installed/fledge DESTINATION bin)
+foreach(packages site-packages dist-packages)     # the latter in Debian's own Python
+    install(FILES ${PROJECT_BINARY_DIR}/installed/fledge.pth
+        DESTINATION lib/python${Python_VERSION_MAJOR}.${Python_VERSION_MINOR}/${packages})
+endforeach()

@@ -20,8 +20,9 @@ set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
 find_program(FLEDGE_CCACHE ccache)
 mark_as_advanced(FLEDGE_CCACHE)
 if(FLEDGE_CCACHE)
+    # The sloppiness lets ccache keep what was compiled with precompiled headers.
     set(CMAKE_C_COMPILER_LAUNCHER ${FLEDGE_CCACHE})
-    set(CMAKE_CXX_COMPILER_LAUNCHER ${FLEDGE_CCACHE})
+    set(CMAKE_CXX_COMPILER_LAUNCHER ${CMAKE_COMMAND} -E env CCACHE_SLOPPINESS=pch_defines,time_macros ${FLEDGE_CCACHE})
 endif()
 
 # Debian's packages are built for Debian's Python; another one may be first on the PATH.
@@ -31,3 +32,6 @@ set(PYBIND11_FINDPYTHON ON)
 
 # Where the extension goes, and hence what PYTHONPATH holds besides the repository's root.
 set(FLEDGE_PYTHON_DIR ${PROJECT_BINARY_DIR}/python)
+
+# Where an installed Fledge is, below the prefix.
+set(FLEDGE_HOME lib/fledge)

@@ -8,11 +8,12 @@ import subprocess
 
 import pytest
 
+import fledge
 from fledge import cli
 from tests.tree import ROOT
 
 # What the launcher may find on the PATH besides the stand-ins: no sudo, no compiler.
-TOOLS = ("cat cksum cut date dirname find getconf grep head ls mkdir rm sed sleep tail tr "
+TOOLS = ("cat cksum cut date dirname find getconf grep head ls mkdir readlink rm sed sleep tail tr "
          "env").split()
 
 STAND_INS = {
@@ -44,6 +45,7 @@ def launch(tmp_path):
     (tmp_path / "fake").mkdir()
     shutil.copy(ROOT / "fledge", tmp_path)
     shutil.copy(ROOT / "cmake/packages.txt", tmp_path / "cmake")
+    (tmp_path / "CMakeLists.txt").touch()
     (tmp_path / "a_test.py").write_text("def test_one():\n    pass\n")
     (tmp_path / "pytest.ini").write_text("[pytest]\npython_files = *_test.py\n")
     for tool in TOOLS:
@@ -182,6 +184,11 @@ def test_every_command_has_help_with_an_example(command):
 def test_the_usage_names_every_command():
     usage = subprocess.run([ROOT / "fledge", "help"], capture_output=True, text=True).stdout
     assert [name for name in COMMANDS if not re.search(rf"  {name} ", usage)] == []
+
+
+def test_it_prints_the_version():
+    done = subprocess.run([ROOT / "fledge", "--version"], capture_output=True, text=True)
+    assert done.stdout == f"fledge {fledge.__version__}\n"
 
 
 def test_exec_finds_the_python_that_the_extension_is_built_for(launch):

@@ -34,8 +34,8 @@ RULES = {
     "registers": Rule("C99, C++20, Python", "boards from TOML; lanes between flight and models, also across processes "
                       "and byte orders", FLIGHT),
     "introspect": Rule("Python", "the reader of headers, and the emitters", []),
-    "targets": Rule("C99", "what hosts an exported mission (`mission.h`); `targets/cfs` is the pocket cFE, for machines "
-                    "without NASA's", [*FLIGHT, "flight/exec", "registers", "record"]),
+    "targets": Rule("C99", "what hosts an exported mission (`mission.h`); `targets/cfs` is the pocket cFE, where "
+                    "NASA's is not", [*FLIGHT, "flight/exec", "registers", "record"]),
     "sim": Rule("C++20", "the kernel: instances, wires, tasks, processes, clock, recorder",
                 [*FLIGHT, "flight/exec", "record"]),
     "world": Rule("C++20", "dynamics, environment, sensors, actuators", [*FLIGHT, "sim"]),
@@ -48,6 +48,7 @@ RULES = {
     "missions": Rule("Python", "worked missions", ["fledge"]),
     "docs": Rule("Markdown, Python", "the documents, and the settings of their HTML", ["introspect", "fledge"]),
     "bench": Rule("Python, C++", "measurements", ["flight", "record", "sim", "world", "cosim", "fledge"]),
+    "cmake": Rule("CMake, Python", "the build, the package for CMake, the wheel for pip", []),
     "tests": Rule("Python, C++", "tests of the whole",
                   ["flight", "registers", "record", "sim", "world", "cosim", "emulator", "ground", "targets",
                    "introspect", "fledge", "missions"]),

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""An installed Fledge needs nothing of this tree: not for flights, exports and projects, and not in a virtual
+environment."""
+
+import os
+import subprocess
+
+import pytest
+
+import fledge
+from tests.tree import ROOT
+
+PRESET = os.environ.get("FLEDGE_PRESET", "release")
+pytestmark = pytest.mark.skipif(PRESET == "asan", reason="the layout does not depend on the sanitizer")
+
+# What a shell has that knows nothing of this tree.
+CLEAN = {"PATH": "/usr/bin:/bin", "HOME": "/nonexistent", "LANG": "C.UTF-8"}
+
+
+def run(*command, cwd, **environment):
+    """What a command prints; it must succeed."""
+    done = subprocess.run(command, cwd=cwd, env={**CLEAN, **environment}, text=True, stdout=subprocess.PIPE,
+                          stderr=subprocess.STDOUT)
+    assert done.returncode == 0, done.stdout
+    assert str(ROOT) not in done.stdout
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def prefix(tmp_path_factory):
+    """The prefix of `cmake --install`, moved after the install."""
+    folder = tmp_path_factory.mktemp("install")
+    subprocess.run(["cmake", "--install", f"build/{PRESET}", "--prefix", folder / "there"], cwd=ROOT, check=True,
+                   stdout=subprocess.DEVNULL)
+    return (folder / "there").rename(folder / "prefix")
+
+
+def test_its_command_flies_a_mission(prefix, tmp_path):
+    command = prefix / "bin/fledge"
+    assert run(command, "--version", cwd=tmp_path) == f"fledge {fledge.__version__}\n"
+    assert "flown    10 s" in run(command, "run", "nadir_spin", "--for", "10s", cwd=tmp_path)
+    assert run(command, "exec", "python3", "-c", "import fledge; print(fledge.__file__)", cwd=tmp_path) == \
+        f"{prefix}/lib/fledge/python/fledge/__init__.py\n"
+
+
+def test_its_exported_c_compiles(prefix, tmp_path):
+    run(prefix / "bin/fledge", "export", "c", "nadir_spin", "--out", "c", cwd=tmp_path)
+    sources = sorted(map(str, (tmp_path / "c").rglob("*.c")))
+    assert sources
+    for source in sources:
+        run("gcc", "-std=c99", "-c", "-I", "c", "-I", prefix / "lib/fledge", source, "-o", f"{source}.o", cwd=tmp_path)
+
+
+def test_its_library_is_imported_from_its_folder(prefix, tmp_path):
+    program = "import fledge; sim = fledge.load('nadir_spin'); sim.run(1); print(sim.time)"
+    printed = run("/usr/bin/python3", "-c", program, cwd=tmp_path, PYTHONPATH=str(prefix / "lib/fledge/python"))
+    assert float(printed) == 1
+
+
+def test_a_project_is_built_with_it(prefix, tmp_path):
+    command = prefix / "bin/fledge"
+    run(command, "new", "project", "own", cwd=tmp_path)
+    run(command, "--project", "own", "new", "module", "SunSlew", cwd=tmp_path)
+    assert "SunSlew" in run(command, "--project", "own", "list", "--ports", cwd=tmp_path)
+    run("cmake", "-S", "own", "-B", "by_hand", "-G", "Ninja", f"-DCMAKE_PREFIX_PATH={prefix}", "-DBUILD_TESTING=OFF",
+        cwd=tmp_path)
+
+
+def test_it_has_nothing_of_the_tests_and_no_path_of_this_tree(prefix):
+    files = [path for path in (prefix / "lib/fledge").rglob("*") if path.is_file()]
+    tests = [path for path in files if path.match("*_test.*") and "templates" not in path.parts]
+    assert tests == []
+    text = [path for path in files if path.suffix in {".cmake", ".py", ".pth", ".h", ".toml"}]
+    assert [path for path in text if str(ROOT) in path.read_text(encoding="utf-8")] == []
+
+
+# --- pip, and virtual environments ------------------------------------------------------------------
+
+@pytest.fixture(scope="module")
+def environment(tmp_path_factory):
+    """A virtual environment made from Debian's Python."""
+    folder = tmp_path_factory.mktemp("environment") / "venv"
+    subprocess.run(["/usr/bin/python3", "-m", "venv", "--system-site-packages", folder], check=True)
+    return folder
+
+
+@pytest.mark.skipif(PRESET != "release", reason="pip builds the release")
+def test_pip_installs_it_without_a_network(environment, tmp_path):
+    subprocess.run([environment / "bin/pip", "install", "--quiet", "--no-index", ROOT], check=True)
+    program = "import fledge; print(fledge.__file__, fledge.load('nadir_spin').name)"
+    assert run(environment / "bin/python3", "-c", program, cwd=tmp_path) == \
+        f"{environment}/lib/fledge/python/fledge/__init__.py nadir_spin\n"
+    assert "nadir_spin" in run(environment / "bin/fledge", "list", cwd=tmp_path)
+    run(environment / "bin/pip", "uninstall", "--yes", "fledge", cwd=tmp_path)
+    assert not (environment / "bin/fledge").exists()
+    assert [path for path in (environment / "lib/fledge").rglob("*") if path.suffix not in {"", ".pyc"}] == []
+
+
+def test_the_launcher_keeps_an_active_environment(environment, tmp_path):
+    active = {**os.environ, "VIRTUAL_ENV": str(environment), "PATH": f"{environment}/bin:{os.environ['PATH']}"}
+    program = "import sys, fledge; fledge.load('nadir_spin'); print(sys.prefix)"
+    done = subprocess.run([ROOT / "fledge", "exec", "python3", "-c", program], env=active, cwd=tmp_path,
+                          capture_output=True, text=True, check=True)
+    assert done.stdout == f"{environment}\n"
