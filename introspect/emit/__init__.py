@@ -4,13 +4,12 @@
 An emitter is a function `emit(library) -> {file name: text}`. Its text depends on the model alone,
 in a fixed order, so that equal headers give equal files. A new one costs its module and a line.
 """
-from introspect.emit import layout, models, orders, reference, schema, tables
+from introspect.emit import layout, models, orders, schema, tables
 
 EMITTERS = {
     "tables": tables.emit,
     "layout": layout.emit,
     "models": models.emit,
     "orders": orders.emit,
-    "reference": reference.emit,
     "schema": schema.emit,
 }
