@@ -11,6 +11,7 @@ In a document,
     ```sh                for the reader only.
 """
 
+import importlib.util
 import os
 import re
 import shutil
@@ -126,6 +127,15 @@ def test_gdb_stops_in_flight_code(tmp_path):
     shell = Shell(tmp_path)
     shell.state.write_text(f"cd {ROOT}\nexport DEBUGINFOD_URLS=\n")
     assert follow("debugging.md", shell) == 2
+
+
+@pytest.mark.skipif(not importlib.util.find_spec("myst_parser"), reason="python3-myst-parser is not installed")
+@pytest.mark.skipif(os.environ.get("FLEDGE_PRESET") == "asan", reason="Sphinx loads the extension")
+def test_the_pages_and_the_reference_build_without_a_warning(tmp_path):
+    printed, status = Shell(tmp_path).run("fledge docs")
+    assert status == 0, printed
+    text = (ROOT / "build/docs/html/build/docs/reference/flight-modules.html").read_text(encoding="utf-8")
+    assert "gain on the MRP error" in text
 
 
 @pytest.mark.parametrize("expected, printed, absent", [

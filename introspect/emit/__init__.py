@@ -4,14 +4,13 @@
 An emitter is a function `emit(library) -> {file name: text}`. Its text depends on the model alone,
 in a fixed order, so that equal headers give equal files. A new emitter costs its module and a line.
 """
-from introspect.emit import layout, models, orders, reference, schema, stubs, tables
+from introspect.emit import layout, models, orders, schema, stubs, tables
 
 EMITTERS = {
     "tables": tables.emit,
     "layout": layout.emit,
     "models": models.emit,
     "orders": orders.emit,
-    "reference": reference.emit,
     "schema": schema.emit,
     "stubs": stubs.emit,
 }
