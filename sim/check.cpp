@@ -94,7 +94,7 @@ void check_field(const FledgeStruct &type, const FledgeField &field, const std::
 void check_parameters(const Instance &instance)
 {
     const FledgeStruct &type = instance.type();
-    std::string faults;
+    Faults faults;
     for (std::size_t i = 0; i < type.n; i++) {
         const FledgeField &field = type.fields[i];
         if (field.group != FLEDGE_PAR) {
@@ -102,19 +102,15 @@ void check_parameters(const Instance &instance)
         }
         const std::byte *bytes = instance.memory() + field.offset;
         const bool zero = std::all_of(bytes, bytes + field.size, [](std::byte b) { return b == std::byte{0}; });
-        try {
+        faults.collect([&] {
             if (field.flags & FLEDGE_REQUIRED && zero && !instance.given[i]) {
                 throw SetupError(instance.path + "." + field.name + " is required: " + field.doc +
                                  (*field.unit ? " [" + std::string(field.unit) + "]" : ""));
             }
             check_field(type, field, instance.memory(), instance.path);
-        } catch (const SetupError &error) {
-            faults += (faults.empty() ? "" : "\n") + std::string(error.what());
-        }
+        });
     }
-    if (!faults.empty()) {
-        throw SetupError(faults);
-    }
+    faults.raise();
 }
 
 } // namespace fledge::sim

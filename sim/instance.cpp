@@ -41,7 +41,7 @@ Instance::Instance(const ModelType &type)
 {
 }
 
-std::shared_ptr<Instance> Instance::twin() const
+std::shared_ptr<Instance> Instance::clone() const
 {
     auto other = model_type_ ? std::make_shared<Instance>(*model_type_) : std::make_shared<Instance>(*type_);
     other->name = name;

@@ -34,7 +34,7 @@ public:
     std::vector<bool> given;
 
     /// A new instance of the same type with the same bytes; a model's set-up is not copied.
-    std::shared_ptr<Instance> twin() const;
+    std::shared_ptr<Instance> clone() const;
 
 private:
     struct Free {

@@ -181,7 +181,7 @@ struct Problem final : System {
         last_tau = tau;
         f(1e-9 * static_cast<double>(start) + tau, x, dx);
     }
-    void settle(double *) override { settled++; }
+    void normalize(double *) override { settled++; }
 };
 
 constexpr Ns second = 1'000'000'000;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "sim/simulation.h"
+#include "sim/runtime.h"
 #include "sim/text.h"
 
 #include <algorithm>
@@ -108,7 +108,6 @@ void Process::add_mode(Mode mode)
     owner_->set_up_again();
     modes_.push_back(std::move(mode));
     initial_ = std::max(initial_, 0);
-    mode_ = initial_;
 }
 
 std::shared_ptr<Event> Process::add_event(Event event)
@@ -130,10 +129,10 @@ std::shared_ptr<Event> Process::add_event(Event event)
         throw SetupError(path + " enters the mode " + event.mode + "; the process has " +
                          format_list(names_of(modes_)));
     }
-    // One that an action adds waits for the next instant, lest it add another, and that one another.
-    event.from = owner_->now() + 1;
-    owner_->has_events_ = true;
     events_.push_back(std::make_shared<Event>(std::move(event)));
+    if (owner_->runtime_) {
+        owner_->runtime_->event_added(*this);
+    }
     return events_.back();
 }
 
@@ -149,24 +148,41 @@ int Process::mode_index(const std::string &mode) const
 void Process::start_in(const std::string &mode)
 {
     initial_ = mode_index(mode);
-    if (!owner_->prepared()) {
-        mode_ = initial_;
-    }
 }
 
 void Process::enter(const std::string &mode)
 {
-    pending_ = mode_index(mode);
-    owner_->mode_asked_ = true;
+    const int index = mode_index(mode);
+    if (owner_->runtime_) {
+        owner_->runtime_->enter(*this, index);
+    }
 }
 
 const std::string &Process::mode() const
 {
     static const std::string none;
-    return mode_ < 0 ? none : modes_[static_cast<std::size_t>(mode_)].name;
+    const int mode = owner_->runtime_ ? owner_->runtime_->of(*this).mode : initial_;
+    return mode < 0 ? none : modes_[static_cast<std::size_t>(mode)].name;
 }
 
-bool Process::active(const Task &task, int mode) const
+bool Process::armed(const Event &event) const
+{
+    return !owner_->runtime_ || owner_->runtime_->of(*this, event).state.armed;
+}
+
+void Process::arm(const Event &event, bool armed)
+{
+    if (owner_->runtime_) {
+        owner_->runtime_->of(*this, event).state.armed = armed;
+    }
+}
+
+Ns Process::fired_at(const Event &event) const
+{
+    return owner_->runtime_ ? owner_->runtime_->of(*this, event).state.fired_at : -1;
+}
+
+bool Process::runs_in(const Task &task, int mode) const
 {
     bool named = false;
     for (std::size_t i = 0; i < modes_.size(); i++) {

@@ -2,6 +2,7 @@
 // The loop. Between prepare() and the end of a run nothing here allocates.
 #include "sim/runtime.h"
 
+#include "flight/exec/message.h"
 #include "sim/text.h"
 
 #include <algorithm>
@@ -33,10 +34,8 @@ inline void carry(const Copy &copy, Ns t)
     if (copy.stale_after) {
         Head head;
         std::memcpy(&head, copy.to, sizeof head);
-        if (t - head.t > copy.stale_after && head.quality > QUALITY_STALE) {
-            head.quality = QUALITY_STALE;
-            std::memcpy(copy.to, &head, sizeof head);
-        }
+        exec_age(&head, t, copy.stale_after);
+        std::memcpy(copy.to, &head, sizeof head);
     }
 }
 
@@ -50,25 +49,23 @@ void update_model(void *model, Tick tick)
 using ModuleReset = void (*)(void *);
 using ModuleUpdate = void (*)(void *, Tick);
 
-ModuleReset reset_of(const Instance &module)
-{
-    return reinterpret_cast<ModuleReset>(module.type().reset);
-}
-
 ModuleUpdate update_of(const Instance &module)
 {
     return reinterpret_cast<ModuleUpdate>(module.type().update);
 }
 
+void reset_instance(const Instance &instance, Ns t)
+{
+    if (instance.model()) {
+        instance.model()->reset(t);
+    } else {
+        reinterpret_cast<ModuleReset>(instance.type().reset)(instance.memory());
+    }
+}
+
 Copy copy_of(const Wire &wire, const Word *from)
 {
     return {from, words(wire.to.bytes()), wire.to.field->size / 8, wire.options.stale_after};
-}
-
-void append(std::vector<std::byte> &bytes, const void *from, std::size_t n)
-{
-    bytes.resize(bytes.size() + n);
-    std::memcpy(bytes.data() + bytes.size() - n, from, n);
 }
 
 /// The bytes of an instance's parameters.
@@ -77,7 +74,7 @@ std::vector<std::byte> parameters(const Instance &instance)
     std::vector<std::byte> bytes;
     for (const FledgeField &field : fields(instance.type())) {
         if (field.group == FLEDGE_PAR) {
-            append(bytes, instance.memory() + field.offset, field.size);
+            bytes.insert(bytes.end(), instance.memory() + field.offset, instance.memory() + field.offset + field.size);
         }
     }
     return bytes;
@@ -97,16 +94,6 @@ bool unchanged(const Instance &instance, const std::vector<std::byte> &seen)
     return true;
 }
 
-/// The first multiple of the task's period, from its offset on, at or after t.
-Ns on_grid(const RunTask &task, Ns t)
-{
-    if (t <= task.offset) {
-        return task.offset;
-    }
-    const Ns periods = (t - task.offset + task.period - 1) / task.period;
-    return task.offset + periods * task.period;
-}
-
 Ns longest_period(const Process &process)
 {
     Ns longest = 0;
@@ -116,86 +103,80 @@ Ns longest_period(const Process &process)
     return longest;
 }
 
-const Process &process_of(const Simulation &simulation, const Instance &instance)
-{
-    return *std::find_if(simulation.processes().begin(), simulation.processes().end(), [&](const auto &p) {
-                return p->find(instance.name).get() == &instance;
-            })->get();
-}
-
 } // namespace
 
-Simulation::Runtime::Runtime(Simulation &owner) : simulation(owner)
+Runtime::Runtime(const Structure &built, Roles roles, Recorder &recorder)
+    : structure(built), roles_(std::move(roles)), recorder_(recorder)
 {
-    // Exchanges first: copies point into their buffers, which must not move.
-    exchanges.reserve(owner.wires_.size());
-    for (const auto &process : owner.processes_) {
-        std::vector<const Instance *> run;
+    // Pointers go into both, so that their elements must not move.
+    exchanges_.reserve(structure.wires.size());
+    processes_.reserve(structure.processes.size());
+    for (const auto &process : structure.processes) {
+        RunProcess &run = processes_.emplace_back();
+        run.process = process.get();
+        run.events.resize(process->events().size());
+        has_events_ |= !run.events.empty();
         std::vector<const Task *> order;
-        for (const Task &task : process->tasks_) {
+        for (const Task &task : process->tasks()) {
             order.push_back(&task);
         }
         std::stable_sort(order.begin(), order.end(),
                          [](const Task *a, const Task *b) { return a->priority > b->priority; });
         for (const Task *task : order) {
-            RunTask entry{task, process.get(), static_cast<std::uint32_t>(steps.size()), 0, task->period, task->offset};
+            RunTask entry{{}, {task->period, task->offset}, &run, static_cast<std::uint32_t>(steps_.size()), 0, task,
+                          {}};
+            for (int mode = 0; mode < static_cast<int>(process->modes().size()); mode++) {
+                entry.runs_in.push_back(process->runs_in(*task, mode));
+            }
             for (const auto &instance : task->run) {
-                run.push_back(instance.get());
-                const auto first = static_cast<std::uint32_t>(copies.size());
+                const auto first = static_cast<std::uint32_t>(copies_.size());
                 lay_out_wires(*instance);
-                const auto last = static_cast<std::uint32_t>(copies.size());
+                const auto last = static_cast<std::uint32_t>(copies_.size());
                 if (Model *model = instance->model()) {
-                    steps.push_back({update_model, model, first, last});
+                    steps_.push_back({update_model, model, first, last});
                 } else {
-                    steps.push_back({update_of(*instance), instance->memory(), first, last});
+                    steps_.push_back({update_of(*instance), instance->memory(), first, last});
                 }
             }
-            entry.last_step = static_cast<std::uint32_t>(steps.size());
-            tasks.push_back(entry);
+            entry.last_step = static_cast<std::uint32_t>(steps_.size());
+            tasks_.push_back(std::move(entry));
         }
-        for (const auto &instance : process->instances_) {
-            known.emplace_back(instance.get(), parameters(*instance));
-            if (!instance->model() && std::find(run.begin(), run.end(), instance.get()) == run.end()) {
+        for (const auto &instance : process->instances()) {
+            known_.emplace_back(instance.get(), parameters(*instance));
+            if (roles_.at(instance.get()).configuration) {
                 Configuration module{instance.get(), {}};
-                for (const Wire &wire : owner.wires_) {
+                for (const Wire &wire : structure.wires) {
                     if (wire.from.instance == instance) {
                         module.copies.push_back(copy_of(wire, words(wire.from.bytes())));
                         module.copies.back().stale_after = 0; // it does not age
                     }
                 }
-                configuration.push_back(std::move(module));
+                configuration_.push_back(std::move(module));
             }
         }
     }
 }
 
 /// The wires into an instance, then those into the parts that it advances.
-void Simulation::Runtime::lay_out_wires(const Instance &consumer)
+void Runtime::lay_out_wires(const Instance &consumer)
 {
-    const auto in_task = [&](const Instance &producer) {
-        const Process &process = process_of(simulation, producer);
-        return producer.model() || std::any_of(process.tasks_.begin(), process.tasks_.end(), [&](const Task &task) {
-                   return std::any_of(task.run.begin(), task.run.end(),
-                                      [&](const auto &i) { return i.get() == &producer; });
-               });
-    };
-    for (const Wire &wire : simulation.wires_) {
-        if (wire.to.instance.get() != &consumer || !in_task(*wire.from.instance)) {
-            continue; // what a configuration module says is carried when it changes
+    for (const Wire &wire : structure.wires) {
+        if (wire.to.instance.get() != &consumer || roles_.at(wire.from.instance.get()).configuration) {
+            continue; // the output of a configuration module is copied when it changes
         }
         const Word *from = words(wire.from.bytes());
         if (wire.options.latency) {
             const std::uint32_t n = wire.from.field->size / 8;
-            const Ns period = std::max(longest_period(process_of(simulation, *wire.from.instance)),
-                                       longest_period(process_of(simulation, consumer)));
-            exchanges.push_back({from, n, period, -1, std::vector<std::uint64_t>(n)});
-            from = exchanges.back().held.data();
+            const Ns period = std::max(longest_period(*roles_.at(wire.from.instance.get()).process),
+                                       longest_period(*roles_.at(&consumer).process));
+            exchanges_.push_back({from, n, period, -1, std::vector<std::uint64_t>(n)});
+            from = exchanges_.back().held.data();
         }
-        copies.push_back(copy_of(wire, from));
+        copies_.push_back(copy_of(wire, from));
     }
     if (consumer.model()) {
         for (const Model *part : consumer.model()->parts()) {
-            for (const auto &instance : process_of(simulation, consumer).instances_) {
+            for (const auto &instance : roles_.at(&consumer).process->instances()) {
                 if (instance->model() == part) {
                     lay_out_wires(*instance);
                 }
@@ -204,55 +185,40 @@ void Simulation::Runtime::lay_out_wires(const Instance &consumer)
     }
 }
 
-void Simulation::Runtime::reset(Ns after)
+void Runtime::reset(Ns after)
 {
     const Ns start = std::max<Ns>(after, 0);
     now = after;
-    failure.clear();
+    failure_.clear();
     pace = {};
-    for (const Wire &wire : simulation.wires_) {
+    mode_asked_ = false;
+    for (const Wire &wire : structure.wires) {
         std::memset(wire.to.bytes(), 0, wire.to.field->size);
     }
-    for (const auto &process : simulation.processes_) {
-        process->ran_ = -1;
-        process->mode_ = process->initial_;
-        process->pending_ = -1;
-        std::vector<Model *> parts;
-        for (const auto &instance : process->instances_) {
-            if (instance->model()) {
-                const auto own = instance->model()->parts();
-                parts.insert(parts.end(), own.begin(), own.end());
+    for (RunProcess &process : processes_) {
+        process.mode = process.asked = process.process->initial_mode();
+        process.ran = -1;
+        for (const auto &instance : process.process->instances()) {
+            if (!roles_.at(instance.get()).part) {
+                reset_instance(*instance, start);
             }
         }
-        for (const auto &instance : process->instances_) {
-            if (!instance->model()) {
-                reset_of (*instance)(instance->memory());
-            } else if (std::find(parts.begin(), parts.end(), instance->model()) == parts.end()) {
-                instance->model()->reset(start);
-            }
-        }
-        for (const auto &event : process->events_) {
-            event->armed = true;
-            event->from = 0;
-            event->since = event->fired_at = -1;
-        }
+        std::fill(process.events.begin(), process.events.end(), RunEvent{exec_armed(), 0});
     }
-    for (RunTask &task : tasks) {
-        task.active = task.process->active(*task.task, task.process->mode_);
-        task.next = on_grid(task, after + 1);
-        task.last = -1;
+    for (RunTask &task : tasks_) {
+        task.state = exec_start(task.rate, task.process->process->runs_in(*task.task, task.process->mode), after + 1);
     }
-    for (const Configuration &module : configuration) {
+    for (const Configuration &module : configuration_) {
         publish(module, start);
     }
-    for (Exchange &exchange : exchanges) {
+    for (Exchange &exchange : exchanges_) {
         copy_words(exchange.from, exchange.held.data(), exchange.words);
         exchange.done = -1;
     }
     next = next_instant();
 }
 
-void Simulation::Runtime::publish(const Configuration &module, Ns t)
+void Runtime::publish(const Configuration &module, Ns t)
 {
     update_of (*module.instance)(module.instance->memory(), {t, 0});
     for (const Copy &copy : module.copies) {
@@ -260,39 +226,33 @@ void Simulation::Runtime::publish(const Configuration &module, Ns t)
     }
 }
 
-bool Simulation::Runtime::parameters_changed() const
+bool Runtime::parameters_changed() const
 {
-    return std::any_of(known.begin(), known.end(),
+    return std::any_of(known_.begin(), known_.end(),
                        [](const auto &entry) { return !unchanged(*entry.first, entry.second); });
 }
 
-void Simulation::Runtime::take_parameters()
+void Runtime::take_parameters()
 {
-    std::string faults;
+    Faults faults;
     std::vector<Instance *> changed;
-    for (auto &[instance, seen] : known) {
+    for (const auto &[instance, seen] : known_) {
         if (!unchanged(*instance, seen)) {
-            try {
-                check_parameters(*instance);
-                changed.push_back(instance);
-            } catch (const SetupError &error) {
-                faults += (faults.empty() ? "" : "\n") + std::string(error.what());
-            }
+            changed.push_back(instance);
+            faults.collect([&, &one = *instance] { check_parameters(one); });
         }
     }
-    if (!faults.empty()) {
-        throw SetupError(faults);
-    }
+    faults.raise();
     for (Instance *instance : changed) {
         if (instance->model()) {
             instance->model()->refresh();
         }
-        for (const Configuration &module : configuration) {
+        for (const Configuration &module : configuration_) {
             if (module.instance == instance) {
                 publish(module, std::max<Ns>(now, 0));
             }
         }
-        for (auto &[other, seen] : known) {
+        for (auto &[other, seen] : known_) {
             if (other == instance) {
                 seen = parameters(*instance);
             }
@@ -300,133 +260,139 @@ void Simulation::Runtime::take_parameters()
     }
 }
 
-void Simulation::Runtime::ready_for(Ns t)
+void Runtime::ready_for(Ns t)
 {
-    if (!failure.empty()) {
-        throw RunError("the run ended: " + failure + "\nreset it, or restore a snapshot");
+    if (!failure_.empty()) {
+        throw RunError("the run ended: " + failure_ + "\nreset it, or restore a snapshot");
     }
     take_parameters();
-    std::string faults;
-    for (const auto &process : simulation.processes_) {
-        for (const auto &instance : process->instances_) {
+    Faults faults;
+    for (const auto &process : structure.processes) {
+        for (const auto &instance : process->instances()) {
             if (instance->model()) {
-                try {
-                    instance->model()->cover(t);
-                } catch (const SetupError &error) {
-                    faults += (faults.empty() ? "" : "\n") + std::string(error.what());
-                }
+                faults.collect([&] { instance->model()->ensure_data_until(t); });
             }
         }
     }
-    if (!faults.empty()) {
-        throw SetupError(faults);
+    faults.raise();
+}
+
+Ns Runtime::shortest_period() const
+{
+    Ns shortest = never;
+    for (const RunTask &task : tasks_) {
+        shortest = std::min(shortest, task.rate.period);
     }
+    return shortest;
+}
+
+RunProcess &Runtime::of(const Process &process)
+{
+    return *std::find_if(processes_.begin(), processes_.end(),
+                         [&](const auto &one) { return one.process == &process; });
+}
+
+RunEvent &Runtime::of(const Process &process, const Event &event)
+{
+    const auto &events = process.events();
+    const auto it = std::find_if(events.begin(), events.end(), [&](const auto &one) { return one.get() == &event; });
+    return of(process).events[static_cast<std::size_t>(it - events.begin())];
+}
+
+void Runtime::enter(const Process &process, int mode)
+{
+    of(process).asked = mode;
+    mode_asked_ = true;
+}
+
+void Runtime::event_added(const Process &process)
+{
+    // It is looked at from the next instant on: an action may add an event that adds another one.
+    of(process).events.push_back({exec_armed(), now + 1});
+    has_events_ = true;
 }
 
 /// The next instant of a task, in the mode that its process is in or was asked to enter.
-Ns Simulation::Runtime::next_of(const RunTask &task) const
+inline Ns Runtime::next_of(const RunTask &task) const
 {
-    const Process &process = *task.process;
-    if (task.active) {
-        return task.next;
-    }
-    return simulation.mode_asked_ && process.pending_ >= 0 && process.active(*task.task, process.pending_)
-               ? on_grid(task, now + 1)
-               : never;
+    const RunProcess &process = *task.process;
+    const bool asked = process.asked != process.mode && task.runs_in[static_cast<std::size_t>(process.asked)];
+    return exec_next(&task.state, task.rate, asked, now);
 }
 
-Ns Simulation::Runtime::next_instant() const
+Ns Runtime::next_instant() const
 {
     Ns t = never;
-    for (const RunTask &task : tasks) {
-        t = std::min(t, next_of(task));
+    for (const RunTask &task : tasks_) {
+        t = exec_sooner(t, next_of(task));
     }
     return t;
 }
 
-/// Enter the mode that was asked for, if this is an instant of the process: those of others are not seen
-/// by its computer. Called in its turn, so that who runs before it sees nothing of it yet.
-void Simulation::Runtime::enter_mode(Process &process, Ns t)
+/// Enter the mode that was asked for, if this is an instant of the process: its computer does not see the
+/// instants of other processes. Called when the process' turn comes, so that the processes before it still
+/// see its old mode.
+void Runtime::enter_mode(RunProcess &process, Ns t)
 {
-    const auto its_own = [&](const RunTask &task) { return task.process == &process && next_of(task) == t; };
-    if (std::none_of(tasks.begin(), tasks.end(), its_own)) {
+    const auto runs_now = [&](const RunTask &task) { return task.process == &process && next_of(task) == t; };
+    if (std::none_of(tasks_.begin(), tasks_.end(), runs_now)) {
         return;
     }
-    process.mode_ = process.pending_;
-    process.pending_ = -1;
-    for (RunTask &task : tasks) {
-        if (task.process != &process) {
-            continue;
-        }
-        const bool active = process.active(*task.task, process.mode_);
-        if (active && !task.active) {
+    process.mode = process.asked;
+    for (RunTask &task : tasks_) {
+        if (task.process == &process &&
+            exec_switch(&task.state, task.runs_in[static_cast<std::size_t>(process.mode)], task.rate, t)) {
             for (const auto &instance : task.task->run) {
-                if (instance->model()) {
-                    instance->model()->reset(t);
-                } else {
-                    reset_of (*instance)(instance->memory());
-                }
+                reset_instance(*instance, t);
             }
-            task.next = on_grid(task, t);
-            task.last = -1;
         }
-        task.active = active;
     }
 }
 
-inline void Simulation::Runtime::run_task(RunTask &task, Ns t)
+inline void Runtime::run_task(RunTask &task, Ns t)
 {
-    const Tick tick{t, task.last < 0 ? 0 : t - task.last};
+    const Tick tick = exec_begin(&task.state, task.rate, t);
     for (std::uint32_t i = task.first_step; i < task.last_step; i++) {
-        const Step &step = steps[i];
+        const Step &step = steps_[i];
         for (std::uint32_t k = step.first_copy; k < step.last_copy; k++) {
-            carry(copies[k], t);
+            carry(copies_[k], t);
         }
         step.update(step.self, tick);
     }
-    task.process->ran_ = t;
-    task.last = t;
-    task.next = t + task.period;
+    task.process->ran = t;
 }
 
-void Simulation::Runtime::run_events(Ns t)
+void Runtime::run_events(Ns t)
 {
     bool fired = true;
     while (fired) {
         fired = false;
-        for (const auto &process : simulation.processes_) {
-            if (process->ran_ != t) {
+        for (RunProcess &process : processes_) {
+            if (process.ran != t) {
                 continue; // flight looks at its events when flight runs, here as on its own computer
             }
-            for (std::size_t i = 0; i < process->events_.size(); i++) {
-                if (Event &e = *process->events_[i]; t < e.from || (e.once && !e.armed)) {
-                    e.since = -1;
+            for (std::size_t i = 0; i < process.events.size(); i++) {
+                // By index and by a copy of the pointer: an action may add events.
+                const std::shared_ptr<Event> event = process.process->events()[i];
+                RunEvent &run = process.events[i];
+                if (t < run.from || (event->once && !run.state.armed)) {
+                    run.state.since = -1;
                     continue;
                 }
-                // By index and by copy of the pointer: an action may add events.
-                const std::shared_ptr<Event> event = process->events_[i];
-                if (!(event->condition ? event->condition->holds() : event->predicate())) {
-                    event->since = -1;
-                    event->armed = event->armed || !event->once;
+                const bool holds = event->condition ? event->condition->holds() : event->predicate();
+                const Ns fired_before = process.events[i].state.fired_at; // the predicate may add events, too
+                if (!exec_fires(&process.events[i].state, holds, event->hold, event->once, t)) {
                     continue;
                 }
-                if (event->since < 0) {
-                    event->since = t;
-                }
-                if (!event->armed || t - event->since < event->hold) {
-                    continue;
-                }
-                if (event->fired_at == t) {
-                    throw RunError("event " + process->name + "." + event->name + " fires again at " + format_time(t) +
-                                   ", the instant at which it fired: " +
+                if (fired_before == t) {
+                    throw RunError("event " + process.process->name + "." + event->name + " fires again at " +
+                                   format_time(t) + ", the instant at which it fired: " +
                                    (event->condition ? event->condition->text + " holds" : "its condition holds") +
                                    " and it was armed anew");
                 }
-                event->armed = false;
-                event->fired_at = t;
                 fired = true;
                 if (!event->mode.empty()) {
-                    process->enter(event->mode);
+                    process.process->enter(event->mode);
                 }
                 if (event->action) {
                     event->action();
@@ -436,10 +402,10 @@ void Simulation::Runtime::run_events(Ns t)
     }
 }
 
-void Simulation::Runtime::instant()
+void Runtime::instant()
 {
     const Ns t = next;
-    for (Exchange &exchange : exchanges) {
+    for (Exchange &exchange : exchanges_) {
         // What stood there at the last multiple of its period before t.
         const Ns due = t > 0 ? (t - 1) / exchange.period * exchange.period : -1;
         if (due > exchange.done) {
@@ -447,27 +413,27 @@ void Simulation::Runtime::instant()
             copy_words(exchange.from, exchange.held.data(), exchange.words);
         }
     }
-    for (RunTask &task : tasks) {
-        if (simulation.mode_asked_ && task.process->pending_ >= 0) {
+    for (RunTask &task : tasks_) {
+        if (mode_asked_ && task.process->asked != task.process->mode) {
             enter_mode(*task.process, t);
         }
-        if (task.active && task.next == t) {
+        if (exec_due(&task.state, t)) {
             run_task(task, t);
         }
     }
-    if (simulation.mode_asked_) {
-        simulation.mode_asked_ = std::any_of(simulation.processes_.begin(), simulation.processes_.end(),
-                                             [](const auto &process) { return process->pending_ >= 0; });
+    if (mode_asked_) {
+        mode_asked_ = std::any_of(processes_.begin(), processes_.end(),
+                                  [](const RunProcess &process) { return process.asked != process.mode; });
     }
     now = t;
-    if (simulation.has_events_) {
+    if (has_events_) {
         run_events(t);
     }
-    simulation.recorder_.take(t);
+    recorder_.take(t);
     next = next_instant();
 }
 
-bool Simulation::Runtime::run_until(Ns t, const RunControl &control)
+bool Runtime::run_until(Ns t, const RunControl &control)
 {
     using Clock = std::chrono::steady_clock;
     using namespace std::chrono_literals;
@@ -509,39 +475,32 @@ bool Simulation::Runtime::run_until(Ns t, const RunControl &control)
             instant();
         }
     } catch (const std::exception &error) {
-        failure = error.what();
-        failure.resize(std::min(failure.size(), failure.find('\n'))); // Python adds a traceback
+        failure_ = error.what();
+        failure_.resize(std::min(failure_.size(), failure_.find('\n'))); // Python adds a traceback
         throw;
     }
     return true;
 }
 
-// ---- snapshots: one walk over all that changes, for saving and for restoring alike
-
-void Simulation::Runtime::shape(const std::function<void(void *, std::size_t)> &block) const
+void Runtime::visit_state(const std::function<void(void *, std::size_t)> &block)
 {
-    auto &self = const_cast<Runtime &>(*this);
     const auto value = [&](auto &x) { block(&x, sizeof x); };
-    value(self.now);
-    value(self.next);
-    for (RunTask &task : self.tasks) {
-        value(task.next);
-        value(task.last);
-        value(task.active);
+    value(now);
+    value(next);
+    for (RunTask &task : tasks_) {
+        value(task.state);
     }
-    for (Exchange &exchange : self.exchanges) {
+    for (Exchange &exchange : exchanges_) {
         value(exchange.done);
         block(exchange.held.data(), exchange.words * sizeof(Word));
     }
-    for (const auto &process : simulation.processes_) {
-        value(process->mode_);
-        value(process->pending_);
-        for (const auto &event : process->events_) {
-            value(event->armed);
-            value(event->since);
-            value(event->fired_at);
+    for (RunProcess &process : processes_) {
+        value(process.mode);
+        value(process.asked);
+        for (RunEvent &event : process.events) {
+            value(event.state);
         }
-        for (const auto &instance : process->instances_) {
+        for (const auto &instance : process.process->instances()) {
             block(instance->memory(), instance->type().size);
             if (instance->model()) {
                 const auto memory = instance->model()->memory();
@@ -553,132 +512,16 @@ void Simulation::Runtime::shape(const std::function<void(void *, std::size_t)> &
     }
 }
 
-std::uint64_t Simulation::Runtime::shape_hash() const
+void Runtime::restored()
 {
-    std::uint64_t hash = 0xcbf29ce484222325u; // FNV-1a, by words
-    const auto mix = [&](std::uint64_t x) { hash = (hash ^ x) * 0x100000001b3u; };
-    for (const auto &process : simulation.processes_) {
-        for (const auto &instance : process->instances_) {
-            mix(instance->type().hash);
-        }
-    }
-    shape([&](void *, std::size_t n) { mix(n); });
-    return hash;
-}
-
-std::vector<std::byte> Simulation::Runtime::save() const
-{
-    const std::uint64_t hash = shape_hash();
-    std::vector<std::byte> bytes;
-    append(bytes, &hash, sizeof hash);
-    shape([&](void *p, std::size_t n) { append(bytes, p, n); });
-    return bytes;
-}
-
-void Simulation::Runtime::restore(std::span<const std::byte> bytes)
-{
-    const std::uint64_t expected = shape_hash();
-    std::uint64_t hash = 0;
-    std::size_t size = sizeof hash;
-    shape([&](void *, std::size_t n) { size += n; });
-    if (bytes.size() >= sizeof hash) {
-        std::memcpy(&hash, bytes.data(), sizeof hash);
-    }
-    if (hash != expected || bytes.size() != size) {
-        throw SetupError("this snapshot (" + std::to_string(bytes.size()) +
-                         " bytes) is of a simulation with other modules, tasks or events; this one's have " +
-                         std::to_string(size) + " bytes");
-    }
-    const std::byte *from = bytes.data() + sizeof hash;
-    shape([&](void *p, std::size_t n) {
-        std::memcpy(p, from, n);
-        from += n;
-    });
-    failure.clear();
-    simulation.mode_asked_ = true; // perhaps: the processes know
-    // What models derive from their parameters follows the restored ones.
-    for (auto &[instance, seen] : known) {
+    failure_.clear();
+    mode_asked_ = true; // looked at anew in the next instant
+    for (auto &[instance, seen] : known_) {
         if (instance->model() && !unchanged(*instance, seen)) {
-            instance->model()->refresh();
+            instance->model()->refresh(); // what the model derives from its parameters
         }
         seen = parameters(*instance);
     }
-    simulation.recorder_.rewind(now);
-}
-
-// ---- what Simulation hands on to it
-
-void Simulation::reset()
-{
-    // Anew from the parameters as they are now: they may have changed what models make room for.
-    runtime_.reset();
-    prepare();
-}
-
-void Simulation::begin_after(Ns t)
-{
-    reset();
-    runtime_->reset(t);
-    recorder_.rewind(t);
-}
-
-Ns Simulation::now() const
-{
-    return runtime_ ? runtime_->now : -1;
-}
-
-Ns Simulation::next() const
-{
-    return runtime_ ? runtime_->next : 0;
-}
-
-void Simulation::ready_for(Ns t)
-{
-    if (runtime_ && runtime_->now < 0 && runtime_->parameters_changed()) {
-        reset(); // initial states are parameters too
-    }
-    prepare();
-    runtime_->ready_for(t);
-}
-
-bool Simulation::run_until(Ns t, const RunControl &control)
-{
-    ready_for(t);
-    Ns shortest = Runtime::never;
-    for (const RunTask &task : runtime_->tasks) {
-        shortest = std::min(shortest, task.period);
-    }
-    recorder_.reserve(runtime_->now, t, shortest);
-    return runtime_->run_until(t, control);
-}
-
-void Simulation::step()
-{
-    prepare();
-    if (runtime_->next == Runtime::never) {
-        throw SetupError("no task is active: there is nothing to step");
-    }
-    run_until(runtime_->next);
-}
-
-PaceReport Simulation::pace_report() const
-{
-    return runtime_ ? runtime_->pace : PaceReport{};
-}
-
-std::vector<std::byte> Simulation::snapshot() const
-{
-    if (!runtime_) {
-        throw SetupError("there is nothing to take a snapshot of before the simulation is prepared; "
-                         "run or reset it first");
-    }
-    return runtime_->save();
-}
-
-void Simulation::restore(std::span<const std::byte> bytes)
-{
-    prepare();
-    runtime_->restore(bytes);
 }
 
 } // namespace fledge::sim

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// The schedule as the loop walks it: flat arrays, no names, nothing that allocates.
+// The run of a structure: its schedule as the loop walks it (flat arrays, without names), and the state of
+// the run besides the memory of the instances. The rules of time are those of flight/exec.
 // Private to the kernel.
 #pragma once
 
+#include "flight/exec/event.h"
+#include "flight/exec/task.h"
 #include "sim/simulation.h"
 
 #include <limits>
@@ -25,14 +28,25 @@ struct Step {
     std::uint32_t first_copy, last_copy; ///< the wires into it, in Runtime::copies
 };
 
-struct RunTask {
-    const Task *task;
+struct RunEvent {
+    ExecEvent state;
+    Ns from; ///< the event is not looked at before this time
+};
+
+struct RunProcess {
     Process *process;
+    std::int32_t mode, asked; ///< the mode in force, and the one that was asked for; -1: it has no modes
+    Ns ran = -1;              ///< the last instant at which one of its tasks ran
+    std::vector<RunEvent> events;
+};
+
+struct RunTask {
+    ExecTask state;
+    ExecRate rate;
+    RunProcess *process;
     std::uint32_t first_step, last_step;
-    Ns period, offset;
-    Ns next = 0;
-    Ns last = -1; ///< when it last ran; -1: not since its reset
-    bool active = true;
+    const Task *task;
+    std::vector<bool> runs_in; ///< by mode
 };
 
 /// A wire with latency: the consumer reads `held`, the output at the end of the last exchange before.
@@ -50,48 +64,59 @@ struct Configuration {
     std::vector<Copy> copies; ///< the wires from it
 };
 
-struct Simulation::Runtime {
-    explicit Runtime(Simulation &owner);
-
-    void reset(Ns after = -1); ///< the first instant comes after this time
-    void instant();            ///< run one
-    bool run_until(Ns t, const RunControl &control);
-    Ns next_instant() const;
-
-    /// Take over what the user changed between two runs: checked, derived and published anew.
-    void take_parameters();
-    bool parameters_changed() const;
-
-    /// What comes before a run until t: the parameters are taken over, and the models asked whether
-    /// they can go so far. Throws SetupError with all that cannot, RunError if the run has failed.
-    void ready_for(Ns t);
-
-    std::vector<std::byte> save() const;
-    void restore(std::span<const std::byte> bytes);
-
+class Runtime {
+public:
     static constexpr Ns never = std::numeric_limits<Ns>::max();
 
-    Simulation &simulation;
-    std::vector<Copy> copies;
-    std::vector<Step> steps;
-    std::vector<RunTask> tasks; ///< in the order of equal times
-    std::vector<Exchange> exchanges;
-    std::vector<Configuration> configuration;
-    std::vector<std::pair<Instance *, std::vector<std::byte>>> known; ///< parameters as last seen
+    Runtime(const Structure &structure, Roles roles, Recorder &recorder);
+
+    void reset(Ns after = -1); ///< the first instant comes after this time
+    bool run_until(Ns t, const RunControl &control);
+    Ns shortest_period() const;
+
+    /// The check before a run until t: takes over the changed parameters, and asks the models whether they
+    /// can go so far. Throws SetupError with all that cannot, RunError if the run has failed.
+    void ready_for(Ns t);
+    bool parameters_changed() const;
+
+    RunProcess &of(const Process &process);
+    RunEvent &of(const Process &process, const Event &event);
+    void enter(const Process &process, int mode);
+    void event_added(const Process &process);
+
+    /// Call with every block of memory that changes during a run, for saving and for restoring alike.
+    void visit_state(const std::function<void(void *, std::size_t)> &block);
+    /// The state was restored: derive anew what follows from it.
+    void restored();
+
+    const Structure &structure;
     Ns now = -1;
     Ns next = 0;
-    std::string failure; ///< why the run cannot go on; "" if it can
     PaceReport pace;
 
 private:
     void lay_out_wires(const Instance &consumer);
+    void take_parameters();
+    void instant(); ///< run one
     Ns next_of(const RunTask &task) const;
-    void enter_mode(Process &process, Ns t);
+    Ns next_instant() const;
+    void enter_mode(RunProcess &process, Ns t);
     void run_task(RunTask &task, Ns t);
     void run_events(Ns t);
     void publish(const Configuration &module, Ns t);
-    void shape(const std::function<void(void *, std::size_t)> &block) const;
-    std::uint64_t shape_hash() const;
+
+    Roles roles_;
+    Recorder &recorder_;
+    std::vector<Copy> copies_;
+    std::vector<Step> steps_;
+    std::vector<RunProcess> processes_;
+    std::vector<RunTask> tasks_; ///< in the order of equal times
+    std::vector<Exchange> exchanges_;
+    std::vector<Configuration> configuration_;
+    std::vector<std::pair<Instance *, std::vector<std::byte>>> known_; ///< parameters as last seen
+    bool mode_asked_ = false; ///< some process was asked for a mode, and has not entered it yet
+    bool has_events_ = false;
+    std::string failure_; ///< why the run cannot go on; "" if it can
 };
 
 } // namespace fledge::sim

@@ -1,141 +1,40 @@
 // SPDX-License-Identifier: Apache-2.0
-// Set-up: what may be joined to what, and what must be there before a run. The loop itself is in
-// runtime.cpp.
 #include "sim/simulation.h"
 
-#include "flight/exec/event.h"
 #include "sim/runtime.h"
+#include "sim/snapshot.h"
 #include "sim/text.h"
 
 #include <algorithm>
-#include <cmath>
-#include <cstring>
 #include <iterator>
 #include <unordered_map>
 
 namespace fledge::sim {
 
-namespace {
-
-bool same_type(const FledgeStruct *a, const FledgeStruct *b)
-{
-    // Two libraries may each hold a table of the same message.
-    return a == b || (a && b && a->hash == b->hash && !std::strcmp(a->name, b->name));
-}
-
-template <class T> T element(const std::byte *p)
-{
-    T value;
-    std::memcpy(&value, p, sizeof value);
-    return value;
-}
-
-/// The paths of all ports of a type, for messages.
-std::vector<std::string> outputs_of_type(const Simulation &simulation, const FledgeStruct *type)
-{
-    std::vector<std::string> paths;
-    for (const auto &process : simulation.processes()) {
-        for (const auto &instance : process->instances()) {
-            for (const FledgeField &field : fields(instance->type())) {
-                if (field.group == FLEDGE_OUT && same_type(field.sub, type)) {
-                    paths.push_back(instance->path + "." + field.name);
-                }
-            }
-        }
-    }
-    return paths;
-}
-
-/// Inputs that must differ, such as two bodies to point at, and do not: wired to one output, or to
-/// two that say the same at the start. "" if there are none.
-std::string coincident_inputs(const Simulation &simulation)
-{
-    std::string faults;
-    for (const Wire &wire : simulation.wires()) {
-        const char *distinct = wire.to.field->distinct;
-        if (!distinct) {
-            continue;
-        }
-        for (const Wire &other : simulation.wires()) {
-            if (other.to.instance != wire.to.instance || std::strcmp(other.to.field->name, distinct)) {
-                continue;
-            }
-            const std::byte *one = wire.from.bytes(), *two = other.from.bytes();
-            const auto written = [](const std::byte *message) {
-                return element<Head>(message).quality != QUALITY_NONE;
-            };
-            const bool same = one == two || (written(one) && written(two) &&
-                                             !std::memcmp(one + sizeof(Head), two + sizeof(Head),
-                                                          wire.to.field->size - sizeof(Head)));
-            if (same) {
-                faults += (faults.empty() ? "" : "\n") + wire.to.path() + " must differ from " + other.to.path() +
-                          ": " + wire.from.path() +
-                          (one == two ? " feeds both" : " and " + other.from.path() + " say the same");
-            }
-        }
-    }
-    return faults;
-}
-
-} // namespace
-
-std::string Port::path() const
-{
-    return instance->path + "." + field->name;
-}
-
-bool Condition::holds() const
-{
-    const std::byte *p = instance->memory() + offset;
-    double value = element_read(type, p);
-    if (measure != Measure::element) {
-        const double *x = reinterpret_cast<const double *>(p);
-        if (type != FLEDGE_F64) {
-            static thread_local std::vector<double> numbers;
-            numbers.resize(elements);
-            for (std::size_t i = 0; i < elements; i++) {
-                numbers[i] = element_read(type, p + i * element_size(type));
-            }
-            x = numbers.data();
-        }
-        value = measure == Measure::norm ? exec_norm(x, elements) : exec_max_abs(x, elements);
-    }
-    switch (comparison) {
-    case Comparison::less: return value < constant;
-    case Comparison::less_equal: return value <= constant;
-    case Comparison::greater: return value > constant;
-    case Comparison::greater_equal: return value >= constant;
-    case Comparison::equal: return value == constant;
-    case Comparison::not_equal: return value != constant;
-    }
-    return false;
-}
-
-Simulation::Simulation(std::uint64_t seed) : seed_(seed) {}
+Simulation::Simulation(std::uint64_t seed) : structure_{seed, {}, {}} {}
 Simulation::~Simulation() = default;
+
+// ---- build
+
+void Simulation::set_up_again()
+{
+    if (now() >= 0) {
+        throw SetupError("the simulation has run until " + format_time(now()) +
+                         "; reset it before its structure or seed changes");
+    }
+    runtime_.reset();
+}
 
 Process &Simulation::add_process(const std::string &name)
 {
     set_up_again();
-    for (const auto &process : processes_) {
+    for (const auto &process : processes()) {
         if (process->name == name) {
             throw SetupError("process " + name + " is already there");
         }
     }
-    processes_.push_back(std::unique_ptr<Process>(new Process(*this, name)));
-    return *processes_.back();
-}
-
-Process &Simulation::process(std::string_view name)
-{
-    std::vector<std::string> names;
-    for (const auto &process : processes_) {
-        if (process->name == name) {
-            return *process;
-        }
-        names.push_back(process->name);
-    }
-    throw SetupError("there is no process " + std::string(name) + "; there are " + format_list(names));
+    structure_.processes.push_back(std::unique_ptr<Process>(new Process(*this, name)));
+    return *processes().back();
 }
 
 void Simulation::connect(const Port &from, const Port &to, WireOptions options)
@@ -158,7 +57,7 @@ void Simulation::connect(const Port &from, const Port &to, WireOptions options)
     if (!same_type(from.field->sub, to.field->sub)) {
         throw SetupError(wire + ": " + to.path() + " takes " + to.field->sub->name + ", found " +
                          from.field->sub->name +
-                         "; outputs of that type: " + format_list(outputs_of_type(*this, to.field->sub)));
+                         "; outputs of that type: " + format_list(structure_.outputs_of_type(to.field->sub)));
     }
     if (options.latency != 0 && options.latency != 1) {
         throw SetupError(wire + ": latency must be 0 or 1, found " + std::to_string(options.latency));
@@ -166,150 +65,161 @@ void Simulation::connect(const Port &from, const Port &to, WireOptions options)
     if (options.stale_after < 0) {
         throw SetupError(wire + ": stale_after must be >= 0, found " + format_time(options.stale_after));
     }
-    for (const Wire &other : wires_) {
+    for (const Wire &other : structure_.wires) {
         if (other.to.instance == to.instance && other.to.field == to.field) {
             throw SetupError(wire + ": " + to.path() + " is already written by " + other.from.path());
         }
     }
     set_up_again();
-    wires_.push_back({from, to, options});
+    structure_.wires.push_back({from, to, options});
 }
 
 void Simulation::set_seed(std::uint64_t seed)
 {
     set_up_again();
-    seed_ = seed;
+    structure_.seed = seed;
 }
 
-void Simulation::set_up_again()
-{
-    if (runtime_ && runtime_->now >= 0) {
-        throw SetupError("the simulation has run until " + format_time(runtime_->now) +
-                         "; reset it before its structure or seed changes");
-    }
-    runtime_.reset();
-}
+// ---- run
 
 void Simulation::prepare()
 {
     if (runtime_) {
         return;
     }
-    std::string faults;
-    const auto fault = [&](const std::string &text) { faults += (faults.empty() ? "" : "\n") + text; };
-    const auto collect = [&](const auto &check) {
-        try {
-            check();
-        } catch (const SetupError &error) {
-            fault(error.what());
-        }
-    };
-
-    for (const auto &process : processes_) {
-        // Models that others advance, and instances that stand in a task.
-        std::vector<const Model *> parts;
-        std::vector<const Instance *> run;
-        for (const auto &instance : process->instances_) {
-            if (instance->model()) {
-                const auto own = instance->model()->parts();
-                parts.insert(parts.end(), own.begin(), own.end());
-            }
-        }
-        for (const Task &task : process->tasks_) {
-            for (const auto &instance : task.run) {
-                run.push_back(instance.get());
-            }
-        }
-        for (const auto &instance : process->instances_) {
-            const bool is_part =
-                instance->model() && std::find(parts.begin(), parts.end(), instance->model()) != parts.end();
-            const bool in_task = std::find(run.begin(), run.end(), instance.get()) != run.end();
-            const bool has_inputs = !field_names(instance->type(), FLEDGE_IN).empty();
-            if (is_part && in_task) {
-                fault(instance->path + " is part of another model, which advances it: take it out of its task");
-            } else if (!is_part && !in_task && (instance->model() || has_inputs)) {
-                fault(instance->path + " is in no task");
-            }
-            collect([&] { check_parameters(*instance); });
-            for (const FledgeField &field : fields(instance->type())) {
-                const auto feeds = [&](const Wire &wire) {
-                    return wire.to.instance == instance && wire.to.field == &field;
-                };
-                if (field.group == FLEDGE_IN && !(field.flags & FLEDGE_OPTIONAL) &&
-                    std::none_of(wires_.begin(), wires_.end(), feeds)) {
-                    fault(instance->path + "." + field.name + " is not wired; outputs of its type " + field.sub->name +
-                          ": " + format_list(outputs_of_type(*this, field.sub)));
-                }
-            }
-        }
-    }
-    if (!faults.empty()) {
-        throw SetupError(faults);
-    }
-    for (const auto &process : processes_) {
-        for (const auto &instance : process->instances_) {
+    Roles roles = decide_roles(structure_);
+    check(structure_, roles);
+    Faults faults;
+    for (const auto &process : processes()) {
+        for (const auto &instance : process->instances()) {
             if (Model *model = instance->model()) {
-                collect([&] { model->prepare({instance->path, seed_, process->integrator_.get()}); });
+                faults.collect([&] { model->prepare({instance->path, seed(), &process->integrator()}); });
             }
         }
     }
-    if (!faults.empty()) {
-        throw SetupError(faults);
-    }
-    runtime_ = std::make_unique<Runtime>(*this);
+    faults.raise();
+    runtime_ = std::make_unique<Runtime>(structure_, std::move(roles), recorder_);
     runtime_->reset();
     recorder_.reset();
-    if (const std::string coincident = coincident_inputs(*this); !coincident.empty()) {
+    if (const std::string coincident = coincident_inputs(structure_); !coincident.empty()) {
         runtime_.reset();
         throw SetupError(coincident);
     }
 }
 
+void Simulation::reset()
+{
+    // Anew from the parameters as they are now: they may have changed what models make room for.
+    runtime_.reset();
+    prepare();
+}
+
+void Simulation::begin_after(Ns t)
+{
+    reset();
+    runtime_->reset(t);
+    recorder_.rewind(t);
+}
+
+Ns Simulation::now() const
+{
+    return runtime_ ? runtime_->now : -1;
+}
+
+Ns Simulation::next() const
+{
+    return runtime_ ? runtime_->next : 0;
+}
+
+void Simulation::ready_for(Ns t)
+{
+    if (runtime_ && runtime_->now < 0 && runtime_->parameters_changed()) {
+        reset(); // initial states are parameters too
+    }
+    prepare();
+    runtime_->ready_for(t);
+}
+
+bool Simulation::run_until(Ns t, const RunControl &control)
+{
+    ready_for(t);
+    recorder_.reserve(runtime_->now, t, runtime_->shortest_period());
+    return runtime_->run_until(t, control);
+}
+
+void Simulation::step()
+{
+    prepare();
+    if (runtime_->next == Runtime::never) {
+        throw SetupError("no task is active: there is nothing to step");
+    }
+    run_until(runtime_->next);
+}
+
+PaceReport Simulation::pace_report() const
+{
+    return runtime_ ? runtime_->pace : PaceReport{};
+}
+
+// ---- copy and divide
+
+std::vector<std::byte> Simulation::snapshot() const
+{
+    if (!runtime_) {
+        throw SetupError("there is nothing to take a snapshot of before the simulation is prepared; "
+                         "run or reset it first");
+    }
+    return save(*runtime_);
+}
+
+void Simulation::restore(std::span<const std::byte> bytes)
+{
+    prepare();
+    sim::restore(*runtime_, bytes);
+    recorder_.rewind(now());
+}
+
 std::unique_ptr<Simulation> Simulation::clone() const
 {
-    auto copy = std::make_unique<Simulation>(seed_);
-    std::unordered_map<const Instance *, std::shared_ptr<Instance>> twin;
-    std::unordered_map<const Model *, Model *> model;
-    for (const auto &process : processes_) {
+    auto copy = std::make_unique<Simulation>(seed());
+    std::unordered_map<const Instance *, std::shared_ptr<Instance>> clones;
+    std::unordered_map<const Model *, Model *> models;
+    for (const auto &process : processes()) {
         Process &other = copy->add_process(process->name);
         other.integrator_ = process->integrator_;
+        other.modes_ = process->modes_;
+        other.initial_ = process->initial_;
         for (const auto &instance : process->instances_) {
-            auto &twin_instance = twin[instance.get()] = instance->twin();
-            other.instances_.push_back(twin_instance);
+            const auto &clone = clones[instance.get()] = instance->clone();
+            other.instances_.push_back(clone);
             if (instance->model()) {
-                model[instance->model()] = twin_instance->model();
+                models[instance->model()] = clone->model();
             }
         }
         for (Task task : process->tasks_) {
             for (auto &instance : task.run) {
-                instance = twin.at(instance.get());
+                instance = clones.at(instance.get());
             }
             other.tasks_.push_back(std::move(task));
         }
-        other.modes_ = process->modes_;
-        other.mode_ = process->mode_;
-        other.pending_ = process->pending_;
-        other.initial_ = process->initial_;
     }
-    copy->mode_asked_ = mode_asked_;
-    copy->has_events_ = has_events_;
-    // Events may watch the instances of any process, so all twins must be there.
-    for (std::size_t i = 0; i < processes_.size(); i++) {
-        for (const auto &event : processes_[i]->events_) {
+    // Events may look at the instances of any process, so all clones must exist.
+    for (std::size_t i = 0; i < processes().size(); i++) {
+        for (const auto &event : processes()[i]->events_) {
             auto other = std::make_shared<Event>(*event);
             if (other->condition) {
-                other->condition->instance = twin.at(other->condition->instance.get());
+                other->condition->instance = clones.at(other->condition->instance.get());
             }
-            copy->processes_[i]->events_.push_back(std::move(other));
+            copy->processes()[i]->events_.push_back(std::move(other));
         }
     }
-    for (const auto &[original, counterpart] : model) {
-        counterpart->copy_setup(*original, [&](const Model *m) { return model.at(m); });
+    for (const auto &[original, counterpart] : models) {
+        counterpart->copy_setup(*original, [&](const Model *model) { return models.at(model); });
     }
-    for (Wire wire : wires_) {
-        wire.from.instance = twin.at(wire.from.instance.get());
-        wire.to.instance = twin.at(wire.to.instance.get());
-        copy->wires_.push_back(std::move(wire));
+    for (Wire wire : wires()) {
+        wire.from.instance = clones.at(wire.from.instance.get());
+        wire.to.instance = clones.at(wire.to.instance.get());
+        copy->structure_.wires.push_back(std::move(wire));
     }
     if (runtime_) {
         copy->prepare();
@@ -318,93 +228,24 @@ std::unique_ptr<Simulation> Simulation::clone() const
     return copy;
 }
 
-std::vector<std::pair<std::string, std::string>> Simulation::ties(std::string_view process) const
+void Simulation::isolate(const std::string &name)
 {
-    std::vector<std::pair<std::string, std::string>> found;
-    for (const auto &one : processes_) {
-        const auto foreign = [&](const auto &is_it) -> const Instance * {
-            for (const auto &other : processes_) {
-                for (const auto &instance : other->instances_) {
-                    if (other != one && is_it(*instance)) {
-                        return instance.get();
-                    }
-                }
-            }
-            return nullptr;
-        };
-        // Whichever of the two is kept, the tie is broken.
-        const auto tie = [&](const std::string &what, const Instance *whose) {
-            if (whose &&
-                (process.empty() || one->name == process || whose->path.starts_with(std::string(process) + "."))) {
-                found.emplace_back(what, whose->path);
-            }
-        };
-        for (const auto &event : one->events_) {
-            if (event->condition) {
-                tie(one->name + "." + event->name,
-                    foreign([&](const Instance &i) { return &i == event->condition->instance.get(); }));
-            }
-        }
-        for (const auto &instance : one->instances_) {
-            if (!instance->model()) {
-                continue;
-            }
-            // A copy of the model asks for all others that it depends on.
-            const auto twin = instance->twin();
-            twin->model()->copy_setup(*instance->model(), [&](const Model *model) {
-                tie(instance->path, foreign([&](const Instance &i) { return i.model() == model; }));
-                return const_cast<Model *>(model);
-            });
-        }
+    const Process &isolated = process(name);
+    Faults faults;
+    for (const auto &[what, other] : cross_process_dependencies(name)) {
+        faults.add(what + " depends on " + other + ", of another process");
     }
-    return found;
-}
-
-void Simulation::keep(const std::string &process)
-{
-    const Process &kept = this->process(process);
-    std::string faults;
-    for (const auto &[what, whose] : ties(process)) {
-        faults += (faults.empty() ? "" : "\n") + what + " depends on " + whose + ", of another process";
-    }
-    if (!faults.empty()) {
-        throw SetupError(faults);
-    }
+    faults.raise();
     set_up_again();
-    const auto goes = [&](const Instance &instance) { return kept.find(instance.name).get() != &instance; };
-    std::erase_if(wires_, [&](const Wire &wire) { return goes(*wire.from.instance) || goes(*wire.to.instance); });
-    recorder_.forget([&](const Log &log) { return goes(*log.instance); });
-    const auto rest = std::stable_partition(processes_.begin(), processes_.end(),
-                                            [&](const auto &one) { return one.get() == &kept; });
-    left_.insert(left_.end(), std::make_move_iterator(rest), std::make_move_iterator(processes_.end()));
-    processes_.erase(rest, processes_.end());
-    has_events_ = !kept.events_.empty();
-    mode_asked_ = kept.pending_ >= 0;
-}
-
-std::vector<std::string> Simulation::assumptions() const
-{
-    std::vector<std::string> lines;
-    for (const auto &process : processes_) {
-        for (const auto &instance : process->instances_) {
-            if (instance->model()) {
-                for (const std::string &line : instance->model()->assumptions()) {
-                    lines.push_back(instance->path + "." + line);
-                }
-            }
-            const FledgeStruct &type = instance->type();
-            for (std::size_t i = 0; i < type.n; i++) {
-                const FledgeField &field = type.fields[i];
-                const std::byte *bytes = instance->memory() + field.offset;
-                if (field.flags & FLEDGE_ASSUMED && !instance->given[i] &&
-                    std::all_of(bytes, bytes + field.size, [](std::byte b) { return b == std::byte{0}; })) {
-                    const std::string unit = std::strcmp(field.unit, "-") ? " " + std::string(field.unit) : "";
-                    lines.push_back(instance->path + "." + field.name + " was left at 0" + unit + ": " + field.doc);
-                }
-            }
-        }
-    }
-    return lines;
+    const auto removed = [&](const Instance &instance) { return isolated.find(instance.name).get() != &instance; };
+    std::erase_if(structure_.wires,
+                  [&](const Wire &wire) { return removed(*wire.from.instance) || removed(*wire.to.instance); });
+    recorder_.forget([&](const Log &log) { return removed(*log.instance); });
+    auto &all = structure_.processes;
+    const auto rest =
+        std::stable_partition(all.begin(), all.end(), [&](const auto &process) { return process.get() == &isolated; });
+    removed_.insert(removed_.end(), std::make_move_iterator(rest), std::make_move_iterator(all.end()));
+    all.erase(rest, all.end());
 }
 
 } // namespace fledge::sim

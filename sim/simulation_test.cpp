@@ -377,7 +377,7 @@ TEST(Events, ThatRearmThemselvesAtTheSameInstantAreAnError)
     event.name = "restless";
     event.condition = below(loop.tank, 4.0);
     std::shared_ptr<Event> handle;
-    event.action = [&] { handle->armed = true; };
+    event.action = [&] { loop.sim.process("world").arm(*handle, true); };
     handle = loop.sim.process("world").add_event(std::move(event));
     const std::string error = error_of([&] { loop.sim.run_until(5000 * ms); });
     EXPECT_THAT(error, HasSubstr("event world.restless fires again at 1.3 s"));
@@ -404,7 +404,7 @@ TEST(Events, ChangeTheMode)
     EXPECT_EQ(face<Scale>(loop.control).mem.t, 1500 * ms);
 }
 
-TEST(Keep, LeavesOneProcessThatIsAsItWas)
+TEST(Isolate, LeavesOneProcessThatIsAsItWas)
 {
     Loop loop;
     loop.sim.recorder().record(loop.tank, *find_field(loop.tank->type(), "level"), 0);
@@ -415,8 +415,8 @@ TEST(Keep, LeavesOneProcessThatIsAsItWas)
     event.condition = below(loop.tank, 4.0);
     event.action = [] {};
     world.add_event(std::move(event));
-    EXPECT_TRUE(loop.sim.ties("world").empty());
-    loop.sim.keep("flight");
+    EXPECT_TRUE(loop.sim.cross_process_dependencies("world").empty());
+    loop.sim.isolate("flight");
     ASSERT_EQ(loop.sim.processes().size(), 1u);
     EXPECT_TRUE(loop.sim.wires().empty());
     EXPECT_THAT(loop.sim.recorder().logs(), ElementsAre(kept));
@@ -425,7 +425,7 @@ TEST(Keep, LeavesOneProcessThatIsAsItWas)
     EXPECT_EQ(flight.find("control"), loop.control);
 }
 
-TEST(Keep, IsRefusedWhereMoreThanWiresJoinTheProcesses)
+TEST(Isolate, IsRefusedWhereMoreThanWiresJoinTheProcesses)
 {
     Loop loop;
     auto leak = make(loop.sim.process("flight"), "leak", leak_type);
@@ -436,7 +436,7 @@ TEST(Keep, IsRefusedWhereMoreThanWiresJoinTheProcesses)
     event.action = [] {};
     loop.sim.process("flight").add_event(std::move(event));
     for (const char *process : {"world", "flight"}) {
-        EXPECT_THAT(error_of([&] { loop.sim.keep(process); }),
+        EXPECT_THAT(error_of([&] { loop.sim.isolate(process); }),
                     AllOf(HasSubstr("world.tank depends on flight.leak, of another process"),
                           HasSubstr("flight.low depends on world.tank")));
     }
@@ -445,7 +445,7 @@ TEST(Keep, IsRefusedWhereMoreThanWiresJoinTheProcesses)
 
     Loop other;
     other.sim.step();
-    EXPECT_THAT(error_of([&] { other.sim.keep("flight"); }), HasSubstr("reset it before its structure"));
+    EXPECT_THAT(error_of([&] { other.sim.isolate("flight"); }), HasSubstr("reset it before its structure"));
 }
 
 TEST(Snapshot, RestoresARunToTheBit)
@@ -636,7 +636,7 @@ public:
     void prepare(const Setup &setup) override { name_ = setup.name; }
     void reset(Ns) override {}
     void update(Tick) override {}
-    void cover(Ns until) override
+    void ensure_data_until(Ns until) override
     {
         if (until > 5 * ms) {
             throw SetupError(name_ + ": data end at 0.005 s, asked for " + std::to_string(until));

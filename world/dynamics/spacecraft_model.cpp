@@ -236,7 +236,7 @@ void SpacecraftModel::derive(Ns start, double tau, const double *x, double *dx)
     put(dx, at_omega, mat_vec(I_B_inverse_, vec_sub(loads.torque, vec_cross(omega, loads.momentum))));
 }
 
-void SpacecraftModel::settle(double *x)
+void SpacecraftModel::normalize(double *x)
 {
     put(x, at_sigma, mrp_short(get(x, at_sigma)));
 }

@@ -40,7 +40,7 @@ public:
     const std::shared_ptr<const Sky> &sky() const { return attraction_.sky(); }
 
     void prepare(const sim::Setup &setup) override;
-    void cover(sim::Ns until) override { attraction_.cover(until); }
+    void ensure_data_until(sim::Ns until) override { attraction_.ensure_data_until(until); }
     void reset(sim::Ns t) override;
 
     /// A new inertia takes effect at once; the parts' own parameters say when they do.
@@ -57,7 +57,7 @@ public:
 
 private:
     void derive(sim::Ns start, double tau, const double *x, double *dx) override;
-    void settle(double *x) override;
+    void normalize(double *x) override;
 
     bool hold(Tick tick);
     bool hold_external(Tick tick);

@@ -125,7 +125,7 @@ void Attraction::require(const Source &source, Ns from, Ns to) const
     }
 }
 
-void Attraction::cover(Ns until)
+void Attraction::ensure_data_until(Ns until)
 {
     if (until <= covered_) {
         return;

@@ -34,7 +34,7 @@ public:
     void prepare(const std::string &craft, const Eigen::Vector3d &r_BN_N);
 
     /// Throws SetupError if the sky has not all bodies up to `until`.
-    void cover(sim::Ns until);
+    void ensure_data_until(sim::Ns until);
 
     /// mu of the only body, if it is a point at rest in the origin; else 0. After prepare().
     double central_mu() const;

@@ -99,7 +99,7 @@ void fly(int center, const std::vector<GravityBody> &bodies,
     }
     f.craft.set_sky(TwoCircles::sky(center, begin_day));
     f.prepare();
-    f.craft.cover(96 * 3600 * second);
+    f.craft.ensure_data_until(96 * 3600 * second);
     f.fly(96 * 3600 * second, 3600 * second, [&] {
         const double t = t0 + 1e-9 * static_cast<double>(f.t);
         look(f.r() + origin(t).r, f.v() + origin(t).v, t);
@@ -428,12 +428,12 @@ TEST_F(Mars, TheEndOfTheSkyIsNamedBeforeItIsReachedAndAtTheLatestThere)
     const Epoch epoch{999'990 * second};
     f.craft.set_sky(std::make_shared<const Sky>(std::move(ephemeris), TimeSystem(), epoch, 0));
     f.prepare();
-    EXPECT_NO_THROW(f.craft.cover(10 * second));
+    EXPECT_NO_THROW(f.craft.ensure_data_until(10 * second));
     const std::string words = "world.craft.gravity: MARS BARYCENTER (4) is given from "
                               "2000-01-01T12:00:00 TDB to 2000-01-13T01:46:40 TDB";
-    EXPECT_THAT(error_of([&] { f.craft.cover(11 * second); }), HasSubstr(words));
-    EXPECT_THROW(f.craft.cover(11 * second), sim::SetupError);
-    EXPECT_THROW(f.craft.cover(std::numeric_limits<sim::Ns>::max()), sim::SetupError);
+    EXPECT_THAT(error_of([&] { f.craft.ensure_data_until(11 * second); }), HasSubstr(words));
+    EXPECT_THROW(f.craft.ensure_data_until(11 * second), sim::SetupError);
+    EXPECT_THROW(f.craft.ensure_data_until(std::numeric_limits<sim::Ns>::max()), sim::SetupError);
     EXPECT_NO_THROW(f.fly(10 * second, second));
     EXPECT_THROW(f.step(second), sim::RunError);
     EXPECT_THAT(error_of([&] { f.step(second); }), HasSubstr("last good state at 10 s: r_BN_N = [1e+09, 0, 0] m"));

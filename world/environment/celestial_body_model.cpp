@@ -30,7 +30,7 @@ void CelestialBodyModel::refresh()
     }
 }
 
-void CelestialBodyModel::cover(Ns until)
+void CelestialBodyModel::ensure_data_until(Ns until)
 {
     if (until <= covered_) {
         return;

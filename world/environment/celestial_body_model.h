@@ -17,7 +17,7 @@ public:
 
     void prepare(const sim::Setup &setup) override;
     void refresh() override;
-    void cover(sim::Ns until) override;
+    void ensure_data_until(sim::Ns until) override;
     void reset(sim::Ns t) override;
     void update(Tick tick) override { publish(tick.t); }
     std::vector<std::string> assumptions() const override;

@@ -69,8 +69,8 @@ TEST_F(Body, NamesWhatIsWrong)
     EXPECT_THAT(refusal(), HasSubstr("world.body: two circles: no MARS (499); asked for"));
     face.par.id = TwoCircles::sun;
     EXPECT_EQ(refusal(), "");
-    EXPECT_NO_THROW(model.cover(19 * 24 * hour));
-    EXPECT_THAT(error_of([&] { model.cover(20 * 24 * hour); }),
+    EXPECT_NO_THROW(model.ensure_data_until(19 * 24 * hour));
+    EXPECT_THAT(error_of([&] { model.ensure_data_until(20 * 24 * hour); }),
                 HasSubstr("world.body: SUN (10) is given from 2000-01-01T12:00:00 TDB to "
                           "2000-01-21T12:00:00 TDB in two circles; asked for SUN (10) relative"));
     EXPECT_THROW(model.update({20 * 24 * hour, hour}), sim::RunError);

@@ -74,8 +74,14 @@ Condition make_condition(py::handle object, const FledgeField &field, std::uint3
     return condition;
 }
 
-std::shared_ptr<sim::Event> add_event(sim::Process &process, const std::string &name, py::object when, Ns hold,
-                                      bool once, const std::string &mode, std::function<void()> action)
+/// An event and its process, which Python keeps alive as long as this.
+struct OwnEvent {
+    sim::Process *process;
+    std::shared_ptr<sim::Event> event;
+};
+
+OwnEvent add_event(sim::Process &process, const std::string &name, py::object when, Ns hold, bool once,
+                   const std::string &mode, std::function<void()> action)
 {
     sim::Event event;
     event.name = name;
@@ -88,7 +94,7 @@ std::shared_ptr<sim::Event> add_event(sim::Process &process, const std::string &
     event.once = once;
     event.mode = mode;
     event.action = std::move(action);
-    return process.add_event(std::move(event));
+    return {&process, process.add_event(std::move(event))};
 }
 
 /// What the loop calls now and then: Python's signals, then the user's progress. A Python exception
@@ -198,16 +204,20 @@ void bind_simulation(py::module_ &m)
         .def("__bool__", &Condition::holds);
     m.def("condition", make_condition);
 
-    py::class_<sim::Event, std::shared_ptr<sim::Event>>(m, "Event")
-        .def_readonly("name", &sim::Event::name)
-        .def_readwrite("armed", &sim::Event::armed)
-        .def_readonly("fired_at", &sim::Event::fired_at)
-        .def_readonly("condition", &sim::Event::condition)
-        .def_readonly("hold", &sim::Event::hold)
-        .def_readonly("once", &sim::Event::once)
-        .def_readonly("mode", &sim::Event::mode)
-        .def_readwrite("predicate", &sim::Event::predicate)
-        .def_readwrite("action", &sim::Event::action);
+    py::class_<OwnEvent>(m, "Event")
+        .def_property_readonly("name", [](const OwnEvent &e) { return e.event->name; })
+        .def_property(
+            "armed", [](const OwnEvent &e) { return e.process->armed(*e.event); },
+            [](const OwnEvent &e, bool armed) { e.process->arm(*e.event, armed); })
+        .def_property_readonly("fired_at", [](const OwnEvent &e) { return e.process->fired_at(*e.event); })
+        .def_property_readonly("condition", [](const OwnEvent &e) { return e.event->condition; })
+        .def_property_readonly("hold", [](const OwnEvent &e) { return e.event->hold; })
+        .def_property_readonly("once", [](const OwnEvent &e) { return e.event->once; })
+        .def_property_readonly("mode", [](const OwnEvent &e) { return e.event->mode; })
+        .def_property("predicate", nullptr,
+                      [](const OwnEvent &e, std::function<bool()> f) { e.event->predicate = std::move(f); })
+        .def_property("action", nullptr,
+                      [](const OwnEvent &e, std::function<void()> f) { e.event->action = std::move(f); });
 
     py::class_<sim::Log, std::shared_ptr<sim::Log>>(m, "Log", "The samples of one port.")
         .def_property_readonly("path", [](const sim::Log &log) { return log.instance->path + "." + log.field->name; })
@@ -237,7 +247,7 @@ void bind_simulation(py::module_ &m)
              [](sim::Process &p, const std::string &name, std::vector<std::string> tasks) {
                  p.add_mode({name, std::move(tasks)});
              })
-        .def("add_event", add_event)
+        .def("add_event", add_event, py::keep_alive<0, 1>())
         .def("start_in", &sim::Process::start_in)
         .def("enter", &sim::Process::enter)
         .def_property_readonly("mode", &sim::Process::mode)
@@ -269,7 +279,15 @@ void bind_simulation(py::module_ &m)
                 return list;
             },
             "(name, names of its tasks) of each")
-        .def_property_readonly("events", &sim::Process::events);
+        .def_property_readonly("events", [](const py::object &self) {
+            auto &process = self.cast<sim::Process &>();
+            py::list list;
+            for (const auto &event : process.events()) {
+                list.append(OwnEvent{&process, event});
+                py::detail::keep_alive_impl(list[list.size() - 1], self);
+            }
+            return list;
+        });
 
     py::class_<sim::Simulation>(m, "Simulation")
         .def(py::init<std::uint64_t>(), py::arg("seed") = 0)
@@ -302,8 +320,8 @@ void bind_simulation(py::module_ &m)
                 return list;
             },
             "their names, in the order in which they run")
-        .def("ties", [](const sim::Simulation &s) { return s.ties(); })
-        .def("keep", &sim::Simulation::keep)
+        .def("cross_process_dependencies", [](const sim::Simulation &s) { return s.cross_process_dependencies(); })
+        .def("isolate", &sim::Simulation::isolate)
         .def_property("seed", &sim::Simulation::seed, &sim::Simulation::set_seed)
         .def("prepare", &sim::Simulation::prepare)
         .def("ready_for", &sim::Simulation::ready_for)

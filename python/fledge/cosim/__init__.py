@@ -72,7 +72,7 @@ def split(simulation, process):
                          + ("" if kept._instances else "; it is empty"))
     check(simulation)
     reads = [wire for wire in crossing_wires(simulation) if wire.port.startswith(process + ".")]
-    simulation._core.keep(process)
+    simulation._core.isolate(process)
     for other in [p for p in simulation.processes if p is not kept]:
         del simulation._processes[other.name]
         simulation._gone[other.name] = other._leave()
@@ -172,7 +172,7 @@ def _at(place):
 
 def _ties(simulation):
     """Events and parts that belong to two processes."""
-    for what, whose in simulation._core.ties():
+    for what, whose in simulation._core.cross_process_dependencies():
         owner, name = what.split(".", 1)
         process = simulation.process(owner)
         event = process._handles.get(name)

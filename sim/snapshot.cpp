@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sim/snapshot.h"
+
+#include <cstring>
+
+namespace fledge::sim {
+
+namespace {
+
+/// Differs between structures with other types, tasks, wires or events.
+std::uint64_t hash_of(Runtime &runtime)
+{
+    std::uint64_t hash = 0xcbf29ce484222325u; // FNV-1a, by words
+    const auto mix = [&](std::uint64_t x) { hash = (hash ^ x) * 0x100000001b3u; };
+    for (const auto &process : runtime.structure.processes) {
+        for (const auto &instance : process->instances()) {
+            mix(instance->type().hash);
+        }
+    }
+    runtime.visit_state([&](void *, std::size_t n) { mix(n); });
+    return hash;
+}
+
+} // namespace
+
+std::vector<std::byte> save(Runtime &runtime)
+{
+    std::vector<std::byte> bytes;
+    const auto append = [&](const void *from, std::size_t n) {
+        const auto *first = static_cast<const std::byte *>(from);
+        bytes.insert(bytes.end(), first, first + n);
+    };
+    const std::uint64_t hash = hash_of(runtime);
+    append(&hash, sizeof hash);
+    runtime.visit_state(append);
+    return bytes;
+}
+
+void restore(Runtime &runtime, std::span<const std::byte> bytes)
+{
+    std::uint64_t hash = 0;
+    std::size_t size = sizeof hash;
+    runtime.visit_state([&](void *, std::size_t n) { size += n; });
+    if (bytes.size() >= sizeof hash) {
+        std::memcpy(&hash, bytes.data(), sizeof hash);
+    }
+    if (hash != hash_of(runtime) || bytes.size() != size) {
+        throw SetupError("this snapshot (" + std::to_string(bytes.size()) +
+                         " bytes) is of a simulation with other modules, tasks or events; this one's have " +
+                         std::to_string(size) + " bytes");
+    }
+    const std::byte *from = bytes.data() + sizeof hash;
+    runtime.visit_state([&](void *to, std::size_t n) {
+        std::memcpy(to, from, n);
+        from += n;
+    });
+    runtime.restored();
+}
+
+} // namespace fledge::sim

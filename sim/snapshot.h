@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: Apache-2.0
+// The state of a run as bytes. Private to the kernel.
+#pragma once
+
+#include "sim/runtime.h"
+
+namespace fledge::sim {
+
+std::vector<std::byte> save(Runtime &runtime);
+
+/// Throws SetupError if the bytes are of a run of another structure.
+void restore(Runtime &runtime, std::span<const std::byte> bytes);
+
+} // namespace fledge::sim

@@ -1,0 +1,234 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sim/structure.h"
+
+#include "flight/exec/event.h"
+#include "sim/text.h"
+
+#include <algorithm>
+#include <cstring>
+
+namespace fledge::sim {
+
+std::string Port::path() const
+{
+    return instance->path + "." + field->name;
+}
+
+bool Condition::holds() const
+{
+    const std::byte *p = instance->memory() + offset;
+    double value = element_read(type, p);
+    if (measure != Measure::element) {
+        const double *x = reinterpret_cast<const double *>(p);
+        if (type != FLEDGE_F64) {
+            static thread_local std::vector<double> numbers;
+            numbers.resize(elements);
+            for (std::size_t i = 0; i < elements; i++) {
+                numbers[i] = element_read(type, p + i * element_size(type));
+            }
+            x = numbers.data();
+        }
+        value = measure == Measure::norm ? exec_norm(x, elements) : exec_max_abs(x, elements);
+    }
+    switch (comparison) {
+    case Comparison::less: return value < constant;
+    case Comparison::less_equal: return value <= constant;
+    case Comparison::greater: return value > constant;
+    case Comparison::greater_equal: return value >= constant;
+    case Comparison::equal: return value == constant;
+    case Comparison::not_equal: return value != constant;
+    }
+    return false;
+}
+
+bool same_type(const FledgeStruct *a, const FledgeStruct *b)
+{
+    // Two libraries may each hold a table of the same message.
+    return a == b || (a && b && a->hash == b->hash && !std::strcmp(a->name, b->name));
+}
+
+Process &Structure::process(std::string_view name) const
+{
+    std::vector<std::string> names;
+    for (const auto &process : processes) {
+        if (process->name == name) {
+            return *process;
+        }
+        names.push_back(process->name);
+    }
+    throw SetupError("there is no process " + std::string(name) + "; there are " + format_list(names));
+}
+
+std::vector<std::string> Structure::outputs_of_type(const FledgeStruct *type) const
+{
+    std::vector<std::string> paths;
+    for (const auto &process : processes) {
+        for (const auto &instance : process->instances()) {
+            for (const FledgeField &field : fields(instance->type())) {
+                if (field.group == FLEDGE_OUT && same_type(field.sub, type)) {
+                    paths.push_back(instance->path + "." + field.name);
+                }
+            }
+        }
+    }
+    return paths;
+}
+
+Roles decide_roles(const Structure &structure)
+{
+    Roles roles;
+    for (const auto &process : structure.processes) {
+        std::map<const Model *, const Instance *> models;
+        for (const auto &instance : process->instances()) {
+            roles[instance.get()].process = process.get();
+            models[instance->model()] = instance.get();
+        }
+        for (const Task &task : process->tasks()) {
+            for (const auto &instance : task.run) {
+                roles[instance.get()].scheduled = true;
+            }
+        }
+        for (const auto &instance : process->instances()) {
+            if (!instance->model()) {
+                Role &role = roles[instance.get()];
+                role.configuration = !role.scheduled;
+                continue;
+            }
+            for (const Model *part : instance->model()->parts()) {
+                if (const auto it = models.find(part); it != models.end()) {
+                    roles[it->second].part = true;
+                }
+            }
+        }
+    }
+    return roles;
+}
+
+void check(const Structure &structure, const Roles &roles)
+{
+    Faults faults;
+    for (const auto &process : structure.processes) {
+        for (const auto &instance : process->instances()) {
+            const Role &role = roles.at(instance.get());
+            const bool has_inputs = !field_names(instance->type(), FLEDGE_IN).empty();
+            if (role.part && role.scheduled) {
+                faults.add(instance->path + " is part of another model, which advances it: take it out of its task");
+            } else if (!role.part && !role.scheduled && (!role.configuration || has_inputs)) {
+                faults.add(instance->path + " is in no task");
+            }
+            faults.collect([&] { check_parameters(*instance); });
+            for (const FledgeField &field : fields(instance->type())) {
+                const auto feeds = [&](const Wire &wire) {
+                    return wire.to.instance == instance && wire.to.field == &field;
+                };
+                if (field.group == FLEDGE_IN && !(field.flags & FLEDGE_OPTIONAL) &&
+                    std::none_of(structure.wires.begin(), structure.wires.end(), feeds)) {
+                    faults.add(instance->path + "." + field.name + " is not wired; outputs of its type " +
+                               field.sub->name + ": " + format_list(structure.outputs_of_type(field.sub)));
+                }
+            }
+        }
+    }
+    faults.raise();
+}
+
+std::string coincident_inputs(const Structure &structure)
+{
+    std::string faults;
+    for (const Wire &wire : structure.wires) {
+        const char *distinct = wire.to.field->distinct;
+        if (!distinct) {
+            continue;
+        }
+        for (const Wire &other : structure.wires) {
+            if (other.to.instance != wire.to.instance || std::strcmp(other.to.field->name, distinct)) {
+                continue;
+            }
+            const std::byte *one = wire.from.bytes(), *two = other.from.bytes();
+            const auto written = [](const std::byte *message) {
+                Head head;
+                std::memcpy(&head, message, sizeof head);
+                return head_written(head);
+            };
+            const bool same = one == two || (written(one) && written(two) &&
+                                             !std::memcmp(one + sizeof(Head), two + sizeof(Head),
+                                                          wire.to.field->size - sizeof(Head)));
+            if (same) {
+                faults += (faults.empty() ? "" : "\n") + wire.to.path() + " must differ from " + other.to.path() +
+                          ": " + wire.from.path() +
+                          (one == two ? " feeds both" : " and " + other.from.path() + " say the same");
+            }
+        }
+    }
+    return faults;
+}
+
+std::vector<std::pair<std::string, std::string>> cross_process_dependencies(const Structure &structure,
+                                                                            std::string_view process)
+{
+    std::vector<std::pair<std::string, std::string>> found;
+    for (const auto &one : structure.processes) {
+        const auto foreign = [&](const auto &is_it) -> const Instance * {
+            for (const auto &other : structure.processes) {
+                for (const auto &instance : other->instances()) {
+                    if (other != one && is_it(*instance)) {
+                        return instance.get();
+                    }
+                }
+            }
+            return nullptr;
+        };
+        // The dependency breaks if either of the two processes is removed.
+        const auto add = [&](const std::string &what, const Instance *whose) {
+            if (whose &&
+                (process.empty() || one->name == process || whose->path.starts_with(std::string(process) + "."))) {
+                found.emplace_back(what, whose->path);
+            }
+        };
+        for (const auto &event : one->events()) {
+            if (event->condition) {
+                add(one->name + "." + event->name,
+                    foreign([&](const Instance &i) { return &i == event->condition->instance.get(); }));
+            }
+        }
+        for (const auto &instance : one->instances()) {
+            if (!instance->model()) {
+                continue;
+            }
+            // A copy of the model asks for the counterpart of every model that it depends on.
+            const auto clone = instance->clone();
+            clone->model()->copy_setup(*instance->model(), [&](const Model *model) {
+                add(instance->path, foreign([&](const Instance &i) { return i.model() == model; }));
+                return const_cast<Model *>(model);
+            });
+        }
+    }
+    return found;
+}
+
+std::vector<std::string> assumptions(const Structure &structure)
+{
+    std::vector<std::string> lines;
+    for (const auto &process : structure.processes) {
+        for (const auto &instance : process->instances()) {
+            if (instance->model()) {
+                for (const std::string &line : instance->model()->assumptions()) {
+                    lines.push_back(instance->path + "." + line);
+                }
+            }
+            const FledgeStruct &type = instance->type();
+            for (std::size_t i = 0; i < type.n; i++) {
+                const FledgeField &field = type.fields[i];
+                const std::byte *bytes = instance->memory() + field.offset;
+                if (field.flags & FLEDGE_ASSUMED && !instance->given[i] &&
+                    std::all_of(bytes, bytes + field.size, [](std::byte b) { return b == std::byte{0}; })) {
+                    const std::string unit = std::strcmp(field.unit, "-") ? " " + std::string(field.unit) : "";
+                    lines.push_back(instance->path + "." + field.name + " was left at 0" + unit + ": " + field.doc);
+                }
+            }
+        }
+    }
+    return lines;
+}
+
+} // namespace fledge::sim

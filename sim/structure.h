@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a user builds: processes of tasks of modules and models, modes, events, and wires between them.
+// Nothing here changes during a run, except that an event's action may add events; runtime.h holds the state.
+#pragma once
+
+#include "flight/exec/element.h"
+#include "sim/error.h"
+#include "sim/instance.h"
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace fledge::sim {
+
+class Simulation;
+
+/// An input or output of an instance.
+struct Port {
+    std::shared_ptr<Instance> instance;
+    const FledgeField *field = nullptr;
+
+    std::string path() const; ///< "flight.control.error"
+    std::byte *bytes() const { return instance->memory() + field->offset; }
+};
+
+struct WireOptions {
+    /// 0: the consumer reads what the producer last wrote. 1: it reads what the producer had at the
+    /// end of the last exchange before, so that the two processes may run side by side; see
+    /// Simulation::connect.
+    int latency = 0;
+    /// [ns] A message older than this reaches the consumer with its quality lowered; 0: never.
+    Ns stale_after = 0;
+};
+
+struct Wire {
+    Port from, to;
+    WireOptions options;
+};
+
+/// Modules or models that run in order, at one rate.
+struct Task {
+    std::string name;
+    Ns period = 0;
+    Ns offset = 0;
+    int priority = 0;
+    std::vector<std::shared_ptr<Instance>> run;
+};
+
+/// A named set of active tasks. Tasks that no mode names are always active.
+struct Mode {
+    std::string name;
+    std::vector<std::string> tasks;
+};
+
+/// A comparison of a field with a constant: flight's events are made of these, because they export.
+struct Condition {
+    enum class Measure { element, norm, max_abs };
+    enum class Comparison { less, less_equal, greater, greater_equal, equal, not_equal };
+
+    std::shared_ptr<Instance> instance;
+    std::uint32_t offset = 0;     ///< bytes from the start of the instance's memory
+    FledgeType type = FLEDGE_F64; ///< of the elements
+    std::uint32_t elements = 1;
+    Measure measure = Measure::element;
+    Comparison comparison = Comparison::less;
+    double constant = 0.0;
+    std::string text; ///< as the user would write it
+
+    bool holds() const;
+};
+
+/// Something that happens once its condition holds. A process looks at its events at the instants at
+/// which one of its tasks ran. An event fires when the condition has held for `hold`,
+/// is then disarmed, and arms itself again when the condition no longer holds (unless `once`).
+/// An event that is armed by its own action while its condition still holds would fire again at the
+/// same instant: that is a RunError.
+struct Event {
+    std::string name;
+    std::optional<Condition> condition; ///< one of these two
+    std::function<bool()> predicate;
+    Ns hold = 0;
+    bool once = false;
+    std::string mode;             ///< enter this mode of the event's process; "": none
+    std::function<void()> action; ///< and call this; may be empty
+};
+
+/// The tasks that live together: "flight" or "world".
+class Process {
+public:
+    std::string name;
+
+    /// Give an instance its name. Throws SetupError if the name is taken or no identifier, or if
+    /// the instance already has a process.
+    void add(const std::string &name, std::shared_ptr<Instance> instance);
+
+    /// Throws SetupError on a period <= 0, a negative offset, an unknown or twice used instance.
+    void add_task(Task task);
+    void add_mode(Mode mode);
+    std::shared_ptr<Event> add_event(Event event);
+    /// Begin in this mode. The first one added is the default.
+    void start_in(const std::string &mode);
+    void set_integrator(std::shared_ptr<const Integrator> integrator);
+
+    const Integrator &integrator() const { return *integrator_; }
+    const std::vector<std::shared_ptr<Instance>> &instances() const { return instances_; }
+    const std::vector<Task> &tasks() const { return tasks_; }
+    const std::vector<Mode> &modes() const { return modes_; }
+    const std::vector<std::shared_ptr<Event>> &events() const { return events_; }
+    std::shared_ptr<Instance> find(std::string_view instance) const; ///< or null
+    int initial_mode() const { return initial_; }                    ///< -1: the process has no modes
+    bool runs_in(const Task &task, int mode) const;                  ///< whether the task is active in the mode
+
+    // The state of the run. Before a run is prepared, the mode is the initial one and all events are armed.
+
+    /// Ask for a mode; it takes effect at the next instant of this process.
+    void enter(const std::string &mode);
+    /// The mode in force; "" if the process has none.
+    const std::string &mode() const;
+    bool armed(const Event &event) const;
+    void arm(const Event &event, bool armed);
+    Ns fired_at(const Event &event) const; ///< when it last fired; -1: never
+
+private:
+    friend class Simulation;
+    Process(Simulation &owner, std::string process_name);
+
+    int mode_index(const std::string &mode) const; ///< throws SetupError with the valid names
+
+    Simulation *owner_;
+    std::vector<std::shared_ptr<Instance>> instances_;
+    std::vector<Task> tasks_;
+    std::vector<Mode> modes_;
+    std::vector<std::shared_ptr<Event>> events_;
+    std::shared_ptr<const Integrator> integrator_;
+    int initial_ = -1;
+};
+
+/// All that is built. Processes run in this order.
+struct Structure {
+    std::uint64_t seed = 0;
+    std::vector<std::unique_ptr<Process>> processes;
+    std::vector<Wire> wires;
+
+    Process &process(std::string_view name) const; ///< throws SetupError with the valid names
+
+    /// The paths of all outputs of a type, for messages.
+    std::vector<std::string> outputs_of_type(const FledgeStruct *type) const;
+};
+
+bool same_type(const FledgeStruct *a, const FledgeStruct *b);
+
+/// What an instance does in a run.
+struct Role {
+    const Process *process;
+    bool scheduled = false; ///< it stands in a task
+    bool part = false;      ///< a model that another model advances
+    /// A module without a task: it publishes its parameters at the start and when they have changed.
+    bool configuration = false;
+};
+using Roles = std::map<const Instance *, Role>;
+
+Roles decide_roles(const Structure &structure);
+
+/// Throws SetupError that lists all inputs without a wire, instances without a task and bad parameters.
+void check(const Structure &structure, const Roles &roles);
+
+/// Inputs that must differ, such as two bodies to point at, but are wired to one output, or to two outputs
+/// with the same content at the start. "" if there are none.
+std::string coincident_inputs(const Structure &structure);
+
+/// What joins a process to others besides wires, or any to any: (what it is, the instance that it depends
+/// on) of each event that looks at an instance of another process, and of each model that has a part
+/// there. Dependencies inside Python callables are not found.
+std::vector<std::pair<std::string, std::string>> cross_process_dependencies(const Structure &structure,
+                                                                            std::string_view process);
+
+/// See Simulation::assumptions.
+std::vector<std::string> assumptions(const Structure &structure);
+
+} // namespace fledge::sim
