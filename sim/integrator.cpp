@@ -75,7 +75,7 @@ private:
                 x[j] += sixth * ((dx[j] + k4[j]) + 2.0 * (k2[j] + k3[j]));
             }
         }
-        system.settle(x);
+        system.normalize(x);
     }
 
     /// probe = x + h k
@@ -156,7 +156,7 @@ public:
                 continue;
             }
             std::copy(next(), next() + n_, x);
-            system.settle(x);
+            system.normalize(x);
 
             double factor = 0.9 * power(std::max(error, 1e-10), -0.7 / 8.0);
             if (carried_error > 0.0) {

@@ -31,7 +31,7 @@ public:
 
     /// Called with the state after every step: the place to change to equivalent coordinates that
     /// are farther from their singularity.
-    virtual void settle(double *x) { (void)x; }
+    virtual void normalize(double *x) { (void)x; }
 };
 
 /// A method. One object serves one system: it owns the work space, so advancing does not allocate.

@@ -38,7 +38,7 @@ public:
 
     /// A run up to the time `until` is about to begin. Throws SetupError if the data of the model (an
     /// ephemeris, say) do not reach that far. The text begins with setup.name.
-    virtual void cover(Ns until) { (void)until; }
+    virtual void ensure_data_until(Ns until) { (void)until; }
 
     /// Take the initial state from the parameters and publish it for time t. Resets the parts too.
     virtual void reset(Ns t) = 0;

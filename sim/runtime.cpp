@@ -311,7 +311,7 @@ void Simulation::Runtime::ready_for(Ns t)
         for (const auto &instance : process->instances_) {
             if (instance->model()) {
                 try {
-                    instance->model()->cover(t);
+                    instance->model()->ensure_data_until(t);
                 } catch (const SetupError &error) {
                     faults += (faults.empty() ? "" : "\n") + std::string(error.what());
                 }

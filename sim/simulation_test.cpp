@@ -636,7 +636,7 @@ public:
     void prepare(const Setup &setup) override { name_ = setup.name; }
     void reset(Ns) override {}
     void update(Tick) override {}
-    void cover(Ns until) override
+    void ensure_data_until(Ns until) override
     {
         if (until > 5 * ms) {
             throw SetupError(name_ + ": data end at 0.005 s, asked for " + std::to_string(until));

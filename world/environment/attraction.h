@@ -6,9 +6,9 @@
 //
 //   a = sum_P [ gravity_P(r - r_P) - mu_P r_P / |r_P|^3 ]
 //
-// The centre itself is at rest in the origin and has no second term. Nor has anything where the
-// origin is the barycentre of the solar system; where it is that of a planet and its moons, these
-// have none, for they move it by nothing.
+// The centre itself is at rest in the origin and has no second term. If the origin is the barycentre of
+// the solar system, no body has a second term. If the origin is the barycentre of a planet and its moons,
+// these have none, because they do not move it.
 #pragma once
 
 #include "world/environment/gravity.h"
@@ -34,7 +34,7 @@ public:
     void prepare(const std::string &craft, const Eigen::Vector3d &r_BN_N);
 
     /// Throws SetupError if the sky has not all bodies up to `until`.
-    void cover(sim::Ns until);
+    void ensure_data_until(sim::Ns until);
 
     /// mu of the only body, if it is a point at rest in the origin; else 0. After prepare().
     double central_mu() const;

@@ -92,14 +92,14 @@ void fly(int center, const std::vector<GravityBody> &bodies,
     Flyer f;
     f.method = sim::make_adaptive(1e-13, 1e-9);
     f.set_inertia(Matrix3d::Identity());
-    f.face.par.r_BN_N = vec(TwoCircles::r(TwoCircles::jupiter, t0) + start.r - at.r);
-    f.face.par.v_BN_N = vec(TwoCircles::v(TwoCircles::jupiter, t0) + start.v - at.v);
+    f.craft_interface.par.r_BN_N = vec(TwoCircles::r(TwoCircles::jupiter, t0) + start.r - at.r);
+    f.craft_interface.par.v_BN_N = vec(TwoCircles::v(TwoCircles::jupiter, t0) + start.v - at.v);
     for (const GravityBody &body : bodies) {
         f.craft.add_gravity(body);
     }
     f.craft.set_sky(TwoCircles::sky(center, begin_day));
     f.prepare();
-    f.craft.cover(96 * 3600 * second);
+    f.craft.ensure_data_until(96 * 3600 * second);
     f.fly(96 * 3600 * second, 3600 * second, [&] {
         const double t = t0 + 1e-9 * static_cast<double>(f.t);
         look(f.r() + origin(t).r, f.v() + origin(t).v, t);
@@ -344,8 +344,8 @@ TEST_F(Mars, KeepsTheEnergyInTheTurningFrame)
     Flyer f;
     f.method = sim::make_adaptive(1e-12, 1e-9);
     f.set_inertia(Matrix3d::Identity());
-    f.face.par.r_BN_N = vec(r);
-    f.face.par.v_BN_N = vec3(2000, 2400, 1500);
+    f.craft_interface.par.r_BN_N = vec(r);
+    f.craft_interface.par.v_BN_N = vec3(2000, 2400, 1500);
     f.craft.add_gravity(with(field));
     f.craft.set_sky(sky);
     f.prepare();
@@ -388,8 +388,8 @@ TEST_F(Mars, NamesWhatIsWrong)
     EXPECT_EQ(refusal({nameless}), "world.craft.gravity: ROCK has no NAIF number, by which the sky would find it");
     GravityBody elsewhere = point("MARS", 499, mu_mars);
     elsewhere.r_PN_N = {1e9, 0, 0};
-    EXPECT_EQ(refusal({elsewhere}), "world.craft.gravity: MARS was given a place of its own, but "
-                                    "the sky says where it is");
+    EXPECT_EQ(refusal({elsewhere}), "world.craft.gravity: MARS was given a position, but "
+                                    "the sky holds its position");
     EXPECT_THAT(refusal({point("EARTH", 399, 4e14)}),
                 HasSubstr("world.craft.gravity: " + file.path() + ": no EARTH (399); asked for"));
     EXPECT_EQ(refusal({point("MARS AND MOONS", 4, mu_mars)}),
@@ -410,8 +410,8 @@ TEST_F(Mars, NamesWhatIsWrong)
     Attraction without;
     without.add(with(field));
     EXPECT_EQ(error_of([&] { without.prepare("world.craft", r); }),
-              "world.craft.gravity: the field of MARS turns with it: a sky is needed, which says "
-              "how it stands");
+              "world.craft.gravity: the field of MARS turns with it: give a sky, which holds its "
+              "orientation");
     GravityBody both = with(field);
     both.J[0] = 1e-3;
     EXPECT_THAT(error_of([&] { without.add(both); }), HasSubstr("exclude one another"));
@@ -421,19 +421,19 @@ TEST_F(Mars, TheEndOfTheSkyIsNamedBeforeItIsReachedAndAtTheLatestThere)
 {
     Flyer f;
     f.set_inertia(Matrix3d::Identity());
-    f.face.par.r_BN_N = vec3(1e9, 0, 0);
+    f.craft_interface.par.r_BN_N = vec3(1e9, 0, 0);
     f.craft.add_gravity(point("MARS", 499, mu_mars));
     Ephemeris ephemeris;
     ephemeris.add_spk(file.path());
     const Epoch epoch{999'990 * second};
     f.craft.set_sky(std::make_shared<const Sky>(std::move(ephemeris), TimeSystem(), epoch, 0));
     f.prepare();
-    EXPECT_NO_THROW(f.craft.cover(10 * second));
+    EXPECT_NO_THROW(f.craft.ensure_data_until(10 * second));
     const std::string words = "world.craft.gravity: MARS BARYCENTER (4) is given from "
                               "2000-01-01T12:00:00 TDB to 2000-01-13T01:46:40 TDB";
-    EXPECT_THAT(error_of([&] { f.craft.cover(11 * second); }), HasSubstr(words));
-    EXPECT_THROW(f.craft.cover(11 * second), sim::SetupError);
-    EXPECT_THROW(f.craft.cover(std::numeric_limits<sim::Ns>::max()), sim::SetupError);
+    EXPECT_THAT(error_of([&] { f.craft.ensure_data_until(11 * second); }), HasSubstr(words));
+    EXPECT_THROW(f.craft.ensure_data_until(11 * second), sim::SetupError);
+    EXPECT_THROW(f.craft.ensure_data_until(std::numeric_limits<sim::Ns>::max()), sim::SetupError);
     EXPECT_NO_THROW(f.fly(10 * second, second));
     EXPECT_THROW(f.step(second), sim::RunError);
     EXPECT_THAT(error_of([&] { f.step(second); }), HasSubstr("last good state at 10 s: r_BN_N = [1e+09, 0, 0] m"));
