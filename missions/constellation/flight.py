@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What flies, in each of many spacecraft: the antenna points at the spacecraft ahead, which broadcasts its position."""
+"""What flies, in each of many spacecraft: the antenna on the one ahead, as it says where it is."""
 from fledge import flight as fsw
 from fledge.units import N, deg, kg, m, s
 

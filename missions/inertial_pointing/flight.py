@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What flies: a reference at rest, tracked with a pyramid of four wheels."""
+"""What flies: a reference that rests, tracked with a pyramid of four wheels."""
 from fledge import flight as fsw
 from fledge.units import N, kg, m, s
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What flies: the antenna on Earth, exactly, and the panels as nearly as possible on the Sun."""
+"""What flies: the antenna on Earth, exactly, and the panels towards the Sun, as nearly as that allows."""
 from fledge import flight as fsw
 from fledge.units import N, deg, kg, m, s
 
