@@ -116,7 +116,7 @@ def navigation():
 # --- the closed loop -------------------------------------------------------------------------------
 
 class Paced:
-    """A process whose tasks run as often as is said here, not as often as the mission says."""
+    """A process whose tasks run at the rates given here, not at those of the mission."""
 
     def __init__(self, process, every):
         object.__setattr__(self, "process", process)

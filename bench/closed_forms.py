@@ -226,12 +226,6 @@ class Harmonics:
             return gradient
 
 
-def third_body(mu, r, r_P):
-    """What a point mass at r_P adds at r, relative to the origin, which falls too."""
-    d = add(r_P, r, -1)
-    return add(scale(mu / norm(d)**3, d), r_P, -mu / norm(r_P)**3)
-
-
 def relativity(mu, r, v):
     """What general relativity adds at r, v around a mass: Schwarzschild's term in harmonic coordinates."""
     r, v, c2 = vector(r), vector(v), mpf(299792458)**2

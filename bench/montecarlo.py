@@ -3,7 +3,7 @@
 again and again with the same dispersions, records and step.
 
 Campaigns and single runs take turns. The scaling is the campaign's rate over the cores times the
-single rate: the clones' making and the draws are the campaign's own, importing and loading are nobody's.
+single rate: it includes making the clones and drawing the values, but not importing and loading.
 An open peer, measured once on this kind of machine: 19 runs a second.
 """
 import time

@@ -8,7 +8,7 @@ include(FledgeIntrospect)
 # Builds one shared library, which `./fledge --project` loads. In FLIGHT, a path such as
 # flight/sun_slew stands for flight/sun_slew.c and flight/sun_slew_test.cpp; in WORLD, a path such as
 # world/eddy_damping for world/eddy_damping_model.cpp and world/eddy_damping_model_test.cpp. Their
-# faces, and messages, are the headers found in flight/ and world/. EXISTING C comes as it is: no
+# interfaces, and messages, are the headers found in flight/ and world/. EXISTING C comes as it is: no
 # warnings, GNU C11.
 #
 # The tests link <name>_code, which holds all of it but the tables.

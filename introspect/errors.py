@@ -27,7 +27,7 @@ class HeaderError(Exception):
 
 
 class Refusal(Exception):
-    """A broken rule whose place is known to the caller only: rule, found, advice."""
+    """A broken rule: rule, found, advice. Only the caller knows the file and line."""
 
     def __init__(self, rule: str, found: str, advice: str):
         self.rule, self.found, self.advice = rule, found, advice

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the reader needs of libclang: a parse of all headers, and a few questions to its answer."""
+"""The reader's use of libclang: a parse of all headers, and a few queries on the result."""
 from __future__ import annotations
 
 import os
@@ -13,13 +13,13 @@ from introspect.sources import Headers
 
 ALL = "everything.c"
 
-# The hosted headers of C99, which a compiler alone does not bring. Layout needs nothing of them but
-# size_t, so that for another target empty ones will do and no C library of it need be installed.
+# The hosted headers of C99, which belong to a C library. Layout needs only size_t of them. So for
+# another target almost empty headers are enough, and its C library need not be installed.
 _HOSTED = ("assert", "complex", "ctype", "errno", "fenv", "inttypes", "locale", "math", "setjmp",
            "signal", "stdio", "stdlib", "string", "time", "wchar", "wctype")
 _HERE = os.path.dirname(os.path.abspath(__file__))
 
-# Clang's second complaint about two structs of one name, now about their typedefs.
+# Clang's second complaint about two structs of one name, about their typedefs.
 _ECHO = re.compile(r"typedef redefinition .*'(?:struct|enum) \(unnamed")
 
 _LIBRARY = cindex.conf.lib

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command line: what is written when, and what is said."""
+"""The command line: which files it writes when, and its messages."""
 import os
 
 import pytest

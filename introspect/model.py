@@ -44,7 +44,7 @@ class Type(enum.Enum):
 
 
 class Group(enum.Enum):
-    """Where a member of a face stands; NONE in messages and plain structs."""
+    """Where a member of an interface stands; NONE in messages and plain structs."""
     NONE = ""
     IN = "in"
     OUT = "out"
@@ -59,7 +59,7 @@ class Kind(enum.Enum):
     MODEL = "model"      # world: groups; its behaviour is C++
 
     @property
-    def is_face(self) -> bool:
+    def is_interface(self) -> bool:
         return self in (Kind.MODULE, Kind.MODEL)
 
 
@@ -74,7 +74,7 @@ class Unit:
 
 @dataclass(frozen=True)
 class Bounds:
-    """What a number must keep to; None is unbounded."""
+    """The limits of a number; None is unbounded."""
     lo: float | None = None
     hi: float | None = None
     lo_open: bool = False
@@ -112,7 +112,7 @@ class Enumeration:
 
 @dataclass(frozen=True)
 class Field:
-    """One member, of a group of a face or of any other struct."""
+    """One member, of a group of an interface or of any other struct."""
     name: str
     type: Type
     ctype: str                  # as in the header, without dimensions: "Vec3", "double"
@@ -150,7 +150,7 @@ class Field:
 
 @dataclass(frozen=True)
 class Struct:
-    """A face, a message, or what they are made of."""
+    """An interface, a message, or what they are made of."""
     name: str
     doc: str
     kind: Kind

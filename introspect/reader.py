@@ -4,10 +4,10 @@
 All headers are parsed as one unsaved C99 translation unit without function bodies, once for this
 machine and once for each of TARGETS, so that a layout which differs anywhere is refused here.
 
-What the model holds: the faces (structs with the groups in, out, par, mem) and the messages
+What the model holds: the interfaces (structs with the groups in, out, par, mem) and the messages
 (structs that begin with `Head head`) of the folders that were asked for, and everything these are
 made of, from wherever it is included. They must keep every rule. Other plain structs of the folders
-are taken too if they keep the rules, and left out if not: they are nobody's interface.
+are taken too if they keep the rules. If not, the model leaves them out: they are no interface.
 """
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class _Reader:
         self._functions = self._by_name(CursorKind.FUNCTION_DECL)
         self._structs: dict[str, Struct] = {}
         self._enums: dict[str, Enumeration] = {}
-        # By struct: what is wrong with it, and the structs that its members are.
+        # By struct: its problems, and the structs of its members.
         self._problems: dict[str, list[Problem]] = {}
         self._uses: dict[str, list[str]] = {}
         self._incomplete: set[str] = set()  # structs with a member that was refused
@@ -99,7 +99,7 @@ class _Reader:
                      tuple(sorted(self._headers.folders)))
 
     def _judge(self) -> None:
-        """Raise what is wrong with interfaces; leave out what is wrong elsewhere."""
+        """Raise the problems of interfaces and messages; leave out other structs with problems."""
         strict: set[str] = set()
         pending = [s.name for s in self._structs.values() if s.library and s.kind is not Kind.PLAIN]
         while pending:
@@ -117,7 +117,7 @@ class _Reader:
         return not self._problems[name] and all(map(self._is_sound, self._uses[name]))
 
     def _refuse(self, cursor: Cursor, refusal: Refusal) -> None:
-        """Note what is wrong with the struct being read."""
+        """Note a problem of the struct being read."""
         place = cursor.location
         self._problems[self._reading[-1]].append(
             refusal.at(self._headers.show(place.file.name), place.line))
@@ -143,7 +143,7 @@ class _Reader:
         if not members:
             self._refuse(cursor, Refusal("a struct has members", f"`{name}` has none",
                                          "leave it out"))
-        if _is_face(members):
+        if _is_interface(members):
             kind, fields = source.kind if source else Kind.MODULE, self._face_fields(members)
         else:
             kind, fields = Kind.PLAIN, self._fields(members, Group.NONE, 0)
@@ -181,7 +181,7 @@ class _Reader:
             if name not in _GROUPS or not libclang.is_group(member) \
                     or record.kind is not TypeKind.RECORD:
                 self._drop(member, Refusal(
-                    "a face consists of the groups in, out, par and mem, each a `struct {...}`",
+                    "an interface consists of the groups in, out, par and mem, each a `struct {...}`",
                     f"`{name}`" if name else "an unnamed member", "put it into one of them"))
                 continue
             inner = list(record.get_fields())
@@ -208,7 +208,7 @@ class _Reader:
     # Fields
 
     def _fields(self, members: list[Cursor], group: Group, start: int) -> tuple[Field, ...]:
-        """The fields of a struct, or of a group that begins at byte `start` of its face."""
+        """The fields of a struct, or of a group that begins at byte `start` of its interface."""
         fields: list[Field] = []
         lines: dict[int, str] = {}
         comments: dict[tuple[str, int], str] = {}
@@ -231,7 +231,7 @@ class _Reader:
         return tuple(fields)
 
     def _commented(self, field: Field, member: Cursor) -> Field:
-        """The field with what its comment says."""
+        """The field with unit, clauses and meaning from its comment."""
         raw = member.raw_comment
         text = comment.field_text(raw)
         try:
@@ -239,15 +239,15 @@ class _Reader:
                 raise Refusal("a member's comment stands after it, as `///< ...`",
                               f"`{raw.splitlines()[0]}` before `{field.name}`",
                               "move it to the end of the line")
-            said = comment.parse(text or "")
+            parsed = comment.parse(text or "")
         except Refusal as refusal:
             self._refuse(member, refusal)
             return replace(field, unit=units.DIMENSIONLESS)  # one complaint is enough
-        return replace(field, unit=said.unit, clauses=said.clauses, bounds=said.bounds,
-                       count=said.count, distinct=said.distinct, doc=said.meaning)
+        return replace(field, unit=parsed.unit, clauses=parsed.clauses, bounds=parsed.bounds,
+                       count=parsed.count, distinct=parsed.distinct, doc=parsed.meaning)
 
     def _typed_field(self, member: Cursor, group: Group, start: int) -> Field:
-        """The field without what its comment says. Raises Refusal."""
+        """The field without its comment. Raises Refusal."""
         name = member.spelling
         if not name:
             raise Refusal("a member has a name", "an unnamed member", "name it")
@@ -300,8 +300,8 @@ class _Reader:
                           "declare it before, as `typedef struct NAME {...} NAME;`")
         struct = self._struct(declaration)
         self._uses[self._reading[-1]].append(struct.name)
-        if struct.kind.is_face:
-            raise Refusal("a face is no member of another struct",
+        if struct.kind.is_interface:
+            raise Refusal("an interface is no member of another struct",
                           f"`{member}` is of type {struct.name}", "wire modules by messages")
         return struct
 
@@ -332,11 +332,11 @@ class _Reader:
         try:
             self._enum(cursor)
         except Refusal:
-            pass  # constants that have no name in common: nobody's interface
+            pass  # constants without a common name: no interface
 
 
-def _is_face(members: list[Cursor]) -> bool:
-    """Whether a struct is meant as a face: it has one of the groups, or nothing but groups."""
+def _is_interface(members: list[Cursor]) -> bool:
+    """Whether a struct is meant as an interface: it has one of the groups, or nothing but groups."""
     groups = [member.spelling for member in members if libclang.is_group(member)]
     return bool(groups) and (len(groups) == len(members) or not _GROUPS.keys().isdisjoint(groups))
 

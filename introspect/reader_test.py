@@ -196,7 +196,7 @@ def test_several_roots_in_one_read(tmp_path):
 
 def test_cpp_headers_are_left_alone_but_watched(tmp_path):
     write_header(tmp_path, "w/model.h", "#include <vector>\nnamespace user {\nclass Model {};\n}")
-    write_header(tmp_path, "w/face.h", "/** B. */\ntypedef struct B {\n    Head head;\n} B;")
+    write_header(tmp_path, "w/interface.h", "/** B. */\ntypedef struct B {\n    Head head;\n} B;")
     model = read_tree(tmp_path)
     assert [s.name for s in model.library("user").structs] == ["B"]
     assert str(tmp_path / "w/model.h") in model.files

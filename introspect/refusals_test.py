@@ -14,7 +14,7 @@ typedef struct Msg {
 %s
 } Msg;
 """
-FACE = MESSAGE % "    double x; ///< [m] x" + """
+INTERFACE = MESSAGE % "    double x; ///< [m] x" + """
 typedef struct Plain {
     double x; ///< [m] x
 } Plain;
@@ -25,13 +25,13 @@ typedef struct Mod {
 void mod_reset(Mod *m);
 void mod_update(Mod *m, Tick t);
 """
-PAR = FACE % "struct {\n%s\n} par;"
-BODIES = {"header": "%s", "message": MESSAGE, "face": FACE, "par": PAR}
+PAR = INTERFACE % "struct {\n%s\n} par;"
+BODIES = {"header": "%s", "message": MESSAGE, "interface": INTERFACE, "par": PAR}
 
 
 def refusals():
     text = (Path(__file__).parent / "refusals.txt").read_text()
-    case = re.compile(r"^\[([^\n]*)\] (header|message|face|par)\n(.*?)^=> (.*?)\n(?=\n|\Z)",
+    case = re.compile(r"^\[([^\n]*)\] (header|message|interface|par)\n(.*?)^=> (.*?)\n(?=\n|\Z)",
                       re.M | re.S)
     for name, where, body, expected in case.findall(text[text.index("# What"):]):
         yield pytest.param(BODIES[where] % body, " ".join(expected.split()), id=name)

@@ -43,7 +43,7 @@ def check(struct: Struct, complete: bool = True) -> Iterator[Problem]:
     rules = [names, unique_names, head, clauses, bounds, units]
     if complete:
         rules += [padding, counts, distincts]
-    if struct.kind.is_face:
+    if struct.kind.is_interface:
         rules += [documented, ports]
     elif struct.kind is Kind.MESSAGE:
         rules += [documented]
@@ -55,7 +55,7 @@ def check(struct: Struct, complete: bool = True) -> Iterator[Problem]:
 def names(struct: Struct) -> Iterator[Finding]:
     """A name works in C, C++, Python, and, where it travels, in a ROS 2 schema and in C#. Faces do
     not travel: only messages and what they are made of reach C#."""
-    languages = _KEYWORDS if struct.kind.is_face else _MESSAGE_KEYWORDS
+    languages = _KEYWORDS if struct.kind.is_interface else _MESSAGE_KEYWORDS
     if not re.fullmatch(r"[A-Z][A-Za-z0-9]*", struct.name):
         yield struct.line, Refusal("a struct's name is CamelCase, of letters and digits",
                                    f"`{struct.name}`", "rename it")
@@ -73,7 +73,7 @@ def unique_names(struct: Struct) -> Iterator[Finding]:
     """ROS 2 schemas are lower case; Python flattens in, out, par and mem into one object."""
     first: dict[str, Field] = {}
     for f in struct.fields:
-        if f.is_spare and struct.kind.is_face:
+        if f.is_spare and struct.kind.is_interface:
             continue
         other = first.setdefault(f.name.lower(), f)
         if other is f:
@@ -89,7 +89,7 @@ def unique_names(struct: Struct) -> Iterator[Finding]:
 
 
 def padding(struct: Struct) -> Iterator[Finding]:
-    """Padding is bytes that nobody sets: they would leak into archives, wires and snapshots, and
+    """Padding is bytes that no code sets: they would leak into archives, wires and snapshots, and
     CDR has none."""
     following = [(f.offset, f"before `{f.path}`") for f in struct.fields[1:]]
     following.append((struct.size, "at the end of the struct"))

@@ -18,7 +18,7 @@ class Source:
 
     root     what `#include "..."` and the model's `header` are relative to
     path     of the folder or header, relative to root
-    kind     what its faces are: Kind.MODULE (reset and update in C) or Kind.MODEL
+    kind     what its interfaces are: Kind.MODULE (reset and update in C) or Kind.MODEL
     library  to which its declarations belong
     """
     root: Path
@@ -93,7 +93,7 @@ class Headers:
         return source.library if source else ""
 
     def _refuse_shared_guards(self, texts: dict[str, str]) -> None:
-        """The second header with a guard would vanish without a word."""
+        """The preprocessor would skip the second header with the same guard, without a message."""
         first: dict[str, str] = {}
         problems = []
         for path, text in sorted(texts.items()):

@@ -11,7 +11,7 @@
  *  - With a chunk buffer, schemas, channels and messages are gathered in chunks, each with its own
  *    CRC and index: readers seek, and a damaged or truncated file is good up to its last whole
  *    chunk. Without one, records go out one by one (small targets): the last whole record is good.
- *  - A message is its C struct's bytes behind a 4-byte CDR header that tells the byte order. That
+ *  - A message is its C struct's bytes behind a 4-byte CDR header with the byte order. That
  *    is CDR exactly because no message struct has padding.
  *  - log_time = publish_time = simulated time [ns]; no wall-clock time, host or path is written.
  *

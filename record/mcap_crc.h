@@ -14,8 +14,8 @@
 extern "C" {
 #endif
 
-/** 8 tables; for who has little memory 1: a KiB instead of 8, a byte a step; or 0: 64 bytes, half a
- *  byte a step. */
+/** 8 tables take 8 KiB and hash 8 bytes a step. Where memory is short: 1 takes 1 KiB and hashes a byte a step,
+ *  0 takes 64 bytes and hashes half a byte a step. */
 #ifndef MCAP_CRC_TABLES
 #define MCAP_CRC_TABLES 8
 #endif

@@ -7,7 +7,8 @@ import sys
 from pathlib import Path
 
 from registers import emit_c, emit_markdown
-from registers.description import BoardError, read
+from registers.checked_toml import TomlError
+from registers.description import read
 
 _HELP = """\
 Read boards and write, of each, its C header and tables (BOARD.h, BOARD.c) and documentation
@@ -18,7 +19,7 @@ example:
 
 
 def _write(path: Path, text: str) -> None:
-    """Unchanged files keep their time, and nobody sees half a file."""
+    """Unchanged files keep their time, and no reader sees half a file."""
     data = text.encode()
     if path.is_file() and path.read_bytes() == data:
         return
@@ -40,8 +41,8 @@ def main(arguments: list[str] | None = None) -> int:
     for path in options.boards:
         try:
             board = read(path)
-        except (BoardError, OSError, UnicodeDecodeError) as error:
-            complaints.append(str(error) if isinstance(error, BoardError) else f"{path}: {error}")
+        except (TomlError, OSError, UnicodeDecodeError) as error:
+            complaints.append(str(error) if isinstance(error, TomlError) else f"{path}: {error}")
             continue
         for other, theirs in places:
             if board.name == other.name:

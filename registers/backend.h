@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where boards' memory is, and how the outside waits for flight: the one thing that differs between
-// flight in this process, in another one, and on an emulated computer.
+// Where the boards' memory is, and how the outside waits for flight. Only this differs between flight
+// in this process, in another one, and on an emulated computer.
 #pragma once
 
 #include <chrono>

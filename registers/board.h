@@ -20,9 +20,9 @@ typedef enum RegisterForm {
 
 enum {
     REGISTER_FROM_FLIGHT = 1 << 0, ///< flight writes, the outside reads; else the other way round
-    REGISTER_QUEUED = 1 << 1,      ///< kept in order; else only the last one counts
+    REGISTER_QUEUED = 1 << 1,      ///< read in order; else only the last one counts
     REGISTER_VARIABLE = 1 << 2,    ///< 0 to capacity bytes; else exactly capacity
-    REGISTER_OVERWRITE = 1 << 3    ///< a full queue gives up its oldest; else it refuses the newest
+    REGISTER_OVERWRITE = 1 << 3    ///< a full queue drops its oldest; else it refuses the newest
 };
 
 /** Where the parts of a packet's describing word stand. A part of 0 bits is not there. */

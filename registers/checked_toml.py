@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A TOML file whose mistakes are all told at once, each with line, rule, what was found, and what
-would do."""
+"""Checks a TOML file and reports all its mistakes at once, each with line, rule, finding and advice."""
 from __future__ import annotations
 
 import difflib
@@ -19,7 +18,7 @@ class TomlError(Exception):
 
 
 def parse(text: str, path: Path) -> tuple[dict, dict]:
-    """What a text says that stands at that path, and on which line: (data, lines_of it). Raises
+    """The data in the text of the file at that path, and their lines: (data, lines_of it). Raises
     TomlError if it is no TOML."""
     try:
         return tomllib.loads(text), lines_of(text)
@@ -34,7 +33,7 @@ def shown(value: Any) -> str:
 
 
 class Tables:
-    """Reads tables by their paths and gathers what is wrong; goes on with something harmless."""
+    """Reads tables by their paths and collects the mistakes; after each it goes on with a harmless value."""
 
     whole = "d"     # how whole numbers are shown
 

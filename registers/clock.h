@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The board's clock: simulated time comes to flight as a tick, and flight answers when it is done.
- * The outside owns time. Between two ticks the registers rest: what it wrote before a tick, flight
- * reads in it; what flight writes in a tick, the outside reads when the tick is done. */
+ * The outside owns time. Between two ticks flight does not touch the registers: in a tick it reads what
+ * the outside wrote before, and the outside reads what flight wrote when the tick is done. */
 #ifndef REGISTERS_CLOCK_H
 #define REGISTERS_CLOCK_H
 

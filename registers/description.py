@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A board as described by its TOML file: read, checked, and every lane laid out.
 
-README.md lists the keys. All that is wrong is found in one read, each with file, line, rule, what
-was found and what would do.
+README.md lists the keys. One read finds all mistakes, each with file, line, rule, finding and advice.
 """
 from __future__ import annotations
 
@@ -51,10 +50,6 @@ _KEYWORDS = set("""auto break case char const continue default do double else en
     typedef union unsigned void volatile while class namespace new delete this template""".split())
 
 
-class BoardError(Exception):
-    """All that is wrong with a board's file, one complaint a line."""
-
-
 @dataclass(frozen=True)
 class Field:
     """A part of a word: value = offset + scale * count."""
@@ -67,7 +62,7 @@ class Field:
     offset: float
     unit: str
     carries: str | None = None      # the number of a mission's message, or the first of `count`
-    line: int = field(default=0, compare=False, repr=False)   # of the file, for who looks at `carries`
+    line: int = field(default=0, compare=False, repr=False)   # of `carries` in the file
 
     @property
     def low(self) -> int:
@@ -155,20 +150,17 @@ class Board:
 
 
 def read(path: Path) -> Board:
-    """The board of a file; BoardError with all complaints if there are any."""
+    """The board of a file; TomlError with all complaints if there are any."""
     return parse(path.read_text(encoding="utf-8"), path)
 
 
 def parse(text: str, path: Path) -> Board:
-    """The same of a text that stands, or is to stand, at that path."""
-    try:
-        data, lines = checked_toml.parse(text, path)
-    except TomlError as error:
-        raise BoardError(str(error)) from error
+    """The same from the text of the file at that path."""
+    data, lines = checked_toml.parse(text, path)
     reader = _Reader(str(path), lines)
     board = reader.board(data, path.name)
     if reader.problems:
-        raise BoardError(reader.complaints())
+        raise TomlError(reader.complaints())
     return board
 
 

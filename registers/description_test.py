@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a board's file may not say, and how it is told so; where lanes come to lie."""
+"""Mistakes in a board's file and the messages for them; where lanes lie."""
 import itertools
 import random
 import re
@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from registers.__main__ import main
-from registers.description import BoardError, read
+from registers.checked_toml import TomlError
+from registers.description import read
 
 BOARDS = sorted((Path(__file__).parent / "boards").glob("*.toml"))
 
@@ -102,7 +103,7 @@ def test_the_pieces_of_the_refusals_are_right_when_together(tmp_path):
 def test_all_complaints_come_at_once_in_the_order_of_lines(tmp_path):
     file = tmp_path / "b.toml"
     file.write_text(HEAD + WORD.replace("0x100", "0x101") + "queue = 3\n" + PACKET + "speed = 1\n")
-    with pytest.raises(BoardError) as error:
+    with pytest.raises(TomlError) as error:
         read(file)
     lines = [int(c.split(":")[1]) for c in str(error.value).splitlines()]
     assert lines == [9, 10, 17]
@@ -143,7 +144,7 @@ def test_random_layouts_are_taken_exactly_if_nothing_overlaps(tmp_path):
         try:
             read(file)
             refused = False
-        except BoardError:
+        except TomlError:
             refused = True
         assert refused == twice, text
         outcomes.add(refused)
@@ -196,7 +197,7 @@ def test_any_junk_in_a_value_is_a_complaint_with_a_line(tmp_path):
         file.write_text("\n".join(lines))
         try:
             read(file)
-        except BoardError as error:
+        except TomlError as error:
             refused += 1
             for complaint in str(error).splitlines():
                 assert re.match(re.escape(f"{file}:") + r"\d+: .+; .+", complaint), complaint

@@ -18,8 +18,8 @@ uint32_t register_field_place(const RegisterField *field, uint32_t word, int64_t
 /** offset + scale * count, in the field's unit. */
 double register_field_value(const RegisterField *field, int64_t count);
 
-/** The count nearest to a value, halves away from zero; beyond the field's ends, the end. A NaN is
- *  the lower end, as nothing says it better. *saturated, unless NULL, is then 1, else 0. */
+/** The count nearest to a value, halves away from zero; beyond the field's ends, the end. A NaN gives
+ *  the lower end. *saturated, unless NULL, is then 1, else 0. */
 int64_t register_field_quantise(const RegisterField *field, double value, int *saturated);
 
 #ifdef __cplusplus

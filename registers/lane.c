@@ -84,7 +84,7 @@ static int begin_writing(const RegisterWindow *w, const RegisterLane *lane, uint
     return 1;
 }
 
-/* The sequence of the next writing. Not queued, it is never 0, which says: never written. */
+/* The sequence of the next writing. In a lane that is not queued it is never 0, because 0 means: never written. */
 static uint32_t next_sequence(const RegisterWindow *w, const RegisterLane *lane)
 {
     const uint32_t next = register_load(w, lane->address + REGISTER_WRITTEN) + 1u;

@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Writing and reading through a lane: the same code on both sides. One writer and one reader per
- * lane; neither ever waits for the other, and no call loops without bound.
+ * lane; neither waits for the other, and every call ends in bounded time.
  *
  *   word           a plain register: reads as last written
  *   packet         the last one whole, by Simpson's four slots (IEE Proc. E 137(1), 1990): the
  *                  writer always finds a slot that the reader does not look at
- *   queued         a ring of slots. Full: the newest is refused, or the oldest given up; either is
- *                  counted, and shows as a gap in the sequence
+ *   queued         a ring of slots. Full: the newest is refused, or the oldest dropped; both are
+ *                  counted, and both leave a gap in the sequence
  *
  * A control block, 32 bytes, is in front of the slots of all but plain words. */
 #ifndef REGISTERS_LANE_H
@@ -40,7 +40,7 @@ enum {
     REGISTER_WRITTEN = 0,       ///< writer: how many
     REGISTER_TAKEN = 4,         ///< reader: how many; not queued: the last sequence
     REGISTER_LOST_WRITING = 8,  ///< writer: how many were refused
-    REGISTER_LOST_READING = 12, ///< reader: how many were given up before they were read
+    REGISTER_LOST_READING = 12, ///< reader: how many were dropped before they were read
     REGISTER_BEGUN = 16,        ///< writer, overwriting queue: how many were begun
     REGISTER_LATEST = 16,       ///< writer, not queued: the pair of slots written last
     REGISTER_SLOTS = 20,        ///< writer, not queued: of each pair the slot written last
@@ -74,10 +74,10 @@ RegisterStatus register_take_word(const RegisterWindow *w, const RegisterLane *l
 /** How many are there to be read. Not queued: 1 if there is one not yet read. Plain words: 0. */
 uint32_t register_waiting(const RegisterWindow *w, const RegisterLane *lane);
 
-/** How many were lost so far, refused or given up. Always 0 where nothing is queued. */
+/** How many were lost so far, refused or dropped. Always 0 where nothing is queued. */
 uint32_t register_lost(const RegisterWindow *w, const RegisterLane *lane);
 
-/** Interrupts are counted, so none is lost however late somebody looks. A line has one side that
+/** Interrupts are counted, so a late reader loses none. A line has one side that
  *  raises it, and one that handles it. */
 void register_raise(const RegisterWindow *w, uint32_t line);
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Messages through lanes, whole: the bytes that archive and wire hold too, so that runs on
- * different machines can be compared bit for bit. The writer stores its struct as it lies in its
- * memory, behind 4 bytes that tell the byte order; a reader of the other order reverses. */
+/* Whole messages through lanes: the same bytes as in archive and wire, so that runs on different
+ * machines can be compared bit for bit. The writer stores its struct as it lies in memory, behind 4
+ * bytes with the byte order; a reader of the other order reverses the bytes of each number. */
 #ifndef REGISTERS_MESSAGE_H
 #define REGISTERS_MESSAGE_H
 
@@ -31,7 +31,7 @@ typedef struct RegisterMessages {
     const RegisterMessage *const *messages;
 } RegisterMessages;
 
-/** Reverse the bytes of every number of a message, in place. Twice is not at all. */
+/** Reverse the bytes of every number of a message, in place. A second call restores them. */
 void register_message_reverse(const RegisterMessage *type, void *bytes);
 
 /** Write a message. REGISTER_SIZE: the lane is not for messages of this size. */

@@ -18,27 +18,27 @@
 
 namespace fledge::registers {
 
-/// What is wrong at set-up: names the board and lane, what was found, and the valid choices.
+/// A fault at set-up: names the board and lane, what was found, and the valid choices.
 struct Error : std::runtime_error {
     using std::runtime_error::runtime_error;
 };
 
-/// What an end has seen happen, since it was made.
+/// Counts of an end since it was made.
 struct Counts {
     std::uint64_t passed = 0;    ///< written or read
     std::uint64_t refused = 0;   ///< not written: the queue was full, or the size not the lane's
-    std::uint64_t corrupt = 0;   ///< read, and not what a writer writes
+    std::uint64_t corrupt = 0;   ///< read, but no writer writes such a packet
     std::uint64_t saturated = 0; ///< held at the end of a field's range
 };
 
-/// What both ends of a lane have.
+/// Common to both ends of a lane.
 class LaneEnd {
 public:
     const RegisterLane &lane() const { return *lane_; }
     const Counts &counts() const { return counts_; }
     /// Lost in the lane, on either side.
     std::uint32_t lost() const { return register_lost(window_, lane_); }
-    /// The place of a field by name; throws Error.
+    /// The index of a field by name; throws Error.
     std::size_t field(std::string_view name) const;
 
 protected:
@@ -52,7 +52,7 @@ protected:
     std::vector<std::byte> scratch_; ///< a packet with its header
 };
 
-/// What flight will read: a sensor's or a ground station's end.
+/// Writes what flight will read: a sensor's or a ground station's end.
 class LaneWriter : public LaneEnd {
 public:
     LaneWriter(const RegisterWindow &window, const RegisterLane &lane) : LaneEnd(window, lane) {}
@@ -65,12 +65,12 @@ public:
     RegisterStatus set(std::size_t field, double value, std::uint32_t index = 0);
 };
 
-/// What flight has written: an actuator's or a ground station's end.
+/// Reads what flight has written: an actuator's or a ground station's end.
 class LaneReader : public LaneEnd {
 public:
     LaneReader(const RegisterWindow &window, const RegisterLane &lane) : LaneEnd(window, lane) {}
 
-    /// A packet as the outside wants it; `packet` is valid until the next call.
+    /// A packet in the outside's format; `packet` is valid until the next call.
     RegisterStatus take(std::span<const std::byte> &packet, RegisterInfo &info);
     RegisterStatus take_word(std::uint32_t &value, std::uint32_t index = 0);
     RegisterStatus take_message(const RegisterMessage &type, void *message, RegisterInfo &info);

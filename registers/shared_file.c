@@ -17,8 +17,8 @@
 #include <sys/syscall.h>
 #endif
 
-/* A lock of the open file ends with the process; a lock of the process does too, but two ends in
- * one process could not be told apart. */
+/* A lock of the open file ends with the process. So does a lock of the process, but that cannot
+ * distinguish two ends in one process. */
 #ifdef F_OFD_SETLK
 #define SET_LOCK F_OFD_SETLK
 #define GET_LOCK F_OFD_GETLK
@@ -32,13 +32,13 @@ enum {
     MAGIC = 0,    /* 2 words, stored last */
     HASH = 2,     /* 2 words */
     BELL = 4,     /* of the creator, of the attached: how often each has rung */
-    ATTACHED = 6, /* 1: somebody has */
+    ATTACHED = 6, /* 1: a peer has attached */
     HEAD_WORDS = 16
 };
 
 enum { CREATOR = 0, PEER = 1 };
 
-#define LOOK_NS 100000000 /* how often a waiting one looks whether the other lives */
+#define LOOK_NS 100000000 /* how often a waiting side checks that the other one lives */
 
 /* Bytes, and hence the same whichever machine maps it; the version is the last one. */
 static const char MAGIC_BYTES[8] = {'F', 'L', 'E', 'D', 'G', 'R', 'S', '1'};
@@ -158,7 +158,7 @@ static RegisterFileStatus map(RegisterFile *f, size_t size)
     return REGISTER_FILE_OK;
 }
 
-/* A new file that nobody else has. */
+/* A new file that no other process has open. */
 static RegisterFileStatus open_new(RegisterFile *f, const char *path)
 {
     const int flags = O_RDWR | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC;
@@ -176,7 +176,7 @@ static RegisterFileStatus open_new(RegisterFile *f, const char *path)
     }
     f->fd = open(path, flags, 0600);
     if (f->fd < 0 && errno == EEXIST) {
-        /* Whose creator is dead, that file is nobody's. */
+        /* A file whose creator has ended is free to be replaced. */
         const int old = open(path, O_RDWR | O_NOFOLLOW | O_CLOEXEC);
         struct stat s;
         if (old < 0) {
@@ -306,7 +306,7 @@ static int64_t now_ns(void)
     return (int64_t)t.tv_sec * 1000000000 + (int64_t)t.tv_nsec;
 }
 
-/* Sleep while the bell is as it was seen, at most so long. */
+/* Sleep until the bell differs from `seen`, at most `ns`. */
 static void sleep_while(volatile uint32_t *bell, uint32_t seen, int64_t ns)
 {
 #ifdef __linux__

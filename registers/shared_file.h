@@ -3,10 +3,10 @@
  * with Linux' futex to wake each other and its locks to know whether the other one lives; elsewhere
  * it looks every 50 microseconds. No heap.
  *
- * Nothing is left behind: who attaches removes the name once it has the map, and the kernel drops
- * map and locks of a process however it ends, kill -9 too. If a creator is killed before anybody
- * attached, the next one of that name finds the file unlocked, and takes its place. Without a path
- * there never is a name: a child attaches to "/dev/fd/N" of the descriptor that it inherits. */
+ * No file stays behind: the peer that attaches removes the name once it has mapped the file, and the
+ * kernel drops map and locks of a process that ends, after kill -9 too. If a creator is killed before
+ * a peer attaches, the next creator of that name finds the file unlocked and replaces it. Without a
+ * path the file has no name: a child attaches to "/dev/fd/N" of the descriptor that it inherits. */
 #ifndef REGISTERS_SHARED_FILE_H
 #define REGISTERS_SHARED_FILE_H
 
@@ -23,9 +23,9 @@ typedef enum RegisterFileStatus {
     REGISTER_FILE_OK = 0,
     REGISTER_FILE_RANG,    ///< wait: the other side rang
     REGISTER_FILE_TIMEOUT, ///< wait: it did not
-    REGISTER_FILE_GONE,    ///< wait: it attached once, and is no more
-    REGISTER_FILE_NOT_YET, ///< attach: no file of a living creator is there, or none ready
-    REGISTER_FILE_IN_USE,  ///< create: another creator lives; attach: somebody has attached
+    REGISTER_FILE_GONE,    ///< wait: it attached, and has ended since
+    REGISTER_FILE_NOT_YET, ///< attach: there is no file of a living creator, or it is not ready
+    REGISTER_FILE_IN_USE,  ///< create: another creator lives; attach: another peer has attached
     REGISTER_FILE_OTHER,   ///< attach: it is of other boards, or of another version
     REGISTER_FILE_FAILED   ///< the system refused: see error
 } RegisterFileStatus;
@@ -46,15 +46,15 @@ typedef struct RegisterFile {
 RegisterFileStatus register_file_create(RegisterFile *f, const char *path, const RegisterBoard *const *boards,
                                         uint32_t n, RegisterWindow *windows);
 
-/** Attach to a file of the same boards in the same order, and remove its name. The descriptor of a
- *  "/dev/fd/N" is closed: it is the creator's, whose end could not be seen otherwise. */
+/** Attach to a file of the same boards in the same order, and remove its name. It closes the descriptor of a
+ *  "/dev/fd/N", because the creator's locks would live on with it. */
 RegisterFileStatus register_file_attach(RegisterFile *f, const char *path, const RegisterBoard *const *boards,
                                         uint32_t n, RegisterWindow *windows);
 
 /** Unmap, and remove the name if it is still there. */
 void register_file_close(RegisterFile *f);
 
-/** Wait until the other side has rung since the last time this said so, at most timeout_ns. */
+/** Wait until the other side rings after the last call that returned REGISTER_FILE_RANG, at most timeout_ns. */
 RegisterFileStatus register_file_wait(RegisterFile *f, int64_t timeout_ns);
 
 /** Whether the other side has attached, and lives. */

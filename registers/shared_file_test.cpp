@@ -72,7 +72,7 @@ protected:
         return status;
     }
 
-    // What a wait says once all that the other side rang was seen.
+    // The result of a wait once every ring of the other side was seen.
     RegisterFileStatus end_of_ringing()
     {
         RegisterFileStatus status;
@@ -273,7 +273,7 @@ TEST_F(SharedFile, AFileOfADeadCreatorIsTakenOverAndOfALivingOneRefused)
     RegisterWindow w;
     EXPECT_EQ(register_file_attach(&file, path_.c_str(), boards_, 1, &w), REGISTER_FILE_NOT_YET);
     EXPECT_EQ(create(path_.c_str()), REGISTER_FILE_OK);
-    register_file_close(&file_); // nobody attached: the name goes too
+    register_file_close(&file_); // no peer attached: close removes the name too
     close(ready[0]);
     close(ready[1]);
 }

@@ -1,11 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A board's memory as one side sees it: 32-bit words in the board's byte order.
  *
- * Every access is one volatile, atomic load or store of an aligned word, so that a word is never
- * torn and other words never come to be seen before what they announce. Nothing else is asked of
- * the memory: no read-modify-write, and no side effect of a load or a store. So plain RAM will do,
- * of this process, of two processes, or of an emulated board; and so will a 32-bit processor that
- * has no compare-and-swap. */
+ * Every access is one volatile, atomic load or store of an aligned word. So no word is torn, and a
+ * reader that sees a word also sees all words stored before it. The memory needs no read-modify-write
+ * and no side effect of a load or a store: plain RAM is enough, of this process, of two processes or
+ * of an emulated board, and so is a 32-bit processor without compare-and-swap. */
 #ifndef REGISTERS_WINDOW_H
 #define REGISTERS_WINDOW_H
 
@@ -19,7 +18,7 @@ typedef struct RegisterWindow {
     const RegisterBoard *board;
     volatile uint32_t *words; ///< aligned to 8 bytes, board->size bytes
     uint32_t swap;            ///< 1: the board's byte order is not this processor's
-    /** Told of each interrupt that this side raises, after it was counted; may be NULL. */
+    /** Called for each interrupt that this side raises, after it was counted; may be NULL. */
     void (*ring)(void *user, uint32_t line);
     void *user;
 } RegisterWindow;

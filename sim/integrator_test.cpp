@@ -170,7 +170,7 @@ using Function = std::function<void(double t, const double *x, double *dx)>;
 struct Problem final : System {
     Function f;
     int evaluations = 0;
-    int settled = 0;
+    int normalized = 0;
     double last_tau = 0.0;
 
     explicit Problem(Function function) : f(std::move(function)) {}
@@ -181,7 +181,7 @@ struct Problem final : System {
         last_tau = tau;
         f(1e-9 * static_cast<double>(start) + tau, x, dx);
     }
-    void normalize(double *) override { settled++; }
+    void normalize(double *) override { normalized++; }
 };
 
 constexpr Ns second = 1'000'000'000;
@@ -253,7 +253,7 @@ TEST(Rk4, IsOfOrder4)
         Problem problem(kepler);
         const auto x = fly(*method, problem, at_periapsis(0.3), 8 * second, steps);
         EXPECT_EQ(problem.evaluations, 4 * steps);
-        EXPECT_EQ(problem.settled, steps);
+        EXPECT_EQ(problem.normalized, steps);
         const double error = distance(x, kepler_exact(0.3, 8.0));
         if (before > 0.0) {
             EXPECT_NEAR(std::log2(before / error), 4.0, 0.25);
@@ -368,7 +368,7 @@ TEST(Adaptive, EndsExactlyWithTheUpdateAndCarriesItsStep)
     }
     x.resize(4);
     EXPECT_LT(distance(x, kepler_exact(0.2, 5.0)), 1e-8);
-    EXPECT_EQ(problem.settled, problem.evaluations / 12);
+    EXPECT_EQ(problem.normalized, problem.evaluations / 12);
 }
 
 TEST(Adaptive, GoesOnFromItsStateAloneBitForBit)

@@ -103,6 +103,9 @@ def test_its_objects_are_like_ours(own):
     """Snapshots and clones hold a model's own memory, and parameters are checked by the header."""
     said = fledge("--project", own, "exec", "/usr/bin/python3", "-c", SCRIPT, cwd=own)
     assert said.splitlines()[-1] == "JerkLimit.rate must be > 0 N m / s, found -1 N m / s"
+    stubs = own / "build" / os.environ.get("FLEDGE_PRESET", "release") / "stubs"
+    assert "class JerkLimit(Module):" in (stubs / "_project_flight.pyi").read_text()
+    assert "class GasLeak(Model):" in (stubs / "_project_world.pyi").read_text()
 
 
 def test_by_hand_it_is_a_cmake_package(own, tmp_path):

@@ -25,13 +25,13 @@ TEST(World, UpdatesDoNotAllocate)
             f.method = sim::make_adaptive(1e-9, 1e-9);
         }
         f.set_inertia(Vector3d(50.0, 60.0, 80.0).asDiagonal());
-        f.face.par.mass = 100.0;
-        f.face.par.r_BN_N = vec3(7e6, 0, 0);
-        f.face.par.v_BN_N = vec3(0, 2500, 1000);
+        f.craft_interface.par.mass = 100.0;
+        f.craft_interface.par.r_BN_N = vec3(7e6, 0, 0);
+        f.craft_interface.par.v_BN_N = vec3(0, 2500, 1000);
         f.add_pyramid(0.16);
-        f.wheel_face.par.friction[0] = 0.01;
-        f.wheel_face.par.viscosity[1] = 0.01;
-        f.wheel_face.par.Omega_max[2] = 1.0;
+        f.wheel_interface.par.friction[0] = 0.01;
+        f.wheel_interface.par.viscosity[1] = 0.01;
+        f.wheel_interface.par.Omega_max[2] = 1.0;
         GravityBody body;
         body.mu = 4.2828314e13;
         body.radius = 3.4e6;

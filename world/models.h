@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// All models of this library, for whoever creates them by name. The list is written from the faces:
-// introspect/emit/models.py.
+// All models of this library by name. introspect/emit/models.py writes the list from the interfaces.
 #pragma once
 
 #include "sim/model_library.h"

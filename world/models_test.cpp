@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The models under the kernel, with the reader's tables of their faces.
+// The models under the kernel, with the reader's tables of their interfaces.
 #include "world/models.h"
 
 #include "sim/simulation.h"

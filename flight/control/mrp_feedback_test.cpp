@@ -91,7 +91,7 @@ TEST(MrpFeedback, lyapunov_function_falls_as_the_damping_alone)
 }
 
 /// Flies the continuous law (the torque is evaluated within each stage of RK4) about a reference
-/// that turns at a constant rate, and tells the Lyapunov function along the way.
+/// that turns at a constant rate, and computes the Lyapunov function along the way.
 struct ClosedLoop {
     MrpFeedback m;
     Plant plant;

@@ -26,11 +26,11 @@ static int turn(const AttReference *base, const EulerAngles *euler, AttReference
                    -(s1 * c2 * dphi + c1 * s2 * dtheta) * dpsi - c1 * dphi * dtheta);
 
     Mat3 dcm_RN = mat_mul(euler_sincos_to_dcm(s, c), mrp_to_dcm(base->sigma_RN));
-    Vec3 w_N = mat_tvec(dcm_RN, w);
+    Vec3 w_N = mat_transpose_vec(dcm_RN, w);
     reference->sigma_RN = dcm_to_mrp(dcm_RN);
     reference->omega_RN_N = vec_add(base->omega_RN_N, w_N);
     reference->domega_RN_N =
-        vec_add(vec_add(base->domega_RN_N, mat_tvec(dcm_RN, dw)), vec_cross(base->omega_RN_N, w_N));
+        vec_add(vec_add(base->domega_RN_N, mat_transpose_vec(dcm_RN, dw)), vec_cross(base->omega_RN_N, w_N));
     return vec_finite(reference->sigma_RN) && vec_finite(reference->omega_RN_N) && vec_finite(reference->domega_RN_N);
 }
 

@@ -7,8 +7,8 @@
 
 /** Turn a base reference R0 by 3-2-1 Euler angles that change at constant rates.
  *  The angles count from the first update after a reset, so the first reference is exact.
- *  A command takes the place of the parameters when it starts, exactly then, for its angles count
- *  from there, and stays in effect until the next one starts.
+ *  A command replaces the parameters exactly at its start, because its angles count from there. It
+ *  stays in effect until the next command starts.
  *  Modules may be chained; three of them make any of the twelve Euler sequences.
  *  Source: thesis Eqs. (2.13) to (2.20). */
 typedef struct EulerRotation {

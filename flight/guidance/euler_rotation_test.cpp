@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Euler rotations: motion against numerical derivatives, chains against the twelve Euler sequences.
 #include "flight/testing/base.h"
-#include "flight/testing/kinematics.h"
 #include "flight/testing/poison.h"
 
 extern "C" {
@@ -23,37 +22,11 @@ EulerRotation rotation(const Vector3d &angles, const Vector3d &rates)
     return m;
 }
 
-/// The reference of a chain of rotations at time t, all of which began to turn at time 0.
-AttReference run(std::vector<EulerRotation> chain, const Base &base, double t)
-{
-    AttReference reference = base.at(t);
-    for (EulerRotation &m : chain) {
-        m.in.base = base.at(0);
-        euler_rotation_update(&m, {0, 0});
-        m.in.base = reference;
-        euler_rotation_update(&m, {ns(t), ns(t)});
-        reference = m.out.reference;
-    }
-    return reference;
-}
-
 TEST(EulerRotation, rate_and_acceleration_are_derivatives)
 {
-    Random random{1};
-    for (int i = 0; i < 1000; i++) {
-        // The widest difference is a power of two in ns, so that all differences are exact times.
-        double h = std::ldexp(1e-9, 26 + i % 12), rate = 0.05 / h;
-        Base base = any_base(random, rate);
-        std::vector<EulerRotation> chain;
-        for (int k = 0; k <= i % 3; k++) {
-            chain.push_back(rotation(random.vector(pi), random.vector(rate)));
-        }
-        double now = h * (1 + random.below(20));
-        auto at = [&](double t) { return run(chain, base, now + t); };
-        KinematicErrors errors = kinematic_errors(at, rate);
-        EXPECT_LT(errors.rate, 1e-8);
-        EXPECT_LT(errors.acceleration, 1e-8);
-    }
+    expect_derivatives<EulerRotation>(
+        [](Random &random, double rate) { return rotation(random.vector(pi), random.vector(rate)); },
+        euler_rotation_update);
 }
 
 TEST(EulerRotation, three_in_a_chain_make_the_twelve_sequences)
@@ -81,7 +54,7 @@ TEST(EulerRotation, three_in_a_chain_make_the_twelve_sequences)
                         omega += c.transpose() * Vector3d::Unit(axis) * rate;
                         c = turn(axis, angle + rate * t) * c;
                     }
-                    AttReference reference = run(chain, base, t);
+                    AttReference reference = run(chain, base, t, euler_rotation_update);
                     EXPECT_LT(difference(dcm(reference.sigma_RN), c), 1e-14);
                     EXPECT_LT((eigen(reference.omega_RN_N) - omega).norm(), 1e-15);
                 }
@@ -102,7 +75,7 @@ TEST(EulerRotation, is_free_of_singularities)
         Base base = any_base(random, rate);
         double start = 2 * h; // the chain stands at the singular angles there
         chain[0].par.angles = vec(angles - start * eigen(chain[0].par.rates));
-        auto at = [&](double t) { return run(chain, base, start + t); };
+        auto at = [&](double t) { return run(chain, base, start + t, euler_rotation_update); };
         KinematicErrors errors = kinematic_errors(at, rate);
         EXPECT_LT(errors.rate, 1e-8);
         EXPECT_LT(errors.acceleration, 1e-8);
@@ -214,7 +187,7 @@ TEST(EulerRotation, rate_and_acceleration_are_derivatives_under_a_command)
         EulerRotation m = rotation(random.vector(), random.vector(rate));
         m.in.command = command(0, random.vector(pi), random.vector(rate));
         double now = h * (2 + random.below(20));
-        auto at = [&](double t) { return run({m}, base, now + t); };
+        auto at = [&](double t) { return run<EulerRotation>({m}, base, now + t, euler_rotation_update); };
         KinematicErrors errors = kinematic_errors(at, rate);
         EXPECT_LT(errors.rate, 1e-8);
         EXPECT_LT(errors.acceleration, 1e-8);

@@ -13,7 +13,7 @@ void inertial_pointing_reset(InertialPointing *m)
 
 void inertial_pointing_update(InertialPointing *m, Tick t)
 {
-    AttReference *out = &m->out.reference; /* whose rates nobody sets, so they stay zero */
+    AttReference *out = &m->out.reference; /* no code sets its rates, so they stay zero */
     Vec3 sigma_RN = mrp_short(m->par.sigma_RN);
     if (vec_finite(sigma_RN)) {
         out->head = head_next(out->head, t.t, QUALITY_GOOD);

@@ -58,7 +58,7 @@ TEST(InertialPointing, holds_the_last_reference_against_numbers_that_are_not_fin
 
     InertialPointing bad = pointing(vec3(std::numeric_limits<double>::quiet_NaN(), 0, 0));
     inertial_pointing_update(&bad, {0, 0});
-    EXPECT_TRUE(all_zero(bad.out)) << "there was none to hold";
+    EXPECT_TRUE(all_zero(bad.out)) << "there is no earlier reference to hold";
 }
 
 TEST(InertialPointing, gives_finite_numbers_whatever_it_is_given)

@@ -16,7 +16,7 @@ static int spin(const AttReference *base, Vec3 omega_RR0_R0, double seconds, Att
     double s, c;
     fm_sincos(0.5 * vec_norm(omega_RR0_R0) * seconds, &s, &c);
     Vec3 sigma_RR0 = mrp_project(c, vec_scale(s, vec_unit(omega_RR0_R0)), 1.0);
-    Vec3 w_N = mat_tvec(mrp_to_dcm(base->sigma_RN), omega_RR0_R0);
+    Vec3 w_N = mat_transpose_vec(mrp_to_dcm(base->sigma_RN), omega_RR0_R0);
     reference->sigma_RN = mrp_compose(sigma_RR0, base->sigma_RN);
     reference->omega_RN_N = vec_add(base->omega_RN_N, w_N);
     reference->domega_RN_N = vec_add(base->domega_RN_N, vec_cross(base->omega_RN_N, w_N));

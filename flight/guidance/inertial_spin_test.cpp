@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Spins against their definition by a matrix, and against numerical derivatives, also in chains.
 #include "flight/testing/base.h"
-#include "flight/testing/kinematics.h"
 #include "flight/testing/poison.h"
 
 extern "C" {
@@ -22,37 +21,10 @@ InertialSpin spinning(const Vector3d &omega_RR0_R0)
     return m;
 }
 
-/// The reference of a chain of spins at time t, all of which began at time 0.
-AttReference run(std::vector<InertialSpin> chain, const Base &base, double t)
-{
-    AttReference reference = base.at(t);
-    for (InertialSpin &m : chain) {
-        m.in.base = base.at(0);
-        inertial_spin_update(&m, {0, 0});
-        m.in.base = reference;
-        inertial_spin_update(&m, {ns(t), ns(t)});
-        reference = m.out.reference;
-    }
-    return reference;
-}
-
 TEST(InertialSpin, rate_and_acceleration_are_derivatives)
 {
-    Random random{1};
-    for (int i = 0; i < 1000; i++) {
-        // The widest difference is a power of two in ns, so that all differences are exact times.
-        double h = std::ldexp(1e-9, 26 + i % 12), rate = 0.05 / h;
-        Base base = any_base(random, rate);
-        std::vector<InertialSpin> chain;
-        for (int k = 0; k <= i % 3; k++) {
-            chain.push_back(spinning(random.vector(rate)));
-        }
-        double now = h * (1 + random.below(20));
-        auto at = [&](double t) { return run(chain, base, now + t); };
-        KinematicErrors errors = kinematic_errors(at, rate);
-        EXPECT_LT(errors.rate, 1e-8);
-        EXPECT_LT(errors.acceleration, 1e-8);
-    }
+    expect_derivatives<InertialSpin>([](Random &random, double rate) { return spinning(random.vector(rate)); },
+                                     inertial_spin_update);
 }
 
 TEST(InertialSpin, is_a_turn_about_an_axis_of_the_base)
@@ -62,7 +34,7 @@ TEST(InertialSpin, is_a_turn_about_an_axis_of_the_base)
         Base base = any_base(random, 0.1);
         Vector3d w = random.vector(0.1);
         double t = 0.5 * random.below(2000);
-        AttReference reference = run({spinning(w)}, base, t), at = base.at(t);
+        AttReference reference = run<InertialSpin>({spinning(w)}, base, t, inertial_spin_update), at = base.at(t);
         Matrix3d c = turn(w, w.norm() * t) * dcm(at.sigma_RN);
         EXPECT_LT(difference(dcm(reference.sigma_RN), c), 1e-13);
         EXPECT_LE(vec_norm(reference.sigma_RN), 1 + 1e-15);
@@ -95,11 +67,12 @@ TEST(InertialSpin, without_a_rate_it_is_the_base)
 {
     Random random{4};
     for (const Vector3d &w : {Vector3d(0, 0, 0), Vector3d(1e-200, 0, -1e-300)}) {
-        AttReference reference = run({spinning(w)}, {random.attitude()}, 1000);
+        AttReference reference = run<InertialSpin>({spinning(w)}, {random.attitude()}, 1000, inertial_spin_update);
         EXPECT_EQ(reference.head.quality, QUALITY_GOOD);
     }
     Base base = any_base(random, 0.1);
-    AttReference reference = run({spinning(Vector3d::Zero())}, base, 1000), at = base.at(1000);
+    AttReference reference = run<InertialSpin>({spinning(Vector3d::Zero())}, base, 1000, inertial_spin_update),
+                 at = base.at(1000);
     EXPECT_LT(difference(dcm(reference.sigma_RN), dcm(at.sigma_RN)), 1e-14);
     EXPECT_EQ(eigen(reference.omega_RN_N), eigen(at.omega_RN_N));
     EXPECT_EQ(eigen(reference.domega_RN_N), eigen(at.domega_RN_N));

@@ -4,15 +4,15 @@
 
 #include "flight/msg/orbit.h"
 
-/** Tell others where this spacecraft will be, as a body that they can point at.
- *  What is said at t is for t + lead: with the time that it takes to be read, the reader's error is
- *  that of a constant acceleration over this time. */
+/** Predict where this spacecraft will be, as a body that other spacecraft can point at.
+ *  The output at t holds the position for t + lead. If `lead` is the delay until a reader uses it, the
+ *  reader's error is that of assuming a constant acceleration over this time. */
 typedef struct OrbitBeacon {
     struct {
         NavOrbit orbit;
     } in;
     struct {
-        BodyState body; ///< head.t is when it was said
+        BodyState body; ///< head.t is when it was computed
     } out;
     struct {
         double lead; ///< [s] in [0, 1000]: how far ahead

@@ -14,7 +14,7 @@
 
 #include "flight/math/attitude.h"
 
-/* sin^2 of the angle between r1 and the last r2 below which the last says nothing of the next. */
+/* sin^2 of the angle between r1 and the last r2 below which the last r2 does not define the next one. */
 static const double PARALLEL = 1e-24;
 
 /* A vector with its first and second derivative in N. */

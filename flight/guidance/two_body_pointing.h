@@ -9,12 +9,12 @@
 /** Point r1 at a primary body, exactly, and r2 at a secondary one as nearly as that allows.
  *  r3 is normal to the plane of the spacecraft and the bodies, with the secondary on r2's side.
  *  Where the bodies are collinear, or there is no secondary, r1 still points at the primary, with
- *  its exact rate and acceleration, and nothing turns about it: the last r2 is carried along (at
- *  first, the axis of N farthest from r1). The reference is then degraded, and the status says why.
- *  It jumps where the secondary can be used again.
- *  The accelerations in the messages enter domega_RN_N only. What is missing there (zero) leaves an
- *  error of about its size over the body's distance, for the primary's direction, and as much over
- *  the sine of the separation about it.
+ *  its exact rate and acceleration, and R does not turn about r1: r2 moves along with r1 from its
+ *  last direction (at first, the axis of N farthest from r1). The reference is then degraded, and the
+ *  status holds the reason. The reference jumps where the secondary can be used again.
+ *  The accelerations in the messages enter domega_RN_N only. An acceleration a that a message leaves
+ *  at zero causes an error of about a / distance of the body for the direction of r1, and of this
+ *  over the sine of the separation for the turn about r1.
  *  Source: thesis Eqs. (2.2) to (2.12). */
 typedef struct TwoBodyPointing {
     struct {

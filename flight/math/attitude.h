@@ -156,7 +156,7 @@ static inline Vec3 mrp_rate(Vec3 sigma, Vec3 omega)
 static inline Vec3 mrp_omega(Vec3 sigma, Vec3 dsigma)
 {
     double d = 1.0 + vec_norm2(sigma);
-    return vec_scale(4.0 / (d * d), mat_tvec(mrp_rate_matrix(sigma), dsigma));
+    return vec_scale(4.0 / (d * d), mat_transpose_vec(mrp_rate_matrix(sigma), dsigma));
 }
 
 /** The DCM of 3-2-1 angles (psi, theta, phi), of their sines and cosines. */

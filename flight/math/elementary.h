@@ -28,7 +28,7 @@ double fm_asin(double x); /**< in [-pi/2, pi/2]; NaN for |x| > 1 */
 double fm_acos(double x); /**< in [0, pi]; NaN for |x| > 1 */
 double fm_atan(double x); /**< in [-pi/2, pi/2] */
 
-/** The angle of the point (x, y) from the x axis, in [-pi, pi]; signed zeros tell the side of the
+/** The angle of the point (x, y) from the x axis, in [-pi, pi]; signed zeros choose the side of the
  *  cut, and fm_atan2(0, 0) is 0. */
 double fm_atan2(double y, double x);
 

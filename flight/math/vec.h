@@ -60,7 +60,7 @@ static inline double vec_norm(Vec3 a)
     return fm_sqrt(vec_dot(a, a));
 }
 
-/** a / |a|, or zero where a has no direction that could be told. */
+/** a / |a|, or zero if |a| is 0. */
 static inline Vec3 vec_unit(Vec3 a)
 {
     double n = vec_norm(a);
@@ -109,7 +109,7 @@ static inline Vec3 mat_vec(Mat3 a, Vec3 x)
 }
 
 /** A^T x */
-static inline Vec3 mat_tvec(Mat3 a, Vec3 x)
+static inline Vec3 mat_transpose_vec(Mat3 a, Vec3 x)
 {
     return mat_vec(mat_transpose(a), x);
 }
@@ -124,18 +124,6 @@ static inline Mat3 mat_mul(Mat3 a, Mat3 b)
         }
     }
     return c;
-}
-
-/** A^T B */
-static inline Mat3 mat_tmul(Mat3 a, Mat3 b)
-{
-    return mat_mul(mat_transpose(a), b);
-}
-
-/** A B^T */
-static inline Mat3 mat_mult(Mat3 a, Mat3 b)
-{
-    return mat_mul(a, mat_transpose(b));
 }
 
 #endif

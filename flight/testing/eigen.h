@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Flight types to Eigen and back, attitudes by a route that shares nothing with flight/math, and
-// seeded random states. Include it before the faces of modules, which stand in extern "C".
+// seeded random states. Include it before the interfaces of modules, which stand in extern "C".
 #pragma once
 
 #include "flight/math/attitude.h"
@@ -123,6 +123,9 @@ public:
 private:
     std::mt19937_64 engine_;
 };
+
+/// The update function of a module.
+template <class Module> using UpdateOf = void (*)(Module *, Tick);
 
 /// The head of a message that was just written.
 inline Head good(std::int64_t t = 0)

@@ -8,7 +8,6 @@
 
 namespace flight::testing {
 
-template <class Module> using UpdateOf = void (*)(Module *, Tick);
 template <class Module> using MakerOf = Module (*)(const Motion &);
 
 /// The reference is as good as the worst of the orbit and the planet, which need not be there.
@@ -17,7 +16,7 @@ template <class Module> void expect_quality_of_inputs(MakerOf<Module> make, Upda
     Module m = make({{7e6, 0, 0}, {0, 3e3, 1e3}});
     const Head &head = m.out.reference.head;
     update(&m, {500, 0});
-    EXPECT_EQ(head.quality, QUALITY_GOOD) << "a planet at the origin is no lack";
+    EXPECT_EQ(head.quality, QUALITY_GOOD) << "without a planet message the planet rests at the origin";
     EXPECT_EQ(head.t, 500);
     EXPECT_EQ(head.sequence, 1u);
 
@@ -46,7 +45,7 @@ template <class Module> void expect_held_where_undefined(MakerOf<Module> make, U
     for (const Motion &bad : undefined) {
         Module m = make(bad);
         update(&m, {0, 0});
-        EXPECT_TRUE(all_zero(m.out)) << "there was none to hold";
+        EXPECT_TRUE(all_zero(m.out)) << "there is no earlier reference to hold";
 
         m = make(motion);
         update(&m, {0, 0});

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A C99 file of nothing but compile-time checks: that the compiler of any target lays out every
-struct as the model says. A broken one is an array of negative size, named after the member."""
+struct as in the model. A broken one is an array of negative size, named after the member."""
 from __future__ import annotations
 
 from introspect.emit import ctext

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What makes the models of a library: a row for each face, whichever folder it is in."""
+"""What makes the models of a library: a row for each interface, whichever folder it is in."""
 import re
 
 from introspect.emit import EMITTERS
@@ -11,12 +11,12 @@ def test_every_model_has_its_class_and_its_table():
     world = read_this().library("world")
     ((file, text),) = EMITTERS["models"](world).items()
     assert file == "world_models.cpp"
-    faces = {s.name: s.header for s in world.structs if s.kind is Kind.MODEL}
-    assert "Spacecraft" in faces
+    interfaces = {s.name: s.header for s in world.structs if s.kind is Kind.MODEL}
+    assert "Spacecraft" in interfaces
     assert re.findall(r"\{&fledge_struct_(\w+), make_model<(\w+), (\w+)>\},", text) == [
-        (name, f"{name}Model", name) for name in faces]
-    assert f"fledge::sim::model_version, {len(faces)}u, types," in text
-    for header in faces.values():
+        (name, f"{name}Model", name) for name in interfaces]
+    assert f"fledge::sim::model_version, {len(interfaces)}u, types," in text
+    for header in interfaces.values():
         assert f'#include "{header.removesuffix(".h")}_model.h"' in text
 
 

@@ -6,7 +6,7 @@ One line per field, whose comment keeps what ROS 2 cannot say, its true name fir
     <ros type> <lower-cased name>  # <true name> [<unit>] (<shape>) <meaning> {<NAME>=<value>, ...}
 
 Unit, shape (of arrays), meaning and values (of enums) stand there only if there are any. Arrays
-have one dimension; the shape tells the others. A text is uint8[n]. Nested structs follow, each
+have one dimension; the shape in the comment holds all of them. A text is uint8[n]. Nested structs follow, each
 after a line of 80 `=` and `MSG: fledge/<name>`.
 
 A payload is the struct's bytes, which are its CDR exactly if there is no padding and every number

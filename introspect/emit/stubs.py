@@ -74,7 +74,7 @@ def _enum(e: Enumeration) -> str:
 
 def _struct(s: Struct) -> str:
     fields = [f for f in s.fields if not f.is_spare]
-    settable = sorted((f for f in fields if not s.kind.is_face or f.group is Group.PAR),
+    settable = sorted((f for f in fields if not s.kind.is_interface or f.group is Group.PAR),
                       key=lambda f: "required" not in f.clauses)
     lines = [f"\nclass {s.name}({_BASES[s.kind]}):\n", _doc(s.doc)]
     parameters = [f"{f.name}: {_accepted(f)}" + ("" if _is_required(s, f) else " = ...") for f in settable]

@@ -11,8 +11,8 @@ from introspect.emit import ctext, schema
 from introspect.emit.ctext import string
 from introspect.model import Bounds, Enumeration, Field, Kind, Library, Struct
 
-# A C99 compiler need take literals of up to 4095 characters only; those that matter take any, but
-# say so under -pedantic. Schemas of large messages are longer.
+# C99 requires of a compiler string literals of up to 4095 characters only. gcc and clang accept longer
+# ones, but warn under -pedantic. Schemas of large messages are longer.
 _PROLOGUE = """#include <stddef.h>
 
 #include "sim/table.h"
@@ -24,15 +24,15 @@ _PROLOGUE = """#include <stddef.h>
 
 
 def emit(library: Library) -> dict[str, str]:
-    faces = [s for s in library.structs if s.kind is Kind.MODULE]
+    interfaces = [s for s in library.structs if s.kind is Kind.MODULE]
     structs = {s.name: s for s in library.structs}
     enums = {e.name: e for e in library.enums}
     for struct in library.structs:
         structs |= {used.name: used for used in struct.uses()}
         enums |= {f.enum.name: f.enum for f in struct.fields if f.enum}
 
-    parts = [ctext.banner(f"The tables of library {library.name}."), ctext.includes(faces),
-             "\n" if faces else "", _PROLOGUE, "\n"]
+    parts = [ctext.banner(f"The tables of library {library.name}."), ctext.includes(interfaces),
+             "\n" if interfaces else "", _PROLOGUE, "\n"]
     parts += [f"extern const FledgeEnum fledge_enum_{name};\n" for name in sorted(enums)]
     parts += [f"extern const FledgeStruct fledge_struct_{name};\n" for name in sorted(structs)]
     parts += [_enum(e) for e in library.enums]

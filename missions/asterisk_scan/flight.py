@@ -21,7 +21,7 @@ def asterisk(alpha, lead=0.0):
 
 
 def build(f):
-    # The vehicle, said once.
+    # The vehicle, as flight knows it.
     f.vehicle  = fsw.VehicleConfig(I_B=[700, 700, 800] * kg * m**2)
     f.wheels   = fsw.WheelConfig(axes_B=fsw.PYRAMID, J=0.1591549 * kg * m**2, u_max=0.2 * N * m)
 

@@ -7,14 +7,14 @@ PERIOD = 0.5 * s
 
 
 def build(f):
-    # The vehicle as all of them should be; none is quite so.
+    # The nominal vehicle. The true ones differ a little from it and from one another.
     f.vehicle  = fsw.VehicleConfig(I_B=[700, 700, 800] * kg * m**2)
     f.wheels   = fsw.WheelConfig(axes_B=fsw.PYRAMID, J=0.1591549 * kg * m**2, u_max=0.2 * N * m)
 
-    # What is said is read by the one behind half a second later.
+    # The spacecraft behind reads this message half a second later.
     f.beacon   = fsw.OrbitBeacon(lead=PERIOD)
 
-    # b1 looks along the chord to the one ahead, b2 towards the one behind as nearly as that allows.
+    # b1 points at the spacecraft ahead; b2 as nearly as possible at the one behind.
     f.guidance = fsw.TwoBodyPointing(separation_min=0.5 * deg)
     f.tracking = fsw.TrackingError()
 

@@ -16,7 +16,7 @@ def build(sim, spacecraft=4):
         world.build(w, f, number, spacecraft)
         fleet.append(f)
 
-    # By radio: each hears the one ahead and, if that is another, the one behind.
+    # By radio each spacecraft receives the beacon of the one ahead and, if that is another one, of the one behind.
     for number, f in enumerate(fleet):
         ahead, behind = fleet[(number + 1) % spacecraft], fleet[number - 1]
         f.connect((ahead.beacon.body >> f.guidance.primary).latency(1))

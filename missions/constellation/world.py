@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The truth about each: a place of its own in a ring about Mars, a body a little unlike the others, a tumble."""
+"""The truth of each spacecraft: its position in a ring about Mars, its slightly different body, its tumble."""
 from fledge import Orbit, world
 from fledge.units import N, deg, kg, km, m, ms, rad, s
 
-GOLDEN = 0.6180339887498949    # of its multiples, no two have nearly the same fraction
+GOLDEN = 0.6180339887498949    # the fractions of its multiples are spread evenly
 
 
 def build(w, f, number, count):
-    """number: which of them it is, from 0; count: how many there are."""
+    """number: of the spacecraft, from 0; count: of all spacecraft."""
     def spread(k):
-        """From -1 to 1, as even over the spacecraft as can be; another sequence for each k."""
+        """From -1 to 1, spread evenly over the spacecraft; another sequence for each k."""
         return 2 * ((number + 1) * GOLDEN * k % 1.0) - 1
 
     # Wheels of one batch, at rest.
@@ -25,7 +25,7 @@ def build(w, f, number, count):
         sigma_BN=[0.2 * spread(13), 0.2 * spread(17), 0.2 * spread(19)],
         omega_BN_B=[0.01 * spread(23), 0.01 * spread(29), 0.01 * spread(31)] * rad / s)
 
-    # Of this size are the errors of a star tracker with a gyro, and of a radio fix.
+    # The size of errors of a star tracker with a gyro, and of a radio fix.
     w.nav    = world.Navigation(attitude_noise=[2e-5] * 3 * rad, rate_noise=[1e-6] * 3 * rad / s,
                                 position_noise=[10] * 3 * m)
 

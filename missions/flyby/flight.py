@@ -5,11 +5,11 @@ from fledge.units import N, kg, m, s
 
 
 def build(f):
-    # The vehicle, said once.
+    # The vehicle, as flight knows it.
     f.vehicle  = fsw.VehicleConfig(I_B=[700, 700, 800] * kg * m**2)
     f.wheels   = fsw.WheelConfig(axes_B=fsw.PYRAMID, J=0.1591549 * kg * m**2, u_max=0.2 * N * m)
 
-    # Guidance: the velocity frame. Flight knows of Mars only, and takes the way past it for a conic.
+    # Guidance: the velocity frame. Flight knows Mars only, and assumes a conic past it.
     f.guidance = fsw.VelocityPointing(mu=4.2828314e13 * m**3 / s**2)
     f.tracking = fsw.TrackingError(sigma_BcB=[0, 0, 0])
 

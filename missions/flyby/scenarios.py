@@ -5,7 +5,7 @@ from fledge.units import deg, minute, s
 
 
 def flyby(sim):
-    """b2 keeps to the velocity past Mars, while Sun and Jupiter pull, of which flight does not know."""
+    """b2 follows the velocity past Mars; flight does not know the pull of Sun and Jupiter."""
     f, w = sim.flight, sim.world
     log = sim.record(f.guidance.reference, f.tracking.error, f.motor.command, w.craft.state, every=1 * s)
 
@@ -15,12 +15,12 @@ def flyby(sim):
     b2       = scan.path(log, "state.sigma_BN", boresight=2)
     _plot(log, velocity, b2, w.craft.sky)
 
-    # It passes where it was meant to, half way through the run.
+    # It passes periapsis as planned, half way through the run.
     radius = (log["state.r_BN_N"]**2).sum(axis=1)**0.5
     assert abs(radius.min() - 3897e3) < 10, f"periapsis is {radius.min() - 3897e3:.2g} m too high"
     assert abs(radius.argmin() - 4800) < 10, f"periapsis is at {radius.argmin()} s"
 
-    # b2 finds the velocity from a tumble and keeps to it, most of all through periapsis, where it
+    # b2 finds the velocity from a tumble and follows it, also through periapsis, where the velocity
     # turns by 0.03 deg/s and its rate changes all the time.
     off = b2.off(velocity)
     late = log.time > 20 * 60

@@ -5,7 +5,7 @@ from fledge.units import N, kg, m, s
 
 
 def build(f):
-    # The vehicle, said once.
+    # The vehicle, as flight knows it.
     f.vehicle  = fsw.VehicleConfig(I_B=[700, 700, 800] * kg * m**2)
     f.wheels   = fsw.WheelConfig(axes_B=fsw.PYRAMID, J=0.1591549 * kg * m**2, u_max=0.2 * N * m)
 
@@ -13,8 +13,8 @@ def build(f):
     f.guidance = fsw.InertialPointing(sigma_RN=[0, 0, 0])
     f.tracking = fsw.TrackingError(sigma_BcB=[0, 0, 0])
 
-    # Control: gains of table 2.2. The wheels' speeds are not told to flight; their momentum then disturbs
-    # the body while it turns, and no more when it rests.
+    # Control: gains of table 2.2. Flight does not know the wheels' speeds; their momentum then disturbs
+    # the body while it turns, but not at rest.
     f.control  = fsw.MrpFeedback(K=2.531 * N * m, P=45.0 * N * m * s)
     f.motor    = fsw.WheelTorques()
 

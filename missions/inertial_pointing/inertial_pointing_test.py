@@ -37,12 +37,12 @@ def test_it_tumbles_and_comes_to_rest(flown):
     error, rate = (np.linalg.norm(log[name], axis=1) for name in ("error.sigma_BR", "state.omega_BN_B"))
     assert rate[0] > 0.03 and np.linalg.norm(log["state.sigma_BN"][0]) > 0.3
     assert error[log.time > 20 * 60].max() < 1e-6 and rate[log.time > 20 * 60].max() < 1e-7
-    assert error[-1] < 1e-11 and rate[-1] < 1e-12, "it goes on to settle, for nothing disturbs it at rest"
+    assert error[-1] < 1e-11 and rate[-1] < 1e-12, "the error falls to zero, because nothing disturbs the body at rest"
 
 
 def test_the_slowest_mode_is_that_of_the_gains(flown):
     # Near rest, sigma' = omega / 4 and I omega' = -K sigma - P omega + h x omega: the momentum h in the wheels,
-    # of which flight is not told, couples the axes.
+    # which flight does not know, couples the axes.
     sim, log = flown
     h, I = _wheels_momentum(sim, log)[-1], np.diag([700.0, 700.0, 800.0])
     turn = np.cross(h, np.eye(3)).T

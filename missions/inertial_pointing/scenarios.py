@@ -4,7 +4,7 @@ from fledge.units import minute, s
 
 
 def detumble(sim):
-    """A tumbling spacecraft comes to rest on the axes of N; what it turned with is in the wheels."""
+    """A tumbling spacecraft comes to rest on the axes of N; the wheels take up its angular momentum."""
     f, w = sim.flight, sim.world
     log = sim.record(
         w.craft.state, w.wheels.speeds, w.nav.attitude,

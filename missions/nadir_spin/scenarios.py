@@ -29,7 +29,7 @@ def spin(sim):
     late = log.time > 150
     assert abs(log["command.u"][late]).max() < 0.2, "the wheels saturate after the first 150 s"
 
-    # b1 points down: with it in N from the attitude, and the way down from the position.
+    # b1 points down: b1 in N follows from the attitude, nadir from the position.
     assert _off_nadir(sim) < 4e-4, "the boresight is off nadir"
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rectangular raster: the scan pattern of the thesis' figure 2.6(a), over a planet that is passed by."""
+"""Rectangular raster: the scan pattern of the thesis' figure 2.6(a), over a planet during a pass."""
 from fledge import scan
 from fledge.units import deg, minute, s
 
@@ -32,7 +32,7 @@ def raster(sim):
             assert round((k * PASS + start) * 1e9) in log["command.start"], \
                 f"no line begins at {k * PASS + start} s"
 
-    # In the swath the lines are followed; the corners beyond are cut.
+    # b1 follows the lines within the swath, and cuts the corners beyond.
     off, yaw = achieved.off(nominal), nominal.angles(centre=-1)[:, 0]
     for k in range(2):
         for number, start in enumerate(LINES, 1):
@@ -41,7 +41,7 @@ def raster(sim):
             assert off[line].max() < 0.2 * deg, \
                 f"line {number} of pass {k + 1} is missed by {off[line].max():.2g} rad"
 
-    # The second pass repeats the first, once that has come from nadir onto its first line.
+    # The second pass repeats the first from the point where the first pass has reached its first line.
     first, second = achieved.during(800, PASS - 1), achieved.during(PASS + 800, 2 * PASS - 1)
     assert second.off(first).max() < 1e-3 * deg, "the second pass is not the first"
     assert abs(log["command.u"]).max() < 0.1, "the scan works the wheels too hard"

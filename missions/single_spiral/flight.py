@@ -9,12 +9,12 @@ OUTWARD = 0.0025 * deg / s
 
 
 def build(f):
-    # The vehicle, said once.
+    # The vehicle, as flight knows it.
     f.vehicle  = fsw.VehicleConfig(I_B=[700, 700, 800] * kg * m**2)
     f.wheels   = fsw.WheelConfig(axes_B=fsw.PYRAMID, J=0.1591549 * kg * m**2, u_max=0.2 * N * m)
 
     # Guidance (figure 2.13): a direction that rests in N, a roll about it, and a pitch in the rolled
-    # frame that grows. The boresight b1 is as far from the centre as the pitch, where the roll says.
+    # frame that grows. The pitch is the distance of the boresight b1 from the centre, the roll its direction.
     f.guidance = fsw.InertialPointing(sigma_RN=[0, 0, 0])
     f.turn     = fsw.EulerRotation(rates=[0, 0, 1] * TURN)
     f.tilt     = fsw.EulerRotation(rates=[0, 1, 0] * OUTWARD)

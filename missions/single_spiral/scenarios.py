@@ -11,14 +11,14 @@ HALF = 80 * minute      # of the run: four turns
 
 
 def spiral(sim):
-    """b1 draws four turns, out to 12 deg, and is driven back to the centre."""
+    """b1 draws four turns, out to 12 deg, and returns to the centre."""
     f, w = sim.flight, sim.world
     log = sim.record(
         f.guidance.reference, f.tilt.reference, f.tracking.error, f.motor.command, w.craft.state, every=1 * s)
 
     sim.run(HALF)
-    # Ground ends the spiral: no rates, and angles that are zero at the centre. The roll has come
-    # round to where it began, so that the body only has to tilt back.
+    # Ground ends the spiral: no rates, and angles that are zero at the centre. The roll is back
+    # at its initial angle, so that the body only has to tilt back.
     f.turn.rates, f.tilt.rates = [0, 0, 0], [0, 0, 0]
     sim.run(HALF)
 
@@ -32,7 +32,7 @@ def spiral(sim):
     assert abs(radius - (OUTWARD * s).value * drawn.time).max() < 1e-12, "the radius does not grow evenly"
     assert abs(TURN.value * HALF.value - 4 * 2 * pi) < 1e-12, "these are not four turns"
 
-    # After the roll has been caught up with, it is tracked perfectly, with small torques.
+    # Once the body has caught up with the roll, tracking is perfect, with small torques.
     off = achieved.off(nominal)
     tracked = (log.time > 600) & (log.time <= HALF.to(s))
     assert off[tracked].max() < 1e-6, f"the spiral is missed by {off[tracked].max():.2g} rad"

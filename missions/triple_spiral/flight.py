@@ -16,7 +16,7 @@ REST    = [0, 0, 0]
 
 
 def build(f):
-    # The vehicle, said once.
+    # The vehicle, as flight knows it.
     f.vehicle  = fsw.VehicleConfig(I_B=[700, 700, 800] * kg * m**2)
     f.wheels   = fsw.WheelConfig(axes_B=fsw.PYRAMID, J=0.1591549 * kg * m**2, u_max=0.2 * N * m)
 
@@ -47,7 +47,7 @@ def build(f):
         f.tracking.error     >> f.control.error,
         f.control.torque     >> f.motor.torque,
 
-        # what the rotations are told
+        # the commands to the rotations
         f.centres.command    >> f.centre.command,
         f.turns.command      >> f.turn.command,
         f.tilts.command      >> f.tilt.command,

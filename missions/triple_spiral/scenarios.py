@@ -30,7 +30,7 @@ def spirals(sim):
     for name, due in (("turns", spiral | rest), ("tilts", spiral | rest), ("centres", rest)):
         assert set(log[f"{name}.command.start"]) == due, f"a raster of {name} begins off its time"
 
-    # Each is a spiral about its own centre, and is tracked once the roll has been caught up with.
+    # Each is a spiral about its own centre, tracked once the body has caught up with the roll.
     off = achieved.off(nominal)
     for number, t in enumerate(begin, 1):
         now = (log.time >= t) & (log.time < t + SPIRAL.to(s))

@@ -5,12 +5,12 @@ from fledge.units import N, deg, kg, m, s
 
 
 def build(f):
-    # The vehicle, said once: the antenna looks along b1, the panels' cells along b2.
+    # The vehicle, as flight knows it: the antenna looks along b1, the panels' cells along b2.
     f.vehicle  = fsw.VehicleConfig(I_B=[700, 700, 800] * kg * m**2)
     f.wheels   = fsw.WheelConfig(axes_B=fsw.PYRAMID, J=0.1591549 * kg * m**2, u_max=0.2 * N * m)
 
-    # Guidance: where Earth and Sun are is given to it. With the Sun within a degree of the line
-    # through Earth, there would be no telling which way to turn about that line.
+    # Guidance: the positions of Earth and Sun are its inputs. With the Sun within a degree of the line
+    # through Earth, the turn about that line would be undefined.
     f.guidance = fsw.TwoBodyPointing(separation_min=1 * deg)
     f.tracking = fsw.TrackingError(sigma_BcB=[0, 0, 0])
 

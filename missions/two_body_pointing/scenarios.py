@@ -3,11 +3,11 @@
 from fledge import scan
 from fledge.units import deg, minute, s
 
-COLLINEAR, TRACKED = 1, 2       # what the status says of the Sun
+COLLINEAR, TRACKED = 1, 2       # the status of the Sun
 
 
 def earth_and_sun(sim):
-    """b1 finds Earth from a tumble and stays on it; b2 comes as near to the Sun as that allows."""
+    """b1 finds Earth from a tumble and stays on it; b2 points as nearly as possible at the Sun."""
     log = _record(sim)
     sim.run(160 * minute)
     _plot(log)
@@ -27,7 +27,7 @@ def earth_and_sun(sim):
 
 
 def near_conjunction(sim):
-    """The Sun is given up while it is too near the line through Earth, and Earth is kept exactly."""
+    """While the Sun is too near the line through Earth, only Earth is tracked, exactly."""
     f = sim.flight
     log = _record(sim)
     sim.run(60 * minute)

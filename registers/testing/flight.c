@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Flight of machines_test.py, for any machine: attaches to the register file that it is given, and
- * answers each tick. What it cannot do right it says in its exit code. */
+ * answers each tick. Its exit code names the first failure. */
 #include <io_board_a.h>
 #include <single_board_computer.h>
 

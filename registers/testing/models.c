@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The models' side of machines_test.py: makes the register file of the given name, flies some ticks
- * with whoever attaches, and prints what flight answered, as bits. */
+ * with the process that attaches, and prints what flight answered, as bits. */
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -40,7 +40,7 @@ public:
 
     /// Read the inputs, which hold for the next dt [s]; 0: for no time, so they do not act.
     /// Returns whether this changes what derive() gives.
-    virtual bool hold(const double *x, const BodyRate &rate, double dt) = 0;
+    virtual bool latch(const double *x, const BodyRate &rate, double dt) = 0;
 
     /// Write the states' derivatives and add the loads.
     virtual void derive(const double *x, const Vec3 &omega, double *dx, Loads &loads) const = 0;

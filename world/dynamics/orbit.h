@@ -36,7 +36,7 @@ OrbitState orbit_state(double mu, const OrbitElements &elements);
 /// Angles are in [0, 2 pi), i in [0, pi], but f in (-pi, pi) on open orbits. Within 1e-12, orbits
 /// count as circular (e = 0), parabolic (e = 1) and equatorial (i = 0 or pi).
 /// Throws SetupError on mu <= 0, on a state that is not finite, and on a rectilinear one (r and v
-/// along one line), which these elements cannot tell from others.
+/// along one line), which these elements cannot describe.
 OrbitElements orbit_elements(double mu, const OrbitState &state);
 
 } // namespace fledge::world

@@ -13,12 +13,12 @@ using sim::state_block;
 
 std::size_t ReactionWheelsModel::states() const
 {
-    return sim::padded(face_.par.n);
+    return sim::padded(interface_.par.n);
 }
 
 void ReactionWheelsModel::prepare(const sim::Setup &setup)
 {
-    const auto &par = face_.par;
+    const auto &par = interface_.par;
     if (par.n == 0 || par.n > WHEELS_MAX) {
         throw sim::SetupError(setup.name + ": there must be 1 to " + std::to_string(WHEELS_MAX) + " wheels; found " +
                               std::to_string(par.n));
@@ -36,7 +36,7 @@ void ReactionWheelsModel::prepare(const sim::Setup &setup)
 
 void ReactionWheelsModel::start(const Vec3 &omega, double *x)
 {
-    const auto &par = face_.par;
+    const auto &par = interface_.par;
     wheels_ = {};
     for (std::size_t i = 0; i < n_; i++) {
         const Vec3 axis = vec_scale(1.0 / vec_norm(par.axes_B[i]), par.axes_B[i]);
@@ -48,7 +48,7 @@ void ReactionWheelsModel::start(const Vec3 &omega, double *x)
         x[i] = par.J[i] * (vec_dot(axis, omega) + par.Omega[i]);
     }
     wheels_.by_speed = 1.0;
-    face_.out = {};
+    interface_.out = {};
 }
 
 void ReactionWheelsModel::refresh()
@@ -61,23 +61,23 @@ bool ReactionWheelsModel::as_before(bool commanded) const
 {
     bool same = true;
     for (std::size_t i = 0; i < n_; i++) {
-        same &= (commanded ? face_.in.command.u[i] : 0.0) == wheels_.asked[i];
+        same &= (commanded ? interface_.in.command.u[i] : 0.0) == wheels_.asked[i];
     }
     return same;
 }
 
-bool ReactionWheelsModel::hold(const double *x, const BodyRate &rate, double dt)
+bool ReactionWheelsModel::latch(const double *x, const BodyRate &rate, double dt)
 {
-    const auto &par = face_.par;
+    const auto &par = interface_.par;
     const bool acts = dt > 0.0;
-    const bool commanded = acts && head_written(face_.in.command.head);
+    const bool commanded = acts && head_written(interface_.in.command.head);
     if (!wheels_.by_speed && as_before(commanded)) {
         return false;
     }
     bool changed = false;
     wheels_.by_speed = 0.0;
     for (std::size_t i = 0; i < n_; i++) {
-        double u = commanded ? face_.in.command.u[i] : 0.0;
+        double u = commanded ? interface_.in.command.u[i] : 0.0;
         wheels_.asked[i] = u;
         if (par.u_max[i] > 0.0) {
             u = std::clamp(u, -par.u_max[i], par.u_max[i]);
@@ -99,7 +99,7 @@ bool ReactionWheelsModel::hold(const double *x, const BodyRate &rate, double dt)
             }
             friction = std::clamp(rest - u, -F, F);
         }
-        face_.out.applied.u[i] = u;
+        interface_.out.applied.u[i] = u;
         changed |= u + friction != wheels_.torque[i] || c != wheels_.viscosity[i];
         wheels_.torque[i] = u + friction;
         wheels_.viscosity[i] = c;
@@ -145,7 +145,7 @@ void ReactionWheelsModel::derive(const double *x, const Vec3 &omega, double *dx,
 
 void ReactionWheelsModel::publish(sim::Ns t, const double *x, const Vec3 &omega)
 {
-    auto &out = face_.out;
+    auto &out = interface_.out;
     for (std::size_t i = 0; i < n_; i++) {
         out.speeds.Omega[i] = speed(i, x, omega);
     }

@@ -26,7 +26,7 @@ namespace fledge::world {
 
 class ReactionWheelsModel final : public Effector {
 public:
-    explicit ReactionWheelsModel(ReactionWheels &face) : face_(face) {}
+    explicit ReactionWheelsModel(ReactionWheels &interface) : interface_(interface) {}
 
     void prepare(const sim::Setup &setup) override;
 
@@ -37,7 +37,7 @@ public:
 
     std::size_t states() const override;
     void start(const Vec3 &omega, double *x) override;
-    bool hold(const double *x, const BodyRate &rate, double dt) override;
+    bool latch(const double *x, const BodyRate &rate, double dt) override;
     void derive(const double *x, const Vec3 &omega, double *dx, Loads &loads) const override;
     void publish(sim::Ns t, const double *x, const Vec3 &omega) override;
 
@@ -65,7 +65,7 @@ private:
         return x[i] * wheels_.J_inverse[i] - along(i, omega);
     }
 
-    ReactionWheels &face_;
+    ReactionWheels &interface_;
     std::size_t n_ = 0, padded_ = 0;
     Wheels wheels_{};
 };

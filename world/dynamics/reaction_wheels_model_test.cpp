@@ -50,14 +50,14 @@ TEST(ReactionWheels, AnyMotorTorquesKeepTheTotalMomentum)
     Flyer f;
     f.method = sim::make_adaptive(1e-12, 1e-13); // RK4's own error would hide a small leak
     f.set_inertia(Vector3d(50.0, 60.0, 80.0).asDiagonal());
-    f.face.par.omega_BN_B = vec3(0.02, -0.03, 0.01);
+    f.craft_interface.par.omega_BN_B = vec3(0.02, -0.03, 0.01);
     f.add_pyramid(0.16);
     for (int i = 0; i < 4; i++) {
-        f.wheel_face.par.Omega[i] = 10.0 * i;
-        f.wheel_face.par.friction[i] = 0.01;
-        f.wheel_face.par.viscosity[i] = 1e-3 * i;
-        f.wheel_face.par.u_max[i] = 0.25;
-        f.wheel_face.par.Omega_max[i] = 60.0;
+        f.wheel_interface.par.Omega[i] = 10.0 * i;
+        f.wheel_interface.par.friction[i] = 0.01;
+        f.wheel_interface.par.viscosity[i] = 1e-3 * i;
+        f.wheel_interface.par.u_max[i] = 0.25;
+        f.wheel_interface.par.Omega_max[i] = 60.0;
     }
     f.prepare();
     const Vector3d momentum = f.momentum_N();
@@ -69,7 +69,7 @@ TEST(ReactionWheels, AnyMotorTorquesKeepTheTotalMomentum)
         }
         ASSERT_LT((f.momentum_N() - momentum).norm(), 1e-10 * momentum.norm()) << t;
     });
-    EXPECT_GT((f.omega() - view(f.face.par.omega_BN_B)).norm(), 0.01);
+    EXPECT_GT((f.omega() - view(f.craft_interface.par.omega_BN_B)).norm(), 0.01);
 }
 
 TEST(ReactionWheels, MotorsAndFrictionAccountForTheEnergy)
@@ -77,11 +77,11 @@ TEST(ReactionWheels, MotorsAndFrictionAccountForTheEnergy)
     // The kinetic energy changes by the work of motor and viscosity, (u - c Omega) Omega per time.
     Flyer f;
     f.set_inertia(Vector3d(50.0, 60.0, 80.0).asDiagonal());
-    f.face.par.omega_BN_B = vec3(0.2, -0.3, 0.1);
+    f.craft_interface.par.omega_BN_B = vec3(0.2, -0.3, 0.1);
     f.add_pyramid(0.16);
     for (int i = 0; i < 4; i++) {
-        f.wheel_face.par.Omega[i] = 10.0 * i - 12.0;
-        f.wheel_face.par.viscosity[i] = 2e-3;
+        f.wheel_interface.par.Omega[i] = 10.0 * i - 12.0;
+        f.wheel_interface.par.viscosity[i] = 2e-3;
     }
     f.prepare();
     const double u[4] = {0.2, -0.1, 0.05, 0.15};
@@ -111,9 +111,9 @@ TEST(ReactionWheels, MotorTorqueIsLimitedAndOffWithoutACommand)
 {
     Flyer f;
     one_wheel(f);
-    f.wheel_face.par.u_max[0] = 0.2;
+    f.wheel_interface.par.u_max[0] = 0.2;
     f.prepare();
-    f.wheel_face.in.command.u[0] = 1.0; // never written: its head says so
+    f.wheel_interface.in.command.u[0] = 1.0; // never written, by its head
     f.step(second);
     EXPECT_EQ(f.applied(0), 0.0);
     EXPECT_EQ(f.omega()[2], 0.0);
@@ -135,9 +135,9 @@ TEST(ReactionWheels, AMotorStopsAtTheSpeedLimitWithoutChatter)
         for (const double friction : {0.0, 0.03}) {
             Flyer f;
             one_wheel(f);
-            f.wheel_face.par.Omega_max[0] = 10.0;
-            f.wheel_face.par.friction[0] = friction;
-            f.wheel_face.par.viscosity[0] = 0.1 * friction;
+            f.wheel_interface.par.Omega_max[0] = 10.0;
+            f.wheel_interface.par.friction[0] = friction;
+            f.wheel_interface.par.viscosity[0] = 0.1 * friction;
             f.prepare();
             f.command(0, sign * 0.2);
             int reduced = 0;
@@ -165,7 +165,7 @@ TEST(ReactionWheels, AWheelBeyondItsLimitIsNotBraked)
     // The body's turning may carry a wheel beyond its limit; the motor then just stops driving.
     Flyer f;
     one_wheel(f, 10.0);
-    f.wheel_face.par.Omega_max[0] = 10.0;
+    f.wheel_interface.par.Omega_max[0] = 10.0;
     f.prepare();
     f.push().torque_B = vec3(0, 0, -20.0);
     f.command(0, 0.2);
@@ -180,7 +180,7 @@ TEST(ReactionWheels, ViscousFrictionRunsAWheelDownExponentially)
     const double c = 0.05;
     Flyer f;
     one_wheel(f, 40.0);
-    f.wheel_face.par.viscosity[0] = c;
+    f.wheel_interface.par.viscosity[0] = c;
     f.prepare();
     f.fly(60 * second, 100 * ms, [&] {
         const double Omega = 40.0 * std::exp(-c * (1.0 / J + 1.0 / I) * seconds(f.t));
@@ -195,7 +195,7 @@ TEST(ReactionWheels, CoulombFrictionStopsAWheelLinearlyAndThenHoldsIt)
     for (const double sign : {1.0, -1.0}) {
         Flyer f;
         one_wheel(f, sign * 5.0);
-        f.wheel_face.par.friction[0] = F;
+        f.wheel_interface.par.friction[0] = F;
         f.prepare();
         f.fly(60 * second, 70 * ms, [&] {
             const double t = seconds(f.t);
@@ -215,7 +215,7 @@ TEST(ReactionWheels, ARestingWheelIsHeldUntilTheMotorOvercomesFriction)
     const double F = 0.1;
     Flyer f;
     one_wheel(f);
-    f.wheel_face.par.friction[0] = F;
+    f.wheel_interface.par.friction[0] = F;
     f.prepare();
     f.command(0, 0.09);
     f.fly(10 * second, 100 * ms, [&] {
@@ -232,7 +232,7 @@ TEST(ReactionWheels, AHeldWheelTurnsWithTheBody)
     const double L = 1.0;
     Flyer f;
     one_wheel(f);
-    f.wheel_face.par.friction[0] = 0.1; // J L / (I + J) = 0.024 is needed
+    f.wheel_interface.par.friction[0] = 0.1; // J L / (I + J) = 0.024 is needed
     f.prepare();
     f.push().torque_B = vec3(0, 0, L);
     f.fly(20 * second, 100 * ms);
@@ -251,8 +251,8 @@ TEST(ReactionWheels, StoppingConvergesWithTheUpdatesLength)
         for (int k = 0; k < 10; k++) {
             Flyer f;
             one_wheel(f, 1.0 + 0.1 * k);
-            f.wheel_face.par.friction[0] = 0.1;
-            f.wheel_face.par.viscosity[0] = 0.02;
+            f.wheel_interface.par.friction[0] = 0.1;
+            f.wheel_interface.par.viscosity[0] = 0.02;
             f.prepare();
             for (int half = 0; half < 4; half++) {
                 f.command(0, half % 2 ? 0.3 : -0.3);
@@ -281,8 +281,8 @@ TEST(ReactionWheels, FrictionDoesNotChatterInLongUpdates)
     for (const double viscosity : {0.0, 0.02, 2.0}) {
         Flyer f;
         one_wheel(f, 3.0);
-        f.wheel_face.par.friction[0] = 0.4;
-        f.wheel_face.par.viscosity[0] = viscosity;
+        f.wheel_interface.par.friction[0] = 0.4;
+        f.wheel_interface.par.viscosity[0] = viscosity;
         f.method = sim::make_adaptive(1e-10, 1e-12);
         f.prepare();
         f.fly(100 * second, 10 * second);
@@ -314,18 +314,18 @@ TEST(ReactionWheels, FullSetsAndOddNumbersOfWheelsAct)
 
 TEST(ReactionWheels, SetUpIsChecked)
 {
-    ReactionWheels face{};
-    ReactionWheelsModel wheels(face);
+    ReactionWheels wheel_interface{};
+    ReactionWheelsModel wheels(wheel_interface);
     const auto method = sim::make_rk4();
     const auto prepare = [&] { wheels.prepare({"world.wheels", 1, method.get()}); };
     EXPECT_EQ(message_of(prepare), "world.wheels: there must be 1 to 8 wheels; found 0");
-    face.par.n = 2;
-    face.par.Omega_max[1] = 600.0;
-    face.par.Omega[1] = -700.0;
+    wheel_interface.par.n = 2;
+    wheel_interface.par.Omega_max[1] = 600.0;
+    wheel_interface.par.Omega[1] = -700.0;
     EXPECT_EQ(message_of(prepare), "world.wheels.Omega[1]: the initial speed must be within "
                                    "Omega_max, 600 rad/s; found -700");
     EXPECT_THROW(prepare(), sim::SetupError);
-    face.par.Omega_max[1] = 0.0; // unlimited
+    wheel_interface.par.Omega_max[1] = 0.0; // unlimited
     EXPECT_NO_THROW(prepare());
 }
 

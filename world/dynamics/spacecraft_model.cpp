@@ -102,12 +102,12 @@ void SpacecraftModel::prepare(const sim::Setup &setup)
     dx_ = x_ + n_ + carried;
     held_ = dx_ + n_;
 
-    attraction_.prepare(name_, view(face_.par.r_BN_N));
+    attraction_.prepare(name_, view(interface_.par.r_BN_N));
     central_mu_ = attraction_.central_mu();
 }
 void SpacecraftModel::reset(Ns t)
 {
-    const auto &par = face_.par;
+    const auto &par = interface_.par;
     take_inertia();
     std::fill(memory_.begin(), memory_.end(), 0.0);
     put(x_, at_r, par.r_BN_N);
@@ -117,20 +117,20 @@ void SpacecraftModel::reset(Ns t)
     for (const Part &part : parts_) {
         part.effector->start(par.omega_BN_B, x_ + part.at);
     }
-    face_.out = {};
-    hold({t, 0});
+    interface_.out = {};
+    latch({t, 0});
     publish(t);
 }
 
 void SpacecraftModel::refresh()
 {
     take_inertia();
-    derive(face_.out.state.head.t, 0.0, x_, dx_);
+    derive(interface_.out.state.head.t, 0.0, x_, dx_);
 }
 
 void SpacecraftModel::take_inertia()
 {
-    I_B_ = face_.par.I_B;
+    I_B_ = interface_.par.I_B;
     const Eigen::Matrix3d inverse = view(I_B_).inverse();
     for (int i = 0; i < 3; i++) {
         for (int j = 0; j < 3; j++) {
@@ -141,7 +141,7 @@ void SpacecraftModel::take_inertia()
 
 void SpacecraftModel::update(Tick tick)
 {
-    if (hold(tick)) {
+    if (latch(tick)) {
         derive(tick.t - tick.dt, 0.0, x_, dx_);
     }
     if (tick.dt > 0) {
@@ -152,19 +152,19 @@ void SpacecraftModel::update(Tick tick)
 
 /// Take what the inputs give for tick.dt; nothing if that is 0. Returns whether this changes the
 /// derivatives from what was last published.
-bool SpacecraftModel::hold(Tick tick)
+bool SpacecraftModel::latch(Tick tick)
 {
     bool changed = hold_external(tick);
     const BodyRate rate{get(x_, at_omega), get(dx_, at_omega)};
     for (const Part &part : parts_) {
-        changed |= part.effector->hold(x_ + part.at, rate, tick_seconds(tick.dt));
+        changed |= part.effector->latch(x_ + part.at, rate, tick_seconds(tick.dt));
     }
     return changed;
 }
 
 bool SpacecraftModel::hold_external(Tick tick)
 {
-    const ForceTorque &external = face_.in.external;
+    const ForceTorque &external = interface_.in.external;
     const bool acts = tick.dt > 0 && head_written(external.head);
     pushed_ = false;
     if (!acts && held_[at_acts] == 0.0) {
@@ -177,7 +177,7 @@ bool SpacecraftModel::hold_external(Tick tick)
         torque_B = external.torque_B;
     }
     pushed_ = !(is_zero(force_N) && is_zero(force_B));
-    if (pushed_ && face_.par.mass == 0.0) {
+    if (pushed_ && interface_.par.mass == 0.0) {
         throw sim::RunError(name_ + ".external: a force arrived at " + sim::format_time(tick.t - tick.dt) +
                             ", force_N = " + text(force_N) + " N and force_B = " + text(force_B) + " N, but " + name_ +
                             ".mass is 0: give the spacecraft its mass");
@@ -206,7 +206,7 @@ void SpacecraftModel::advance(Tick tick)
 
 std::string SpacecraftModel::last_good_state() const
 {
-    const CraftState &state = face_.out.state;
+    const CraftState &state = interface_.out.state;
     return "last good state at " + sim::format_time(state.head.t) + ": r_BN_N = " + text(state.r_BN_N) +
            " m, v_BN_N = " + text(state.v_BN_N) + " m/s, sigma_BN = " + text(state.sigma_BN) +
            ", omega_BN_B = " + text(state.omega_BN_B) + " rad/s";
@@ -220,8 +220,9 @@ void SpacecraftModel::derive(Ns start, double tau, const double *x, double *dx)
     Vec3 acceleration =
         central_mu_ > 0.0 ? point_mass_gravity(central_mu_, r) : vec(attraction_.at(start, tau, view(r)));
     if (pushed_) {
-        const Vec3 force = vec_add(get(held_, at_force_N), mat_tvec(mrp_to_dcm(sigma), get(held_, at_force_B)));
-        acceleration = vec_add(acceleration, vec_scale(1.0 / face_.par.mass, force));
+        const Vec3 force =
+            vec_add(get(held_, at_force_N), mat_transpose_vec(mrp_to_dcm(sigma), get(held_, at_force_B)));
+        acceleration = vec_add(acceleration, vec_scale(1.0 / interface_.par.mass, force));
     }
     put(dx, at_r, get(x, at_v));
     put(dx, at_v, acceleration);
@@ -244,7 +245,7 @@ void SpacecraftModel::normalize(double *x)
 void SpacecraftModel::publish(Ns t)
 {
     derive(t, 0.0, x_, dx_);
-    CraftState &state = face_.out.state;
+    CraftState &state = interface_.out.state;
     state.head = head_next(state.head, t, QUALITY_GOOD);
     state.r_BN_N = get(x_, at_r);
     state.v_BN_N = get(x_, at_v);

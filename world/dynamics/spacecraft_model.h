@@ -25,7 +25,7 @@ namespace fledge::world {
 
 class SpacecraftModel final : private sim::System, public sim::Model {
 public:
-    explicit SpacecraftModel(Spacecraft &face) : face_(face) {}
+    explicit SpacecraftModel(Spacecraft &interface) : interface_(interface) {}
 
     /// Parts act in the order in which they are attached, and live as long as the spacecraft.
     /// Throws SetupError if one is attached twice.
@@ -59,7 +59,7 @@ private:
     void derive(sim::Ns start, double tau, const double *x, double *dx) override;
     void normalize(double *x) override;
 
-    bool hold(Tick tick);
+    bool latch(Tick tick);
     bool hold_external(Tick tick);
     void advance(Tick tick);
     void take_inertia();
@@ -71,7 +71,7 @@ private:
         std::size_t at; ///< where its states begin
     };
 
-    Spacecraft &face_;
+    Spacecraft &interface_;
     std::vector<Part> parts_;
     Attraction attraction_;
     double central_mu_ = 0.0; ///< of the only gravity body, if it is a point at rest in the origin

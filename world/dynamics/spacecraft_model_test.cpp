@@ -38,8 +38,8 @@ Matrix3d skew_inertia()
 void set_orbit(Flyer &f, double mu, const OrbitElements &elements)
 {
     const OrbitState state = orbit_state(mu, elements);
-    f.face.par.r_BN_N = vec(state.r);
-    f.face.par.v_BN_N = vec(state.v);
+    f.craft_interface.par.r_BN_N = vec(state.r);
+    f.craft_interface.par.v_BN_N = vec(state.v);
 }
 
 // ---- What is conserved --------------------------------------------------------------------------
@@ -48,11 +48,11 @@ TEST(Spacecraft, TorqueFreeMotionKeepsMomentumAndEnergy)
 {
     Flyer f;
     f.set_inertia(skew_inertia());
-    f.face.par.sigma_BN = vec3(0.1, 0.2, -0.3);
-    f.face.par.omega_BN_B = vec3(0.01, -0.02, 0.03);
+    f.craft_interface.par.sigma_BN = vec3(0.1, 0.2, -0.3);
+    f.craft_interface.par.omega_BN_B = vec3(0.01, -0.02, 0.03);
     f.add_pyramid(0.16);
     for (int i = 0; i < 4; i++) {
-        f.wheel_face.par.Omega[i] = 20.0 * i - 25.0;
+        f.wheel_interface.par.Omega[i] = 20.0 * i - 25.0;
     }
     set_orbit(f, mu_mars, {.p = 6.3e6, .e = 0.4, .i = 0.5});
     f.craft.add_gravity(mars());
@@ -72,7 +72,7 @@ TEST(Spacecraft, TorqueFreeMotionKeepsMomentumAndEnergy)
         ASSERT_LT((f.r().cross(f.v()) - orbital_momentum).norm(), 1e-10 * orbital_momentum.norm());
     });
     // It did move: the body rate is not what it was.
-    EXPECT_GT((f.omega() - view(f.face.par.omega_BN_B)).norm(), 1e-3);
+    EXPECT_GT((f.omega() - view(f.craft_interface.par.omega_BN_B)).norm(), 1e-3);
 }
 
 TEST(Spacecraft, ASymmetricTopPrecessesAsTheClosedFormSays)
@@ -82,8 +82,8 @@ TEST(Spacecraft, ASymmetricTopPrecessesAsTheClosedFormSays)
     const double A = 700.0, C = 900.0, J = 0.16, Omega = 300.0;
     Flyer f;
     f.set_inertia(Vector3d(A, A, C).asDiagonal());
-    f.face.par.sigma_BN = vec3(0.3, -0.2, 0.5);
-    f.face.par.omega_BN_B = vec3(0.02, -0.01, 0.05);
+    f.craft_interface.par.sigma_BN = vec3(0.3, -0.2, 0.5);
+    f.craft_interface.par.omega_BN_B = vec3(0.02, -0.01, 0.05);
     f.add_wheel({0, 0, 2}, J, Omega);
     f.prepare();
     const Matrix3d NB0 = f.dcm_BN().transpose();
@@ -103,7 +103,7 @@ TEST(Spacecraft, AttitudeStaysInTheShortSetAndFollowsTheAngle)
 {
     Flyer f;
     f.set_inertia(Matrix3d::Identity());
-    f.face.par.omega_BN_B = vec3(0.3, -0.4, 1.2); // 1.3 rad/s about a fixed axis
+    f.craft_interface.par.omega_BN_B = vec3(0.3, -0.4, 1.2); // 1.3 rad/s about a fixed axis
     f.prepare();
     const Vector3d axis = Vector3d(0.3, -0.4, 1.2) / 1.3;
     f.fly(60 * second, 100 * ms, [&] {
@@ -117,7 +117,7 @@ TEST(Spacecraft, ALongInitialAttitudeBecomesItsShadow)
 {
     Flyer f;
     f.set_inertia(Matrix3d::Identity());
-    f.face.par.sigma_BN = vec3(0.0, 2.0, 0.0);
+    f.craft_interface.par.sigma_BN = vec3(0.0, 2.0, 0.0);
     f.prepare();
     EXPECT_EQ(f.state().sigma_BN.v[1], -0.5);
 }
@@ -128,15 +128,15 @@ TEST(Spacecraft, ALongInitialAttitudeBecomesItsShadow)
 void make_lively(Flyer &f)
 {
     f.set_inertia(skew_inertia() / 100.0);
-    f.face.par.mass = 10.0;
-    f.face.par.r_BN_N = vec3(10.0, 0.0, 2.0);
-    f.face.par.v_BN_N = vec3(0.0, 9.0, 1.0);
-    f.face.par.omega_BN_B = vec3(0.3, -0.5, 0.4);
+    f.craft_interface.par.mass = 10.0;
+    f.craft_interface.par.r_BN_N = vec3(10.0, 0.0, 2.0);
+    f.craft_interface.par.v_BN_N = vec3(0.0, 9.0, 1.0);
+    f.craft_interface.par.omega_BN_B = vec3(0.3, -0.5, 0.4);
     f.add_wheel({1, 0, 0}, 0.1, 30.0);
     f.add_wheel({0, 1, 1}, 0.1, -20.0);
     for (int i = 0; i < 2; i++) {
-        f.wheel_face.par.viscosity[i] = 0.02;
-        f.wheel_face.par.friction[i] = 0.01;
+        f.wheel_interface.par.viscosity[i] = 0.02;
+        f.wheel_interface.par.friction[i] = 0.01;
     }
     GravityBody body = mars();
     body.mu = 1000.0;
@@ -264,8 +264,8 @@ TEST(Spacecraft, GravityBodiesMoveAndAddUp)
     const auto fly = [](const Vector3d &at, const Vector3d &velocity, int parts) {
         Flyer f;
         f.set_inertia(Matrix3d::Identity());
-        f.face.par.r_BN_N = vec(Vector3d(7e6, 0, 1e6) + at);
-        f.face.par.v_BN_N = vec(Vector3d(100.0, 2300.0, 500.0) + velocity);
+        f.craft_interface.par.r_BN_N = vec(Vector3d(7e6, 0, 1e6) + at);
+        f.craft_interface.par.v_BN_N = vec(Vector3d(100.0, 2300.0, 500.0) + velocity);
         for (int i = 0; i < parts; i++) {
             GravityBody body = mars();
             body.name = "part" + std::to_string(i);
@@ -316,8 +316,8 @@ TEST(Spacecraft, ForcesActInTheirFrames)
     const double w = 0.05, F = 3.0, mass = 2.0;
     Flyer f;
     f.set_inertia(Matrix3d::Identity());
-    f.face.par.mass = mass;
-    f.face.par.omega_BN_B = vec3(0, 0, w);
+    f.craft_interface.par.mass = mass;
+    f.craft_interface.par.omega_BN_B = vec3(0, 0, w);
     f.prepare();
     f.push().force_B = vec3(F, 0, 0);
     f.push().force_N = vec3(0, 0, 1.0);
@@ -328,7 +328,7 @@ TEST(Spacecraft, ForcesActInTheirFrames)
     EXPECT_NEAR(f.r()[2], 0.5 * t * t / mass, 1e-9);
 
     // A message that was never written is no force, whatever it holds.
-    f.face.in.external.head.quality = QUALITY_NONE;
+    f.craft_interface.in.external.head.quality = QUALITY_NONE;
     const Vector3d before = f.v();
     f.fly(10 * second, 100 * ms);
     EXPECT_EQ(f.v(), before);
@@ -377,7 +377,7 @@ TEST(Spacecraft, ResetPublishesTheInitialState)
     EXPECT_EQ(f.state().head.sequence, 1u);
     EXPECT_EQ(f.r(), Vector3d(10.0, 0.0, 2.0));
     EXPECT_NEAR(f.Omega(0), 30.0, 1e-12);
-    EXPECT_EQ(f.wheel_face.out.speeds.head.sequence, 1u);
+    EXPECT_EQ(f.wheel_interface.out.speeds.head.sequence, 1u);
 }
 
 TEST(Spacecraft, ParametersChangedBeforeAResetCount)
@@ -424,16 +424,16 @@ TEST(Spacecraft, GoesOnFromItsMemoryBitForBit)
 
         restore(g.craft.memory(), bytes_of(f.craft.memory()));
         restore(g.wheels.memory(), bytes_of(f.wheels.memory()));
-        g.face = f.face;
-        g.wheel_face = f.wheel_face;
+        g.craft_interface = f.craft_interface;
+        g.wheel_interface = f.wheel_interface;
         g.t = f.t;
         for (Flyer *each : {&f, &g}) {
             each->command(0, -0.1);
             each->push().force_B = vec3(0, 0, 9);
             each->fly(second, 100 * ms);
         }
-        EXPECT_EQ(std::memcmp(&f.face.out, &g.face.out, sizeof f.face.out), 0);
-        EXPECT_EQ(std::memcmp(&f.wheel_face.out, &g.wheel_face.out, sizeof f.wheel_face.out), 0);
+        EXPECT_EQ(std::memcmp(&f.craft_interface.out, &g.craft_interface.out, sizeof f.craft_interface.out), 0);
+        EXPECT_EQ(std::memcmp(&f.wheel_interface.out, &g.wheel_interface.out, sizeof f.wheel_interface.out), 0);
         EXPECT_EQ(bytes_of(f.craft.memory()), bytes_of(g.craft.memory()));
     }
 }
@@ -443,8 +443,8 @@ TEST(Spacecraft, TakesOverPartsAndGravityOfAnother)
     Flyer f;
     make_lively(f);
     Flyer g;
-    g.face = f.face;
-    g.wheel_face = f.wheel_face;
+    g.craft_interface = f.craft_interface;
+    g.wheel_interface = f.wheel_interface;
     g.craft.copy_setup(
         f.craft, [&](const sim::Model *model) -> sim::Model * { return model == &f.wheels ? &g.wheels : nullptr; });
     ASSERT_EQ(g.craft.parts(), std::vector<sim::Model *>{&g.wheels});
@@ -464,7 +464,7 @@ TEST(Spacecraft, AStateThatIsNotFiniteEndsTheRun)
 {
     Flyer f;
     f.set_inertia(Matrix3d::Identity());
-    f.face.par.r_BN_N = vec3(1, 2, 3);
+    f.craft_interface.par.r_BN_N = vec3(1, 2, 3);
     f.prepare();
     f.fly(second, 100 * ms);
     f.push().torque_B = vec3(0, NAN, 0);
@@ -480,7 +480,7 @@ TEST(Spacecraft, AnIntegratorsFailureNamesTheSpacecraft)
     Flyer f;
     f.method = sim::make_adaptive(1e-10, 1e-10);
     f.set_inertia(Matrix3d::Identity());
-    f.face.par.r_BN_N = vec3(1000, 0, 0); // falls into a point mass
+    f.craft_interface.par.r_BN_N = vec3(1000, 0, 0); // falls into a point mass
     GravityBody body = mars();
     body.mu = 1e9;
     f.craft.add_gravity(body);

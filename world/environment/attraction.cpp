@@ -56,7 +56,7 @@ void Attraction::prepare(const std::string &craft, const Vector3d &r_BN_N)
             place(sources_.back(), 0, 0.0);
         } else if (body.field) {
             throw sim::SetupError(craft_ + ".gravity: the field of " + name_of(body) +
-                                  " turns with it: a sky is needed, which says how it stands");
+                                  " turns with it: give a sky, which holds its orientation");
         }
         const Vector3d &r_PN_N = sky_ ? sources_.back().r_PN_N : body.r_PN_N;
         const double distance = (r_BN_N - r_PN_N).norm();
@@ -75,7 +75,7 @@ Attraction::Source Attraction::find(const GravityBody &body) const
         refuse(name_of(body) + " has no NAIF number, by which the sky would find it");
     }
     if (!body.r_PN_N.isZero(0.0) || !body.v_PN_N.isZero(0.0)) {
-        refuse(name_of(body) + " was given a place of its own, but the sky says where it is");
+        refuse(name_of(body) + " was given a position, but the sky holds its position");
     }
     const int id = *body.naif, center = sky_->center();
     for (const GravityBody &other : bodies_) {

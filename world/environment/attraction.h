@@ -6,9 +6,9 @@
 //
 //   a = sum_P [ gravity_P(r - r_P) - mu_P r_P / |r_P|^3 ]
 //
-// The centre itself is at rest in the origin and has no second term. Nor has anything where the
-// origin is the barycentre of the solar system; where it is that of a planet and its moons, these
-// have none, for they move it by nothing.
+// The centre itself is at rest in the origin and has no second term. If the origin is the barycentre of
+// the solar system, no body has a second term. If the origin is the barycentre of a planet and its moons,
+// these have none, because they do not move it.
 #pragma once
 
 #include "world/environment/gravity.h"

@@ -92,8 +92,8 @@ void fly(int center, const std::vector<GravityBody> &bodies,
     Flyer f;
     f.method = sim::make_adaptive(1e-13, 1e-9);
     f.set_inertia(Matrix3d::Identity());
-    f.face.par.r_BN_N = vec(TwoCircles::r(TwoCircles::jupiter, t0) + start.r - at.r);
-    f.face.par.v_BN_N = vec(TwoCircles::v(TwoCircles::jupiter, t0) + start.v - at.v);
+    f.craft_interface.par.r_BN_N = vec(TwoCircles::r(TwoCircles::jupiter, t0) + start.r - at.r);
+    f.craft_interface.par.v_BN_N = vec(TwoCircles::v(TwoCircles::jupiter, t0) + start.v - at.v);
     for (const GravityBody &body : bodies) {
         f.craft.add_gravity(body);
     }
@@ -344,8 +344,8 @@ TEST_F(Mars, KeepsTheEnergyInTheTurningFrame)
     Flyer f;
     f.method = sim::make_adaptive(1e-12, 1e-9);
     f.set_inertia(Matrix3d::Identity());
-    f.face.par.r_BN_N = vec(r);
-    f.face.par.v_BN_N = vec3(2000, 2400, 1500);
+    f.craft_interface.par.r_BN_N = vec(r);
+    f.craft_interface.par.v_BN_N = vec3(2000, 2400, 1500);
     f.craft.add_gravity(with(field));
     f.craft.set_sky(sky);
     f.prepare();
@@ -388,8 +388,8 @@ TEST_F(Mars, NamesWhatIsWrong)
     EXPECT_EQ(refusal({nameless}), "world.craft.gravity: ROCK has no NAIF number, by which the sky would find it");
     GravityBody elsewhere = point("MARS", 499, mu_mars);
     elsewhere.r_PN_N = {1e9, 0, 0};
-    EXPECT_EQ(refusal({elsewhere}), "world.craft.gravity: MARS was given a place of its own, but "
-                                    "the sky says where it is");
+    EXPECT_EQ(refusal({elsewhere}), "world.craft.gravity: MARS was given a position, but "
+                                    "the sky holds its position");
     EXPECT_THAT(refusal({point("EARTH", 399, 4e14)}),
                 HasSubstr("world.craft.gravity: " + file.path() + ": no EARTH (399); asked for"));
     EXPECT_EQ(refusal({point("MARS AND MOONS", 4, mu_mars)}),
@@ -410,8 +410,8 @@ TEST_F(Mars, NamesWhatIsWrong)
     Attraction without;
     without.add(with(field));
     EXPECT_EQ(error_of([&] { without.prepare("world.craft", r); }),
-              "world.craft.gravity: the field of MARS turns with it: a sky is needed, which says "
-              "how it stands");
+              "world.craft.gravity: the field of MARS turns with it: give a sky, which holds its "
+              "orientation");
     GravityBody both = with(field);
     both.J[0] = 1e-3;
     EXPECT_THAT(error_of([&] { without.add(both); }), HasSubstr("exclude one another"));
@@ -421,7 +421,7 @@ TEST_F(Mars, TheEndOfTheSkyIsNamedBeforeItIsReachedAndAtTheLatestThere)
 {
     Flyer f;
     f.set_inertia(Matrix3d::Identity());
-    f.face.par.r_BN_N = vec3(1e9, 0, 0);
+    f.craft_interface.par.r_BN_N = vec3(1e9, 0, 0);
     f.craft.add_gravity(point("MARS", 499, mu_mars));
     Ephemeris ephemeris;
     ephemeris.add_spk(file.path());

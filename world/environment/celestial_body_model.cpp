@@ -13,14 +13,14 @@ void CelestialBodyModel::prepare(const sim::Setup &setup)
 {
     name_ = setup.name;
     if (!sky_) {
-        throw sim::SetupError(name_ + ".sky is missing: the sky in which " + body_name(face_.par.id) + " is");
+        throw sim::SetupError(name_ + ".sky is missing: the sky in which " + body_name(interface_.par.id) + " is");
     }
     refresh();
 }
 
 void CelestialBodyModel::refresh()
 {
-    target_ = sky_->given_as(face_.par.id);
+    target_ = sky_->given_as(interface_.par.id);
     covered_ = 0;
     cursor_ = {};
     try {
@@ -45,7 +45,7 @@ void CelestialBodyModel::ensure_data_until(Ns until)
 
 void CelestialBodyModel::reset(Ns t)
 {
-    face_.out = {};
+    interface_.out = {};
     publish(t);
 }
 
@@ -53,7 +53,8 @@ void CelestialBodyModel::publish(Ns t)
 {
     try {
         const BodyState state = sky_->state(target_, t, cursor_);
-        face_.out.state = {head_next(face_.out.state.head, t, QUALITY_GOOD), vec(state.r), vec(state.v), vec(state.a)};
+        interface_.out.state = {head_next(interface_.out.state.head, t, QUALITY_GOOD), vec(state.r), vec(state.v),
+                                vec(state.a)};
     } catch (const sim::RunError &error) {
         throw sim::RunError(name_ + ": " + error.what());
     }
@@ -61,11 +62,11 @@ void CelestialBodyModel::publish(Ns t)
 
 std::vector<std::string> CelestialBodyModel::assumptions() const
 {
-    const int target = sky_ ? sky_->given_as(face_.par.id) : face_.par.id;
-    if (target == face_.par.id) {
+    const int target = sky_ ? sky_->given_as(interface_.par.id) : interface_.par.id;
+    if (target == interface_.par.id) {
         return {};
     }
-    return {"state: the ephemeris has no " + body_name(face_.par.id) + "; it is that of " + body_name(target)};
+    return {"state: the ephemeris has no " + body_name(interface_.par.id) + "; it is that of " + body_name(target)};
 }
 
 void CelestialBodyModel::copy_setup(const sim::Model &original, const std::function<sim::Model *(const sim::Model *)> &)

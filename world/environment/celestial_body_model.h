@@ -10,7 +10,7 @@ namespace fledge::world {
 
 class CelestialBodyModel final : public sim::Model {
 public:
-    explicit CelestialBodyModel(CelestialBody &face) : face_(face) {}
+    explicit CelestialBodyModel(CelestialBody &interface) : interface_(interface) {}
 
     void set_sky(std::shared_ptr<const Sky> sky) { sky_ = std::move(sky); }
     const std::shared_ptr<const Sky> &sky() const { return sky_; }
@@ -27,7 +27,7 @@ public:
 private:
     void publish(sim::Ns t);
 
-    CelestialBody &face_;
+    CelestialBody &interface_;
     std::shared_ptr<const Sky> sky_;
     std::string name_;
     int target_ = 0; ///< what the ephemeris is asked for

@@ -17,8 +17,8 @@ using testing::TwoCircles;
 constexpr sim::Ns second = 1'000'000'000, hour = 3600 * second;
 
 struct Body : ::testing::Test {
-    CelestialBody face{};
-    CelestialBodyModel model{face};
+    CelestialBody body_interface{};
+    CelestialBodyModel model{body_interface};
     const sim::Setup setup{"world.body", 1, nullptr};
 
     std::string refusal()
@@ -29,7 +29,7 @@ struct Body : ::testing::Test {
 
 TEST_F(Body, IsWhereTheEphemerisHasIt)
 {
-    face.par.id = TwoCircles::sun;
+    body_interface.par.id = TwoCircles::sun;
     model.set_sky(TwoCircles::sky(TwoCircles::jupiter, 2.0));
     model.prepare(setup);
     model.reset(0);
@@ -37,7 +37,7 @@ TEST_F(Body, IsWhereTheEphemerisHasIt)
     for (int i = 1; i < 100; i++) {
         model.update({i * hour, hour});
         const double t = 2.0 * TwoCircles::day + 3600.0 * i;
-        const auto &state = face.out.state;
+        const auto &state = body_interface.out.state;
         EXPECT_EQ(state.head.t, i * hour);
         EXPECT_EQ(state.head.sequence, 2u + static_cast<unsigned>(i));
         EXPECT_EQ(state.head.quality, QUALITY_GOOD);
@@ -52,22 +52,22 @@ TEST_F(Body, IsWhereTheEphemerisHasIt)
 
 TEST_F(Body, InTheCenterIsAtRest)
 {
-    face.par.id = TwoCircles::jupiter;
+    body_interface.par.id = TwoCircles::jupiter;
     model.set_sky(TwoCircles::sky(TwoCircles::jupiter));
     model.prepare(setup);
     model.reset(0);
-    EXPECT_EQ(vec_norm(face.out.state.r_PN_N), 0.0);
-    EXPECT_EQ(vec_norm(face.out.state.v_PN_N), 0.0);
-    EXPECT_EQ(face.out.state.head.quality, QUALITY_GOOD);
+    EXPECT_EQ(vec_norm(body_interface.out.state.r_PN_N), 0.0);
+    EXPECT_EQ(vec_norm(body_interface.out.state.v_PN_N), 0.0);
+    EXPECT_EQ(body_interface.out.state.head.quality, QUALITY_GOOD);
 }
 
 TEST_F(Body, NamesWhatIsWrong)
 {
-    face.par.id = 499;
+    body_interface.par.id = 499;
     EXPECT_EQ(refusal(), "world.body.sky is missing: the sky in which MARS (499) is");
     model.set_sky(TwoCircles::sky(0));
     EXPECT_THAT(refusal(), HasSubstr("world.body: two circles: no MARS (499); asked for"));
-    face.par.id = TwoCircles::sun;
+    body_interface.par.id = TwoCircles::sun;
     EXPECT_EQ(refusal(), "");
     EXPECT_NO_THROW(model.ensure_data_until(19 * 24 * hour));
     EXPECT_THAT(error_of([&] { model.ensure_data_until(20 * 24 * hour); }),
@@ -76,16 +76,16 @@ TEST_F(Body, NamesWhatIsWrong)
     EXPECT_THROW(model.update({20 * 24 * hour, hour}), sim::RunError);
     EXPECT_THAT(error_of([&] { model.update({20 * 24 * hour, hour}); }), HasSubstr("world.body: SUN (10) is given"));
     // Another body from now on.
-    face.par.id = 3;
+    body_interface.par.id = 3;
     EXPECT_THROW(model.refresh(), sim::SetupError);
 }
 
 TEST_F(Body, SaysWhenABarycentreStandsForIt)
 {
-    face.par.id = 599;
+    body_interface.par.id = 599;
     model.set_sky(TwoCircles::sky(0));
     EXPECT_TRUE(model.assumptions().empty());
-    face.par.id = 699;
+    body_interface.par.id = 699;
     EXPECT_TRUE(model.assumptions().empty()); // nothing does
 }
 

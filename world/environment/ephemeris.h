@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where the bodies of the solar system are: JPL's DE405 and SPICE SPK kernels, behind one face.
+// Where the bodies of the solar system are: JPL's DE405 and SPICE SPK kernels, behind one interface.
 //
 //   Ephemeris ephemeris;
 //   ephemeris.add_de405();                       // the Sun, the planets, the Moon, 1960 to 2060
-//   ephemeris.add_spk("jup365.bsp");             // asked first, for it came later
+//   ephemeris.add_spk("jup365.bsp");             // added later, so asked first
 //   ephemeris.require(sun, mars, begin, end);    // SetupError unless it is all there
 //   Ephemeris::Cursor cursor;                    // one per caller
 //   Vector3d r = ephemeris.position(sun, mars, begin, tau, cursor);

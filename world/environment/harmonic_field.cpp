@@ -135,7 +135,7 @@ HarmonicField read_shadr(const std::string &path, LengthUnit unit)
     }
     if (*normalised != 0 && *normalised != 1) {
         refuse_line(path, 1,
-                    "the sixth value tells 1: fully normalised, or 0: not normalised; found " +
+                    "the sixth value is 1: fully normalised, or 0: not normalised; found " +
                         std::to_string(*normalised));
     }
     const bool kilometres = unit == LengthUnit::kilometre || (unit == LengthUnit::by_radius && *radius < 1e5);

@@ -37,7 +37,7 @@ struct HarmonicField {
     double J(int n) const;
 };
 
-/// The unit of length in a SHADR file, which does not tell. The standard has km; files in m are
+/// The unit of length in a SHADR file, which does not state it. The standard has km; files in m are
 /// about. `by_radius`: a radius below 100,000 is in km, which is wrong only for bodies of less
 /// than 100 km in files in m.
 enum class LengthUnit { by_radius, metre, kilometre };

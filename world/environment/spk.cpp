@@ -130,7 +130,7 @@ private:
             order_ = std::endian::little;
         } else if (order == "BIG-IEEE") {
             order_ = std::endian::big;
-        } else if (magic == "NAIF/DAF") { // older than the mark: ND tells
+        } else if (magic == "NAIF/DAF") { // older files have no mark: ND shows the order
             order_ = load<std::int32_t>(bytes + 8, std::endian::little) == 2 ? std::endian::little : std::endian::big;
         } else {
             refuse(path_, "is damaged: its byte order is marked neither LTL-IEEE nor BIG-IEEE");
@@ -209,7 +209,7 @@ private:
             refuse_segment("is damaged: a body relative to itself");
         }
         if (integers[4] < 1 || integers[5] < integers[4] + 4 || static_cast<std::size_t>(integers[5]) > word_count_) {
-            refuse_segment("is damaged or cut short: it is said to occupy the words " + std::to_string(integers[4]) +
+            refuse_segment("is damaged or cut short: its summary gives it the words " + std::to_string(integers[4]) +
                            " to " + std::to_string(integers[5]) + "; the file has " + std::to_string(word_count_));
         }
         s.records = words_ + integers[4] - 1;
@@ -233,7 +233,7 @@ private:
         if (!(s.length > 0.0 && std::isfinite(s.start) && s.start <= s.first + slack &&
               s.last <= s.start + s.length * static_cast<double>(s.count) + slack)) {
             refuse_segment("is damaged: its records begin at " + sim::format_number(s.start) + " s and last " +
-                           sim::format_number(s.length) + " s each, which is not the span it is said to hold");
+                           sim::format_number(s.length) + " s each, which is not the span in its summary");
         }
         for (std::size_t i = 0; i < s.count; i++) {
             const double *record = s.records + i * s.record_words;

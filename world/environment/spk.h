@@ -23,7 +23,7 @@ struct SegmentFile {
 };
 
 /// A kernel in this machine's byte order is mapped, so that only what is used occupies memory;
-/// another is read and turned. Throws SetupError that says what is damaged, or which type of
+/// another is read and turned. Throws SetupError that names what is damaged, or which type of
 /// segment, frame or file is not read.
 SegmentFile read_spk(const std::string &path);
 

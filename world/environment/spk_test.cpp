@@ -141,9 +141,9 @@ TEST(Spk, DamagedSummariesAndSegmentsAreRefused)
     EXPECT_THAT(broken(summary + 16, std::int32_t{399}), HasSubstr("relative to itself"));
     EXPECT_THAT(broken(summary + 32, std::int32_t{0}), HasSubstr("the words 0 to"));
     EXPECT_THAT(broken(summary + 36, std::int32_t{4000}), HasSubstr("to 4000; the file has"));
-    EXPECT_THAT(broken(summary + 8, 31.0), HasSubstr("not the span it is said to hold"));
-    EXPECT_THAT(broken(tail, 1.0), HasSubstr("not the span it is said to hold"));
-    EXPECT_THAT(broken(tail + 8, -10.0), HasSubstr("not the span it is said to hold"));
+    EXPECT_THAT(broken(summary + 8, 31.0), HasSubstr("not the span in its summary"));
+    EXPECT_THAT(broken(tail, 1.0), HasSubstr("not the span in its summary"));
+    EXPECT_THAT(broken(tail + 8, -10.0), HasSubstr("not the span in its summary"));
     EXPECT_THAT(broken(tail + 16, 9.0), HasSubstr("24 words for 3 records of 9"));
     EXPECT_THAT(broken(tail + 16, 0.0), HasSubstr("24 words for 3 records of 0"));
     EXPECT_THAT(broken(tail + 16, 1e300), HasSubstr("the length of a record is 1e+300"));

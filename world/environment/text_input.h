@@ -9,7 +9,7 @@
 
 namespace fledge::world {
 
-/// The bytes of a file. Throws SetupError that names it and says why it cannot be read.
+/// The bytes of a file. Throws SetupError with its name and the reason if it cannot be read.
 std::string read_whole(const std::string &path);
 
 /// The lines of a text, without their ends ("\n" or "\r\n").

@@ -30,7 +30,7 @@ void NavigationModel::prepare(const sim::Setup &setup)
 void NavigationModel::reset(sim::Ns)
 {
     random_ = seeded_;
-    face_.out = {};
+    interface_.out = {};
 }
 
 /// The bias, with noise where there is any.
@@ -45,10 +45,10 @@ Vec3 NavigationModel::error(const Vec3 &bias, const Vec3 &deviation)
 
 void NavigationModel::update(Tick tick)
 {
-    const auto &par = face_.par;
-    const CraftState &truth = face_.in.truth;
-    NavAttitude &attitude = face_.out.attitude;
-    NavOrbit &orbit = face_.out.orbit;
+    const auto &par = interface_.par;
+    const CraftState &truth = interface_.in.truth;
+    NavAttitude &attitude = interface_.out.attitude;
+    NavOrbit &orbit = interface_.out.orbit;
 
     Vec3 turn = par.attitude_bias, rate = par.rate_bias;
     Vec3 position = par.position_bias, velocity = par.velocity_bias;
@@ -69,7 +69,6 @@ void NavigationModel::update(Tick tick)
     orbit.head = head_next(orbit.head, tick.t, quality);
     orbit.r_BN_N = vec_add(truth.r_BN_N, position);
     orbit.v_BN_N = vec_add(truth.v_BN_N, velocity);
-    orbit.a_BN_N = truth.a_BN_N;
     orbit.a_BN_N = truth.a_BN_N;
 }
 

@@ -10,7 +10,7 @@ namespace fledge::world {
 
 class NavigationModel final : public sim::Model {
 public:
-    explicit NavigationModel(Navigation &face) : face_(face) {}
+    explicit NavigationModel(Navigation &interface) : interface_(interface) {}
 
     void prepare(const sim::Setup &setup) override;
     void reset(sim::Ns t) override;
@@ -20,7 +20,7 @@ public:
 private:
     Vec3 error(const Vec3 &bias, const Vec3 &deviation);
 
-    Navigation &face_;
+    Navigation &interface_;
     sim::Random seeded_; ///< the stream as each run begins it
     sim::Random random_;
 };

@@ -17,20 +17,20 @@ using namespace fledge::world;
 using namespace fledge::world::testing;
 
 struct Nav {
-    Navigation face{};
-    NavigationModel model{face};
+    Navigation nav_interface{};
+    NavigationModel model{nav_interface};
     Ns t = 0;
 
     void begin(std::uint64_t seed = 1, const char *name = "world.nav")
     {
         const auto method = sim::make_rk4();
         model.prepare({name, seed, method.get()});
-        face.in.truth.head.quality = QUALITY_GOOD;
-        face.in.truth.sigma_BN = vec3(0.3, -0.2, 0.5);
-        face.in.truth.omega_BN_B = vec3(0.01, 0.02, -0.03);
-        face.in.truth.r_BN_N = vec3(7e6, -1e6, 2e6);
-        face.in.truth.v_BN_N = vec3(100, 7000, -500);
-        face.in.truth.a_BN_N = vec3(-7, 1, -2);
+        nav_interface.in.truth.head.quality = QUALITY_GOOD;
+        nav_interface.in.truth.sigma_BN = vec3(0.3, -0.2, 0.5);
+        nav_interface.in.truth.omega_BN_B = vec3(0.01, 0.02, -0.03);
+        nav_interface.in.truth.r_BN_N = vec3(7e6, -1e6, 2e6);
+        nav_interface.in.truth.v_BN_N = vec3(100, 7000, -500);
+        nav_interface.in.truth.a_BN_N = vec3(-7, 1, -2);
         model.reset(0);
         t = 0;
     }
@@ -44,7 +44,7 @@ struct Nav {
     /// The rotation of the navigated attitude relative to the truth, B components.
     Vector3d turn() const
     {
-        const Vec3 sigma = mrp_relative(face.out.attitude.sigma_BN, face.in.truth.sigma_BN);
+        const Vec3 sigma = mrp_relative(nav_interface.out.attitude.sigma_BN, nav_interface.in.truth.sigma_BN);
         const double length = vec_norm(sigma);
         return length > 0.0 ? Vector3d(4.0 * std::atan(length) / length * view(sigma)) : Vector3d(Vector3d::Zero());
     }
@@ -60,69 +60,69 @@ TEST(Navigation, IsPerfectUnlessToldOtherwise)
     Nav nav;
     nav.begin();
     nav.step();
-    EXPECT_TRUE(same(nav.face.out.attitude.sigma_BN, nav.face.in.truth.sigma_BN));
-    EXPECT_TRUE(same(nav.face.out.attitude.omega_BN_B, nav.face.in.truth.omega_BN_B));
-    EXPECT_TRUE(same(nav.face.out.orbit.r_BN_N, nav.face.in.truth.r_BN_N));
-    EXPECT_TRUE(same(nav.face.out.orbit.v_BN_N, nav.face.in.truth.v_BN_N));
-    EXPECT_TRUE(same(nav.face.out.orbit.a_BN_N, nav.face.in.truth.a_BN_N));
-    EXPECT_EQ(nav.face.out.attitude.head.t, nav.t);
-    EXPECT_EQ(nav.face.out.attitude.head.quality, QUALITY_GOOD);
-    EXPECT_EQ(nav.face.out.attitude.head.sequence, 1u);
+    EXPECT_TRUE(same(nav.nav_interface.out.attitude.sigma_BN, nav.nav_interface.in.truth.sigma_BN));
+    EXPECT_TRUE(same(nav.nav_interface.out.attitude.omega_BN_B, nav.nav_interface.in.truth.omega_BN_B));
+    EXPECT_TRUE(same(nav.nav_interface.out.orbit.r_BN_N, nav.nav_interface.in.truth.r_BN_N));
+    EXPECT_TRUE(same(nav.nav_interface.out.orbit.v_BN_N, nav.nav_interface.in.truth.v_BN_N));
+    EXPECT_TRUE(same(nav.nav_interface.out.orbit.a_BN_N, nav.nav_interface.in.truth.a_BN_N));
+    EXPECT_EQ(nav.nav_interface.out.attitude.head.t, nav.t);
+    EXPECT_EQ(nav.nav_interface.out.attitude.head.quality, QUALITY_GOOD);
+    EXPECT_EQ(nav.nav_interface.out.attitude.head.sequence, 1u);
     nav.step();
-    EXPECT_EQ(nav.face.out.orbit.head.sequence, 2u);
+    EXPECT_EQ(nav.nav_interface.out.orbit.head.sequence, 2u);
 }
 
 TEST(Navigation, IsAsGoodAsTheTruthIsFresh)
 {
     Nav nav;
     nav.begin();
-    nav.face.in.truth.head.quality = QUALITY_STALE;
+    nav.nav_interface.in.truth.head.quality = QUALITY_STALE;
     nav.step();
-    EXPECT_EQ(nav.face.out.attitude.head.quality, QUALITY_DEGRADED);
-    nav.face.in.truth.head.quality = QUALITY_NONE;
+    EXPECT_EQ(nav.nav_interface.out.attitude.head.quality, QUALITY_DEGRADED);
+    nav.nav_interface.in.truth.head.quality = QUALITY_NONE;
     nav.step();
-    EXPECT_EQ(nav.face.out.orbit.head.quality, QUALITY_NONE);
+    EXPECT_EQ(nav.nav_interface.out.orbit.head.quality, QUALITY_NONE);
 }
 
 TEST(Navigation, BiasesAddAndTurn)
 {
     Nav nav;
-    nav.face.par.attitude_bias = vec3(0.02, -0.5, 0.03); // of any size
-    nav.face.par.rate_bias = vec3(1e-4, 2e-4, 3e-4);
-    nav.face.par.position_bias = vec3(10, 20, 30);
-    nav.face.par.velocity_bias = vec3(0.1, 0.2, 0.3);
+    nav.nav_interface.par.attitude_bias = vec3(0.02, -0.5, 0.03); // of any size
+    nav.nav_interface.par.rate_bias = vec3(1e-4, 2e-4, 3e-4);
+    nav.nav_interface.par.position_bias = vec3(10, 20, 30);
+    nav.nav_interface.par.velocity_bias = vec3(0.1, 0.2, 0.3);
     nav.begin();
     nav.step();
-    EXPECT_LT((nav.turn() - view(nav.face.par.attitude_bias)).norm(), 1e-14);
-    EXPECT_EQ(nav.face.out.attitude.omega_BN_B.v[1], 0.02 + 2e-4);
-    EXPECT_EQ(nav.face.out.orbit.r_BN_N.v[2], 2e6 + 30.0);
-    EXPECT_EQ(nav.face.out.orbit.v_BN_N.v[0], 100.0 + 0.1);
+    EXPECT_LT((nav.turn() - view(nav.nav_interface.par.attitude_bias)).norm(), 1e-14);
+    EXPECT_EQ(nav.nav_interface.out.attitude.omega_BN_B.v[1], 0.02 + 2e-4);
+    EXPECT_EQ(nav.nav_interface.out.orbit.r_BN_N.v[2], 2e6 + 30.0);
+    EXPECT_EQ(nav.nav_interface.out.orbit.v_BN_N.v[0], 100.0 + 0.1);
 
-    nav.face.par.attitude_bias = vec3(1e-9, 0, -2e-9); // and as small as that
+    nav.nav_interface.par.attitude_bias = vec3(1e-9, 0, -2e-9); // and as small as that
     nav.step();
-    EXPECT_LT((nav.turn() - view(nav.face.par.attitude_bias)).norm(), 1e-15);
+    EXPECT_LT((nav.turn() - view(nav.nav_interface.par.attitude_bias)).norm(), 1e-15);
 }
 
 TEST(Navigation, AttitudesAreOfTheShortSet)
 {
     Nav nav;
-    nav.face.par.attitude_bias = vec3(0.1, 0, 0);
+    nav.nav_interface.par.attitude_bias = vec3(0.1, 0, 0);
     nav.begin();
-    nav.face.in.truth.sigma_BN = vec3(0.999, 0, 0); // 0.1 rad more passes 180 deg
+    nav.nav_interface.in.truth.sigma_BN = vec3(0.999, 0, 0); // 0.1 rad more passes 180 deg
     nav.step();
-    EXPECT_LE(vec_norm(nav.face.out.attitude.sigma_BN), 1.0);
-    EXPECT_LT(nav.face.out.attitude.sigma_BN.v[0], 0.0);
+    EXPECT_LE(vec_norm(nav.nav_interface.out.attitude.sigma_BN), 1.0);
+    EXPECT_LT(nav.nav_interface.out.attitude.sigma_BN.v[0], 0.0);
     EXPECT_NEAR(nav.turn()[0], 0.1, 1e-13);
 }
 
 TEST(Navigation, NoiseHasItsDeviationOnEveryAxis)
 {
     Nav nav;
-    nav.face.par.attitude_noise = vec3(1e-3, 2e-3, 3e-3);
-    nav.face.par.rate_noise = vec3(1e-5, 2e-5, 3e-5);
-    nav.face.par.position_noise = vec3(1, 2, 3);
-    nav.face.par.velocity_noise = vec3(0.1, 0.2, 0.3);
-    nav.face.par.position_bias = vec3(0, 50, 0);
+    nav.nav_interface.par.attitude_noise = vec3(1e-3, 2e-3, 3e-3);
+    nav.nav_interface.par.rate_noise = vec3(1e-5, 2e-5, 3e-5);
+    nav.nav_interface.par.position_noise = vec3(1, 2, 3);
+    nav.nav_interface.par.velocity_noise = vec3(0.1, 0.2, 0.3);
+    nav.nav_interface.par.position_bias = vec3(0, 50, 0);
     nav.begin();
     constexpr int n = 20000;
     std::array<double, 12> sum{}, square{};
@@ -130,15 +130,16 @@ TEST(Navigation, NoiseHasItsDeviationOnEveryAxis)
     double lag = 0.0, last = 0.0;
     for (int i = 0; i < n; i++) {
         nav.step();
-        const auto &truth = nav.face.in.truth;
-        const auto &out = nav.face.out;
+        const auto &truth = nav.nav_interface.in.truth;
+        const auto &out = nav.nav_interface.out;
         std::array<double, 12> error;
         for (std::size_t k = 0; k < 3; k++) {
-            error[k] = nav.turn()[static_cast<int>(k)] / nav.face.par.attitude_noise.v[k];
-            error[3 + k] = (out.attitude.omega_BN_B.v[k] - truth.omega_BN_B.v[k]) / nav.face.par.rate_noise.v[k];
-            error[6 + k] = (out.orbit.r_BN_N.v[k] - truth.r_BN_N.v[k] - nav.face.par.position_bias.v[k]) /
-                           nav.face.par.position_noise.v[k];
-            error[9 + k] = (out.orbit.v_BN_N.v[k] - truth.v_BN_N.v[k]) / nav.face.par.velocity_noise.v[k];
+            error[k] = nav.turn()[static_cast<int>(k)] / nav.nav_interface.par.attitude_noise.v[k];
+            error[3 + k] =
+                (out.attitude.omega_BN_B.v[k] - truth.omega_BN_B.v[k]) / nav.nav_interface.par.rate_noise.v[k];
+            error[6 + k] = (out.orbit.r_BN_N.v[k] - truth.r_BN_N.v[k] - nav.nav_interface.par.position_bias.v[k]) /
+                           nav.nav_interface.par.position_noise.v[k];
+            error[9 + k] = (out.orbit.v_BN_N.v[k] - truth.v_BN_N.v[k]) / nav.nav_interface.par.velocity_noise.v[k];
         }
         for (std::size_t k = 0; k < 12; k++) {
             sum[k] += error[k] / n;
@@ -162,7 +163,7 @@ std::vector<double> draws(Nav &nav)
     std::vector<double> all;
     for (int i = 0; i < 50; i++) {
         nav.step();
-        const auto &out = nav.face.out;
+        const auto &out = nav.nav_interface.out;
         all.insert(all.end(), out.attitude.sigma_BN.v, out.attitude.sigma_BN.v + 3);
         all.insert(all.end(), out.orbit.r_BN_N.v, out.orbit.r_BN_N.v + 3);
     }
@@ -173,7 +174,7 @@ TEST(Navigation, SameSeedAndNameGiveTheSameBits)
 {
     const auto fly = [](std::uint64_t seed, const char *name) {
         Nav nav;
-        nav.face.par.attitude_noise = nav.face.par.position_noise = vec3(0.01, 0.01, 0.01);
+        nav.nav_interface.par.attitude_noise = nav.nav_interface.par.position_noise = vec3(0.01, 0.01, 0.01);
         nav.begin(seed, name);
         return draws(nav);
     };
@@ -185,7 +186,7 @@ TEST(Navigation, SameSeedAndNameGiveTheSameBits)
 TEST(Navigation, ResetAndMemoryRepeatTheStream)
 {
     Nav nav;
-    nav.face.par.attitude_noise = nav.face.par.position_noise = vec3(0.01, 0.01, 0.01);
+    nav.nav_interface.par.attitude_noise = nav.nav_interface.par.position_noise = vec3(0.01, 0.01, 0.01);
     nav.begin();
     const auto first = draws(nav);
     std::vector<std::byte> saved(nav.model.memory().begin(), nav.model.memory().end());
@@ -201,12 +202,12 @@ TEST(Navigation, SwitchingOneNoiseOffLeavesTheOthers)
 {
     const auto positions = [](double attitude_noise) {
         Nav nav;
-        nav.face.par.attitude_noise = vec3(attitude_noise, 0, 0);
-        nav.face.par.position_noise = vec3(1, 1, 1);
+        nav.nav_interface.par.attitude_noise = vec3(attitude_noise, 0, 0);
+        nav.nav_interface.par.position_noise = vec3(1, 1, 1);
         nav.begin();
         nav.step();
         nav.step();
-        return Vector3d(view(nav.face.out.orbit.r_BN_N));
+        return Vector3d(view(nav.nav_interface.out.orbit.r_BN_N));
     };
     EXPECT_EQ(positions(0.01), positions(0.0));
 }

@@ -23,10 +23,10 @@ using sim::Ns;
 inline constexpr Ns ms = 1'000'000, second = 1000 * ms;
 
 struct Flyer {
-    Spacecraft face{};
-    ReactionWheels wheel_face{};
-    SpacecraftModel craft{face};
-    ReactionWheelsModel wheels{wheel_face};
+    Spacecraft craft_interface{};
+    ReactionWheels wheel_interface{};
+    SpacecraftModel craft{craft_interface};
+    ReactionWheelsModel wheels{wheel_interface};
     std::unique_ptr<sim::Integrator> method = sim::make_rk4();
     Ns t = 0;
 
@@ -34,7 +34,7 @@ struct Flyer {
     {
         for (int i = 0; i < 3; i++) {
             for (int j = 0; j < 3; j++) {
-                face.par.I_B.m[i][j] = I(i, j);
+                craft_interface.par.I_B.m[i][j] = I(i, j);
             }
         }
     }
@@ -42,10 +42,10 @@ struct Flyer {
     /// Returns the wheel's index. Wheels must be added before prepare().
     std::size_t add_wheel(const Vector3d &axis, double J, double Omega = 0.0)
     {
-        const std::size_t i = wheel_face.par.n++;
-        wheel_face.par.axes_B[i] = vec(axis);
-        wheel_face.par.J[i] = J;
-        wheel_face.par.Omega[i] = Omega;
+        const std::size_t i = wheel_interface.par.n++;
+        wheel_interface.par.axes_B[i] = vec(axis);
+        wheel_interface.par.J[i] = J;
+        wheel_interface.par.Omega[i] = Omega;
         return i;
     }
 
@@ -60,7 +60,7 @@ struct Flyer {
 
     void prepare()
     {
-        if (wheel_face.par.n > 0) {
+        if (wheel_interface.par.n > 0) {
             craft.attach(wheels);
             wheels.prepare({"world.wheels", 1, method.get()});
         }
@@ -77,14 +77,14 @@ struct Flyer {
 
     void command(std::size_t i, double u)
     {
-        wheel_face.in.command.head.quality = QUALITY_GOOD;
-        wheel_face.in.command.u[i] = u;
+        wheel_interface.in.command.head.quality = QUALITY_GOOD;
+        wheel_interface.in.command.u[i] = u;
     }
 
     ForceTorque &push()
     {
-        face.in.external.head.quality = QUALITY_GOOD;
-        return face.in.external;
+        craft_interface.in.external.head.quality = QUALITY_GOOD;
+        return craft_interface.in.external;
     }
 
     void step(Ns dt)
@@ -103,7 +103,7 @@ struct Flyer {
         }
     }
 
-    const CraftState &state() const { return face.out.state; }
+    const CraftState &state() const { return craft_interface.out.state; }
     Vector3d r() const { return view(state().r_BN_N); }
     Vector3d v() const { return view(state().v_BN_N); }
     Vector3d omega() const { return view(state().omega_BN_B); }
@@ -112,20 +112,20 @@ struct Flyer {
         const Mat3 dcm = mrp_to_dcm(state().sigma_BN);
         return view(dcm);
     }
-    Matrix3d inertia() const { return view(face.par.I_B); }
-    double Omega(std::size_t i) const { return wheel_face.out.speeds.Omega[i]; }
-    double applied(std::size_t i) const { return wheel_face.out.applied.u[i]; }
+    Matrix3d inertia() const { return view(craft_interface.par.I_B); }
+    double Omega(std::size_t i) const { return wheel_interface.out.speeds.Omega[i]; }
+    double applied(std::size_t i) const { return wheel_interface.out.applied.u[i]; }
 
     /// The inertial angular momentum of a wheel about its axis.
-    double wheel_momentum(std::size_t i) const { return wheel_face.par.J[i] * (axis(i).dot(omega()) + Omega(i)); }
+    double wheel_momentum(std::size_t i) const { return wheel_interface.par.J[i] * (axis(i).dot(omega()) + Omega(i)); }
 
-    Vector3d axis(std::size_t i) const { return view(wheel_face.par.axes_B[i]).normalized(); }
+    Vector3d axis(std::size_t i) const { return view(wheel_interface.par.axes_B[i]).normalized(); }
 
     /// The total angular momentum about the centre of mass, N components.
     Vector3d momentum_N() const
     {
         Vector3d h = inertia() * omega();
-        for (std::size_t i = 0; i < wheel_face.par.n; i++) {
+        for (std::size_t i = 0; i < wheel_interface.par.n; i++) {
             h += wheel_momentum(i) * axis(i);
         }
         return dcm_BN().transpose() * h;
@@ -135,8 +135,8 @@ struct Flyer {
     double rotational_energy() const
     {
         double energy = 0.5 * omega().dot(inertia() * omega());
-        for (std::size_t i = 0; i < wheel_face.par.n; i++) {
-            energy += 0.5 * wheel_momentum(i) * wheel_momentum(i) / wheel_face.par.J[i];
+        for (std::size_t i = 0; i < wheel_interface.par.n; i++) {
+            energy += 0.5 * wheel_momentum(i) * wheel_momentum(i) / wheel_interface.par.J[i];
         }
         return energy;
     }

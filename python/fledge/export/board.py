@@ -136,13 +136,14 @@ def _distinct(texts):
 
 def read(mission, texts):
     """The boards of (path, text) pairs, registers.description.Board each. Raises ExportError with all that is wrong."""
-    from registers.description import BoardError, parse
+    from registers.checked_toml import TomlError
+    from registers.description import parse
 
     boards, wrong = [], []
     for path, text in texts:
         try:
             boards.append(parse(text, Path(path)))
-        except BoardError as error:
+        except TomlError as error:
             wrong.append(str(error))
     for i, board in enumerate(boards):
         for other in boards[:i]:

@@ -230,7 +230,7 @@ def test_flights_that_cannot_be(sky):
          lambda: world.Spacecraft(sky="DE405"))
     says("CelestialBody.sky: it already has one, <Sky from 2015",
          lambda: setattr(world.CelestialBody(sky=sky), "sky", sky))
-    says("world.craft.gravity: MARS was given a place of its own, but the sky says where it is",
+    says("world.craft.gravity: MARS was given a position, but the sky holds its position",
          lambda: fly(craft=orbiter(sky, gravity=[world.MARS.at([1e9, 0, 0])])))
     says("world.craft.gravity: ROCK has no NAIF number, by which the sky would find it",
          lambda: fly(craft=orbiter(sky, gravity=[world.Body("ROCK", 1e3, 1.0)])))
@@ -239,7 +239,7 @@ def test_flights_that_cannot_be(sky):
     says("world.craft.r_BN_N: must lie outside MARS",
          lambda: fly(craft=orbiter(sky, orbit=Orbit(world.MARS, altitude=-1 * km))))
     mars = world.MARS.harmonics(real("mars-ggm2bc80.shadr.csv"), degree=4)
-    says("world.craft.gravity: the field of MARS turns with it: a sky is needed",
+    says("world.craft.gravity: the field of MARS turns with it: give a sky",
          lambda: fly(craft=world.Spacecraft(I_B=1, gravity=[mars], orbit=Orbit(mars, a=2e7))))
 
 

@@ -49,7 +49,7 @@ private:
     std::string path_;
 };
 
-/// What `work` says when it throws; "" if it does not.
+/// The message of what `work` throws; "" if it throws nothing.
 inline std::string error_of(const std::function<void()> &work)
 {
     try {
