@@ -86,7 +86,7 @@ def cycle(folder, mark, phase, victim, rng):
                 pass
         if phase in ("starting", "gathering") or victim == "child":
             time.sleep(0.2)
-            process.send_signal(signal.SIGTERM)     # the kill may have hit no process, or one that the run does not need
+            process.send_signal(signal.SIGTERM)     # the kill may have hit no process, or an unimportant one
         out, _ = process.communicate(timeout=60)
         left = mark.gone()
         assert not left, f"killing {victim} while {phase} leaves {left}; {out}"
