@@ -18,7 +18,7 @@ from tests.tree import ROOT, files
 def fledge(*arguments, cwd, code=0):
     """What `./fledge ARGUMENTS` prints; it must end with the exit code."""
     environment = {name: value for name, value in os.environ.items() if name != "FLEDGE_PROJECT"}
-    # Names that are twice are to be told by us, not by the sanitizer.
+    # Fledge, not the sanitizer, reports names that exist twice.
     environment["ASAN_OPTIONS"] = environment.get("ASAN_OPTIONS", "") + ":detect_odr_violation=0"
     done = subprocess.run([ROOT / "fledge", *arguments], cwd=cwd, env=environment, text=True,
                           stdout=subprocess.PIPE, stderr=subprocess.STDOUT)

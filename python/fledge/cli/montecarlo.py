@@ -7,7 +7,6 @@ are wrong; 130 Ctrl-C, with a report on the finished runs.
 from __future__ import annotations
 
 import argparse
-import shlex
 import sys
 import time
 from collections.abc import Callable
@@ -51,6 +50,8 @@ def montecarlo(options: argparse.Namespace) -> int:
 
 def _command(campaign, options):
     """index -> the command that flies this run alone."""
+    import shlex
+
     first = next(iter(campaign.known))
     words = ["./fledge", "montecarlo", options.mission, *([campaign.name] if campaign.name != first else []),
              "--seed", str(options.seed), "--only"]

@@ -93,7 +93,7 @@ def test_what_is_read_at_a_later_instant(sim):
 
 def test_the_stack_is_the_longest_chain(sim):
     stack = [n.name for n in Wiring(sim).nodes.values() if n.in_stack and n.task == "guidance"]
-    assert stack == ["guidance", "spin"]  # `extra` feeds nobody
+    assert stack == ["guidance", "spin"]  # no node reads `extra`
     sim = fledge.load("nadir_spin")
     assert [n.name for n in Wiring(sim).nodes.values() if n.in_stack and n.process == "flight"] == [
         "guidance", "spin", "tracking", "control", "motor"]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The report of a run: one well-formed page that needs nothing else, says all, and trusts no text."""
+"""The report of a run: one complete, well-formed page without other files, in which all text is escaped."""
 
 import re
 import shutil
@@ -162,7 +162,7 @@ def test_it_says_all_of_the_run(here):
     assert page.source.count("<figure>") == 1 and 'alt="figure &lt;x&gt; &amp; y"' in page.source
 
 
-def test_defaults_are_told_from_what_was_given(here):
+def test_defaults_differ_in_colour_from_given_values(here):
     rows = {name: bool(grey) for grey, name in
             re.findall(r'<tr( class="default")?><td><code>(\w+)</code>', fly(here).source)}
     assert {name for name in ("rates", "I_B", "rate_bias", "angles", "attitude_noise", "friction") if rows[name]} == {

@@ -89,7 +89,8 @@ class Report:
             for process in wiring.processes for task in process.tasks]
         yield "Modes", ["process", "mode", "tasks", "when"], [
             [process.name, name, tasks,
-             ", ".join(["began in it"] * (name == self._modes[process.name]) + ["ended in it"] * (name == process.mode))]
+             ", ".join(["began in it"] * (name == self._modes[process.name])
+                       + ["ended in it"] * (name == process.mode))]
             for process in wiring.processes for name, tasks in process.modes]
         yield "Events", ["process", "event", "when", "held for", "does", "repeats", "happened last"], [
             [process.name, event_name(event), Markup("<code>{}</code>").format(condition_text(event)),

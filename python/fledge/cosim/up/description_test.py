@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a SIM.toml may say, and how its mistakes are told."""
+"""The keys of a SIM.toml, and the messages about its mistakes."""
 import os
 import socket
 import sys
@@ -164,14 +164,14 @@ NODE = '[[node]]\nname = "mass"\ncommand = ["python3", "mass.py"]\n'
      '["/ground/command"]'),
     ('node = 3', 1, "`node` is an array of tables; it is 3; write [[node]]"),
 ])
-def test_mistakes_are_told_with_their_line(folder, text, line, complaint):
+def test_mistakes_are_reported_with_their_line(folder, text, line, complaint):
     found = complaints(folder, text)
     assert any(number == line and what.startswith(complaint) for number, what in found), found
-    netns = "netns" in text or "address" in text    # what follows from it may be told too
+    netns = "netns" in text or "address" in text    # other complaints may follow from it
     assert len(found) == 1 or netns
 
 
-def test_all_mistakes_are_told_at_once_in_the_order_of_lines(folder):
+def test_all_mistakes_are_reported_at_once_in_the_order_of_lines(folder):
     found = complaints(folder, 'until = -1\nsede = 3\n[[node]]\nname = "a"\ncommand = ["nothing-of-that-name"]\n'
                                'on_loss = "x"\n[[node]]\nname = "a"\nby_hand = 1\n')
     assert [line for line, _ in found] == [1, 2, 5, 6, 8, 9]

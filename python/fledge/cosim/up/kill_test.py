@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Nothing is left behind, whoever is killed, and whenever: no process, no socket, no memory.
+"""A run leaves no process, no socket and no memory, whichever of its processes a signal kills, at any time.
 
 A few cycles by default; as many as you like of both kinds, of kills and of restarts, are run by
 
@@ -46,7 +46,7 @@ def mark():
 def wait_for(what, seconds=30):
     until = time.monotonic() + seconds
     while not (found := what()):
-        assert time.monotonic() < until, "it does not come to that"
+        assert time.monotonic() < until, f"it did not happen within {seconds} s"
         time.sleep(0.01)
     return found
 
@@ -86,7 +86,7 @@ def cycle(folder, mark, phase, victim, rng):
                 pass
         if phase in ("starting", "gathering") or victim == "child":
             time.sleep(0.2)
-            process.send_signal(signal.SIGTERM)     # it may have hit nobody, or nobody who matters
+            process.send_signal(signal.SIGTERM)     # the kill may have hit no process, or an unimportant one
         out, _ = process.communicate(timeout=60)
         left = mark.gone()
         assert not left, f"killing {victim} while {phase} leaves {left}; {out}"
@@ -111,7 +111,7 @@ def chosen():
     return picked[:CYCLES or SHORT]
 
 
-def test_nothing_is_left_of_a_run_whoever_is_killed(mark, tmp_path):
+def test_a_run_leaves_nothing_whichever_process_is_killed(mark, tmp_path):
     rng = random.Random(SEED)
     for phase, victim in chosen():
         out, code = cycle(tmp_path, mark, phase, victim, rng)
@@ -208,11 +208,11 @@ def test_ctrl_c_ends_all_in_order(mark, tmp_path):
     assert terminal.end() == 130
     assert f"{simulation} ended early: the user ended it" in terminal.text
     assert terminal.text.count("\x1b[?25h") and terminal.text.rindex("\x1b[?25h") > terminal.text.rindex("\x1b[?25l")
-    assert "the mass leaves" in said(tmp_path, simulation, "mass"), "it was told of the end"
+    assert "the mass leaves" in said(tmp_path, simulation, "mass"), "the controller did not announce the end"
     assert mark.gone() == [] and not sockets_and_memory(simulation)
 
 
-def test_ctrl_c_twice_waits_for_nobody(mark, tmp_path):
+def test_ctrl_c_twice_waits_for_no_program(mark, tmp_path):
     simulation = f"twice-{os.getpid()}"
     terminal = Terminal(write_pair(tmp_path, until=1e6, simulation=simulation, spring='env = { HANGS_AT = "0" }'), mark)
     terminal.read(r"busy \d+ s")

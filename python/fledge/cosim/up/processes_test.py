@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Programs under guards: nothing of them is left, whoever is killed."""
+"""Programs under guards leave nothing, whichever process a signal kills."""
 import os
 import signal
 import subprocess

@@ -80,7 +80,7 @@ def test_who_is_slow_is_seen(mark, tmp_path):
     assert float(row[1]) * (1e-3 if row[2] else 1) > 0.18     # it waited for 51 naps
 
 
-def test_mistakes_are_told_before_anything_starts(mark, tmp_path):
+def test_mistakes_are_reported_before_anything_starts(mark, tmp_path):
     file = write_pair(tmp_path, spring='on_los = "hold"')
     done = up(file, mark=mark)
     assert done.returncode == 2 and done.stdout == ""
@@ -216,14 +216,14 @@ def test_a_late_one_that_fails_ends_the_run_at_once(mark, tmp_path):
     assert done.stderr == "fledge: pair ended early: eye ended with exit code 3 before it took part\n"
 
 
-def test_one_that_leaves_holds_nobody_up(mark, tmp_path):
+def test_a_node_that_leaves_delays_no_other(mark, tmp_path):
     done = up(with_eye(tmp_path, 'env = { LEAVES_AT = "2" }', until=5), mark=mark)
     assert done.returncode == 0, done.stderr + done.stdout
     assert len(logs(tmp_path)["eye"].splitlines()) == 3
     assert re.search(r"\neye +(left|finished) +2\.00 s ", done.stdout), done.stdout
 
 
-def test_without_one_that_nobody_needs_the_run_goes_on(mark, tmp_path):
+def test_the_run_continues_without_a_node_that_no_other_needs(mark, tmp_path):
     file = with_eye(tmp_path, 'on_loss = "hold"', until=5)
     (tmp_path / "eye.py").write_text(EYE.replace("    print", "    1 / (t - 2 * 10**9)\n    print"))
     done = up(file, mark=mark)
@@ -243,16 +243,16 @@ def test_one_may_be_started_by_hand_and_again(mark, tmp_path):
         assert process.stdout.readline() == "pair: 2 nodes, 2 s\n"
         shown = re.fullmatch(r"  start spring with (FLEDGE_SIMULATION=pair FLEDGE_NODE=spring FLEDGE_ADDRESS=\S+)\n",
                              process.stdout.readline())
-        told = dict(word.split("=", 1) for word in shown[1].split())
+        variables = dict(word.split("=", 1) for word in shown[1].split())
         path = os.pathsep.join([str(BUILT.parents[2] / "cosim/bindings/python"), os.environ.get("PYTHONPATH", "")])
         spring = [sys.executable, str(tmp_path / "spring.py")]
-        first = subprocess.Popen(spring, env=mark.env | told | {"PYTHONPATH": path})
+        first = subprocess.Popen(spring, env=mark.env | variables | {"PYTHONPATH": path})
         while "the mass is at" not in logs(tmp_path).get("mass", ""):
             time.sleep(0.02)
         first.kill()
         first.wait()
         assert "; the run waits for it" in process.stdout.readline()
-        second = subprocess.Popen(spring, env=mark.env | told | {"PYTHONPATH": path})
+        second = subprocess.Popen(spring, env=mark.env | variables | {"PYTHONPATH": path})
         (tmp_path / "go").touch()
         out, _ = process.communicate(timeout=60)
         assert process.returncode == 0, out
