@@ -174,6 +174,7 @@ TEST(Schema, IsReadWithTrueNamesUnitsAndShapes)
     EXPECT_EQ(fields[3], (SchemaField{"sigma_BR", "float64", "-", "3", 16, 8, 3}));
     EXPECT_EQ(fields[4], (SchemaField{"P", "float64", "N m s", "3, 3", 40, 8, 9}));
     EXPECT_EQ(fields[6], (SchemaField{"x", "float32", "m", "", 116, 4, 1}));
+    EXPECT_EQ(fields[5].choices, "OFF=0, ON=1");
     EXPECT_EQ(error_schema().size, 120u);
 }
 

@@ -42,9 +42,9 @@ struct SchemaField {
     std::string unit;  ///< "" if none is given
     std::string shape; ///< "", "3", "3, 3"
     std::uint32_t offset = 0;
-    std::uint32_t item = 0;  ///< bytes of one number
-    std::uint32_t count = 1; ///< numbers
-    std::string choices;     ///< of an enumeration: "OFF=0, ON=1"
+    std::uint32_t item = 0;   ///< bytes of one number
+    std::uint32_t count = 1;  ///< numbers
+    std::string choices = {}; ///< of an enumeration: "OFF=0, ON=1"
 
     bool operator==(const SchemaField &) const = default;
 };
