@@ -8,8 +8,8 @@ import statistics
 class Rows:
     """The figures of one bench.
 
-    A figure is the median of its samples; `spread` is their range over the median. A ratio is this
-    median over that of the case it is held against.
+    A figure is the median of its samples, and their least. A ratio is this median over that of the case
+    that it is compared with.
     """
 
     def __init__(self):
@@ -20,7 +20,7 @@ class Rows:
         added before."""
         samples = samples if isinstance(samples, (list, tuple)) else [samples]
         value = statistics.median(samples)
-        spread = (max(samples) - min(samples)) / value if len(samples) > 1 and value else None
+        least = min(samples) if len(samples) > 1 else None
         ratio = None
         if ratio_to is not None:
             other = [r for r in self._rows if r["case"] == ratio_to and r["figure"] == figure]
@@ -28,26 +28,25 @@ class Rows:
                 raise KeyError(f"no case {ratio_to!r} with the figure {figure!r} to compare with")
             ratio = value / other[0]["value"]
         self._rows.append(dict(case=case, figure=figure, value=value, unit=unit, ratio_to=ratio_to,
-                               ratio=ratio, spread=spread, note=note))
+                               ratio=ratio, least=least, note=note))
         return value
 
     def print(self):
-        table = [("case", "figure", "median", "unit", "spread", "ratio", "")]
+        table = [("case", "figure", "least", "median", "unit", "ratio", "")]
         for r in self._rows:
             table.append((
-                r["case"], r["figure"], f"{r['value']:.4g}", r["unit"],
-                "" if r["spread"] is None else f"{100 * r['spread']:.0f} %",
+                r["case"], r["figure"], "" if r["least"] is None else f"{r['least']:.4g}", f"{r['value']:.4g}", r["unit"],
                 "" if r["ratio"] is None else f"{r['ratio']:.3g} x {r['ratio_to']}",
                 r["note"]))
         widths = [max(len(row[i]) for row in table) for i in range(7)]
-        right = {2, 4}
+        right = {2, 3}
         for row in table:
             cells = (c.rjust(w) if i in right else c.ljust(w)
                      for i, (c, w) in enumerate(zip(row, widths)))
             print("  ".join(cells).rstrip())
 
     def write(self, path):
-        keys = ("case", "figure", "value", "unit", "ratio_to", "ratio")
+        keys = ("case", "figure", "value", "least", "unit", "ratio_to", "ratio")
         with open(path, "w") as file:
             json.dump([{k: r[k] for k in keys} for r in self._rows], file, indent=1)
             file.write("\n")

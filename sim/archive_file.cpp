@@ -112,7 +112,7 @@ void ArchiveFile::close()
     }
 }
 
-/// The file could not be written: keep what is readable, and say so.
+/// The file could not be written: leave the readable part, and throw.
 void ArchiveFile::abandon()
 {
     const Memory &m = *memory_;

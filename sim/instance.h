@@ -11,7 +11,7 @@
 
 namespace fledge::sim {
 
-/// Owns the C struct of a module or the face of a model. The memory is zeroed, aligned to 64 bytes,
+/// Owns the C struct of a module or the interface of a model. The memory is zeroed, aligned to 64 bytes,
 /// and never moves while the instance lives.
 class Instance {
 public:

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A model: a piece of the simulated world. Its face (inputs, outputs, parameters) is a C struct
-// that the reader knows; its behaviour is a class derived from Model.
+// A model: a piece of the simulated world. Its interface (inputs, outputs, parameters) is a C struct
+// that introspect reads; its behaviour is a class derived from Model.
 #pragma once
 
 #include "flight/msg/head.h"
@@ -17,7 +17,7 @@
 
 namespace fledge::sim {
 
-/// What a model is told before a run.
+/// What a model needs before a run.
 struct Setup {
     std::string name;             ///< process and instance, as in "world.craft"
     std::uint64_t seed = 0;       ///< of the run; see Random
@@ -51,14 +51,14 @@ public:
     /// this one's update.
     virtual std::vector<Model *> parts() const { return {}; }
 
-    /// All that changes during a run besides the face: a snapshot is a copy of these bytes.
+    /// All that changes during a run besides the interface: a snapshot is a copy of these bytes.
     virtual std::span<std::byte> memory() { return {}; }
 
-    /// What the model takes for granted with the data that it was given, a line each; may be asked
+    /// The assumptions that the model makes about the data that it was given, a line each. May be called
     /// before prepare().
     virtual std::vector<std::string> assumptions() const { return {}; }
 
-    /// Take over what is neither in the face nor in memory (parts, gravity bodies): `counterpart`
+    /// Take over what is neither in the interface nor in memory (parts, gravity bodies): `counterpart`
     /// maps a model of the original simulation to that of the clone.
     virtual void copy_setup(const Model &original, const std::function<Model *(const Model *)> &counterpart)
     {

@@ -19,7 +19,7 @@ struct ModelLibrary {
     const ModelType *types;
 };
 
-/// How a model comes into being: its class is constructed from its face.
+/// How a model comes into being: its class is constructed from its interface.
 template <class Behaviour, class Face> std::unique_ptr<Model> make_model(void *face)
 {
     return std::make_unique<Behaviour>(*static_cast<Face *>(face));

@@ -38,7 +38,7 @@ public:
     Recorder();
     ~Recorder(); ///< an archive still open is left as NAME.part
 
-    /// Record a port from now on. A port that is recorded already keeps its log, at the shorter period.
+    /// Record a port from now on. A port that is already recorded has one log, with the shorter of the two periods.
     /// Throws SetupError if the field is no port, `every` is negative, or an archive is open.
     std::shared_ptr<Log> record(std::shared_ptr<Instance> instance, const FledgeField &field, Ns every,
                                 bool keep = true);

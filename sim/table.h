@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the reader found in the headers, as data: one table per struct, for the desktop's Python
+/* What introspect found in the headers, as data: one table per struct, for the desktop's Python
  * objects, the recorder and every tool that shows a module. The tables are generated. */
 #ifndef SIM_TABLE_H
 #define SIM_TABLE_H
@@ -34,7 +34,7 @@ enum {
     FLEDGE_ASSUMED = 1 << 2,  /* zero is an assumption worth stating at the end of a run */
     FLEDGE_NON_ZERO = 1 << 3, /* a scalar that is not 0; of a vector, or of each row: norm not 0 */
     FLEDGE_INERTIA = 1 << 4,  /* symmetric, positive definite, triangle inequality of its moments */
-    FLEDGE_SPARE = 1 << 5     /* fills a gap; shown to nobody */
+    FLEDGE_SPARE = 1 << 5     /* fills a gap; no tool shows it */
 };
 
 struct FledgeStruct;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A mission as its host sees it, and needs nothing else to know: what to call, where its messages
- * lie, what they look like, when it steps. The data are generated (MISSION_host.c). */
+/* All that a host knows of a mission: what to call, where its messages lie, what they look like, and
+ * when it steps. The data are generated (MISSION_host.c). */
 #ifndef TARGETS_MISSION_HOST_H
 #define TARGETS_MISSION_HOST_H
 
@@ -11,7 +11,7 @@
 extern "C" {
 #endif
 
-/** What a message looks like, as records and the exchange say it. */
+/** What a message looks like, in records and in the co-simulation. */
 typedef struct MissionDefinition {
     const char *type; ///< "NavAttitude"
     const char *name; ///< "fledge/msg/NavAttitude"
@@ -46,8 +46,8 @@ typedef struct MissionHost {
 
 extern const MissionHost fledge_mission;
 
-/** One exchange by the board's clock: begin, or read, tick and write. The answer to the clock is
- *  left to the caller, who may have something to do before (register_clock_finish). */
+/** One exchange by the board's clock: begin, or read, tick and write. The caller then
+ *  answers the clock (register_clock_finish), when it has done the rest of its tick. */
 void mission_host_exchange(const MissionHost *host, const RegisterWindow *w, int64_t t, MissionIoCounts *counts);
 
 /** Every output of flight at every tick, in the archive's format, without heap. */

@@ -9,7 +9,7 @@
  * carries stays as it was.
  *
  * A block of parameters passes whole, through a message lane, from the ground: it counts from the
- * tick on in which it is there, once. Modules that publish their parameters are not told this way.
+ * tick on in which it is there, once. Modules that publish their parameters cannot be changed this way.
  *
  * Time comes with the clock of the first board that has one. A tick before time 0 asks flight to
  * begin: it is reset, and shows all that it puts out, and nothing runs. Each tick from then on is one
@@ -53,14 +53,14 @@ typedef struct MissionIo {
 /** What has gone wrong, counted. All zero: nothing. */
 typedef struct MissionIoCounts {
     uint32_t refused;   ///< not written: a queue was full, or the lane is for another size
-    uint32_t corrupt;   ///< read, and not what a writer writes: as if never written
-    uint32_t saturated; ///< held at the end of a field's range
+    uint32_t corrupt;   ///< no writer writes such bytes; the message counts as never written
+    uint32_t saturated; ///< limited to a field's range
 } MissionIoCounts;
 
 /** The place of the clock that paces flight; n_boards if no board has one. */
 uint32_t mission_io_clock(const MissionIo *io);
 
-/** Flight: take all that it is told at t into the mission. `w` has a window for each board. */
+/** Flight: read all lanes at t into the mission. `w` has a window for each board. */
 void mission_io_read(const MissionIo *io, const RegisterWindow *w, void *mission, int64_t t, MissionIoCounts *counts);
 
 /** Flight: put all that the lanes carry out of the mission. */

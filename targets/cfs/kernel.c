@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Tasks, and how they wait for one another: a task sleeps on an address, and whoever changes what
- * lies there wakes all who sleep on it. */
+/* Tasks, and how they wait for one another: a task sleeps on an address, and the task that changes
+ * what lies there wakes all tasks that sleep on it. */
 #include "targets/cfs/core.h"
 
 #include <string.h>
@@ -12,7 +12,7 @@ static void end(uint32 slot)
     Task *task = &pocket_core.tasks[slot];
     task->used = false;
     task->generation++;
-    pocket_wake_locked(&pocket_core.tasks); /* somebody may wait for its end */
+    pocket_wake_locked(&pocket_core.tasks); /* a task may wait for its end */
     port_unlock();
     port_task_end();
 }

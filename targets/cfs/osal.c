@@ -105,10 +105,10 @@ osal_id_t OS_TaskGetId(void)
 
 int32 OS_TaskDelay(uint32 millisecond)
 {
-    static const char nobody_wakes;
+    static const char never_woken;
     pocket_lock();
     const int64 until = pocket_until((int64)millisecond);
-    while (pocket_sleep_locked(&nobody_wakes, until)) {
+    while (pocket_sleep_locked(&never_woken, until)) {
     }
     pocket_unlock();
     return OS_SUCCESS;

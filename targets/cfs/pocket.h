@@ -23,8 +23,8 @@ typedef struct PocketApp {
 
 /** What went wrong and what was refused, since the boot. */
 typedef struct PocketCounts {
-    uint32 sent;          ///< messages that were delivered to somebody
-    uint32 no_subscriber; ///< messages that nobody wanted
+    uint32 sent;          ///< messages that reached a pipe
+    uint32 no_subscriber; ///< messages without a subscriber
     uint32 overflow;      ///< not delivered: too many of one id wait in the pipe
     uint32 pipe_full;     ///< not delivered: the pipe is full
     uint32 no_buffer;     ///< not delivered: no room for the message
@@ -51,7 +51,7 @@ int32 pocket_run_script(const char *path);
 bool pocket_operational(uint32 timeout_ms);
 /** How many apps run. */
 uint32 pocket_running(void);
-/** Ask an app to end and start anew: RunLoop says so at its next call. */
+/** Ask an app to end and start anew: its next call of RunLoop returns that. */
 CFE_Status_t pocket_restart_app(const char *name);
 /** Ask all apps to end. False: one has not, in that time. */
 bool pocket_stop(uint32 timeout_ms);

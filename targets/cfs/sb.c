@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The software bus: one copy of a message for all who want it, and pipes of references to it. */
+/* The software bus: one copy of a message for all its subscribers, and pipes of references to it. */
 #include "targets/cfs/core.h"
 
 #include <string.h>
@@ -383,7 +383,7 @@ static CFE_Status_t deliver(const CFE_MSG_Message_t *m, size_t size, bool origin
     return CFE_SUCCESS;
 }
 
-/* The real one delivers any command; here it is told. */
+/* The real cFE delivers any command; this one reports a bad one by an event. */
 static void look_at_command(const CFE_MSG_Message_t *m, uint32 id, size_t size)
 {
     bool valid = false;

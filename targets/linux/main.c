@@ -3,8 +3,8 @@
  * file: by default its clock paces flight, tick by tick; with --clock the machine's clock does, and
  * what the registers hold then is what flight sees. What it puts out goes into its own record.
  *
- * In the loop nothing is taken from the heap. At the end it says on its standard output what it did,
- * a key and a value on each line. Exit codes: 0 flown to the end, 1 its surroundings or its record
+ * The loop does not allocate. At the end the program prints what it did on its standard output, a key
+ * and a value on each line. Exit codes: 0 flown to the end, 1 its surroundings or its record
  * failed, 2 it was called wrongly. */
 #define _POSIX_C_SOURCE 200809L
 #include "record/file_sink.h"
@@ -215,7 +215,7 @@ static int exchange(int64_t t)
     return !runner.recording || mission_record_take(&runner.record, &fledge_mission, t) == MCAP_OK ? FLOWN : FAILED;
 }
 
-/* Tick by tick, as the registers' clock says. */
+/* Tick by tick, paced by the registers' clock. */
 static int fly_by_ticks(void)
 {
     while (!stopped) {

@@ -40,6 +40,16 @@ void put(double *x, std::size_t i, Vec3 a)
     x[i + 3] = 0.0;
 }
 
+/// As put(), in two stores of pairs. The integrator loads pairs right afterwards: a load that needs two
+/// stores waits until both have reached the cache.
+void put_pairs(double *x, std::size_t i, Vec3 a)
+{
+    using Pair [[gnu::vector_size(16), gnu::aligned(8), gnu::may_alias]] = double;
+    auto *pairs = reinterpret_cast<Pair *>(x + i);
+    pairs[0] = Pair{a.v[0], a.v[1]};
+    pairs[1] = Pair{a.v[2], 0.0};
+}
+
 bool is_zero(Vec3 a)
 {
     return a.v[0] == 0.0 && a.v[1] == 0.0 && a.v[2] == 0.0;
@@ -234,12 +244,14 @@ void SpacecraftModel::derive(Ns start, double tau, const double *x, double *dx)
     for (const Part &part : parts_) {
         part.effector->derive(x + part.at, omega, dx + part.at, loads);
     }
-    put(dx, at_omega, mat_vec(I_B_inverse_, vec_sub(loads.torque, vec_cross(omega, loads.momentum))));
+    put_pairs(dx, at_omega, mat_vec(I_B_inverse_, vec_sub(loads.torque, vec_cross(omega, loads.momentum))));
 }
 
 void SpacecraftModel::normalize(double *x)
 {
-    put(x, at_sigma, mrp_short(get(x, at_sigma)));
+    if (const Vec3 sigma = get(x, at_sigma); vec_norm2(sigma) > 1.0) {
+        put(x, at_sigma, mrp_shadow(sigma));
+    }
 }
 
 void SpacecraftModel::publish(Ns t)

@@ -66,7 +66,7 @@ def _block(mission, path):
 # --- the board that carries messages whole ---------------------------------------------------------
 
 def toml(mission, outputs=(), parameters=()):
-    """The file of the mission's own board: a message snorkel for all that flight is told and the outside reads, and
+    """The file of the mission's own board: a message snorkel for every message that flight or the outside reads, and
     for further outputs by their paths; `outputs` "all": for every one. parameters: paths of modules whose parameters
     can be changed by it. Words are big-endian; it has the clock."""
     known = {m.path for m in mission.outputs}
@@ -307,7 +307,7 @@ def _numbers(struct, parts, path):
 def emit_board(mission, files=(), outputs=(), parameters=()):
     """File name -> text: the boards' headers, tables and documentation, and the table of what passes where.
 
-    files: of boards that somebody wrote. Without any, the mission's own, whose file is among the results; `outputs`
+    files: of boards of the user. Without any, the mission's own, whose file is among the results; `outputs`
     are paths of outputs that it carries besides what the world reads, or "all"; parameters: of modules whose
     parameters the ground can change by it.
     """

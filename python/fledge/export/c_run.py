@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The functions of an exported mission that run it: tasks with their wires, modes, events, the tick.
 
-Each writes out what sim/runtime.cpp does from its tables.
+The rules of time are those of flight/exec, as on the desktop (sim/runtime.cpp).
 """
 
 from fledge.export.c_condition import condition

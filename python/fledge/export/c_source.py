@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A mission in C99: one struct that holds all that flies, and the functions that set it up and run it.
 
-The rules of running are those of the desktop's loop (sim/runtime.cpp); what all missions share of them
-is in targets/mission.h. The same mission gives the same bytes.
+It runs by the rules of flight/exec, as the desktop's loop does (sim/runtime.cpp). The same mission gives the same
+bytes.
 """
 
 from fledge.export import c_run
@@ -88,7 +88,7 @@ def inputs(mission):
     if not mission.inputs:
         return ""
     rows = [(f"{m.struct.name} {m.name};", f"{m.path} >> {', '.join(m.ends)}") for m in mission.inputs]
-    return "\n".join([*doc("What flight is told: to be filled before each tick. A message is copied whole, head "
+    return "\n".join([*doc("The messages that flight reads: to be filled before each tick, each copied whole, head "
                            "included."),
                       f"typedef struct {mission.struct()}In {{", *with_notes(rows, "    ", "///<", ""),
                       f"}} {mission.struct()}In;", ""])

@@ -26,7 +26,7 @@ def settings(struct, memory, start, stem, leave_out=()):
     """The Settings that make zeroed memory equal to `memory`.
 
     start: the C expression of the object; stem: what the names of tables begin with; leave_out:
-    expressions of fields that somebody else sets.
+    expressions of fields that are set elsewhere.
     """
     for field in struct.fields:
         name = (f"{field.group}." if field.group else "") + field.name

@@ -185,7 +185,7 @@ class _Reader:
                 message = order.setdefault(source, Message("", source, struct, "", "in", [], latency, True))
                 if message.latency != latency:
                     raise self.refusal(f"{source} reaches flight with two latencies, by {message.ends[0]} and "
-                                       f"{target}; an exported mission is told it once: give both the same")
+                                       f"{target}; an exported mission reads it once: give both the same")
                 message.optional &= next(f.optional for f in module.struct.fields if f.name == to_port)
                 message.ends.append(target)
                 mission.wires[module.name].append(Wire(source, end, stale_after))
@@ -253,7 +253,7 @@ class _Reader:
             process, name = event.condition.path.split(".")
             if process != "flight":
                 raise self.refusal(f"event flight.{event.name} looks at {event.condition.path}: flight cannot see "
-                                   "into the world; watch what it is told, as in watch(f.tracking.attitude)",
+                                   "into the world; watch an input of flight, as in watch(f.tracking.attitude)",
                                    event.name)
             if name not in self.modules:
                 mission.left_out.append(f"the event {event.name}")

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Events: a line on the console, and a packet to whoever listens. */
+/* Events: a line on the console, and a packet to its subscribers. */
 #ifndef CFE_EVS_H
 #define CFE_EVS_H
 

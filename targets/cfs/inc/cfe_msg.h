@@ -7,7 +7,7 @@
 #include "cfe_error.h"
 #include "cfe_time.h"
 
-/** A struct, as in the newer cFE: whoever takes it for a number is told by the compiler. */
+/** A struct, as in the newer cFE: a compiler refuses code that takes it for a number. */
 typedef uint32 CFE_SB_MsgId_Atom_t;
 typedef struct CFE_SB_MsgId {
     CFE_SB_MsgId_Atom_t Value;

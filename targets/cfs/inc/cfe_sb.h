@@ -62,7 +62,7 @@ CFE_Status_t CFE_SB_Unsubscribe(CFE_SB_MsgId_t MsgId, CFE_SB_PipeId_t PipeId);
  *  TimeOut: [ms], CFE_SB_POLL or CFE_SB_PEND_FOREVER. */
 CFE_Status_t CFE_SB_ReceiveBuffer(CFE_SB_Buffer_t **BufPtr, CFE_SB_PipeId_t PipeId, int32 TimeOut);
 
-/** A copy goes to all who subscribed. IsOrigination: the sequence count is set in it (telemetry,
+/** Every subscriber gets a copy. IsOrigination: the sequence count is set in it (telemetry,
  *  commands), and the checksum of a command. */
 CFE_Status_t CFE_SB_TransmitMsg(const CFE_MSG_Message_t *MsgPtr, bool IsOrigination);
 

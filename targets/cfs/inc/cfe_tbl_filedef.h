@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* How the source of a table says which table it is. The pocket reads .tbl files only; this is here
+/* How the source of a table names its table. The pocket reads .tbl files only; this is here
  * so that such sources compile. */
 #ifndef CFE_TBL_FILEDEF_H
 #define CFE_TBL_FILEDEF_H

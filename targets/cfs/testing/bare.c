@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* For tests: an app on a board without an operating system. Its registers are memory at the board's
- * base; the outside comes from the standard input, for each tick a time and all that flight is told,
+ * base; the outside comes from the standard input, for each tick a time and all that flight reads,
  * and for each tick all that flight puts out goes to the standard output. */
 #define _DEFAULT_SOURCE
 #include "registers/clock.h"

@@ -30,7 +30,7 @@ def header(mission, app, found, boards, watched=False):
         f"extern const {prefix}_Table_t {prefix}_Tables[{prefix}_TABLES + 1];", "",
         "/** Look at what a table shall hold: CFE_SUCCESS, or an error after an event. */",
         f"int32 {prefix}_ValidateTable(uint32 Index, const void *Content);", "",
-        "/** A module's parameters were changed: tell those who read them, at t [ns]. */",
+        "/** A module's parameters were changed: publish them to their readers, at t [ns]. */",
         f"void {prefix}_Publish({prefix}_Mission_t *Mission, uint32 Index, int64 t);", "",
         "/** Ask for a mode; false: there is none of this number. */",
         f"bool {prefix}_Enter({prefix}_Mission_t *Mission, uint32 Mode);", "",

@@ -2,8 +2,8 @@
 """Parameters as cFE tables, one for each module that has any: what an operator changes, uploads and reads back is
 one module's, and nothing else is touched.
 
-A table is a word that tells its layout, a spare one, and the module's `par` as it lies in memory. So a file of another
-byte order, or of an export before a header changed, is told from one that fits. `.tbl` files are written here, in
+A table is a word that identifies its layout, a spare one, and the module's `par` as it lies in memory. So the app
+recognises a file of another byte order, or of an export before a header changed. `.tbl` files are written here, in
 either byte order: cFE's file header and the table's, big-endian, then the table in the target's order.
 """
 
