@@ -28,7 +28,6 @@ myst_heading_anchors = 4
 suppress_warnings = ["myst.header"]
 highlight_language = "none"
 autodoc_member_order = "bysource"
-autodoc_typehints = "none"
 add_module_names = False
 toc_object_entries = False
 
@@ -53,8 +52,8 @@ CHAPTERS = {
 }
 
 # Classes of objects that the user gets from others, and therefore never imports.
-RETURNED = {"Campaign", "Dispersions", "Event", "Flight", "Log", "Mission", "Mode", "Node", "Result", "Series", "Task",
-            "Watch", "Wire", "World"}
+RETURNED = {"Campaign", "Dispersions", "Event", "Flight", "Log", "Mission", "Mode", "Result", "Task", "Watch", "Wire",
+            "World"}
 
 
 # --- the reference ---------------------------------------------------------------------------------
@@ -127,16 +126,17 @@ ARGUMENT = re.compile(r"([a-z_]\w*(?:, [a-z_]\w*)*): (?=\S)")
 
 
 def as_rst(app, what, name, thing, options, lines):
-    """Docstrings are plain text: code in single backticks, examples indented after a blank line, and arguments as
-    `name: what it is`, on lines of their own."""
+    """Docstrings are plain text: code in single backticks, examples indented, and arguments as `name: what it is`,
+    on lines of their own."""
     text, lines[:] = list(lines), []
     literal = item = False
-    previous = ""
     for line in text:
-        if line[:1] == " " and not literal and not previous.strip():
-            lines += ["::", ""]
-            literal, item = True, False
+        if line[:1] == " " and not literal and not item:
+            lines += ["", "::", ""]
+            literal = True
         elif line[:1] != " " and line:
+            if literal:
+                lines.append("")
             literal = False
         if not literal and line.strip():
             line = escaped(line.strip())
@@ -153,7 +153,6 @@ def as_rst(app, what, name, thing, options, lines):
         elif not literal:
             item = False
         lines.append(line)
-        previous = line
 
 
 def escaped(line):
