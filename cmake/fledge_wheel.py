@@ -24,7 +24,6 @@ def build_wheel(folder, config_settings=None, metadata_directory=None):
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     init = (ROOT / "python/fledge/__init__.py").read_text(encoding="utf-8")
     version = re.search(r'^__version__ = "(.*)"', init, re.M)[1]
-                        (ROOT / "python/fledge/__init__.py").read_text(encoding="utf-8"), re.M)[1]
     name = f"{project['name']}-{version}"
     python = f"cp{sys.version_info.major}{sys.version_info.minor}"
     tag = f"{python}-{python}-{sysconfig.get_platform().replace('-', '_')}"
