@@ -4,8 +4,8 @@
 
 add_custom_target(tests)
 
-# The source of a test runs once: what optimisation it has costs more than it gains. The code under
-# test keeps the options of its library.
+# A test runs once: to optimise its source takes longer than it saves. The code under test keeps the
+# options of its library.
 set(FLEDGE_TEST_OPTIONS "" CACHE STRING "compile options of the sources of tests")
 mark_as_advanced(FLEDGE_TEST_OPTIONS)
 
@@ -22,7 +22,8 @@ function(fledge_add_test name)
     cmake_parse_arguments(PARSE_ARGV 1 arg "" "" "SOURCES;LIBRARIES")
     add_executable(${name} EXCLUDE_FROM_ALL ${arg_SOURCES})
     fledge_cxx_options(${name})
-    target_compile_options(${name} PRIVATE ${FLEDGE_TEST_OPTIONS})
+    # What gcc 12 says at -O1 about Eigen's unset members is false alarm.
+    target_compile_options(${name} PRIVATE ${FLEDGE_TEST_OPTIONS} -Wno-maybe-uninitialized)
     target_link_libraries(${name} PRIVATE ${arg_LIBRARIES} GTest::gtest_main)
     if(TARGET fledge_test_headers)
         target_compile_options(${name} PRIVATE -fpch-preprocess)    # so that ccache can cache it
@@ -32,13 +33,13 @@ function(fledge_add_test name)
     gtest_discover_tests(${name} TEST_PREFIX ${name}/ PROPERTIES TIMEOUT 300)
 endfunction()
 
-# fledge_precompile_test_headers(<header>...): compile large headers of others once for all tests
-# that follow.
+# fledge_precompile_test_headers(<header>...): compile headers of the system once, for all tests that
+# follow.
 function(fledge_precompile_test_headers)
     if(NOT BUILD_TESTING)
         return()
     endif()
-    # An executable, because the tests are executables: the compiler refuses headers compiled with other options.
+    # An executable as the tests are: gcc takes only headers that were compiled with the same options.
     file(CONFIGURE OUTPUT fledge_test_headers.cpp CONTENT "int main() {}\n")
     add_executable(fledge_test_headers EXCLUDE_FROM_ALL ${CMAKE_CURRENT_BINARY_DIR}/fledge_test_headers.cpp)
     fledge_cxx_options(fledge_test_headers)

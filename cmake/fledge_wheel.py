@@ -22,15 +22,15 @@ ROOT = Path(__file__).resolve().parents[1]
 def build_wheel(folder, config_settings=None, metadata_directory=None):
     """Write the wheel into a folder; returns its name."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    version = re.search(r'^__version__ = "(.*)"',
-                        (ROOT / "python/fledge/__init__.py").read_text(encoding="utf-8"), re.M)[1]
+    init = (ROOT / "python/fledge/__init__.py").read_text(encoding="utf-8")
+    version = re.search(r'^__version__ = "(.*)"', init, re.M)[1]
     name = f"{project['name']}-{version}"
     python = f"cp{sys.version_info.major}{sys.version_info.minor}"
     tag = f"{python}-{python}-{sysconfig.get_platform().replace('-', '_')}"
     info = f"{name}.dist-info"
-    metadata = [f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {version}\nSummary: {project['description']}\n"
-                f"Requires-Python: {project['requires-python']}\n",
-                *(f"Requires-Dist: {package}\n" for package in project["dependencies"])]
+    metadata = ["Metadata-Version: 2.1", f"Name: {project['name']}", f"Version: {version}",
+                f"Summary: {project['description']}", f"Requires-Python: {project['requires-python']}",
+                *(f"Requires-Dist: {package}" for package in project["dependencies"]), ""]
 
     with tempfile.TemporaryDirectory() as prefix, zipfile.ZipFile(Path(folder) / f"{name}-{tag}.whl", "w",
                                                                   zipfile.ZIP_DEFLATED) as wheel:
@@ -49,7 +49,7 @@ def build_wheel(folder, config_settings=None, metadata_directory=None):
             add(f"{name}.data/data/{path}", file.read_bytes(), file.stat().st_mode & 0o777)
         add(f"{name}.data/scripts/fledge", Path(prefix, "bin/fledge").read_bytes(), 0o755)
         add("fledge.pth", next(Path(prefix).glob("lib/python*/site-packages/fledge.pth")).read_bytes())
-        add(f"{info}/METADATA", "".join(metadata).encode())
+        add(f"{info}/METADATA", "\n".join(metadata).encode())
         add(f"{info}/WHEEL", f"Wheel-Version: 1.0\nGenerator: fledge\nRoot-Is-Purelib: false\nTag: {tag}\n".encode())
         wheel.writestr(f"{info}/RECORD", "".join(record) + f"{info}/RECORD,,\n")
     return f"{name}-{tag}.whl"

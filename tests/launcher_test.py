@@ -13,7 +13,7 @@ from fledge import cli
 from tests.tree import ROOT
 
 # What the launcher may find on the PATH besides the stand-ins: no sudo, no compiler.
-TOOLS = ("cat cksum cut date dirname find getconf grep head ls mkdir readlink rm sed sleep tail tr "
+TOOLS = ("cat cksum cut date dirname find flock getconf grep head ls mkdir readlink rm sed sleep tail tr "
          "env").split()
 
 STAND_INS = {
