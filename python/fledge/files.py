@@ -30,6 +30,13 @@ class Part:
             raise OSError(error.errno, f"cannot be written: {error.strerror}", str(self.path)) from None
 
 
+def build_folder():
+    """The folder of the build whose extension is loaded: build/release. Its cosim/ has the programs."""
+    from fledge import _core
+
+    return Path(_core.__file__).resolve().parents[1]
+
+
 def shown(path):
     """The path relative to the current folder if it lies in it, else as it is."""
     try:

@@ -11,9 +11,10 @@ import re
 from datetime import datetime, timezone
 from pathlib import Path
 
-from fledge import _core
+from fledge import objects
+from fledge.errors import SetupError
 from fledge._html import Html, join, number, tag, text, value
-from fledge.mission.process import Event, World
+from fledge.mission.process import World
 from fledge.mission.wiring import Wiring, action_text, condition_text, event_name
 
 STYLE = Path(__file__).with_name("report.css")
@@ -40,9 +41,9 @@ class Report:
     def __init__(self, simulation, scenario, function=None):
         self._simulation, self.scenario = simulation, scenario
         self.about = _docstring(function.__doc__) if function is not None else []
-        self._parameters = {_core.path(one): _parameters(one) for one in _instances(simulation)}
+        self._parameters = {objects.path(one): _parameters(one) for one in _instances(simulation)}
         self._begun = datetime.now(timezone.utc)
-        self._modes = {p.name: p._core_process.mode for p in simulation.flights}
+        self._modes = {p.name: p.active_mode for p in simulation.flights}
 
     def write(self, path, outcome):
         """Write the page; returns its path."""
@@ -106,7 +107,7 @@ class Report:
         try:
             picture = _inline_svg(render(dot(wiring, links=True), "svg"))
             return _section("Wiring", tag("div", picture, class_="wiring"))
-        except _core.SetupError as error:
+        except SetupError as error:
             return _section("Wiring", tag("p", f"An outline only: {error}", class_="empty"),
                             tag("pre", wiring.outline(), class_="outline"))
 
@@ -114,27 +115,27 @@ class Report:
         sim = self._simulation
         rows = []
         for process in _processes(sim):
-            for name, period, offset, priority, run in process._core_process.tasks:
+            for name, period, offset, priority, run in process.tasks:
                 rows.append([process.name, name, _duration(period / 1e9), _duration(offset / 1e9) if offset else "",
                              number(priority) if priority else "", join([tag("code", one) for one in run], ", "),
-                             _updates(process, name, period, offset, sim._core.now)])
+                             _updates(process, name, period, offset, sim.time_ns)])
         parts = [_table(["process", "task", "every", "from", "priority", "runs in this order", "#updates"], rows)]
         rows = []
         for process in _processes(sim):
-            for name, tasks in process._core_process.modes:
+            for name, tasks in process.modes:
                 began = process.name in self._modes and name == self._modes[process.name]
-                ended = process.name in self._modes and name == process._core_process.mode
+                ended = process.name in self._modes and name == process.active_mode
                 when = ["began in it"] * began + ["ended in it"] * ended
                 rows.append([process.name, name, ", ".join(tasks), ", ".join(when)])
         if rows:
             parts += [tag("h3", "Modes"), _table(["process", "mode", "tasks", ""], rows)]
         rows = []
         for process in _processes(sim):
-            for event in (e for e in process._handles.values() if isinstance(e, Event)):
+            for event in process.events.values():
                 fired = "never" if event.fired_at is None else join(["t = ", _duration(event.fired_at)])
                 rows.append([process.name, event_name(event), tag("code", condition_text(event)),
-                             _duration(event._core.hold / 1e9) if event._core.hold else "", action_text(event),
-                             "once" if event._core.once else "each time", fired])
+                             _duration(event.hold / 1e9) if event.hold else "", action_text(event),
+                             "once" if event.once else "each time", fired])
         if rows:
             titles = ["process", "event", "when", "held for", "does", "", "happened last"]
             parts += [tag("h3", "Events"), _table(titles, rows)]
@@ -145,12 +146,12 @@ class Report:
                      " is what was left at its default.", class_="note")]
         for process in _processes(self._simulation):
             for one in process:
-                struct = _core.struct(one)
-                before = self._parameters[_core.path(one)]
+                struct = objects.struct(one)
+                before = self._parameters[objects.path(one)]
                 after = {row.name: row.value for row in _parameters(one) if not row.derived}
                 rows = [row.cells(after.get(row.name, row.value)) for row in before]
-                parts.append(tag("h3", tag("code", _core.path(one)), " ", tag("span", struct.name, class_="type"),
-                                 id=_core.path(one)))
+                parts.append(tag("h3", tag("code", objects.path(one)), " ", tag("span", struct.name, class_="type"),
+                                 id=objects.path(one)))
                 parts.append(tag("p", " ".join(struct.doc.split()), class_="doc"))
                 if rows:
                     parts.append(_values("parameter", "value", rows, [row.given for row in before]))
@@ -166,7 +167,7 @@ class Report:
     def _final_values(self):
         parts = []
         seen = set()
-        for log in self._simulation._core.logs:
+        for log in self._simulation.records:
             if log.path in seen or not len(log):
                 continue
             seen.add(log.path)
@@ -183,11 +184,11 @@ class Report:
         import platform
         import sys
 
-        import fledge
+        from fledge import __version__
 
         ours = _revision(Path(__file__).parent)
         theirs = _revision(self._simulation.mission.folder) if self._simulation.mission else ""
-        rows = [("Fledge", fledge.__version__ + (f", {ours}" if ours else ""))]
+        rows = [("Fledge", __version__ + (f", {ours}" if ours else ""))]
         if theirs != ours and theirs:
             rows.append(("mission", theirs))
         if build := _build():
@@ -226,8 +227,8 @@ class _Parameter:
 
 def _parameters(instance):
     """The parameters of a module or model, those that Python adds last."""
-    struct = _core.struct(instance)
-    given = set(_core.given(instance))
+    struct = objects.struct(instance)
+    given = set(objects.given(instance))
     counts = {f.count for f in struct.fields if f.count}
     rows = []
     for field in struct.fields:
@@ -245,12 +246,12 @@ def _property(instance, name):
     """What Python adds to a model, in words: its parts, the bodies that attract it, its orbit. "" for nothing."""
     try:
         found = getattr(instance, name)
-    except (_core.SetupError, AttributeError):
+    except (SetupError, AttributeError):
         return ""
 
     def words(one):
-        if isinstance(one, _core.Model):
-            return _core.path(one)
+        if isinstance(one, objects.Model):
+            return objects.path(one)
         return one if isinstance(one, str) else repr(one).strip("<>")
 
     if isinstance(found, (list, tuple)):
@@ -268,7 +269,7 @@ def _rows(owner, field, name, given):
 
 
 def _members(message, name, given):
-    return [row for field in _core.struct(message).fields if not field.spare
+    return [row for field in objects.struct(message).fields if not field.spare
             for row in _rows(message, field, f"{name}.{field.name}", given)]
 
 
@@ -385,7 +386,7 @@ def _size(path):
 
 def _updates(process, task, period, offset, now):
     """How often a task ran until now [ns]; "" for one that modes start and stop."""
-    if any(task in tasks for _, tasks in process._core_process.modes):
+    if any(task in tasks for _, tasks in process.modes):
         return ""
     return f"{(now - offset) // period + 1:,}" if now >= offset else "0"
 

@@ -12,7 +12,7 @@ import subprocess
 from html import escape
 from pathlib import Path
 
-from fledge import _core
+from fledge.errors import SetupError
 from fledge.files import Part
 from fledge.objects.words import first_sentence
 
@@ -31,7 +31,7 @@ def save(wiring, path):
     path = Path(path)
     kind = path.suffix[1:].lower()
     if kind not in FORMATS:
-        raise _core.SetupError(f"{path}: the name of a picture ends in .{', .'.join(FORMATS[:-1])} or .{FORMATS[-1]}")
+        raise SetupError(f"{path}: the name of a picture ends in .{', .'.join(FORMATS[:-1])} or .{FORMATS[-1]}")
     source = dot(wiring)
     picture = source.encode() if kind == "dot" else render(source, kind)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -46,10 +46,10 @@ def render(source, kind, dpi=144):
     try:
         done = subprocess.run(arguments, input=source.encode(), capture_output=True)
     except FileNotFoundError:
-        raise _core.SetupError("drawing the wiring needs graphviz, which is not installed: apt-get install graphviz"
-                               ) from None
+        raise SetupError("drawing the wiring needs graphviz, which is not installed: apt-get install graphviz"
+                         ) from None
     if done.returncode:
-        raise _core.SetupError("graphviz cannot draw the wiring: " + done.stderr.decode(errors="replace").strip())
+        raise SetupError("graphviz cannot draw the wiring: " + done.stderr.decode(errors="replace").strip())
     # A PDF holds the date of its making: always the same one, of the same length.
     return re.sub(rb"(?<=/CreationDate \(D:)\d{14}", b"19700101000000", done.stdout)
 

@@ -4,8 +4,9 @@
 Exit codes: 0 the same bits, 1 a difference, 2 the command line or a file is wrong.
 """
 
-import argparse
 import sys
+
+from fledge.cli.arguments import number
 
 
 def add(command):
@@ -17,7 +18,7 @@ def add(command):
     one.add_argument("--topics", nargs="+", metavar="TOPIC", help="only these, as in tracking.error; default: all")
     one.add_argument("--ignore", nargs="+", default=[], metavar="FIELD", help="fields that do not count, as in "
                      "head.sequence")
-    one.add_argument("--tolerance", type=_tolerance, default=0.0, metavar="X", help="differences of numbers up to this "
+    one.add_argument("--tolerance", type=number(), default=0.0, metavar="X", help="differences of numbers up to this "
                      "do not count, in each field's unit; default: 0, the same bits")
     one.add_argument("--all", action="store_true", help="the first difference of each field, how often and how far; "
                      "default: the first of each topic")
@@ -26,7 +27,7 @@ def add(command):
 def compare(options):
     from fledge.archive import compare as comparing
     from fledge.cli.console import say
-    from fledge.cli import open_run
+    from fledge.cli.arguments import open_run
 
     a, b = map(open_run, options.runs)
     same = a.path.resolve() == b.path.resolve()
@@ -52,13 +53,3 @@ def compare(options):
     if left and not options.all:
         say(f"  and {left} more field{'s' * (left > 1)} of these: --all shows them")
     return 1
-
-
-def _tolerance(text):
-    try:
-        value = float(text)
-    except ValueError:
-        value = -1.0
-    if not 0 <= value < float("inf"):
-        raise argparse.ArgumentTypeError(f"expected a number >= 0; found '{text}'")
-    return value

@@ -11,6 +11,7 @@
 """
 
 import weakref
+from typing import NamedTuple
 
 from fledge import _core
 from fledge.errors import SetupError, did_you_mean, listed
@@ -120,6 +121,16 @@ class Task:
         return f"<task {self.name}>"
 
 
+class TaskSpec(NamedTuple):
+    """What a task runs, and when."""
+
+    name: str
+    period: int     # [ns]
+    offset: int     # [ns]
+    priority: int
+    run: list[str]  # the names of its instances, in order
+
+
 class Mode:
     """A mode that was declared, for events."""
 
@@ -156,6 +167,31 @@ class Event:
     @armed.setter
     def armed(self, value):
         self._core.armed = bool(value)
+
+    @property
+    def condition(self):
+        """The condition as data: path, field, comparison, constant. For events that watch() makes."""
+        return self._core.condition
+
+    @property
+    def hold(self):
+        """How long the condition must hold [ns]."""
+        return self._core.hold
+
+    @property
+    def once(self):
+        """Whether it stays disarmed after it has fired."""
+        return self._core.once
+
+    @property
+    def mode(self):
+        """The name of the mode that it enters; "" for none."""
+        return self._core.mode
+
+    @property
+    def functions(self):
+        """The Python functions that it calls: for its condition, and when it fires."""
+        return [f for f in (self._when, self._do) if callable(f) and not isinstance(f, _core.Condition)]
 
     @property
     def fired_at(self):
@@ -230,10 +266,11 @@ class Process:
                 return names[name]
         if self._gone:
             raise SetupError(f"{self.name}.{name}: {self.name} {self._gone}")
-        raise AttributeError(self._unknown(name))
+        raise AttributeError(self.unknown(name))
 
-    def _leave(self):
-        """It runs in another program from now on: what is asked of it here has no answer. Returns why."""
+    def leave(self):
+        """Forget everything, because the process runs in another program from now on. Returns this reason, which
+        the errors for its former attributes give."""
         why = "runs in another program: what it does is seen there, in its own record, or in a run of one program"
         self._instances.clear()
         self._handles.clear()
@@ -241,10 +278,42 @@ class Process:
         object.__setattr__(self, "_gone", why)
         return why
 
-    def _unknown(self, name):
+    def unknown(self, name):
+        """The text of the error for a name that the process does not have."""
         known = [*self._instances, *self._handles]
         return (f"the process {self.name} has no '{name}'{did_you_mean(name, known)} it has "
                 + listed(known, none="nothing yet"))
+
+    # --- what was declared ---
+
+    @property
+    def instances(self):
+        """The modules and models by name, in the order in which they were given."""
+        return dict(self._instances)
+
+    @property
+    def tasks(self):
+        """The tasks, in the order of their declaration."""
+        return [TaskSpec(*task) for task in self._core_process.tasks]
+
+    @property
+    def modes(self):
+        """(name, names of its tasks) of each mode."""
+        return self._core_process.modes
+
+    @property
+    def active_mode(self):
+        """The name of the mode that the process is in; "" if it has none."""
+        return self._core_process.mode
+
+    @property
+    def events(self):
+        """The events by name."""
+        return {name: one for name, one in self._handles.items() if isinstance(one, Event)}
+
+    def declared_at(self, name):
+        """(file, line) that assigned an instance, or that connected an input, given by its path; None if unknown."""
+        return self._declared_at.get(name)
 
     def __dir__(self):
         return [*super().__dir__(), *self._instances, *self._handles, *self._tasks]

@@ -9,6 +9,7 @@
     log.plot("error.sigma_BR")
 """
 
+import os
 from time import perf_counter
 
 from fledge import _core
@@ -97,6 +98,18 @@ class Simulation:
             return self.process(name)
         return found[0]
 
+    def isolate(self, process):
+        """Keep one process, by its name; the others run in other programs, and what is asked of them is refused."""
+        self._core.keep(process)
+        for other in [p for p in self.processes if p.name != process]:
+            del self._processes[other.name]
+            self._gone[other.name] = other.leave()
+
+    @property
+    def kernel(self):
+        """The simulation in the extension, for the library's own use."""
+        return self._core
+
     @property
     def seed(self):
         """The seed of all random streams; setting it is possible before the first run or after reset()."""
@@ -112,9 +125,24 @@ class Simulation:
         return max(self._core.now, 0) / 1e9
 
     @property
+    def time_ns(self):
+        """The last instant that ran [ns]; -1 before the first."""
+        return self._core.now
+
+    @property
+    def wires(self):
+        """(path of the output, path of the input, latency, stale_after [ns]) of each wire."""
+        return self._core.wires
+
+    @property
+    def records(self):
+        """What record() has kept so far, a record for each port: path, times() [ns] and bytes() as stored."""
+        return self._core.logs
+
+    @property
     def mode(self):
         """The mode that flight is in; "" if it has none."""
-        return self.flight._core_process.mode
+        return self.flight.active_mode
 
     @property
     def scenarios(self):
@@ -151,7 +179,7 @@ class Simulation:
         if pace < 0:
             raise SetupError(f"run: pace must be >= 0, found {pace:g}")
         self._core.ready_for(end)
-        self._open_archive()
+        self.open_archive()
         from fledge.interruption import Interruption
         from fledge.progress import Progress
 
@@ -167,10 +195,14 @@ class Simulation:
         finally:
             self.wall += perf_counter() - begun
 
+    def prepare(self):
+        """Check that nothing is missing and fix the order of all tasks, as the first run does."""
+        self._core.prepare()
+
     def step(self, n=1):
         """Run the next instant, or the next n."""
         self._core.prepare()
-        self._open_archive()
+        self.open_archive()
         self._core.step(n)
 
     def reset(self):
@@ -250,9 +282,17 @@ class Simulation:
             raise SetupError(f"archive: {self._archive[0]} is still being written; close_archive() first")
         self._archive = (str(path), {str(k): str(v) for k, v in metadata.items()})
 
-    def _open_archive(self):
+    def open_archive(self, resumed=False):
+        """Begin the archive that archive() has announced; nothing if there is none, or if it has begun.
+
+        resumed: the run goes on from the snapshot of a program that was lost. Its file stays, and this one
+        takes the next free name.
+        """
         if self._archive and not self._core.archiving:
             path, metadata = self._archive
+            while resumed and (os.path.exists(path) or os.path.exists(path + ".part")):
+                path = _next_name(path)
+            self._archive = (path, metadata)
             lines = {**metadata, "seed": str(self.seed), "assumptions": "\n".join(self.assumptions)}
             self._core.open_archive(path, list(lines.items()))
 

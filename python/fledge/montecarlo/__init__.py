@@ -41,7 +41,7 @@ class Campaign:
     def has_callables(self):
         """Whether the mission's events call Python: such runs are flown by processes, each run in a
         mission loaded afresh, for nothing else keeps the runs apart."""
-        return _core.has_callables(self.nominal._core)
+        return _core.has_callables(self.nominal.kernel)
 
     def simulation(self, index, seed=0):
         """The simulation of one run, its parameters and seed set, not yet run.
@@ -53,7 +53,7 @@ class Campaign:
         sim, dispersions, *_ = _declare(self._mission, self._function)
         plan = dispersions._finished()
         plan.seed = seed
-        _core.disperse(sim._core, sim._core, plan, index)
+        disperse(sim, sim, plan, index)
         return sim
 
     def fly(self, runs, seed=0, threads=None, processes=False, progress=None):
@@ -73,10 +73,10 @@ class Campaign:
         plan = self.plan
         plan.seed, plan.runs = seed, runs
         self._check_room(runs)
-        self.nominal._core.ready_for(plan.duration)  # what is wrong with the nominal run is wrong with all
+        self.nominal.kernel.ready_for(plan.duration)  # what is wrong with the nominal run is wrong with all
         if processes or self.has_callables:
             return _fly_in_processes(self, runs, seed, min(threads, runs), progress)
-        flown, interrupted = _core.fly(self.nominal._core, plan, threads, progress)
+        flown, interrupted = _core.fly(self.nominal.kernel, plan, threads, progress)
         return Result(self, seed, flown.flown, flown.failures, flown.draws, flown.retained, interrupted)
 
     def drawn(self, simulation):
@@ -159,6 +159,14 @@ def _declare(mission, wanted):
 
 def _first_line(function):
     return (function.__doc__ or "").strip().split("\n")[0]
+
+
+def disperse(nominal, simulation, plan, index):
+    """Set the parameters and the seed of a simulation to those of the run `index`; returns the numbers drawn.
+
+    nominal: a simulation with the nominal parameters, which may be the same one
+    """
+    return _core.disperse(nominal.kernel, simulation.kernel, plan, index)
 
 
 # --- results ---------------------------------------------------------------------------------------
@@ -281,7 +289,7 @@ def _fly_share(campaign, runs, seed, following, pipe):
         sim, dispersions, *_ = _declare(campaign._mission, campaign._function)
         plan = dispersions._finished()
         plan.seed = seed
-        result = _core.fly_one(sim._core, plan, index)
+        result = _core.fly_one(sim.kernel, plan, index)
         pipe.send((index, result.failures[0], result.draws[0], [values[0] for values in result.retained]))
 
 

@@ -91,7 +91,7 @@ class Dispersions:
     """What a campaign's function fills: `d`."""
 
     def __init__(self, simulation):
-        self._simulation = simulation
+        self.simulation = simulation
         self._plan = _core.CampaignPlan()
         self._duration = self._every = None
         self.draws = {}         # path -> Draw, as declared
@@ -147,7 +147,7 @@ class Dispersions:
         if not isinstance(draw, Draw):
             raise SetupError(f"{path}: expected something drawn, such as d.normal(...), d.uniform(...) or "
                              f"d.attitude(); found {_short(draw)}")
-        place = Place(self._simulation, path)
+        place = Place(self.simulation, path)
         if place.field.group != "par":
             raise SetupError(f"{path} is no parameter, and only these can be dispersed; {_core.path(place.owner)} has "
                              + ", ".join(f.name for f in _core.struct(place.owner).fields
@@ -168,7 +168,7 @@ class Dispersions:
         for k in kept:
             groups.setdefault(tuple(one[k] for one in numbers), []).append(k)
         for (a, b, low, high), group in groups.items():
-            self._plan.disperse(self._simulation._core, place.full, [place.elements[k] for k in group], draw.kind, a, b,
+            self._plan.disperse(self.simulation.kernel, place.full, [place.elements[k] for k in group], draw.kind, a, b,
                                 low, high, draw.scale)
             self.columns.update((names[k], place.unit) for k in group)
         self.draws[place.path] = draw
@@ -203,13 +203,13 @@ class Dispersions:
         return series[0] if len(series) == 1 else series
 
     def _retain(self, path):
-        place = Place(self._simulation, path)
+        place = Place(self.simulation, path)
         if place.port is None:
             raise SetupError(f"{path} is no field of an input or output, and only these are retained; "
                              f"{_core.path(place.owner)} has "
                              + ", ".join(names_of(_core.struct(place.owner), ("in", "out"))))
         if place.path not in self.retained:
-            self._plan.retain(self._simulation._core, place.port, place.offset + 8 * place.elements[0],
+            self._plan.retain(self.simulation.kernel, place.port, place.offset + 8 * place.elements[0],
                               len(place.elements))
             self.retained[place.path] = Series(place, lambda: self._duration)
         return self.retained[place.path]
@@ -231,7 +231,7 @@ class Dispersions:
         if not self.draws:
             raise SetupError('nothing is dispersed: say what differs, as in d["world.craft.sigma_BN"] = d.attitude()')
         self._plan.duration, self._plan.every, self._plan.runs = self._duration, self._sampling(), 1
-        self._plan.check(self._simulation._core)
+        self._plan.check(self.simulation.kernel)
         for requirement in self.requirements:
             part = requirement.series.samples(self.ns)
             if part.start >= part.stop:

@@ -26,9 +26,9 @@ class Place:
         if names[0] not in processes:
             raise SetupError(f"{path}: there is no process '{names[0]}'; there are {', '.join(processes)}")
         process = processes[names[0]]
-        if names[1] not in process._instances:
-            raise SetupError(f"{path}: {process._unknown(names[1])}")
-        self.owner = process._instances[names[1]]
+        if names[1] not in process.instances:
+            raise SetupError(f"{path}: {process.unknown(names[1])}")
+        self.owner = process.instances[names[1]]
         self.port, self.offset = None, 0
         struct, at = _core.struct(self.owner), ".".join(names[:2])
         for i, name in enumerate(names[2:], 3):
