@@ -40,9 +40,10 @@ def add(command):
     one.add_argument("--seed", type=int, metavar="N", help="of the random streams, with --until; default: 0")
     one.add_argument("--record", metavar="DIR", help="write the record of this process into DIR/NODE.mcap")
     one.add_argument("--keys", metavar="PATH", help="the keys of this node (fledge keys); default: FLEDGE_KEYS")
-    one.add_argument("--patience", type=number("a number of seconds"), default=60.0, metavar="S", help="for the controller to be there; "
+    seconds = number("a number of seconds")
+    one.add_argument("--patience", type=seconds, default=60.0, metavar="S", help="for the controller to be there; "
                      "default: 60")
-    one.add_argument("--delay", type=number("a number of seconds"), default=0.0, metavar="S", help="before each step wait so long, at "
+    one.add_argument("--delay", type=seconds, default=0.0, metavar="S", help="before each step wait so long, at "
                      "random, at most: what must not change any result")
 
 

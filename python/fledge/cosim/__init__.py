@@ -166,8 +166,8 @@ def _ties(simulation):
         process = simulation.process(owner)
         event = process.events.get(name)
         if event:
-            yield (f"{_at(event.declared_at)}event {what} looks at {whose}, which runs in another program; wire what it "
-                   f"looks at to a module or model of {owner} and watch that input, or give the event to "
+            yield (f"{_at(event.declared_at)}event {what} looks at {whose}, which runs in another program; wire what "
+                   f"it looks at to a module or model of {owner} and watch that input, or give the event to "
                    f"{whose.partition('.')[0]}")
         else:
             yield (f"{_at(process.declared_at(name))}{what} has {whose} as a part, which runs in another program; a "
@@ -182,8 +182,8 @@ def _python_events(simulation):
             for function in event.functions:
                 found = _Reach(simulation, foreign).of(function)
                 if found:
-                    yield (f"{_at(event.declared_at)}event {process.name}.{event.name} calls Python that reaches {found}, "
-                           f"which runs in another program; let a message tell it: wire an output to {process.name}, "
+                    yield (f"{_at(event.declared_at)}event {process.name}.{event.name} calls Python that reaches "
+                           f"{found}, which runs in another program; let a message tell it: wire an output to {process.name}, "
                            "or give the event to the other process")
 
 

@@ -104,7 +104,7 @@ class Campaign:
         return Result(self, seed, [True], [""], np.full((1, len(d.columns)), np.nan), retained, False)
 
     def _check_room(self, runs):
-        numbers = sum(len(s._place.elements) for s in self.dispersions.retained.values())
+        numbers = sum(len(s.field_path.elements) for s in self.dispersions.retained.values())
         wanted = 8 * runs * len(self.dispersions.ns) * numbers
         room = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
         if wanted > room / 2:
@@ -193,7 +193,7 @@ class Result:
         self.draws = {path: draws[:, i] for i, path in enumerate(d.columns)}
         self.retained = {}
         for (path, series), values in zip(d.retained.items(), retained):
-            self.retained[path] = values.reshape(*values.shape[:2], *series._place.shape)
+            self.retained[path] = values.reshape(*values.shape[:2], *series.field_path.shape)
             self.retained[path].flags.writeable = False
         self.errors = {i: text for i, text in enumerate(errors) if text}
         self.complete = self.flown.copy()
@@ -228,7 +228,7 @@ def _fly_in_processes(campaign, runs, seed, n, progress):
 
     d = campaign.dispersions
     draws = np.full((runs, len(d.columns)), np.nan)
-    retained = [np.full((runs, len(d.ns), len(s._place.elements)), np.nan) for s in d.retained.values()]
+    retained = [np.full((runs, len(d.ns), len(s.field_path.elements)), np.nan) for s in d.retained.values()]
     flown, errors = [False] * runs, [""] * runs
     fork = multiprocessing.get_context("fork")
     following = fork.Value("q", 0)

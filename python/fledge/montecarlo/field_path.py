@@ -8,11 +8,11 @@ from fledge import _core
 from fledge.errors import SetupError, did_you_mean
 
 
-class Place:
-    """The field behind a path, and which of its elements are meant.
+class FieldPath:
+    """The field that a path names, and those of its elements that it selects.
 
-    owner: the module or model; port: the input or output that the field is a part of, or None; offset:
-    of the field in it; elements: flat indices; shape: of what they are together.
+    owner: the module or model; port: the input or output that has the field, or None; offset: of the
+    field in the port [bytes]; elements: flat indices; shape: of the elements together.
     """
 
     def __init__(self, simulation, path):

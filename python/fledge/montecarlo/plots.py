@@ -18,7 +18,7 @@ def percentiles(n):
 
 def summary_of(series):
     """The number that stands for a variable: of a vector its norm, of another array its largest element."""
-    shape = series._place.shape
+    shape = series.field_path.shape
     return series if not shape else series.norm() if shape == (3,) else series.max_abs()
 
 
@@ -54,7 +54,7 @@ def _shown(series):
     """(symbol in mathtext, unit) of a series."""
     from fledge.plot import component_labels, symbol, unit_label
 
-    field = series._place.field
+    field = series.field_path.field
     base = symbol(field.name)
     if series._measure == "norm":
         base = rf"\left|{base}\right|"
@@ -62,9 +62,9 @@ def _shown(series):
         base = rf"\max\,\left|{base}\right|"
     elif isinstance(series._measure, tuple):
         flat = 0
-        for i, n in zip(series._measure, series._place.shape):
+        for i, n in zip(series._measure, series.field_path.shape):
             flat = flat * n + i
-        base = component_labels(field.name, field.doc, series._place.shape)[flat].strip("$")
+        base = component_labels(field.name, field.doc, series.field_path.shape)[flat].strip("$")
     return f"${base}$", unit_label(series.unit)
 
 
@@ -89,17 +89,17 @@ def _bands(result, series):
 
     from fledge.plot import _used, time_unit
 
-    place = series._place
+    field_path = series.field_path
     panels = [summary_of(series)]
-    if place.shape:
+    if field_path.shape:
         values = result.retained[series.path][result.complete]
-        used = _used(values.reshape(-1, math.prod(place.shape)), place.shape)
-        panels += [series[index] for k, index in enumerate(np.ndindex(place.shape)) if k < used]
+        used = _used(values.reshape(-1, math.prod(field_path.shape)), field_path.shape)
+        panels += [series[index] for k, index in enumerate(np.ndindex(field_path.shape)) if k < used]
     columns = 1 if len(panels) == 1 else 2
     figure, axes = _figure(-(-len(panels) // columns), columns,
                            "bands-" + re.sub(r"\W+", "_", series.path).strip("_"),
-                           place.full.partition(".")[2].rpartition(".")[0] + ", "
-                           + re.split(r"[,;(]", place.field.doc)[0].strip(), result, sharex=True)
+                           field_path.full.partition(".")[2].rpartition(".")[0] + ", "
+                           + re.split(r"[,;(]", field_path.field.doc)[0].strip(), result, sharex=True)
     unit, factor = time_unit(result.time[-1])
     for axis, one in zip(axes, panels):
         _band_panel(axis, one, result, factor)
