@@ -32,8 +32,8 @@ def parse_duration(text: str, option: str = "--for") -> float:
     factors = {"": 1.0, "s": 1.0, "ms": 1e-3, "min": 60.0, "minute": 60.0, "h": 3600.0, "hour": 3600.0, "d": 86400.0,
                "day": 86400.0}
     try:
-        seconds = float(match[1]) * factors[match[2]]
-    except (TypeError, KeyError, ValueError):
+        seconds = float(match[1]) * factors[match[2]] if match else float("")
+    except (KeyError, ValueError):
         raise Failure(f"{option}: expected a duration such as 90s, 10min or 2h; found '{text}'") from None
     if seconds > 1e9:
         raise Failure(f"{option}: expected at most 1e9 s, which are 31 years; found '{text}'")

@@ -183,8 +183,8 @@ def _python_events(simulation):
                 found = _Reach(simulation, foreign).of(function)
                 if found:
                     yield (f"{_at(event.declared_at)}event {process.name}.{event.name} calls Python that reaches "
-                           f"{found}, which runs in another program; let a message tell it: wire an output to {process.name}, "
-                           "or give the event to the other process")
+                           f"{found}, which runs in another program; let a message tell it: wire an output to "
+                           f"{process.name}, or give the event to the other process")
 
 
 class _Reach:

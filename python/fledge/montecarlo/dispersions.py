@@ -163,13 +163,14 @@ class Dispersions:
             if names[k] in self.columns or mirror in self.columns:
                 raise SetupError(f"{names[k]} is dispersed twice")
         numbers = [self._numbers(value, target, draw) for value in draw.numbers] or [[0.0] * len(target.elements)] * 2
-        numbers += [self._numbers(draw.low, target, draw, -_INFINITY), self._numbers(draw.high, target, draw, _INFINITY)]
+        numbers += [self._numbers(draw.low, target, draw, -_INFINITY),
+                    self._numbers(draw.high, target, draw, _INFINITY)]
         groups = {}  # elements with the same numbers
         for k in kept:
             groups.setdefault(tuple(one[k] for one in numbers), []).append(k)
         for (a, b, low, high), group in groups.items():
-            self._plan.disperse(self.simulation.kernel, target.full, [target.elements[k] for k in group], draw.kind, a, b,
-                                low, high, draw.scale)
+            self._plan.disperse(self.simulation.kernel, target.full, [target.elements[k] for k in group], draw.kind,
+                                a, b, low, high, draw.scale)
             self.columns.update((names[k], target.unit) for k in group)
         self.draws[target.path] = draw
 
