@@ -17,7 +17,6 @@ the median over groups of rounds.
 - `broker_*`, `watched_*`: such a pair with a broker whom nobody asks, and with four programs that look on, the
   last of which is stopped, against the same without. On few processors, those that look on also compute.
 """
-import pathlib
 import subprocess
 
 from bench import cosim_scaling
@@ -27,8 +26,8 @@ NADIR_SPAN = 9600.0  # [s] of simulated time
 
 
 def program():
-    from fledge import _core
-    return str(pathlib.Path(_core.__file__).with_name("fledge_bench_cosim"))
+    from fledge.files import build_folder
+    return str(build_folder() / "python" / "fledge_bench_cosim")
 
 
 def rounds(case, transport="-", nodes=1, n=4000):

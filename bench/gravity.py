@@ -6,7 +6,6 @@ forward columns, factors computed in advance), in turn, in this process, with th
 flags, by processor time; their results must agree. A degree n has (n + 1)^2 coefficients.
 """
 import ctypes
-import pathlib
 
 from bench.rows import Rows, options, report
 
@@ -15,8 +14,8 @@ AGREE = 1e-12
 
 
 def library():
-    from fledge import _core
-    lib = ctypes.CDLL(str(pathlib.Path(_core.__file__).with_name("libfledge_bench.so")))
+    from fledge.files import build_folder
+    lib = ctypes.CDLL(str(build_folder() / "python" / "libfledge_bench.so"))
     lib.time_harmonics.argtypes = [ctypes.c_int, ctypes.c_int, ctypes.c_long]
     lib.time_harmonics.restype = ctypes.c_double
     lib.harmonics_difference.argtypes = [ctypes.c_int]

@@ -8,8 +8,7 @@ An open peer, measured once on this kind of machine: 19 runs a second.
 """
 import time
 
-from fledge import _core
-from fledge.montecarlo import Campaign, cores
+from fledge.montecarlo import Campaign, cores, disperse
 
 from bench.rows import Rows, options, report
 
@@ -67,7 +66,7 @@ def main(arguments):
     for _ in range(5):
         start = time.perf_counter()
         for index in range(1000):
-            _core.disperse(campaign.nominal._core, drawn._core, campaign.plan, index)
+            disperse(campaign.nominal, drawn, campaign.plan, index)
         draws.append((time.perf_counter() - start) * 1e3)
     rows.add("draws of a run", "wall", draws, "us", note=f"{len(campaign.dispersions.columns)} numbers")
     report(rows, chosen)

@@ -8,7 +8,6 @@ Best-known open peer on this kind of machine, measured once: 16.7 us per step, 1
 """
 import ctypes
 import os
-import pathlib
 import subprocess
 import sys
 import tempfile
@@ -26,8 +25,8 @@ UPDATES = ["HillPointing", "EulerRotation", "TrackingError", "MrpFeedback", "Whe
 
 
 def library():
-    from fledge import _core
-    path = pathlib.Path(_core.__file__).with_name("libfledge_bench.so")
+    from fledge.files import build_folder
+    path = build_folder() / "python" / "libfledge_bench.so"
     lib = ctypes.CDLL(str(path))
     lib.hand_written_loop.argtypes = [ctypes.c_long, ctypes.POINTER(ctypes.c_double)]
     lib.time_flight_update.argtypes = [ctypes.c_char_p, ctypes.c_long]

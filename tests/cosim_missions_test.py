@@ -23,11 +23,11 @@ from pathlib import Path
 
 import pytest
 
-import _core
 import fledge
 from fledge import cosim
+from fledge.files import build_folder
 
-CONTROLLER = Path(_core.__file__).resolve().parents[1] / "cosim" / "fledge_controller"
+CONTROLLER = build_folder() / "cosim" / "fledge_controller"
 MISSIONS = Path(__file__).resolve().parents[1] / "missions"
 LONG = os.environ.get("FLEDGE_LONG", "") not in ("", "0")
 SPAN = 1200 if LONG else 30
@@ -39,7 +39,7 @@ ALL = '''
 def all(sim):
     """Every output at every step."""
     for process in sim.processes:
-        for _, period, _, _, _ in process._core_process.tasks[:1]:
+        for _, period, _, _, _ in process.tasks[:1]:
             sim.record(*process, every=period / 1e9)
     sim.run({span})
 '''
@@ -73,14 +73,14 @@ def prepared(folder, seed=0):
     """The simulation with all outputs recorded at all steps."""
     sim = fledge.load(str(folder), seed)
     for process in sim.processes:
-        period = process._core_process.tasks[0][1]
+        period = process.tasks[0].period
         sim.record(*process, every=period / 1e9)
     return sim
 
 
 def hashes(sim):
     """Of each message: all of its times and bytes."""
-    return {log.path: hashlib.sha256(log.times() + log.bytes()).hexdigest() for log in sim._core.logs}
+    return {log.path: hashlib.sha256(log.times() + log.bytes()).hexdigest() for log in sim.records}
 
 
 def archived(*files):
@@ -216,7 +216,7 @@ def test_a_program_that_is_killed_and_started_again_goes_on_with_the_same_bits(m
         node = cosim.split(sim, lost)
 
         def kill():
-            while sim._core.now < SPAN * 1e9 / 2:
+            while sim.time_ns < SPAN * 1e9 / 2:
                 time.sleep(0.001)
             os.kill(os.getpid(), signal.SIGKILL)
 
@@ -229,7 +229,7 @@ def test_a_program_that_is_killed_and_started_again_goes_on_with_the_same_bits(m
         sim.archive(tmp_path / "lost.mcap")
         reason = cosim.split(sim, lost).serve(address, simulation="identity")
         assert sim.close_archive() == str(tmp_path / ("lost-2.mcap" if save_every else "lost.mcap"))
-        return reason, {log.path: (log.times(), log.bytes()) for log in sim._core.logs}
+        return reason, {log.path: (log.times(), log.bytes()) for log in sim.records}
 
     programs = [be_controller(address, 0, "allowed", "restart", save_every), be_node(mission, other, address, 0, 0),
                 Fork(be_killed)]
@@ -244,7 +244,7 @@ def test_a_program_that_is_killed_and_started_again_goes_on_with_the_same_bits(m
             program.end()
     together = hashes(one)
     assert {path for path in whole if whole[path] != together[path]} == set() and whole
-    for log in one._core.logs:
+    for log in one.records:
         if log.path.startswith(lost):
             times, messages = records[log.path]
             assert len(times) < len(log.times()) if save_every else len(times) == len(log.times())
@@ -258,7 +258,7 @@ def test_latencies_noise_and_seeds_do_matter(mission, together):
     assert not set(hashes(other).values()) & {together["world.nav.attitude"], together["flight.motor.command"]}
     sim = fledge.load("nadir_spin" if mission.name == "nadir_spin" else "inertial_pointing", SEED)
     for process in sim.processes:
-        sim.record(*process, every=process._core_process.tasks[0][1] / 1e9)
+        sim.record(*process, every=process.tasks[0].period / 1e9)
     sim.run(SPAN)
     assert hashes(sim)["flight.motor.command"] != together["flight.motor.command"]
 

@@ -10,14 +10,14 @@ import sys
 from itertools import count
 from pathlib import Path
 
-import _core
 import pytest
 
 from fledge import archive
+from fledge.files import build_folder
 from tests.docs_test import BLOCK
 from tests.tree import ROOT
 
-BUILT = Path(_core.__file__).resolve().parents[1]
+BUILT = build_folder()
 CONTROLLER = BUILT / "cosim" / "fledge_controller"
 pytestmark = pytest.mark.skipif(not CONTROLLER.exists(), reason="the controller is not built")
 

@@ -21,6 +21,21 @@ TOPS = {folder.split("/")[0] for folder in layers.RULES}
 # two whose few functions used here (sqrt, memcpy) every compiler turns into instructions.
 FLIGHT_LIBRARY = {"float.h", "limits.h", "math.h", "stdbool.h", "stddef.h", "stdint.h", "string.h"}
 
+# The rooms of python/fledge: its sub-packages and the modules beside them, from the bottom up. A room may
+# import itself and the rooms of the layers below it; the command line is on top of all.
+LAYERS = [
+    {"units", "elements", "errors", "files", "series", "interruption", "progress"},
+    {"objects", "archive", "attitude", "plot"},
+    {"flight", "scan", "trajectory"},
+    {"world"},
+    {"mission", "new"},
+    {"wiring_picture", "montecarlo", "cosim", "export"},
+    {"report", "targets"},
+    {"cli"},
+]
+# The rooms that may use the extension `_core`; all others use the public functions of these.
+USE_CORE = {"errors", "files", "objects", "flight", "world", "mission", "montecarlo", "cosim"}
+
 # flight.py also runs under MicroPython, which has nothing but these. (sqrt is exact in both.)
 FLIGHT_PY_MODULES = {"fledge.flight", "fledge.units", "math.sqrt"}
 
@@ -138,6 +153,110 @@ def test_every_quoted_include_is_found_from_the_root():
             if match and match[1] and not (ROOT / resolve(match[1])).is_file():
                 missing.append(f'{path}:{number}: "{match[1]}" is no path from the root')
     assert not missing, "\n" + "\n".join(missing)
+
+
+# --- the rooms of python/fledge --------------------------------------------------------------------
+
+PACKAGE = Path("python/fledge")
+
+
+def imports_of(path: Path, text: str, modules: set[str]) -> list[tuple[int, str]]:
+    """(line, module) of each import of the package by a file in it: "mission.process"; "" of what
+    only its __init__.py knows. modules: all there are."""
+    found = []
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import):
+            names = [(alias.name, "") for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names = [(node.module, alias.name) for alias in node.names]
+        else:
+            continue
+        for module, name in names:
+            if module == "_core" or (module, name) == ("fledge", "_core"):
+                found.append((node.lineno, "_core"))
+            elif module.split(".")[0] == "fledge" and name != "__version__":
+                inner = module.partition(".")[2]
+                whole = f"{inner}.{name}".strip(".")
+                found.append((node.lineno, whole if whole in modules else inner))
+    return found
+
+
+def library_imports() -> dict[str, list[tuple[int, str]]]:
+    """Of each module of python/fledge that is no test: what it imports of the others."""
+    paths = {".".join(path.relative_to(PACKAGE).with_suffix("").parts).removesuffix(".__init__"): path
+             for path in files() if path.suffix == ".py" and path.is_relative_to(PACKAGE) and not is_test(path)
+             and "templates" not in path.parts and path.parent / path.name != PACKAGE / "__init__.py"}
+    return {module: imports_of(path, (ROOT / path).read_text(encoding="utf-8"), set(paths))
+            for module, path in paths.items()}
+
+
+def check_rooms(imports: dict[str, list[tuple[int, str]]]) -> list[str]:
+    """Complaints about the imports between the rooms of python/fledge."""
+    level = {room: i for i, rooms in enumerate(LAYERS) for room in rooms}
+    complaints = []
+    for module, found in imports.items():
+        room = module.split(".")[0]
+        if room not in level:
+            complaints.append(f"fledge.{module}: the room {room} has no layer; add it to LAYERS")
+            continue
+        for line, other in found:
+            there = other.split(".")[0]
+            if other == "_core":
+                if room not in USE_CORE:
+                    complaints.append(f"fledge.{module}:{line}: {room} may not use _core; it may use the public "
+                                      "functions of the library")
+            elif other == "":
+                if room != "cli":
+                    complaints.append(f"fledge.{module}:{line}: {room} may not import fledge as a whole; name the "
+                                      "module")
+            elif there != room and level.get(there, len(LAYERS)) >= level[room]:
+                complaints.append(f"fledge.{module}:{line}: {room} may not import fledge.{other}, which is not "
+                                  "below it")
+    return complaints
+
+
+def circle(imports: dict[str, list[tuple[int, str]]]) -> list[str]:
+    """Modules that import one another in a circle; [] if there are none."""
+    done: set[str] = set()
+
+    def follow(module: str, way: list[str]) -> list[str]:
+        if module in way:
+            return [*way[way.index(module):], module]
+        if module not in done:
+            for _, other in imports.get(module, []):
+                found = follow(other, [*way, module])
+                if found:
+                    return found
+            done.add(module)
+        return []
+
+    return next(filter(None, (follow(module, []) for module in imports)), [])
+
+
+def test_the_rooms_of_the_library_import_downwards():
+    complaints = check_rooms(library_imports())
+    assert not complaints, "\n" + "\n".join(complaints)
+
+
+def test_no_modules_of_the_library_import_one_another_in_a_circle():
+    assert circle(library_imports()) == []
+
+
+@pytest.mark.parametrize("module, other, complaint", [
+    ("mission.simulation", "cli.console", "mission may not import fledge.cli.console"),
+    ("objects.hooks", "mission.process", "objects may not import fledge.mission.process"),
+    ("montecarlo", "cosim", "montecarlo may not import fledge.cosim"),
+    ("report", "_core", "report may not use _core"),
+    ("targets.job", "", "targets may not import fledge as a whole"),
+    ("cellar.a", "units", "the room cellar has no layer"),
+])
+def test_an_import_upwards_is_refused(module, other, complaint):
+    (found,) = check_rooms({module: [(1, other)]})
+    assert complaint in found
+
+
+def test_a_circle_is_found():
+    assert circle({"a": [(1, "b")], "b": [(1, "c")], "c": [(1, "b")]}) == ["b", "c", "b"]
 
 
 @pytest.mark.parametrize("path, line, complaint", [

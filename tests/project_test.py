@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from fledge import SetupError, _core, new
+from fledge import SetupError, new, objects
 from introspect.model import Struct
 from tests.tree import ROOT, files
 
@@ -154,7 +154,7 @@ def test_a_library_of_other_models_is_refused(tmp_path):
         """)
     subprocess.run(["gcc", "-shared", "-fPIC", "-I", ROOT, "-o", tmp_path / "old.so", tmp_path / "old.c"], check=True)
     with pytest.raises(SetupError, match="old was built for version 99 of the models, this is version 1"):
-        _core.load_library(str(tmp_path / "old.so"), "old")
+        objects.load_library(str(tmp_path / "old.so"), "old")
 
 
 @pytest.mark.parametrize("kind, name, answer", [

@@ -88,7 +88,7 @@ def _record(sim):
 
 
 def _records(sim):
-    return {log.path: (log.times(), log.bytes()) for log in sim._core.logs}
+    return {log.path: (log.times(), log.bytes()) for log in sim.records}
 
 
 def test_a_node_for_each_process_gives_the_same_bits():

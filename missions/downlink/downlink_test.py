@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import fledge
-from fledge import _core
 from fledge.archive import Archive
 from fledge.attitude import mrp_to_dcm
+from fledge.files import build_folder
 from fledge.units import s
 
 HERE = Path(__file__).resolve().parent
@@ -53,7 +53,7 @@ def programs(tmp_path_factory):
 def flown(programs):
     """The records of an exchange, by transport."""
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(
-        [str(ROOT / "python"), str(ROOT), str(Path(_core.__file__).parent)])}
+        [str(ROOT / "python"), str(ROOT), str(build_folder() / "python")])}
 
     def fly(*options):
         out = programs / "-".join(["run", *options])

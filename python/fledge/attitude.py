@@ -19,23 +19,30 @@ Source: Schaub, Junkins, Analytical Mechanics of Space Systems, chapter 3; Shepp
 quaternion of a matrix.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 SEQUENCES = ("121", "123", "131", "132", "212", "213", "231", "232", "312", "313", "321", "323")
 
 
-def _array(x, shape, name):
+def _array(x: ArrayLike, shape: tuple[int, ...], name: str) -> np.ndarray:
     x = np.asarray(x, dtype=float)
     if x.shape[-len(shape):] != shape:
         raise ValueError(f"{name} needs trailing dimensions {shape}, found shape {x.shape}")
     return x
 
 
-def _vector(x, name="a vector"):
+def _vector(x: ArrayLike, name: str = "a vector") -> np.ndarray:
     return _array(x, (3,), name)
 
 
-def tilde(v):
+def tilde(v: ArrayLike) -> np.ndarray:
     """The matrix of the cross product: tilde(a) @ b = a x b."""
     v = _vector(v)
     out = np.zeros(v.shape + (3,))
@@ -47,17 +54,17 @@ def tilde(v):
 
 # --- quaternions: what the other conversions go through --------------------------------------------
 
-def _upper(beta):
+def _upper(beta: np.ndarray) -> np.ndarray:
     """The quaternion of the same attitude with scalar part >= 0."""
     return np.where(beta[..., :1] < 0.0, -beta, beta)
 
 
-def quaternion_to_dcm(beta):
+def quaternion_to_dcm(beta: ArrayLike) -> np.ndarray:
     """beta_BN -> dcm_BN. The quaternion is normalised first."""
-    beta = _array(beta, (4,), "a quaternion")
-    beta = beta / np.linalg.norm(beta, axis=-1, keepdims=True)
-    b0, b1, b2, b3 = np.moveaxis(beta, -1, 0)
-    out = np.empty(beta.shape[:-1] + (3, 3))
+    b = _array(beta, (4,), "a quaternion")
+    b = b / np.linalg.norm(b, axis=-1, keepdims=True)
+    b0, b1, b2, b3 = np.moveaxis(b, -1, 0)
+    out = np.empty(b.shape[:-1] + (3, 3))
     out[..., 0, 0] = b0 * b0 + b1 * b1 - b2 * b2 - b3 * b3
     out[..., 0, 1] = 2.0 * (b1 * b2 + b0 * b3)
     out[..., 0, 2] = 2.0 * (b1 * b3 - b0 * b2)
@@ -70,7 +77,7 @@ def quaternion_to_dcm(beta):
     return out
 
 
-def dcm_to_quaternion(dcm):
+def dcm_to_quaternion(dcm: ArrayLike) -> np.ndarray:
     """dcm_BN -> beta_BN. Shepperd's method: divide by the largest of the four."""
     c = _array(dcm, (3, 3), "a direction cosine matrix")
     trace = np.trace(c, axis1=-2, axis2=-1)
@@ -88,21 +95,21 @@ def dcm_to_quaternion(dcm):
     return _upper(row / np.linalg.norm(row, axis=-1, keepdims=True))
 
 
-def quaternion_to_mrp(beta):
+def quaternion_to_mrp(beta: ArrayLike) -> np.ndarray:
     """beta_BN -> sigma_BN with |sigma| <= 1."""
     beta = _array(beta, (4,), "a quaternion")
     beta = _upper(beta / np.linalg.norm(beta, axis=-1, keepdims=True))
     return beta[..., 1:] / (1.0 + beta[..., :1])
 
 
-def mrp_to_quaternion(sigma):
+def mrp_to_quaternion(sigma: ArrayLike) -> np.ndarray:
     """sigma_BN -> beta_BN. Any norm is allowed."""
     sigma = _vector(sigma, "an MRP")
     s2 = np.sum(sigma * sigma, axis=-1, keepdims=True)
     return _upper(np.concatenate([1.0 - s2, 2.0 * sigma], axis=-1) / (1.0 + s2))
 
 
-def quaternion_to_prv(beta):
+def quaternion_to_prv(beta: ArrayLike) -> np.ndarray:
     """beta_BN -> prv_BN with an angle in [0, pi]."""
     beta = _upper(_array(beta, (4,), "a quaternion"))
     n = np.linalg.norm(beta[..., 1:], axis=-1, keepdims=True)
@@ -113,7 +120,7 @@ def quaternion_to_prv(beta):
     return factor * beta[..., 1:]
 
 
-def prv_to_quaternion(prv):
+def prv_to_quaternion(prv: ArrayLike) -> np.ndarray:
     """prv_BN -> beta_BN. Any angle is allowed."""
     prv = _vector(prv, "a principal rotation vector")
     half = 0.5 * np.linalg.norm(prv, axis=-1, keepdims=True)
@@ -122,14 +129,14 @@ def prv_to_quaternion(prv):
 
 # --- Euler angles ----------------------------------------------------------------------------------
 
-def _axes(sequence):
+def _axes(sequence: str | int) -> list[int]:
     sequence = "".join(str(a) for a in sequence) if not isinstance(sequence, int) else str(sequence)
     if sequence not in SEQUENCES:
         raise ValueError(f"unknown Euler sequence '{sequence}'; the sequences are " + ", ".join(SEQUENCES))
     return [int(a) - 1 for a in sequence]
 
 
-def axis_rotation(axis, angle):
+def axis_rotation(axis: int, angle: ArrayLike) -> np.ndarray:
     """The matrix of a frame turned by `angle` [rad] about its own axis 1, 2 or 3."""
     angle = np.asarray(angle, dtype=float)
     i, (j, k) = axis - 1, (axis % 3, (axis + 1) % 3)
@@ -141,14 +148,14 @@ def axis_rotation(axis, angle):
     return out
 
 
-def euler_to_dcm(euler, sequence="321"):
+def euler_to_dcm(euler: ArrayLike, sequence: str | int = "321") -> np.ndarray:
     """euler_BN [rad] of a sequence -> dcm_BN."""
     euler = _vector(euler, "Euler angles")
     first, second, third = (axis_rotation(a + 1, euler[..., n]) for n, a in enumerate(_axes(sequence)))
     return third @ second @ first
 
 
-def dcm_to_euler(dcm, sequence="321"):
+def dcm_to_euler(dcm: ArrayLike, sequence: str | int = "321") -> np.ndarray:
     """dcm_BN -> euler_BN [rad] of a sequence.
 
     The second angle lies in [-pi/2, pi/2], or in [0, pi] for sequences such as "313". Where it makes
@@ -182,82 +189,82 @@ def dcm_to_euler(dcm, sequence="321"):
 
 # --- the other pairs -------------------------------------------------------------------------------
 
-def mrp_to_dcm(sigma):
+def mrp_to_dcm(sigma: ArrayLike) -> np.ndarray:
     """sigma_BN -> dcm_BN."""
     return quaternion_to_dcm(mrp_to_quaternion(sigma))
 
 
-def dcm_to_mrp(dcm):
+def dcm_to_mrp(dcm: ArrayLike) -> np.ndarray:
     """dcm_BN -> sigma_BN with |sigma| <= 1."""
     return quaternion_to_mrp(dcm_to_quaternion(dcm))
 
 
-def prv_to_dcm(prv):
+def prv_to_dcm(prv: ArrayLike) -> np.ndarray:
     """prv_BN [rad] -> dcm_BN."""
     return quaternion_to_dcm(prv_to_quaternion(prv))
 
 
-def dcm_to_prv(dcm):
+def dcm_to_prv(dcm: ArrayLike) -> np.ndarray:
     """dcm_BN -> prv_BN [rad] with an angle in [0, pi]."""
     return quaternion_to_prv(dcm_to_quaternion(dcm))
 
 
-def mrp_to_prv(sigma):
+def mrp_to_prv(sigma: ArrayLike) -> np.ndarray:
     """sigma_BN -> prv_BN [rad] with an angle in [0, pi]."""
     return quaternion_to_prv(mrp_to_quaternion(sigma))
 
 
-def prv_to_mrp(prv):
+def prv_to_mrp(prv: ArrayLike) -> np.ndarray:
     """prv_BN [rad] -> sigma_BN with |sigma| <= 1."""
     return quaternion_to_mrp(prv_to_quaternion(prv))
 
 
-def mrp_to_euler(sigma, sequence="321"):
+def mrp_to_euler(sigma: ArrayLike, sequence: str | int = "321") -> np.ndarray:
     """sigma_BN -> euler_BN [rad]; see dcm_to_euler for the ranges."""
     return dcm_to_euler(mrp_to_dcm(sigma), sequence)
 
 
-def euler_to_mrp(euler, sequence="321"):
+def euler_to_mrp(euler: ArrayLike, sequence: str | int = "321") -> np.ndarray:
     """euler_BN [rad] -> sigma_BN with |sigma| <= 1."""
     return dcm_to_mrp(euler_to_dcm(euler, sequence))
 
 
-def quaternion_to_euler(beta, sequence="321"):
+def quaternion_to_euler(beta: ArrayLike, sequence: str | int = "321") -> np.ndarray:
     """beta_BN -> euler_BN [rad]; see dcm_to_euler for the ranges."""
     return dcm_to_euler(quaternion_to_dcm(beta), sequence)
 
 
-def euler_to_quaternion(euler, sequence="321"):
+def euler_to_quaternion(euler: ArrayLike, sequence: str | int = "321") -> np.ndarray:
     """euler_BN [rad] -> beta_BN with beta[0] >= 0."""
     return dcm_to_quaternion(euler_to_dcm(euler, sequence))
 
 
-def prv_to_euler(prv, sequence="321"):
+def prv_to_euler(prv: ArrayLike, sequence: str | int = "321") -> np.ndarray:
     """prv_BN [rad] -> euler_BN [rad]; see dcm_to_euler for the ranges."""
     return dcm_to_euler(prv_to_dcm(prv), sequence)
 
 
-def euler_to_prv(euler, sequence="321"):
+def euler_to_prv(euler: ArrayLike, sequence: str | int = "321") -> np.ndarray:
     """euler_BN [rad] -> prv_BN [rad] with an angle in [0, pi]."""
     return dcm_to_prv(euler_to_dcm(euler, sequence))
 
 
 # --- working with MRPs -----------------------------------------------------------------------------
 
-def shadow(sigma):
+def shadow(sigma: ArrayLike) -> np.ndarray:
     """The other set of MRPs of the same attitude, -sigma / |sigma|^2. Undefined at zero."""
     sigma = _vector(sigma, "an MRP")
     return -sigma / np.sum(sigma * sigma, axis=-1, keepdims=True)
 
 
-def switch(sigma):
+def switch(sigma: ArrayLike) -> np.ndarray:
     """The set with |sigma| <= 1. |sigma| = 1 stays as it is."""
     sigma = _vector(sigma, "an MRP")
     s2 = np.sum(sigma * sigma, axis=-1, keepdims=True)
     return np.where(s2 > 1.0, -sigma / np.where(s2 > 1.0, s2, 1.0), sigma)
 
 
-def compose(sigma_CB, sigma_BN):
+def compose(sigma_CB: ArrayLike, sigma_BN: ArrayLike) -> np.ndarray:
     """sigma_CN of two rotations in a row: dcm_CN = dcm_CB @ dcm_BN."""
     c = mrp_to_quaternion(sigma_CB)
     b = mrp_to_quaternion(sigma_BN)
@@ -266,11 +273,11 @@ def compose(sigma_CB, sigma_BN):
     return quaternion_to_mrp(np.concatenate([scalar, vector], axis=-1))
 
 
-def relative(sigma_BN, sigma_RN):
+def relative(sigma_BN: ArrayLike, sigma_RN: ArrayLike) -> np.ndarray:
     """sigma_BR of two attitudes: dcm_BR = dcm_BN @ dcm_RN.T."""
     return compose(sigma_BN, -_vector(sigma_RN, "an MRP"))
 
 
-def angle(sigma):
+def angle(sigma: ArrayLike) -> np.ndarray:
     """The principal angle of an attitude [rad], in [0, pi]."""
     return 4.0 * np.arctan(np.linalg.norm(switch(sigma), axis=-1))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import fledge
-from fledge import SetupError, _core, flight as fsw
+from fledge import SetupError, flight as fsw, objects
 from fledge.units import N, m
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -58,7 +58,7 @@ def mine(tmp_path_factory):
                     "--include", ROOT, "--out", root], check=True, cwd=ROOT)
     subprocess.run(["gcc", "-shared", "-fPIC", "-ffp-contract=off", "-I", root, "-I", ROOT, "-o", root / "mine.so",
                     root / "mine_tables.c", root / "mine" / "halve.c"], check=True)
-    return root / "mine.so", _core.load_library(str(root / "mine.so"), "mine")
+    return root / "mine.so", objects.load_library(str(root / "mine.so"), "mine")
 
 
 def test_a_module_of_ones_own(mine):
@@ -77,6 +77,6 @@ def test_a_module_of_ones_own(mine):
 
 def test_what_is_no_library(mine, tmp_path):
     with pytest.raises(SetupError, match="cannot load the library .*nothing.so"):
-        _core.load_library(str(tmp_path / "nothing.so"), "nothing")
+        objects.load_library(str(tmp_path / "nothing.so"), "nothing")
     with pytest.raises(SetupError, match="does not export fledge_library_other"):
-        _core.load_library(str(mine[0]), "other")
+        objects.load_library(str(mine[0]), "other")

@@ -15,7 +15,7 @@ from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING
 
-from fledge import _core
+from fledge.errors import SetupError
 from fledge.files import Part
 from fledge.objects.words import first_sentence
 
@@ -40,7 +40,7 @@ def save(wiring: Wiring, path: Path | str) -> Path:
     path = Path(path)
     kind = path.suffix[1:].lower()
     if kind not in FORMATS:
-        raise _core.SetupError(f"{path}: the name of a picture ends in .{', .'.join(FORMATS[:-1])} or .{FORMATS[-1]}")
+        raise SetupError(f"{path}: the name of a picture ends in .{', .'.join(FORMATS[:-1])} or .{FORMATS[-1]}")
     source = dot(wiring)
     picture = source.encode() if kind == "dot" else render(source, kind)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -55,10 +55,10 @@ def render(source: str, kind: str) -> bytes:
         done = subprocess.run(["dot", f"-T{kind}", *["-Gdpi=144"] * (kind == "png")], input=source.encode(),
                               capture_output=True)
     except FileNotFoundError:
-        raise _core.SetupError("drawing the wiring needs graphviz, which is not installed: apt-get install graphviz"
-                               ) from None
+        raise SetupError("drawing the wiring needs graphviz, which is not installed: apt-get install graphviz"
+                         ) from None
     if done.returncode:
-        raise _core.SetupError("graphviz cannot draw the wiring: " + done.stderr.decode(errors="replace").strip())
+        raise SetupError("graphviz cannot draw the wiring: " + done.stderr.decode(errors="replace").strip())
     # A PDF holds its creation date: write the same date each time.
     return re.sub(rb"(?<=/CreationDate \(D:)\d{14}", b"19700101000000", done.stdout)
 

@@ -16,12 +16,16 @@ messages, so damage to their values cannot be placed, and shows only if the file
 numpy is loaded when data are read, pandas by `frame`, h5py by `to_hdf5`.
 """
 
+from __future__ import annotations
+
 import csv
 import mmap
 import os
 import re
+from collections.abc import Iterable
 from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import Any
 
 from fledge.archive import mcap
 from fledge.errors import SetupError, listed, nearest
@@ -59,7 +63,7 @@ class Channel:
         self.count = len(raw.offsets)
 
     @property
-    def fields(self):
+    def fields(self) -> dict[str, Field]:
         """True name -> Field (unit, shape, meaning, ...), in memory order; nested ones with dots.
 
         ArchiveError where the definition cannot be decoded.
@@ -97,7 +101,7 @@ class Archive:
         told, or where there are none
     """
 
-    def __init__(self, path):
+    def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(path)
         self._data = _map(self.path)
         try:
@@ -114,15 +118,15 @@ class Archive:
                 else f"the data are good before t = {self.good_until!r} s"
             self.problem = (f"{self.path}: damaged or cut off at byte {scan.problem_at} of "
                             f"{scan.size}: {scan.problem}; {worth}")
-        self.topics = {}
+        self.topics: dict[str, Channel] = {}
         for id, raw in scan.channels.items():
             # Two channels may share a topic in files of other writers.
             topic = raw.topic if raw.topic not in self.topics else f"{raw.topic}#{id}"
             raw.topic = topic
             self.topics[topic] = Channel(raw, self.path)
-        self._decoded = {}
+        self._decoded: dict[str, Any] = {}
 
-    def close(self):
+    def close(self) -> None:
         """Let go of the file. Arrays and frames that were read stay valid."""
         self._data.close()
 
@@ -198,7 +202,7 @@ class Archive:
         return {c: [f for f in c.fields.values() if f.name in wanted[c]]
                 for c in self.topics.values() if c in wanted}
 
-    def short_name(self, topic):
+    def short_name(self, topic: str) -> str:
         """The shortest ending of a topic's name that no other topic has: "error"."""
         channel = self._channel(topic)
         others = ["." + c.name for c in self.topics.values() if c is not channel]
@@ -209,7 +213,7 @@ class Archive:
                 return tail
         return channel.name
 
-    def series(self, key):
+    def series(self, key: str) -> Series:
         """The Series of a field or element, for plots."""
         channel, name = self._find(re.sub(r"\[\d+\]", "", key))
         if name is None or name not in channel.fields:
@@ -221,7 +225,7 @@ class Archive:
 
     # ---- data ----
 
-    def __getitem__(self, key):
+    def __getitem__(self, key: str) -> Any:
         """All values of a topic or a field, by a name from the end on as long as it is unique.
 
         A topic gives an (n,) structured array whose fields have their true names and shapes; a
@@ -241,11 +245,11 @@ class Archive:
             values = values[(slice(None),) + indices]
         return values
 
-    def time_ns(self, topic):
+    def time_ns(self, topic: str) -> Any:
         """The simulated times of a topic's (or field's) messages: (n,) int64 [ns]."""
         return self._gather(self._channel(topic), mcap.TIME_AT, "<i8").astype("=i8")
 
-    def time(self, topic):
+    def time(self, topic: str) -> Any:
         """The simulated times of a topic's (or field's) messages: (n,) float64 [s]."""
         return self.time_ns(topic) / 1e9
 
@@ -287,7 +291,7 @@ class Archive:
         self._decoded[channel.topic] = values
         return values
 
-    def frame(self, topics=None, head=False):
+    def frame(self, topics: str | Iterable[str] | None = None, head: bool = False) -> Any:
         """A pandas DataFrame by time [s], one column per number.
 
         topics: names (as for []) or patterns ("/flight/*") of topics or fields, one or several;
@@ -302,7 +306,7 @@ class Archive:
         frames, units, meanings = [], {}, {}
         for channel, fields in self._select(topics, head).items():
             short = self.short_name(channel.topic)
-            columns = {}
+            columns: dict[str, Any] = {}
             for field in fields:
                 names = [f"{short}.{c}" for c in field.columns()]
                 columns.update(zip(names, self._elements(channel, field)))
@@ -335,7 +339,8 @@ class Archive:
 
     # ---- other formats ----
 
-    def to_csv(self, path, topics=None, head=False):
+    def to_csv(self, path: str | os.PathLike[str], topics: str | Iterable[str] | None = None,
+               head: bool = False) -> list[Path]:
         """Write CSV; returns the paths written.
 
         Rates differ, so every topic is a file of its own, `<path>/flight.tracking.error.csv`; a
@@ -372,7 +377,8 @@ class Archive:
         writer.writerow(headings)
         writer.writerows(zip(times, *columns))
 
-    def to_hdf5(self, path, topics=None, head=False):
+    def to_hdf5(self, path: str | os.PathLike[str], topics: str | Iterable[str] | None = None,
+                head: bool = False) -> Path:
         """Write HDF5: a group per topic, in it a dataset (n, ...) per field; returns the path.
 
         Datasets have the attributes `unit`, `meaning` and, for an enumeration, `values`; `_time`

@@ -10,6 +10,7 @@ import os
 import sys
 from pathlib import Path
 
+from fledge.cli.arguments import number, open_run, parse_duration
 from fledge.cli.console import Plots, say, size_of
 from fledge.errors import Failure
 
@@ -115,32 +116,6 @@ def _write_report(report, folder, options, code, problem, record, plots):
         verdict, message, Path(record) if record else None, None if options.no_plots else plots, shlex.join(command)))
 
 
-def _pace(text):
-    try:
-        pace = float(text)
-    except ValueError:
-        pace = -1.0
-    if not 0 <= pace < float("inf"):
-        raise argparse.ArgumentTypeError(f"expected a number >= 0; found '{text}'")
-    return pace
-
-
-def parse_duration(text, option="--for"):
-    """Seconds of "90", "90s", "10min", "2.5 h"."""
-    import re
-
-    match = re.fullmatch(r"\s*([0-9.]+(?:e[0-9]+)?)\s*([a-z]*)\s*", text)
-    factors = {"": 1.0, "s": 1.0, "ms": 1e-3, "min": 60.0, "minute": 60.0, "h": 3600.0, "hour": 3600.0, "d": 86400.0,
-               "day": 86400.0}
-    try:
-        seconds = float(match[1]) * factors[match[2]]
-    except (TypeError, KeyError, ValueError):
-        raise Failure(f"{option}: expected a duration such as 90s, 10min or 2h; found '{text}'") from None
-    if seconds > 1e9:
-        raise Failure(f"{option}: expected at most 1e9 s, which are 31 years; found '{text}'")
-    return seconds
-
-
 # --- show ------------------------------------------------------------------------------------------
 
 def show(options):
@@ -163,7 +138,7 @@ def show(options):
 # --- list ------------------------------------------------------------------------------------------
 
 def list_(options):
-    from fledge import _core, flight, mission, world
+    from fledge import flight, mission, objects, world
     from fledge.objects.words import first_sentence
 
     say("missions")
@@ -179,7 +154,7 @@ def list_(options):
                                ("world models (from fledge import world)", world.TYPES, "model")):
         say("\n" + title)
         for name in sorted(types):
-            struct = _core.struct(types[name])
+            struct = objects.struct(types[name])
             if struct.kind == kind:
                 say(f"  {name:18} {first_sentence(struct.doc)}")
                 if options.ports:
@@ -193,31 +168,6 @@ def list_(options):
 
 
 # --- plot, convert ---------------------------------------------------------------------------------
-
-def find_run(name):
-    """The archive meant by a file, a folder, or the name of a mission flown before."""
-    for path in (Path(name), Path("runs") / name):
-        if path.is_file():
-            return path
-        if path.is_dir():
-            found = sorted([*path.glob("*.mcap"), *path.glob("*/*.mcap")])
-            if len(found) == 1:
-                return found[0]
-            if found:
-                raise Failure(f"there are several records in {path}; name one of {', '.join(map(str, found))}")
-    known = sorted(map(str, Path("runs").glob("*/*/*.mcap")))
-    raise Failure(f"there is no record '{name}'; " + (f"there are {', '.join(known)}" if known
-                                                      else "none has been made yet: ./fledge run MISSION"))
-
-
-def open_run(name):
-    from fledge.archive import Archive
-
-    archive = Archive(find_run(name))
-    if archive.problem:
-        print(archive.problem, file=sys.stderr)
-    return archive
-
 
 def plot(options):
     from fledge.plot import plot as draw, save
@@ -312,7 +262,7 @@ def parser():
     one.add_argument("scenario", nargs="?", help="default: the mission's first")
     one.add_argument("--out", metavar="DIR", help="for the record and plots; default: runs/MISSION/SCENARIO")
     one.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
-    one.add_argument("--pace", type=_pace, default=0.0, metavar="X",
+    one.add_argument("--pace", type=number(), default=0.0, metavar="X",
                      help="X simulated seconds per second; default: as fast as possible")
     one.add_argument("--no-plots", action="store_true", help="leave out the scenario's plots")
     one.add_argument("--report", action="store_true", help="write all about the run into one page, report.html")

@@ -10,11 +10,11 @@ import argparse
 import sys
 from collections.abc import Callable
 
+from fledge.cli.arguments import number
+
 
 def add(command: Callable) -> None:
     """Add the subcommand. command: the function of cli.parser() that adds one."""
-    from fledge.cli import _pace
-
     one = command("compare", compare, "show where two records first differ",
                   "compare runs/nadir_spin/fly/desktop.mcap runs/nadir_spin/fly/linux.mcap")
     one.add_argument("runs", nargs=2, metavar="RUN", help="a .mcap file, its folder, or the name of a mission flown "
@@ -22,7 +22,7 @@ def add(command: Callable) -> None:
     one.add_argument("--topics", nargs="+", metavar="TOPIC", help="only these, as in tracking.error; default: all")
     one.add_argument("--ignore", nargs="+", default=[], metavar="FIELD", help="fields that do not count, as in "
                      "head.sequence")
-    one.add_argument("--tolerance", type=_pace, default=0.0, metavar="X", help="differences of numbers up to this "
+    one.add_argument("--tolerance", type=number(), default=0.0, metavar="X", help="differences of numbers up to this "
                      "do not count, in each field's unit; default: 0, the same bits")
     one.add_argument("--all", action="store_true", help="the first difference of each field, how often and how far; "
                      "default: the first of each topic")
@@ -31,8 +31,8 @@ def add(command: Callable) -> None:
 def compare(options: argparse.Namespace) -> int:
     """Print the differences of two records; returns the exit code."""
     from fledge.archive import compare as comparing
+    from fledge.cli.arguments import open_run
     from fledge.cli.console import counted, say
-    from fledge.cli import open_run
 
     a, b = map(open_run, options.runs)
     if a.path.resolve() == b.path.resolve():

@@ -40,8 +40,7 @@ def add(command):
 
 
 def fly(options):
-    from fledge import cli
-    from fledge.cli.console import say
+    from fledge.cli.arguments import parse_duration
     from fledge.errors import Failure
     from fledge.targets import TARGETS, Job, RealCfs
 
@@ -58,8 +57,8 @@ def fly(options):
     if options.cfs and "cfs" not in names:
         raise Failure("fly: --cfs is for --on cfs")
     targets = {**TARGETS, **({"cfs": RealCfs(options.cfs)} if options.cfs else {})}
-    duration = cli.parse_duration(options.duration) if options.duration else None
-    settled = cli.parse_duration(options.settled) if options.settled else 0.0
+    duration = parse_duration(options.duration) if options.duration else None
+    settled = parse_duration(options.settled) if options.settled else 0.0
     if not duration and options.duration:
         raise Failure("--for: fly longer than 0 s")
     part = options.build or options.join is not None       # then it does not matter for how long

@@ -113,7 +113,6 @@ class _Live(Bar):
 
 def _one(campaign, options, folder):
     import fledge
-    from fledge import _core
 
     index, d = options.only, campaign.dispersions
     sim = campaign.simulation(index, options.seed)
@@ -130,7 +129,7 @@ def _one(campaign, options, folder):
         sim.run(d.duration)
     except KeyboardInterrupt:
         problem, code = "interrupted", 130
-    except (_core.SetupError, _core.RunError) as error:
+    except (fledge.SetupError, fledge.RunError) as error:
         problem, code = str(error), 1
     except Exception as error:  # of Python in the world's events
         from fledge import mission as missions

@@ -5,7 +5,6 @@ Exit codes: 0 the run came to its regular end; 1 it ended early; 2 the command l
 or the mission cannot be split; 130 Ctrl-C.
 """
 
-import argparse
 import ast
 import contextlib
 import inspect
@@ -15,6 +14,7 @@ import sys
 from pathlib import Path
 from time import monotonic, perf_counter, sleep
 
+from fledge.cli.arguments import number, parse_duration
 from fledge.cli.console import counted, say, size_of
 from fledge.errors import Failure
 
@@ -40,9 +40,10 @@ def add(command):
     one.add_argument("--seed", type=int, metavar="N", help="of the random streams, with --until; default: 0")
     one.add_argument("--record", metavar="DIR", help="write the record of this process into DIR/NODE.mcap")
     one.add_argument("--keys", metavar="PATH", help="the keys of this node (fledge keys); default: FLEDGE_KEYS")
-    one.add_argument("--patience", type=_seconds, default=60.0, metavar="S", help="for the controller to be there; "
+    seconds = number("a number of seconds")
+    one.add_argument("--patience", type=seconds, default=60.0, metavar="S", help="for the controller to be there; "
                      "default: 60")
-    one.add_argument("--delay", type=_seconds, default=0.0, metavar="S", help="before each step wait so long, at "
+    one.add_argument("--delay", type=seconds, default=0.0, metavar="S", help="before each step wait so long, at "
                      "random, at most: what must not change any result")
 
 
@@ -52,8 +53,8 @@ def node(options):
     sim = fledge.load(options.mission, **given_parameters(options))
     scenario = set_up(sim, options.scenario, options.free)
     names = [name.strip() for name in options.process.split(",")]
-    if names == ["all"] and "all" not in sim._processes:
-        names = [process.name for process in sim.processes if process._core_process.tasks]
+    if names == ["all"] and "all" not in [process.name for process in sim.processes]:
+        names = [process.name for process in sim.processes if process.tasks]
     for name in names:
         sim.process(name)  # raises, with those that there are
     if len(names) > 1 and options.name:
@@ -91,7 +92,7 @@ def _one(sim, scenario, process, options, address=None, quiet=False):
         problem, code = "interrupted", 130
     except Exception as error:
         problem, code = str(error), 2 if isinstance(error, fledge.SetupError) else 1
-    if not problem or sim._core.now >= 0:  # it has taken part
+    if not problem or sim.time_ns >= 0:  # it has taken part
         tell(f"  flown    {sim.time:g} s")
     with _undisturbed():
         path = sim.close_archive(outcome=problem or "passed", ended=f"{sim.time:g} s")
@@ -109,7 +110,6 @@ def _one(sim, scenario, process, options, address=None, quiet=False):
 def _several(sim, scenario, names, options):
     """Fly each of several processes in a program of its own; with --until, this one is their controller."""
     from fledge import cosim
-    from fledge.cli import parse_duration
 
     end = None if options.until is None else parse_duration(options.until, "--until")
     address = options.address or os.environ.get("FLEDGE_ADDRESS")
@@ -239,16 +239,6 @@ def _undisturbed():
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-def _seconds(text):
-    try:
-        value = float(text)
-    except ValueError:
-        value = -1.0
-    if not 0 <= value < float("inf"):
-        raise argparse.ArgumentTypeError(f"expected a number of seconds >= 0; found '{text}'")
-    return value
 
 
 # --- parameters of missions ------------------------------------------------------------------------

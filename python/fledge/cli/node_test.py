@@ -135,10 +135,10 @@ def test_a_scenario_s_set_up_is_done_and_its_run_is_not():
     sim = fledge.load("asterisk_scan")
     before = sim.flight.rasters.angles.copy()
     assert set_up(sim, "wide") == "wide"
-    assert (sim.flight.rasters.angles != before).any() and len(sim._core.logs) == 7
-    assert sim._core.now == -1 and callable(sim.run)
+    assert (sim.flight.rasters.angles != before).any() and len(sim.records) == 7
+    assert sim.time_ns == -1 and callable(sim.run)
     sim = fledge.load("asterisk_scan")
-    assert set_up(sim, free=True) == "free" and len(sim._core.logs) > 7
+    assert set_up(sim, free=True) == "free" and len(sim.records) > 7
 
 
 def test_a_second_run_is_found():

@@ -33,7 +33,7 @@ def replay(options):
     from fledge.cli.console import say, size_of
     from fledge.errors import Failure
     from fledge.archive import ArchiveError
-    from fledge.cli import parse_duration
+    from fledge.cli.arguments import parse_duration
     from fledge.cosim.replay import Exchange
     from fledge.cosim.replay import replay as run
 

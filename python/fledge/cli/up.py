@@ -10,13 +10,14 @@ from pathlib import Path
 
 from fledge.cli.console import counted, say, size_of
 from fledge.errors import Failure
+from fledge.files import build_folder
 
 _MOST_RECORDS = 8   # in the list; of more only the sum is shown
 
 
 def add(command: Callable) -> None:
     """Add the subcommand. command: the function of cli.parser() that adds one."""
-    from fledge.cli import _pace
+    from fledge.cli.arguments import number
     from fledge.cli.node import add_parameters
 
     one = command("up", up, "start all programs of a co-simulation, and watch them", "up spring.toml")
@@ -26,7 +27,8 @@ def add(command: Callable) -> None:
     one.add_argument("--until", metavar="DURATION", help="how long to simulate (90s, 10min, 2h); default: as the file "
                      "or the scenario says")
     one.add_argument("--seed", type=int, metavar="N", help="of the random streams")
-    one.add_argument("--pace", type=_pace, metavar="X", help="X simulated seconds per second; 0: as fast as possible")
+    one.add_argument("--pace", type=number(), metavar="X",
+                     help="X simulated seconds per second; 0: as fast as possible")
     add_parameters(one)
     one.add_argument("--tcp", action="store_true", help="meet at a TCP port of this machine")
     one.add_argument("--exchange", action="store_true", help="record all that passes between the nodes")
@@ -37,14 +39,13 @@ def add(command: Callable) -> None:
 
 def up(options: argparse.Namespace) -> int:
     """Run the co-simulation; returns the exit code."""
-    from fledge import _core
     from fledge.cosim.up import description
     from fledge.cosim.up.session import Session, StartError
 
     plan = _plan(options, description)
     if plan.until is None:
         raise Failure(f"{plan.file}: how long? write until = SECONDS, or give --until 10min")
-    built = Path(_core.__file__).resolve().parents[1] / "cosim"
+    built = build_folder() / "cosim"
     for program in ("fledge_controller", "fledge_guard"):
         if not (built / program).exists():
             raise Failure(f"{program} is not built; ./fledge setup builds it")
@@ -67,7 +68,7 @@ def up(options: argparse.Namespace) -> int:
 
 
 def _plan(options, description):
-    from fledge.cli import parse_duration
+    from fledge.cli.arguments import parse_duration
 
     given = Path(options.simulation)
     if given.suffix == ".toml" or given.is_file():

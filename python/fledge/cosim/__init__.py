@@ -15,7 +15,7 @@ from time import perf_counter
 
 from fledge import _core
 from fledge.errors import SetupError
-from fledge.mission.process import Event, Process
+from fledge.mission.process import Process
 from fledge.objects.si import time_ns
 
 DEFAULT_ADDRESS = "tcp://127.0.0.1:7000"
@@ -31,10 +31,10 @@ _core.struct() gives types; optional: whether the reader can do without.
 
 def crossing_wires(simulation):
     """All wires that go from one process to another, as Crossings."""
-    order = simulation._core.processes
-    run = {f"{p.name}.{one}" for p in simulation.processes for task in p._core_process.tasks for one in task[4]}
+    order = [process.name for process in simulation.processes]
+    run = {f"{p.name}.{one}" for p in simulation.processes for task in p.tasks for one in task.run}
     found = []
-    for source, port, latency, stale_after in simulation._core.wires:
+    for source, port, latency, stale_after in simulation.wires:
         writer, reader = source.partition(".")[0], port.partition(".")[0]
         if writer == reader:
             continue
@@ -64,18 +64,15 @@ def split(simulation, process):
     to step, or is joined to another by more than wires.
     """
     kept = simulation.process(process)
-    if simulation._core.now >= 0:
+    if simulation.time_ns >= 0:
         raise SetupError(f"{simulation.name} has run until {simulation.time:g} s; a process of it can be a node only "
                          "from the start: load the mission anew, or reset() it")
-    if not kept._core_process.tasks:
+    if not kept.tasks:
         raise SetupError(f"{process} has no task, so it can be no node: there is nothing to step"
-                         + ("" if kept._instances else "; it is empty"))
+                         + ("" if kept.instances else "; it is empty"))
     check(simulation)
     reads = [wire for wire in crossing_wires(simulation) if wire.port.startswith(process + ".")]
-    simulation._core.isolate(process)
-    for other in [p for p in simulation.processes if p is not kept]:
-        del simulation._processes[other.name]
-        simulation._gone[other.name] = other._leave()
+    simulation.isolate(process)
     return Node(simulation, process, reads)
 
 
@@ -84,7 +81,7 @@ class Node:
 
     def __init__(self, simulation, process, reads):
         self.simulation, self.process, self.reads = simulation, process, reads
-        self._core = _core.ProcessNode(simulation._core, process)
+        self._core = _core.ProcessNode(simulation.kernel, process)
         for wire in reads:
             self._core.read(wire.topic, wire.port, wire.latency, wire.stale_after)
 
@@ -113,15 +110,7 @@ class Node:
 
     def _begin(self):
         """The run begins, or goes on from a snapshot of a program that was lost, whose record is kept."""
-        sim = self.simulation
-        if sim._archive and sim._core.now >= 0:
-            from fledge.mission.simulation import _next_name
-
-            path, metadata = sim._archive
-            while os.path.exists(path) or os.path.exists(path + ".part"):
-                path = _next_name(path)
-            sim._archive = (path, metadata)
-        sim._open_archive()
+        self.simulation.open_archive(resumed=self.simulation.time_ns >= 0)
 
     def __repr__(self):
         return f"<{self.process} of {self.simulation.name} as a node>"
@@ -172,16 +161,16 @@ def _at(place):
 
 def _ties(simulation):
     """Events and parts that belong to two processes."""
-    for what, whose in simulation._core.cross_process_dependencies():
+    for what, whose in simulation.kernel.cross_process_dependencies():
         owner, name = what.split(".", 1)
         process = simulation.process(owner)
-        event = process._handles.get(name)
-        if isinstance(event, Event):
-            yield (f"{_at(event.place)}event {what} looks at {whose}, which runs in another program; wire what it "
-                   f"looks at to a module or model of {owner} and watch that input, or give the event to "
+        event = process.events.get(name)
+        if event:
+            yield (f"{_at(event.declared_at)}event {what} looks at {whose}, which runs in another program; wire what "
+                   f"it looks at to a module or model of {owner} and watch that input, or give the event to "
                    f"{whose.partition('.')[0]}")
         else:
-            yield (f"{_at(process._places.get(name))}{what} has {whose} as a part, which runs in another program; a "
+            yield (f"{_at(process.declared_at(name))}{what} has {whose} as a part, which runs in another program; a "
                    "model and its parts belong in one process")
 
 
@@ -189,17 +178,13 @@ def _python_events(simulation):
     """Events whose Python function reaches what runs in another program."""
     for process in simulation.processes:
         foreign = [p for p in simulation.processes if p is not process]
-        for handle in process._handles.values():
-            if not isinstance(handle, Event):
-                continue
-            for function in (handle._when, handle._do):
-                if function is None or isinstance(function, _core.Condition):
-                    continue
+        for event in process.events.values():
+            for function in event.functions:
                 found = _Reach(simulation, foreign).of(function)
                 if found:
-                    yield (f"{_at(handle.declared_at)}event {process.name}.{handle.name} calls Python that reaches {found}, "
-                           f"which runs in another program; let a message tell it: wire an output to {process.name}, "
-                           "or give the event to the other process")
+                    yield (f"{_at(event.declared_at)}event {process.name}.{event.name} calls Python that reaches "
+                           f"{found}, which runs in another program; let a message tell it: wire an output to "
+                           f"{process.name}, or give the event to the other process")
 
 
 class _Reach:
@@ -271,16 +256,15 @@ def _two_latencies(simulation):
         reader = wire.port.partition(".")[0]
         other = first.setdefault((wire.topic, reader), wire)
         if other.latency != wire.latency:
-            instance = wire.port.split(".")[0]
-            place = simulation.process(instance)._places.get(wire.port) or next(
-                (p._places[wire.port] for p in simulation.processes if wire.port in p._places), None)
-            yield (f"{_at(place)}{wire.port} reads {wire.source} at {wire.latency}, and {other.port} at "
+            own = simulation.process(reader)
+            line = next(filter(None, (p.declared_at(wire.port) for p in [own, *simulation.processes])), None)
+            yield (f"{_at(line)}{wire.port} reads {wire.source} at {wire.latency}, and {other.port} at "
                    f"{other.latency}; in another program a message comes once: give both wires one latency")
 
 
 def _instance(simulation, path):
     process, name = path.split(".")
-    return simulation.process(process)._instances[name]
+    return simulation.process(process).instances[name]
 
 
 def _field(simulation, port):

@@ -72,7 +72,7 @@ def record(sim):
 
 
 def records(*sims):
-    return {log.path: (log.times(), log.bytes()) for sim in sims for log in sim._core.logs}
+    return {log.path: (log.times(), log.bytes()) for sim in sims for log in sim.records}
 
 
 _number = itertools.count()

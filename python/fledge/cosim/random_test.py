@@ -9,8 +9,7 @@ import threading
 import pytest
 
 import fledge
-from fledge import cosim
-from fledge import flight as fsw
+from fledge import cosim, flight as fsw, objects
 
 LONG = os.environ.get("FLEDGE_LONG", "") not in ("", "0")
 MS = 1e-3
@@ -52,9 +51,9 @@ def build(seed):
         if not hasattr(reader, "base"):
             continue
         writer = dice.choice(turns)
-        home, there = (fledge._core.path(one).partition(".")[0] for one in (reader, writer))
+        home, there = (objects.path(one).partition(".")[0] for one in (reader, writer))
         # A process reads one output at one latency; within a process there is none.
-        key = (home, fledge._core.path(writer))
+        key = (home, objects.path(writer))
         latency = 0 if home == there else latencies.setdefault(key, dice.randint(0, 1))
         wire = (writer.reference >> reader.base).latency(latency)
         if dice.random() < 0.4:
@@ -62,7 +61,7 @@ def build(seed):
         sim.processes[0].connect(wire)
     # Each port at the instants of the one task that writes it, which a run in one program has as well.
     for process in sim.processes:
-        for _, period, _, _, names in process._core_process.tasks:
+        for _, period, _, _, names in process.tasks:
             sim.record(*(getattr(process, name) for name in names), every=5 * MS)
     return sim
 
@@ -72,7 +71,7 @@ def messages(sims):
     are the instants, which are fewer in a program of one process."""
     found = {}
     for sim in sims:
-        for log in sim._core.logs:
+        for log in sim.records:
             size = len(log.last())
             data = log.bytes()
             written = []

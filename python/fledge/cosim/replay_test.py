@@ -35,9 +35,9 @@ def paths(monkeypatch):
 
 def build():
     """The build tree that the extension comes from."""
-    from fledge import _core
+    from fledge.files import build_folder
 
-    return Path(_core.__file__).resolve().parents[1]
+    return build_folder()
 
 
 def controller(folder, until, *nodes):

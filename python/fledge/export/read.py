@@ -10,7 +10,7 @@ import struct as packing
 from dataclasses import dataclass
 from typing import Any
 
-from fledge import _core
+from fledge import objects
 from fledge.elements import ELEMENTS
 from fledge.errors import SetupError
 from fledge.export import names
@@ -24,7 +24,7 @@ class ExportError(SetupError):
 class Module:
     name: str                        # in C
     path: str                        # flight.control
-    struct: Any                      # _core.Struct
+    struct: Any                      # objects.struct() of it
     memory: bytes                    # as flight.py left it, before any reset
 
     @property
@@ -61,7 +61,7 @@ class Event:
     name: str
     title: str
     module: Module
-    condition: Any                   # _core.Condition
+    condition: Any                   # objects.Condition
     hold: int                        # [ns]
     once: bool
     mode: str                        # C name of the mode to enter
@@ -122,12 +122,12 @@ class _Reader:
         if len(sim.flights) > 1:
             raise ExportError(f"{sim.name} has {len(sim.flights)} flight processes, and what is exported is that of "
                               "one spacecraft: fly it in a mission of its own")
-        self.sim, self.flight = sim, sim.flight._core_process
-        if sim._core.now >= 0:
+        self.sim, self.flight = sim, sim.flight
+        if sim.time_ns >= 0:
             raise ExportError(f"{sim.name}: export it before it runs; it stands at {sim.time:g} s")
-        bytes_before = {name: _core.memory(one) for name, one in sim.flight._instances.items()}
+        bytes_before = {name: objects.memory(one) for name, one in sim.flight.instances.items()}
         try:
-            sim._core.prepare()
+            sim.prepare()
         except SetupError as error:
             raise self.refusal(str(error)) from None
         known = [t[0] for t in self.flight.tasks]
@@ -141,11 +141,11 @@ class _Reader:
     # --- which modules ---
 
     def read_modules(self, memory):
-        live = self.sim.flight._instances
+        live = self.sim.flight.instances
         in_task = {name for t in self.flight.tasks for name in t[4]}
         running = {name for t in self.chosen for name in t[4]}
         wanted = set(running)
-        for source, target, _, _ in self.sim._core.wires:
+        for source, target, _, _ in self.sim.wires:
             process, name, _ = source.split(".")
             if process == "flight" and name not in in_task and target.split(".")[1] in running:
                 wanted.add(name)
@@ -153,14 +153,14 @@ class _Reader:
             wanted = set(live)
         self.running = running
         c = names.distinct(live, ("in", "task", "mode", "event"))   # what the mission's struct holds besides
-        return {name: Module(c[name], f"flight.{name}", _core.struct(one), memory[name])
+        return {name: Module(c[name], f"flight.{name}", objects.struct(one), memory[name])
                 for name, one in live.items() if name in wanted}
 
     # --- wires ---
 
     def read_wires(self, mission):
         order = {}
-        for source, target, latency, stale_after in self.sim._core.wires:
+        for source, target, latency, stale_after in self.sim.wires:
             from_process, from_name, from_port = source.split(".")
             to_process, to_name, to_port = target.split(".")
             inside = from_process == "flight" and from_name in self.modules
@@ -212,7 +212,7 @@ class _Reader:
             name=name, title=sim.name, about=sim.mission.summaries()[""] if sim.mission else "", modules=modules,
             configuration=[m for n, m in self.modules.items() if n not in self.running], tasks=[],
             modes=list(mode_names.values()), mode_titles={c: t for t, c in mode_names.items()},
-            initial_mode=mode_names.get(self.flight.mode), events=[], inputs=[], outputs=[],
+            initial_mode=mode_names.get(self.flight.active_mode), events=[], inputs=[], outputs=[],
             wires={m.name: [] for m in modules}, published={m.name: [] for m in modules}, left_out=[])
         self.read_wires(mission)
         self.read_tasks(mission, mode_names)
@@ -248,8 +248,8 @@ class _Reader:
         mission.left_out += [f"the task {t[0]}" for t in self.flight.tasks if t[0] not in chosen]
 
     def read_events(self, mission, mode_names):
-        naming = names.distinct([e.name for e in self.flight.events], ("m", "t"))
-        for event in self.flight.events:
+        naming = names.distinct(list(self.flight.events), ("m", "t"))
+        for event in self.flight.events.values():
             process, name = event.condition.path.split(".")
             if process != "flight":
                 raise self.refusal(f"event flight.{event.name} looks at {event.condition.path}: flight cannot see "
@@ -275,7 +275,7 @@ class _Reader:
             return ExportError(text)
         process = "flight"
         for p, n in [] if name else re.findall(r"\b(flight|world)\.(\w+)", text):
-            if n in getattr(self.sim, p)._instances:
+            if n in getattr(self.sim, p).instances:
                 process, name = p, n
                 break
         path = self.sim.mission.folder / f"{process}.py"

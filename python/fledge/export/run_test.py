@@ -5,7 +5,7 @@ outputs are compared at every tick."""
 import pytest
 
 import fledge
-from fledge import _core, export
+from fledge import export, objects
 from fledge.export.testing import COMPILERS, Compiled, Recorded
 
 NS = 1_000_000_000
@@ -191,7 +191,7 @@ def test_after_init_every_module_is_as_the_desktop_has_it(name, tmp_path):
     sim = fledge.load(name)
     mission = export.read(sim)                      # which also resets the desktop's
     c = Compiled(mission, tmp_path, optimise="-O0")
-    assert modules_of(c, mission) == b"".join(_core.memory(getattr(sim.flight, m.path[7:]))
+    assert modules_of(c, mission) == b"".join(objects.memory(getattr(sim.flight, m.path[7:]))
                                               for m in in_order(mission))
 
 
@@ -227,10 +227,10 @@ def test_a_changed_parameter_is_published(tmp_path):
     vehicle = next(m for m in mission.modules if m.name == "vehicle")
     offset = next(f.offset for f in vehicle.struct.fields if f.name == "I_B")
     start = c.rows["flight.vehicle.vehicle"][0] + offset
-    c.memory[start:start + 72] = _core.memory(sim.flight.vehicle)[offset:offset + 72]
+    c.memory[start:start + 72] = objects.memory(sim.flight.vehicle)[offset:offset + 72]
     c.publish("vehicle", 10 * NS)
     after = c.get("flight.vehicle.vehicle")
-    assert after != before and after == _core.memory(sim.flight.vehicle)[:len(after)]
+    assert after != before and after == objects.memory(sim.flight.vehicle)[:len(after)]
 
 
 def test_a_late_tick_goes_on_at_the_next_time_of_its_grid(tmp_path):

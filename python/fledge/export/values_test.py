@@ -9,7 +9,7 @@ from random import Random
 import numpy as np
 import pytest
 
-from fledge import SetupError, _core, export
+from fledge import SetupError, export, objects
 from fledge.export import c_values
 from fledge.export.c_text import string
 from fledge.export.testing import COMPILERS, ROOT, STRICT, Compiled
@@ -102,7 +102,7 @@ def mine(tmp_path_factory):
                     "--include", ROOT, "--out", root], check=True, cwd=ROOT)
     subprocess.run(["gcc", "-shared", "-fPIC", "-ffp-contract=off", "-I", root, "-I", ROOT, "-o", root / "mine.so",
                     root / "mine_tables.c", root / "mine" / "store.c"], check=True)
-    return root, _core.load_library(str(root / "mine.so"), "mine")
+    return root, objects.load_library(str(root / "mine.so"), "mine")
 
 
 def finite(random, n):
@@ -154,7 +154,7 @@ def test_every_kind_of_parameter_comes_back_exactly(mine, seed, compiler, tmp_pa
     sim = store_mission(mine, Random(seed))
     mission = export.read(sim)
     c = Compiled(mission, tmp_path, roots=[root], compiler=compiler, optimise="-O0")
-    expected = b"".join(_core.memory(one) for one in sim.flight)
+    expected = b"".join(objects.memory(one) for one in sim.flight)
     assert c.memory.raw[-len(expected):] == expected
 
 

@@ -12,6 +12,8 @@ takes a simulation is a scenario, and the first line of its docstring says what 
 import from one another, `from .flight import TURN`, and from a mission beside: `from .single_spiral.world import build`.
 """
 
+from __future__ import annotations
+
 import ast
 import itertools
 import os
@@ -19,6 +21,7 @@ import sys
 import traceback
 import types
 import weakref
+from typing import Any
 from pathlib import Path
 
 from fledge.errors import SetupError
@@ -33,7 +36,7 @@ _package = itertools.count(1)
 class MissionError(SetupError):
     """A mission's file cannot be executed. The text has its line; `cause` is the exception itself."""
 
-    def __init__(self, text, cause):
+    def __init__(self, text: str, cause: BaseException | None) -> None:
         super().__init__(text)
         self.cause = cause
 
@@ -41,23 +44,23 @@ class MissionError(SetupError):
 class Mission:
     """A mission's folder. `name`, `folder`, and `scenarios` by name once it is loaded."""
 
-    def __init__(self, folder):
+    def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.name = folder.name
-        self.scenarios = {}
-        self.parameters = {}
+        self.scenarios: dict[str, Any] = {}
+        self.parameters: dict[str, Any] = {}
 
     @property
-    def several(self):
+    def several(self) -> bool:
         """Whether it is of several spacecraft: its mission.py makes the processes."""
         return (self.folder / "mission.py").exists()
 
-    def said(self):
+    def said(self) -> dict[str, str]:
         """The parameters that were given, for the metadata of records; {} if none."""
         given = ", ".join(f"{name}={value!r}" for name, value in self.parameters.items())
         return {"parameters": given} if given else {}
 
-    def summaries(self):
+    def summaries(self) -> dict[str, str]:
         """Name -> first line of the docstring, of the mission (under "") and of each scenario.
 
         Nothing is executed for it.
@@ -98,9 +101,9 @@ def _folders():
             break
 
 
-def missions():
+def missions() -> dict[str, Mission]:
     """All missions by name."""
-    found = {}
+    found: dict[str, Mission] = {}
     for place in _folders():
         if place.is_dir():
             for folder in sorted(place.iterdir()):
@@ -109,7 +112,7 @@ def missions():
     return found
 
 
-def find(name):
+def find(name: str | os.PathLike[str]) -> Mission:
     """The mission of that name, or in that folder. Raises SetupError that lists those found."""
     folder = Path(name)
     if (folder / "flight.py").is_file():
@@ -123,7 +126,7 @@ def find(name):
     raise SetupError(f"there is no mission '{name}'; there are {', '.join(known) or 'none'} (looked in {places})")
 
 
-def load(name, seed=0, **parameters):
+def load(name: str | os.PathLike[str], seed: int = 0, **parameters: Any) -> Simulation:
     """A simulation of a mission, ready to run.
 
     name: of a mission, or the path of its folder; seed: of all random streams; parameters: what the
@@ -136,7 +139,7 @@ def load(name, seed=0, **parameters):
     mission.parameters = dict(parameters)
     with MissionFiles(mission) as files:
         flight = files.execute("flight", "build")
-        builds = [(flight.build, [simulation.flight])] if not mission.several else []
+        builds: list[tuple[Any, list[Any]]] = [(flight.build, [simulation.flight])] if not mission.several else []
         if (mission.folder / "world.py").exists():
             world = files.execute("world", "build")
             if not mission.several:
@@ -191,11 +194,11 @@ class MissionFiles:
         if kind:
             self.forget()
 
-    def forget(self):
+    def forget(self) -> None:
         for name in [n for n in sys.modules if n == self.package or n.startswith(self.package + ".")]:
             del sys.modules[name]
 
-    def execute(self, name, *functions):
+    def execute(self, name: str, *functions: str) -> Any:
         """Run a file; it must define the functions."""
         path = self.mission.folder / f"{name}.py"
         module = types.ModuleType(f"{self.package}.{name}")
@@ -203,7 +206,7 @@ class MissionFiles:
         module.__package__ = self.package
         sys.modules[module.__name__] = module
 
-        def run():
+        def run() -> None:
             exec(compile(path.read_text(encoding="utf-8"), str(path), "exec"), vars(module))
 
         self.call(run, path=path)
@@ -213,7 +216,7 @@ class MissionFiles:
                                    None)
         return module
 
-    def call(self, function, *arguments, path=None, **parameters):
+    def call(self, function: Any, *arguments: Any, path: Path | None = None, **parameters: Any) -> Any:
         try:
             return function(*arguments, **parameters)
         except Exception as error:
@@ -221,7 +224,7 @@ class MissionFiles:
             raise MissionError(explain(error, self.mission.folder, path), error) from None
 
 
-def explain(error, folder, path=None):
+def explain(error: BaseException, folder: Path, path: str | os.PathLike[str] | None = None) -> str:
     """An exception as a user of the mission should see it: their file, their line, and what was wrong.
 
     path: the file, where no line of it was reached.

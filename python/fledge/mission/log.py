@@ -12,7 +12,11 @@ Names are read from the end and may be as short as they are unique: "flight.trac
 "error.sigma_BR", "sigma_BR". "error" alone is the whole message, a structured array.
 """
 
+from __future__ import annotations
+
 import re
+from collections.abc import Iterator
+from typing import Any
 
 from fledge.elements import ELEMENTS
 from fledge.errors import SetupError, did_you_mean
@@ -20,11 +24,14 @@ from fledge.series import Series
 
 
 
-def dtype_of(struct):
+def dtype_of(struct: Any) -> Any:
     """The numpy dtype of a C struct: the same bytes, with the names of the header."""
     import numpy as np
 
-    names, formats, offsets = [], [], []
+    names: list[str] = []
+    formats: list[Any] = []
+    offsets: list[int] = []
+    kind: Any
     for field in struct.fields:
         if field.spare:
             continue
@@ -39,7 +46,7 @@ def dtype_of(struct):
     return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": struct.size})
 
 
-def leaves(struct, prefix=""):
+def leaves(struct: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
     """(name, Field) of every number in a message, with dots: "head.t", "sigma_BR"."""
     for field in struct.fields:
         if field.spare:
@@ -59,7 +66,7 @@ class _Samples:
         self.fields = dict(leaves(core.struct))
         self._decoded = None
 
-    def decoded(self):
+    def decoded(self) -> tuple[Any, Any]:
         """(times in ns, structured array), read-only copies of what is there now."""
         if self._decoded is None or len(self._decoded[0]) != len(self.core):
             import numpy as np
@@ -79,12 +86,12 @@ class Log:
     # --- names ---
 
     @property
-    def names(self):
+    def names(self) -> list[str]:
         """The full names of all fields but the heads'."""
         return [f"{path}.{name}" for path, s in self._samples.items() for name in s.fields
                 if not name.startswith("head.")]
 
-    def find(self, key):
+    def find(self, key: str) -> tuple[_Samples, str | None, tuple[int, ...]]:
         """(samples, name of a field or None, indices) for a name. SetupError lists the candidates."""
         indices = tuple(int(i) for i in re.findall(r"\[(\d+)\]", key))
         wanted = re.sub(r"\[\d+\]", "", key).replace("/", ".").strip(".")
@@ -95,7 +102,8 @@ class Log:
             fields = [f for f in fields if not f[1].startswith("head.")]
         found = ports or fields
         if len(found) == 1:
-            return (*found[0], indices)
+            samples, name = found[0]
+            return samples, name, indices
         if found:
             raise SetupError(f"the record's '{key}' may be "
                              + " or ".join(s.path + (f".{n}" if n else "") for s, n in found)
@@ -103,7 +111,7 @@ class Log:
         endings = [ending for full in self.names for ending in _endings(full)]
         raise SetupError(f"the record has no '{key}'{did_you_mean(wanted, endings)} it has {', '.join(self.names)}")
 
-    def field(self, key):
+    def field(self, key: str) -> Any:
         """What the header says of a field: its unit, shape and meaning."""
         samples, name, _ = self.find(key)
         if name is None:
@@ -111,14 +119,14 @@ class Log:
                              + ", ".join(n for n in samples.fields if not n.startswith("head.")))
         return samples.fields[name]
 
-    def series(self, key):
+    def series(self, key: str) -> Series:
         """The Series of a field or element, for plots."""
         samples, name, indices = self.find(key)
         field = self.field(key)
-        name = name.rpartition(".")[2] + "".join(f"[{i}]" for i in indices)
-        return Series(key, name, samples.path, self.time_of(key), self[key], field.unit, field.doc)
+        short = str(name).rpartition(".")[2] + "".join(f"[{i}]" for i in indices)
+        return Series(key, short, samples.path, self.time_of(key), self[key], field.unit, field.doc)
 
-    def short_name(self, path):
+    def short_name(self, path: str) -> str:
         """The shortest ending of a port's path that is unique here: "error"."""
         parts = path.split(".")
         for n in range(1, len(parts)):
@@ -128,13 +136,13 @@ class Log:
         return path
 
     @property
-    def plots(self):
+    def plots(self) -> Any:
         """What collects the figures of this log: that of its simulation. False: nothing is to be drawn."""
         return self._simulation.plots
 
     # --- data ---
 
-    def __getitem__(self, key):
+    def __getitem__(self, key: str) -> Any:
         """The values of a field as an (n, ...) array, of an element as (n,), of a message as structured (n,).
 
         The arrays are read-only, and keep what was there when they were read.
@@ -149,19 +157,19 @@ class Log:
             values = values[(slice(None), *indices)]
         return values
 
-    def time_of(self, key):
+    def time_of(self, key: str) -> Any:
         """The times of a field's or message's samples [s]."""
         return self.find(key)[0].decoded()[0] / 1e9
 
     @property
-    def time(self):
+    def time(self) -> Any:
         """The times of the samples [s]; for records at one rate."""
         times = [s.decoded()[0] for s in self._samples.values()]
         if any(len(t) != len(times[0]) or (t != times[0]).any() for t in times[1:]):
             raise SetupError("the records have different times; ask for time_of(name)")
         return times[0] / 1e9
 
-    def last(self, key):
+    def last(self, key: str) -> Any:
         """The last value of a field: a number, or an array that also has norm()."""
         values = self[key]
         if not len(values):
@@ -170,10 +178,10 @@ class Log:
 
         return values[-1].view(Vector) if getattr(values[-1], "ndim", 0) else values[-1].item()
 
-    def __len__(self):
+    def __len__(self) -> int:
         return max(len(s.core) for s in self._samples.values())
 
-    def frame(self, *keys, head=False):
+    def frame(self, *keys: str, head: bool = False) -> Any:
         """A pandas DataFrame by time [s], one column per number: "error.sigma_BR[0]".
 
         keys: names of fields or messages; none: all. head: with the messages' heads.
@@ -203,7 +211,7 @@ class Log:
         frame.attrs = {"units": units, "meanings": meanings}
         return frame
 
-    def plot(self, *panels, **options):
+    def plot(self, *panels: str | list[str], **options: Any) -> Any:
         """Plot fields against time, one panel each; see fledge.plot.plot for the options.
 
         Returns the matplotlib Figure. In `fledge run` it is saved beside the record.

@@ -10,7 +10,11 @@
                 enter=f.science)
 """
 
+from __future__ import annotations
+
 import weakref
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NamedTuple
 
 from fledge import _core
 from fledge.errors import SetupError, did_you_mean, listed
@@ -52,12 +56,12 @@ class Watch:
             flat = flat * n + i
         return Watch(self._object, self._field, flat, path=f"{self._path}[{', '.join(map(str, index))}]")
 
-    def norm(self):
+    def norm(self) -> Watch:
         """The root of the sum of the elements' squares."""
         self._need_array("norm()")
         return Watch(self._object, self._field, 0, "norm", f"norm({self._path})")
 
-    def max_abs(self):
+    def max_abs(self) -> Watch:
         """The largest magnitude of the elements."""
         self._need_array("max_abs()")
         return Watch(self._object, self._field, 0, "max_abs", f"max_abs({self._path})")
@@ -99,7 +103,7 @@ class Watch:
     def __ne__(self, constant):
         return self._compare("!=", constant)
 
-    __hash__ = None
+    __hash__ = None  # type: ignore[assignment]
 
     def __bool__(self):
         raise TypeError(f"{self._path} is only known when the mission runs; compare it, as in x < 1")
@@ -120,18 +124,33 @@ class Task:
         return f"<task {self.name}>"
 
 
+class TaskSpec(NamedTuple):
+    """What a task runs, and when."""
+
+    name: str
+    period: int     # [ns]
+    offset: int     # [ns]
+    priority: int
+    run: list[str]  # the names of its instances, in order
+
+
 class Mode:
     """A mode that was declared, for events."""
 
     def __init__(self, process, name):
         self._process, self.name = weakref.ref(process), name
 
-    def enter(self):
+    def enter(self) -> None:
         """Enter it at the next instant of its process."""
         self._process()._core_process.enter(self.name)
 
     def __repr__(self):
         return f"<mode {self.name}>"
+
+
+def _mode_name(mode: Mode | str) -> str:
+    name: Any = getattr(mode, "name", mode)
+    return name
 
 
 class _At:
@@ -150,15 +169,40 @@ class Event:
         self._core = None
 
     @property
-    def armed(self):
+    def armed(self) -> bool:
         return self._core.armed
 
     @armed.setter
-    def armed(self, value):
+    def armed(self, value: bool) -> None:
         self._core.armed = bool(value)
 
     @property
-    def fired_at(self):
+    def condition(self) -> Any:
+        """The condition as data: path, field, comparison, constant. For events that watch() makes."""
+        return self._core.condition
+
+    @property
+    def hold(self) -> int:
+        """How long the condition must hold [ns]."""
+        return self._core.hold
+
+    @property
+    def once(self) -> bool:
+        """Whether it stays disarmed after it has fired."""
+        return self._core.once
+
+    @property
+    def mode(self) -> str:
+        """The name of the mode that it enters; "" for none."""
+        return self._core.mode
+
+    @property
+    def functions(self) -> list[Callable[[], Any]]:
+        """The Python functions that it calls: for its condition, and when it fires."""
+        return [f for f in (self._when, self._do) if callable(f) and not isinstance(f, _core.Condition)]
+
+    @property
+    def fired_at(self) -> float | None:
         return None if self._core.fired_at < 0 else self._core.fired_at / 1e9
 
     # The kernel holds these two, which hold the event weakly: a callable that refers to its own
@@ -198,7 +242,7 @@ class Process:
         put(self, "_tasks", {})    # apart, because a task may have the name of an instance
 
     @property
-    def name(self):
+    def name(self) -> str:
         return self._core_process.name
 
     # --- attributes are instances ---
@@ -230,10 +274,11 @@ class Process:
                 return names[name]
         if self._gone:
             raise SetupError(f"{self.name}.{name}: {self.name} {self._gone}")
-        raise AttributeError(self._unknown(name))
+        raise AttributeError(self.unknown(name))
 
-    def _leave(self):
-        """It runs in another program from now on: what is asked of it here has no answer. Returns why."""
+    def leave(self) -> str:
+        """Forget everything, because the process runs in another program from now on. Returns this reason, which
+        the errors for its former attributes give."""
         why = "runs in another program: what it does is seen there, in its own record, or in a run of one program"
         self._instances.clear()
         self._handles.clear()
@@ -241,10 +286,42 @@ class Process:
         object.__setattr__(self, "_gone", why)
         return why
 
-    def _unknown(self, name):
+    def unknown(self, name: str) -> str:
+        """The text of the error for a name that the process does not have."""
         known = [*self._instances, *self._handles]
         return (f"the process {self.name} has no '{name}'{did_you_mean(name, known)} it has "
                 + listed(known, none="nothing yet"))
+
+    # --- what was declared ---
+
+    @property
+    def instances(self) -> dict[str, Any]:
+        """The modules and models by name, in the order in which they were given."""
+        return dict(self._instances)
+
+    @property
+    def tasks(self) -> list[TaskSpec]:
+        """The tasks, in the order of their declaration."""
+        return [TaskSpec(*task) for task in self._core_process.tasks]
+
+    @property
+    def modes(self) -> list[tuple[str, list[str]]]:
+        """(name, names of its tasks) of each mode."""
+        return self._core_process.modes
+
+    @property
+    def active_mode(self):
+        """The name of the mode that the process is in; "" if it has none."""
+        return self._core_process.mode
+
+    @property
+    def events(self) -> dict[str, Event]:
+        """The events by name."""
+        return {name: one for name, one in self._handles.items() if isinstance(one, Event)}
+
+    def declared_at(self, name: str) -> tuple[str, int] | None:
+        """(file, line) that assigned an instance, or that connected an input, given by its path; None if unknown."""
+        return self._declared_at.get(name)
 
     def __dir__(self):
         return [*super().__dir__(), *self._instances, *self._handles, *self._tasks]
@@ -255,7 +332,7 @@ class Process:
 
     # --- what they do ---
 
-    def connect(self, *wires):
+    def connect(self, *wires: Wire) -> None:
         """Join outputs to inputs: `connect(a.output >> b.input, ...)`.
 
         Raises SetupError if an input already has a writer, or a module has no name yet.
@@ -267,7 +344,7 @@ class Process:
                 self._core_simulation.connect(one.source, target, one.options["latency"], one.options["stale_after"])
                 self._declared_at[_core.path(target)] = one.declared_at
 
-    def task(self, name, *, every, run, offset=0, priority=0):
+    def task(self, name: str, *, every: Any, run: Sequence[Any], offset: Any = 0, priority: int = 0) -> Task:
         """Run modules or models in order, at one rate. Returns a handle for mode().
 
         every, offset: times. At equal times, tasks of higher priority run first, then those declared
@@ -283,7 +360,7 @@ class Process:
         self._tasks[name] = Task(name)
         return self._tasks[name]
 
-    def mode(self, name, tasks):
+    def mode(self, name: str, tasks: Iterable[Task | str]) -> Mode:
         """A named set of tasks that are active in it. Tasks that no mode names are always active.
 
         The first mode declared is the one to begin with. Returns a handle, also found as an attribute.
@@ -294,22 +371,23 @@ class Process:
         self._handles[name] = Mode(self, name)
         return self._handles[name]
 
-    def start_in(self, mode):
+    def start_in(self, mode: Mode | str) -> None:
         """Begin in this mode."""
-        self._core_process.start_in(getattr(mode, "name", mode))
+        self._core_process.start_in(_mode_name(mode))
 
-    def enter(self, mode):
+    def enter(self, mode: Mode | str) -> None:
         """Enter a mode at the next instant of this process."""
-        self._core_process.enter(getattr(mode, "name", mode))
+        self._core_process.enter(_mode_name(mode))
 
     @staticmethod
-    def watch(port):
+    def watch(port: Any) -> Watch:
         """A symbolic reference to a message, for conditions: `watch(f.tracking.error).sigma_BR.norm()`."""
         if not isinstance(port, (_core.Message, _core.Module, _core.Model)):
             raise SetupError(f"watch: expected a port or module; found {port!r}")
         return Watch(port)
 
-    def event(self, name, *, when, hold=0, once=False, enter=None, do=None):
+    def event(self, name: str, *, when: Any, hold: Any = 0, once: bool = False, enter: Mode | str | None = None,
+              do: Callable[[], Any] | None = None) -> Event:
         """Something that happens when a condition has held for a time; it arms itself again when the
         condition no longer holds, unless `once`.
 
@@ -324,7 +402,7 @@ class Process:
         event = Event(self, name, when, do)
         event._core = self._core_process.add_event(
             name, when if isinstance(when, _core.Condition) else event._predicate(), time_ns(hold, f"{what}: hold"),
-            once, "" if enter is None else getattr(enter, "name", enter), event._action() if do else None)
+            once, "" if enter is None else _mode_name(enter), event._action() if do else None)
         self._handles[name] = event
         return event
 
@@ -390,17 +468,17 @@ class World(Process):
     """The truth. Its events may call Python."""
 
     @property
-    def integrator(self):
+    def integrator(self) -> Any:
         """The method for the world's differential equations: world.RK4() or world.Adaptive(...)."""
         return self._core_process.integrator
 
     @integrator.setter
-    def integrator(self, method):
+    def integrator(self, method: Any) -> None:
         if not isinstance(method, _core.Integrator):
             raise SetupError(f"{self.name}.integrator: expected world.RK4() or world.Adaptive(...); found {method!r}")
         self._core_process.integrator = method
 
-    def at(self, t, do, name=None):
+    def at(self, t: Any, do: Callable[[], Any], name: str | None = None) -> Event:
         """Call `do()` once, at the first instant at or after the time t; said in an event, after this instant."""
         ns = time_ns(t, f"{self.name}.at")
         name = name or f"at_{ns}_ns" + (f"_{len(self._handles)}" if f"at_{ns}_ns" in self._handles else "")

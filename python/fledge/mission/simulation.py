@@ -9,11 +9,16 @@
     log.plot("error.sigma_BR")
 """
 
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
 from time import perf_counter
+from typing import Any
 
 from fledge import _core
 from fledge.errors import SetupError
-from fledge.mission.process import Flight, World
+from fledge.mission.process import Flight, Process, World
 from fledge.objects.si import time_ns
 
 
@@ -25,7 +30,7 @@ class Simulation:
     without processes, for missions of several spacecraft: add_world() and add_flight() make them.
     """
 
-    def __init__(self, name="simulation", seed=0, *, empty=False):
+    def __init__(self, name: str = "simulation", seed: int = 0, *, empty: bool = False) -> None:
         self._adopt(_core.Simulation(_seed(seed)), name)
         if not empty:
             self.add_world("world")  # at each instant the world advances before flight looks at it
@@ -45,26 +50,26 @@ class Simulation:
     # --- its parts ---
 
     @property
-    def flight(self):
+    def flight(self) -> Flight:
         """The flight process: its modules, tasks, modes and events."""
         return self._only(Flight, "flight")
 
     @property
-    def world(self):
+    def world(self) -> World:
         """The world: its models, tasks and events."""
         return self._only(World, "world")
 
     @property
-    def processes(self):
+    def processes(self) -> tuple[Process, ...]:
         """All processes, in the order in which they run at equal times."""
         return tuple(self._processes.values())
 
     @property
-    def flights(self):
+    def flights(self) -> tuple[Flight, ...]:
         """The processes that fly."""
         return tuple(p for p in self.processes if isinstance(p, Flight))
 
-    def process(self, name):
+    def process(self, name: str) -> Process:
         """The process of that name."""
         if name in self._processes:
             return self._processes[name]
@@ -72,11 +77,11 @@ class Simulation:
             raise SetupError(f"{name} {self._gone[name]}")
         raise SetupError(f"{self.name} has no process '{name}'; it has {', '.join(self._processes) or 'none'}")
 
-    def add_world(self, name):
+    def add_world(self, name: str) -> World:
         """A further World, a process; it runs after those that are there."""
         return self._add(World, name)
 
-    def add_flight(self, name):
+    def add_flight(self, name: str) -> Flight:
         """A further Flight, a process; it runs after those that are there."""
         return self._add(Flight, name)
 
@@ -97,40 +102,68 @@ class Simulation:
             return self.process(name)
         return found[0]
 
+    def isolate(self, process: str) -> None:
+        """Keep one process, by its name; the others run in other programs, and what is asked of them is refused."""
+        self._core.isolate(process)
+        for other in [p for p in self.processes if p.name != process]:
+            del self._processes[other.name]
+            self._gone[other.name] = other.leave()
+
     @property
-    def seed(self):
+    def kernel(self) -> Any:
+        """The simulation in the extension, for the library's own use."""
+        return self._core
+
+    @property
+    def seed(self) -> int:
         """The seed of all random streams; setting it is possible before the first run or after reset()."""
         return self._core.seed
 
     @seed.setter
-    def seed(self, seed):
+    def seed(self, seed: int) -> None:
         self._core.seed = _seed(seed)
 
     @property
-    def time(self):
+    def time(self) -> float:
         """The last instant that ran [s]; 0 before the first."""
         return max(self._core.now, 0) / 1e9
 
     @property
-    def mode(self):
-        """The mode that flight is in; "" if it has none."""
-        return self.flight._core_process.mode
+    def time_ns(self) -> int:
+        """The last instant that ran [ns]; -1 before the first."""
+        return self._core.now
 
     @property
-    def scenarios(self):
+    def wires(self) -> list[tuple[str, str, int, int]]:
+        """(path of the output, path of the input, latency, stale_after [ns]) of each wire."""
+        return self._core.wires
+
+    @property
+    def records(self) -> list[Any]:
+        """What record() has kept so far, a record for each port: path, times() [ns] and bytes() as stored."""
+        return self._core.logs
+
+    @property
+    def mode(self) -> str:
+        """The mode that flight is in; "" if it has none."""
+        return self.flight.active_mode
+
+    @property
+    def scenarios(self) -> dict[str, Callable[[], Any]]:
         """The mission's scenarios by name, each a function without arguments."""
         from functools import partial
 
         return {n: partial(f, self) for n, f in self.mission.scenarios.items()} if self.mission else {}
 
     @property
-    def assumptions(self):
+    def assumptions(self) -> list[str]:
         """One line for each parameter that matters and was left at its default."""
         return self._core.assumptions
 
     # --- running ---
 
-    def run(self, duration=None, *, until=None, pace=None, progress=None):
+    def run(self, duration: Any = None, *, until: Any = None, pace: float | None = None,
+            progress: bool | None = None) -> None:
         """Run for a duration, or until a time, both included; the first run begins with the instant 0.
 
         pace: simulated seconds per second, 1 for real time; 0 or not given: as fast as possible.
@@ -151,14 +184,14 @@ class Simulation:
         if pace < 0:
             raise SetupError(f"run: pace must be >= 0, found {pace:g}")
         self._core.ready_for(end)
-        self._open_archive()
+        self.open_archive()
         from fledge.interruption import Interruption
         from fledge.progress import Progress
 
         begun = perf_counter()
         try:
             with Interruption() as interruption, Progress(self.name, start, end, progress) as bar:
-                def look(now):
+                def look(now: int) -> None:
                     interruption.check()
                     if bar.wanted:
                         bar.at(now)
@@ -167,13 +200,17 @@ class Simulation:
         finally:
             self.wall += perf_counter() - begun
 
-    def step(self, n=1):
+    def prepare(self) -> None:
+        """Check that nothing is missing and fix the order of all tasks, as the first run does."""
+        self._core.prepare()
+
+    def step(self, n: int = 1) -> None:
         """Run the next instant, or the next n."""
         self._core.prepare()
-        self._open_archive()
+        self.open_archive()
         self._core.step(n)
 
-    def reset(self):
+    def reset(self) -> None:
         """Back to time 0: modules and models are reset, records emptied. Parameters stay."""
         if self._core.archiving:
             # A second run must not be written behind the first: it gets a file of its own.
@@ -183,19 +220,19 @@ class Simulation:
         self._core.reset()
 
     @property
-    def pace_report(self):
+    def pace_report(self) -> dict[str, float]:
         """How paced runs kept up: {"instants", "overruns" (later than 1 ms), "worst" [s]}."""
         instants, overruns, worst = self._core.pace_report
         return {"instants": instants, "overruns": overruns, "worst": worst / 1e9}
 
     # --- states ---
 
-    def snapshot(self):
+    def snapshot(self) -> bytes:
         """The whole dynamic state as bytes, for restore() here or in a clone."""
         self._core.prepare()
         return self._core.snapshot()
 
-    def restore(self, snapshot):
+    def restore(self, snapshot: bytes) -> None:
         """Go back, or on, to a snapshot. Records after it are dropped.
 
         Raises SetupError if it is not of a simulation with the same modules, tasks and events.
@@ -204,7 +241,7 @@ class Simulation:
             raise SetupError(f"restore: expected the bytes that snapshot() gives; found {snapshot!r:.40}")
         self._core.restore(snapshot)
 
-    def clone(self):
+    def clone(self) -> Simulation:
         """A simulation that shares nothing with this one and stands at the same time.
 
         Python events are the same functions: one that refers to a simulation still refers to this one.
@@ -219,7 +256,7 @@ class Simulation:
 
     # --- records ---
 
-    def record(self, *ports, every=0):
+    def record(self, *ports: Any, every: Any = 0) -> Any:
         """Record inputs and outputs: `record(f.tracking.error, f.motor.command, every=1 * s)`.
 
         A module or model stands for all its outputs. every: a time; 0 records each instant. Returns a
@@ -241,7 +278,7 @@ class Simulation:
                 raise SetupError(f"record: expected an input, output or module; found {port!r}")
         return Log(self, logs)
 
-    def archive(self, path, **metadata):
+    def archive(self, path: str | os.PathLike[str], **metadata: object) -> None:
         """Write all records to an MCAP file too, from the next run on; close_archive() finishes it.
 
         metadata: texts kept in the file. Until it is finished its name ends in .part.
@@ -250,13 +287,21 @@ class Simulation:
             raise SetupError(f"archive: {self._archive[0]} is still being written; close_archive() first")
         self._archive = (str(path), {str(k): str(v) for k, v in metadata.items()})
 
-    def _open_archive(self):
+    def open_archive(self, resumed: bool = False) -> None:
+        """Begin the archive that archive() has announced; nothing if there is none, or if it has begun.
+
+        resumed: the run goes on from the snapshot of a program that was lost. Its file stays, and this one
+        takes the next free name.
+        """
         if self._archive and not self._core.archiving:
             path, metadata = self._archive
+            while resumed and (os.path.exists(path) or os.path.exists(path + ".part")):
+                path = _next_name(path)
+            self._archive = (path, metadata)
             lines = {**metadata, "seed": str(self.seed), "assumptions": "\n".join(self.assumptions)}
             self._core.open_archive(path, list(lines.items()))
 
-    def close_archive(self, **metadata):
+    def close_archive(self, **metadata: object) -> str | None:
         """Finish the archive, if one is being written; returns its path, or None."""
         if not self._core.archiving:
             self._archive = None

@@ -41,7 +41,7 @@ class Campaign:
     def has_callables(self):
         """Whether the mission's events call Python: such runs are flown by processes, each run in a
         mission loaded afresh, for nothing else keeps the runs apart."""
-        return _core.has_callables(self.nominal._core)
+        return _core.has_callables(self.nominal.kernel)
 
     def simulation(self, index, seed=0):
         """The simulation of one run, its parameters and seed set, not yet run.
@@ -53,7 +53,7 @@ class Campaign:
         sim, dispersions, *_ = _declare(self._mission, self._function)
         plan = dispersions._finished()
         plan.seed = seed
-        _core.disperse(sim._core, sim._core, plan, index)
+        disperse(sim, sim, plan, index)
         return sim
 
     def fly(self, runs, seed=0, threads=None, processes=False, progress=None):
@@ -73,10 +73,10 @@ class Campaign:
         plan = self.plan
         plan.seed, plan.runs = seed, runs
         self._check_room(runs)
-        self.nominal._core.ready_for(plan.duration)  # what is wrong with the nominal run is wrong with all
+        self.nominal.kernel.ready_for(plan.duration)  # what is wrong with the nominal run is wrong with all
         if processes or self.has_callables:
             return _fly_in_processes(self, runs, seed, min(threads, runs), progress)
-        flown, interrupted = _core.fly(self.nominal._core, plan, threads, progress)
+        flown, interrupted = _core.fly(self.nominal.kernel, plan, threads, progress)
         return Result(self, seed, flown.flown, flown.failures, flown.draws, flown.retained, interrupted)
 
     def drawn(self, simulation):
@@ -104,7 +104,7 @@ class Campaign:
         return Result(self, seed, [True], [""], np.full((1, len(d.columns)), np.nan), retained, False)
 
     def _check_room(self, runs):
-        numbers = sum(len(s._place.elements) for s in self.dispersions.retained.values())
+        numbers = sum(len(s.field_path.elements) for s in self.dispersions.retained.values())
         wanted = 8 * runs * len(self.dispersions.ns) * numbers
         room = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
         if wanted > room / 2:
@@ -161,6 +161,14 @@ def _first_line(function):
     return (function.__doc__ or "").strip().split("\n")[0]
 
 
+def disperse(nominal, simulation, plan, index):
+    """Set the parameters and the seed of a simulation to those of the run `index`; returns the numbers drawn.
+
+    nominal: a simulation with the nominal parameters, which may be the same one
+    """
+    return _core.disperse(nominal.kernel, simulation.kernel, plan, index)
+
+
 # --- results ---------------------------------------------------------------------------------------
 
 class Result:
@@ -185,7 +193,7 @@ class Result:
         self.draws = {path: draws[:, i] for i, path in enumerate(d.columns)}
         self.retained = {}
         for (path, series), values in zip(d.retained.items(), retained):
-            self.retained[path] = values.reshape(*values.shape[:2], *series._place.shape)
+            self.retained[path] = values.reshape(*values.shape[:2], *series.field_path.shape)
             self.retained[path].flags.writeable = False
         self.errors = {i: text for i, text in enumerate(errors) if text}
         self.complete = self.flown.copy()
@@ -220,7 +228,7 @@ def _fly_in_processes(campaign, runs, seed, n, progress):
 
     d = campaign.dispersions
     draws = np.full((runs, len(d.columns)), np.nan)
-    retained = [np.full((runs, len(d.ns), len(s._place.elements)), np.nan) for s in d.retained.values()]
+    retained = [np.full((runs, len(d.ns), len(s.field_path.elements)), np.nan) for s in d.retained.values()]
     flown, errors = [False] * runs, [""] * runs
     fork = multiprocessing.get_context("fork")
     following = fork.Value("q", 0)
@@ -281,7 +289,7 @@ def _fly_share(campaign, runs, seed, following, pipe):
         sim, dispersions, *_ = _declare(campaign._mission, campaign._function)
         plan = dispersions._finished()
         plan.seed = seed
-        result = _core.fly_one(sim._core, plan, index)
+        result = _core.fly_one(sim.kernel, plan, index)
         pipe.send((index, result.failures[0], result.draws[0], [values[0] for values in result.retained]))
 
 

@@ -22,7 +22,7 @@ a parameter is drawn from a stream of its own: a line more changes no other line
 from fledge import _core
 from fledge.errors import SetupError
 from fledge.objects.si import time_ns, to_si
-from fledge.montecarlo.field_path import Place, index_text, names_of
+from fledge.montecarlo.field_path import FieldPath, index_text, names_of
 from fledge.montecarlo.requirements import Requirement, Series
 
 
@@ -91,7 +91,7 @@ class Dispersions:
     """What a campaign's function fills: `d`."""
 
     def __init__(self, simulation):
-        self._simulation = simulation
+        self.simulation = simulation
         self._plan = _core.CampaignPlan()
         self._duration = self._every = None
         self.draws = {}         # path -> Draw, as declared
@@ -147,46 +147,47 @@ class Dispersions:
         if not isinstance(draw, Draw):
             raise SetupError(f"{path}: expected something drawn, such as d.normal(...), d.uniform(...) or "
                              f"d.attitude(); found {_short(draw)}")
-        place = Place(self._simulation, path)
-        if place.field.group != "par":
-            raise SetupError(f"{path} is no parameter, and only these can be dispersed; {_core.path(place.owner)} has "
-                             + ", ".join(f.name for f in _core.struct(place.owner).fields
+        target = FieldPath(self.simulation, path)
+        if target.field.group != "par":
+            raise SetupError(f"{path} is no parameter, and only these can be dispersed; {_core.path(target.owner)} has "
+                             + ", ".join(f.name for f in _core.struct(target.owner).fields
                                          if f.group == "par" and f.type == "f64" and not f.spare))
         # Of a whole inertia the upper triangle is drawn; the kernel keeps it symmetric.
-        inertia = "inertia" in place.field.rule
-        whole = inertia and len(place.elements) == 9
-        kept = [k for k, e in enumerate(place.elements) if not (whole and e // 3 > e % 3)]
-        names = place.names()
+        inertia = "inertia" in target.field.rule
+        whole = inertia and len(target.elements) == 9
+        kept = [k for k, e in enumerate(target.elements) if not (whole and e // 3 > e % 3)]
+        names = target.names()
         for k in kept:
-            e = place.elements[k]
-            mirror = place.full + index_text(e % 3 * 3 + e // 3, (3, 3)) if inertia else names[k]
+            e = target.elements[k]
+            mirror = target.full + index_text(e % 3 * 3 + e // 3, (3, 3)) if inertia else names[k]
             if names[k] in self.columns or mirror in self.columns:
                 raise SetupError(f"{names[k]} is dispersed twice")
-        numbers = [self._numbers(value, place, draw) for value in draw.numbers] or [[0.0] * len(place.elements)] * 2
-        numbers += [self._numbers(draw.low, place, draw, -_INFINITY), self._numbers(draw.high, place, draw, _INFINITY)]
+        numbers = [self._numbers(value, target, draw) for value in draw.numbers] or [[0.0] * len(target.elements)] * 2
+        numbers += [self._numbers(draw.low, target, draw, -_INFINITY),
+                    self._numbers(draw.high, target, draw, _INFINITY)]
         groups = {}  # elements with the same numbers
         for k in kept:
             groups.setdefault(tuple(one[k] for one in numbers), []).append(k)
         for (a, b, low, high), group in groups.items():
-            self._plan.disperse(self._simulation._core, place.full, [place.elements[k] for k in group], draw.kind, a, b,
-                                low, high, draw.scale)
-            self.columns.update((names[k], place.unit) for k in group)
-        self.draws[place.path] = draw
+            self._plan.disperse(self.simulation.kernel, target.full, [target.elements[k] for k in group], draw.kind,
+                                a, b, low, high, draw.scale)
+            self.columns.update((names[k], target.unit) for k in group)
+        self.draws[target.path] = draw
 
-    def _numbers(self, value, place, draw, default=None):
+    def _numbers(self, value, target, draw, default=None):
         """A number for each element, in the parameter's unit; factors have none."""
-        n = len(place.elements)
+        n = len(target.elements)
         if value is None:
             return [default] * n
         relative = draw.scale == "relative"
-        shown = f"{place.path} = {draw!r}"
-        value = to_si(value, shown, "-" if relative else place.field.unit,
-                      _NUMBER if relative else place.field.dims, "a number, or one for each element")
+        shown = f"{target.path} = {draw!r}"
+        value = to_si(value, shown, "-" if relative else target.field.unit,
+                      _NUMBER if relative else target.field.dims, "a number, or one for each element")
         if isinstance(value, (int, float)):
             return [float(value)] * n
         found = _shape(value)
-        if found != place.shape:
-            raise SetupError(f"{shown}: expected a number, or an array of shape {place.shape}; found one of shape "
+        if found != target.shape:
+            raise SetupError(f"{shown}: expected a number, or an array of shape {target.shape}; found one of shape "
                              f"{found}")
         return [float(x) for x in _flat(value)]
 
@@ -203,16 +204,16 @@ class Dispersions:
         return series[0] if len(series) == 1 else series
 
     def _retain(self, path):
-        place = Place(self._simulation, path)
-        if place.port is None:
+        target = FieldPath(self.simulation, path)
+        if target.port is None:
             raise SetupError(f"{path} is no field of an input or output, and only these are retained; "
-                             f"{_core.path(place.owner)} has "
-                             + ", ".join(names_of(_core.struct(place.owner), ("in", "out"))))
-        if place.path not in self.retained:
-            self._plan.retain(self._simulation._core, place.port, place.offset + 8 * place.elements[0],
-                              len(place.elements))
-            self.retained[place.path] = Series(place, lambda: self._duration)
-        return self.retained[place.path]
+                             f"{_core.path(target.owner)} has "
+                             + ", ".join(names_of(_core.struct(target.owner), ("in", "out"))))
+        if target.path not in self.retained:
+            self._plan.retain(self.simulation.kernel, target.port, target.offset + 8 * target.elements[0],
+                              len(target.elements))
+            self.retained[target.path] = Series(target, lambda: self._duration)
+        return self.retained[target.path]
 
     def check(self, requirement, message=""):
         """A run that does not fulfil this has failed: `d.check(error.norm().final < 1e-3, "it did not settle")`."""
@@ -231,7 +232,7 @@ class Dispersions:
         if not self.draws:
             raise SetupError('nothing is dispersed: say what differs, as in d["world.craft.sigma_BN"] = d.attitude()')
         self._plan.duration, self._plan.every, self._plan.runs = self._duration, self._sampling(), 1
-        self._plan.check(self._simulation._core)
+        self._plan.check(self.simulation.kernel)
         for requirement in self.requirements:
             part = requirement.series.samples(self.ns)
             if part.start >= part.stop:

@@ -5,10 +5,9 @@ import numpy as np
 import pytest
 
 import fledge
-from fledge import _core
 from fledge.attitude import mrp_to_dcm
 from fledge.montecarlo.dispersions import Dispersions
-from fledge.montecarlo import Campaign
+from fledge.montecarlo import Campaign, disperse
 from fledge.units import N, deg, kg, m, s
 
 
@@ -25,7 +24,7 @@ def drawn(d, runs, seed=0):
     plan = d._finished()
     plan.seed = seed
     other = fledge.load("nadir_spin")
-    return np.array([_core.disperse(d._simulation._core, other._core, plan, i) for i in range(runs)]), other
+    return np.array([disperse(d.simulation, other, plan, i) for i in range(runs)]), other
 
 
 # --- what is refused, before anything flies ---------------------------------------------------------
@@ -159,7 +158,7 @@ def test_draws_are_about_the_nominal_values(d):
                                *(f"world.craft.omega_BN_B[{i}]" for i in range(3)), "world.craft.mass"]
     error = 4 / np.sqrt(2000)
     assert abs(draws[:, 0].mean() - 700) < 10 * error and abs(draws[:, 0].std() / 10 - 1) < error
-    factors = draws[:, 1:5] / d._simulation.world.wheels.J
+    factors = draws[:, 1:5] / d.simulation.world.wheels.J
     assert factors.min() >= 0.9 and factors.max() <= 1.1 and np.all(abs(factors.mean(axis=0) - 1) < 0.058 * error)
     rates = np.rad2deg(draws[:, 5:8])
     assert rates[:, 0].min() >= -0.1 and rates[:, 0].max() > 0.25 and abs(rates[:, 1].std() / 0.2 - 1) < error
@@ -167,7 +166,7 @@ def test_draws_are_about_the_nominal_values(d):
     assert 100 <= draws[:, 8].min() < 101 and 199 < draws[:, 8].max() <= 200
     # They are where they belong, and nothing else was touched.
     assert other.world.craft.mass == draws[-1, 8] and list(other.world.wheels.J) == list(draws[-1, 1:5])
-    assert other.world.craft.I_B[1, 1] == 700 and list(other.flight.wheels.J) == list(d._simulation.flight.wheels.J)
+    assert other.world.craft.I_B[1, 1] == 700 and list(other.flight.wheels.J) == list(d.simulation.flight.wheels.J)
 
 
 def test_any_attitude_is_as_likely(d):

@@ -8,11 +8,11 @@ from fledge import _core
 from fledge.errors import SetupError, did_you_mean
 
 
-class Place:
-    """The field behind a path, and which of its elements are meant.
+class FieldPath:
+    """The field that a path names, and those of its elements that it selects.
 
-    owner: the module or model; port: the input or output that the field is a part of, or None; offset:
-    of the field in it; elements: flat indices; shape: of what they are together.
+    owner: the module or model; port: the input or output that has the field, or None; offset: of the
+    field in the port [bytes]; elements: flat indices; shape: of the elements together.
     """
 
     def __init__(self, simulation, path):
@@ -26,9 +26,9 @@ class Place:
         if names[0] not in processes:
             raise SetupError(f"{path}: there is no process '{names[0]}'; there are {', '.join(processes)}")
         process = processes[names[0]]
-        if names[1] not in process._instances:
-            raise SetupError(f"{path}: {process._unknown(names[1])}")
-        self.owner = process._instances[names[1]]
+        if names[1] not in process.instances:
+            raise SetupError(f"{path}: {process.unknown(names[1])}")
+        self.owner = process.instances[names[1]]
         self.port, self.offset = None, 0
         struct, at = _core.struct(self.owner), ".".join(names[:2])
         for i, name in enumerate(names[2:], 3):

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import fledge
-from fledge import Archive, cli
+from fledge import Archive, _core, cli
 from fledge.montecarlo.dispersions_test import mission
 from fledge.montecarlo import Campaign
 from fledge.montecarlo import plots, report
@@ -81,7 +81,7 @@ def test_one_run_by_hand(campaign, result, index):
 
 def test_the_nominal_simulation_is_left_alone(campaign, result):
     assert campaign.drawn(campaign.nominal) == campaign.drawn(fledge.load("nadir_spin"))
-    assert campaign.nominal.seed == 0 and campaign.nominal._core.now == -1
+    assert campaign.nominal.seed == 0 and campaign.nominal.time_ns == -1
 
 
 def test_the_noise_differs_from_run_to_run(campaign, result):
@@ -120,7 +120,7 @@ def test_python_events_fall_back_to_processes(tmp_path, capfd):
     assert sim.world.craft.mass == 1
     assert (sim.world.nav.attitude.sigma_BN == two.retained["world.nav.attitude.sigma_BN"][7, -1]).all()
     with pytest.raises(fledge.SetupError, match="cannot be flown by threads"):
-        fledge._core.fly(campaign.nominal._core, campaign.plan, 1)
+        _core.fly(campaign.nominal.kernel, campaign.plan, 1)
     # The same without Python, by threads: an event that only looks changes nothing.
     mission(tmp_path, RELEASE)
     assert same(Campaign(tmp_path).fly(9, seed=2), two)

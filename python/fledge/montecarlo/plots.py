@@ -31,7 +31,7 @@ def percentiles(n: int) -> tuple[int, ...]:
 
 def summary_of(series: Series) -> Series:
     """A variable as one number: of a vector the norm, of another array the largest element."""
-    shape = series._place.shape
+    shape = series.field_path.shape
     return series if not shape else series.norm() if shape == (3,) else series.max_abs()
 
 
@@ -62,7 +62,7 @@ def _figure(rows, columns, name, title, result, sharex=False, height=2.3):
 
 def _shown(series: Series) -> str:
     """The symbol of a series in mathtext."""
-    field = series._place.field
+    field = series.field_path.field
     base = symbol(field.name)
     if series._measure == "norm":
         base = rf"\left|{base}\right|"
@@ -70,9 +70,9 @@ def _shown(series: Series) -> str:
         base = rf"\max\,\left|{base}\right|"
     elif isinstance(series._measure, tuple):
         flat = 0
-        for i, n in zip(series._measure, series._place.shape):
+        for i, n in zip(series._measure, series.field_path.shape):
             flat = flat * n + i
-        base = component_labels(field.name, field.doc, series._place.shape)[flat].strip("$")
+        base = component_labels(field.name, field.doc, series.field_path.shape)[flat].strip("$")
     return f"${base}$"
 
 
@@ -94,17 +94,17 @@ def _spans_decades(values) -> bool:
 def _bands(result: Result, series: Series) -> Figure:
     import numpy as np
 
-    place = series._place
+    shape = series.field_path.shape
     panels = [summary_of(series)]
-    if place.shape:
+    if field_path.shape:
         values = result.retained[series.path][result.complete]
-        shown = used(values.reshape(-1, math.prod(place.shape)), place.shape)
-        panels += [series[index] for index in list(np.ndindex(place.shape))[:shown]]
+        shown = used(values.reshape(-1, math.prod(shape)), shape)
+        panels += [series[index] for index in list(np.ndindex(shape))[:shown]]
     columns = 1 if len(panels) == 1 else 2
     figure, axes = _figure(-(-len(panels) // columns), columns,
                            "bands-" + re.sub(r"\W+", "_", series.path).strip("_"),
-                           place.full.partition(".")[2].rpartition(".")[0] + ", "
-                           + re.split(r"[,;(]", place.field.doc)[0].strip(), result, sharex=True)
+                           field_path.full.partition(".")[2].rpartition(".")[0] + ", "
+                           + re.split(r"[,;(]", field_path.field.doc)[0].strip(), result, sharex=True)
     unit, factor = time_unit(result.time[-1])
     for axis, one in zip(axes, panels):
         _band_panel(axis, one, result, factor)

@@ -196,5 +196,5 @@ def _hdf5(result: Result, path: Path) -> None:
             out[f"draws/{path}"].attrs["unit"] = d.columns[path] or "-"
         for path, values in result.retained.items():
             out[f"retained/{path}"] = values
-            field = d.retained[path]._place.field
+            field = d.retained[path].field_path.field
             out[f"retained/{path}"].attrs.update(unit=field.unit or "-", meaning=field.doc)

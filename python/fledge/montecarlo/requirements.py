@@ -20,8 +20,8 @@ class Series:
     every sample of that time.
     """
 
-    def __init__(self, place, duration, measure="", start=0, end=None):
-        self._place, self._duration = place, duration
+    def __init__(self, field_path, duration, measure="", start=0, end=None):
+        self.field_path, self._duration = field_path, duration
         self._measure, self._start, self._end = measure, start, end
 
     def _with(self, **changes):
@@ -42,14 +42,14 @@ class Series:
 
     def __getitem__(self, index):
         index = index if isinstance(index, tuple) else (index,)
-        shape = self._place.shape
+        shape = self.field_path.shape
         measure = self._reduced(index, "[...]")
         if len(index) != len(shape) or not all(isinstance(i, int) and 0 <= i < n for i, n in zip(index, shape)):
-            raise SetupError(f"{self._place.path}{list(index)}: expected {len(shape)} whole numbers below {shape}")
+            raise SetupError(f"{self.field_path.path}{list(index)}: expected {len(shape)} whole numbers below {shape}")
         return measure
 
     def _reduced(self, measure, what):
-        if not self._place.shape or self._measure:
+        if not self.field_path.shape or self._measure:
             raise SetupError(f"{self!r}: {what} is for arrays")
         return self._with(measure=measure)
 
@@ -77,10 +77,10 @@ class Series:
     # --- requirements ---
 
     def _compare(self, comparison, limit):
-        place = self._place
-        if place.shape and not self._measure:
-            raise SetupError(f"{self!r} has shape {place.shape}: compare an element, norm() or max_abs()")
-        value = to_si(limit, repr(self), place.field.unit, place.field.dims, "a number")
+        target = self.field_path
+        if target.shape and not self._measure:
+            raise SetupError(f"{self!r} has shape {target.shape}: compare an element, norm() or max_abs()")
+        value = to_si(limit, repr(self), target.field.unit, target.field.dims, "a number")
         if not isinstance(value, (int, float)) or not math.isfinite(value):
             raise SetupError(f"{self!r} {comparison} {limit!r}: expected a finite number")
         return Requirement(self, comparison, float(value))
@@ -104,15 +104,15 @@ class Series:
     @property
     def path(self):
         """The variable's path, as it was retained."""
-        return self._place.path
+        return self.field_path.path
 
     @property
     def unit(self):
-        return self._place.unit
+        return self.field_path.unit
 
     def port(self, simulation):
         """The input or output that holds it, in this simulation or another of the same mission."""
-        return port(simulation, self._place.port)
+        return port(simulation, self.field_path.port)
 
     @property
     def measure_text(self):

@@ -6,3 +6,15 @@
     project.py  the libraries of a user's own project
     vector.py   the arrays that fields of objects are read as
 """
+
+from typing import Any
+
+from fledge import _core
+
+# The types of all modules, models and messages, and the functions that tell about one of them: the table of its
+# struct; "flight.control"; "control"; the names of the parameters that were given; the bytes of its struct.
+Module, Model, Message, Condition = _core.Module, _core.Model, _core.Message, _core.Condition
+struct, path, name, given, memory = _core.struct, _core.path, _core.name, _core.given, _core.memory
+load_library = _core.load_library  # of a .so with its name; returns name -> type
+
+Object = Any  # a module, model or message

@@ -11,7 +11,7 @@ import weakref
 import numpy as np
 import pytest
 
-from fledge import _core, flight as fsw, world
+from fledge import SetupError, flight as fsw, objects, world
 from fledge.units import N, deg, kg, km, m, mm, s
 
 AXES = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
@@ -21,8 +21,8 @@ AXES = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
 
 def test_attributes_are_the_memory():
     c = fsw.MrpFeedback(K=2.5 * N * m, P=45.0)
-    field = next(f for f in _core.struct(c).fields if f.name == "K")
-    assert np.frombuffer(_core.memory(c)[field.offset:field.offset + 8])[0] == c.K == 2.5
+    field = next(f for f in objects.struct(c).fields if f.name == "K")
+    assert np.frombuffer(objects.memory(c)[field.offset:field.offset + 8])[0] == c.K == 2.5
     c.P[1, 2] = 7.0
     assert c.P[1, 2] == 7.0 and np.shares_memory(c.P, c.P)
 
@@ -67,7 +67,7 @@ def test_a_pint_quantity_is_taken_without_importing_pint():
 
     torque = {"[length]": 2, "[mass]": 1, "[time]": -2}
     assert fsw.MrpFeedback(K=Pint(2500.0, torque), P=1).K == 2.5
-    with pytest.raises(_core.SetupError, match="expected a quantity in N m; found 2.5 kg"):
+    with pytest.raises(SetupError, match="expected a quantity in N m; found 2.5 kg"):
         fsw.MrpFeedback(K=Pint(2500.0, {"[mass]": 1}), P=1)
     assert "pint" not in sys.modules
 
@@ -106,7 +106,7 @@ def test_integers_enums_and_exact_nanoseconds():
     e.head.quality = type(e.head.quality).STALE
     assert e.head.quality == 1
     for wrong in (-1, 2**32, 1.5):
-        with pytest.raises(_core.SetupError, match="expected a whole number"):
+        with pytest.raises(SetupError, match="expected a whole number"):
             e.head.sequence = wrong
     assert e.head.sequence == 0
 
@@ -138,16 +138,16 @@ def test_inputs_take_what_parameters_refuse():
     c = fsw.MrpFeedback(K=1, P=1)
     c.error.sigma_BR = [float("nan"), 0, 0]
     assert np.isnan(c.error.sigma_BR[0])
-    with pytest.raises(_core.SetupError, match="K must be finite"):
+    with pytest.raises(SetupError, match="K must be finite"):
         c.K = float("nan")
     assert c.K == 1
 
 
 def test_given_tells_what_the_user_set():
     w = fsw.WheelConfig(axes_B=AXES, J=0.1)
-    assert _core.given(w) == ["axes_B", "J"]
+    assert objects.given(w) == ["axes_B", "J"]
     w.u_max = 0.0
-    assert _core.given(w) == ["axes_B", "J", "u_max"]
+    assert objects.given(w) == ["axes_B", "J", "u_max"]
 
 
 # --- lifetimes -------------------------------------------------------------------------------------
@@ -190,7 +190,7 @@ def test_no_reference_is_lost_or_gained():
         fsw.AttError(sigma_BR=value)
         repr(c.error)
         for wrong in ({"K": "x"}, {"nothing": 1}, {"P": [[1], [2, 3]]}):
-            with pytest.raises((_core.SetupError, TypeError)):
+            with pytest.raises((SetupError, TypeError)):
                 fsw.MrpFeedback(**wrong)
     assert [sys.getrefcount(x) for x in (c, value, *types)] == before
 
@@ -235,7 +235,7 @@ def test_every_type_of_both_libraries_can_be_made_shown_and_read():
         for name, kind in types.items():
             one = kind()
             assert repr(one).startswith(name) and kind.__doc__ and kind.__name__ == name
-            for field in _core.struct(one).fields:
+            for field in objects.struct(one).fields:
                 if not field.spare:
                     value = getattr(one, field.name)
                     if field.shape and field.type == "f64" and not field.count:
@@ -257,6 +257,6 @@ def test_types_cannot_be_subclassed_and_bases_not_made():
     with pytest.raises(TypeError, match="not an acceptable base type"):
         class Mine(fsw.MrpFeedback):
             pass
-    for base in (_core.Module, _core.Model, _core.Message):
+    for base in (objects.Module, objects.Model, objects.Message):
         with pytest.raises(TypeError, match="make one of a kind instead"):
             base()

@@ -1,19 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """Quantities, numpy's and pint's numbers, as plain numbers in SI."""
 
+from __future__ import annotations
+
 from typing import Any
 
 from fledge.errors import SetupError
 from fledge.units import Quantity, UnitError, nanoseconds
 
 
-def to_si(value, path, unit, dims, expected):
+def to_si(value: Any, path: str, unit: str, dims: Any, expected: str) -> Any:
     """The plain numbers, in the header's unit, behind a quantity, a numpy scalar or a list of such.
 
     path: "flight.control.K"; unit: as in the header; dims: its exponents; expected: in words.
     Raises SetupError on another dimension, or on what is no number.
     """
-    def plain(x):
+    def plain(x: Any) -> Any:
         if isinstance(x, Quantity):
             if x.dims[:7] != dims[:7]:
                 found = x.dims
@@ -94,12 +96,13 @@ def time_ns(value: Any, path: str) -> int:
         raise SetupError(f"{path}: {error}") from None
 
 
-def enumeration(name, doc, values):
+def enumeration(name: str, doc: str, values: Any) -> Any:
     """A Python enum for one of C: its members without what all their names begin with."""
     import enum
 
     stem = name.upper() + "_"
     names = [n[len(stem):] if n.startswith(stem) else n for n, _, _ in values]
-    made = enum.IntEnum(name, list(zip(names, (v for _, v, _ in values))), module="fledge")
+    make: Any = enum.IntEnum  # mypy knows only enumerations with a literal name
+    made = make(name, list(zip(names, (v for _, v, _ in values))), module="fledge")
     made.__doc__ = doc + "\n\n" + "\n".join(f"{n}: {d}" for n, (_, _, d) in zip(names, values))
     return made

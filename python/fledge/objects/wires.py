@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Wires between modules and models: what `a.output >> b.input` makes."""
 
+from __future__ import annotations
+
 import os
 import sys
+from typing import Any
 
 from fledge import _core
 from fledge.errors import SetupError
@@ -13,7 +16,7 @@ from fledge.objects.si import time_ns
 _PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__))) + os.sep
 
 
-def caller():
+def caller() -> tuple[str, int]:
     """(file, line) of the caller outside this package."""
     frame = sys._getframe(1)
     while frame.f_back is not None and frame.f_code.co_filename.startswith(_PACKAGE):
@@ -37,12 +40,12 @@ class Wire:
         self.declared_at = caller()
         self.options = {"latency": 0, "stale_after": 0}
 
-    def latency(self, exchanges):
+    def latency(self, exchanges: int) -> Wire:
         """0: the newest message; 1: that of the previous exchange."""
         self.options["latency"] = exchanges
         return self
 
-    def stale_after(self, age):
+    def stale_after(self, age: Any) -> Wire:
         """A message older than `age`, a time, reaches the consumer as stale."""
         self.options["stale_after"] = time_ns(age, f"{self!r}: stale_after")
         return self
@@ -55,7 +58,7 @@ class Wire:
         return f"{_core.path(self.source)} >> " + (targets[0] if len(targets) == 1 else f"[{', '.join(targets)}]")
 
 
-def wire(source, target):
+def wire(source: Any, target: Any) -> Wire:
     """What `source >> target` means. Raises SetupError on what cannot be joined."""
     if isinstance(target, list):
         wires = [wire(source, one) for one in target]

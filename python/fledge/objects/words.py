@@ -1,15 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Modules, models and messages in words: the tables that they print, and the errors for unknown names."""
 
+from __future__ import annotations
+
+from typing import Any
+
 from fledge import _core
 from fledge.errors import SetupError, did_you_mean
 
 GROUPS = (("par", "parameters"), ("in", "inputs"), ("out", "outputs"), ("mem", "memory"), ("", "fields"))
 
 
-def names_by_group(obj):
+def names_by_group(obj: Any) -> dict[str, list[str]]:
     """Group -> names, spares left out; properties that Python adds count as parameters."""
-    groups = {}
+    groups: dict[str, list[str]] = {}
     for field in _core.struct(obj).fields:
         if not field.spare:
             groups.setdefault(field.group, []).append(field.name)
@@ -19,22 +23,23 @@ def names_by_group(obj):
     return groups
 
 
-def unknown_attribute(obj, name):
+def unknown_attribute(obj: Any, name: str) -> str:
     """The text of the error for a name that an object does not have."""
     groups = names_by_group(obj)
     everything = [n for names in groups.values() for n in names]
-    return f"{title(obj)} has no attribute '{name}'{did_you_mean(name, everything)} " + "; ".join(f"{word}: {', '.join(groups[g])}" for g, word in GROUPS if g in groups)
+    return f"{title(obj)} has no attribute '{name}'{did_you_mean(name, everything)} " + "; ".join(
+        f"{word}: {', '.join(groups[g])}" for g, word in GROUPS if g in groups)
 
 
-def title(obj):
+def title(obj: Any) -> str:
     """"flight.control (MrpFeedback)", or the type's name alone."""
     path, kind = _core.path(obj), _core.struct(obj).name
     return kind if path == kind else f"{path} ({kind})"
 
 
-def show(obj):
+def show(obj: Any) -> str:
     """The repr of a module, model or message: a small table, group by group."""
-    groups = {}
+    groups: dict[str, list[tuple[str, str, str]]] = {}
     for field in _core.struct(obj).fields:
         if not field.spare:
             groups.setdefault(field.group, []).append(_row(obj, field))
@@ -123,6 +128,6 @@ def _wiring(obj, field):
     return ">> " + ", ".join(targets) if targets else ""
 
 
-def first_sentence(doc):
+def first_sentence(doc: str) -> str:
     """What a docstring or a header's comment says first, as one line that ends in a full stop."""
     return " ".join(doc.split()).split(". ")[0].rstrip(".") + "."

@@ -19,11 +19,12 @@ import jinja2
 from markupsafe import Markup
 
 import fledge
-from fledge import _core, wiring_picture
+from fledge import objects, wiring_picture
+from fledge.errors import SetupError
 from fledge.files import Part
 from fledge.mission.log import dtype_of, leaves
-from fledge.report.numbers import duration, number, unit, value
 from fledge.mission.wiring import Wiring, action_text, condition_text, event_name
+from fledge.report.numbers import duration, number, unit, value
 
 QUALITIES = ("none", "stale", "degraded", "good")
 
@@ -63,11 +64,11 @@ class Report:
     def page(self, outcome: Outcome) -> str:
         """The page as text."""
         sim = self._simulation
-        wiring, logs = Wiring(sim), [log for log in sim._core.logs if len(log)]
+        wiring, logs = Wiring(sim), [log for log in sim.records if len(log)]
         first = {log.path: log for log in reversed(logs)}
         try:
             svg, no_svg = _inline_svg(wiring_picture.render(wiring_picture.dot(wiring, links=True), "svg")), ""
-        except _core.SetupError as error:
+        except SetupError as error:
             svg, no_svg = None, error
         return templates().get_template("run.html").render(
             sim=sim, scenario=self._scenario, about=self._about, begun=self._begun, outcome=outcome,
@@ -75,7 +76,7 @@ class Report:
             pictures=[(plot.stem, b64encode(plot.read_bytes()).decode()) for plot in outcome.plots or ()],
             wiring=wiring, svg=svg, no_svg=no_svg, colours=wiring_picture.NAMES,
             schedule=[(title, *_used(titles, rows)) for title, titles, rows in self._schedule(wiring)],
-            parameters=[(path, _core.struct(node.instance), self._changes(path, node.instance))
+            parameters=[(path, objects.struct(node.instance), self._changes(path, node.instance))
                         for path, node in wiring.nodes.items()],
             finals=[_final(log) for log in logs if first[log.path] is log],
             versions=_versions(sim.mission))
@@ -85,7 +86,7 @@ class Report:
         yield "", ["process", "task", "every", "from", "priority", "runs in this order", "#updates"], [
             [process.name, task.name, duration(task.period / 1e9), task.offset and duration(task.offset / 1e9),
              task.priority, Markup(", ").join(map(Markup("<code>{}</code>").format, task.run)),
-             _updates(process, task, self._simulation._core.now)]
+             _updates(process, task, self._simulation.time_ns)]
             for process in wiring.processes for task in process.tasks]
         yield "Modes", ["process", "mode", "tasks", "when"], [
             [process.name, name, tasks,
@@ -94,12 +95,12 @@ class Report:
             for process in wiring.processes for name, tasks in process.modes]
         yield "Events", ["process", "event", "when", "held for", "does", "repeats", "happened last"], [
             [process.name, event_name(event), Markup("<code>{}</code>").format(condition_text(event)),
-             event._core.hold and duration(event._core.hold / 1e9), action_text(event),
-             "once" if event._core.once else "each time",
+             event.hold and duration(event.hold / 1e9), action_text(event),
+             "once" if event.once else "each time",
              "never" if event.fired_at is None else Markup("t = {}").format(duration(event.fired_at))]
             for process in wiring.processes for event in process.handles]
 
-    def _changes(self, path: str, instance: _core.Module | _core.Model) -> list[_Value]:
+    def _changes(self, path: str, instance: objects.Module | objects.Model) -> list[_Value]:
         """The parameters as the run began, each with its value now."""
         now = {row.name: row.value for row in _parameters(instance) if not row.derived}
         for row in self._before[path]:
@@ -149,9 +150,9 @@ class _Value:
         return convert(self.value) if re.fullmatch(r"rad(/s)?", self.unit) and not empty(self.value) else None
 
 
-def _parameters(instance: _core.Module | _core.Model) -> list[_Value]:
+def _parameters(instance: objects.Module | objects.Model) -> list[_Value]:
     """The parameters of a module or model, those that Python adds last."""
-    struct, given = _core.struct(instance), set(_core.given(instance))
+    struct, given = objects.struct(instance), set(objects.given(instance))
     counts = {f.count for f in struct.fields if f.count} - given
     rows = [row for field in struct.fields if field.group == "par" and not field.spare and field.name not in counts
             for row in _rows(instance, field, field.name, field.name in given)]
@@ -163,13 +164,13 @@ def _parameters(instance: _core.Module | _core.Model) -> list[_Value]:
     return rows
 
 
-def _property(instance: _core.Module | _core.Model, name: str) -> str:
+def _property(instance: objects.Module | objects.Model, name: str) -> str:
     """What Python adds to a model, in words: its parts, the bodies that attract it, its orbit. "" for nothing."""
     try:
         found = getattr(instance, name)
-    except (_core.SetupError, AttributeError):
+    except (SetupError, AttributeError):
         return ""
-    return "; ".join(_core.path(one) if isinstance(one, _core.Model) else one if isinstance(one, str)
+    return "; ".join(objects.path(one) if isinstance(one, objects.Model) else one if isinstance(one, str)
                      else repr(one).strip("<>")
                      for one in (found if isinstance(found, (list, tuple)) else [found]) if one is not None)
 
@@ -180,7 +181,7 @@ def _rows(owner, field, name: str, given: bool) -> list[_Value]:
         plain = found.tolist() if hasattr(found, "tolist") else getattr(found, "name", found)
         return [_Value(name, plain, field.unit, field.doc, field.rule, given)]
     messages = {f"{name}[{i}]": one for i, one in enumerate(found)} if isinstance(found, tuple) else {name: found}
-    return [row for start, message in messages.items() for member in _core.struct(message).fields if not member.spare
+    return [row for start, message in messages.items() for member in objects.struct(message).fields if not member.spare
             for row in _rows(message, member, f"{start}.{member.name}", given)]
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from fledge.errors import Failure
 from fledge.export.write import write_files
+from fledge.files import build_folder
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -78,9 +79,7 @@ def sizes(built, tool="size"):
 
 def native(name, part):
     """A program of Fledge's own build: native("fledge_guard", "cosim")."""
-    from fledge import _core
-
-    path = Path(_core.__file__).resolve().parents[1] / part / name
+    path = build_folder() / part / name
     if not os.access(path, os.X_OK):
         raise Failure(f"{path} is not built; ./fledge setup builds it")
     return path

@@ -4,9 +4,9 @@ changes between its runs. Its plots are left out; its checks must hold there, as
 
 from dataclasses import dataclass
 
-import fledge
-from fledge import SetupError, _core, export
-from fledge.errors import Failure
+from fledge import export, mission as missions, objects
+from fledge.errors import Failure, SetupError
+from fledge.objects.si import time_ns
 
 
 @dataclass
@@ -25,7 +25,7 @@ class _Ends(BaseException):
 def rehearse(mission, scenario=None, duration=None, seed=0, free=False, parameters=None):
     """Returns a Rehearsal. duration: [s], of what is to be flown; None: all that the scenario runs."""
     def load():
-        return fledge.load(mission, **(parameters or {}))
+        return missions.load(mission, **(parameters or {}))
 
     sim = load()
     sim.seed = seed
@@ -69,10 +69,8 @@ class Rehearsal:
 
     def run(self, duration=None, *, until=None, **_):
         """In place of the simulation's run()."""
-        from fledge.objects.si import time_ns
-
         sim = self.sim
-        now = max(sim._core.now, 0)
+        now = max(sim.time_ns, 0)
         end = now + time_ns(duration, "run") if until is None else time_ns(until, "run: until")
         if self.start is None:
             self.begin()
@@ -112,12 +110,12 @@ class Rehearsal:
 
     def finish(self, load, seed):
         if self.duration is None:
-            self.duration = max(self.sim._core.now, 0) / 1e9
+            self.duration = self.sim.time
         if self.loads:
             # The world's program is not told of the scenario then, so it must be as its file makes it.
             fresh = load()
             fresh.seed = seed
-            fresh._core.prepare()
+            fresh.prepare()
             ours, theirs = _memory(self.start), _memory(fresh)
             for path in theirs:
                 if not path.startswith("flight.") and ours[path] != theirs[path]:
@@ -127,12 +125,12 @@ class Rehearsal:
 
 def _memory(sim):
     """Path -> bytes of every instance."""
-    return {f"{process.name}.{name}": _core.memory(one) for process in (sim.world, sim.flight)
-            for name, one in process._instances.items()}
+    return {f"{process.name}.{name}": objects.memory(one) for process in (sim.world, sim.flight)
+            for name, one in process.instances.items()}
 
 
 def _parameters(sim, path):
     """(from, to) of the parameters in an instance's bytes."""
     process, name = path.split(".")
-    fields = [f for f in _core.struct(getattr(sim, process)._instances[name]).fields if f.group == "par"]
+    fields = [f for f in objects.struct(getattr(sim, process).instances[name]).fields if f.group == "par"]
     return (fields[0].offset, max(f.offset + f.size for f in fields)) if fields else (0, 0)

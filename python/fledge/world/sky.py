@@ -108,7 +108,11 @@ class Sky:
 
     def time_of(self, date):
         """The time of the run [s] at a date, written as the epoch is."""
-        return self._core.time_of(date) / 1e9
+        return self.time_ns_of(date) / 1e9
+
+    def time_ns_of(self, date):
+        """The time of the run at a date [ns]."""
+        return self._core.time_of(date)
 
     def __repr__(self):
         return f"<Sky from {self.utc()}, N about {_core.body_name(self.center)}>"
@@ -133,5 +137,3 @@ def _path(value, path):
     if not isinstance(value, (str, PathLike)):
         raise SetupError(f"{path}: expected the path of a file; found {value!r}")
     return fspath(value)
-
-

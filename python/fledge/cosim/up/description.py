@@ -307,7 +307,7 @@ class _Reader(Tables):
                         "it is relative to `directory`")
 
     def mission(self, table: dict, path: tuple, p: Program, mission: str, process: str) -> None:
-        from fledge import SetupError
+        from fledge.errors import SetupError
 
         p.mission = str(self.folder / mission) if os.sep in mission else mission
         try:
@@ -396,9 +396,9 @@ class _Reader(Tables):
 
 def processes_of(mission: str, parameters: dict) -> list[str]:
     """The names of a mission's processes. Raises SetupError."""
-    import fledge
+    from fledge.mission import load
 
-    return [p.name for p in fledge.load(mission, **parameters).processes]
+    return [p.name for p in load(mission, **parameters).processes]
 
 
 def unreachable(host: str) -> str:

@@ -12,9 +12,9 @@ class _Runs(BaseException):
 
 def plan_of(name: str, scenario: str | None, parameters: dict) -> Plan:
     """One node per process, for the duration of the scenario. Raises SetupError, Failure."""
-    import fledge
+    from fledge.mission import load
 
-    sim = fledge.load(name, **parameters)
+    sim = load(name, **parameters)
     nodes = [Program(p.name, mission=str(sim.mission.folder), process=p.name, scenario=scenario,
                      parameters=parameters) for p in sim.processes]
     return Plan(sim.name, _duration(sim, scenario), nodes, file=sim.name)

@@ -11,7 +11,7 @@ import numpy
 import pytest
 
 import fledge
-from fledge import _core, export
+from fledge import export, objects
 from fledge.export import cfs
 from fledge.export.cfs import tables
 from fledge.export.testing import ROOT, STRICT
@@ -80,7 +80,7 @@ def test_tables_are_held_against_the_desktops_rules(name, tmp_path):
                     view[...] = inertias(draw)
                 else:
                     view.flat[draw.randrange(view.size)] = draw.choice(edges(field))
-                raw = _core.memory(live)[table.start:table.start + len(table.content)]
+                raw = objects.memory(live)[table.start:table.start + len(table.content)]
                 try:
                     sim.run(0.0)
                     refused = False

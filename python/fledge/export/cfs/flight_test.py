@@ -26,7 +26,7 @@ def flown(name, folder, duration, compiler="gcc", order="little", runner=(), **m
     cfs.write(mission, app, folder / "fsw", outputs="all")
     program = hosted.build([(app, folder / "fsw")], folder / "run", compiler, **more)
     inputs, outputs = [m.path for m in mission.inputs], [m.path for m in mission.outputs]
-    recorded = Recorded(sim, [*inputs, *outputs], sim.flight._core_process.tasks[0][1] / NS)
+    recorded = Recorded(sim, [*inputs, *outputs], sim.flight.tasks[0].period / NS)
     sim.run(duration)
     told = {p: recorded.samples(p) for p in inputs}
     said = {p: recorded.samples(p) for p in outputs}

@@ -99,8 +99,8 @@ class Recorded:
         self.logs = {}
         for path in paths:
             process, instance, port = path.split(".")
-            self.logs[path] = sim._core.record(getattr(getattr(getattr(sim, process), instance), port),
-                                               round(every * 1e9), True)
+            self.logs[path] = sim.kernel.record(getattr(getattr(getattr(sim, process), instance), port),
+                                                round(every * 1e9), True)
 
     def times(self):
         raw = next(iter(self.logs.values())).times()

@@ -7,10 +7,10 @@ import time
 import uuid
 from pathlib import Path
 
-import _core
+from fledge.files import build_folder
 
 ROOT = Path(__file__).resolve().parents[5]
-BUILT = Path(_core.__file__).resolve().parents[1] / "cosim"
+BUILT = build_folder() / "cosim"
 GUARD = str(BUILT / "fledge_guard")
 
 # A mass and a spring that pulls it back: two programs that wait for one another at each instant.

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Arguments that several commands take: numbers, durations, records of runs."""
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from fledge.archive import Archive
+from fledge.errors import Failure
+
+
+def number(what: str = "a number") -> Callable[[str], float]:
+    """The type of an option that takes a finite number >= 0, for argparse."""
+    def read(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = -1.0
+        if not 0 <= value < float("inf"):
+            raise argparse.ArgumentTypeError(f"expected {what} >= 0; found '{text}'")
+        return value
+
+    return read
+
+
+def parse_duration(text: str, option: str = "--for") -> float:
+    """Seconds of "90", "90s", "10min", "2.5 h"."""
+    import re
+
+    match = re.fullmatch(r"\s*([0-9.]+(?:e[0-9]+)?)\s*([a-z]*)\s*", text)
+    factors = {"": 1.0, "s": 1.0, "ms": 1e-3, "min": 60.0, "minute": 60.0, "h": 3600.0, "hour": 3600.0, "d": 86400.0,
+               "day": 86400.0}
+    try:
+        seconds = float(match[1]) * factors[match[2]] if match else float("")
+    except (KeyError, ValueError):
+        raise Failure(f"{option}: expected a duration such as 90s, 10min or 2h; found '{text}'") from None
+    if seconds > 1e9:
+        raise Failure(f"{option}: expected at most 1e9 s, which are 31 years; found '{text}'")
+    return seconds
+
+
+def find_run(name: str) -> Path:
+    """The archive meant by a file, a folder, or the name of a mission flown before."""
+    for path in (Path(name), Path("runs") / name):
+        if path.is_file():
+            return path
+        if path.is_dir():
+            found = sorted([*path.glob("*.mcap"), *path.glob("*/*.mcap")])
+            if len(found) == 1:
+                return found[0]
+            if found:
+                raise Failure(f"there are several records in {path}; name one of {', '.join(map(str, found))}")
+    known = sorted(map(str, Path("runs").glob("*/*/*.mcap")))
+    raise Failure(f"there is no record '{name}'; " + (f"there are {', '.join(known)}" if known
+                                                      else "none has been made yet: ./fledge run MISSION"))
+
+
+def open_run(name: str) -> Archive:
+    """The archive of find_run(), with a line on stderr if it is damaged."""
+    archive = Archive(find_run(name))
+    if archive.problem:
+        print(archive.problem, file=sys.stderr)
+    return archive
