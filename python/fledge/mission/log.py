@@ -23,7 +23,6 @@ from fledge.errors import SetupError, did_you_mean
 from fledge.series import Series
 
 
-
 def dtype_of(struct: Any) -> Any:
     """The numpy dtype of a C struct: the same bytes, with the names of the header."""
     import numpy as np
