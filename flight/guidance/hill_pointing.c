@@ -21,7 +21,7 @@ static int hill_frame(Vec3 r, Vec3 v, AttReference *hill)
 {
     Vec3 h = vec_cross(r, v);
     double r2 = vec_norm2(r);
-    if (!(vec_norm2(h) > RADIAL * r2 * vec_norm2(v)) || !(r2 > 0.0)) { /* so is a NaN refused */
+    if (!(vec_norm2(h) > RADIAL * r2 * vec_norm2(v)) || !(r2 > 0.0)) { /* this refuses a NaN too */
         return 0;
     }
     Vec3 i_r = vec_unit(r);

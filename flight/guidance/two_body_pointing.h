@@ -6,7 +6,7 @@
 #include "flight/msg/guidance.h"
 #include "flight/msg/orbit.h"
 
-/** Point r1 at a primary body, exactly, and r2 at a secondary one as nearly as that allows.
+/** Point r1 exactly at a primary body, and r2 as nearly as possible at a secondary one.
  *  r3 is normal to the plane of the spacecraft and the bodies, with the secondary on r2's side.
  *  Where the bodies are collinear, or there is no secondary, r1 still points at the primary, with
  *  its exact rate and acceleration, and R does not turn about r1: r2 moves along with r1 from its

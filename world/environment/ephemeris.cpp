@@ -104,13 +104,13 @@ void add_state(const ChebyshevSegment &s, const Instant &t, double sign, BodySta
     }
 }
 
-/// The barycentre of its system for a planet without moons worth telling apart from it, else -1.
+/// The barycentre of its system for a planet whose moons hardly move it, else -1.
 int stand_in(int body)
 {
     return body == 199 || body == 299 || body == 499 ? body / 100 : -1;
 }
 
-/// "... TDB to ... TDB in FILE": segments of one file that join count as one, of many the first
+/// "... TDB to ... TDB in FILE": segments of one file that join count as one; of many, lists the first
 /// few.
 std::string spans_text(std::vector<const ChebyshevSegment *> segments)
 {
@@ -185,7 +185,7 @@ Ephemeris::Step Ephemeris::step_up(int body, double t) const
             step.to = std::min(step.to, s.last);
             return step;
         }
-        // One that goes before but holds elsewhere: this way ends where that one begins.
+        // A segment of higher rank that begins later or ended earlier: this way is valid up to its limit.
         if (s.last < t) {
             step.from = std::max(step.from, std::nextafter(s.last, t));
         } else {

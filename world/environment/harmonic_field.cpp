@@ -26,7 +26,7 @@ double normalisation(int n, int m)
     return std::sqrt(square);
 }
 
-/// Takes the coefficients of a file as they come, and checks that all come once.
+/// Takes the coefficients of a file in any order, and checks that each comes once.
 class Collector {
 public:
     Collector(std::string file, HarmonicField &field, bool normalised)
@@ -224,7 +224,7 @@ HarmonicField read_icgem(const std::string &path)
         if (words.empty()) {
             continue;
         }
-        // gfct: the value at an epoch, and the lines after it what it does in time.
+        // gfct: the value at an epoch; the lines after it hold its change in time.
         if (words[0] == "gfc" || words[0] == "gfct") {
             field.varies = field.varies || words[0] == "gfct";
             collector.take(words, 1, i + 1);
