@@ -23,7 +23,17 @@ MAY_INCLUDE = {
     "record":      [],                             # a writer any target can take as it is
     "sim":         ["flight/math", "flight/msg", "record"],
     "world":       ["flight/math", "flight/msg", "sim"],
-    "cosim":       ["flight/math", "flight/msg", "record", "sim", "registers", "targets"],
+    "cosim":       ["flight/math", "flight/msg", "record", "sim", "registers", "targets", "cosim"],  # bindings
+    "cosim/protocol":   ["record"],
+    "cosim/security":   [],
+    "cosim/transport":  ["cosim/protocol", "cosim/security"],
+    "cosim/controller": ["cosim/protocol", "sim"],
+    "cosim/node":       ["cosim/protocol", "cosim/security", "cosim/transport", "flight/math", "flight/msg", "sim",
+                         "registers", "targets"],
+    "cosim/router":     ["cosim/protocol", "cosim/security", "cosim/transport", "cosim/controller", "cosim/node",
+                         "sim"],
+    "cosim/tools":      ["cosim/protocol", "cosim/security", "cosim/transport", "cosim/controller", "cosim/node",
+                         "cosim/router", "sim", "registers", "targets"],
     "emulator":    ["flight/math", "registers"],
     "ground":      ["flight/math"],
     "targets":     ["flight", "registers", "record"],
@@ -63,9 +73,9 @@ INCLUDE = re.compile(r'^\s*#\s*include\s*(?:"([^"]+)"|<([^>]+)>)')
 
 
 def folder_of(path: str) -> str:
-    """The folder whose rule holds for `path`: the subfolder in flight/, else the first one."""
+    """The folder whose rule holds for `path`: the subfolder in flight/ and cosim/, else the first one."""
     parts = path.removeprefix("python/").split("/")
-    return "/".join(parts[:2]) if parts[0] == "flight" and len(parts) > 2 else parts[0]
+    return "/".join(parts[:2]) if parts[0] in ("flight", "cosim") and len(parts) > 2 else parts[0]
 
 
 def resolve(include: str) -> str:
@@ -195,6 +205,7 @@ def test_every_quoted_include_is_found_from_the_root():
     ("sim/a.cpp", '#include "world/models.h"', "sim may not include"),
     ("sim/a_test.cpp", '#include "world/models.h"', "sim may not include"),
     ("world/dynamics/a.cpp", '#include "flight/control/mrp_feedback.h"', "world may not include"),
+    ("cosim/controller/a.cpp", '#include "cosim/transport/link.h"', "cosim/controller may not include"),
     ("emulator/cpu/a.cpp", '#include "sim/model.h"', "emulator may not include"),
     ("introspect/a.py", "import fledge.units", "introspect may not import"),
     ("introspect/a.py", "import numpy", "introspect may not import numpy"),

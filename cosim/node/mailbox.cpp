@@ -31,15 +31,15 @@ void Inbox::take(const std::vector<Record> &records)
 
 void Outbox::add(std::uint32_t channel, std::span<const std::byte> message)
 {
-    outputs_.push_back({channel, message, Bytes(message.begin(), message.end()), 0});
+    outputs_.push_back({channel, message, make_payload(message), 0});
 }
 
-void Outbox::say(Ns t, std::vector<Record> &records)
+void Outbox::collect(Ns t, std::vector<Record> &records)
 {
     for (Output &output : outputs_) {
-        if (std::memcmp(output.message.data(), output.sent.data(), output.sent.size())) {
-            std::copy(output.message.begin(), output.message.end(), output.sent.begin());
-            records.push_back({output.channel, ++output.count, t, make_payload(output.message)});
+        if (std::memcmp(output.message.data(), output.sent.data() + cdr_header, output.message.size())) {
+            output.sent = make_payload(output.message);
+            records.push_back({output.channel, ++output.count, t, output.sent});
         }
     }
 }

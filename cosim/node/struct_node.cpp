@@ -50,7 +50,7 @@ Initialized StructNode::initialize(const Initialize &m)
     return {{rate_}, false, !kept_.empty()};
 }
 
-/// What a snapshot is made of.
+/// The content of a snapshot.
 std::vector<std::span<std::byte>> StructNode::memory() const
 {
     auto all = kept_;
@@ -88,13 +88,13 @@ void StructNode::go_on_from(std::span<const std::byte> snapshot)
     }
     bool fits = snapshot.size() == size && snapshot[0] == static_cast<std::byte>(native_order());
     for (std::size_t at = 1, i = 0; fits && i < parts.size(); i++) {
-        std::uint64_t told = 0;
-        std::memcpy(&told, snapshot.data() + at, sizeof told);
-        fits = told == parts[i].size();
-        at += sizeof told + parts[i].size();
+        std::uint64_t found = 0;
+        std::memcpy(&found, snapshot.data() + at, sizeof found);
+        fits = found == parts[i].size();
+        at += sizeof found + parts[i].size();
     }
     if (!fits) {
-        throw ProtocolError("the snapshot to go on from is that of another program, or of another machine");
+        throw ProtocolError("the snapshot is from another program, or from another machine");
     }
     std::size_t at = 1;
     for (const auto part : parts) {
@@ -104,18 +104,18 @@ void StructNode::go_on_from(std::span<const std::byte> snapshot)
     }
 }
 
-std::vector<Want> StructNode::desired()
+std::vector<Subscription> StructNode::desired()
 {
-    std::vector<Want> wants;
+    std::vector<Subscription> subscriptions;
     for (const Input &input : inputs_) {
-        wants.push_back(input.want);
+        subscriptions.push_back(input.subscription);
     }
-    return wants;
+    return subscriptions;
 }
 
-std::vector<Offer> StructNode::match(const std::vector<Channel> &asked)
+std::vector<Publication> StructNode::match(const std::vector<Channel> &asked)
 {
-    std::vector<Offer> offers;
+    std::vector<Publication> publications;
     outbox_.clear();
     for (const Channel &channel : asked) {
         for (const Output &output : outputs_) {
@@ -126,12 +126,12 @@ std::vector<Offer> StructNode::match(const std::vector<Channel> &asked)
                                       " bytes where it is read, the struct here " +
                                       std::to_string(output.message.size()));
                 }
-                offers.push_back({channel.channel, schema, make_payload(output.message)});
+                publications.push_back({channel.channel, schema, make_payload(output.message)});
                 outbox_.add(channel.channel, output.message);
             }
         }
     }
-    return offers;
+    return publications;
 }
 
 void StructNode::start(const std::vector<Channel> &channels)
@@ -139,8 +139,8 @@ void StructNode::start(const std::vector<Channel> &channels)
     inbox_.open(channels);
     wired_.clear();
     for (const Channel &channel : channels) {
-        const auto input =
-            std::find_if(inputs_.begin(), inputs_.end(), [&](const Input &i) { return i.want.topic == channel.topic; });
+        const auto input = std::find_if(inputs_.begin(), inputs_.end(),
+                                        [&](const Input &i) { return i.subscription.topic == channel.topic; });
         if (input == inputs_.end() || channel.schema.size != input->message.size()) {
             throw SchemaError(channel.topic + " has " + std::to_string(channel.schema.size) +
                               " bytes where it is written, which is not the size of the struct here");
@@ -160,7 +160,7 @@ Tock StructNode::tick(const Tick &tick)
             read_payload(record.payload, wire.fields, wire.message);
         });
         step_(next_);
-        outbox_.say(next_, tock.records);
+        outbox_.collect(next_, tock.records);
         if (leaving_) {
             tock.reached = next_;
             tock.leaving = true;
