@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an exchange costs: a tick between programs, against bare means of this machine.
+"""What an exchange costs: a tick between programs, against bare sockets and futexes of this machine.
 
 All cases take turns, so that a slow spell of the machine meets all alike; each is a program of its own
 that starts its nodes as further programs. A figure is the median over these turns, each of which is

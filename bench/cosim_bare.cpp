@@ -93,7 +93,7 @@ double Stopwatch::median() const
     return later[later.size() / 2];
 }
 
-// ---- what there is without Fledge
+// ---- without Fledge
 
 double req_rep(const std::string &transport, std::uint64_t n)
 {

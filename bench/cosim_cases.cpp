@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One measurement of a co-simulation per run; bench/cosim.py puts them in turn.
+// One measurement of a co-simulation per run; bench/cosim.py calls them in turn.
 //
 //     fledge_bench_cosim CASE TRANSPORT NODES ROUNDS      prints the median time of a round [ns]
 #include "bench/cosim_cases.h"
@@ -43,7 +43,7 @@ private:
     double *at_;
 };
 
-/// Writes 64 bytes at each of its instants: those that it read, with one more in the first word.
+/// Writes 64 bytes at each of its instants: the bytes that it read, with the first word incremented.
 class Block final : public Node {
 public:
     Block(std::string name, std::string reads, Latency latency, SharedNumber *median = nullptr)
@@ -52,8 +52,8 @@ public:
     }
 
     Initialized initialize(const Initialize &) override { return {{{period, 0}}, false}; }
-    std::vector<Want> desired() override { return {{topic(reads_), latency_, false, schema_}}; }
-    std::vector<Offer> match(const std::vector<Channel> &asked) override
+    std::vector<Subscription> desired() override { return {{topic(reads_), latency_, false, schema_}}; }
+    std::vector<Publication> match(const std::vector<Channel> &asked) override
     {
         for (const Channel &channel : asked) {
             if (channel.topic == topic(name_)) {
@@ -61,7 +61,7 @@ public:
                 return {{channel_, schema_, make_payload(std::as_bytes(std::span(block_)))}};
             }
         }
-        throw std::runtime_error("nobody reads " + name_);
+        throw std::runtime_error("no node reads " + name_);
     }
     void start(const std::vector<Channel> &) override {}
 
@@ -103,21 +103,21 @@ private:
     Ns next_ = 0;
 };
 
-/// Writes 64 bytes that all read, and reads 64 bytes of each.
+/// Writes 64 bytes that all nodes read, and reads 64 bytes of each node.
 class Hub final : public Node {
 public:
     Hub(std::uint64_t readers, SharedNumber &median) : readers_(readers), median_(median) {}
 
     Initialized initialize(const Initialize &) override { return {{{period, 0}}, false}; }
-    std::vector<Want> desired() override
+    std::vector<Subscription> desired() override
     {
-        std::vector<Want> wants;
+        std::vector<Subscription> subscriptions;
         for (std::uint64_t i = 0; i < readers_; i++) {
-            wants.push_back({"/" + std::to_string(i) + "/block", Latency::next_instant, false, schema_});
+            subscriptions.push_back({"/" + std::to_string(i) + "/block", Latency::next_instant, false, schema_});
         }
-        return wants;
+        return subscriptions;
     }
-    std::vector<Offer> match(const std::vector<Channel> &asked) override
+    std::vector<Publication> match(const std::vector<Channel> &asked) override
     {
         for (const Channel &channel : asked) {
             if (channel.topic == "/hub/block") {
@@ -125,7 +125,7 @@ public:
                 return {{channel_, schema_, make_payload(std::as_bytes(std::span(block_)))}};
             }
         }
-        throw std::runtime_error("nobody reads the hub");
+        throw std::runtime_error("no node reads the hub");
     }
     void start(const std::vector<Channel> &) override {}
 
@@ -157,14 +157,14 @@ RouterConfig listening(const std::string &transport)
     return config;
 }
 
-/// A controller here, and programs that learn its address by a pipe of their own.
+/// A controller in this program, and other programs, each of which gets its address by a pipe.
 class Run {
 public:
     explicit Run(std::uint64_t rounds)
     {
         config_.simulation = "bench";
         config_.end = static_cast<Ns>(rounds - 1) * period;
-        config_.batch = 1; // each instant has its tick, also where several could share one
+        config_.batch = 1; // each instant has its tick
     }
 
     void program(const std::string &name, const std::function<std::unique_ptr<Node>()> &make)
@@ -219,7 +219,7 @@ public:
 
     void open_broker() { watched_ = true; }
 
-    /// A program that looks on and sees all; or one that has come and is then stopped.
+    /// An observer of all topics; or one that is stopped after it has come.
     void observer(bool stopped)
     {
         std::array<int, 2> ends{};
@@ -261,7 +261,7 @@ std::unique_ptr<Node> block(const std::string &name, const std::string &reads, L
     return std::make_unique<Block>(name, reads, latency, median);
 }
 
-/// One program, and its partner in that of the controller: 64 bytes there, 64 bytes back.
+/// A program, and its partner in the controller's program: 64 bytes there, 64 bytes back.
 double one_tick(const std::string &transport, std::uint64_t rounds)
 {
     SharedNumber median;
@@ -284,7 +284,7 @@ double pair(const std::string &transport, std::uint64_t rounds)
     return *median;
 }
 
-/// The same with a broker and k programs that look on, the last of which is stopped.
+/// The same with a broker and k observers, the last of which is stopped.
 double watched(const std::string &transport, std::uint64_t k, std::uint64_t rounds)
 {
     SharedNumber median;
@@ -299,7 +299,7 @@ double watched(const std::string &transport, std::uint64_t k, std::uint64_t roun
     return *median;
 }
 
-/// k programs that step at once, each with what its neighbour said before.
+/// k programs that step at once, each with its neighbour's last message.
 double ring(const std::string &transport, std::uint64_t k, std::uint64_t rounds)
 {
     SharedNumber median;
@@ -313,7 +313,7 @@ double ring(const std::string &transport, std::uint64_t k, std::uint64_t rounds)
     return *median;
 }
 
-/// k programs that step at once, and then a partner of all in the controller's.
+/// k programs that step at once, and then their partner in the controller's program.
 double hub(const std::string &transport, std::uint64_t k, std::uint64_t rounds)
 {
     SharedNumber median;

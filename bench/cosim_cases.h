@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What bench/cosim.py measures: nodes of a co-simulation in programs of their own, and the bare means
-// that they are held against.
+// What bench/cosim.py measures: nodes of a co-simulation in their own programs, and bare sockets and futexes for
+// comparison.
 #pragma once
 
 #include <chrono>
@@ -11,22 +11,22 @@
 
 namespace fledge::bench {
 
-/// Programs that end with this one, however it ends.
+/// Programs that end with this one, also after a kill.
 class Children {
 public:
     ~Children();
-    /// Run a function in a new program, before there is any thread here. What it throws goes to stderr.
+    /// Run a function in a new program, before this one has threads. Exceptions go to stderr.
     void start(const std::function<void()> &work);
-    /// Those that are stopped go on.
+    /// Stopped programs go on.
     void go_on();
-    /// Wait for all. Throws std::runtime_error if one failed.
+    /// Wait for all programs. Throws std::runtime_error if one failed.
     void join();
 
 private:
     std::vector<int> pids_;
 };
 
-/// The time of a round [ns]: the median over groups of some rounds, of which the first are left out.
+/// The time of a round [ns]: the median over groups of rounds, without the first groups.
 class Stopwatch {
 public:
     void lap();

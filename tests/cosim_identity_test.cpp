@@ -199,8 +199,8 @@ class Slow final : public cosim::Node {
 public:
     Slow(cosim::Node &node, unsigned draw) : node_(node), random_(draw) {}
     cosim::Initialized initialize(const cosim::Initialize &m) override { return delayed().initialize(m); }
-    std::vector<cosim::Want> desired() override { return delayed().desired(); }
-    std::vector<cosim::Offer> match(const std::vector<cosim::Channel> &asked) override
+    std::vector<cosim::Subscription> desired() override { return delayed().desired(); }
+    std::vector<cosim::Publication> match(const std::vector<cosim::Channel> &asked) override
     {
         return delayed().match(asked);
     }
@@ -355,8 +355,11 @@ public:
         start_ = m.start;
         return node.initialize(m);
     }
-    std::vector<cosim::Want> desired() override { return node.desired(); }
-    std::vector<cosim::Offer> match(const std::vector<cosim::Channel> &asked) override { return node.match(asked); }
+    std::vector<cosim::Subscription> desired() override { return node.desired(); }
+    std::vector<cosim::Publication> match(const std::vector<cosim::Channel> &asked) override
+    {
+        return node.match(asked);
+    }
     void start(const std::vector<cosim::Channel> &wired) override { node.start(wired); }
     cosim::Bytes save() override { return node.save(); }
     cosim::Tock tick(const cosim::Tick &m) override

@@ -271,6 +271,7 @@ def test_a_circle_is_found():
     ("sim/a.cpp", '#include "world/models.h"', "sim may not include"),
     ("sim/a_test.cpp", '#include "world/models.h"', "sim may not include"),
     ("world/dynamics/a.cpp", '#include "flight/control/mrp_feedback.h"', "world may not include"),
+    ("cosim/controller/a.cpp", '#include "cosim/transport/link.h"', "cosim/controller may not include"),
     ("emulator/cpu/a.cpp", '#include "sim/model.h"', "emulator may not include"),
     ("introspect/a.py", "import fledge.units", "introspect may not import"),
     ("introspect/a.py", "import numpy", "introspect may not import numpy"),

@@ -1,191 +1,329 @@
 // SPDX-License-Identifier: Apache-2.0
-// What happens, from outside: who comes, replies, goes; and the end.
-#include "cosim/controller/controller_parts.h"
+#include "cosim/controller/controller.h"
+
+#include "cosim/controller/text.h"
 
 #include <algorithm>
-#include <stdexcept>
 
 namespace fledge::cosim {
 
 namespace {
 
 constexpr int most_tries = 3;
+constexpr Ns fine = 10'000'000; // step of the horizon for nodes without instants of their own
 
 } // namespace
 
-Controller::Controller(ControllerConfig config) : config_(std::move(config)), horizon_(config_.horizon)
+Controller::Controller(ControllerConfig config)
+    : config_(std::move(config)), wiring_(config_.nodes.size() + config_.asynchronous.size()), wiring_before_(wiring_),
+      admission_(config_)
 {
-    if (config_.end < 0 || config_.end > longest_time || config_.batch < 1 || config_.ahead < 4 ||
-        config_.nodes.empty()) {
-        throw std::invalid_argument("a co-simulation has nodes, an end from 0 to 31 years, batches of at least 1 "
-                                    "instant, and readers that may lag by at least 4 messages");
-    }
-    bool some = false;
+    config_.check();
     for (const NodeConfig &node : config_.nodes) {
-        for (const Node &other : nodes_) {
-            if (other.config.name == node.name) {
-                throw std::invalid_argument("two nodes are called " + node.name);
-            }
-        }
-        if (node.joins == Join::at_time && (node.joins_after < 0 || node.joins_after >= config_.end)) {
-            throw std::invalid_argument(node.name + " joins after " + when(node.joins_after) +
-                                        "; expected a time from 0 to before the end at " + when(config_.end));
-        }
-        if (node.save_every < 0) {
-            throw std::invalid_argument(node.name + " saves every " + std::to_string(node.save_every) +
-                                        " ns; expected a time > 0, or 0 for where there is need");
-        }
         nodes_.emplace_back().config = node;
         nodes_.back().member = node.joins == Join::at_start;
-        some = some || nodes_.back().member;
-    }
-    if (!some) {
-        throw std::invalid_argument("no node is there at the start; at least one has to be");
     }
     for (const AsynchronousConfig &program : config_.asynchronous) {
-        for (const Node &other : nodes_) {
-            if (other.config.name == program.name) {
-                throw std::invalid_argument("an asynchronous program is called " + program.name + ", as another is");
-            }
-        }
-        Node &node = nodes_.emplace_back();
+        NodeState &node = nodes_.emplace_back();
         node.config.name = program.name;
+        node.program = program;
         node.stage = Stage::finished;
-        node.asynchronous = node.any_time = true;
+        node.schedule.any_time = true;
     }
-    set_last();
-}
-
-bool Controller::Node::connected() const
-{
-    return stage != Stage::absent && stage != Stage::finished && stage != Stage::lost;
-}
-
-void Controller::hello(std::uint64_t peer, const Hello &hello)
-{
-    const auto refuse = [&](const std::string &reason) { act(action::Refuse{peer, reason}); };
-    if (hello.oldest > protocol_version || hello.newest < protocol_version) {
-        return refuse("this controller speaks version " + std::to_string(protocol_version) +
-                      " of the format, the node versions " + std::to_string(hello.oldest) + " to " +
-                      std::to_string(hello.newest));
-    }
-    if (hello.simulation != config_.simulation) {
-        return refuse("this is the simulation " + config_.simulation + ", not " + hello.simulation);
-    }
-    std::vector<std::string> names;
-    for (const Node &node : nodes_) {
-        if (!node.asynchronous) {
-            names.push_back(node.config.name);
-        }
-    }
-    const auto found = std::find(names.begin(), names.end(), hello.node);
-    if (found == names.end()) {
-        return refuse(config_.simulation + " has no node " + hello.node + "; it has " + format_list(names));
-    }
-    const auto id = static_cast<NodeId>(found - names.begin());
-    Node &node = nodes_[id];
-    if (phase_ == Phase::finishing || phase_ == Phase::done) {
-        return refuse("the run is over" + (reason_.empty() ? "" : ": " + reason_));
-    }
-    if (node.connected()) {
-        return refuse("there is a node " + hello.node + " already");
-    }
-    if (node.been && !node.member && !node.config.rejoins) {
-        return refuse(hello.node + (node.stage == Stage::lost ? " was lost at " : " left at ") + when(node.reached) +
-                      ", and the run goes on without it");
-    }
-    node.returning = node.member && begun_;
-    node.joining = !node.member;
-    node.stage = Stage::entered;
-    node.number = 0;
-    act(action::Accept{peer, id});
-    if (node.scheduled()) {
-        node.reached = node.config.joins_after; // known by now, so it can prepare while the others run
-        initialize(id);
-    } else if (node.joining) {
-        look_for_joiners();
-        look_at_boundary();
-    } else if (phase_ != Phase::matching) {
-        initialize(id);
-    }
-}
-
-void Controller::initialize(NodeId id)
-{
-    const Node &node = nodes_[id];
-    const bool from_log = node.returning && node.kept;
-    send<Initialize, Initialized>(id, {config_.seed, config_.end, from_log ? node.saved : node.reached,
-                                       config_.frontend, config_.backend, from_log ? node.snapshot : Bytes{}});
-}
-
-void Controller::ask(NodeId id, Message request, std::size_t kind_of_reply)
-{
-    Node &node = nodes_[id];
-    node.awaited = true;
-    node.expected = kind_of_reply;
-    actions_.emplace_back(std::in_place_type<action::Send>, id, Frame{++node.number, std::move(request)});
+    admission_.choose(nodes_);
 }
 
 void Controller::received(NodeId id, Frame frame)
 {
-    Node &node = nodes_[id];
-    if (!node.connected() || phase_ == Phase::done) {
+    NodeState &node = nodes_[id];
+    if (!node.connected() || done()) {
         return;
     }
     if (const auto *failed = std::get_if<Failed>(&frame.message)) {
         return lost(id, "it failed: " + failed->reason);
     }
-    if ((phase_ == Phase::finishing || node.stage == Stage::dismissed) &&
-        !std::holds_alternative<Finished>(frame.message)) {
-        return; // the reply to what was asked before the end
+    if ((finishing() || node.stage == Stage::dismissed) && !std::holds_alternative<Finished>(frame.message)) {
+        return; // the reply to a request before the end
     }
-    const std::string found = std::string(kind_name(frame.message)) + " " + std::to_string(frame.number);
+    const auto found = [&] { return std::string(kind_name(frame.message)) + " " + std::to_string(frame.number); };
     if (!node.awaited) {
-        return lost(id, "it sent " + found + ", which nobody asked for");
+        return lost(id, "it sent " + found() + ", which the controller did not ask for");
     }
     if (frame.number != node.number || frame.message.index() != node.expected) {
-        return lost(id,
-                    "it sent " + found + "; expected " + kind_name(node.expected) + " " + std::to_string(node.number));
+        return lost(id, "it sent " + found() + "; expected " + kind_name(node.expected) + " " +
+                            std::to_string(node.number));
     }
     node.awaited = false;
     std::visit([&](auto &m) { reply(id, m); }, frame.message);
 }
 
-/// All that is no reply, or not one to what was asked.
+/// Any message that is no reply.
 template <class M> void Controller::reply(NodeId id, M &)
 {
     lost(id, "it sent what only a controller sends");
 }
 
+// ---- steps
+
+void Controller::reply(NodeId id, Tock &m)
+{
+    NodeState &node = nodes_[id];
+    if (node.returning) {
+        return repeat_tock(id, m);
+    }
+    if (const std::string fault = wiring_.fault_of(id, node, m); !fault.empty()) {
+        return lost(id, fault);
+    }
+    node.stage = Stage::idle;
+    node.tries = 0;
+    node.reached = m.reached;
+    wiring_.write(id, nodes_, m.records);
+    if (node.log.kept()) {
+        node.log.log_output(m.records);
+        drop_log_if_full(node);
+    }
+    if (config_.listened && !m.records.empty()) {
+        act(action::Wrote{id, std::move(m.records), grants().settled()});
+    }
+    if (m.leaving) {
+        return leave(id);
+    }
+    go_on(id);
+}
+
+void Controller::grant(NodeId id)
+{
+    NodeState &node = nodes_[id];
+    if (phase_ != Phase::running || !node.member || node.stage != Stage::idle || node.returning || paused() ||
+        node.complete(admission_.last()) || save_if_due(id)) {
+        return;
+    }
+    const Ns until = grants().grant(id);
+    if (until == node.reached) {
+        return;
+    }
+    Tick tick{until, wiring_.deliver(id, until)};
+    if (node.log.kept()) {
+        node.log.log_input(tick.records);
+    }
+    node.until = until;
+    node.stage = Stage::ticking;
+    ask<Tock>(id, std::move(tick));
+}
+
+void Controller::grant_all()
+{
+    for (NodeId id = 0; id < nodes_.size(); id++) {
+        grant(id);
+    }
+}
+
+/// A node has gone on, or is gone: it may step further, and so may those that wait for it.
+void Controller::go_on(NodeId id)
+{
+    grant(id);
+    for (const std::size_t w : wiring_.outputs(id)) {
+        grant(wiring_.wires()[w].to);
+    }
+    for (const std::size_t w : wiring_.inputs(id)) {
+        grant(wiring_.wires()[w].from);
+    }
+    look_at_boundary();
+    finish_if_complete();
+}
+
+void Controller::go_on_all()
+{
+    grant_all();
+    look_at_boundary();
+    finish_if_complete();
+}
+
+bool Controller::unblocking_nodes(std::vector<char> &marked) const
+{
+    marked.assign(nodes_.size(), false);
+    return phase_ == Phase::running && !admission_.calls() && grants().unblocking_nodes(marked);
+}
+
+void Controller::set_horizon(Ns horizon)
+{
+    admission_.set_horizon(horizon, nodes_);
+    if (phase_ == Phase::running) {
+        grant_all();
+    }
+}
+
+Ns Controller::next_due() const
+{
+    const Ns horizon = admission_.horizon();
+    if (horizon >= config_.end) {
+        return for_ever;
+    }
+    Ns next = config_.end;
+    for (const NodeState &node : nodes_) {
+        if (!node.over()) {
+            next = std::min(next, node.schedule.rates.empty() ? horizon + fine : node.schedule.next_after(horizon));
+        }
+    }
+    return next;
+}
+
+std::string Controller::inject(const std::string &program, const std::string &name, const Payload &payload)
+{
+    if (!begun_ || finishing() || done()) {
+        return begun_ ? "the run is over" : "the run has not begun";
+    }
+    const auto channel = wiring_.find(name);
+    if (!channel) {
+        return "no node reads " + name;
+    }
+    Topic &topic = wiring_.topic(*channel);
+    if (!topic.writer || !nodes_[*topic.writer].program || nodes_[*topic.writer].name() != program) {
+        return name + " does not come from " + program;
+    }
+    if (!is_payload(payload, topic.schema.size)) {
+        return "a message of " + name + " has " + std::to_string(payload.size()) +
+               " bytes; expected a CDR header and " + std::to_string(topic.schema.size);
+    }
+    if (phase_ == Phase::matching) {
+        injected_.push_back({program, name, payload}); // the wires may change
+        return "";
+    }
+    std::string fault;
+    const Ns written = wiring_.time_to_write(topic, nodes_, met_ + 1, config_.ahead, fault);
+    if (!fault.empty()) {
+        return fault;
+    }
+    topic.count++;
+    topic.last = written;
+    wiring_.write_ahead(*channel, written, payload, nodes_);
+    if (config_.listened) {
+        act(action::Wrote{*topic.writer, {{*channel, topic.count, written, payload}}});
+    }
+    return "";
+}
+
+// ---- snapshots, and programs that take the place of lost ones
+
+bool Controller::save_if_due(NodeId id)
+{
+    NodeState &node = nodes_[id];
+    const Ns every = node.config.save_every, since = node.reached - node.log.saved();
+    const bool due =
+        node.log.kept() && node.saves && since > 0 && ((every && since >= every) || node.log.bytes() > config_.log);
+    if (due) {
+        node.stage = Stage::saving;
+        ask<Saved>(id, Save{node.reached});
+    }
+    return due;
+}
+
+/// A node that makes no snapshots has a log without bound.
+void Controller::drop_log_if_full(NodeState &node)
+{
+    if (node.log.bytes() > config_.log && !node.saves) {
+        report(node.name() + " cannot be started again from now on: its messages since " + when(node.log.saved()) +
+               " exceed " + std::to_string(config_.log) + " bytes" +
+               (node.log.saved() < 0 ? ", and it makes no snapshots" : ""));
+        node.log.drop();
+    }
+}
+
+void Controller::reply(NodeId id, Saved &m)
+{
+    NodeState &node = nodes_[id];
+    node.stage = Stage::idle;
+    if (m.snapshot.empty()) {
+        node.saves = false;
+        report(node.name() + " makes no snapshot at " + when(node.reached));
+        drop_log_if_full(node);
+    } else {
+        node.log.take_snapshot(node.reached, std::move(m.snapshot));
+    }
+    go_on(id);
+}
+
+/// Send the next of the old ticks, or, after these, go on with new ones.
+void Controller::repeat_tick(NodeId id)
+{
+    NodeState &node = nodes_[id];
+    if (node.log.replayed() >= node.reached) {
+        node.returning = false;
+        changes_.push_back({Change::back, id, node.reached});
+        report(node.name() + " is back at " + when(node.reached));
+        return go_on_all(); // all nodes may have waited for it
+    }
+    Tick tick = node.log.next_tick(node.reached);
+    wiring_.resend(id, tick.records);
+    node.until = tick.until;
+    node.stage = Stage::ticking;
+    ask<Tock>(id, std::move(tick));
+}
+
+void Controller::repeat_tock(NodeId id, const Tock &m)
+{
+    NodeState &node = nodes_[id];
+    if (m.reached <= node.log.replayed() || m.reached > node.until) {
+        return lost(id, "it says that it reached " + when(m.reached) + "; it may go from " + when(node.log.replayed()) +
+                            " to " + when(node.until));
+    }
+    std::string difference;
+    for (const Record &record : m.records) {
+        if (const std::string fault = wiring_.repeat_count(id, record); !fault.empty()) {
+            return lost(id, fault);
+        }
+        const Topic &topic = wiring_.topics()[record.channel];
+        if (record.t > topic.since) { // the lost program was asked for it, too
+            difference = node.log.repeat_output(record, topic.name);
+        }
+        if (!difference.empty()) {
+            break;
+        }
+    }
+    if (difference.empty()) {
+        difference =
+            node.log.finish_tick(m.reached, [&](std::uint32_t channel) { return wiring_.topics()[channel].name; });
+    }
+    if (!difference.empty()) {
+        return finish(node.name() + ": started again from " + when(node.log.saved()) +
+                      ", it does not do the same again: " + difference);
+    }
+    node.stage = Stage::idle;
+    repeat_tick(id);
+}
+
+// ---- losses
+
 void Controller::lost(NodeId id, const std::string &why)
 {
-    Node &node = nodes_[id];
-    if (!node.connected() || phase_ == Phase::done) {
+    NodeState &node = nodes_[id];
+    if (!node.connected() || done()) {
         return;
     }
     node.awaited = false;
     act(action::ShutOut{id, why});
-    if (phase_ == Phase::finishing) {
+    if (finishing()) {
         node.stage = Stage::lost;
         return look_whether_done();
     }
     if (!node.member) {
         return lose_joiner(id, why);
     }
-    std::string text = node.config.name + ": " + why;
+    std::string text = node.name() + ": " + why;
     if (!begun_) {
         node.stage = Stage::lost;
         return finish(text);
     }
     text += " (it had reached " + when(node.reached) + ")";
     if (phase_ == Phase::matching) {
-        spoil_matching(); // first, for what follows is to stay
+        restart_matching(); // first: what follows changes the wiring
         node.matching = false;
     }
     const Policy policy = node.config.on_loss;
     node.returning = false;
+    const bool kept = node.log.kept();
     if (policy == Policy::hold || policy == Policy::drop) {
-        give_up(id);
+        give_up(id, Change::given_up);
     }
     node.stage = Stage::lost;
     if (policy == Policy::abort) {
@@ -195,14 +333,14 @@ void Controller::lost(NodeId id, const std::string &why)
         report(text + "; its messages keep their last values");
     } else if (policy == Policy::drop) {
         report(text + "; its messages are never written from now on");
-    } else if (!node.kept && (policy == Policy::restart || node.saves)) {
-        return finish(text + "; what it was told is no longer kept, so it cannot be started again");
-    } else if (node.kept && ++node.tries > most_tries) {
+    } else if (!kept && (policy == Policy::restart || node.saves)) {
+        return finish(text + "; its log is too large, so it cannot be started again");
+    } else if (kept && ++node.tries > most_tries) {
         return finish(text + "; it was started again " + std::to_string(most_tries) + " times and came no further");
     } else if (policy == Policy::pause) {
         report(text + "; the run waits for it");
     } else {
-        report(text + "; started again, it goes on from " + when(node.saved));
+        report(text + "; started again, it goes on from " + when(node.log.saved()));
     }
     if (all_over()) {
         return finish("all nodes were lost; the last was " + text);
@@ -210,24 +348,22 @@ void Controller::lost(NodeId id, const std::string &why)
     if (phase_ == Phase::matching) {
         return look_at_matching();
     }
-    grant_around(id);
-    look_at_boundary();
-    finish_if_complete();
+    go_on(id);
 }
 
 /// It goes before it has taken part; the others go on.
 void Controller::lose_joiner(NodeId id, const std::string &why)
 {
-    Node &node = nodes_[id];
-    if (node.stage == Stage::dismissed) {
-        node.stage = node.been ? Stage::lost : Stage::absent;
-        return; // it was to go
-    }
-    report(node.config.name + ": " + why + ", before it took part" + (node.scheduled() ? "; it is awaited again" : ""));
+    NodeState &node = nodes_[id];
+    const bool dismissed = node.stage == Stage::dismissed;
     node.stage = node.been ? Stage::lost : Stage::absent;
+    if (dismissed) {
+        return;
+    }
+    report(node.name() + ": " + why + ", before it took part" + (node.scheduled() ? "; it is awaited again" : ""));
     node.joining = false;
     if (std::exchange(node.matching, false)) {
-        spoil_matching();
+        restart_matching();
         return look_at_matching();
     }
     if (phase_ == Phase::running) {
@@ -238,80 +374,63 @@ void Controller::lose_joiner(NodeId id, const std::string &why)
     }
 }
 
-/// From here on it writes nothing more, and nobody waits for it.
-void Controller::give_up(NodeId id)
+/// From here on it writes nothing more, and no node waits for it.
+void Controller::give_up(NodeId id, Change::What what)
 {
-    Node &node = nodes_[id];
-    const Ns next = node.safe();
+    NodeState &node = nodes_[id];
+    const Ns next = node.first_write();
     node.member = false;
-    changes_.push_back({Change::given_up, id, std::max(node.reached, met_)}); // it was there when they met
-    for (std::uint32_t channel = 0; channel < topics_.size() && node.config.on_loss == Policy::drop; channel++) {
-        Topic &topic = topics_[channel];
+    changes_.push_back({what, id, std::max(node.reached, met_)}); // it was there when the nodes met
+    for (std::uint32_t channel = 0; channel < wiring_.topics().size() && node.config.on_loss == Policy::drop;
+         channel++) {
+        const Topic &topic = wiring_.topics()[channel];
         if (topic.writer != id || next > config_.end) {
             continue;
         }
-        Bytes nothing(topic.schema.size + 4);
-        nothing[1] = static_cast<std::byte>(native_order());
-        write_ahead(topic, next, nothing);
-        if (config_.tell) {
+        const Payload nothing = zero_payload(topic.schema.size);
+        wiring_.write_ahead(channel, next, nothing, nodes_);
+        if (config_.listened) {
             act(action::Wrote{id, {{channel, topic.count + 1, next, nothing}}});
         }
     }
-    for (const std::size_t w : node.in) {
-        Wire &wire = wires_[w];
-        if (!wire.pending.empty()) {
-            wire.last = std::move(wire.pending.back().payload);
-        }
-        wire.pending.clear();
-        wire.delivered = 0;
-    }
-    node.kept = false;
-    node.told.clear();
-    node.said.clear();
-    node.snapshot.clear();
-    node.logged = 0;
+    wiring_.empty_inputs(id);
+    node.log.drop();
 }
 
 void Controller::leave(NodeId id)
 {
-    Node &node = nodes_[id];
-    report(node.config.name + " leaves at " + when(node.reached) +
+    NodeState &node = nodes_[id];
+    report(node.name() + " leaves at " + when(node.reached) +
            (node.config.on_loss == Policy::drop ? "; its messages are never written from now on"
                                                 : "; its messages keep their last values"));
-    give_up(id);
-    changes_.back().what = Change::left;
+    give_up(id, Change::left);
     dismiss(id, "");
     if (all_over()) {
         return finish("all nodes have left");
     }
-    grant_around(id);
-    look_at_boundary();
-    finish_if_complete();
+    go_on(id);
 }
 
-/// It is asked to finish, while the run goes on.
+/// Ask it to finish, while the run goes on.
 void Controller::dismiss(NodeId id, const std::string &why)
 {
-    Node &node = nodes_[id];
+    NodeState &node = nodes_[id];
     node.joining = node.matching = false;
     node.stage = Stage::dismissed;
-    send<Finish, Finished>(id, {why});
+    ask<Finished>(id, Finish{why});
 }
 
-void Controller::stop(const std::string &why)
-{
-    finish(why);
-}
+// ---- the state
 
 std::vector<std::string> Controller::absent() const
 {
     std::vector<std::string> names;
-    const bool met = all_met();
-    for (const Node &node : nodes_) {
-        const bool awaited =
-            node.stage == Stage::absent && (begun_ ? met && node.scheduled() && due(node) : node.member);
+    const bool met = admission_.all_met(nodes_);
+    for (const NodeState &node : nodes_) {
+        const bool awaited = node.stage == Stage::absent &&
+                             (begun_ ? met && node.scheduled() && admission_.joins_next(node) : node.member);
         if (awaited || (node.stage == Stage::lost && node.member && node.config.on_loss == Policy::restart)) {
-            names.push_back(node.config.name);
+            names.push_back(node.name());
         }
     }
     return names;
@@ -319,7 +438,7 @@ std::vector<std::string> Controller::absent() const
 
 const char *Controller::state(NodeId id) const
 {
-    const Node &node = nodes_[id];
+    const NodeState &node = nodes_[id];
     if (node.returning) {
         return "joining";
     }
@@ -335,48 +454,38 @@ const char *Controller::state(NodeId id) const
     }
 }
 
+bool Controller::paused() const
+{
+    return !all([](const NodeState &n) {
+        return !n.member || n.config.on_loss != Policy::pause || !(n.returning || n.stage == Stage::lost);
+    });
+}
+
 bool Controller::waiting() const
 {
-    return begun_ && (paused() || phase_ == Phase::matching || all_met() || !absent().empty());
+    return begun_ && (paused() || phase_ == Phase::matching || admission_.all_met(nodes_) || !absent().empty());
 }
 
 // ---- the end
 
 void Controller::finish(const std::string &why)
 {
-    if (phase_ == Phase::finishing || phase_ == Phase::done) {
+    if (finishing() || done()) {
         return;
     }
     phase_ = Phase::finishing;
     reason_ = why;
     for (NodeId id = 0; id < nodes_.size(); id++) {
         if (nodes_[id].connected() && nodes_[id].stage != Stage::dismissed) {
-            send<Finish, Finished>(id, {why});
+            ask<Finished>(id, Finish{why});
         }
     }
     look_whether_done();
 }
 
-void Controller::look_whether_done()
-{
-    if (std::none_of(nodes_.begin(), nodes_.end(), [](const Node &n) { return n.connected(); })) {
-        phase_ = Phase::done;
-        act(action::Done{reason_});
-    }
-}
-
-void Controller::finish_if_complete()
-{
-    if (phase_ == Phase::running && std::all_of(nodes_.begin(), nodes_.end(), [&](const Node &n) {
-            return complete(n, config_.end) && !n.scheduled();
-        })) {
-        finish("");
-    }
-}
-
 void Controller::reply(NodeId id, Finished &)
 {
-    if (nodes_[id].stage == Stage::dismissed && phase_ != Phase::finishing) {
+    if (nodes_[id].stage == Stage::dismissed && !finishing()) {
         nodes_[id].stage = Stage::absent;
         act(action::ShutOut{id, ""});
         return;
@@ -385,23 +494,26 @@ void Controller::reply(NodeId id, Finished &)
     look_whether_done();
 }
 
-/// All that take part.
-bool Controller::all_at(Stage stage) const
+void Controller::look_whether_done()
 {
-    return std::all_of(nodes_.begin(), nodes_.end(), [&](const Node &n) { return n.over() || n.stage == stage; });
+    if (all([](const NodeState &n) { return !n.connected(); })) {
+        phase_ = Phase::done;
+        act(action::Done{reason_});
+    }
 }
 
-/// Nobody takes part, nor is to come.
+void Controller::finish_if_complete()
+{
+    if (phase_ == Phase::running &&
+        all([&](const NodeState &n) { return n.complete(config_.end) && !n.scheduled(); })) {
+        finish("");
+    }
+}
+
+/// No node takes part or is still to come.
 bool Controller::all_over() const
 {
-    return std::all_of(nodes_.begin(), nodes_.end(), [](const Node &n) { return n.over() && !n.scheduled(); });
-}
-
-bool Controller::paused() const
-{
-    return std::any_of(nodes_.begin(), nodes_.end(), [](const Node &n) {
-        return n.member && n.config.on_loss == Policy::pause && (n.returning || n.stage == Stage::lost);
-    });
+    return all([](const NodeState &n) { return n.over() && !n.scheduled(); });
 }
 
 } // namespace fledge::cosim

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Runs from the first greeting to the end, whatever the order of answers, and what cannot run. Comings and
-// goings are in controller_life_test.cpp.
+// Runs from the first greeting to the end, in every order of replies, and what the controller refuses. Nodes that
+// join and leave are in life_test.cpp.
 #include "cosim/controller/testing/network.h"
 
 #include <array>
@@ -8,7 +8,7 @@
 namespace fledge::cosim {
 namespace {
 
-TEST(Controller, WhatNodesSeeFollowsFromTheLatenciesInWhateverOrderTheyAnswer)
+TEST(Controller, WhatNodesSeeFollowsFromTheLatenciesInEveryOrderOfReplies)
 {
     for (unsigned network = 0; network < 400; network++) {
         Random random(network);
@@ -28,12 +28,12 @@ TEST(Controller, WhatNodesSeeFollowsFromTheLatenciesInWhateverOrderTheyAnswer)
 }
 
 /// A node that steps every 10 ns.
-Spec spec_of(const std::string &name, std::vector<Want> wants, std::vector<std::string> writes)
+Spec spec_of(const std::string &name, std::vector<Subscription> subscriptions, std::vector<std::string> writes)
 {
-    return {name, {{10, 0}}, false, std::move(wants), std::move(writes)};
+    return {name, {{10, 0}}, false, std::move(subscriptions), std::move(writes)};
 }
 
-TEST(Controller, WhatComesFromOutsideIsSeenAsIfItHadBeenWrittenAtATimeThatIsTold)
+TEST(Controller, AnAsynchronousMessageIsSeenAsIfANodeHadWrittenItAtTheReportedTime)
 {
     std::size_t seen = 0, written = 0;
     for (unsigned network = 0; network < 300; network++) {
@@ -41,7 +41,7 @@ TEST(Controller, WhatComesFromOutsideIsSeenAsIfItHadBeenWrittenAtATimeThatIsTold
         auto specs = random_network(random);
         for (Spec &spec : specs) {
             if (random() % 2) {
-                spec.wants.push_back(want("/ground/command", static_cast<Latency>(random() % 3)));
+                spec.subscriptions.push_back(subscription("/ground/command", static_cast<Latency>(random() % 3)));
             }
         }
         Bench bench(specs, 400, network, network % 3 ? 1 + network % 5 : 1000);
@@ -52,30 +52,30 @@ TEST(Controller, WhatComesFromOutsideIsSeenAsIfItHadBeenWrittenAtATimeThatIsTold
             for (auto n = bench.controller.running() && random() % 8 == 0 ? random() % 3 : 0; n; n--) {
                 bench.sleeping = false;
                 const std::string fault = bench.controller.inject("ground", "/ground/command", word(x + 1));
-                ASSERT_TRUE(fault.empty() || fault == "nobody reads /ground/command") << fault;
+                ASSERT_TRUE(fault.empty() || fault == "no node reads /ground/command") << fault;
                 x += fault.empty();
             }
         }
         ASSERT_EQ(bench.outcome, "") << network;
         std::vector<Write> writes{{-1, 0}};
-        for (const auto &[t, value] : bench.told["/ground/command"]) {
+        for (const auto &[t, value] : bench.written["/ground/command"]) {
             ASSERT_GT(t, writes.back().t);
             writes.push_back({t, value});
         }
-        EXPECT_EQ(writes.size() - 1, x - 100) << "all that was taken is told";
+        EXPECT_EQ(writes.size() - 1, x - 100) << "all accepted messages are reported";
         const History wanted = expected(specs, 400, lives_of(specs, {}), {{"/ground/command", writes}});
         for (const Spec &spec : specs) {
             ASSERT_EQ(bench.history()[spec.name],
                       wanted.contains(spec.name) ? wanted.at(spec.name) : History::mapped_type{})
                 << spec.name << " in network " << network;
             // No reader misses one, unless the end comes first.
-            for (const Want &want : spec.wants) {
-                if (want.topic != "/ground/command" || spec.any_time) {
+            for (const Subscription &subscription : spec.subscriptions) {
+                if (subscription.topic != "/ground/command" || spec.any_time) {
                     continue;
                 }
                 std::size_t last = 0;
                 for (const Ns t : spec.instants(400)) {
-                    const Ns latest = latest_seen(want.latency, t, spec.rates);
+                    const Ns latest = latest_seen(subscription.latency, t, spec.rates);
                     std::size_t now = last;
                     while (now + 1 < writes.size() && writes[now + 1].t <= latest) {
                         now++;
@@ -94,26 +94,23 @@ TEST(Controller, WhatComesFromOutsideIsSeenAsIfItHadBeenWrittenAtATimeThatIsTold
     EXPECT_GT(written, seen / 2);
 }
 
-TEST(Controller, WhatMayComeFromOutsideIsSaid)
+TEST(Controller, AnAsynchronousMessageIsRefusedWithTheReason)
 {
-    std::vector<Spec> specs{spec_of("a", {want("/ground/command", Latency::same_instant)}, {"/a/x"}),
-                            spec_of("b", {want("/a/x", Latency::next_instant)}, {})};
+    std::vector<Spec> specs{spec_of("a", {subscription("/ground/command", Latency::same_instant)}, {"/a/x"}),
+                            spec_of("b", {subscription("/a/x", Latency::next_instant)}, {})};
     Bench bench(specs, 100, 1);
-    bench.arrive_all();
-    while (!bench.controller.running()) {
-        ASSERT_TRUE(bench.reply_somewhere());
-    }
-    bench.act();
-    const auto inject = [&](const std::string &program, const std::string &topic, const Bytes &payload) {
+    bench.begin();
+    ASSERT_TRUE(bench.controller.running());
+    const auto inject = [&](const std::string &program, const std::string &topic, const Payload &payload) {
         return bench.controller.inject(program, topic, payload);
     };
     EXPECT_EQ(inject("ground", "/ground/command", word(5)), "");
     EXPECT_EQ(inject("ground", "/a/x", word(5)), "/a/x does not come from ground");
     EXPECT_EQ(inject("viewer", "/ground/command", word(5)), "/ground/command does not come from viewer");
-    EXPECT_EQ(inject("ground", "/ground/other", word(5)), "nobody reads /ground/other");
+    EXPECT_EQ(inject("ground", "/ground/other", word(5)), "no node reads /ground/other");
     EXPECT_EQ(inject("ground", "/ground/command", Bytes(7)),
               "a message of /ground/command has 7 bytes; expected a CDR header and 8");
-    Bytes head = word(5);
+    Bytes head = word(5).copy();
     head[0] = std::byte{9};
     EXPECT_NE(inject("ground", "/ground/command", head), "");
     std::string full;
@@ -123,7 +120,7 @@ TEST(Controller, WhatMayComeFromOutsideIsSaid)
     EXPECT_EQ(full, "a has not yet seen 4096 messages of /ground/command");
     EXPECT_EQ(bench.go_on(), "");
     EXPECT_EQ(inject("ground", "/ground/command", word(5)), "the run is over");
-    // Nobody may greet as it, and what it writes has to be defined by a reader.
+    // No node may greet by its name, and a reader has to define its messages.
     Bench other({spec_of("a", {{"/ground/command", Latency::same_instant, false, {}}}, {})}, 100, 1);
     other.controller.hello(1, {1, 1, "bench", "ground"});
     other.act();
@@ -132,7 +129,7 @@ TEST(Controller, WhatMayComeFromOutsideIsSaid)
                            "one of them has to");
 }
 
-TEST(Controller, WhatIsWatchedIsWrittenThoughNobodyReadsIt)
+TEST(Controller, AWatchedTopicIsWrittenWithoutAReader)
 {
     ControllerConfig config = Bench::configured({spec_of("a", {}, {"/a/x"})}, 50, 1000, 4096);
     config.watched = {"/a/x", "/a/none"};
@@ -141,22 +138,24 @@ TEST(Controller, WhatIsWatchedIsWrittenThoughNobodyReadsIt)
     EXPECT_EQ(bench.run(), "");
     EXPECT_EQ(bench.exchange.topics.at(1).name, "/a/x");
     EXPECT_EQ(bench.exchange.topics.at(0).writer, "");
-    EXPECT_FALSE(bench.told["/a/x"].empty());
+    EXPECT_FALSE(bench.written["/a/x"].empty());
 }
 
 /// A node that reads and writes one word.
-Spec spec(const std::string &name, Ns period, std::vector<Want> wants, std::vector<std::string> writes)
+Spec spec(const std::string &name, Ns period, std::vector<Subscription> subscriptions, std::vector<std::string> writes)
 {
-    return {name, {{period, 0}}, false, std::move(wants), std::move(writes)};
+    return {name, {{period, 0}}, false, std::move(subscriptions), std::move(writes)};
 }
+
+constexpr NodeId world = 0, flight = 1;
 
 std::vector<Spec> pair(Latency there = Latency::same_instant, Latency back = Latency::next_instant)
 {
-    return {spec("world", 100, {want("/flight/u", back)}, {"/world/x"}),
-            spec("flight", 500, {want("/world/x", there)}, {"/flight/u"})};
+    return {spec("world", 100, {subscription("/flight/u", back)}, {"/world/x"}),
+            spec("flight", 500, {subscription("/world/x", there)}, {"/flight/u"})};
 }
 
-TEST(Controller, WhatIsToldForRecordsIsAllThatWasWrittenInOrder)
+TEST(Controller, ListenersGetAllThatNodesWroteInOrder)
 {
     for (unsigned network = 0; network < 40; network++) {
         Random random(network);
@@ -168,7 +167,7 @@ TEST(Controller, WhatIsToldForRecordsIsAllThatWasWrittenInOrder)
         for (std::size_t i = 0; i < specs.size(); i++) {
             EXPECT_EQ(bench.exchange.members[i].name, specs[i].name);
             EXPECT_EQ(bench.exchange.members[i].rates, specs[i].rates);
-            EXPECT_EQ(bench.exchange.members[i].wants, specs[i].wants);
+            EXPECT_EQ(bench.exchange.members[i].subscriptions, specs[i].subscriptions);
         }
         for (const Exchange::Topic &topic : bench.exchange.topics) {
             const auto &spec =
@@ -182,17 +181,17 @@ TEST(Controller, WhatIsToldForRecordsIsAllThatWasWrittenInOrder)
                     written.emplace_back(t, Spec::output(state, k));
                 }
             }
-            EXPECT_EQ(bench.told[topic.name], written) << topic.name << " in network " << network;
+            EXPECT_EQ(bench.written[topic.name], written) << topic.name << " in network " << network;
         }
     }
 }
 
-TEST(Controller, FastNodesStepOftenInOneTickWhileTheSlowOneHasNothingToSay)
+TEST(Controller, FastNodesStepOftenInOneTickOfASlowOne)
 {
     // Ten milliseconds and a second meet once a second: two ticks each, not a hundred.
     const std::vector<Spec> specs = {
-        spec("control", 10, {want("/thermal/t", Latency::next_instant)}, {"/control/u"}),
-        spec("thermal", 1000, {want("/control/u", Latency::same_instant)}, {"/thermal/t"})};
+        spec("control", 10, {subscription("/thermal/t", Latency::next_instant)}, {"/control/u"}),
+        spec("thermal", 1000, {subscription("/control/u", Latency::same_instant)}, {"/thermal/t"})};
     Bench bench(specs, 10'000, 1);
     std::size_t instants = 0;
     ASSERT_EQ(bench.run(), "");
@@ -202,49 +201,50 @@ TEST(Controller, FastNodesStepOftenInOneTickWhileTheSlowOneHasNothingToSay)
     EXPECT_EQ(instants, 1001u + 11u);
     // Without early returns it would be one tick per second and node, and one for the instant 0.
     EXPECT_LT(bench.ticks, 200u);
-    // And the slow one was told only what it sees.
+    // And the slow node gets only what it sees.
     EXPECT_EQ(bench.nodes[1].counts.begin()->second, 11u);
 }
 
 TEST(Controller, NodesJoinedByExchangesStepSideBySide)
 {
     Bench bench(pair(Latency::next_exchange, Latency::next_exchange), 2000, 1);
-    bench.arrive(0);
-    bench.arrive(1);
-    while (!bench.controller.running() && bench.reply_somewhere()) {
-    }
-    bench.act();
-    ASSERT_TRUE(bench.requests[0] && bench.requests[1]);
-    EXPECT_EQ(std::get<Tick>(bench.requests[0]->message).until, 0);
-    EXPECT_EQ(std::get<Tick>(bench.requests[1]->message).until, 0);
-
-    Bench ordered(pair(), 2000, 1);
-    ordered.arrive(0);
-    ordered.arrive(1);
-    while (!ordered.controller.running() && ordered.reply_somewhere()) {
-    }
-    ordered.act();
-    EXPECT_TRUE(ordered.requests[0] && !ordered.requests[1]); // the world first
+    bench.begin();
+    EXPECT_EQ(bench.tick_of(world), 0);
+    EXPECT_EQ(bench.tick_of(flight), 0);
 }
 
-TEST(Controller, WhatCannotRunIsRefusedBeforeTheFirstTickWithAllReasons)
+TEST(Controller, AWriterOfTheSameInstantStepsFirst)
+{
+    Bench bench(pair(Latency::same_instant, Latency::next_instant), 2000, 1);
+    bench.begin();
+    EXPECT_EQ(bench.tick_of(world), 0);
+    EXPECT_EQ(bench.tick_of(flight), std::nullopt);
+    bench.tock(world, {0, 0, {}});
+    EXPECT_EQ(bench.tick_of(world), std::nullopt) << "flight may write at 0";
+    EXPECT_EQ(bench.tick_of(flight), 0);
+    bench.tock(flight, {0, 0, {}});
+    EXPECT_EQ(bench.tick_of(world), 500) << "flight's command of 0 holds until then";
+    EXPECT_EQ(bench.tick_of(flight), std::nullopt);
+}
+
+TEST(Controller, AllFaultsOfANetworkAreReportedBeforeTheFirstTick)
 {
     auto specs = pair(Latency::same_instant, Latency::same_instant);
     const auto outcome = [&] { return Bench(specs, 1000, 5).run(); };
     EXPECT_EQ(outcome(), "these wait for one another without end: flight for /world/x of world, world for /flight/u "
                          "of flight; one of these messages has to be read later, at the next instant or exchange");
     specs = pair();
-    specs[0].wants.push_back(want("/flight/v", Latency::next_instant));
-    specs[0].wants.push_back(want("/world/x", Latency::next_instant));
-    specs[0].wants.push_back(specs[0].wants[0]);
+    specs[0].subscriptions.push_back(subscription("/flight/v", Latency::next_instant));
+    specs[0].subscriptions.push_back(subscription("/world/x", Latency::next_instant));
+    specs[0].subscriptions.push_back(specs[0].subscriptions[0]);
     EXPECT_EQ(outcome(), "world wants /flight/v, which no other node writes\n"
                          "world wants /world/x, which no other node writes\n"
                          "world wants /flight/u twice");
-    specs[0].wants.resize(2);
-    specs[0].wants[1].optional = true;
+    specs[0].subscriptions.resize(2);
+    specs[0].subscriptions[1].optional = true;
     Bench without(specs, 1000, 5);
     EXPECT_EQ(without.run(), "");
-    ASSERT_EQ(without.reports.size(), 1u); // it flies, but nobody is left to believe that all is there
+    ASSERT_EQ(without.reports.size(), 1u); // it flies, and the user knows
     EXPECT_EQ(without.reports[0], "world wants /flight/v, which no other node writes; it can do without");
     specs = pair();
     specs.push_back(spec("other", 100, {}, {"/world/x"}));
@@ -253,10 +253,10 @@ TEST(Controller, WhatCannotRunIsRefusedBeforeTheFirstTickWithAllReasons)
                 why.starts_with("/world/x is written by other and by world; one of them has to leave it"))
         << why;
     specs = pair();
-    specs[1].wants[0].schema = make_schema("Word", "uint64 x  # x [m] a word\n");
+    specs[1].subscriptions[0].schema = make_schema("Word", "uint64 x  # x [m] a word\n");
     EXPECT_EQ(outcome(), "flight wants /world/x of world, but field x is uint64 [-] where it is offered and "
                          "uint64 [m] where it is wanted");
-    specs[1].wants[0].schema.hash++;
+    specs[1].subscriptions[0].schema.hash++;
     EXPECT_EQ(outcome(), "flight wants /world/x with a bad definition: its hash is not that of its text");
     specs = pair();
     specs[1].rates[0].period = 0;
@@ -265,7 +265,7 @@ TEST(Controller, WhatCannotRunIsRefusedBeforeTheFirstTickWithAllReasons)
     EXPECT_EQ(outcome(), "flight: it never steps");
 }
 
-TEST(Controller, WhoMayComeInIsSaid)
+TEST(Controller, AGreetingIsRefusedWithTheReason)
 {
     Bench bench(pair(), 1000, 1);
     bench.controller.hello(9, {2, 3, "bench", "world"});
@@ -309,7 +309,7 @@ template <class Change> std::string outcome_of(Change change)
     return bench.outcome.value_or("the run hangs");
 }
 
-TEST(Controller, NothingIsLostSilently)
+TEST(Controller, ATockThatBreaksTheRulesIsNamed)
 {
     const auto starts = [](const std::string &outcome, const std::string &start) {
         EXPECT_TRUE(outcome.starts_with("world: " + start)) << outcome;
@@ -326,7 +326,7 @@ TEST(Controller, NothingIsLostSilently)
                m.records.back().count++;
            }),
            "out of order: message ");
-    starts(outcome_of([](Frame &, Tock &m) { m.records[0].payload.pop_back(); }),
+    starts(outcome_of([](Frame &, Tock &m) { m.records[0].payload = Bytes(11); }),
            "incomplete: message 1 of /world/x has 11 bytes");
     starts(outcome_of([](Frame &, Tock &m) { m.records[0].channel = 0; }),
            "it wrote on channel 0, which is not its own");
@@ -343,32 +343,18 @@ TEST(Controller, NothingIsLostSilently)
 
 TEST(Controller, ALaterStepOutOfTheGridIsRefused)
 {
-    auto specs = pair();
-    Bench bench(specs, 1000, 3);
-    bench.arrive(0);
-    bench.arrive(1);
-    while (!bench.controller.running()) {
-        bench.reply_somewhere();
-    }
-    bench.act();
-    const Frame request = *std::exchange(bench.requests[0], std::nullopt);
-    ASSERT_EQ(std::get<Tick>(request.message).until, 0);
-    bench.controller.received(0, {request.number, Tock{0, 0, {}}});
-    bench.act();
-    ASSERT_TRUE(bench.requests[1]);
-    const Frame slow = *std::exchange(bench.requests[1], std::nullopt);
-    bench.controller.received(1, {slow.number, Tock{0, 0, {}}});
-    bench.act();
-    const Frame batch = *std::exchange(bench.requests[0], std::nullopt);
-    ASSERT_EQ(std::get<Tick>(batch.message).until, 500); // flight's command of 0 holds until then
-    const auto channel = bench.nodes[0].written.at("/world/x").first;
-    bench.controller.received(0, {batch.number, Tock{500, 0, {{channel, 1, 150, word(1)}}}});
-    bench.controller.received(0, {batch.number, Tock{500, 0, {}}});
+    Bench bench(pair(), 1000, 3);
+    bench.begin();
+    bench.tock(world, {0, 0, {}});
+    bench.tock(flight, {0, 0, {}});
+    ASSERT_EQ(bench.tick_of(world), 500);
+    const auto channel = bench.nodes[world].written.at("/world/x").first;
+    bench.tock(world, {500, 0, {{channel, 1, 150, word(1)}}});
     EXPECT_EQ(bench.go_on(), "world: out of step: message 1 of /world/x is of 0.00000015 s, when it does not step "
                              "(it had reached 0 s)");
 }
 
-/// Run until the node owes a reply to some tick later than `t`, which it will never give.
+/// Run until the node owes a reply to a tick later than `t`, and lose it then.
 bool lose(Bench &bench, NodeId id, Ns t)
 {
     for (;;) {
@@ -427,7 +413,7 @@ TEST(Controller, ARunThatWaitedForANodeGivesTheSame)
             losses++;
             while (bench.reply_somewhere()) {
             }
-            ASSERT_FALSE(bench.outcome); // all wait
+            ASSERT_FALSE(bench.outcome) << "all nodes wait for the lost one";
             // It comes back as it was at the end of its last tick, but remembers no message.
             FakeNode &node = bench.nodes[id];
             node.counts.clear();
@@ -465,7 +451,7 @@ TEST(Controller, ANodeThatComesBackOtherwiseIsRefused)
     EXPECT_EQ(bench.go_on(), "no flight");
 }
 
-TEST(Controller, EveryEndComesWhateverDiesWhen)
+TEST(Controller, TheRunEndsWheneverANodeDies)
 {
     // Some node dies after any number of replies, others while they finish: the run still ends.
     for (unsigned seed = 0; seed < 2000; seed++) {

@@ -2,7 +2,7 @@
 // The table of faults, as in README.md: who is lost in which phase under which policy, and what comes of
 // it; and what a node may do wrong.
 #include "cosim/controller/testing/network.h"
-#include "cosim/controller/words.h"
+#include "cosim/protocol/words.h"
 
 #include <functional>
 
@@ -13,9 +13,9 @@ namespace {
 std::vector<Spec> three(Policy policy)
 {
     std::vector<Spec> specs(3);
-    specs[0] = {"world", {{10, 0}}, false, {want("/flight/u", Latency::next_instant)}, {"/world/x"}};
-    specs[1] = {"flight", {{50, 0}}, false, {want("/world/x", Latency::same_instant)}, {"/flight/u"}};
-    specs[2] = {"late", {{20, 0}}, false, {want("/world/x", Latency::next_instant)}, {}};
+    specs[0] = {"world", {{10, 0}}, false, {subscription("/flight/u", Latency::next_instant)}, {"/world/x"}};
+    specs[1] = {"flight", {{50, 0}}, false, {subscription("/world/x", Latency::same_instant)}, {"/flight/u"}};
+    specs[2] = {"late", {{20, 0}}, false, {subscription("/world/x", Latency::next_instant)}, {}};
     specs[2].joins = Join::at_time;
     specs[2].joins_after = 300;
     for (Spec &spec : specs) {
@@ -69,7 +69,7 @@ std::string to_the_end(Bench &bench)
     return bench.outcome.value_or("the run hangs");
 }
 
-TEST(Faults, WhoeverIsKilledInWhateverPhase)
+TEST(Faults, ANodeIsKilledInEveryPhase)
 {
     const auto asked = [](NodeId id, const char *kind) {
         return [id, kind](const Bench &b) {
@@ -144,7 +144,7 @@ TEST(Faults, WhoeverIsKilledInWhateverPhase)
     }
 }
 
-TEST(Faults, AJoinerThatIsKilledIsNobodysLoss)
+TEST(Faults, AJoinerThatIsKilledDoesNotStopTheOthers)
 {
     for (const char *kind : {"Initialize", "ProvideDesired", "Match", "Start"}) {
         Bench bench(three(Policy::abort), 600, 5);
@@ -165,7 +165,7 @@ TEST(Faults, AJoinerThatDoesNotFitStaysOutsideAndTheRunGoesOn)
 {
     auto specs = three(Policy::abort);
     specs[2].joins = Join::when_it_comes;
-    specs[2].wants[0].schema = make_schema("Word", "uint64 x  # x [m] a word\n");
+    specs[2].subscriptions[0].schema = make_schema("Word", "uint64 x  # x [m] a word\n");
     Bench bench(specs, 600, 6);
     bench.arrive(0);
     bench.arrive(1);
@@ -247,7 +247,7 @@ TEST(Faults, AProgramThatDiesAgainAndAgainEndsTheRun)
     EXPECT_TRUE(to_the_end(bench).ends_with("; it was started again 3 times and came no further"));
 }
 
-TEST(Faults, WhatIsKeptForARestartHasAnEnd)
+TEST(Faults, ARestartLogIsBounded)
 {
     for (const bool saves : {true, false}) {
         auto specs = three(Policy::restart);
@@ -266,8 +266,7 @@ TEST(Faults, WhatIsKeptForARestartHasAnEnd)
         if (saves) {
             EXPECT_EQ(outcome, ""); // it was asked for a snapshot in time
         } else {
-            EXPECT_TRUE(outcome.ends_with("; what it was told is no longer kept, so it cannot be started again"))
-                << outcome;
+            EXPECT_TRUE(outcome.ends_with("; its log is too large, so it cannot be started again")) << outcome;
             EXPECT_NE(bench.reports[0].find(" cannot be started again from now on"), std::string::npos);
         }
     }

@@ -31,12 +31,12 @@ std::vector<Spec> random_lives(Random &random)
     }
     for (Spec &spec : specs) {
         if (random() % 3 == 0) {
-            spec.wants.push_back(want("/ground/command", static_cast<Latency>(random() % 3)));
+            spec.subscriptions.push_back(subscription("/ground/command", static_cast<Latency>(random() % 3)));
         }
-        for (Want &want : spec.wants) {
-            want.optional = std::any_of(specs.begin(), specs.end(), [&](const Spec &s) {
+        for (Subscription &subscription : spec.subscriptions) {
+            subscription.optional = std::any_of(specs.begin(), specs.end(), [&](const Spec &s) {
                 const bool may_go = s.leaves_at != for_ever || s.on_loss == Policy::hold || s.on_loss == Policy::drop;
-                return (s.joins != Join::at_start || may_go) && want.topic.starts_with("/" + s.name + "/");
+                return (s.joins != Join::at_start || may_go) && subscription.topic.starts_with("/" + s.name + "/");
             });
         }
     }
@@ -137,7 +137,7 @@ TEST(Life, WhatNodesSeeFollowsFromWhoWasThereWhen)
         ASSERT_FALSE(HasFailure());
         const auto lives = lives_of(specs, bench.controller.changes());
         std::vector<Write> commands{{-1, 0}};
-        for (const auto &[t, x] : bench.told["/ground/command"]) {
+        for (const auto &[t, x] : bench.written["/ground/command"]) {
             commands.push_back({t, x});
             commanded++;
         }

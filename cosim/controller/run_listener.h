@@ -1,28 +1,46 @@
 // SPDX-License-Identifier: Apache-2.0
-// Who sees all that nodes say to one another, without a part in it: records, and those who watch.
+// Listeners see all messages between nodes, and take no part in the run: records, and the broker.
 #pragma once
 
-#include "cosim/controller/controller.h"
+#include "cosim/protocol/protocol.h"
 
 #include <string>
 #include <vector>
 
 namespace fledge::cosim {
 
-/// Called by the Router, on its thread, between two ticks: what takes its time slows the run. What it
-/// throws ends the run.
-class Witness {
-public:
-    virtual ~Witness() = default;
+/// The nodes of a run, and their topics.
+struct Exchange {
+    struct Member {
+        std::string name;
+        bool present = true; ///< in the run
+        std::vector<Rate> rates;
+        bool any_time = false;
+        std::vector<Subscription> subscriptions; ///< also optional ones without a writer
+    };
+    struct Topic {
+        std::string name;
+        Schema schema;
+        std::string writer; ///< a node's name; "" if there is none
+        Payload initial;    ///<: what it holds at the beginning
+    };
+    Ns after = -1; ///< valid after this instant; -1: from the reset on
+    std::vector<Member> members;
+    std::vector<Topic> topics; ///< by channel number
+};
 
-    /// The nodes are matched and step from here on; again at each epoch.
+/// The Router calls it between two ticks: its time slows the run. An exception ends the run.
+class RunListener {
+public:
+    virtual ~RunListener() = default;
+
+    /// The nodes are matched and step from here on; again at each boundary where nodes join.
     virtual void began(const Exchange &exchange) = 0;
-    /// What a node wrote: good, in order, with the times of writing.
+    /// What a node wrote: checked, in order, with the times of writing.
     virtual void wrote(const std::string &node, const std::vector<Record> &records) = 0;
-    /// No node will write up to and including this instant any more; unless, after one was lost, another
-    /// comes.
+    /// No node will write up to this instant any more, except a node that joins after a loss.
     virtual void settled(Ns) {}
-    /// The run is over; "" if regularly.
+    /// The run is over; "" for the regular end.
     virtual void ended(const std::string &reason) = 0;
 };
 

@@ -8,8 +8,8 @@
 
 namespace fledge::cosim {
 
-BoardNode::BoardNode(const MissionHost &mission, registers::Backend &backend, std::chrono::nanoseconds patience)
-    : mission_(mission), backend_(backend), outside_(backend), patience_(patience)
+BoardNode::BoardNode(const MissionHost &mission, registers::Backend &backend, std::chrono::nanoseconds reply_timeout)
+    : mission_(mission), backend_(backend), outside_(backend), reply_timeout_(reply_timeout)
 {
     const MissionIo &io = *mission.io;
     for (std::uint32_t id = 0; id < io.n_messages; id++) {
@@ -45,12 +45,12 @@ Initialized BoardNode::initialize(const Initialize &request)
 {
     if (request.start >= 0) {
         throw registers::Error("flight on a board cannot begin at " + sim::format_time(request.start) +
-                               ": it would have to go on from a snapshot");
+                               ": it makes no snapshots to go on from");
     }
     for (std::uint32_t id = 0; id < messages_.size(); id++) {
         Message &message = messages_[id];
         std::fill(message.held.begin(), message.held.end(), std::byte{});
-        if (reached_ >= 0 && message.to_flight) { // the lanes still hold those of the run before
+        if (reached_ >= 0 && message.to_flight) { // the lanes hold messages of the last run
             mission_io_put(mission_.io, backend_.windows().data(), id, message.held.data(), &counts_);
         }
     }
@@ -64,33 +64,34 @@ Initialized BoardNode::initialize(const Initialize &request)
     return answer;
 }
 
-std::vector<Want> BoardNode::desired()
+std::vector<Subscription> BoardNode::desired()
 {
-    std::vector<Want> wants;
+    std::vector<Subscription> subscriptions;
     for (std::uint32_t id = 0; id < messages_.size(); id++) {
         const MissionTopic &topic = mission_.topics[id];
         if (messages_[id].to_flight && messages_[id].carried) {
-            wants.push_back({messages_[id].topic, topic.latency ? Latency::next_exchange : Latency::same_instant,
-                             topic.optional != 0, messages_[id].schema});
+            subscriptions.push_back({messages_[id].topic,
+                                     topic.latency ? Latency::next_exchange : Latency::same_instant,
+                                     topic.optional != 0, messages_[id].schema});
         }
     }
-    return wants;
+    return subscriptions;
 }
 
-std::vector<Offer> BoardNode::match(const std::vector<Channel> &asked)
+std::vector<Publication> BoardNode::match(const std::vector<Channel> &asked)
 {
-    std::vector<Offer> offers;
+    std::vector<Publication> publications;
     outbox_.clear();
     for (const Channel &channel : asked) {
         for (std::uint32_t id = 0; id < messages_.size(); id++) {
             const Message &message = messages_[id];
             if (!message.to_flight && message.carried && message.topic == channel.topic) {
-                offers.push_back({channel.channel, message.schema, make_payload(message.held)});
+                publications.push_back({channel.channel, message.schema, make_payload(message.held)});
                 outbox_.add(channel.channel, message.held);
             }
         }
     }
-    return offers;
+    return publications;
 }
 
 void BoardNode::start(const std::vector<Channel> &wired)
@@ -120,7 +121,7 @@ Tock BoardNode::tick(const Tick &tick)
             mission_io_put(mission_.io, backend_.windows().data(), load.id, load.block.data(), &counts_);
         }
         exchange(t);
-        outbox_.say(t, tock.records);
+        outbox_.collect(t, tock.records);
         reached_ = t;
     }
     return tock;
@@ -141,14 +142,14 @@ Ns BoardNode::next_after(Ns t) const
     return next;
 }
 
-/// Let flight run at t, and take what it put out.
+/// Let flight step at t, and take its outputs.
 void BoardNode::exchange(Ns t)
 {
-    switch (outside_.tick({t, t < 0 || reached_ < 0 ? 0 : t - reached_}, patience_)) {
+    switch (outside_.tick({t, t < 0 || reached_ < 0 ? 0 : t - reached_}, reply_timeout_)) {
     case registers::Wait::done: break;
     case registers::Wait::late:
         throw registers::Error("flight on the board did not answer the tick at " + sim::format_time(t) + " within " +
-                               sim::format_time(patience_.count()));
+                               sim::format_time(reply_timeout_.count()));
     case registers::Wait::gone:
         throw registers::Error("flight on the board ended in the tick at " + sim::format_time(t));
     }

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// An exported mission's flight as a node, for a target that knows nothing but the registers of its
-// boards: what others write is put into the lanes, the clock ticks at flight's instants, and what
-// flight wrote is taken out and told. To the others it is what flight would be as a process of a
-// simulation: the same topics, latencies and rates. Messages age in flight, where their wires say so.
+// An exported mission's flight as a node, for a target that knows only the registers of its boards. The node puts
+// messages of other nodes into the lanes, ticks the clock at flight's instants, and publishes what flight wrote. Other
+// nodes see flight as a process of a simulation: the same topics, latencies and rates. Messages age in flight.
 #pragma once
 
 #include "cosim/node/delegate.h"
@@ -17,24 +16,24 @@ namespace fledge::cosim {
 
 class BoardNode final : public Node {
 public:
-    /// The tables of the mission, as both sides of its boards have them; flight's functions are not
-    /// called. Both live as long as the node. `patience`: for flight to answer a tick.
-    BoardNode(const MissionHost &mission, registers::Backend &backend, std::chrono::nanoseconds patience);
+    /// The tables of the mission, as both sides of its boards have them; the node does not call flight's functions.
+    /// Both live as long as the node. `patience`: for flight to answer a tick.
+    BoardNode(const MissionHost &mission, registers::Backend &backend, std::chrono::nanoseconds reply_timeout);
 
-    /// Parameters from the ground: put into their lane before flight's first instant after `after`. `id`:
-    /// the number of messages and the block's place. Call it in the order of time, before the run. Throws
-    /// registers::Error if no lane carries that block, or it is of another size.
+    /// Parameters from the ground: the node puts them into their lane before flight's first instant after `after`.
+    /// `id`: the number of messages plus the block's place. Call it in the order of time, before the run. Throws
+    /// registers::Error if no lane carries that block, or its size is wrong.
     void load(Ns after, std::uint32_t id, Bytes block);
 
-    /// Flight begins anew, and shows what it puts out. Throws registers::Error if it does not answer.
+    /// Resets flight, and reads its initial outputs. Throws registers::Error if it does not answer.
     Initialized initialize(const Initialize &request) override;
-    std::vector<Want> desired() override;
-    std::vector<Offer> match(const std::vector<Channel> &asked) override;
+    std::vector<Subscription> desired() override;
+    std::vector<Publication> match(const std::vector<Channel> &asked) override;
     void start(const std::vector<Channel> &wired) override;
     Tock tick(const Tick &tick) override;
     void finish(const std::string &reason) override;
 
-    /// What went wrong at this end of the lanes.
+    /// Errors at this end of the lanes.
     const MissionIoCounts &counts() const { return counts_; }
 
 private:
@@ -42,7 +41,7 @@ private:
         std::string topic;
         Schema schema;
         std::vector<SchemaField> fields;
-        Bytes held; ///< as last put, or taken
+        Bytes held; ///< the last value put or taken
         bool to_flight = false, carried = false;
     };
 
@@ -52,7 +51,7 @@ private:
     const MissionHost &mission_;
     registers::Backend &backend_;
     registers::Outside outside_;
-    std::chrono::nanoseconds patience_;
+    std::chrono::nanoseconds reply_timeout_;
     std::vector<Message> messages_;                 ///< by id
     std::map<std::uint32_t, std::uint32_t> inputs_; ///< channel -> id
     Inbox inbox_;

@@ -105,12 +105,12 @@ MissionHost host()
     return h;
 }
 
-Bytes payload(const Number &n)
+Payload payload(const Number &n)
 {
     return make_payload(std::as_bytes(std::span(&n, 1)));
 }
 
-Number number(const Bytes &p)
+Number number(const Payload &p)
 {
     Number n;
     read_payload(p, parse_schema(TEXT), std::as_writable_bytes(std::span(&n, 1)));
@@ -150,15 +150,16 @@ TEST_F(BoardNodeTest, SaysWhatFlightWouldSay)
     EXPECT_EQ(answer.rates, (std::vector<Rate>{{30, 10}, {50, 0}}));
     EXPECT_FALSE(answer.any_time || answer.saves);
     const Schema schema = make_schema("Number", TEXT);
-    EXPECT_EQ(node_.desired(), (std::vector<Want>{{"/world/m/a", Latency::same_instant, false, schema},
-                                                  {"/world/m/b", Latency::next_exchange, true, schema}}));
+    EXPECT_EQ(node_.desired(), (std::vector<Subscription>{{"/world/m/a", Latency::same_instant, false, schema},
+                                                          {"/world/m/b", Latency::next_exchange, true, schema}}));
     // What the board does not carry is not offered, nor what flight only reads.
-    const auto offers = node_.match({{7, "/flight/n/out", {}}, {8, "/flight/n/inner", {}}, {9, "/world/m/a", {}}});
-    ASSERT_EQ(offers.size(), 1u);
-    EXPECT_EQ(offers[0].channel, 7u);
-    EXPECT_EQ(offers[0].schema, schema);
-    EXPECT_EQ(number(offers[0].initial).x, 42); // as after its reset
-    EXPECT_TRUE(seen.empty());                  // and nothing ran
+    const auto publications =
+        node_.match({{7, "/flight/n/out", {}}, {8, "/flight/n/inner", {}}, {9, "/world/m/a", {}}});
+    ASSERT_EQ(publications.size(), 1u);
+    EXPECT_EQ(publications[0].channel, 7u);
+    EXPECT_EQ(publications[0].schema, schema);
+    EXPECT_EQ(number(publications[0].initial).x, 42); // as after its reset
+    EXPECT_TRUE(seen.empty());                        // and nothing ran
 }
 
 TEST_F(BoardNodeTest, FlightSeesWhatIsThereAtEachOfItsInstantsHoweverTheyComeInTicks)
@@ -167,7 +168,7 @@ TEST_F(BoardNodeTest, FlightSeesWhatIsThereAtEachOfItsInstantsHoweverTheyComeInT
     for (int round = 0; round < 100; round++) {
         start();
         std::vector<Record> all[2];
-        std::vector<Record> told;
+        std::vector<Record> records;
         Ns until = -1;
         std::uint32_t counts[2] = {0, 0};
         while (until < 1000) {
@@ -189,7 +190,7 @@ TEST_F(BoardNodeTest, FlightSeesWhatIsThereAtEachOfItsInstantsHoweverTheyComeInT
             granted.until = until;
             const Tock tock = node_.tick(granted);
             EXPECT_EQ(tock.reached, until);
-            told.insert(told.end(), tock.records.begin(), tock.records.end());
+            records.insert(records.end(), tock.records.begin(), tock.records.end());
         }
         std::vector<Ns> instants;
         for (Ns t = 0; t <= until; t++) {
@@ -198,7 +199,7 @@ TEST_F(BoardNodeTest, FlightSeesWhatIsThereAtEachOfItsInstantsHoweverTheyComeInT
             }
         }
         ASSERT_EQ(seen.size(), instants.size());
-        std::uint32_t n_told = 0;
+        std::uint32_t n_seen = 0;
         for (std::size_t i = 0; i < instants.size(); i++) {
             EXPECT_EQ(seen[i].first, instants[i]);
             for (int k = 0; k < 2; k++) {
@@ -209,16 +210,16 @@ TEST_F(BoardNodeTest, FlightSeesWhatIsThereAtEachOfItsInstantsHoweverTheyComeInT
                 EXPECT_EQ(std::memcmp(k ? &seen[i].second.b : &seen[i].second.a, &last, sizeof last), 0);
             }
             if (i % 2 == 0) { // it said something else
-                ASSERT_LT(n_told, told.size());
-                const Record &r = told[n_told++];
+                ASSERT_LT(n_seen, records.size());
+                const Record &r = records[n_seen++];
                 EXPECT_EQ(r.channel, 7u);
-                EXPECT_EQ(r.count, n_told);
+                EXPECT_EQ(r.count, n_seen);
                 EXPECT_EQ(r.t, instants[i]);
                 EXPECT_EQ(number(r.payload).x, seen[i].second.a.x);
                 EXPECT_EQ(number(r.payload).y, seen[i].second.b.x);
             }
         }
-        EXPECT_EQ(n_told, told.size());
+        EXPECT_EQ(n_seen, records.size());
     }
     EXPECT_EQ(node_.counts().corrupt + node_.counts().refused + node_.counts().saturated, 0u);
 }

@@ -59,10 +59,10 @@ Delegate::Delegate(zmq::context_t &context, DelegateConfig config) : context_(co
     }
 }
 
-/// Returns the way to the node's own socket.
+/// Returns the address of the node's own socket.
 Welcome Delegate::greet()
 {
-    Frame frame = cosim::greet(context_, config_.address, keys_, hello_, config_.patience, config_.limits);
+    Frame frame = cosim::greet(context_, config_.address, keys_, hello_, config_.connect_timeout, config_.limits);
     auto *welcome = std::get_if<Welcome>(&frame.message);
     if (!welcome) {
         throw ProtocolError(std::string("the controller answers a Hello with ") + kind_name(frame.message));
@@ -90,7 +90,7 @@ std::unique_ptr<SharedChannel> Delegate::shared_with(const Welcome &welcome) con
     }
 }
 
-/// A tock that says what was expected: perhaps the controller waits for others rather than for this one.
+/// A tock without news: the controller need not wake for it if it waits for other nodes.
 static bool is_whole(const Message &request, const Message &reply)
 {
     const auto *tick = std::get_if<Tick>(&request);
@@ -112,10 +112,10 @@ std::string Delegate::serve(Node &node)
     if (shared) {
         link.share(std::move(shared));
     }
-    for (auto patience = config_.patience;; patience = {}) {
+    for (auto connect_timeout = config_.connect_timeout;; connect_timeout = {}) {
         Frame request;
         try {
-            request = link.wait(patience);
+            request = link.wait(connect_timeout);
         } catch (const ProtocolError &error) {
             link.send({0, Failed{error.what()}});
             throw;

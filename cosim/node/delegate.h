@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The node's side: a program implements Node, and a Delegate speaks for it.
+// The node's side: a program implements Node, and a Delegate exchanges frames with the controller for it.
 #pragma once
 
 #include "cosim/security/keys.h"
@@ -11,53 +11,52 @@
 
 namespace fledge::cosim {
 
-/// What a program is to others. An exception ends its part in the run, and its text reaches the user.
+/// A program as a node. An exception ends its part in the run, and the controller reports its text.
 class Node {
 public:
     virtual ~Node() = default;
 
-    /// A run is about to begin: say when you step. If request.start is not -1, this program joins a run
-    /// or takes the place of one that was lost, and begins after that instant; request.snapshot is then
-    /// what the lost one had saved, if anything.
+    /// A run begins: return when the node steps. If request.start is not -1, this program joins a run, or takes
+    /// the place of a lost program, and begins after that instant. request.snapshot is the last snapshot of the
+    /// lost program, if there is one.
     virtual Initialized initialize(const Initialize &request) = 0;
-    /// What you want to read.
-    virtual std::vector<Want> desired() = 0;
-    /// Which of these topics you write, and what they hold now. It comes again, with start(), where other
-    /// programs join the run: between ticks, and all counts of messages begin at 1 again.
-    virtual std::vector<Offer> match(const std::vector<Channel> &asked) = 0;
-    /// What you will read, of what you wanted.
+    /// What the node reads.
+    virtual std::vector<Subscription> desired() = 0;
+    /// Which of these topics the node writes, and their values now. The controller calls match() and start() again,
+    /// between ticks, where other programs join the run. All counts of messages then begin at 1.
+    virtual std::vector<Publication> match(const std::vector<Channel> &asked) = 0;
+    /// Which subscriptions have a writer.
     virtual void start(const std::vector<Channel> &wired) = 0;
-    /// Step through all instants up to tick.until, with each record from its time on. In the answer
-    /// compute_ns may be left at 0: the delegate measures it.
+    /// Step through all instants up to tick.until. An instant sees each record from the record's time on. The
+    /// delegate sets compute_ns if it is 0.
     virtual Tock tick(const Tick &tick) = 0;
-    /// All that another program of this name needs to go on from here: for nodes that say `saves`.
+    /// All that another program of this name needs to go on from here: for nodes that set `saves`.
     virtual Bytes save() { return {}; }
     /// The run is over; "" if regularly.
     virtual void finish(const std::string &reason) { (void)reason; }
 };
 
-/// The node's reply to a request of the controller. Throws what the node throws, and ProtocolError if
-/// this is no request.
+/// The node's reply to a request. Throws what the node throws, and ProtocolError if the message is no request.
 Message answer(Node &node, const Message &request);
 
-/// What is not given is as the environment says: FLEDGE_SIMULATION, FLEDGE_NODE, FLEDGE_ADDRESS, FLEDGE_KEYS.
+/// Empty strings are taken from FLEDGE_SIMULATION, FLEDGE_NODE, FLEDGE_ADDRESS and FLEDGE_KEYS.
 struct DelegateConfig {
     std::string simulation = {}, node = {};
-    std::string address = {};                   ///< of the controller
-    std::chrono::milliseconds patience{60'000}; ///< for the controller to be there
+    std::string address = {};                          ///< of the controller
+    std::chrono::milliseconds connect_timeout{60'000}; ///< for the controller to be there
     Limits limits = {};
-    std::string keys = {};              ///< a folder or file (keys.h); if FLEDGE_KEYS does not say so either, none
+    std::string keys = {};              ///< a folder or file (keys.h)
     Sharing sharing = Sharing::allowed; ///< of memory, with a controller on this machine
 };
 
 class Delegate {
 public:
-    /// Throws LinkError if neither the configuration nor the environment says where to go, and KeyError.
+    /// Throws KeyError, and LinkError if neither the configuration nor the environment has an address.
     Delegate(zmq::context_t &context, DelegateConfig config);
 
-    /// Take part in a run, from the greeting to the end. Returns the reason of the end, "" if it is the
-    /// regular one. Throws LinkError if the controller refuses the node, is not there, or goes; and what
-    /// the node throws, after telling it.
+    /// Take part in a run, from the greeting to the end. Returns the reason of the end, "" for the regular end.
+    /// Throws LinkError if the controller refuses the node, does not answer, or is lost. Rethrows what the node
+    /// throws, after reporting it to the controller.
     std::string serve(Node &node);
 
 private:

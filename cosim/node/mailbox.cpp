@@ -31,25 +31,23 @@ void Inbox::take(const std::vector<Record> &records)
 
 void Outbox::add(std::uint32_t channel, std::span<const std::byte> message)
 {
-    outputs_.push_back({channel, message, Bytes(message.begin(), message.end()), 0});
+    outputs_.push_back({channel, message, make_payload(message), 0});
 }
 
 void Outbox::resend(std::span<const std::byte> message)
 {
     for (Output &output : outputs_) {
-        if (output.message.data() == message.data()) {
-            output.sent.clear();
-        }
+        output.resend |= output.message.data() == message.data();
     }
 }
 
-void Outbox::say(Ns t, std::vector<Record> &records)
+void Outbox::collect(Ns t, std::vector<Record> &records)
 {
     for (Output &output : outputs_) {
-        if (output.sent.size() != output.message.size() ||
-            std::memcmp(output.message.data(), output.sent.data(), output.sent.size())) {
-            output.sent.assign(output.message.begin(), output.message.end());
-            records.push_back({output.channel, ++output.count, t, make_payload(output.message)});
+        if (std::exchange(output.resend, false) || output.sent.size() != cdr_header + output.message.size() ||
+            std::memcmp(output.message.data(), output.sent.data() + cdr_header, output.message.size())) {
+            output.sent = make_payload(output.message);
+            records.push_back({output.channel, ++output.count, t, output.sent});
         }
     }
 }

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What every node in C++ does with its messages: those that come wait for the instant that sees them,
-// those that go are the ones that have changed.
+// The messages of a node in C++: inputs wait for the instant that sees them, outputs are sent when they change.
 #pragma once
 
 #include "cosim/protocol/protocol.h"
@@ -12,14 +11,14 @@
 
 namespace fledge::cosim {
 
-/// What has come and no instant has seen, in the order of the times from which it is seen.
+/// Messages that no instant has seen yet, in the order of their times.
 class Inbox {
 public:
-    /// For what follows a matching: these channels, from their first message on. Nothing waits.
+    /// After a matching: empty, with these channels; counts begin at 1.
     void open(const std::vector<Channel> &wired);
     /// Throws ProtocolError if a record is not the next one of its channel.
     void take(const std::vector<Record> &records);
-    /// Hand what is seen at t to a function of a Record.
+    /// Call `see` with each record that the instant t sees first.
     template <class See> void see(Ns t, See see)
     {
         for (; !coming_.empty() && coming_.front().t <= t; coming_.pop_front()) {
@@ -28,27 +27,28 @@ public:
     }
 
 private:
-    std::map<std::uint32_t, std::uint32_t> counts_; ///< of what came, by channel
+    std::map<std::uint32_t, std::uint32_t> counts_; ///< of received messages, by channel
     std::deque<Record> coming_;
 };
 
-/// Structs in memory that others read.
+/// Structs in memory that other nodes read.
 class Outbox {
 public:
     void clear() { outputs_.clear(); }
-    /// The others have what stands there now; it stays where it is.
+    /// Publish the struct at this address. The other nodes know its present value.
     void add(std::uint32_t channel, std::span<const std::byte> message);
-    /// Send the message at this place with the next say(), even if it has not changed.
+    /// Send the message at this address with the next collect(), even if it has not changed.
     void resend(std::span<const std::byte> message);
-    /// What has changed since: the others still have the rest.
-    void say(Ns t, std::vector<Record> &records);
+    /// Add a record for each struct that has changed.
+    void collect(Ns t, std::vector<Record> &records);
 
 private:
     struct Output {
         std::uint32_t channel;
         std::span<const std::byte> message;
-        Bytes sent;
+        Payload sent;
         std::uint32_t count;
+        bool resend = false;
     };
     std::vector<Output> outputs_;
 };

@@ -8,7 +8,7 @@ namespace {
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
-constexpr auto gone_after = 2s; ///< one that was stopped for long is let in again
+constexpr auto gone_after = 2s; ///< libzmq has so much time to connect again
 
 ObserverConfig completed(ObserverConfig config)
 {
@@ -48,7 +48,7 @@ void Observer::attach()
     hello.simulation = config_.simulation;
     hello.node = config_.name;
     hello.role = Role::asynchronous;
-    Frame frame = greet(context_, config_.address, keys_, hello, config_.patience, config_.limits);
+    Frame frame = greet(context_, config_.address, keys_, hello, config_.connect_timeout, config_.limits);
     auto *attached = std::get_if<Attached>(&frame.message);
     if (!attached) {
         throw ProtocolError(std::string("the controller answers an asynchronous program with ") +
@@ -120,7 +120,7 @@ std::optional<Observed> Observer::next(std::chrono::milliseconds most)
     return observed;
 }
 
-/// False if nothing has come. What has been seen already, or tells the end, leaves `observed` empty.
+/// False if nothing has come. A repeated message, or the end, leaves `observed` empty.
 bool Observer::receive(std::optional<Observed> &observed)
 {
     zmq::message_t topic, bytes;
@@ -137,7 +137,7 @@ bool Observer::receive(std::optional<Observed> &observed)
     Frame frame = decode({bytes.data<std::byte>(), bytes.size()}, config_.limits);
     if (auto *finish = std::get_if<Finish>(&frame.message)) {
         over_ = true;
-        seen_.set(zmq::sockopt::unsubscribe, "finish"); // which says that it has come
+        seen_.set(zmq::sockopt::unsubscribe, "finish"); // which confirms it
         reason_ = std::move(finish->reason);
         return true;
     }
@@ -146,24 +146,24 @@ bool Observer::receive(std::optional<Observed> &observed)
         throw ProtocolError(std::string("the broker sends ") + kind_name(frame.message));
     }
     Record &record = published->record;
-    const auto [at, first] = places_.try_emplace(topic.to_string());
-    Place &place = at->second;
-    if (!first && place.count == record.count && place.t == record.t) {
-        return true; // it came again for another, who subscribed
+    const auto [at, first] = positions_.try_emplace(topic.to_string());
+    Position &position = at->second;
+    if (!first && position.count == record.count && position.t == record.t) {
+        return true; // it came again for a new subscriber
     }
-    // A count that is no greater is of a new beginning.
-    const bool goes_on = !first && record.count > place.count;
-    const std::uint32_t missed = goes_on                  ? record.count - place.count - 1
+    // A count that is not greater: counts began at 1 again.
+    const bool goes_on = !first && record.count > position.count;
+    const std::uint32_t missed = goes_on                  ? record.count - position.count - 1
                                  : !first && record.count ? record.count - 1
                                                           : 0;
     missed_ += missed;
-    place = {record.count, record.t};
+    position = {record.count, record.t};
     observed =
         Observed{at->first, std::move(published->node), record.t, record.count, missed, std::move(record.payload)};
     return true;
 }
 
-/// What is sent before the broker has said that it listens would be lost.
+/// Wait until the broker listens: libzmq drops messages before.
 void Observer::prepare_writing()
 {
     Handshake handshake(context_, written_, keys_.has_value());
@@ -171,7 +171,8 @@ void Observer::prepare_writing()
     connect(written_, frontend_);
     zmq::pollitem_t items[] = {{written_.handle(), 0, ZMQ_POLLIN, 0}, handshake.events()};
     zmq::message_t subscription;
-    for (const auto end = Clock::now() + config_.patience; !written_.recv(subscription, zmq::recv_flags::dontwait);) {
+    for (const auto end = Clock::now() + config_.connect_timeout;
+         !written_.recv(subscription, zmq::recv_flags::dontwait);) {
         if (!handshake.failure().empty()) {
             throw LinkError("the broker at " + frontend_ + " does not let " + config_.name +
                             " in: " + handshake.failure());
@@ -185,12 +186,12 @@ void Observer::prepare_writing()
     writing_ = true;
 }
 
-void Observer::write(const std::string &topic, const Bytes &payload)
+void Observer::write(const std::string &topic, const Payload &payload)
 {
     const std::lock_guard lock(mutex_);
     const auto output = outputs_.find(topic);
     if (output == outputs_.end()) {
-        throw LinkError("nobody reads " + topic);
+        throw LinkError("no node reads " + topic);
     }
     auto &[size, count] = output->second;
     if (payload.size() != size + 4) {
@@ -206,7 +207,7 @@ void Observer::write(const std::string &topic, const Bytes &payload)
     std::get<Published>(published.message).record.payload = payload;
     const Bytes frame = encode(published);
     zmq::pollitem_t item{written_.handle(), 0, ZMQ_POLLOUT, 0};
-    for (const auto end = Clock::now() + config_.patience;
+    for (const auto end = Clock::now() + config_.connect_timeout;
          !written_.send(zmq::buffer(topic), zmq::send_flags::sndmore | zmq::send_flags::dontwait);) {
         const auto rest = until(end);
         if (!rest.count()) {

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// A program that steps with nobody: a viewer, a ground system. It comes and goes as it likes, sees what nodes
-// write, and may write what nodes read and the controller's configuration says comes from it. The run
-// never waits for it, so what it does not take in time it misses, and is told how much.
+// A program that does not step: a viewer, a ground system. It comes and goes at any time, sees what nodes write, and
+// may write the topics that the controller's configuration assigns to it. The run never waits for it: it misses the
+// messages that it does not take in time, and gets their number.
 //
 //     Observer observer(context, {"nadir_spin", "viewer"});
 //     observer.subscribe("/world/");
 //     while (auto seen = observer.next(1s)) { ... }
 //
-// An observer is one thread's, but write() may be called by another.
+// One thread uses an observer; another thread may call write().
 #pragma once
 
 #include "cosim/transport/greeting.h"
@@ -21,23 +21,23 @@
 
 namespace fledge::cosim {
 
-/// What is not given is as FLEDGE_SIMULATION, FLEDGE_NODE, FLEDGE_ADDRESS and FLEDGE_KEYS say.
+/// Empty strings are taken from FLEDGE_SIMULATION, FLEDGE_NODE, FLEDGE_ADDRESS and FLEDGE_KEYS.
 struct ObserverConfig {
     std::string simulation = {}, name = {};
-    std::string address = {};                   ///< of the controller
-    std::chrono::milliseconds patience{60'000}; ///< for the controller to be there, and the nodes to have met
-    std::string keys = {};                      ///< a folder or file
+    std::string address = {};                          ///< of the controller
+    std::chrono::milliseconds connect_timeout{60'000}; ///< for the controller to be there, and the nodes to have met
+    std::string keys = {};                             ///< a folder or file
     Limits limits = {};
-    int waiting = 1000; ///< most messages that wait here
+    int waiting = 1000; ///< most messages in the queue
 };
 
 /// A message of some node, as it was written.
 struct Observed {
     std::string topic, node;
     Ns t = 0;                 ///< of writing; -1: before the first step
-    std::uint32_t count = 0;  ///< on its topic; 0: what the topic held at the beginning
+    std::uint32_t count = 0;  ///< on its topic; 0: the initial value
     std::uint32_t missed = 0; ///< messages between the one seen before and this one
-    Bytes payload;
+    Payload payload;
 };
 
 class Observer {
@@ -48,20 +48,19 @@ public:
     Observer(const Observer &) = delete;
     Observer &operator=(const Observer &) = delete;
 
-    /// See all topics that begin like this; "": all. Of each the last comes at once.
+    /// Subscribe to all topics with this prefix. The last message of each comes at once.
     void subscribe(const std::string &prefix);
 
-    /// The next message. Nothing if none comes in time, or the run is over. Throws LinkError if the
-    /// controller is gone.
+    /// The next message. Nothing after a timeout, or if the run is over. Throws LinkError if the controller is gone.
     std::optional<Observed> next(std::chrono::milliseconds most);
 
-    /// Write a message, all of whose bytes are here (a payload, protocol.h). Throws LinkError if the topic is
-    /// unknown, the payload of the wrong size, or the controller takes no more.
-    void write(const std::string &topic, const Bytes &payload);
+    /// Write a message. Throws LinkError if the topic is unknown, the payload has the wrong size, or the controller
+    /// takes no more.
+    void write(const std::string &topic, const Payload &payload);
 
-    /// All topics that there were when it was last asked.
+    /// All topics, as of the last request to the controller.
     const std::map<std::string, Schema> &topics() const { return topics_; }
-    /// What it looks like. Throws LinkError if there is no such topic, even now.
+    /// The definition of a topic. Asks the controller if it is new. Throws LinkError if there is none.
     const Schema &schema(const std::string &topic);
 
     bool over() const { return over_; }
@@ -69,7 +68,7 @@ public:
     std::uint64_t missed() const { return missed_; }      ///< messages, of all topics
 
 private:
-    struct Place {
+    struct Position {
         std::uint32_t count = 0;
         Ns t = -2;
     };
@@ -86,7 +85,7 @@ private:
     std::map<std::string, Schema> topics_;
     zmq::socket_t seen_;
     Handshake handshake_;
-    std::map<std::string, Place> places_; ///< by topic: what was seen last
+    std::map<std::string, Position> positions_; ///< of the last message seen, by topic
     std::uint64_t missed_ = 0;
     bool over_ = false;
     std::string reason_;

@@ -10,17 +10,17 @@ namespace fledge::cosim {
 
 namespace {
 
-/// It does nothing: its output is written from outside.
-class Still final : public sim::Model {
+/// The model of a stand-in: the node writes its output.
+class ExternalInput final : public sim::Model {
 public:
     void prepare(const sim::Setup &) override {}
     void reset(sim::Ns) override {}
     void update(::Tick) override {}
 };
 
-std::unique_ptr<sim::Model> make_still(void *)
+std::unique_ptr<sim::Model> make_external_input(void *)
 {
-    return std::make_unique<Still>();
+    return std::make_unique<ExternalInput>();
 }
 
 std::string topic_of(const sim::Instance &instance, const FledgeField &field)
@@ -44,20 +44,21 @@ struct SimulationNode::StandIn {
         field.unit = "";
         field.ctype = message.name;
         field.doc = message.doc;
-        face.name = "StandIn";
-        face.doc = "stands for another node's output";
-        face.header = face.folder = "";
-        face.kind = FLEDGE_MODEL;
-        face.size = message.size;
-        face.align = message.align;
-        face.n = 1;
-        face.fields = &field;
-        type = {&face, make_still};
+        interface.name = "StandIn";
+        interface.doc = "holds another node's output";
+        interface.header = interface.folder = "";
+        interface.kind = FLEDGE_MODEL;
+        interface.size = message.size;
+        interface.align = message.align;
+        interface.n = 1;
+        interface.fields = &field;
+        type = {&interface, make_external_input};
         instance = std::make_shared<sim::Instance>(type);
     }
 
     FledgeField field{};
-    FledgeStruct face{};
+    FledgeStruct interface {
+    };
     sim::ModelType type{};
     std::shared_ptr<sim::Instance> instance;
 };
@@ -77,20 +78,21 @@ void SimulationNode::read(const std::string &topic, const sim::Port &to, Latency
         std::string name = topic.substr(topic.find_first_not_of('/'));
         std::replace(name.begin(), name.end(), '/', '_');
         others_.add(name, stand_in->instance);
-        wants_.push_back({topic, latency, (to.field->flags & FLEDGE_OPTIONAL) != 0,
-                          make_schema(to.field->sub->name, to.field->sub->schema)});
+        subscriptions_.push_back({topic, latency, (to.field->flags & FLEDGE_OPTIONAL) != 0,
+                                  make_schema(to.field->sub->name, to.field->sub->schema)});
     }
-    Want &want = *std::find_if(wants_.begin(), wants_.end(), [&](const Want &w) { return w.topic == topic; });
-    if (want.latency != latency) {
-        throw sim::SetupError(to.path() + " reads " + topic + " at another latency than others here do");
+    Subscription &subscription = *std::find_if(subscriptions_.begin(), subscriptions_.end(),
+                                               [&](const Subscription &w) { return w.topic == topic; });
+    if (subscription.latency != latency) {
+        throw sim::SetupError(to.path() + " reads " + topic + " at another latency than other inputs here");
     }
-    want.optional = want.optional && (to.field->flags & FLEDGE_OPTIONAL);
+    subscription.optional = subscription.optional && (to.field->flags & FLEDGE_OPTIONAL);
     simulation_.connect({stand_in->instance, &stand_in->field}, to, {0, stale_after});
 }
 
 Initialized SimulationNode::initialize(const Initialize &request)
 {
-    // Stand-ins are models, which have to step: with the process, so that no instant is added.
+    // Stand-ins are models, and models have to step: with the process, so that no instant is added.
     if (!stand_ins_.empty() && others_.tasks().empty() && !process_.tasks().empty()) {
         const sim::Task &first = process_.tasks().front();
         others_.add_task({"stand", first.period, first.offset, 0, others_.instances()});
@@ -104,7 +106,7 @@ Initialized SimulationNode::initialize(const Initialize &request)
         simulation_.restore(request.snapshot);
         if (simulation_.now() > request.start || simulation_.next() <= request.start) {
             throw sim::SetupError("its snapshot is of " + sim::format_time(simulation_.now()) +
-                                  ", but it is to begin after " + sim::format_time(request.start));
+                                  ", but it has to begin after " + sim::format_time(request.start));
         }
     }
     Initialized answer;
@@ -115,9 +117,9 @@ Initialized SimulationNode::initialize(const Initialize &request)
     return answer;
 }
 
-std::vector<Offer> SimulationNode::match(const std::vector<Channel> &asked)
+std::vector<Publication> SimulationNode::match(const std::vector<Channel> &asked)
 {
-    std::vector<Offer> offers;
+    std::vector<Publication> publications;
     outbox_.clear();
     for (const auto &instance : process_.instances()) {
         for (const FledgeField &field : sim::fields(instance->type())) {
@@ -126,16 +128,16 @@ std::vector<Offer> SimulationNode::match(const std::vector<Channel> &asked)
             });
             if (channel != asked.end()) {
                 const std::span<const std::byte> bytes(instance->memory() + field.offset, field.size);
-                offers.push_back(
+                publications.push_back(
                     {channel->channel, make_schema(field.sub->name, field.sub->schema), make_payload(bytes)});
                 outbox_.add(channel->channel, bytes);
             }
         }
     }
-    return offers;
+    return publications;
 }
 
-/// What others told it last is in the stand-ins; what is yet to come, the controller sends anew.
+/// The stand-ins hold the last inputs; the controller sends again what the node has not seen.
 Bytes SimulationNode::save()
 {
     return simulation_.snapshot();
@@ -164,7 +166,7 @@ Tock SimulationNode::tick(const Tick &tick)
             read_payload(record.payload, input.fields, input.bytes);
         });
         simulation_.step();
-        outbox_.say(t, tock.records);
+        outbox_.collect(t, tock.records);
     }
     return tock;
 }

@@ -47,7 +47,7 @@ void StructNode::write(const std::string &topic, std::span<std::byte> message, S
 
 std::span<const std::byte> StructNode::message(const std::string &topic) const
 {
-    const auto input = std::ranges::find_if(inputs_, [&](const Input &i) { return i.want.topic == topic; });
+    const auto input = std::ranges::find_if(inputs_, [&](const Input &i) { return i.subscription.topic == topic; });
     return input == inputs_.end() ? std::span<const std::byte>() : input->memory.bytes;
 }
 
@@ -94,7 +94,7 @@ Initialized StructNode::initialize(const Initialize &m)
     return {rates_, false, !kept_.empty() || hooks_.save};
 }
 
-/// What a snapshot is made of.
+/// The content of a snapshot.
 std::vector<StructNode::Memory *> StructNode::memory()
 {
     std::vector<Memory *> all;
@@ -153,7 +153,7 @@ void StructNode::go_on_from(std::span<const std::byte> snapshot)
         }
     }
     if (!fits || (!hooks_.restore && !snapshot.empty())) {
-        throw ProtocolError("the snapshot to go on from is that of another program, or of another machine");
+        throw ProtocolError("the snapshot is from another program, or from another machine");
     }
     for (std::size_t i = 0; i < parts.size(); i++) {
         if (parts[i]->owned) {
@@ -166,18 +166,18 @@ void StructNode::go_on_from(std::span<const std::byte> snapshot)
     }
 }
 
-std::vector<Want> StructNode::desired()
+std::vector<Subscription> StructNode::desired()
 {
-    std::vector<Want> wants;
+    std::vector<Subscription> subscriptions;
     for (const Input &input : inputs_) {
-        wants.push_back(input.want);
+        subscriptions.push_back(input.subscription);
     }
-    return wants;
+    return subscriptions;
 }
 
-std::vector<Offer> StructNode::match(const std::vector<Channel> &asked)
+std::vector<Publication> StructNode::match(const std::vector<Channel> &asked)
 {
-    std::vector<Offer> offers;
+    std::vector<Publication> publications;
     outbox_.clear();
     for (const Channel &channel : asked) {
         for (Output &output : outputs_) {
@@ -196,12 +196,12 @@ std::vector<Offer> StructNode::match(const std::vector<Channel> &asked)
                                       " bytes where it is read, the struct here " +
                                       std::to_string(memory.bytes.size()));
                 }
-                offers.push_back({channel.channel, schema, make_payload(memory.bytes)});
+                publications.push_back({channel.channel, schema, make_payload(memory.bytes)});
                 outbox_.add(channel.channel, memory.bytes);
             }
         }
     }
-    return offers;
+    return publications;
 }
 
 void StructNode::start(const std::vector<Channel> &channels)
@@ -210,12 +210,12 @@ void StructNode::start(const std::vector<Channel> &channels)
     wired_.clear();
     for (const Channel &channel : channels) {
         const auto input =
-            std::find_if(inputs_.begin(), inputs_.end(), [&](const Input &i) { return i.want.topic == channel.topic; });
+            std::ranges::find_if(inputs_, [&](const Input &i) { return i.subscription.topic == channel.topic; });
         if (input == inputs_.end() || (!input->memory.owned && channel.schema.size != input->memory.bytes.size())) {
             throw SchemaError(channel.topic + " has " + std::to_string(channel.schema.size) +
                               " bytes where it is written, which is not the size of the struct here");
         }
-        if (input->memory.owned && !input->want.schema.given() && hooks_.define) {
+        if (input->memory.owned && !input->subscription.schema.given() && hooks_.define) {
             hooks_.define(channel.topic, channel.schema);
         }
         wired_[channel.channel] = {&input->memory, channel.schema.size, parse_schema(channel.schema.text)};
@@ -239,7 +239,7 @@ Tock StructNode::tick(const Tick &tick)
             throw std::runtime_error("the program ended it");
         }
         step_(next_);
-        outbox_.say(next_, tock.records);
+        outbox_.collect(next_, tock.records);
         if (leaving_) {
             tock.reached = next_;
             tock.leaving = true;

@@ -6,10 +6,10 @@
 //     node.write("/spring/force", force, make_schema("Force", "float64[2] F  # F [N] (2) force\n"));
 //     node.run([&](Ns t) { force.F[0] = -state.x[0]; });
 //
-// A struct has the fields of its definition in their order, without padding. Before each step, what is
-// read holds what is seen at that instant; after it, what was changed is sent. A definition is needed on
-// one side only: without one here, that of the partner is taken, whose size must be that of the struct.
-// Other byte orders are turned round.
+// A struct has the fields of its definition in their order, without padding. Before each step, the node sets its
+// inputs to the messages that the instant sees; after the step, it sends the outputs that have changed. Only one
+// side needs a definition: without one here, the node takes its partner's, of the same size. It converts other
+// byte orders.
 //
 // Without a struct (an empty span) the node itself has the memory of a message, as large as the definition
 // says: message() and put() read and write it.
@@ -37,7 +37,7 @@ struct StructNodeHooks {
 
 class StructNode final : private Node {
 public:
-    /// What the config does not say is as the environment does. It steps at offset + k period.
+    /// The environment gives what the config leaves out. The node steps at offset + k period.
     StructNode(DelegateConfig config, Rate steps) : config_(std::move(config)), rates_{steps} {}
 
     DelegateConfig &config() { return config_; } ///< before run()
@@ -51,8 +51,8 @@ public:
     /// without a writer of an optional topic.
     void read(const std::string &topic, Latency latency, std::span<std::byte> message, Schema schema = {},
               bool optional = false);
-    /// Write a topic from `message`, which lives as long as the node. What it holds when the run begins
-    /// is its initial value. Throws SchemaError.
+    /// Write a topic from `message`, which lives as long as the node. Its value when the run begins is the initial
+    /// value. Throws SchemaError.
     void write(const std::string &topic, std::span<std::byte> message, Schema schema = {});
 
     template <class T>
@@ -71,9 +71,9 @@ public:
         write(topic, std::as_writable_bytes(std::span(&message, 1)), std::move(schema));
     }
 
-    /// All that its steps depend on, besides the messages, is in this memory (and what else is told so), which
-    /// lives as long as the node, without pointers. With it one that was lost goes on from a snapshot, and not
-    /// by all its steps from the beginning.
+    /// Save this memory in snapshots. Together with the messages and what the hooks save it has to hold all that the
+    /// steps depend on, without pointers. It lives as long as the node. With snapshots, a restarted node need not
+    /// repeat all its steps.
     void keep(std::span<std::byte> state) { kept_.emplace_back(state); }
     template <class T>
     requires(!std::is_convertible_v<T &, std::span<const std::byte>>) void keep(T &state)
@@ -88,11 +88,11 @@ public:
     /// the initial value. Throws SchemaError if its size is not that of the definition, or there is none yet.
     void put(const std::string &topic, std::span<const std::byte> message);
 
-    /// Take part in a run, with a function that does what is due at an instant. Returns the reason of its
-    /// end, "" if it is the regular one. Throws what Delegate::serve does, and what the function throws.
+    /// Take part in a run. `step` is called at each instant. Returns the reason of the end, "" for the regular end.
+    /// Throws what Delegate::serve and `step` throw.
     std::string run(const std::function<void(Ns)> &step);
 
-    /// From within the step: take no further part. What this step writes is the last, and run() returns.
+    /// Called in a step: it is the last one, and run() returns.
     void leave() { leaving_ = true; }
     /// From any thread or a signal handler: run() throws instead of the next step, and the run's controller
     /// gets the reason.
@@ -111,7 +111,7 @@ private:
         Bytes own;
     };
     struct Input {
-        Want want;
+        Subscription subscription;
         Memory memory;
     };
     struct Output {
@@ -126,8 +126,8 @@ private:
     };
 
     Initialized initialize(const Initialize &request) override;
-    std::vector<Want> desired() override;
-    std::vector<Offer> match(const std::vector<Channel> &asked) override;
+    std::vector<Subscription> desired() override;
+    std::vector<Publication> match(const std::vector<Channel> &asked) override;
     void start(const std::vector<Channel> &channels) override;
     Tock tick(const Tick &tick) override;
     Bytes save() override;

@@ -17,10 +17,8 @@ namespace fledge::cosim {
 namespace {
 
 constexpr char magic[4] = {'F', 'L', 'C', 'S'};
-constexpr std::size_t cdr_header = 4;
 
-/// Those of mcap_crc_init(), made by the compiler: programs of one machine then share their place in the
-/// processor's cache.
+/// As mcap_crc_init() makes them, but at compile time: programs of one machine then share them in the cache.
 constexpr McapCrc make_crc_tables()
 {
     McapCrc c{};
@@ -74,6 +72,7 @@ public:
     void operator()(Role x) { number(static_cast<std::uint8_t>(x)); }
     void operator()(const std::string &s, Bound) { bytes(s.data(), s.size()); }
     void operator()(const Bytes &b, Bound) { bytes(b.data(), b.size()); }
+    void operator()(const Payload &b, Bound) { bytes(b.data(), b.size()); }
 
     template <class T> void operator()(const std::vector<T> &list, std::size_t)
     {
@@ -170,7 +169,9 @@ public:
         b.assign(bytes.begin(), bytes.end());
     }
 
-    /// `least`: the fewest bytes that an item takes, so that no list makes more room than was sent.
+    void operator()(Payload &b, Bound bound) { b = Payload(counted(bound)); }
+
+    /// `least`: the fewest bytes of an item, so that a list allocates no more memory than the frame has.
     template <class T> void operator()(std::vector<T> &list, std::size_t least)
     {
         const auto n = number<std::uint32_t>();
@@ -245,7 +246,7 @@ void body(auto &a, Is<Rate> auto &m)
     a(m.offset);
 }
 
-/// The payload's CDR header ends at a multiple of 8, so that its struct begins at one.
+/// The payload's struct begins at a multiple of 8, behind the CDR header.
 void body(auto &a, Is<Record> auto &m)
 {
     a(m.t);
@@ -254,7 +255,7 @@ void body(auto &a, Is<Record> auto &m)
     a(m.payload, Bound::payload);
 }
 
-void body(auto &a, Is<Want> auto &m)
+void body(auto &a, Is<Subscription> auto &m)
 {
     a(m.topic, Bound::name);
     a(m.latency);
@@ -269,7 +270,7 @@ void body(auto &a, Is<Channel> auto &m)
     body(a, m.schema);
 }
 
-void body(auto &a, Is<Offer> auto &m)
+void body(auto &a, Is<Publication> auto &m)
 {
     a(m.channel);
     body(a, m.schema);
@@ -319,7 +320,7 @@ void body(auto &, Is<ProvideDesired> auto &) {}
 
 void body(auto &a, Is<Desired> auto &m)
 {
-    a(m.wants, 26);
+    a(m.subscriptions, 26);
 }
 
 void body(auto &a, Is<Match> auto &m)
@@ -329,7 +330,7 @@ void body(auto &a, Is<Match> auto &m)
 
 void body(auto &a, Is<Matched> auto &m)
 {
-    a(m.offers, 28);
+    a(m.publications, 28);
 }
 
 void body(auto &a, Is<Start> auto &m)
@@ -498,12 +499,41 @@ Frame decode(std::span<const std::byte> bytes, const Limits &limits, Sum sum)
     return frame;
 }
 
-Bytes make_payload(std::span<const std::byte> message)
+Payload::Payload(std::span<const std::byte> bytes) : size_(bytes.size())
 {
-    Bytes payload(cdr_header + message.size());
-    payload[1] = static_cast<std::byte>(native_order());
-    std::copy(message.begin(), message.end(), payload.begin() + cdr_header);
+    if (size_) {
+        auto room = std::make_shared_for_overwrite<std::byte[]>(size_);
+        std::memcpy(room.get(), bytes.data(), size_);
+        bytes_ = std::move(room);
+    }
+}
+
+bool Payload::operator==(const Payload &other) const
+{
+    return size_ == other.size_ && (bytes_ == other.bytes_ || !std::memcmp(data(), other.data(), size_));
+}
+
+Payload make_payload(std::span<const std::byte> message)
+{
+    Payload payload;
+    payload.size_ = cdr_header + message.size();
+    auto room = std::make_shared_for_overwrite<std::byte[]>(payload.size_);
+    const std::byte head[cdr_header] = {{}, static_cast<std::byte>(native_order()), {}, {}};
+    std::memcpy(room.get(), head, cdr_header);
+    std::copy(message.begin(), message.end(), room.get() + cdr_header);
+    payload.bytes_ = std::move(room);
     return payload;
+}
+
+Payload zero_payload(std::size_t size)
+{
+    return make_payload(Bytes(size));
+}
+
+bool is_payload(const Payload &payload, std::size_t size)
+{
+    return payload.size() == size + cdr_header && payload[0] == std::byte{0} && payload[1] <= std::byte{1} &&
+           payload[2] == std::byte{0} && payload[3] == std::byte{0};
 }
 
 void read_payload(std::span<const std::byte> payload, std::span<const SchemaField> fields, std::span<std::byte> message)

@@ -42,15 +42,15 @@
 //     16  4  number of the request; a reply repeats it
 //     20  4  0
 //
-// In the body, numbers stand at multiples of their size from its start, gaps are zero. A text or a
-// list begins with its length (uint32). A frame is read whole or refused: nothing may be missing,
-// left over or out of bounds.
+// In the body, numbers stand at multiples of their size from its start, and gaps are zero. A text or a list begins
+// with its length (uint32). decode() refuses a frame if anything is missing, left over or out of bounds.
 #pragma once
 
 #include "cosim/protocol/schema.h"
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <stdexcept>
 #include <string>
@@ -62,10 +62,34 @@ namespace fledge::cosim {
 using Ns = std::int64_t;
 using Bytes = std::vector<std::byte>;
 
+/// Bytes that do not change any more. Copies share them.
+class Payload {
+public:
+    Payload() = default;
+    Payload(std::span<const std::byte> bytes);
+    Payload(const Bytes &bytes) : Payload(std::span(bytes)) {}
+
+    const std::byte *data() const { return bytes_.get(); }
+    std::size_t size() const { return size_; }
+    bool empty() const { return !size_; }
+    const std::byte *begin() const { return data(); }
+    const std::byte *end() const { return data() + size_; }
+    Bytes copy() const { return {begin(), end()}; }
+    std::byte operator[](std::size_t i) const { return bytes_[static_cast<std::ptrdiff_t>(i)]; }
+    bool operator==(const Payload &other) const;
+
+private:
+    friend Payload make_payload(std::span<const std::byte> message);
+
+    std::shared_ptr<const std::byte[]> bytes_;
+    std::size_t size_ = 0;
+};
+
 inline constexpr std::uint8_t protocol_version = 1;
 inline constexpr std::size_t frame_header_size = 24;
+inline constexpr std::size_t cdr_header = 4; ///< bytes of a payload before its struct
 
-/// What a reader accepts. The defaults are what a mission may want, not what a machine may bear.
+/// What a reader accepts. The defaults are generous for a mission, and far below what a machine can bear.
 struct Limits {
     std::size_t frame = std::size_t{64} << 20; ///< bytes
     std::size_t name = 255;                    ///< bytes of a name
@@ -81,16 +105,16 @@ class ProtocolError : public std::runtime_error {
 /// When a consumer sees what a producer wrote at t.
 enum class Latency : std::uint8_t {
     same_instant = 0,  ///< at t: the producer steps first
-    next_instant = 1,  ///< at its first instant after t: it steps first, or both at once
-    next_exchange = 2, ///< after the exchange that follows: both step at once, for a whole period
+    next_instant = 1,  ///< at the consumer's first instant after t
+    next_exchange = 2, ///< after the next exchange: both step side by side, for a whole period
 };
 
-/// Some message, somewhere on its way.
+/// A message on its way.
 struct Record {
     std::uint32_t channel = 0; ///< see Match
     std::uint32_t count = 0;   ///< of the messages on this channel to this reader, from 1
-    Ns t = 0;                  ///< in a tock: when it was written. In a tick: from when on it is seen
-    Bytes payload;             ///< as in the archive: CDR header, then the struct in the order it tells
+    Ns t = 0;                  ///< in a tock: when the node wrote it. In a tick: the first instant that sees it
+    Payload payload;           ///< as in the archive: CDR header, then the struct in the byte order of the header
     bool operator==(const Record &) const = default;
 };
 
@@ -100,16 +124,16 @@ struct Rate {
     bool operator==(const Rate &) const = default;
 };
 
-/// What a node would like to read.
-struct Want {
+/// What a node reads.
+struct Subscription {
     std::string topic; ///< "/world/nav/attitude"
     Latency latency = Latency::same_instant;
     bool optional = false;
     Schema schema;
-    bool operator==(const Want &) const = default;
+    bool operator==(const Subscription &) const = default;
 };
 
-/// A topic that is spoken of by number from here on.
+/// A topic and its number in later frames.
 struct Channel {
     std::uint32_t channel = 0;
     std::string topic;
@@ -117,31 +141,31 @@ struct Channel {
     bool operator==(const Channel &) const = default;
 };
 
-/// A channel that a node writes, with what it holds after its reset.
-struct Offer {
+/// A channel that a node writes, with its value after the node's reset.
+struct Publication {
     std::uint32_t channel = 0;
     Schema schema;
-    Bytes initial;
-    bool operator==(const Offer &) const = default;
+    Payload initial;
+    bool operator==(const Publication &) const = default;
 };
 
-/// Who greets.
+/// What a greeting program is.
 enum class Role : std::uint8_t {
     node = 0,         ///< it steps with the others
-    asynchronous = 1, ///< it looks on, and nobody waits for it
+    asynchronous = 1, ///< it observes, and no node waits for it
 };
 
 struct Hello {
-    std::uint8_t oldest = protocol_version, newest = protocol_version; ///< versions that it speaks
+    std::uint8_t oldest = protocol_version, newest = protocol_version; ///< versions that it understands
     std::string simulation, node;
     Role role = Role::node;
-    bool shared = false; ///< on the node's own socket: it goes on over the shared memory
+    bool shared = false; ///< on the node's own socket: later frames go through shared memory
     bool operator==(const Hello &) const = default;
 };
 struct Welcome {
     std::string address;     ///< of the socket that the controller opened for this node
-    std::string shared = {}; ///< path of memory for it: "/proc/123/fd/7"; "" if there is none
-    std::uint64_t nonce = 0; ///< it stands in that memory too, if it is the right one
+    std::string shared = {}; ///< path of shared memory: "/proc/123/fd/7"; "" if there is none
+    std::uint64_t nonce = 0; ///< also stands in that memory
     bool operator==(const Welcome &) const = default;
 };
 struct Refused {
@@ -152,29 +176,29 @@ struct Initialize {
     std::uint64_t seed = 0;        ///< of the run
     Ns end = 0;                    ///< of the run
     Ns start = -1;                 ///< it begins after this instant; -1: with its reset
-    std::string frontend, backend; ///< of the broker for observers; "" if there is none
-    Bytes snapshot = {};           ///< what it saved at `start`, to go on from; empty: none
+    std::string frontend, backend; ///< of the broker; "" if there is none
+    Bytes snapshot = {};           ///< saved at `start`, to go on from; empty: none
     bool operator==(const Initialize &) const = default;
 };
 struct Initialized {
     std::vector<Rate> rates;
-    bool any_time = false; ///< it may write between its instants too, and come back early
-    bool saves = false;    ///< it answers Save with a snapshot
+    bool any_time = false; ///< it may write between its instants, too, and return early
+    bool saves = false;    ///< it makes snapshots
     bool operator==(const Initialized &) const = default;
 };
 struct ProvideDesired {
     bool operator==(const ProvideDesired &) const = default;
 };
 struct Desired {
-    std::vector<Want> wants;
+    std::vector<Subscription> subscriptions;
     bool operator==(const Desired &) const = default;
 };
 struct Match {
-    std::vector<Channel> asked; ///< all that other nodes asked for
+    std::vector<Channel> asked; ///< all topics that other nodes read
     bool operator==(const Match &) const = default;
 };
 struct Matched {
-    std::vector<Offer> offers; ///< those of them that this node writes
+    std::vector<Publication> publications; ///< the ones of these that this node writes
     bool operator==(const Matched &) const = default;
 };
 struct Start {
@@ -191,10 +215,10 @@ struct Tick {
     bool operator==(const Tick &) const = default;
 };
 struct Tock {
-    Ns reached = 0;    ///< all instants up to and including this one are done; may be before `until`
+    Ns reached = 0;    ///< it has stepped through all instants up to this one; may be before `until`
     Ns compute_ns = 0; ///< of wall time, spent in stepping
     std::vector<Record> records;
-    bool leaving = false; ///< it takes no further part in the run
+    bool leaving = false; ///< it leaves the run
     bool operator==(const Tock &) const = default;
 };
 struct Finish {
@@ -211,8 +235,8 @@ struct Failed {
 
 /// The answer to an asynchronous program.
 struct Attached {
-    std::string frontend, backend; ///< of the broker: where to publish, and where to subscribe
-    std::vector<Channel> channels; ///< all topics that are known
+    std::string frontend, backend; ///< of the broker: to publish, and to subscribe
+    std::vector<Channel> channels; ///< all topics
     bool operator==(const Attached &) const = default;
 };
 /// What the broker carries.
@@ -222,11 +246,11 @@ struct Published {
     bool operator==(const Published &) const = default;
 };
 struct Save {
-    Ns time = 0; ///< which it has reached
+    Ns time = 0; ///< that it has reached
     bool operator==(const Save &) const = default;
 };
 struct Saved {
-    Bytes snapshot; ///< with which another program of this name goes on from there; empty: it cannot
+    Bytes snapshot; ///< from which another program can go on; empty: it cannot
     bool operator==(const Saved &) const = default;
 };
 
@@ -234,7 +258,7 @@ struct Saved {
 using Message = std::variant<Hello, Welcome, Refused, Initialize, Initialized, ProvideDesired, Desired, Match, Matched,
                              Start, Ready, Tick, Tock, Finish, Finished, Failed, Attached, Published, Save, Saved>;
 
-/// "Tock", for messages to people; by place in Message.
+/// "Tock", by the place in Message.
 const char *kind_name(std::size_t index);
 inline const char *kind_name(const Message &message)
 {
@@ -250,11 +274,11 @@ struct Frame {
 enum class Order : std::uint8_t { big = 0, little = 1 };
 Order native_order();
 
-/// Whether a frame carries a checksum: not where it never leaves the machine's memory.
+/// The checksum of a frame: zero in shared memory.
 enum class Sum { zero, crc };
 
-/// The bytes of a frame, in place of what `out` holds (its room is used again). The other byte order
-/// than the machine's serves tests. Throws ProtocolError if the body exceeds 4 GiB.
+/// Write a frame into `out`, and reuse its memory. Another byte order than the machine's serves tests. Throws
+/// ProtocolError if the body exceeds 4 GiB.
 void encode(const Frame &frame, Bytes &out, Order order = native_order(), Sum sum = Sum::crc);
 Bytes encode(const Frame &frame, Order order = native_order());
 
@@ -262,9 +286,13 @@ Bytes encode(const Frame &frame, Order order = native_order());
 Frame decode(std::span<const std::byte> bytes, const Limits &limits = {}, Sum sum = Sum::crc);
 
 /// A payload from a struct in the machine's order.
-Bytes make_payload(std::span<const std::byte> message);
+Payload make_payload(std::span<const std::byte> message);
+/// The payload of a message that was never written: all zero.
+Payload zero_payload(std::size_t size);
+/// Whether it has a CDR header and a struct of this size.
+bool is_payload(const Payload &payload, std::size_t size);
 
-/// The struct in a payload, turned to the machine's order if need be, into `message`.
+/// Copy the struct of a payload into `message`, in the machine's byte order.
 /// Throws ProtocolError if the sizes differ or the CDR header is none.
 void read_payload(std::span<const std::byte> payload, std::span<const SchemaField> fields,
                   std::span<std::byte> message);

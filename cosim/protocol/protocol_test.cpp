@@ -139,7 +139,7 @@ TEST(Protocol, APayloadOfTheOtherByteOrderIsTurnedRound)
     } sent, got;
     const auto fields = parse_schema(error_text);
     const auto bytes_of = [](auto &s) { return std::as_writable_bytes(std::span(&s, 1)); };
-    Bytes payload = make_payload(bytes_of(sent));
+    Bytes payload = make_payload(bytes_of(sent)).copy();
     EXPECT_EQ(payload.size(), 4 + error_schema().size);
     got = {};
     got.x = 0;

@@ -169,8 +169,8 @@ private:
             field.choices = comment.substr(open + 1, comment.rfind('}') - open - 1);
         }
         field.name = prefix + std::string(name);
-        if (const std::string_view told = take_word(comment); same_but_for_case(told, name)) {
-            field.name = prefix + std::string(told);
+        if (const std::string_view found = take_word(comment); same_but_for_case(found, name)) {
+            field.name = prefix + std::string(found);
             comment = trim(comment);
             if (comment.starts_with('[')) {
                 const auto end = std::min(comment.find(']'), comment.size());
@@ -208,7 +208,7 @@ private:
     /// "(3, 3)" tells the dimensions of what ROS has as one, if their product is the same.
     static void take_shape(std::string_view comment, std::uint32_t count, std::string &shape)
     {
-        std::string told;
+        std::string found;
         std::uint64_t product = 1;
         std::string_view inside = comment.substr(1, std::min(comment.find(')'), comment.size()) - 1);
         while (!inside.empty()) {
@@ -218,11 +218,11 @@ private:
                 return;
             }
             product *= *n;
-            told += (told.empty() ? "" : ", ") + std::to_string(*n);
+            found += (found.empty() ? "" : ", ") + std::to_string(*n);
             inside.remove_prefix(std::min(comma + 1, inside.size()));
         }
-        if (product == count && !told.empty()) {
-            shape = told;
+        if (product == count && !found.empty()) {
+            shape = found;
         }
     }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a message looks like, as a node says it once, at matching: the archive's ros2msg text, in
-// which comments carry true names, units and shapes (see introspect/emit/schema.py).
+// The definition of a message, which nodes exchange at matching: the archive's ros2msg text, in which comments carry
+// true names, units and shapes (introspect/emit/schema.py).
 #pragma once
 
 #include <cstddef>
@@ -13,15 +13,15 @@
 
 namespace fledge::cosim {
 
-/// A definition that cannot be used. The text says which line and why.
+/// An unusable definition. The text says which line and why.
 class SchemaError : public std::runtime_error {
     using runtime_error::runtime_error;
 };
 
-/// As it travels.
+/// As frames carry it.
 struct Schema {
-    std::string name;       ///< "AttError"; of a message that only passes through, "" means any
-    std::string text;       ///< "": the node takes the definition of its partner
+    std::string name;       ///< "AttError"; "": any
+    std::string text;       ///< "": the node takes its partner's definition
     std::uint32_t size = 0; ///< bytes of the struct; 0 without text
     std::uint64_t hash = 0; ///< schema_hash(text); equal texts need no comparison
 
@@ -49,7 +49,7 @@ struct SchemaField {
     bool operator==(const SchemaField &) const = default;
 };
 
-/// Largest struct and most fields that a definition may have: it comes from outside.
+/// Limits of a definition, which comes from other programs.
 inline constexpr std::uint32_t schema_size_max = 1u << 24;
 inline constexpr std::size_t schema_fields_max = 1u << 16;
 
@@ -60,7 +60,7 @@ std::vector<SchemaField> parse_schema(std::string_view text);
 /// "" if it can. Meanings (the prose in comments) may differ; names, types, shapes and units may not.
 std::string schema_difference(const Schema &offered, const Schema &wanted);
 
-/// Turn the numbers of a struct round, from one byte order to the other.
+/// Convert the numbers of a struct from one byte order to the other.
 void swap_bytes(std::span<const SchemaField> fields, std::span<std::byte> bytes);
 
 } // namespace fledge::cosim

@@ -14,11 +14,11 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto shortest = 1ms, longest = 20ms; ///< between two looks at the ring
-constexpr auto patience_at_the_end = 500ms;
-constexpr int background = 10;                          ///< niceness of the thread
-constexpr int most_entries = 4096, most_messages = 256; ///< in one look
+constexpr auto end_timeout = 500ms;
+constexpr int background = 10; ///< niceness of the thread
+constexpr int most_entries = 4096, most_messages = 256;
 constexpr std::int64_t longest_subscription = 4096;
-constexpr std::size_t most_written = 1024, most_said = 20;
+constexpr std::size_t most_written = 1024, most_reports = 20;
 constexpr const char *finish_topic = "finish";
 
 std::string bind(zmq::socket_t &socket, const std::string &address, const char *what)
@@ -33,21 +33,21 @@ std::string bind(zmq::socket_t &socket, const std::string &address, const char *
 
 } // namespace
 
-Broker::Broker(zmq::context_t &context, BrokerConfig config, Gate *gate)
-    : config_(std::move(config)), gate_(gate), frontend_(context, zmq::socket_type::xsub),
+Broker::Broker(zmq::context_t &context, BrokerConfig config, Authenticator *authenticator)
+    : config_(std::move(config)), authenticator_(authenticator), frontend_(context, zmq::socket_type::xsub),
       backend_(context, zmq::socket_type::xpub), ring_(config_.room)
 {
     for (zmq::socket_t *socket : {&frontend_, &backend_}) {
         set_up(*socket, config_.limits);
-        if (gate_) {
-            gate_->guard(*socket);
+        if (authenticator_) {
+            authenticator_->guard(*socket);
         }
     }
-    backend_.set(zmq::sockopt::maxmsgsize, longest_subscription); // nothing else comes in there
+    backend_.set(zmq::sockopt::maxmsgsize, longest_subscription); // it receives nothing but subscriptions
     backend_.set(zmq::sockopt::sndhwm, config_.waiting);
     backend_.set(zmq::sockopt::xpub_verbose, true);
     frontend_address_ = bind(frontend_, config_.frontend, "what asynchronous programs publish");
-    backend_address_ = bind(backend_, config_.backend, "those who watch");
+    backend_address_ = bind(backend_, config_.backend, "observers");
     frontend_.send(zmq::buffer("\1", 1), zmq::send_flags::none); // all topics, also of those who come later
     thread_ = std::thread([this] { serve(); });
 }
@@ -100,7 +100,7 @@ void Broker::hand_on_or_keep(const std::string &topic, const std::string &node, 
         return;
     }
     if (sizeof(Head) + topic.size() + node.size() + record.payload.size() > ring_.largest()) {
-        dropped_.fetch_add(1, std::memory_order_relaxed); // there never will be room
+        dropped_.fetch_add(1, std::memory_order_relaxed); // it never fits
         return;
     }
     const bool first = late_.insert_or_assign(topic, Published{record, node}).second;
@@ -170,27 +170,27 @@ BrokerCounts Broker::counts() const
 
 void Broker::serve()
 {
-    // Where processors are few, the run goes first.
+    // The run has priority.
     setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), background);
     zmq::pollitem_t items[] = {{frontend_.handle(), 0, ZMQ_POLLIN, 0}, {backend_.handle(), 0, ZMQ_POLLIN, 0}};
     std::optional<std::chrono::steady_clock::time_point> stopped_at;
     for (auto pause = shortest;;) {
         try {
-            const bool stop = stop_; // before the ring is looked at: what was written before comes out
+            const bool stop = stop_; // read it first: then the ring holds all that was written before
             hear_subscriptions();
             bool busy = hear_programs();
             busy = drain() || busy;
-            const bool told = tell_end();
+            const bool delivered = tell_end();
             if (stop && !stopped_at) {
                 stopped_at = std::chrono::steady_clock::now();
             }
-            if (!busy && stop && (told || std::chrono::steady_clock::now() - *stopped_at >= patience_at_the_end)) {
+            if (!busy && stop && (delivered || std::chrono::steady_clock::now() - *stopped_at >= end_timeout)) {
                 return;
             }
             pause = busy ? shortest : std::min(2 * pause, std::chrono::milliseconds(longest));
             poll(items, busy ? 0ms : pause);
             if (busy) {
-                std::this_thread::sleep_for(shortest); // in batches: the processor is for the run
+                std::this_thread::sleep_for(shortest); // in batches, to leave the processor to the run
             }
         } catch (const zmq::error_t &error) {
             if (error.num() == ETERM) {
@@ -231,7 +231,7 @@ void Broker::publish(std::span<const std::byte> entry)
     record.count = head.count;
     record.t = head.t;
     const auto payload = entry.subspan(sizeof head + head.topic + head.node);
-    record.payload.assign(payload.begin(), payload.end());
+    record.payload = payload;
     if (wanted(topic, last)) {
         send(topic, last.published);
     }
@@ -240,12 +240,12 @@ void Broker::publish(std::span<const std::byte> entry)
 void Broker::send(const std::string &topic, const Message &message)
 {
     encode({0, message}, frame_);
-    // To those who take no more, libzmq drops it whole.
+    // libzmq drops the whole message for observers that take no more.
     (void)backend_.send(zmq::buffer(topic), zmq::send_flags::sndmore | zmq::send_flags::dontwait);
     (void)backend_.send(zmq::buffer(frame_), zmq::send_flags::dontwait);
 }
 
-/// Whether all that asked for it have heard of the end; some have still to take what came before.
+/// Whether all observers know that the run is over.
 bool Broker::tell_end()
 {
     if (over_ && subscribed_.contains(finish_topic)) {
@@ -271,7 +271,7 @@ void Broker::hear_subscriptions()
     for (int n = 0; n < most_messages && backend_.recv(message, zmq::recv_flags::dontwait); n++) {
         const std::string_view text = message.to_string_view();
         if (text.empty() || text[0] > 1 || text[0] < 0) {
-            refused_++; // subscribers have nothing else to say
+            refused_++; // no subscription
             continue;
         }
         const std::string prefix(text.substr(1));
@@ -337,8 +337,9 @@ std::string Broker::read(std::vector<zmq::message_t> &parts, Written &written)
     } catch (const ProtocolError &error) {
         return error.what();
     }
-    if (gate_ && !config_.frontend.starts_with("inproc://") && !gate_->may_speak_as(parts[1], written.program)) {
-        return "the key " + gate_->name_of(parts[1]) + " is not allowed to speak as " + written.program;
+    if (authenticator_ && !config_.frontend.starts_with("inproc://") &&
+        !authenticator_->may_speak_as(parts[1], written.program)) {
+        return "the key " + authenticator_->name_of(parts[1]) + " is not allowed to speak as " + written.program;
     }
     const std::lock_guard lock(mutex_);
     return inbox_.size() >= most_written || inbox_bytes_ + written.payload.size() > config_.limits.frame
@@ -350,8 +351,8 @@ void Broker::refuse(const std::string &why)
 {
     refused_++;
     const std::lock_guard lock(mutex_);
-    if (said_.size() < most_said && said_.insert(why).second) {
-        reports_.push_back("what came to the broker was refused: " + why);
+    if (reported_.size() < most_reports && reported_.insert(why).second) {
+        reports_.push_back("the broker refused a message: " + why);
     }
 }
 

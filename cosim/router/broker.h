@@ -1,19 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// The broker of the thesis' appendix C: a frontend where asynchronous programs publish, a backend where
-// they subscribe. What nodes exchange rides inside ticks and tocks; here it is shown to those who watch.
+// The broker of the thesis' appendix C: a frontend where asynchronous programs publish, and a backend where they
+// subscribe. Nodes exchange messages inside ticks and tocks; the broker shows these messages to observers.
 //
 // It has a thread of its own, and the run never waits for it:
 //
-// - The Router copies records into a ring. Where the ring is full, of each topic the newest waits until
-//   there is room; those before it are dropped and counted.
-// - libzmq drops for an observer that does not keep up what exceeds `waiting`. So an observer sees a
-//   gap by Record::count, which counts from 1 since the last Start without any.
+// - The Router copies records into a ring. If the ring is full, the newest record of each topic waits for room;
+//   the broker drops and counts older ones.
+// - If an observer does not keep up, libzmq drops the messages beyond `waiting`. The observer notices the gap by
+//   Record::count, which counts from 1 since the last Start.
 //
-// On the backend a message has two parts: the topic's name, and a frame Published. What a topic held at the
-// beginning has count 0. Whoever subscribes gets the last of each topic at once; as subscriptions to the
-// same topic share it, others may see it again, with the count that they have seen. At the end comes
-// "finish" with a frame Finish, again and again until nobody subscribes to that any longer: who has
-// got it unsubscribes. To the frontend go messages of the same form.
+// On the backend a message has two parts: the topic's name, and a frame Published. An initial value has the count 0.
+// A new subscriber gets the last message of each topic at once. As subscribers share a topic, the others see that
+// message again, with the same count. At the end the broker sends "finish" with a frame Finish, again and again, and
+// an observer that has got it unsubscribes from "finish". The frontend takes messages of the same form.
 #pragma once
 
 #include "cosim/controller/run_listener.h"
@@ -33,30 +32,30 @@
 namespace fledge::cosim {
 
 struct BrokerConfig {
-    std::string frontend, backend;            ///< addresses; of a TCP port "*", any free one
-    std::size_t room = std::size_t{16} << 20; ///< bytes of records that wait for its thread; one has up to half
-    int waiting = 1000;                       ///< most messages that wait for one observer
+    std::string frontend, backend;            ///< addresses; TCP port "*": any free one
+    std::size_t room = std::size_t{16} << 20; ///< bytes of the ring; a record may take half
+    int waiting = 1000;                       ///< most messages in the queue of an observer
     Limits limits = {};
 };
 
 struct BrokerCounts {
-    std::uint64_t published = 0; ///< records that it was given
-    std::uint64_t dropped = 0;   ///< of those, before they were sent to anybody
-    std::uint64_t received = 0;  ///< from asynchronous programs, and well formed
-    std::uint64_t refused = 0;   ///< what was not, or came too fast
+    std::uint64_t published = 0; ///< records from the run
+    std::uint64_t dropped = 0;   ///< of these, not sent to any observer
+    std::uint64_t received = 0;  ///< well-formed messages of asynchronous programs
+    std::uint64_t refused = 0;   ///< messages that were malformed, or came too fast
 };
 
-class Broker final : public Witness {
+class Broker final : public RunListener {
 public:
-    /// What an asynchronous program wrote.
+    /// A message of an asynchronous program.
     struct Written {
         std::string program, topic;
-        Bytes payload;
+        Payload payload;
     };
 
-    /// With a gate, only who is allowed may connect, and write under the names of its key; the gate
+    /// With an authenticator, only programs with an allowed key connect, and write under the names of that key; it
     /// outlives the broker. Throws LinkError.
-    Broker(zmq::context_t &context, BrokerConfig config, Gate *gate = nullptr);
+    Broker(zmq::context_t &context, BrokerConfig config, Authenticator *authenticator = nullptr);
     ~Broker() override;
 
     const std::string &frontend() const { return frontend_address_; }
@@ -67,15 +66,15 @@ public:
     void began(const Exchange &exchange) override;
     void wrote(const std::string &node, const std::vector<Record> &records) override;
     void ended(const std::string &reason) override;
-    /// From time to time: hand on what there was no room for.
+    /// To be called from time to time: send records that found no room.
     void tend() { hand_on_late(); }
 
     bool heard() const { return heard_.load(std::memory_order_relaxed); }
-    /// What asynchronous programs wrote since the last time, in order.
+    /// The messages of asynchronous programs since the last call, in order.
     std::vector<Written> take();
-    /// One of these may not be: count it, and tell the user once.
+    /// Refuse a message: count it, and report each reason once.
     void refuse(const std::string &why);
-    /// What was refused.
+    /// Reasons of refusals.
     std::vector<std::string> take_reports();
     BrokerCounts counts() const;
 
@@ -90,7 +89,7 @@ private:
     };
     struct Last {
         Published published;
-        bool wanted = true; ///< somebody subscribed to it; as of `looked`
+        bool wanted = true; ///< an observer subscribed to it; as of `looked`
         std::uint64_t looked = 0;
     };
 
@@ -109,7 +108,7 @@ private:
     std::string read(std::vector<zmq::message_t> &parts, Written &written);
 
     BrokerConfig config_;
-    Gate *gate_;
+    Authenticator *authenticator_;
     zmq::socket_t frontend_, backend_;
     std::string frontend_address_, backend_address_;
 
@@ -117,7 +116,7 @@ private:
 
     // The Router's.
     std::vector<std::string> topics_;       ///< by channel
-    std::map<std::string, Published> late_; ///< by topic: the newest of what found no room
+    std::map<std::string, Published> late_; ///< by topic: the newest record that found no room
     std::string end_;
     bool end_is_late_ = false;
 
@@ -134,7 +133,7 @@ private:
     std::mutex mutex_; ///< of what follows
     std::vector<Written> inbox_;
     std::size_t inbox_bytes_ = 0;
-    std::set<std::string> said_;
+    std::set<std::string> reported_;
     std::vector<std::string> reports_;
 
     std::thread thread_;

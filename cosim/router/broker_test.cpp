@@ -51,7 +51,7 @@ TEST(ByteRing, WhatGoesInComesOutInOrderAndWholeOnTwoThreads)
     EXPECT_FALSE(ring.front().data());
 }
 
-Bytes published_by(const std::string &node, const Bytes &payload)
+Bytes published_by(const std::string &node, const Payload &payload)
 {
     Frame frame{0, Published{}};
     std::get<Published>(frame.message).node = node;
@@ -119,12 +119,12 @@ public:
         config.simulation = "test";
         config.name = name;
         config.address = router.address();
-        config.patience = 20s;
+        config.connect_timeout = 20s;
         config.keys = keys;
         return config;
     }
 
-    bool said(const std::string &text)
+    bool reported(const std::string &text)
     {
         for (int i = 0; i < 1000; i++) {
             {
@@ -144,13 +144,13 @@ public:
             : Counter(std::move(reads), std::move(writes), latency), owner(its_owner)
         {
         }
-        std::vector<Want> desired() override
+        std::vector<Subscription> desired() override
         {
-            auto wants = Counter::desired();
+            auto subscriptions = Counter::desired();
             for (const std::string &topic : more_wants) {
-                wants.push_back({topic, Latency::same_instant, false, make_schema("Word", word_text)});
+                subscriptions.push_back({topic, Latency::same_instant, false, make_schema("Word", word_text)});
             }
-            return wants;
+            return subscriptions;
         }
         void start(const std::vector<Channel> &channels) override
         {
@@ -262,7 +262,7 @@ TEST_P(Broadcast, WhoComesLateGetsTheLastOfEachTopicAtOnce)
         EXPECT_EQ(seen->count, 52u);
     }
     EXPECT_EQ(first.missed(), 0u);
-    // Who comes after all is told so.
+    // An observer that comes after the end is refused.
     run.let(for_ever);
     EXPECT_EQ(run.run.get(), "");
 }
@@ -283,9 +283,9 @@ TEST(Broker, WhoComesBeforeTheNodesHaveMetWaitsForThem)
     observer.simulation = "test";
     observer.name = "viewer";
     observer.address = router.address();
-    observer.patience = 300ms;
+    observer.connect_timeout = 300ms;
     EXPECT_THROW(Observer(other, observer), LinkError);
-    observer.patience = 20s;
+    observer.connect_timeout = 20s;
     auto watch = std::async(std::launch::async, [&] {
         Observer viewer(other, observer);
         return viewer.topics().count("/a/n");
@@ -308,20 +308,20 @@ TEST(Broker, WhatAnAsynchronousProgramWritesIsSeenByNodesAndByThoseWhoWatch)
     for (std::uint64_t x = 1; x <= 20; x++) {
         ground.write("/ground/command", word(100 + x));
     }
-    std::vector<std::pair<Ns, std::uint64_t>> told;
+    std::vector<std::pair<Ns, std::uint64_t>> seen_by_reader;
     for (std::uint32_t k = 1; k <= 20; k++) {
         const auto seen = viewer.next(20s);
         ASSERT_TRUE(seen);
         EXPECT_EQ(seen->node, "ground");
         EXPECT_EQ(seen->count, k);
-        told.emplace_back(seen->t, word_of(seen->payload));
+        seen_by_reader.emplace_back(seen->t, word_of(seen->payload));
     }
     EXPECT_THROW(ground.write("/ground/other", word(1)), LinkError);
     EXPECT_THROW(ground.write("/ground/command", Bytes(7)), LinkError);
     ground.write("/a/n", word(1)); // that the controller refuses
     viewer.write("/ground/command", word(1));
-    EXPECT_TRUE(run.said("ground writes /a/n: /a/n does not come from ground"));
-    EXPECT_TRUE(run.said("viewer writes /ground/command: /ground/command does not come from viewer"));
+    EXPECT_TRUE(run.reported("ground writes /a/n: /a/n does not come from ground"));
+    EXPECT_TRUE(run.reported("viewer writes /ground/command: /ground/command does not come from viewer"));
     run.let(for_ever);
     EXPECT_EQ(run.run.get(), "");
     run.serve_a.wait();
@@ -329,7 +329,7 @@ TEST(Broker, WhatAnAsynchronousProgramWritesIsSeenByNodesAndByThoseWhoWatch)
     ASSERT_EQ(commands.size(), 21u);
     EXPECT_EQ(commands[0].second, 0u); // the initial value
     commands.erase(commands.begin());
-    EXPECT_EQ(commands, told); // a reader of the same instant sees it at the time of which it is
+    EXPECT_EQ(commands, seen_by_reader); // a reader of the same instant sees it at the time of which it is
     for (std::size_t k = 1; k < commands.size(); k++) {
         EXPECT_EQ(commands[k].first - commands[k - 1].first, k == 1 ? commands[1].first - commands[0].first : 10);
     }
@@ -437,7 +437,7 @@ TEST(Broker, OneThatDoesNotKeepUpSeesTheGapByTheCountAndSlowsNobody)
         last = message->count;
         missed += message->missed;
     }
-    EXPECT_TRUE(observer.over()); // of which it is told when it has taken what came before
+    EXPECT_TRUE(observer.over()); // after all messages before
     EXPECT_EQ(observer.missed(), missed);
     EXPECT_EQ(seen + missed, last);
     EXPECT_EQ(router.broker()->counts().published, 100'001u);
@@ -528,7 +528,7 @@ TEST(Broker, WithKeysOnlyWhoIsAllowedWatchesOrWrites)
     ASSERT_TRUE(front.recv(subscription));
     front.send(zmq::str_buffer("/ground/command"), zmq::send_flags::sndmore);
     front.send(zmq::buffer(published_by("ground", word(6))), zmq::send_flags::none);
-    EXPECT_TRUE(run.said("the key viewer is not allowed to speak as ground"));
+    EXPECT_TRUE(run.reported("the key viewer is not allowed to speak as ground"));
     // Without a key, and with a stranger's, nothing is heard at the backend.
     zmq::context_t others;
     zmq::socket_t bare(others, zmq::socket_type::sub), stranger(others, zmq::socket_type::sub);
@@ -573,7 +573,7 @@ TEST(Broker, WhatCannotBeIsSaid)
     EXPECT_TRUE(refusal().starts_with("cannot listen at tcp://127.0.0.1:x for what asynchronous programs publish: "));
     config.frontend = "";
     EXPECT_EQ(refusal(), "");
-    // Who comes where nobody can watch is told.
+    // An observer of a run without a broker is refused.
     config.broker = false;
     run.asynchronous.clear();
     Router router(context, run, config);
@@ -588,7 +588,7 @@ TEST(Broker, WhatCannotBeIsSaid)
         ADD_FAILURE();
     } catch (const LinkError &error) {
         EXPECT_EQ(std::string(error.what()),
-                  "the controller refuses viewer: this controller has no broker, so nobody can watch");
+                  "the controller refuses viewer: this controller has no broker, so there can be no observers");
     }
     stop = true;
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A queue of entries of bytes from one thread to another: fixed room, no locks, nobody waits. Its memory is
-// touched only as it is used.
+// A queue of byte entries from one thread to another, of fixed size, without locks or waiting. It touches its memory
+// only as far as it uses it.
 #pragma once
 
 #include <atomic>
@@ -19,7 +19,7 @@ public:
     /// The largest entry that always finds room in an empty ring.
     std::size_t largest() const { return size_ / 2 - 16; }
 
-    /// For the one that writes: room for an entry of n bytes, until commit(). Null if there is none.
+    /// The writer: room for an entry of n bytes, until commit(). Null if there is none.
     std::byte *claim(std::size_t n)
     {
         if (n > largest()) {
@@ -45,7 +45,7 @@ public:
     }
     void commit() { head_.store(claimed_, std::memory_order_release); }
 
-    /// For the one that reads: the first entry, until pop(). Its data are null if there is none.
+    /// The reader: the first entry, until pop(). Its data are null if there is none.
     std::span<const std::byte> front()
     {
         for (;;) {
@@ -68,7 +68,7 @@ public:
     }
 
 private:
-    static constexpr std::uint64_t skip = ~std::uint64_t{0}; ///< the rest of the room is not used
+    static constexpr std::uint64_t skip = ~std::uint64_t{0}; ///< the rest of the buffer is unused
 
     void put(std::size_t at, std::uint64_t x) { std::memcpy(bytes_.get() + at, &x, sizeof x); }
     std::uint64_t get(std::size_t at) const
@@ -80,9 +80,9 @@ private:
 
     std::size_t size_;
     std::unique_ptr<std::byte[]> bytes_;
-    alignas(64) std::atomic<std::size_t> head_{0}; ///< all that was ever written
+    alignas(64) std::atomic<std::size_t> head_{0}; ///< bytes ever written
     std::size_t claimed_ = 0, seen_tail_ = 0;      ///< the writer's
-    alignas(64) std::atomic<std::size_t> tail_{0}; ///< all that was ever read
+    alignas(64) std::atomic<std::size_t> tail_{0}; ///< bytes ever read
 };
 
 } // namespace fledge::cosim

@@ -44,7 +44,7 @@ struct Guarded {
     }
 
     /// Waits until something like this is reported.
-    bool said(const std::string &text)
+    bool reported(const std::string &text)
     {
         for (int i = 0; i < 1000; i++) {
             {
@@ -114,17 +114,17 @@ TEST_P(Keyed, WhoIsNotIsToldAtOnceAndSoIsTheUser)
     const std::string at = "threw: the controller at " + guarded.router.address() + " does not let a in: ";
     EXPECT_EQ(guarded.try_as("a", keys.of("stranger")),
               at + "it does not know this key: ./fledge keys allow, where the controller runs, lets it in");
-    EXPECT_TRUE(guarded.said("its public key is not allowed here: " + stranger + "; ./fledge keys allow"));
+    EXPECT_TRUE(guarded.reported("its public key is not allowed here: " + stranger + "; ./fledge keys allow"));
     EXPECT_EQ(guarded.try_as("a", keys.of("lab")),
               "threw: the controller refuses a: its key lab is not allowed to speak as a");
-    EXPECT_TRUE(guarded.said("its key lab is not allowed to speak as a"));
+    EXPECT_TRUE(guarded.reported("its key lab is not allowed to speak as a"));
     const std::string bare = guarded.try_as("a", "");
     EXPECT_TRUE(bare.starts_with(at) && bare.find("it asks for keys") != bare.npos) << bare;
     others.make("a"); // it holds another controller's public key
     EXPECT_EQ(guarded.try_as("a", others.of("a")),
               at + "what listens there breaks off when it sees these keys: controller.public here is not that of "
                    "this controller, or it uses no keys");
-    EXPECT_EQ(guarded.router.controller().absent().size(), 2u); // nobody came so far
+    EXPECT_EQ(guarded.router.controller().absent().size(), 2u); // no node has come
     EXPECT_EQ(guarded.end(), "the user ended it");
 }
 
@@ -134,15 +134,15 @@ TEST_P(Keyed, AControllerWithoutKeysIsToldApart)
     keys.allow("a", "a");
     Guarded guarded("", address());
     // Who notices first goes, so the other side may see no more than that.
-    const std::string told = guarded.try_as("a", keys.of("a"));
-    EXPECT_TRUE(told.starts_with("threw: the controller at " + guarded.router.address() + " does not let a in: ") &&
-                told.find("it uses no keys") != told.npos)
-        << told;
+    const std::string found = guarded.try_as("a", keys.of("a"));
+    EXPECT_TRUE(found.starts_with("threw: the controller at " + guarded.router.address() + " does not let a in: ") &&
+                found.find("it uses no keys") != found.npos)
+        << found;
 }
 
 INSTANTIATE_TEST_SUITE_P(All, Keyed, testing::Values("tcp", "ipc"));
 
-TEST(Gate, AKeyThatIsAllowedMeanwhileIsLetIn)
+TEST(Authenticator, AKeyThatIsAllowedMeanwhileIsLetIn)
 {
     Keys keys;
     keys.allow("a", "a");
@@ -162,7 +162,7 @@ TEST(Gate, AKeyThatIsAllowedMeanwhileIsLetIn)
     EXPECT_EQ(late_b.get(), "the user ended it");
 }
 
-TEST(Gate, ANodesOwnSocketIsForItsKeyOnly)
+TEST(Authenticator, ANodesOwnSocketIsForItsKeyOnly)
 {
     // A stranger, and another node, that know the address of a's socket gain nothing by it.
     Keys keys;
@@ -171,20 +171,20 @@ TEST(Gate, ANodesOwnSocketIsForItsKeyOnly)
     Guarded guarded(keys.folder());
     zmq::context_t context;
     const ClientKeys right = read_client_keys(keys.folder(), "a");
-    zmq::socket_t lobby(context, zmq::socket_type::dealer);
-    lobby.set(zmq::sockopt::linger, 0);
-    lobby.set(zmq::sockopt::rcvtimeo, 20'000);
-    use_keys(lobby, right);
-    lobby.connect(guarded.router.address());
-    lobby.send(zmq::buffer(encode({1, Hello{1, 1, "test", "a"}})), zmq::send_flags::none);
+    zmq::socket_t greetings(context, zmq::socket_type::dealer);
+    greetings.set(zmq::sockopt::linger, 0);
+    greetings.set(zmq::sockopt::rcvtimeo, 20'000);
+    use_keys(greetings, right);
+    greetings.connect(guarded.router.address());
+    greetings.send(zmq::buffer(encode({1, Hello{1, 1, "test", "a"}})), zmq::send_flags::none);
     zmq::message_t reply;
-    ASSERT_TRUE(lobby.recv(reply));
+    ASSERT_TRUE(greetings.recv(reply));
     const std::string own = std::get<Welcome>(decode({reply.data<std::byte>(), reply.size()}).message).address;
     Link wrong(context, {});
     use_keys(wrong.socket(), read_client_keys(keys.folder(), "b"));
     wrong.connect(own);
     EXPECT_THROW(wrong.wait(20s), LinkError);
-    EXPECT_TRUE(guarded.said("was not let in as a, for which its key b is not allowed"));
+    EXPECT_TRUE(guarded.reported("was not let in as a, for which its key b is not allowed"));
     Link bare(context, {});
     bare.connect(own);
     bare.send({1, Hello{1, 1, "test", "a"}});
@@ -281,7 +281,7 @@ private:
     std::thread thread_;
 };
 
-TEST(Gate, NothingIsReadableOnTheWire)
+TEST(Authenticator, NothingIsReadableOnTheWire)
 {
     // A Hello whose name stands for any payload. Without keys the relay sees it, with keys it does not.
     const std::string name = "a-name-that-nobody-else-should-see";

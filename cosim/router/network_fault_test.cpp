@@ -14,7 +14,7 @@ namespace {
 using namespace std::chrono_literals;
 using namespace testing_nodes;
 
-/// It makes snapshots, and begins where it is told.
+/// It makes snapshots, and begins after Initialize::start.
 class Saver : public Counter {
 public:
     using Counter::Counter;
@@ -68,13 +68,13 @@ template <class Mischief>
 void play(const std::string &address, const std::string &name, Node &node, Ns t, Mischief mischief)
 {
     zmq::context_t context;
-    zmq::socket_t lobby(context, zmq::socket_type::dealer);
-    lobby.set(zmq::sockopt::linger, 1000);
-    lobby.set(zmq::sockopt::rcvtimeo, 10'000);
-    lobby.connect(address);
-    lobby.send(zmq::buffer(encode({1, Hello{1, 1, "test", name}})), zmq::send_flags::none);
+    zmq::socket_t greetings(context, zmq::socket_type::dealer);
+    greetings.set(zmq::sockopt::linger, 1000);
+    greetings.set(zmq::sockopt::rcvtimeo, 10'000);
+    greetings.connect(address);
+    greetings.send(zmq::buffer(encode({1, Hello{1, 1, "test", name}})), zmq::send_flags::none);
     zmq::message_t message;
-    ASSERT_TRUE(lobby.recv(message));
+    ASSERT_TRUE(greetings.recv(message));
     const Frame reply = decode({message.data<std::byte>(), message.size()});
     ASSERT_TRUE(std::holds_alternative<Welcome>(reply.message)) << kind_name(reply.message);
     Link link(context, {});
@@ -181,10 +181,10 @@ TEST(Fault, AnotherProgramGoesOnFromASnapshotAndNobodySeesIt)
 
 TEST(Fault, NonsenseInTheRunIsNamedAndThePolicyHolds)
 {
-    const auto reported = [](const auto &mischief, std::chrono::milliseconds patience = 20s) {
+    const auto reported = [](const auto &mischief, std::chrono::milliseconds reply_timeout = 20s) {
         ControllerConfig config = config_of({{"a"}, {"b", Policy::hold}}, 1000);
         RouterConfig router = listening();
-        router.replies = {20s, patience};
+        router.replies = {20s, reply_timeout};
         router.limits.frame = 10'000;
         Running run(config, router);
         Counter a("/b/n", "/a/n", Latency::next_instant);
@@ -251,14 +251,14 @@ TEST(Fault, ANodeThatWasGivenUpMayComeAgain)
     Counter b("/a/n", "/b/n", Latency::same_instant);
     play(run.router.address(), "b", b, 500, [](Link &, const Frame &) {});
     // Another greets while the run goes on without it.
-    zmq::socket_t lobby(run.context, zmq::socket_type::dealer);
-    lobby.set(zmq::sockopt::rcvtimeo, 10'000);
-    lobby.connect(run.router.address());
+    zmq::socket_t greetings(run.context, zmq::socket_type::dealer);
+    greetings.set(zmq::sockopt::rcvtimeo, 10'000);
+    greetings.connect(run.router.address());
     zmq::message_t message;
     Frame reply{1, Refused{}};
     for (int tries = 0; tries < 1000 && !std::holds_alternative<Welcome>(reply.message); tries++) {
-        lobby.send(zmq::buffer(encode({1, Hello{1, 1, "test", "b"}})), zmq::send_flags::none);
-        ASSERT_TRUE(lobby.recv(message)); // it may not be missed yet
+        greetings.send(zmq::buffer(encode({1, Hello{1, 1, "test", "b"}})), zmq::send_flags::none);
+        ASSERT_TRUE(greetings.recv(message)); // it may not be missed yet
         reply = decode({message.data<std::byte>(), message.size()});
         std::this_thread::sleep_for(1ms);
     }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cosim/router/pace.h"
 
-#include "cosim/transport/link.h"
+#include "cosim/transport/link_error.h"
 
 #include <algorithm>
 #include <cmath>
@@ -15,7 +15,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// Whether all that take part have done all instants that they were let go to.
+/// Whether all nodes have done all instants up to the horizon.
 bool all_done(const Controller &c, std::size_t nodes)
 {
     for (NodeId id = 0; id < nodes; id++) {
@@ -45,12 +45,12 @@ void Pace::tend(Controller &controller, std::size_t nodes, Clock::time_point now
 {
     if (armed_ != Clock::time_point{} && now >= armed_) {
         std::uint64_t times;
-        if (read(fd_, &times, sizeof times) > 0) { // or it would be readable from now on
+        if (read(fd_, &times, sizeof times) > 0) { // else it stays readable
             armed_ = {};
         }
     }
     if (!controller.running() || controller.waiting()) {
-        stands_ = true;
+        stopped_ = true;
         return;
     }
     const Ns due = controller.next_due();
@@ -58,8 +58,8 @@ void Pace::tend(Controller &controller, std::size_t nodes, Clock::time_point now
         return;
     }
     const auto wall = std::chrono::nanoseconds(std::llround(static_cast<double>(due) / speed_));
-    if (stands_) {
-        stands_ = false;
+    if (stopped_) {
+        stopped_ = false;
         zero_ = now - wall;
     }
     if (now < zero_ + wall) {

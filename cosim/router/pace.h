@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Real time, or a multiple of it: lets the nodes go to an instant when its time has come.
-//
-// It moves the controller's horizon and nothing else, so no message depends on it.
+// Real time, or a multiple of it. It moves the controller's horizon and nothing else, so no message depends on it.
 #pragma once
 
 #include "cosim/controller/controller.h"
@@ -10,9 +8,9 @@
 
 namespace fledge::cosim {
 
-/// How a paced run kept up.
+/// Delays of a paced run.
 struct PaceReport {
-    std::uint64_t overruns = 0; ///< instants that began later than 1 ms after their time
+    std::uint64_t overruns = 0; ///< instants that began more than 1 ms late
     Ns worst = 0;               ///< [ns] of wall time, the largest delay
 };
 
@@ -26,10 +24,10 @@ public:
     Pace(const Pace &) = delete;
     Pace &operator=(const Pace &) = delete;
 
-    /// Readable when there is something to do.
+    /// Readable when tend() has something to do.
     int fd() const { return fd_; }
-    /// Let the nodes go as far as they may by now. To be called when something has happened. An instant
-    /// does not begin before all have done the one before; what is late then is made up for.
+    /// Move the horizon to the present time. To be called after each event. An instant does not begin before all
+    /// nodes have done the one before; a late run catches up.
     void tend(Controller &controller, std::size_t nodes, Clock::time_point now);
 
     const PaceReport &report() const { return report_; }
@@ -39,7 +37,7 @@ private:
 
     int fd_;
     double speed_;
-    bool stands_ = true;             ///< the simulated time does, so the real one does not count
+    bool stopped_ = true;            ///< simulated time stands still, and real time does not count
     Clock::time_point zero_, armed_; ///< when t = 0 was, or would have been
     PaceReport report_;
 };

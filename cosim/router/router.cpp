@@ -14,20 +14,20 @@ using namespace std::chrono_literals;
 
 constexpr auto look = 100ms;
 constexpr std::size_t most_attaching = 1000;
-constexpr auto rest = 20ms; ///< how long the sockets may be left alone while all is in shared memory
-constexpr auto spin = 20us; ///< before one sleeps, if there is a processor for each program
+constexpr auto rest = 20ms; ///< between two looks at the sockets, if all nodes share memory
+constexpr auto spin = 20us; ///< busy waiting, if there is a processor for each program
 
-/// What is watched, by keys.
-enum Kind : std::uint64_t { lobby, bell, timer, frames, events, kinds };
+/// What the poller watches.
+enum Kind : std::uint64_t { greetings, wake_up, timer, frames, events, kinds };
 
 std::uint64_t key(Kind kind, NodeId id = 0)
 {
     return id * kinds + kind;
 }
 
-ControllerConfig telling(ControllerConfig config, bool tell, bool paced)
+ControllerConfig adjusted(ControllerConfig config, bool listened, bool paced)
 {
-    config.tell = config.tell || tell;
+    config.listened = config.listened || listened;
     config.horizon = paced ? -1 : config.horizon;
     return config;
 }
@@ -36,8 +36,8 @@ ControllerConfig telling(ControllerConfig config, bool tell, bool paced)
 
 Router::Router(zmq::context_t &context, ControllerConfig controller, RouterConfig config)
     : context_(context), config_(std::move(config)), simulation_(controller.simulation),
-      controller_(telling(with_broker(controller), config_.broker || !config_.witnesses.empty(), config_.pace > 0.0)),
-      lobby_(context, zmq::socket_type::router), nodes_(controller.nodes.size())
+      controller_(adjusted(with_broker(controller), config_.broker || !config_.listeners.empty(), config_.pace > 0.0)),
+      greetings_(context, zmq::socket_type::router), nodes_(controller.nodes.size())
 {
     for (const NodeConfig &node : controller.nodes) {
         names_.push_back(node.name);
@@ -45,28 +45,28 @@ Router::Router(zmq::context_t &context, ControllerConfig controller, RouterConfi
     for (const AsynchronousConfig &program : controller.asynchronous) {
         names_.push_back(program.name);
     }
-    set_up(lobby_, config_.limits);
-    if (gate_) {
-        gate_->guard(lobby_);
+    set_up(greetings_, config_.limits);
+    if (authenticator_) {
+        authenticator_->guard(greetings_);
     }
     try {
-        lobby_.bind(config_.address);
+        greetings_.bind(config_.address);
     } catch (const zmq::error_t &error) {
         throw LinkError("cannot listen at " + config_.address + ": " + error.what() +
                         (error.num() == EADDRINUSE ? "; is another controller running?" : ""));
     }
-    address_ = lobby_.get(zmq::sockopt::last_endpoint);
-    poller_.add(descriptor(lobby_), key(Kind::lobby));
+    address_ = greetings_.get(zmq::sockopt::last_endpoint);
+    poller_.add(descriptor(greetings_), key(Kind::greetings));
     if (config_.pace > 0.0) {
         pace_.emplace(config_.pace);
         poller_.add(pace_->fd(), key(Kind::timer));
     }
     if (config_.sharing != Sharing::forbidden && !address_.starts_with("inproc://")) {
         try {
-            bell_.emplace();
-            poller_.add(bell_->fd(), key(Kind::bell));
+            wake_up_.emplace();
+            poller_.add(wake_up_->fd(), key(Kind::wake_up));
         } catch (const LinkError &) {
-            bell_.reset();
+            wake_up_.reset();
             if (config_.sharing == Sharing::required) {
                 throw;
             }
@@ -80,7 +80,7 @@ Router::~Router()
         controller_.stop("the controller was ended");
         act();
     } catch (const std::exception &) {
-        // Nodes see then that their connection is gone.
+        // The nodes notice that their connection is gone.
     }
 }
 
@@ -91,7 +91,7 @@ void Router::host(const std::string &name, Node &node)
     act();
 }
 
-/// One after another: what they bring about may call them again.
+/// One after another: a reply may lead to the next request.
 void Router::call_hosted()
 {
     while (!calls_.empty() && Clock::now() - looked_ < look) {
@@ -128,7 +128,7 @@ std::string Router::run(const std::function<bool()> &poll)
             pace_->tend(controller_, nodes_.size(), now);
             act();
         }
-        // Who is busy with some still listens to the others.
+        // A router that is busy with some nodes still listens to the others.
         const bool more = busy || !calls_.empty() || controller_.done();
         if (!more || now - waited >= 1ms) {
             waited = now;
@@ -142,37 +142,37 @@ std::string Router::run(const std::function<bool()> &poll)
 void Router::wait(std::chrono::milliseconds most)
 {
     const bool sleeps = most.count() && !sharing_.empty();
-    if (bell_) {
-        bell_->wake();
+    if (wake_up_) {
+        wake_up_->wake();
     }
     if (sleeps && spin_.spin([&] { return anything_shared(); })) {
         return;
     }
     if (sleeps) {
         const bool rests = expect();
-        bell_->arm(rests ? Bell::rests : Bell::polls);
+        wake_up_->arm(rests ? WakeUp::rests : WakeUp::polls);
         if (anything_shared()) {
             most = 0ms;
         } else if (rests) {
-            bell_->rest(rest);
-            bell_->disarm(false);
+            wake_up_->rest(rest);
+            wake_up_->disarm(false);
             if (anything_shared()) {
                 return;
             }
-            most = 0ms; // nobody rang for a while
+            most = 0ms; // no node woke the controller for a while
         }
     }
     const auto &ready = poller_.wait(most);
-    if (bell_) {
-        bell_->disarm(std::find(ready.begin(), ready.end(), key(Kind::bell)) != ready.end());
+    if (wake_up_) {
+        wake_up_->disarm(std::find(ready.begin(), ready.end(), key(Kind::wake_up)) != ready.end());
     }
     for (const std::uint64_t what : ready) {
         const NodeId id = what / kinds;
         switch (static_cast<Kind>(what % kinds)) {
-        case Kind::lobby: greet(); break;
+        case Kind::greetings: greet(); break;
         case Kind::frames: listen(id); break;
         case Kind::events: {
-            // In this order: what a node sent before it went counts.
+            // In this order: the last frame of a lost node counts.
             const bool gone = nodes_[id].link && nodes_[id].link->gone();
             listen(id);
             if (gone) {
@@ -186,16 +186,16 @@ void Router::wait(std::chrono::milliseconds most)
     }
 }
 
-/// Let those alone wake this program whose tocks bring the run further. Whether they all share memory.
+/// Let only nodes wake the controller whose replies can unblock a node. True if these all share memory.
 bool Router::expect()
 {
-    const bool some = controller_.decisive(decisive_);
+    const bool some = controller_.unblocking_nodes(unblocking_);
     std::size_t expected = 0;
     for (const NodeId id : sharing_) {
-        nodes_[id].link->shared()->expect(!some || decisive_[id]);
-        expected += some && decisive_[id];
+        nodes_[id].link->shared()->expect(!some || unblocking_[id]);
+        expected += some && unblocking_[id];
     }
-    return some && expected == static_cast<std::size_t>(std::count(decisive_.begin(), decisive_.end(), true));
+    return some && expected == static_cast<std::size_t>(std::count(unblocking_.begin(), unblocking_.end(), true));
 }
 
 bool Router::anything_shared() const
@@ -210,12 +210,12 @@ bool Router::listen_to_shared()
     for (std::size_t i = 0; i < sharing_.size(); i++) {
         const NodeId id = sharing_[i];
         if (nodes_[id].link->shared()->pending()) {
-            listen(id); // the list may be shorter now; who was passed over is met next time
+            listen(id); // may shorten the list: the node skipped then is next time's
             any = true;
         }
     }
     if (any) {
-        bell_->wake();
+        wake_up_->wake();
     }
     return any;
 }
@@ -229,7 +229,7 @@ void Router::listen_again()
             listen(id);
         }
     }
-    if (lobby_unsure_) {
+    if (greetings_unsure_) {
         greet();
     }
 }
@@ -237,12 +237,12 @@ void Router::listen_again()
 void Router::greet()
 {
     zmq::message_t peer, hello;
-    lobby_unsure_ = false;
-    while (lobby_.recv(peer, zmq::recv_flags::dontwait)) {
+    greetings_unsure_ = false;
+    while (greetings_.recv(peer, zmq::recv_flags::dontwait)) {
         std::size_t parts = 0;
         bool more = peer.more();
         while (more) {
-            if (!lobby_.recv(hello, zmq::recv_flags::dontwait)) {
+            if (!greetings_.recv(hello, zmq::recv_flags::dontwait)) {
                 break;
             }
             parts++;
@@ -258,8 +258,9 @@ void Router::greet()
             if (!m) {
                 throw ProtocolError(std::string("expected Hello, found ") + kind_name(frame.message));
             }
-            if (keyed() && !gate_->may_speak_as(hello, m->node)) {
-                const std::string why = "its key " + gate_->name_of(hello) + " is not allowed to speak as " + m->node;
+            if (keyed() && !authenticator_->may_speak_as(hello, m->node)) {
+                const std::string why =
+                    "its key " + authenticator_->name_of(hello) + " is not allowed to speak as " + m->node;
                 report("a program was not let in: " + why);
                 throw ProtocolError(why);
             }
@@ -275,11 +276,11 @@ void Router::greet()
     }
 }
 
-/// Before the controller, which hands its addresses on.
+/// The broker comes before the controller, which sends its addresses to the nodes.
 ControllerConfig Router::with_broker(ControllerConfig controller)
 {
     if (!config_.keys.empty()) {
-        gate_ = std::make_unique<Gate>(context_, config_.keys);
+        authenticator_ = std::make_unique<Authenticator>(context_, config_.keys);
     }
     check_address(config_.address);
     if (config_.broker) {
@@ -291,10 +292,10 @@ ControllerConfig Router::with_broker(ControllerConfig controller)
         broker.limits = config_.limits;
         check_address(broker.frontend);
         check_address(broker.backend);
-        broker_ = std::make_unique<Broker>(context_, broker, gate_.get());
+        broker_ = std::make_unique<Broker>(context_, broker, authenticator_.get());
         controller.frontend = broker_->frontend();
         controller.backend = broker_->backend();
-        config_.witnesses.push_back(broker_.get());
+        config_.listeners.push_back(broker_.get());
     } else if (!controller.asynchronous.empty()) {
         throw LinkError("asynchronous programs, such as " + controller.asynchronous.front().name +
                         ", need a broker, and this controller has none");
@@ -304,13 +305,13 @@ ControllerConfig Router::with_broker(ControllerConfig controller)
 
 void Router::check_address(const std::string &address) const
 {
-    if (!gate_ && !is_local(address) && !config_.unencrypted_beyond_machine) {
+    if (!authenticator_ && !is_local(address) && !config_.unencrypted_beyond_machine) {
         throw LinkError(address + " can be reached from other machines, which needs keys: ./fledge keys new "
                                   "controller, and --keys; or listen at tcp://127.0.0.1");
     }
 }
 
-/// An asynchronous program greets. What it needs to know is known when the nodes have met.
+/// An asynchronous program greets. The answer needs the topics, which are known after the matching.
 void Router::attach(const Hello &hello)
 {
     const auto refuse = [&](const std::string &why) { reply(greeting_peer_, Refused{why}); };
@@ -321,7 +322,7 @@ void Router::attach(const Hello &hello)
         return refuse("this is the simulation " + simulation_ + ", not " + hello.simulation);
     }
     if (!broker_) {
-        return refuse("this controller has no broker, so nobody can watch");
+        return refuse("this controller has no broker, so there can be no observers");
     }
     if (controller_.finishing() || controller_.done()) {
         return refuse("the run is over");
@@ -347,7 +348,7 @@ void Router::answer_attaching()
     }
 }
 
-/// What asynchronous programs wrote enters before the next tick goes out.
+/// The messages of asynchronous programs enter before the next tick.
 void Router::hear_programs()
 {
     for (const Broker::Written &written : broker_->take()) {
@@ -358,10 +359,10 @@ void Router::hear_programs()
     act();
 }
 
-/// Within one program, at inproc://, libzmq asks nobody for keys.
+/// Within one program, at inproc://, libzmq uses no keys.
 bool Router::keyed() const
 {
-    return gate_ && !config_.address.starts_with("inproc://");
+    return authenticator_ && !config_.address.starts_with("inproc://");
 }
 
 void Router::report(const std::string &text)
@@ -374,25 +375,25 @@ void Router::report(const std::string &text)
 void Router::reply(std::span<const std::byte> peer, const Message &message)
 {
     const Bytes bytes = encode({1, message});
-    // One that has gone meanwhile gets nothing: libzmq drops it.
-    (void)lobby_.send(zmq::buffer(peer.data(), peer.size()), zmq::send_flags::sndmore | zmq::send_flags::dontwait);
-    (void)lobby_.send(zmq::buffer(bytes), zmq::send_flags::dontwait);
-    lobby_unsure_ = true;
+    // libzmq drops messages to a program that is gone.
+    (void)greetings_.send(zmq::buffer(peer.data(), peer.size()), zmq::send_flags::sndmore | zmq::send_flags::dontwait);
+    (void)greetings_.send(zmq::buffer(bytes), zmq::send_flags::dontwait);
+    greetings_unsure_ = true;
 }
 
 void Router::listen(NodeId id)
 {
-    Place &place = nodes_[id];
+    NodeSlot &slot = nodes_[id];
     Frame frame;
     try {
-        while (place.link && place.link->receive(frame)) {
-            if (!place.joined) {
+        while (slot.link && slot.link->receive(frame)) {
+            if (!slot.joined) {
                 join(id, frame);
                 continue;
             }
             heard(id, std::move(frame));
         }
-        place.unsure = false;
+        slot.unsure = false;
     } catch (const ProtocolError &error) {
         controller_.lost(id, std::string("it sent no frame: ") + error.what());
         act();
@@ -404,13 +405,13 @@ void Router::listen(NodeId id)
 
 void Router::heard(NodeId id, Frame frame)
 {
-    Place &place = nodes_[id];
-    place.answered = Clock::now();
+    NodeSlot &slot = nodes_[id];
+    slot.answered = Clock::now();
     if (const auto *tock = std::get_if<Tock>(&frame.message)) {
-        NodeTimes &times = place.times;
+        NodeTimes &times = slot.times;
         times.ticks++;
         times.compute += tock->compute_ns;
-        times.transport += std::chrono::nanoseconds(place.answered - place.asked).count() - tock->compute_ns;
+        times.transport += std::chrono::nanoseconds(slot.answered - slot.asked).count() - tock->compute_ns;
     }
     controller_.received(id, std::move(frame));
     act();
@@ -418,84 +419,84 @@ void Router::heard(NodeId id, Frame frame)
 
 NodeTimes Router::times(NodeId id) const
 {
-    const Place &place = nodes_[id];
-    NodeTimes times = place.times;
+    const NodeSlot &slot = nodes_[id];
+    NodeTimes times = slot.times;
     const auto now = Clock::now();
     if (controller_.waiting_for(id)) {
-        times.asked = std::chrono::nanoseconds(now - place.asked).count();
+        times.asked = std::chrono::nanoseconds(now - slot.asked).count();
     } else if (times.ticks && std::string_view(controller_.state(id)) == "running") {
-        times.wait += std::chrono::nanoseconds(now - place.answered).count();
+        times.wait += std::chrono::nanoseconds(now - slot.answered).count();
     }
     return times;
 }
 
-/// A socket that nobody is connected to takes no frame: the node has to speak first.
+/// The node has to speak first: a socket without a peer takes no frame.
 void Router::join(NodeId id, const Frame &frame)
 {
-    Place &place = nodes_[id];
+    NodeSlot &slot = nodes_[id];
     const auto *hello = std::get_if<Hello>(&frame.message);
     if (!hello) {
         throw ProtocolError(std::string("expected Hello, found ") + kind_name(frame.message));
     }
-    if (hello->shared && !place.offered) {
-        throw ProtocolError("a Hello over shared memory, which was not offered");
+    if (hello->shared && !slot.proposed) {
+        throw ProtocolError("a Hello over shared memory, which the controller did not propose");
     }
     if (hello->shared) {
-        poller_.remove(place.link->frames());
-        place.link->share(std::move(place.offered));
+        poller_.remove(slot.link->frames());
+        slot.link->share(std::move(slot.proposed));
         sharing_.push_back(id);
     } else if (config_.sharing == Sharing::required) {
         throw LinkError("it does not take shared memory, which this run requires: it may be a node that "
                         "cannot, or on another machine");
     }
-    place.offered.reset();
-    place.joined = true;
-    if (place.first) {
-        place.link->send(*std::exchange(place.first, std::nullopt));
+    slot.proposed.reset();
+    slot.joined = true;
+    if (slot.first) {
+        slot.link->send(*std::exchange(slot.first, std::nullopt));
     }
 }
 
 /// The socket of a node, and memory to share.
 Welcome Router::open(NodeId id)
 {
-    Place &place = nodes_[id];
-    place.link = std::make_unique<Link>(context_, config_.limits);
-    place.joined = false;
-    if (gate_) {
-        gate_->guard(place.link->socket(), names_[id]);
+    NodeSlot &slot = nodes_[id];
+    slot.link = std::make_unique<Link>(context_, config_.limits);
+    slot.joined = false;
+    if (authenticator_) {
+        authenticator_->guard(slot.link->socket(), names_[id]);
     }
-    poller_.add(place.link->frames(), key(Kind::frames, id));
-    poller_.add(place.link->events(), key(Kind::events, id));
+    poller_.add(slot.link->frames(), key(Kind::frames, id));
+    poller_.add(slot.link->events(), key(Kind::events, id));
     Welcome welcome;
-    if (bell_) {
+    if (wake_up_) {
         try {
-            place.offered = std::make_unique<SharedChannel>(*bell_, id, spins_, config_.limits);
-            welcome.shared = place.offered->path();
-            welcome.nonce = place.offered->nonce();
+            slot.proposed = std::make_unique<SharedChannel>(*wake_up_, id, spins_, config_.limits);
+            welcome.shared = slot.proposed->path();
+            welcome.nonce = slot.proposed->nonce();
         } catch (const LinkError &) {
-            // The system has no more to give: the node's socket does it.
+            // The system has no more memory to share: the socket stays.
         }
     }
     welcome.address = address_.starts_with("tcp://")
-                          ? place.link->bind(address_.substr(0, address_.rfind(':') + 1) + "*")
-                          : place.link->bind(config_.address + "-" + std::to_string(++opened_));
+                          ? slot.link->bind(address_.substr(0, address_.rfind(':') + 1) + "*")
+                          : slot.link->bind(config_.address + "-" + std::to_string(++opened_));
     return welcome;
 }
 
 void Router::close(NodeId id)
 {
-    Place &place = nodes_[id];
-    if (place.link) {
-        poller_.remove(place.link->events());
-        if (!place.link->shared()) {
-            poller_.remove(place.link->frames());
+    NodeSlot &slot = nodes_[id];
+    if (slot.link) {
+        poller_.remove(slot.link->events());
+        if (!slot.link->shared()) {
+            poller_.remove(slot.link->frames());
         }
     }
     std::erase(sharing_, id);
-    place.unsure = false;
-    place.offered.reset();
-    place.link.reset();
-    place.hosted = nullptr;
+    slot.unsure = false;
+    slot.proposed.reset();
+    slot.link.reset();
+    slot.hosted = nullptr;
 }
 
 void Router::act()
@@ -503,20 +504,20 @@ void Router::act()
     for (auto actions = controller_.take_actions(); !actions.empty(); actions = controller_.take_actions()) {
         for (Action &a : actions) {
             if (auto *send = std::get_if<action::Send>(&a)) {
-                Place &place = nodes_[send->node];
+                NodeSlot &slot = nodes_[send->node];
                 try {
-                    place.asked = Clock::now();
+                    slot.asked = Clock::now();
                     if (std::holds_alternative<Tick>(send->frame.message) ||
-                        (std::holds_alternative<Finish>(send->frame.message) && place.times.ticks)) {
-                        place.times.wait += std::chrono::nanoseconds(place.asked - place.answered).count();
+                        (std::holds_alternative<Finish>(send->frame.message) && slot.times.ticks)) {
+                        slot.times.wait += std::chrono::nanoseconds(slot.asked - slot.answered).count();
                     }
-                    if (place.hosted) {
+                    if (slot.hosted) {
                         calls_.emplace_back(send->node, std::move(send->frame));
-                    } else if (!place.joined) {
-                        place.first = std::move(send->frame);
-                    } else if (place.link) {
-                        place.link->send(send->frame);
-                        if (!place.link->shared() && !std::exchange(place.unsure, true)) {
+                    } else if (!slot.joined) {
+                        slot.first = std::move(send->frame);
+                    } else if (slot.link) {
+                        slot.link->send(send->frame);
+                        if (!slot.link->shared() && !std::exchange(slot.unsure, true)) {
                             unsure_.push_back(send->node);
                         }
                     }
@@ -537,29 +538,29 @@ void Router::act()
             } else if (const auto *report = std::get_if<action::Report>(&a)) {
                 this->report(report->text);
             } else if (const auto *began = std::get_if<action::Began>(&a)) {
-                tell([&](Witness &w) { w.began(began->exchange); });
+                tell([&](RunListener &w) { w.began(began->exchange); });
                 answer_attaching();
             } else if (const auto *wrote = std::get_if<action::Wrote>(&a)) {
-                tell([&](Witness &w) { w.wrote(names_[wrote->node], wrote->records); });
-                tell([&](Witness &w) { w.settled(wrote->settled); });
+                tell([&](RunListener &w) { w.wrote(names_[wrote->node], wrote->records); });
+                tell([&](RunListener &w) { w.settled(wrote->settled); });
             } else if (const auto *done = std::get_if<action::Done>(&a)) {
                 outcome_ = done->reason;
-                tell([&](Witness &w) { w.ended(done->reason); });
+                tell([&](RunListener &w) { w.ended(done->reason); });
                 answer_attaching();
             }
         }
     }
 }
 
-/// One that fails sees no more, and ends the run.
+/// A listener that throws ends the run, and is not called again.
 template <class Call> void Router::tell(Call call)
 {
-    for (auto it = config_.witnesses.begin(); it != config_.witnesses.end();) {
+    for (auto it = config_.listeners.begin(); it != config_.listeners.end();) {
         try {
             call(**it);
             ++it;
         } catch (const std::exception &error) {
-            it = config_.witnesses.erase(it);
+            it = config_.listeners.erase(it);
             controller_.stop(error.what());
             outcome_ = outcome_.empty() ? error.what() : outcome_;
         }
@@ -569,8 +570,8 @@ template <class Call> void Router::tell(Call call)
 void Router::look_at_clock(const std::function<bool()> &poll)
 {
     looked_ = Clock::now();
-    if (gate_) {
-        for (const std::string &text : gate_->take_reports()) {
+    if (authenticator_) {
+        for (const std::string &text : authenticator_->take_reports()) {
             report(text);
         }
     }

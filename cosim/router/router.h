@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The controller on the network: it moves frames between nodes and the Controller, and measures.
+// The controller on the network: it moves frames between nodes and the Controller, and measures times.
 //
-// One static address, where nodes greet, and one socket per node, to which the greeting leads. Nodes
-// only connect. (Thesis, appendix C.)
+// Nodes send a Hello to one static address; the Welcome names a socket for each node. Nodes only connect. (Thesis,
+// appendix C.)
 #pragma once
 
 #include "cosim/controller/controller.h"
@@ -24,66 +24,66 @@
 namespace fledge::cosim {
 
 struct RouterConfig {
-    std::string address;                     ///< where nodes greet; of a TCP port "*", any free one
-    std::string keys;                        ///< a folder (keys.h): only programs whose keys are there are let in
-    bool unencrypted_beyond_machine = false; ///< without keys, allow an address that others can reach
-    bool broker = false;                     ///< for those who watch, and for asynchronous programs (broker.h)
-    std::string frontend, backend;           ///< its addresses; "": beside `address`, where there is room
-    std::chrono::milliseconds join{60'000};  ///< for all nodes to be there
-    std::chrono::milliseconds reply{60'000}; ///< for a node to answer, computing included; 0: for ever
+    std::string address;                            ///< for greetings; TCP port "*": any free one
+    std::string keys;                               ///< a folder (keys.h): only programs with these keys may connect
+    bool unencrypted_beyond_machine = false;        ///< without keys, allow an address that other machines can reach
+    bool broker = false;                            ///< for observers and asynchronous programs (broker.h)
+    std::string frontend, backend;                  ///< its addresses; "": free ones beside `address`
+    std::chrono::milliseconds join{60'000};         ///< limit for all nodes to greet
+    std::chrono::milliseconds reply{60'000};        ///< limit for a reply, computing included; 0: none
     std::vector<std::chrono::milliseconds> replies; ///< the same, node by node; empty: `reply` for all
     double pace = 0.0;                              ///< simulated seconds per second; 0: as fast as possible
-    std::chrono::milliseconds finish{5'000};        ///< for a node to answer the last request
+    std::chrono::milliseconds finish{5'000};        ///< limit for the reply to the last request
     Limits limits;
-    Sharing sharing = Sharing::allowed;              ///< of memory, with nodes on this machine
-    std::function<void(const std::string &)> report; ///< what the user should know; may be empty
-    std::vector<Witness *> witnesses;                ///< that live as long as the router
+    Sharing sharing = Sharing::allowed;              ///< memory with nodes on this machine
+    std::function<void(const std::string &)> report; ///< messages for the user; may be empty
+    std::vector<RunListener *> listeners;            ///< they outlive the router
 };
 
-/// Where a node's time went [ns of wall time].
+/// How a node spent its time [ns of wall time].
 struct NodeTimes {
     std::uint64_t ticks = 0;
-    Ns compute = 0;   ///< stepping, as it says
+    Ns compute = 0;   ///< stepping, as its tocks say
     Ns transport = 0; ///< from request to reply, less that
-    Ns wait = 0;      ///< from reply to request: for others, and for the pace
-    Ns asked = 0;     ///< the request that is not yet answered: how long ago; in none of the above
+    Ns wait = 0;      ///< from reply to request: for other nodes, and for the pace
+    Ns asked = 0;     ///< since a request without a reply; in none of the above
 };
 
 class Router {
 public:
-    /// Throws LinkError if the address is in use, or may be reached by others without keys; KeyError.
+    /// Throws KeyError, and LinkError if the address is in use, or other machines can reach it without keys.
     Router(zmq::context_t &context, ControllerConfig controller, RouterConfig config);
-    /// Ends the run, if it was left.
+    /// Ends the run, if it is not over.
     ~Router();
 
     const std::string &address() const { return address_; }
 
-    /// Let this program be that node itself: it is called, without a socket between. It lives until the
-    /// run is over. Throws LinkError if there is no such node, or it was hosted already.
+    /// This program is the node itself: the router calls it, without a socket. It lives until the run is over.
+    /// Throws LinkError if there is no such node, or it is hosted already.
     void host(const std::string &name, Node &node);
 
-    /// From the first greeting to the end. `poll` is called about ten times a second; false ends the
-    /// run. Returns the reason of the end, "" if it is the regular one.
+    /// From the first greeting to the end. `poll` is called about ten times a second; false ends the run. Returns the
+    /// reason of the end, "" for the regular end.
     std::string run(const std::function<bool()> &poll = {});
 
-    /// Until now. The three add up to all the time since the node was ready, less `asked`.
+    /// Until now. All of them together are the time since the node was ready.
     NodeTimes times(NodeId node) const;
     const Controller &controller() const { return controller_; }
-    /// How it kept up; null: it is not paced.
+    /// Delays of a paced run; null: it is not paced.
     const PaceReport *pace() const { return pace_ ? &pace_->report() : nullptr; }
     /// Null if there is none.
     const Broker *broker() const { return broker_.get(); }
 
 private:
     using Clock = std::chrono::steady_clock;
-    struct Place {
+    struct NodeSlot {
         std::unique_ptr<Link> link;
-        std::unique_ptr<SharedChannel> offered; ///< memory that the node has not answered for
+        std::unique_ptr<SharedChannel> proposed; ///< memory until the node accepts it
         Node *hosted = nullptr;
-        std::optional<Frame> first; ///< waits for the node to speak on its socket
+        std::optional<Frame> first; ///< the first request, until the node speaks on its socket
         bool joined = false;
         Clock::time_point asked, answered;
-        bool unsure = false; ///< whether its socket still tells of what comes: see descriptor()
+        bool unsure = false; ///< its descriptor may miss a frame: see descriptor()
         NodeTimes times;
     };
 
@@ -116,28 +116,28 @@ private:
     RouterConfig config_;
     std::string simulation_;
     std::vector<std::string> names_;
-    std::unique_ptr<Gate> gate_; ///< none without keys. Outlives all sockets
+    std::unique_ptr<Authenticator> authenticator_; ///< null without keys; outlives all sockets
     std::unique_ptr<Broker> broker_;
-    std::vector<Bytes> attaching_; ///< libzmq's names of asynchronous programs that wait for the matching
+    std::vector<Bytes> attaching_; ///< asynchronous programs that wait for the matching, by libzmq's names
     Controller controller_;
-    zmq::socket_t lobby_;
+    zmq::socket_t greetings_;
     std::string address_;
-    std::optional<Bell> bell_; ///< none: no memory is shared
-    std::vector<Place> nodes_;
+    std::optional<WakeUp> wake_up_; ///< none: no shared memory
+    std::vector<NodeSlot> nodes_;
     std::optional<Pace> pace_; ///< none: as fast as possible
     Poller poller_;
-    std::chrono::nanoseconds spins_{0}; ///< so long who waits looks for frames before it sleeps
+    std::chrono::nanoseconds spins_{0}; ///< busy waiting before a sleep
     Spin spin_;
-    std::vector<NodeId> sharing_; ///< who does
+    std::vector<NodeId> sharing_; ///< nodes with shared memory
     std::vector<NodeId> unsure_;
-    std::vector<char> decisive_;
-    bool lobby_unsure_ = true;
-    std::vector<Node *> hosted_;                 ///< in the order of their coming
-    std::deque<std::pair<NodeId, Frame>> calls_; ///< to hosted nodes, in the order of asking
-    Bytes greeting_peer_;                        ///< libzmq's name of who is being greeted
+    std::vector<char> unblocking_;
+    bool greetings_unsure_ = true;
+    std::vector<Node *> hosted_;                 ///< in the order of host()
+    std::deque<std::pair<NodeId, Frame>> calls_; ///< requests to hosted nodes
+    Bytes greeting_peer_;                        ///< libzmq's name of the greeting program
     unsigned opened_ = 0;
     Clock::time_point looked_;
-    Clock::time_point complete_; ///< when all were there that the run needs, or it began
+    Clock::time_point complete_; ///< when no node was missing last
     std::string outcome_;
 };
 

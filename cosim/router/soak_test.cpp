@@ -51,23 +51,23 @@ public:
     Soaked(std::uint32_t self, std::uint32_t other) : self_(self), other_(other) {}
 
     Initialized initialize(const Initialize &) override { return {{{period, 0}}, false}; }
-    std::vector<Want> desired() override
+    std::vector<Subscription> desired() override
     {
         return {{topic(other_, "small"), Latency::next_exchange, false, small_},
                 {topic(other_, "large"), Latency::next_exchange, false, large_}};
     }
-    std::vector<Offer> match(const std::vector<Channel> &asked) override
+    std::vector<Publication> match(const std::vector<Channel> &asked) override
     {
-        std::vector<Offer> offers;
+        std::vector<Publication> publications;
         for (const Channel &channel : asked) {
             for (const bool is_large : {false, true}) {
                 if (channel.topic == topic(self_, is_large ? "large" : "small")) {
                     out_[is_large] = channel.channel;
-                    offers.push_back({channel.channel, is_large ? large_ : small_, message(is_large, 0)});
+                    publications.push_back({channel.channel, is_large ? large_ : small_, message(is_large, 0)});
                 }
             }
         }
-        return offers;
+        return publications;
     }
     void start(const std::vector<Channel> &wired) override
     {
@@ -100,7 +100,7 @@ private:
         return make_schema("Words" + std::to_string(size),
                            "uint64[" + std::to_string(size / 8) + "] x  # x [-] words\n");
     }
-    Bytes message(bool is_large, std::uint32_t number) const
+    Payload message(bool is_large, std::uint32_t number) const
     {
         return make_payload(content(2 * self_ + is_large, number, is_large ? large : small));
     }
@@ -180,7 +180,7 @@ TEST(Soak, ManyTicksAllArriveAndNobodyGrows)
         Router router(context, config, router_config);
         std::array<char, 200> address{};
         std::copy(router.address().begin(), router.address().end(), address.begin());
-        for (int i = 0; i < 2; i++) { // one for each node, whoever comes first
+        for (int i = 0; i < 2; i++) { // one for each node, in any order
             ASSERT_EQ(write(go[1], address.data(), address.size()), static_cast<ssize_t>(address.size()));
         }
         close(go[1]);

@@ -34,7 +34,7 @@ struct Drifter {
     }
 };
 
-/// What a run was like for the one that nobody killed.
+/// The result of a run without a kill.
 struct Outcome {
     std::vector<double> seen;
     std::string reason, victim;

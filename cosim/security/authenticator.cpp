@@ -12,9 +12,9 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto read_again_after = 200ms;
-constexpr std::size_t most_said = 100;
+constexpr std::size_t most_reports = 100;
 
-/// The key that libzmq kept with a message, since this gate gave it as the user's name.
+/// The key that libzmq kept with a message, since the authenticator gave it as the user's name.
 std::string key_of(zmq::message_t &message)
 {
     const char *key = zmq_msg_gets(message.handle(), "User-Id");
@@ -23,33 +23,33 @@ std::string key_of(zmq::message_t &message)
 
 } // namespace
 
-Gate::Gate(zmq::context_t &context, std::filesystem::path folder)
+Authenticator::Authenticator(zmq::context_t &context, std::filesystem::path folder)
     : folder_(std::move(folder)), own_(read_controller_keys(folder_)), requests_(context, zmq::socket_type::rep),
-      end_(context, zmq::socket_type::pair), told_(context, zmq::socket_type::pair),
+      end_(context, zmq::socket_type::pair), ended_(context, zmq::socket_type::pair),
       allowed_(read_allowed_keys(folder_)), read_(std::chrono::steady_clock::now())
 {
-    for (zmq::socket_t *socket : {&requests_, &end_, &told_}) {
+    for (zmq::socket_t *socket : {&requests_, &end_, &ended_}) {
         socket->set(zmq::sockopt::linger, 0);
     }
     char name[64];
-    std::snprintf(name, sizeof name, "inproc://fledge-gate-%p", static_cast<void *>(this));
+    std::snprintf(name, sizeof name, "inproc://fledge-authenticator-%p", static_cast<void *>(this));
     try {
         requests_.bind("inproc://zeromq.zap.01");
     } catch (const zmq::error_t &) {
         throw KeyError("there is another controller with keys in this program; give each a context of its own");
     }
     end_.bind(name);
-    told_.connect(name);
+    ended_.connect(name);
     thread_ = std::thread([this] { serve(); });
 }
 
-Gate::~Gate()
+Authenticator::~Authenticator()
 {
     end_.send(zmq::message_t(), zmq::send_flags::dontwait);
     thread_.join();
 }
 
-void Gate::guard(zmq::socket_t &socket, const std::string &node)
+void Authenticator::guard(zmq::socket_t &socket, const std::string &node)
 {
     const std::lock_guard lock(mutex_);
     std::string domain = "all";
@@ -65,29 +65,29 @@ void Gate::guard(zmq::socket_t &socket, const std::string &node)
     socket.set(zmq::sockopt::zap_domain, domain);
 }
 
-bool Gate::may_speak_as(zmq::message_t &message, const std::string &node) const
+bool Authenticator::may_speak_as(zmq::message_t &message, const std::string &node) const
 {
     const std::lock_guard lock(mutex_);
     const AllowedKey *allowed = find(key_of(message));
     return allowed && allowed->may_speak_as(node);
 }
 
-std::string Gate::name_of(zmq::message_t &message) const
+std::string Authenticator::name_of(zmq::message_t &message) const
 {
     const std::lock_guard lock(mutex_);
     const AllowedKey *allowed = find(key_of(message));
     return allowed ? allowed->name : "";
 }
 
-std::vector<std::string> Gate::take_reports()
+std::vector<std::string> Authenticator::take_reports()
 {
     const std::lock_guard lock(mutex_);
     return std::exchange(reports_, {});
 }
 
-void Gate::serve()
+void Authenticator::serve()
 {
-    zmq::pollitem_t items[] = {{requests_.handle(), 0, ZMQ_POLLIN, 0}, {told_.handle(), 0, ZMQ_POLLIN, 0}};
+    zmq::pollitem_t items[] = {{requests_.handle(), 0, ZMQ_POLLIN, 0}, {ended_.handle(), 0, ZMQ_POLLIN, 0}};
     while (!items[1].revents) {
         try {
             zmq::poll(items, 2, -1ms);
@@ -103,7 +103,7 @@ void Gate::serve()
 }
 
 /// One request: version, number, domain, address, identity, mechanism, credentials.
-void Gate::answer()
+void Authenticator::answer()
 {
     std::vector<zmq::message_t> parts;
     do {
@@ -146,7 +146,7 @@ void Gate::answer()
     requests_.send(zmq::message_t(), zmq::send_flags::none); // no metadata
 }
 
-const AllowedKey *Gate::find(const std::string &key) const
+const AllowedKey *Authenticator::find(const std::string &key) const
 {
     for (const AllowedKey &allowed : allowed_) {
         if (allowed.key == key) {
@@ -156,7 +156,7 @@ const AllowedKey *Gate::find(const std::string &key) const
     return nullptr;
 }
 
-void Gate::read_again()
+void Authenticator::read_again()
 {
     const auto now = std::chrono::steady_clock::now();
     std::error_code missing;
@@ -169,13 +169,13 @@ void Gate::read_again()
     try {
         allowed_ = read_allowed_keys(folder_);
     } catch (const KeyError &error) {
-        report(std::string(error.what()) + "; who was allowed before stays so");
+        report(std::string(error.what()) + "; the keys allowed before stay allowed");
     }
 }
 
-void Gate::report(const std::string &text)
+void Authenticator::report(const std::string &text)
 {
-    if (said_.size() < most_said && said_.insert(text).second) {
+    if (reported_.size() < most_reports && reported_.insert(text).second) {
         reports_.push_back(text);
     }
 }

@@ -2,14 +2,11 @@
 #include "cosim/security/keys.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cstdint>
 #include <cstdlib>
-#include <cstring>
 #include <fstream>
 #include <sstream>
 #include <string_view>
-#include <utility>
 
 namespace fledge::cosim {
 
@@ -19,7 +16,6 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t key_length = 40;
 constexpr std::uintmax_t largest_file = 65536;
-constexpr int most_broken_off = 5;
 constexpr std::string_view z85 =
     "0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ.-:+=^!/*?&<>()[]{}@%$#";
 
@@ -40,7 +36,7 @@ Certificate read_certificate(const fs::path &path, bool secret)
     std::error_code error;
     if (!fs::is_regular_file(path, error)) {
         fail(secret ? "there is no such file; ./fledge keys new makes pairs of keys"
-                    : "there is no such file; ask whoever made that pair of keys for it");
+                    : "there is no such file; ask the owner of that pair of keys for it");
     }
     if (fs::file_size(path, error) > largest_file || error) {
         fail("this is no file of a key");
@@ -185,89 +181,6 @@ void use_keys(zmq::socket_t &socket, const ClientKeys &keys)
     socket.set(zmq::sockopt::curve_publickey, keys.own.open);
     socket.set(zmq::sockopt::curve_secretkey, keys.own.secret);
     socket.set(zmq::sockopt::curve_serverkey, keys.controller);
-}
-
-// ---- handshakes
-
-Handshake::Handshake(zmq::context_t &context, zmq::socket_t &socket, bool keyed)
-    : socket_(socket), monitor_(context, zmq::socket_type::pair), keyed_(keyed)
-{
-    static std::atomic<unsigned> count{0};
-    const std::string name = "inproc://fledge-handshake-" + std::to_string(count++);
-    if (zmq_socket_monitor(socket_.handle(), name.c_str(),
-                           ZMQ_EVENT_DISCONNECTED | ZMQ_EVENT_HANDSHAKE_SUCCEEDED | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH |
-                               ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL | ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL)) {
-        throw KeyError(std::string("cannot watch a socket: ") + zmq_strerror(zmq_errno()));
-    }
-    monitor_.set(zmq::sockopt::linger, 0);
-    monitor_.connect(name);
-}
-
-Handshake::~Handshake()
-{
-    zmq_socket_monitor(socket_.handle(), nullptr, 0); // before its other end is closed
-}
-
-const std::string &Handshake::failure()
-{
-    std::uint16_t kind = 0;
-    for (std::uint32_t value = 0; failure_.empty() && next_event(monitor_, kind, value);) {
-        if (kind == ZMQ_EVENT_HANDSHAKE_SUCCEEDED) {
-            made_ = true;
-            broken_off_ = 0;
-        } else if (kind == ZMQ_EVENT_DISCONNECTED) {
-            if (std::exchange(made_, false)) {
-                lost_ = std::chrono::steady_clock::now();
-            }
-        } else if (kind == ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL) {
-            // It may have been killed just now; again and again it is something else.
-            if (++broken_off_ >= most_broken_off) {
-                failure_ = keyed_ ? "what listens there breaks off when it sees these keys: controller.public here "
-                                    "is not that of this controller, or it uses no keys"
-                                  : "what listens there breaks off: it is no controller, or it asks for keys";
-            }
-        } else {
-            failure_ = refusal(kind, value, keyed_);
-        }
-    }
-    return failure_;
-}
-
-bool next_event(zmq::socket_t &monitor, std::uint16_t &kind, std::uint32_t &value)
-{
-    zmq::message_t event, address;
-    if (!monitor.recv(event, zmq::recv_flags::dontwait)) {
-        return false;
-    }
-    kind = 0;
-    value = 0;
-    if (event.size() >= sizeof kind + sizeof value) {
-        std::memcpy(&kind, event.data(), sizeof kind);
-        std::memcpy(&value, event.data<char>() + sizeof kind, sizeof value);
-    }
-    if (event.more()) {
-        (void)monitor.recv(address, zmq::recv_flags::dontwait);
-    }
-    return true;
-}
-
-std::string refusal(std::uint16_t kind, std::uint32_t value, bool keyed)
-{
-    if (kind == ZMQ_EVENT_HANDSHAKE_FAILED_AUTH) {
-        return "it does not know this key: ./fledge keys allow, where the controller runs, lets it in";
-    }
-    if (kind != ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL) {
-        return "";
-    }
-    if (value == ZMQ_PROTOCOL_ERROR_ZMTP_MECHANISM_MISMATCH) {
-        return keyed ? "it uses no keys, and this program does"
-                     : "it asks for keys, and this program has none: give it some by FLEDGE_KEYS "
-                       "(./fledge keys new makes them)";
-    }
-    if (value == ZMQ_PROTOCOL_ERROR_ZMTP_CRYPTOGRAPHIC) {
-        return "controller.public here is not that of this controller";
-    }
-    return "what listens there is no controller";
 }
 
 } // namespace fledge::cosim

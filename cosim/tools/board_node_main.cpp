@@ -2,6 +2,8 @@
 // The node of a board as a program: fledge_board_node --help.
 #include "cosim/node/board_node.h"
 
+#include <CLI/CLI.hpp>
+
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
@@ -20,29 +22,6 @@ namespace {
 using namespace fledge;
 using namespace std::chrono_literals;
 
-constexpr const char *usage =
-    "usage: fledge_board_node --tables FILE [options] --registers FILE\n"
-    "       fledge_board_node --tables FILE [options] -- COMMAND [ARGUMENT ...]\n"
-    "\n"
-    "Joins a simulation for a flight computer that knows nothing but the registers of its boards.\n"
-    "\n"
-    "  --tables FILE      the mission and its boards as data: a shared object, as ./fledge fly builds it\n"
-    "  --registers FILE   the register file to be made; flight attaches to it by itself\n"
-    "  -- COMMAND ...     starts flight; {registers} in its arguments is what it is to attach to. It ends\n"
-    "                     with this program\n"
-    "  --loads FILE       parameters from the ground: lines of a time [ns], a block's id, and its bytes in\n"
-    "                     hexadecimal; each is told before flight's first instant after its time\n"
-    "  --simulation NAME  of the run; default: FLEDGE_SIMULATION, else the mission's name\n"
-    "  --node NAME        of this node; default: FLEDGE_NODE, else flight\n"
-    "  --address ADDRESS  of the controller; default: FLEDGE_ADDRESS, else tcp://127.0.0.1:7000\n"
-    "  --keys PATH        of this node (fledge keys); default: FLEDGE_KEYS\n"
-    "  --patience SECONDS for the controller, and for flight, to be there; default 60\n"
-    "  --reply SECONDS    for flight to answer a tick; default 60\n"
-    "\n"
-    "example: fledge_board_node --tables nadir_spin.so -- ./nadir_spin --record flight.mcap {registers}\n"
-    "\n"
-    "Exits with 0 at the regular end, 1 at another, 2 on a mistake in the options.\n";
-
 struct Options {
     std::string tables, registers, loads;
     std::vector<std::string> command;
@@ -56,62 +35,60 @@ struct Options {
     std::exit(2);
 }
 
-double seconds(const std::string &option, const char *text)
-{
-    char *end = nullptr;
-    const double value = std::strtod(text, &end);
-    if (end == text || *end || !(value > 0) || value > 1e6) {
-        refuse(option + ": expected seconds, more than 0 and up to 1e6, found " + text);
-    }
-    return value;
-}
-
-Options options(int argc, char **argv)
+Options parse(int argc, char **argv)
 {
     Options o;
-    for (int i = 1; i < argc; i++) {
-        const std::string option = argv[i];
-        if (option == "--help") {
-            std::fputs(usage, stdout);
-            std::exit(0);
-        }
-        if (option == "--") {
-            o.command.assign(argv + i + 1, argv + argc);
-            break;
-        }
-        if (i + 1 == argc) {
-            refuse(option + " needs a value");
-        }
-        const char *value = argv[++i];
-        if (option == "--tables") {
-            o.tables = value;
-        } else if (option == "--registers") {
-            o.registers = value;
-        } else if (option == "--loads") {
-            o.loads = value;
-        } else if (option == "--simulation") {
-            o.delegate.simulation = value;
-        } else if (option == "--node") {
-            o.delegate.node = value;
-        } else if (option == "--address") {
-            o.delegate.address = value;
-        } else if (option == "--keys") {
-            o.delegate.keys = value;
-        } else if (option == "--patience") {
-            o.delegate.patience = std::chrono::milliseconds(static_cast<long>(seconds(option, value) * 1e3));
-        } else if (option == "--reply") {
-            o.reply = std::chrono::milliseconds(static_cast<long>(seconds(option, value) * 1e3));
-        } else {
-            refuse("there is no option " + option);
-        }
+    const auto command = std::find(argv + 1, argv + argc, std::string_view("--"));
+    if (command != argv + argc) {
+        o.command.assign(command + 1, argv + argc);
     }
-    if (o.tables.empty() || o.registers.empty() == o.command.empty()) {
-        refuse("--tables, and either --registers or a command are needed");
+    CLI::App app("Joins a simulation for a flight computer that knows nothing but the registers of its boards.",
+                 "fledge_board_node");
+    app.footer(
+        "Behind --, a command that starts flight; it ends with this program, and {registers} in its arguments is "
+        "the register file.\n\n"
+        "example: fledge_board_node --tables nadir_spin.so -- ./nadir_spin --record flight.mcap {registers}\n\n"
+        "Exits with 0 at the regular end, 1 at another, 2 on a mistake in the options.");
+    const auto text = [&](const char *name, std::string &to, const char *help) {
+        return app.add_option(name, to, help)->type_name("");
+    };
+    const auto time = [&](const char *name, auto &to, const char *help) {
+        app.add_option_function<double>(
+               name, [&to](double s) { to = std::chrono::milliseconds(static_cast<long>(s * 1e3)); }, help)
+            ->check([](const std::string &s) {
+                double x = 0.0;
+                return CLI::detail::lexical_cast(s, x) && x > 0 && x <= 1e6
+                           ? ""
+                           : "expected seconds, more than 0 and up to 1e6, found " + s;
+            })
+            ->type_name("SECONDS");
+    };
+    text("--tables", o.tables, "the mission and its boards as data: a shared object, as ./fledge fly builds it")
+        ->required();
+    text("--registers", o.registers, "the register file to be made; flight attaches to it by itself");
+    text("--loads", o.loads,
+         "parameters from the ground: lines of a time [ns], a block's id, and its bytes in\n"
+         "hexadecimal; flight gets each before its first instant after that time");
+    text("--simulation", o.delegate.simulation, "of the run; default: FLEDGE_SIMULATION, else the mission's name");
+    text("--node", o.delegate.node, "of this node; default: FLEDGE_NODE, else flight");
+    text("--address", o.delegate.address, "of the controller; default: FLEDGE_ADDRESS, else tcp://127.0.0.1:7000");
+    text("--keys", o.delegate.keys, "of this node (fledge keys); default: FLEDGE_KEYS");
+    time("--patience", o.delegate.connect_timeout, "for the controller, and for flight, to be there; default 60");
+    time("--reply", o.reply, "for flight to answer a tick; default 60");
+    try {
+        app.parse(static_cast<int>(command - argv), argv);
+    } catch (const CLI::CallForHelp &help) {
+        std::exit(app.exit(help));
+    } catch (const CLI::Error &error) {
+        refuse(error.what());
+    }
+    if (o.registers.empty() == o.command.empty()) {
+        refuse("either --registers or a command is needed");
     }
     return o;
 }
 
-/// What is not given: the environment's, else the usual.
+/// An empty option gets its value from the environment, else the default.
 void fill(std::string &value, const char *variable, const char *usual)
 {
     const char *given = std::getenv(variable);
@@ -122,7 +99,7 @@ void fill(std::string &value, const char *variable, const char *usual)
 
 const MissionHost &load(const std::string &path)
 {
-    // Without a slash it would be looked for among the system's libraries.
+    // Without a slash, dlopen() searches the system's libraries.
     const std::string file = path.find('/') == path.npos ? "./" + path : path;
     void *library = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
     const void *mission = library ? dlsym(library, "fledge_mission") : nullptr;
@@ -132,8 +109,7 @@ const MissionHost &load(const std::string &path)
     return *static_cast<const MissionHost *>(mission);
 }
 
-/// Flight in a process that this program starts: it ends with it, and its end is seen at once, also
-/// before it has attached.
+/// Flight in a process that this program starts. It ends with this program, which notices its end at once.
 class Launched final : public registers::Backend {
 public:
     Launched(std::span<const RegisterBoard *const> boards, std::vector<std::string> command) : file_(boards, "")
@@ -195,10 +171,10 @@ public:
         }
     }
 
-    /// Flight's exit code, after waiting so long for its end; -1 if it goes on, 128 + n after signal n.
-    int result(std::chrono::seconds patience)
+    /// Flight's exit code; -1 if it has not ended within the timeout, 128 + n after signal n.
+    int result(std::chrono::seconds timeout)
     {
-        return !wait(patience) ? -1 : WIFEXITED(status_) ? WEXITSTATUS(status_) : 128 + WTERMSIG(status_);
+        return !wait(timeout) ? -1 : WIFEXITED(status_) ? WEXITSTATUS(status_) : 128 + WTERMSIG(status_);
     }
 
 private:
@@ -207,9 +183,9 @@ private:
         ended_ = ended_ || waitpid(pid_, &status_, WNOHANG) == pid_;
         return ended_;
     }
-    bool wait(std::chrono::milliseconds patience)
+    bool wait(std::chrono::milliseconds timeout)
     {
-        for (auto left = patience; !ended() && left > 0ms; left -= 5ms) {
+        for (auto left = timeout; !ended() && left > 0ms; left -= 5ms) {
             std::this_thread::sleep_for(5ms);
         }
         return ended();
@@ -239,7 +215,7 @@ void read_loads(const std::string &path, cosim::BoardNode &node)
     }
 }
 
-/// Returns the reason of an early end, "" at the regular one.
+/// Returns the reason of an early end, "" for the regular end.
 std::string serve(const Options &o, const MissionHost &mission, registers::Backend &backend)
 {
     zmq::context_t context;
@@ -258,7 +234,7 @@ std::string serve(const Options &o, const MissionHost &mission, registers::Backe
 
 int main(int argc, char **argv)
 {
-    Options o = options(argc, argv);
+    Options o = parse(argc, argv);
     const MissionHost &mission = load(o.tables);
     fill(o.delegate.simulation, "FLEDGE_SIMULATION", mission.name);
     fill(o.delegate.node, "FLEDGE_NODE", "flight");

@@ -1,59 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // The controller as a program: fledge_controller --help.
-#include "cosim/controller/words.h"
 #include "cosim/tools/exchange_record.h"
 #include "cosim/tools/status.h"
 
-#include <algorithm>
-#include <charconv>
+#include <CLI/CLI.hpp>
+
 #include <cmath>
 #include <csignal>
 #include <cstdio>
-#include <cstdlib>
-#include <iterator>
-#include <string_view>
-#include <vector>
 
 namespace {
 
 using namespace fledge::cosim;
-
-constexpr const char *usage =
-    "usage: fledge_controller --simulation NAME --until SECONDS --node NAME[:POLICY] ... [options]\n"
-    "\n"
-    "Joins programs into one simulation, until it has reached its end.\n"
-    "\n"
-    "  --node NAME[:POLICY]  a program that takes part; what to do when it is lost: abort (default),\n"
-    "                        pause (until it is back), hold (its last messages), drop (no messages),\n"
-    "                        restart (another goes on from its snapshot, and nobody sees it).\n"
-    "                        More of it behind commas: joins=SECONDS (it takes part after that time;\n"
-    "                        joins=any: when it comes), rejoins (it may come again), save=SECONDS (from\n"
-    "                        one snapshot to the next), reply=SECONDS\n"
-    "  --address ADDRESS     where programs greet: tcp://127.0.0.1:7000 (default), ipc://@NAME\n"
-    "  --asynchronous NAME[:TOPIC,TOPIC...]\n"
-    "                        a program that steps with nobody (a ground system) and writes these, if nodes\n"
-    "                        want them; without topics, all that begin with /NAME/\n"
-    "  --watch TOPIC         have it written, for those who watch, even if no node wants it\n"
-    "  --frontend ADDRESS    where asynchronous programs publish, and\n"
-    "  --backend ADDRESS     where they and those who watch subscribe; default: free ports beside ADDRESS,\n"
-    "                        of which they are told when they greet there\n"
-    "  --no-broker           neither: nobody watches\n"
-    "  --keys DIR            encrypt, and let in only whose keys are allowed there (./fledge keys);\n"
-    "                        needed where others can reach the address. Default: FLEDGE_KEYS\n"
-    "  --unencrypted-beyond-machine\n"
-    "                        do without keys where others can reach the address: they read all, and\n"
-    "                        may take any part\n"
-    "  --seed N              of the run's random streams; default 0\n"
-    "  --pace X              X simulated seconds per second; default 0: as fast as possible\n"
-    "  --join SECONDS        for all programs to be there; default 60\n"
-    "  --reply SECONDS       for a program to answer, its computing included; 0: for ever; default 60\n"
-    "  --shared-memory WHICH with programs on this machine: allowed (default), forbidden, required\n"
-    "  --record FILE         an archive of all that nodes write to one another (exchange_record.h)\n"
-    "  --status FD           a file descriptor that is told how it goes, in lines of JSON (status.h)\n"
-    "\n"
-    "example: fledge_controller --simulation nadir_spin --until 9600 --node world --node flight\n"
-    "\n"
-    "Exits with 0 at the regular end, 1 at another, 2 on a mistake in the options.\n";
 
 volatile std::sig_atomic_t asked_to_end = 0;
 
@@ -64,79 +22,59 @@ struct Options {
     std::string record;
 };
 
-[[noreturn]] void refuse(const std::string &why)
+std::vector<std::string> split(const std::string &text)
 {
-    std::fprintf(stderr, "fledge_controller: %s; see --help\n", why.c_str());
-    std::exit(2);
+    return text.empty() ? std::vector<std::string>{} : CLI::detail::split(text, ',');
 }
 
-template <class T> T number(std::string_view option, std::string_view text, T least, T most = T(1e9))
+/// Throws CLI::ValidationError, with `what` before the reason.
+double seconds(const std::string &what, const std::string &text)
 {
-    T x{};
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), x);
-    if (error != std::errc() || end != text.data() + text.size() || !(x >= least) || !(x <= most)) {
-        char limits[64];
-        std::snprintf(limits, sizeof limits, "from %.10g to %.10g", static_cast<double>(least),
-                      static_cast<double>(most));
-        refuse(std::string(option) + ": expected a number " + limits + ", found " + std::string(text));
+    double x = 0.0;
+    if (!CLI::detail::lexical_cast(text, x) || !(x >= 0.0 && x <= 1e9)) {
+        throw CLI::ValidationError(what, "expected a number from 0 to 1e+09, found " + text);
     }
     return x;
 }
 
-std::chrono::milliseconds milliseconds(double s)
-{
-    return std::chrono::milliseconds(std::llround(s * 1e3));
-}
-
-Sharing sharing(std::string_view text)
-{
-    if (const auto meant = meant_by(sharing_words, text)) {
-        return *meant;
-    }
-    refuse("--shared-memory: expected allowed, forbidden or required, found " + std::string(text));
-}
-
 /// NAME[:POLICY][,joins=SECONDS][,joins=any][,rejoins][,save=SECONDS][,reply=SECONDS]
-void add_node(Options &o, std::string_view text)
+void add_node(Options &o, const std::string &text)
 {
-    const std::string whole = "--node " + std::string(text);
+    const std::string option = "--node " + text;
     NodeConfig node;
     auto reply = o.router.reply;
-    const auto next = [&] {
-        const auto end = std::min(text.find(','), text.size());
-        const std::string_view word = text.substr(0, end);
-        text.remove_prefix(std::min(end + 1, text.size()));
-        return word;
-    };
-    const std::string_view first = next();
-    const auto colon = std::min(first.find(':'), first.size());
-    node.name = first.substr(0, colon);
-    if (colon < first.size()) {
-        const auto policy = meant_by(policy_words, first.substr(colon + 1));
+    auto words = split(text);
+    const auto colon = words.at(0).find(':');
+    node.name = words[0].substr(0, colon);
+    if (colon != std::string::npos) {
+        const auto policy = meant_by(policy_words, words[0].substr(colon + 1));
         if (!policy) {
-            refuse(whole + ": a policy is abort, pause, hold, drop or restart");
+            throw CLI::ValidationError(option, "a policy is abort, pause, hold, drop or restart");
         }
         node.on_loss = *policy;
     }
-    while (!text.empty()) {
-        const std::string_view word = next();
-        const auto equals = std::min(word.find('='), word.size());
-        const std::string_view key = word.substr(0, equals), value = word.substr(std::min(equals + 1, word.size()));
-        const auto time = [&] { return std::llround(number(whole + ": " + std::string(key), value, 0.0) * 1e9); };
-        if (word == "joins=any") {
+    for (auto word = words.begin() + 1; word != words.end(); ++word) {
+        const auto equals = word->find('=');
+        const std::string key = word->substr(0, equals);
+        const auto time = [&] {
+            const std::string value = equals == std::string::npos ? "" : word->substr(equals + 1);
+            return std::llround(seconds(option + ": " + key, value) * 1e9);
+        };
+        if (*word == "joins=any") {
             node.joins = Join::when_it_comes;
         } else if (key == "joins") {
             node.joins = Join::at_time;
             node.joins_after = time();
-        } else if (word == "rejoins") {
+        } else if (*word == "rejoins") {
             node.rejoins = true;
         } else if (key == "save") {
             node.save_every = time();
         } else if (key == "reply") {
             reply = std::chrono::milliseconds(time() / 1'000'000);
         } else {
-            refuse(whole + ": expected joins=SECONDS, joins=any, rejoins, save=SECONDS or reply=SECONDS, found " +
-                   std::string(word));
+            throw CLI::ValidationError(option, "expected joins=SECONDS, joins=any, rejoins, save=SECONDS or "
+                                               "reply=SECONDS, found " +
+                                                   *word);
         }
     }
     o.controller.nodes.push_back(std::move(node));
@@ -144,85 +82,108 @@ void add_node(Options &o, std::string_view text)
 }
 
 /// NAME[:TOPIC,TOPIC...]
-AsynchronousConfig asynchronous(std::string_view text)
+void add_asynchronous(Options &o, const std::string &text)
 {
-    const auto colon = std::min(text.find(':'), text.size());
-    AsynchronousConfig program{std::string(text.substr(0, colon)), {}};
-    for (text.remove_prefix(std::min(colon + 1, text.size())); !text.empty();) {
-        const auto end = std::min(text.find(','), text.size());
-        program.topics.emplace_back(text.substr(0, end));
-        text.remove_prefix(std::min(end + 1, text.size()));
+    const auto colon = text.find(':');
+    const std::string topics = colon == std::string::npos ? "" : text.substr(colon + 1);
+    o.controller.asynchronous.push_back({text.substr(0, colon), split(topics)});
+    if (o.controller.asynchronous.back().name.empty()) {
+        throw CLI::ValidationError("--asynchronous", "a name is needed");
     }
-    if (program.name.empty()) {
-        refuse("--asynchronous needs a name");
-    }
-    return program;
 }
 
-Options options(int argc, char **argv)
+/// Throws CLI::Error.
+Options parse(int argc, char **argv)
 {
     Options o;
     o.router.broker = true;
     o.router.address = "tcp://127.0.0.1:7000";
-    bool until = false;
-    std::vector<std::string_view> nodes;
-    for (int i = 1; i < argc; i++) {
-        const std::string_view option = argv[i];
-        const auto value = [&]() -> std::string_view {
-            if (i + 1 == argc) {
-                refuse(std::string(option) + " needs a value");
-            }
-            return argv[++i];
-        };
-        if (option == "--help") {
-            std::fputs(usage, stdout);
-            std::exit(0);
-        } else if (option == "--simulation") {
-            o.controller.simulation = value();
-        } else if (option == "--until") {
-            o.controller.end = std::llround(number(option, value(), 0.0) * 1e9);
-            until = true;
-        } else if (option == "--node") {
-            nodes.push_back(value());
-        } else if (option == "--address") {
-            o.router.address = value();
-        } else if (option == "--asynchronous") {
-            o.controller.asynchronous.push_back(asynchronous(value()));
-        } else if (option == "--watch") {
-            o.controller.watched.emplace_back(value());
-        } else if (option == "--frontend") {
-            o.router.frontend = value();
-        } else if (option == "--backend") {
-            o.router.backend = value();
-        } else if (option == "--no-broker") {
-            o.router.broker = false;
-        } else if (option == "--keys") {
-            o.router.keys = value();
-        } else if (option == "--unencrypted-beyond-machine") {
-            o.router.unencrypted_beyond_machine = true;
-        } else if (option == "--seed") {
-            o.controller.seed = number<std::uint64_t>(option, value(), 0, ~std::uint64_t{0});
-        } else if (option == "--pace") {
-            o.router.pace = number(option, value(), 0.0);
-        } else if (option == "--join") {
-            o.router.join = milliseconds(number(option, value(), 0.0));
-        } else if (option == "--reply") {
-            o.router.reply = milliseconds(number(option, value(), 0.0));
-        } else if (option == "--shared-memory") {
-            o.router.sharing = sharing(value());
-        } else if (option == "--record") {
-            o.record = value();
-        } else if (option == "--status") {
-            o.status = number<int>(option, value(), 0);
-        } else {
-            refuse("there is no option " + std::string(option));
+    std::vector<std::string> nodes;
+    CLI::App app("Joins programs into one simulation, until it has reached its end.", "fledge_controller");
+    app.footer("example: fledge_controller --simulation nadir_spin --until 9600 --node world --node flight\n"
+               "\n"
+               "Exits with 0 at the regular end, 1 at another, 2 on a mistake in the options.");
+    const auto time = [&](const char *name, auto set, const char *help) {
+        return app
+            .add_option_function<std::string>(
+                name, [name, set](const std::string &text) { set(seconds(name, text)); }, help)
+            ->type_name("SECONDS");
+    };
+    const auto to_ms = [](std::chrono::milliseconds &to) {
+        return [&to](double s) { to = std::chrono::milliseconds(std::llround(s * 1e3)); };
+    };
+    const auto text = [&](const char *name, std::string &to, const char *type, const char *help) {
+        return app.add_option(name, to, help)->type_name(type);
+    };
+    const auto texts = [&](const char *name, auto add, const char *type, const char *help) {
+        return app
+            .add_option_function<std::vector<std::string>>(
+                name,
+                [add](const std::vector<std::string> &all) {
+                    for (const std::string &one : all) {
+                        add(one);
+                    }
+                },
+                help)
+            ->allow_extra_args(false)
+            ->type_name(type);
+    };
+    text("--simulation", o.controller.simulation, "NAME", "of the run")->required();
+    time(
+        "--until", [&o](double s) { o.controller.end = std::llround(s * 1e9); }, "the end of the run")
+        ->required();
+    texts(
+        "--node", [&](const std::string &node) { nodes.push_back(node); }, "NAME[:POLICY]",
+        "a program that takes part; what to do when it is lost: abort (default),\n"
+        "pause (until it is back), hold (its last messages), drop (no messages),\n"
+        "restart (another program goes on from its snapshot).\n"
+        "More options behind commas: joins=SECONDS (it takes part after that time;\n"
+        "joins=any: when it comes), rejoins (it may come again), save=SECONDS (from\n"
+        "one snapshot to the next), reply=SECONDS")
+        ->required();
+    text("--address", o.router.address, "ADDRESS", "where programs greet: tcp://127.0.0.1:7000 (default), ipc://@NAME");
+    texts(
+        "--asynchronous", [&o](const std::string &program) { add_asynchronous(o, program); }, "NAME[:TOPIC,TOPIC...]",
+        "a program that does not step (a ground system) and writes these topics, if nodes\n"
+        "read them; without topics, all that begin with /NAME/");
+    texts(
+        "--watch", [&o](const std::string &topic) { o.controller.watched.push_back(topic); }, "TOPIC",
+        "write this topic for observers, even if no node reads it");
+    text("--frontend", o.router.frontend, "ADDRESS", "where asynchronous programs publish; default: a free port");
+    text("--backend", o.router.backend, "ADDRESS", "where observers subscribe; default: a free port");
+    app.add_flag_callback(
+        "--no-broker", [&o] { o.router.broker = false; }, "no observers and no asynchronous programs");
+    text("--keys", o.router.keys, "DIR",
+         "encrypt, and let in only programs whose keys are allowed there (./fledge keys);\n"
+         "needed where other machines can reach the address. Default: FLEDGE_KEYS");
+    app.add_flag("--unencrypted-beyond-machine", o.router.unencrypted_beyond_machine,
+                 "no keys where other machines can reach the address: they read all, and\n"
+                 "may take any part");
+    app.add_option("--seed", o.controller.seed, "of the run's random streams; default 0")->type_name("N");
+    time(
+        "--pace", [&o](double x) { o.router.pace = x; }, "simulated seconds per second; default 0: as fast as possible")
+        ->type_name("X");
+    time("--join", to_ms(o.router.join), "for all programs to be there; default 60");
+    time("--reply", to_ms(o.router.reply), "for a program to answer, its computing included; 0: for ever; default 60");
+    app.add_option_function<std::string>(
+           "--shared-memory", [&o](const std::string &word) { o.router.sharing = *meant_by(sharing_words, word); },
+           "with programs on this machine: allowed (default), forbidden, required")
+        ->check(CLI::IsMember({"allowed", "forbidden", "required"}))
+        ->type_name("WHICH");
+    text("--record", o.record, "FILE", "an archive of all that nodes write to one another (exchange_record.h)");
+    app.add_option("--status", o.status, "a file descriptor for the state of the run, in lines of JSON (status.h)")
+        ->check(CLI::Range(0, 1 << 30))
+        ->type_name("FD");
+    try {
+        app.parse(argc, argv);
+        for (const std::string &node : nodes) { // last: --reply may come after
+            add_node(o, node);
         }
-    }
-    for (const std::string_view text : nodes) { // last, for what holds for all may come after
-        add_node(o, text);
-    }
-    if (o.controller.simulation.empty() || o.controller.nodes.empty() || !until) {
-        refuse("--simulation, --until and at least one --node are needed");
+    } catch (const CLI::CallForHelp &help) {
+        std::exit(app.exit(help));
+    } catch (const CLI::Error &error) {
+        std::fprintf(stderr, "fledge_controller: %s; see --help\n", error.what());
+        std::exit(2);
     }
     o.router.keys = place_of_keys(o.router.keys);
     return o;
@@ -232,7 +193,7 @@ Options options(int argc, char **argv)
 
 int main(int argc, char **argv)
 {
-    Options o = options(argc, argv);
+    Options o = parse(argc, argv);
     for (const int signal : {SIGINT, SIGTERM}) {
         std::signal(signal, [](int) { asked_to_end = 1; });
     }
@@ -244,7 +205,7 @@ int main(int argc, char **argv)
         };
         ExchangeRecord record(o.record, o.controller);
         if (!o.record.empty()) {
-            o.router.witnesses.push_back(&record);
+            o.router.listeners.push_back(&record);
         }
         zmq::context_t context;
         Router router(context, o.controller, o.router);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cosim/tools/exchange_record.h"
 
-#include "cosim/controller/words.h"
+#include "cosim/protocol/words.h"
 
 #include <algorithm>
 #include <tuple>
@@ -29,9 +29,9 @@ sim::Pairs pairs_of(const Exchange::Member &member)
     for (const Rate &rate : member.rates) {
         rates += std::to_string(rate.period) + "+" + std::to_string(rate.offset) + "\n";
     }
-    for (const Want &want : member.wants) {
-        const std::string latency(word_for(latency_words, want.latency));
-        reads += want.topic + " " + latency + (want.optional ? " optional" : "") + "\n";
+    for (const Subscription &subscription : member.subscriptions) {
+        const std::string latency(word_for(latency_words, subscription.latency));
+        reads += subscription.topic + " " + latency + (subscription.optional ? " optional" : "") + "\n";
     }
     return {{member.name + ".present", member.present ? "1" : "0"},
             {member.name + ".rates", rates},
@@ -49,7 +49,7 @@ ExchangeRecord::ExchangeRecord(std::string path, const ControllerConfig &run)
 void ExchangeRecord::began(const Exchange &exchange)
 {
     if (file_) {
-        settled(for_ever); // what was said before stands under the old numbers
+        settled(for_ever); // earlier messages have the old channel numbers
     } else {
         file_ = std::make_unique<sim::ArchiveFile>(path_, exchange.topics.size() + room);
     }

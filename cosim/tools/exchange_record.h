@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The exchange as an archive: a topic for each message that passes between nodes, at the times of
-// writing, and what it takes to say the same to one of them once more (replay.h).
+// The exchange as an archive: a topic for each message between nodes, at the times of writing, and all that replay.h
+// needs to run one node again.
 //
 // The metadata "exchange" holds simulation, seed, end [ns], and of each node NAME.present (0 or
 // 1), NAME.rates ("period+offset", one per line), NAME.any_time, NAME.reads ("topic latency", one per line;
@@ -8,6 +8,7 @@
 // are its writer and its initial value (payload in hexadecimal digits). "end" holds the reason.
 #pragma once
 
+#include "cosim/controller/config.h"
 #include "cosim/controller/run_listener.h"
 #include "sim/archive_file.h"
 
@@ -17,9 +18,9 @@
 
 namespace fledge::cosim {
 
-class ExchangeRecord final : public Witness {
+class ExchangeRecord final : public RunListener {
 public:
-    /// The file appears when the nodes are matched, under its name when the run is over.
+    /// It creates the file when the nodes are matched, and gives it its name when the run is over.
     ExchangeRecord(std::string path, const ControllerConfig &run);
 
     // These throw RunError if the file cannot be written.
@@ -35,20 +36,20 @@ private:
         std::size_t size;
     };
 
-    /// Which node answers first is chance: messages wait until they can stand in the order of their
-    /// times, so that the same run gives the same bytes.
+    /// The order of replies is random: messages wait until the record can write them in the order of their times, so
+    /// that the same run gives the same bytes.
     struct Pending {
         Ns t;
         std::uint32_t channel; ///< of the exchange
         std::uint32_t count;
-        Bytes payload;
+        Payload payload;
     };
 
     std::string path_, simulation_;
     std::uint64_t seed_;
     Ns end_;
     std::unique_ptr<sim::ArchiveFile> file_;
-    std::map<std::string, Topic> known_; ///< by name: one that comes again stays in its channel
+    std::map<std::string, Topic> known_; ///< by name: a topic stays in its channel
     std::vector<Topic> topics_;          ///< by channel of the exchange
     std::vector<Pending> pending_;
     std::vector<std::byte> message_;

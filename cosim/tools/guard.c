@@ -1,15 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Runs one command, and sees to it that nothing of it is left behind: fledge_guard -- COMMAND...
+/* Runs one command, and leaves no process of it behind: fledge_guard -- COMMAND...
  *
- * Standard input is its lifeline. Where that ends, because whoever holds the other end has ended or
- * was killed, the command and all that it has started are ended: asked to, then killed. The same
- * happens on SIGTERM, SIGINT and SIGHUP, and, to what it has left behind, when the command has ended.
+ * The program that starts the guard holds its standard input open. When the input ends, because that program has
+ * ended or was killed, the guard ends the command and all its descendants, first by SIGTERM, then by SIGKILL. It does
+ * the same on SIGTERM, SIGINT and SIGHUP, and with the descendants of a command that has ended.
  *
- * - All descendants are found, however often they fork and whatever session they make for
- *   themselves: the guard is their subreaper, so what loses its parent becomes the guard's child.
- * - If the guard itself is killed, the command is killed with it, and what that has started falls to
- *   the next subreaper above.
- * - The same works through ssh, whose standard input it is then.
+ * - It finds all descendants, through any forks and sessions: the guard is their subreaper, so a process that loses
+ *   its parent becomes the guard's child.
+ * - If the guard itself is killed, the kernel kills the command, and its descendants go to the next subreaper above.
+ * - The same works through ssh, which then holds the standard input.
  *
  * Exits as the command does; with 128 + N if that was killed by signal N; 127 if it cannot be started.
  */
@@ -148,7 +147,7 @@ static pid_t start(char **command, const sigset_t *before)
     if (pid != 0) {
         return pid;
     }
-    setsid(); /* Ctrl-C is for whoever started us, who ends things in order */
+    setsid(); /* Ctrl-C is for the program that started the guard, and ends it in order */
     prctl(PR_SET_PDEATHSIG, SIGKILL);
     if (getppid() != parent) {
         _exit(127);

@@ -22,7 +22,7 @@ ControllerConfig controller_of(const ReplayConfig &config)
         for (const Part::Topic &topic : part.topics) {
             if (topic.times.size() != topic.payloads.size() ||
                 !std::is_sorted(topic.times.begin(), topic.times.end(), std::less_equal<>())) {
-                throw std::invalid_argument(part.node + " says " + topic.name +
+                throw std::invalid_argument(part.node + " writes " + topic.name +
                                             " at times that do not ascend, or that are not as many as its messages");
             }
         }
@@ -30,34 +30,34 @@ ControllerConfig controller_of(const ReplayConfig &config)
     return controller;
 }
 
-RouterConfig recording(RouterConfig config, Witness &record)
+RouterConfig recording(RouterConfig config, RunListener &record)
 {
-    config.witnesses.push_back(&record);
+    config.listeners.push_back(&record);
     return config;
 }
 
 } // namespace
 
-std::vector<Offer> Player::match(const std::vector<Channel> &asked)
+std::vector<Publication> Player::match(const std::vector<Channel> &asked)
 {
-    offered_.clear();
-    std::vector<Offer> offers;
+    published_.clear();
+    std::vector<Publication> publications;
     for (const Channel &channel : asked) {
         for (std::size_t i = 0; i < part_.topics.size(); i++) {
             if (part_.topics[i].name == channel.topic) {
-                offered_.emplace_back(channel.channel, i);
-                offers.push_back({channel.channel, part_.topics[i].schema, part_.topics[i].initial});
+                published_.emplace_back(channel.channel, i);
+                publications.push_back({channel.channel, part_.topics[i].schema, part_.topics[i].initial});
             }
         }
     }
-    return offers;
+    return publications;
 }
 
 Tock Player::tick(const Tick &tick)
 {
     Tock tock;
     tock.reached = tick.until;
-    for (const auto &[channel, i] : offered_) {
+    for (const auto &[channel, i] : published_) {
         const Part::Topic &topic = part_.topics[i];
         for (std::size_t &k = next_[i]; k < topic.times.size() && topic.times[k] <= tick.until; k++) {
             tock.records.push_back({channel, static_cast<std::uint32_t>(k + 1), topic.times[k], topic.payloads[k]});
@@ -66,13 +66,13 @@ Tock Player::tick(const Tick &tick)
     return tock;
 }
 
-std::vector<Want> Listener::desired()
+std::vector<Subscription> Listener::desired()
 {
-    std::vector<Want> wants;
+    std::vector<Subscription> subscriptions;
     for (const std::string &topic : topics_) {
-        wants.push_back({topic, Latency::same_instant, false, {}});
+        subscriptions.push_back({topic, Latency::same_instant, false, {}});
     }
-    return wants;
+    return subscriptions;
 }
 
 Replay::Replay(zmq::context_t &context, ReplayConfig config, RouterConfig router)

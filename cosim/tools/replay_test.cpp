@@ -19,8 +19,8 @@ namespace {
 /// A node that makes its words of all that it has heard, and sometimes says nothing.
 class Mixer final : public Node {
 public:
-    Mixer(std::string name, std::vector<Rate> rates, std::vector<Want> wants, std::uint64_t salt = 0)
-        : name_(std::move(name)), rates_(std::move(rates)), wants_(std::move(wants)), state_(salt)
+    Mixer(std::string name, std::vector<Rate> rates, std::vector<Subscription> subscriptions, std::uint64_t salt = 0)
+        : name_(std::move(name)), rates_(std::move(rates)), subscriptions_(std::move(subscriptions)), state_(salt)
     {
     }
 
@@ -29,8 +29,8 @@ public:
         state_ = state_ * 31 + m.seed + name_.back();
         return {rates_, false, false};
     }
-    std::vector<Want> desired() override { return wants_; }
-    std::vector<Offer> match(const std::vector<Channel> &asked) override
+    std::vector<Subscription> desired() override { return subscriptions_; }
+    std::vector<Publication> match(const std::vector<Channel> &asked) override
     {
         for (const Channel &channel : asked) {
             if (channel.topic == "/" + name_ + "/x") {
@@ -71,7 +71,7 @@ public:
 private:
     std::string name_;
     std::vector<Rate> rates_;
-    std::vector<Want> wants_;
+    std::vector<Subscription> subscriptions_;
     std::uint64_t state_;
     std::deque<Record> coming_;
     std::map<std::uint32_t, Record> heard_;
@@ -80,7 +80,7 @@ private:
 };
 
 /// What was said in a run, as parts.
-class Memory final : public Witness {
+class Memory final : public RunListener {
 public:
     void began(const Exchange &exchange) override
     {
@@ -114,7 +114,7 @@ public:
     std::string outcome = "(no end)";
 };
 
-Want want(const std::string &topic, Latency latency)
+Subscription subscription(const std::string &topic, Latency latency)
 {
     return {topic, latency, false, {}};
 }
@@ -123,13 +123,13 @@ Want want(const std::string &topic, Latency latency)
 std::map<std::string, std::unique_ptr<Mixer>> make_nodes(std::uint64_t salt = 0)
 {
     std::map<std::string, std::unique_ptr<Mixer>> nodes;
-    const auto add = [&](const std::string &name, std::vector<Rate> rates, std::vector<Want> wants,
+    const auto add = [&](const std::string &name, std::vector<Rate> rates, std::vector<Subscription> subscriptions,
                          std::uint64_t own = 0) {
-        nodes[name] = std::make_unique<Mixer>(name, std::move(rates), std::move(wants), own);
+        nodes[name] = std::make_unique<Mixer>(name, std::move(rates), std::move(subscriptions), own);
     };
-    add("a", {{10, 0}}, {want("/b/x", Latency::next_instant), want("/c/x", Latency::next_exchange)});
-    add("b", {{25, 5}, {40, 0}}, {want("/a/x", Latency::same_instant)}, salt);
-    add("c", {{100, 0}}, {want("/b/x", Latency::next_exchange), want("/a/x", Latency::same_instant)});
+    add("a", {{10, 0}}, {subscription("/b/x", Latency::next_instant), subscription("/c/x", Latency::next_exchange)});
+    add("b", {{25, 5}, {40, 0}}, {subscription("/a/x", Latency::same_instant)}, salt);
+    add("c", {{100, 0}}, {subscription("/b/x", Latency::next_exchange), subscription("/a/x", Latency::same_instant)});
     return nodes;
 }
 
@@ -162,7 +162,7 @@ void fly(Memory &memory)
     config.nodes = {{"a", {}}, {"b", {}}, {"c", {}}};
     config.end = run_end;
     RouterConfig router_config = inside();
-    router_config.witnesses = {&memory};
+    router_config.listeners = {&memory};
     Router router(context, config, router_config);
     const auto nodes = make_nodes();
     for (const auto &[name, node] : nodes) {
@@ -193,7 +193,7 @@ Memory replay(const Memory &run, const std::string &name, const std::string &fil
     Memory again;
     zmq::context_t context;
     RouterConfig router = inside();
-    router.witnesses = {&again};
+    router.listeners = {&again};
     Replay replay(context, config, router);
     const auto nodes = make_nodes(salt);
     replay.host(*nodes.at(name));
@@ -211,7 +211,7 @@ TEST(Replay, EachNodeAloneSaysWhatItSaid)
     for (const std::string name : {"a", "b", "c"}) {
         Memory again = replay(run, name, folder.file(name + ".mcap"));
         ASSERT_GT(run.part(name).topics.at(0).times.size(), 50u);
-        for (const Part &part : run.parts) { // the others say what they said, too, where somebody listens
+        for (const Part &part : run.parts) { // players write again, if the topic has a reader
             for (const Part::Topic &topic : again.part(part.node).topics) {
                 EXPECT_EQ(topic.name, part.topics.at(0).name);
                 EXPECT_TRUE(topic.times == part.topics.at(0).times) << topic.name << " beside " << name;

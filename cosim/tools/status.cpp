@@ -16,7 +16,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto often = 200ms;
-constexpr std::size_t longest_line = 4096; ///< of what is heard
+constexpr std::size_t longest_line = 4096; ///< of a command
 constexpr std::size_t most_unread = 1 << 20;
 
 std::string quoted(const std::string &text)
@@ -44,7 +44,6 @@ std::string seconds(double s)
     return text;
 }
 
-/// Of simulated time.
 std::string reached(Ns t)
 {
     return t < 0 ? "-1" : seconds(static_cast<double>(t) * 1e-9);
@@ -69,7 +68,7 @@ std::string nodes_of(const Router &router, const ControllerConfig &config)
     return s + ']';
 }
 
-/// How it keeps up, if it is paced.
+/// Delays, if it is paced.
 std::string pace_of(const Router &router)
 {
     const PaceReport *pace = router.pace();
@@ -78,7 +77,7 @@ std::string pace_of(const Router &router)
                 : "";
 }
 
-/// What all nodes have reached that still take part; when nobody does, how far anybody came.
+/// What all nodes in the run have reached; without any, the furthest that a node came.
 Ns reached_by_all(const Router &router, const ControllerConfig &config)
 {
     Ns least = config.end, most = -1;
@@ -128,10 +127,10 @@ void StatusStream::report(const std::string &text)
 void StatusStream::progress(const Router &router, const ControllerConfig &config)
 {
     const auto now = Clock::now();
-    if (fd_ < 0 || now - told_ < often || !flush()) { // of one that is slow, the latest will do
+    if (fd_ < 0 || now - reported_ < often || !flush()) { // a slow reader skips states
         return;
     }
-    told_ = now;
+    reported_ = now;
     const Controller &c = router.controller();
     write(std::string("{\"phase\":\"") +
           (c.running()     ? "running"
@@ -145,7 +144,7 @@ void StatusStream::ended(const std::string &reason, const Router &router, const 
 {
     write("{\"ended\":" + quoted(reason) + ",\"wall\":" +
           seconds(std::chrono::duration<double>(Clock::now() - begun_).count()) + state_of(router, config) + "}");
-    for (int i = 0; i < 100 && !flush(); i++) { // it is the last: let it be taken
+    for (int i = 0; i < 100 && !flush(); i++) { // the last line: wait until it is written
         usleep(10'000);
     }
 }
@@ -160,7 +159,7 @@ std::string StatusStream::asked_to_stop()
         }
         if (n <= 0) {
             heard_end_ = true;
-            return "who started it is gone";
+            return "the program that started it is gone";
         }
         heard_.append(text, static_cast<std::size_t>(n));
         const auto end = heard_.find('\n');
@@ -183,7 +182,7 @@ void StatusStream::write(const std::string &line)
     }
 }
 
-/// Whether all has been taken.
+/// Whether all is written.
 bool StatusStream::flush()
 {
     while (fd_ >= 0 && !rest_.empty()) {
@@ -194,7 +193,7 @@ bool StatusStream::flush()
         } else if (errno == EAGAIN || errno == EINTR) {
             return false;
         } else {
-            fd_ = -1; // nobody listens any more
+            fd_ = -1; // the reader is gone
         }
     }
     return true;

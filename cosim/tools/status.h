@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How a run goes, as lines of JSON for a program that shows it, and what that program asks for.
+// The state of a run, as lines of JSON for a program that shows it, and the commands of that program.
 //
 //     {"listening": "ipc://@spring"}
 //     {"report": "mass: its connection is gone (it had reached 1 s); the run waits for it"}
@@ -8,10 +8,10 @@
 //          "compute": 0.9, "transport": 0.1, "wait": 0.2, "asked": 0.05}, ...]}
 //     {"ended": "", "wall": 9.5, "t": 60, "nodes": [...]}
 //
-// Each on one line. Of a run that is paced there are also "overruns", the instants that began more than
-// 1 ms late, and "worst", the largest delay. Times are in seconds: `t` what is simulated (-1 before the
-// first instant; of the run: what all nodes have reached), the others of wall time, as NodeTimes has them.
-// In the other direction, if it is a socket: "stop" and a reason, on one line. Its end ends the run too.
+// Each on one line. A paced run adds "overruns", the number of instants that began more than 1 ms late, and "worst",
+// the largest delay. Times are in seconds: `t` is simulated time (-1 before the first instant; for the run, what all
+// nodes have reached), the others are wall time, as in NodeTimes. In the other direction, over a socket: "stop" and a
+// reason, on one line. The end of the socket ends the run, too.
 #pragma once
 
 #include "cosim/router/router.h"
@@ -22,12 +22,12 @@ namespace fledge::cosim {
 
 class StatusStream {
 public:
-    /// -1: nobody listens, and nothing is done.
+    /// -1: it does nothing.
     explicit StatusStream(int fd);
 
     void listening(const std::string &address);
     void report(const std::string &text);
-    /// How it goes; called often, it writes some times a second.
+    /// The state now. It may be called often, and writes some times a second.
     void progress(const Router &router, const ControllerConfig &config);
     void ended(const std::string &reason, const Router &router, const ControllerConfig &config);
 
@@ -42,9 +42,9 @@ private:
 
     int fd_;
     bool socket_ = false, heard_end_ = false;
-    std::string rest_; ///< of a line that was not taken whole
+    std::string rest_; ///< of a line, not written yet
     std::string heard_;
-    Clock::time_point begun_, told_;
+    Clock::time_point begun_, reported_;
 };
 
 } // namespace fledge::cosim

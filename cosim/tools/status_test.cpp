@@ -28,8 +28,8 @@ public:
         next_ = m.start < 0 ? 0 : m.start + 10;
         return {{{10, 0}}, false};
     }
-    std::vector<Want> desired() override { return {{reads_, latency_, false, schema_}}; }
-    std::vector<Offer> match(const std::vector<Channel> &asked) override
+    std::vector<Subscription> desired() override { return {{reads_, latency_, false, schema_}}; }
+    std::vector<Publication> match(const std::vector<Channel> &asked) override
     {
         for (const Channel &channel : asked) {
             if (channel.topic == writes_) {
@@ -59,7 +59,7 @@ public:
     Ns quits_at = -1;
 
 private:
-    static Bytes word()
+    static Payload word()
     {
         const std::uint64_t x = 0;
         return make_payload(std::as_bytes(std::span(&x, 1)));
@@ -253,12 +253,12 @@ TEST(Status, ItsEndIsHeardAndOneThatIsSlowHoldsNothingUp)
     Ends pair;
     StatusStream status(pair.ends[1]);
     for (int i = 0; i < 10'000; i++) {
-        status.report("a line that nobody reads, of many");
+        status.report("a line without a reader, of many");
     }
     EXPECT_EQ(status.asked_to_stop(), "");
     close(std::exchange(pair.ends[0], -1));
-    EXPECT_EQ(status.asked_to_stop(), "who started it is gone");
-    status.report("to nobody");
+    EXPECT_EQ(status.asked_to_stop(), "the program that started it is gone");
+    status.report("without a reader");
 }
 
 TEST(Status, WithoutAnybodyNothingIsDone)

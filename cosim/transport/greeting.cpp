@@ -27,26 +27,26 @@ void ask_environment(std::string &simulation, std::string &node, std::string &ad
 }
 
 Frame greet(zmq::context_t &context, const std::string &address, const std::optional<ClientKeys> &keys,
-            const Hello &hello, std::chrono::milliseconds patience, const Limits &limits)
+            const Hello &hello, std::chrono::milliseconds connect_timeout, const Limits &limits)
 {
     using Clock = std::chrono::steady_clock;
-    zmq::socket_t lobby(context, zmq::socket_type::dealer);
-    set_up(lobby, limits);
-    lobby.set(zmq::sockopt::linger, 0);
+    zmq::socket_t greetings(context, zmq::socket_type::dealer);
+    set_up(greetings, limits);
+    greetings.set(zmq::sockopt::linger, 0);
     if (keys) {
-        use_keys(lobby, *keys);
+        use_keys(greetings, *keys);
     }
-    Handshake handshake(context, lobby, keys.has_value());
+    Handshake handshake(context, greetings, keys.has_value());
     try {
-        lobby.connect(address);
+        greetings.connect(address);
     } catch (const zmq::error_t &error) {
         throw LinkError("cannot connect to the controller at " + address + ": " + error.what() +
                         "; expected tcp://HOST:PORT or ipc://@NAME");
     }
-    lobby.send(zmq::buffer(encode({1, hello})), zmq::send_flags::none);
+    greetings.send(zmq::buffer(encode({1, hello})), zmq::send_flags::none);
     zmq::message_t reply;
-    zmq::pollitem_t items[] = {{lobby.handle(), 0, ZMQ_POLLIN, 0}, handshake.events()};
-    for (const auto end = Clock::now() + patience; !lobby.recv(reply, zmq::recv_flags::dontwait);) {
+    zmq::pollitem_t items[] = {{greetings.handle(), 0, ZMQ_POLLIN, 0}, handshake.events()};
+    for (const auto end = Clock::now() + connect_timeout; !greetings.recv(reply, zmq::recv_flags::dontwait);) {
         if (!handshake.failure().empty()) {
             throw LinkError("the controller at " + address + " does not let " + hello.node +
                             " in: " + handshake.failure());

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// How a program comes to a controller: what it is not told it takes from its environment, it greets at the
-// one static address, and is answered or told why not.
+// How a program reaches a controller: it takes missing options from its environment, sends a Hello to the one
+// static address, and gets a Welcome or a reason.
 #pragma once
 
 #include "cosim/security/keys.h"
+#include "cosim/transport/handshake.h"
 #include "cosim/transport/link.h"
 
 #include <chrono>
@@ -12,15 +13,15 @@
 
 namespace fledge::cosim {
 
-/// What is empty becomes what FLEDGE_SIMULATION, FLEDGE_NODE and FLEDGE_ADDRESS say. Throws LinkError.
+/// Fill in what is empty from FLEDGE_SIMULATION, FLEDGE_NODE and FLEDGE_ADDRESS. Throws LinkError.
 void ask_environment(std::string &simulation, std::string &node, std::string &address);
 
-/// The controller's answer. Throws LinkError if it refuses, does not let this one in, or is not there in
-/// time, and ProtocolError.
+/// The controller's answer. Throws ProtocolError, and LinkError if the controller refuses, does not accept the
+/// key, or does not answer in time.
 Frame greet(zmq::context_t &context, const std::string &address, const std::optional<ClientKeys> &keys,
-            const Hello &hello, std::chrono::milliseconds patience, const Limits &limits);
+            const Hello &hello, std::chrono::milliseconds connect_timeout, const Limits &limits);
 
-/// A controller that listens everywhere does not know by which name it is reached: that of `controller`.
+/// A controller that listens at all addresses does not know its host name: take it from `controller`.
 std::string reachable(std::string address, const std::string &controller);
 
 } // namespace fledge::cosim

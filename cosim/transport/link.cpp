@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cosim/transport/link.h"
 
-#include "cosim/security/keys.h"
+#include "cosim/transport/handshake.h"
 #include "cosim/transport/shared_channel.h"
 
 #include <atomic>
@@ -19,7 +19,7 @@ using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
 constexpr int heartbeat_ms = 1000, silence_ms = 5000, linger_ms = 1000;
-constexpr std::chrono::milliseconds look = 100ms; ///< how often a silent side is looked for
+constexpr std::chrono::milliseconds look = 100ms; ///< between two checks of a silent side
 constexpr std::chrono::milliseconds for_ever = -1ms;
 
 } // namespace
@@ -58,23 +58,14 @@ int descriptor(zmq::socket_t &socket)
 }
 
 Link::Link(zmq::context_t &context, const Limits &limits)
-    : limits_(limits), socket_(context, zmq::socket_type::pair), monitor_(context, zmq::socket_type::pair)
+    : limits_(limits), socket_(context, zmq::socket_type::pair), monitor_(monitor(context, socket_))
 {
     set_up(socket_, limits);
-    static std::atomic<unsigned> count{0};
-    const std::string name = "inproc://fledge-monitor-" + std::to_string(count++);
-    if (zmq_socket_monitor(socket_.handle(), name.c_str(),
-                           ZMQ_EVENT_DISCONNECTED | ZMQ_EVENT_HANDSHAKE_SUCCEEDED | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH |
-                               ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL | ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL)) {
-        throw LinkError(std::string("cannot watch a socket: ") + zmq_strerror(zmq_errno()));
-    }
-    monitor_.set(zmq::sockopt::linger, 0);
-    monitor_.connect(name);
-    gone(); // only from a first look on does its descriptor tell
+    gone(); // its descriptor reports only what comes after a first look
 }
 
-/// Looks whether the controller goes, while its node sleeps without a time to wake: timers would cost
-/// each tick some hundred nanoseconds.
+/// Notices that the controller is gone while its node sleeps without a timeout: timers would cost each tick some
+/// hundred nanoseconds.
 class Link::Watcher {
 public:
     Watcher(zmq::socket_t monitor, SharedChannel &channel)
@@ -122,9 +113,6 @@ private:
 
 Link::~Link()
 {
-    if (!socket_) {
-        return; // moved
-    }
     if (shared_ && !shared_->is_controllers()) {
         // The last frame may be a long one.
         const auto end = Clock::now() + std::chrono::milliseconds(linger_ms);
@@ -133,17 +121,14 @@ Link::~Link()
                 shared_->wait(look);
             }
         } catch (const ProtocolError &) {
-            // The other side takes nothing more.
+            // The other side reads no more.
         }
     }
-    // libzmq's own thread tells the monitor what becomes of the socket, and would wait for ever for one
-    // that was closed before.
+    // libzmq's thread writes the socket's events to the monitor, and would wait for ever for a monitor that was
+    // closed before.
     zmq_socket_monitor(socket_.handle(), nullptr, 0);
     watcher_.reset();
 }
-
-Link::Link(Link &&) noexcept = default;
-Link &Link::operator=(Link &&) noexcept = default;
 
 void Link::share(std::unique_ptr<SharedChannel> channel)
 {
@@ -180,8 +165,8 @@ void Link::send(const Frame &frame, bool urgent)
     if (shared_) {
         return shared_->send(bytes_, urgent);
     }
-    // It never waits: in lock step only a few frames are ever on their way, so a side that takes no
-    // more is gone. What it sent before, perhaps that it ends the run, is still to be read.
+    // It never waits: in lock step only a few frames are on their way, so a side that takes no more is gone. Its
+    // last frame, which may end the run, can still be read.
     if (!socket_.send(zmq::buffer(bytes_), zmq::send_flags::dontwait)) {
         gone_ = true;
     }
@@ -228,7 +213,7 @@ Frame Link::wait(std::chrono::milliseconds most)
     return frame;
 }
 
-/// Wait a while for a frame. Whether it is time to look for the other side.
+/// Wait for a frame. True if none came, so that the other side has to be checked.
 bool Link::silent(std::chrono::milliseconds most)
 {
     if (shared_) {
@@ -248,7 +233,7 @@ bool Link::gone()
     std::uint16_t kind = 0;
     for (std::uint32_t value = 0; next_event(monitor_, kind, value);) {
         if (kind != ZMQ_EVENT_DISCONNECTED) {
-            // Strangers come to a bound socket, too: libzmq lets the first in that it may, and no other.
+            // Other programs connect to a bound socket, too: libzmq accepts the first that is allowed.
             const bool first = kind == ZMQ_EVENT_HANDSHAKE_SUCCEEDED && !std::exchange(made_, true);
             strangers_ += bound_ && !first;
             if (!bound_ && kind == ZMQ_EVENT_HANDSHAKE_FAILED_AUTH) {

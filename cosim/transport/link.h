@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// One controller and one node: frames, and whether the other side is still there. They meet on a pair
-// of sockets; on one machine, frames may then go through shared memory instead.
+// The connection of one controller and one node: it carries frames, and notices when the other side is gone. It
+// begins on a pair of sockets; on one machine, frames may then go through shared memory.
 #pragma once
 
-#include "cosim/protocol/protocol.h"
+#include "cosim/protocol/words.h"
+#include "cosim/transport/link_error.h"
 
 #include <chrono>
 #include <memory>
 #include <span>
-#include <stdexcept>
 #include <string>
 #include <zmq.hpp>
 
@@ -20,64 +20,61 @@ class SharedChannel;
 enum class Sharing {
     allowed,   ///< where both sides have it
     forbidden, ///< they go over sockets
-    required,  ///< or the run does not begin
+    required,  ///< without it, the run does not begin
 };
 
-/// A connection that cannot be made or is gone.
-class LinkError : public std::runtime_error {
-    using runtime_error::runtime_error;
-};
+inline constexpr std::pair<std::string_view, Sharing> sharing_words[] = {
+    {"allowed", Sharing::allowed}, {"forbidden", Sharing::forbidden}, {"required", Sharing::required}};
 
-/// libzmq's addresses: "tcp://127.0.0.1:7000", "ipc://@name" (an abstract socket, which leaves nothing
-/// behind), "inproc://name" (within one context).
-/// Whether an address can be reached from this machine only.
+/// Whether only this machine can reach an address of libzmq: "tcp://127.0.0.1:7000", "ipc://@name" (an abstract
+/// socket, which leaves no file behind), "inproc://name" (within one context).
 bool is_local(const std::string &address);
 
-/// What every socket here has in common.
-/// - A peer whose machine or network is gone is noticed within some seconds, however long it computes:
-///   libzmq's own thread answers.
-/// - What is larger than the limit is refused before there is room for it.
+/// Set the options of every socket:
+/// - libzmq's threads exchange heartbeats. So a lost machine or network is noticed within seconds, and a program
+///   that computes for long is not taken for lost.
+/// - libzmq refuses a message above the limit before it allocates memory for it.
 void set_up(zmq::socket_t &socket, const Limits &limits);
 
-/// Wait until something happens to one of these, or a signal comes. A negative time: for ever.
+/// Wait for an event on one of these sockets, or a signal. A negative time: for ever.
 void poll(std::span<zmq::pollitem_t> items, std::chrono::milliseconds most);
 
-/// The descriptor that becomes readable when a socket has something to say: once, so what is there has
-/// to be received to the last before it is waited for, also after each sending.
+/// The descriptor that becomes readable when a socket has an event. It is edge-triggered: before the caller waits
+/// for it, it has to receive all messages, also after each sending.
 int descriptor(zmq::socket_t &socket);
 
 class Link {
 public:
     Link(zmq::context_t &context, const Limits &limits);
     ~Link();
-    Link(Link &&) noexcept;
-    Link &operator=(Link &&) noexcept;
+    Link(const Link &) = delete;
+    Link &operator=(const Link &) = delete;
 
-    /// To give it keys, before it is bound or connects.
+    /// For its keys, before bind() or connect().
     zmq::socket_t &socket() { return socket_; }
 
-    /// Returns the address, a port that was left open filled in. Throws LinkError.
+    /// Returns the address with the chosen port. Throws LinkError.
     std::string bind(const std::string &address);
     void connect(const std::string &address);
 
-    /// From now on frames go through this memory, and the socket only tells who is there.
+    /// From now on frames go through this memory. The socket only shows whether the other side is there.
     void share(std::unique_ptr<SharedChannel> channel);
     SharedChannel *shared() const { return shared_.get(); }
 
-    /// To a side that is gone it does nothing: wait() and gone() say so. `urgent`: see SharedChannel.
+    /// Does nothing if the other side is gone: wait() and gone() report that. `urgent`: see SharedChannel.
     void send(const Frame &frame, bool urgent = true);
 
-    /// The next frame that has come, into `frame`. False if there is none. Throws ProtocolError. A long
-    /// frame that is sent through shared memory goes on its way here, too.
+    /// Take the next frame that has come. False if there is none. Throws ProtocolError. It also sends more of a
+    /// long frame through shared memory.
     bool receive(Frame &frame);
 
     /// Wait for a frame. Throws LinkError if the other side goes or none comes in time (0: any time).
     Frame wait(std::chrono::milliseconds most = std::chrono::milliseconds{0});
 
-    /// Whether the other side was there and has gone. What it sent before can still be received.
+    /// Whether the other side was there and has gone. receive() still gives what it sent before.
     bool gone();
 
-    /// To poll for frames, and for the other side's going: see descriptor().
+    /// To poll for frames, and for the loss of the other side: see descriptor().
     int frames() { return descriptor(socket_); }
     int events() { return descriptor(monitor_); }
 
@@ -92,8 +89,8 @@ private:
     std::unique_ptr<SharedChannel> shared_;
     std::unique_ptr<Watcher> watcher_; ///< of a node that shares memory
     bool bound_ = false, made_ = false, gone_ = false;
-    int strangers_ = 0;   ///< that came and have still to go
-    std::string refusal_; ///< why the other side does not let this one in
+    int strangers_ = 0;   ///< other programs that connected and are not gone yet
+    std::string refusal_; ///< why the other side refuses this program
 };
 
 } // namespace fledge::cosim

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cosim/transport/poller.h"
 
-#include "cosim/transport/link.h"
+#include "cosim/transport/link_error.h"
 
 #include <array>
 #include <cerrno>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which of many descriptors have something to say, in a time that does not grow with their number.
+// Which of many descriptors are readable, in a time that does not grow with their number.
 #pragma once
 
 #include <chrono>
@@ -19,10 +19,10 @@ public:
 
     /// Watch a descriptor under a number of the caller's. Throws LinkError.
     void add(int fd, std::uint64_t key);
-    /// No longer; before it is closed.
+    /// Before it is closed.
     void remove(int fd);
 
-    /// The keys of those that can be read; none after that time, or if a signal came.
+    /// The keys of the readable descriptors; none after a timeout or a signal.
     const std::vector<std::uint64_t> &wait(std::chrono::milliseconds most);
 
 private:

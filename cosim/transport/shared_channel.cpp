@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cosim/transport/shared_channel.h"
 
-#include "cosim/transport/link.h"
+#include "cosim/transport/link_error.h"
 
 #include <algorithm>
 #include <cerrno>
@@ -30,16 +30,16 @@ static_assert(std::atomic<std::uint32_t>::is_always_lock_free && std::atomic<std
 struct Head {
     char magic[8];
     std::uint64_t nonce, spin, slot;
-    char bell[64], pipe[64];
+    char wake_up[64], pipe[64];
 };
 
-/// What a frame begins with.
+/// Before each frame in a ring.
 struct Length {
     std::uint32_t size, zero;
 };
 static_assert(sizeof(Length) == word);
 
-std::size_t filled_up(std::size_t n)
+std::size_t padded(std::size_t n)
 {
     return (n + word - 1) / word * word;
 }
@@ -65,20 +65,20 @@ std::string text_of(const char (&from)[64])
 
 } // namespace
 
-// ---- the bell
+// ---- waking up
 
-struct Bell::Memory {
+struct WakeUp::Memory {
     std::uint64_t nonce;
     alignas(64) std::atomic<std::uint32_t> armed;
     alignas(64) std::atomic<std::uint32_t> calls[words_of_slots];
 };
 
-Bell::Memory &Bell::words() const
+WakeUp::Memory &WakeUp::words() const
 {
     return *std::launder(reinterpret_cast<Memory *>(memory_.bytes().data()));
 }
 
-Bell::Bell() : memory_(SharedMemory::create(sizeof(Memory))), nonce_(draw_nonce())
+WakeUp::WakeUp() : memory_(SharedMemory::create(sizeof(Memory))), nonce_(draw_nonce())
 {
     if (pipe2(pipe_, O_NONBLOCK | O_CLOEXEC)) {
         throw LinkError(std::string("no pipe: ") + std::strerror(errno));
@@ -86,13 +86,13 @@ Bell::Bell() : memory_(SharedMemory::create(sizeof(Memory))), nonce_(draw_nonce(
     (new (memory_.bytes().data()) Memory{})->nonce = nonce_;
 }
 
-Bell::Bell(const std::string &memory, const std::string &pipe, std::uint64_t nonce)
+WakeUp::WakeUp(const std::string &memory, const std::string &pipe, std::uint64_t nonce)
     : memory_(SharedMemory::open(memory, sizeof(Memory))), nonce_(nonce)
 {
     const int looked = open(pipe.c_str(), O_PATH | O_CLOEXEC);
     struct stat found {};
     if (looked >= 0 && !fstat(looked, &found) && S_ISFIFO(found.st_mode)) {
-        // Also to read: so a controller that is gone is no signal to this program.
+        // Also for reading: else writing to a lost controller would raise SIGPIPE.
         pipe_[1] = open(("/proc/self/fd/" + std::to_string(looked)).c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC);
     }
     if (looked >= 0) {
@@ -102,11 +102,11 @@ Bell::Bell(const std::string &memory, const std::string &pipe, std::uint64_t non
         if (pipe_[1] >= 0) {
             close(pipe_[1]);
         }
-        throw LinkError("no shared memory: the bell is another one");
+        throw LinkError("no shared memory: the wake-up memory is another one");
     }
 }
 
-Bell::~Bell()
+WakeUp::~WakeUp()
 {
     for (const int fd : pipe_) {
         if (fd >= 0) {
@@ -115,22 +115,7 @@ Bell::~Bell()
     }
 }
 
-Bell::Bell(Bell &&other) noexcept : memory_(std::move(other.memory_)), called_(other.called_), nonce_(other.nonce_)
-{
-    std::swap(pipe_[0], other.pipe_[0]);
-    std::swap(pipe_[1], other.pipe_[1]);
-}
-
-Bell &Bell::operator=(Bell &&other) noexcept
-{
-    std::swap(memory_, other.memory_);
-    std::swap(called_, other.called_);
-    std::swap(pipe_, other.pipe_);
-    std::swap(nonce_, other.nonce_);
-    return *this;
-}
-
-void Bell::ring()
+void WakeUp::ring()
 {
     std::atomic_thread_fence(std::memory_order_seq_cst);
     std::atomic<std::uint32_t> &armed = words().armed;
@@ -141,7 +126,7 @@ void Bell::ring()
     }
 }
 
-void Bell::wake()
+void WakeUp::wake()
 {
     for (std::size_t i = 0; i < words_of_slots; i++) {
         if (const std::uint32_t who = std::exchange(called_[i], 0)) {
@@ -152,12 +137,12 @@ void Bell::wake()
     }
 }
 
-std::uint32_t Bell::calls(std::size_t slot) const
+std::uint32_t WakeUp::calls(std::size_t slot) const
 {
     return words().calls[slot / 32 % words_of_slots].load();
 }
 
-bool Bell::sleep(std::size_t slot, std::uint32_t calls, std::chrono::milliseconds most)
+bool WakeUp::sleep(std::size_t slot, std::uint32_t calls, std::chrono::milliseconds most)
 {
     timespec until{};
     if (most.count() >= 0) {
@@ -170,19 +155,19 @@ bool Bell::sleep(std::size_t slot, std::uint32_t calls, std::chrono::millisecond
            errno == EAGAIN;
 }
 
-void Bell::rest(std::chrono::milliseconds most)
+void WakeUp::rest(std::chrono::milliseconds most)
 {
     const timespec rest = {most.count() / 1000, most.count() % 1000 * 1'000'000};
     syscall(SYS_futex, &words().armed, FUTEX_WAIT, rests, &rest, nullptr, 0);
 }
 
-void Bell::arm(Wait how)
+void WakeUp::arm(Wait how)
 {
     words().armed.store(how, std::memory_order_relaxed);
     std::atomic_thread_fence(std::memory_order_seq_cst);
 }
 
-void Bell::disarm(bool rang)
+void WakeUp::disarm(bool rang)
 {
     words().armed.store(awake, std::memory_order_relaxed);
     char bytes[256];
@@ -200,7 +185,7 @@ struct SharedChannel::Lane {
 
 struct SharedChannel::Memory {
     Head head;
-    alignas(64) std::atomic<std::uint32_t> asleep;  ///< the node is
+    alignas(64) std::atomic<std::uint32_t> asleep;  ///< the node sleeps
     alignas(64) std::atomic<std::uint32_t> ignored; ///< the controller does not wait for this node
     Lane lanes[2];                                  ///< to the node, to the controller
     alignas(64) std::byte rings[2][ring_size];
@@ -211,8 +196,8 @@ SharedChannel::Memory &SharedChannel::words() const
     return *std::launder(reinterpret_cast<Memory *>(memory_.bytes().data()));
 }
 
-SharedChannel::SharedChannel(Bell &bell, std::size_t slot, std::chrono::nanoseconds spin, const Limits &limits)
-    : memory_(SharedMemory::create(sizeof(Memory))), bell_(&bell), slot_(slot), nonce_(bell.nonce()),
+SharedChannel::SharedChannel(WakeUp &wake_up, std::size_t slot, std::chrono::nanoseconds spin, const Limits &limits)
+    : memory_(SharedMemory::create(sizeof(Memory))), wake_up_(&wake_up), slot_(slot), nonce_(wake_up.nonce()),
       limit_(limits.frame)
 {
     Memory &memory = *new (memory_.bytes().data()) Memory{};
@@ -220,8 +205,8 @@ SharedChannel::SharedChannel(Bell &bell, std::size_t slot, std::chrono::nanoseco
     memory.head.nonce = nonce_;
     memory.head.spin = static_cast<std::uint64_t>(spin.count());
     memory.head.slot = slot;
-    set_text(memory.head.bell, bell.memory_path());
-    set_text(memory.head.pipe, bell.pipe_path());
+    set_text(memory.head.wake_up, wake_up.memory_path());
+    set_text(memory.head.pipe, wake_up.pipe_path());
     out_ = &memory.lanes[0];
     in_ = &memory.lanes[1];
     ring_out_ = memory.rings[0];
@@ -236,7 +221,7 @@ SharedChannel::SharedChannel(const std::string &path, std::uint64_t nonce, const
     if (std::memcmp(head.magic, magic, sizeof magic) || head.nonce != nonce) {
         throw LinkError("no shared memory: " + path + " is another one");
     }
-    own_.emplace(text_of(head.bell), text_of(head.pipe), nonce);
+    own_.emplace(text_of(head.wake_up), text_of(head.pipe), nonce);
     slot_ = head.slot;
     spin_ = Spin(std::chrono::nanoseconds(std::min<std::uint64_t>(head.spin, 1'000'000)));
     in_ = &memory.lanes[0];
@@ -257,9 +242,9 @@ void SharedChannel::ring(bool urgent)
 {
     Memory &memory = words();
     std::atomic_thread_fence(std::memory_order_seq_cst);
-    if (bell_) {
+    if (wake_up_) {
         if (memory.asleep.load(std::memory_order_relaxed)) {
-            bell_->call(slot_);
+            wake_up_->call(slot_);
         }
     } else if (urgent || !memory.ignored.load(std::memory_order_relaxed)) {
         own_->ring();
@@ -274,7 +259,7 @@ void SharedChannel::wait(std::chrono::milliseconds most)
     Memory &memory = words();
     memory.asleep.store(1, std::memory_order_relaxed);
     std::atomic_thread_fence(std::memory_order_seq_cst);
-    // Others of its slots' word are woken, too.
+    // wake() also wakes other nodes of the same slot.
     for (std::uint32_t calls = own_->calls(slot_); !pending() && !interrupted_ && own_->sleep(slot_, calls, most);) {
         calls = own_->calls(slot_);
     }
@@ -316,7 +301,7 @@ void SharedChannel::put(std::span<const std::byte> bytes)
     const std::size_t at = written_ % ring_size, first = std::min(bytes.size(), ring_size - at);
     std::memcpy(ring_out_ + at, bytes.data(), first);
     std::memcpy(ring_out_, bytes.data() + first, bytes.size() - first);
-    written_ += filled_up(bytes.size());
+    written_ += padded(bytes.size());
 }
 
 void SharedChannel::send(std::span<const std::byte> frame, bool urgent)
@@ -327,7 +312,7 @@ void SharedChannel::send(std::span<const std::byte> frame, bool urgent)
     }
     const Length length{static_cast<std::uint32_t>(frame.size()), 0};
     const auto head = std::as_bytes(std::span(&length, 1));
-    if (kept_.empty() && word + filled_up(frame.size()) <= room()) {
+    if (kept_.empty() && word + padded(frame.size()) <= room()) {
         put(head);
         put(frame);
         out_->written.store(written_, std::memory_order_release);
@@ -335,7 +320,7 @@ void SharedChannel::send(std::span<const std::byte> frame, bool urgent)
     }
     kept_.insert(kept_.end(), head.begin(), head.end());
     kept_.insert(kept_.end(), frame.begin(), frame.end());
-    kept_.resize(filled_up(kept_.size()));
+    kept_.resize(padded(kept_.size()));
     flush();
 }
 
@@ -375,7 +360,7 @@ bool SharedChannel::receive(Bytes &frame)
                                 std::to_string(limit_) + " are the most");
         }
         size_ = length.size;
-        missing_ = filled_up(size_);
+        missing_ = padded(size_);
         taken_ += sizeof length;
         n -= sizeof length;
         coming_.clear();

@@ -1,17 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// Frames between controller and node through memory that both map: the same bytes as over a socket,
-// which stays open beside it to tell whether the other side is there.
+// Frames between controller and node through memory that both map. The bytes are the same as over a socket, which
+// stays open to show whether the other side is there.
 //
-// The memory of a node holds two rings, one each way. A ring is a stream of bytes; a frame in it is its
-// length and its bytes, filled up to a multiple of 8. Writer and reader count the bytes that they have
-// written and taken; each keeps its own count for itself, and what it reads of the other's is only
-// believed within bounds. A frame is copied out before anybody looks at it. So whatever a peer writes
-// into the memory, the worst is a ProtocolError, or a frame that decode() refuses. A frame that is
-// longer than a ring goes in pieces.
+// The memory of a node holds two rings, one each way. A ring is a stream of bytes; a frame in it is its length and
+// its bytes, padded to a multiple of 8. Writer and reader count the bytes that they have written and taken. Each
+// keeps a copy of its own count, and checks the count of the other side. The reader copies a frame out before it
+// parses the frame. So whatever a peer writes into the memory, the worst result is a ProtocolError. A frame longer
+// than a ring goes in pieces.
 //
-// Who waits says so, and only then is it woken: nodes by a futex that they have in common, so that one
-// call wakes all that have got something; the controller by another one or, where it waits for sockets at
-// the same time, by a pipe (Bell).
+// A side that sleeps sets a flag, and only then does the other side wake it. All nodes sleep on one futex, so that
+// one system call wakes all that have got a frame. The controller sleeps on another futex or, if it waits for
+// sockets at the same time, on a pipe (WakeUp).
 #pragma once
 
 #include "cosim/protocol/protocol.h"
@@ -25,9 +24,8 @@
 
 namespace fledge::cosim {
 
-/// To look for a while before one sleeps: sleeping and waking cost more than a short wait. Where it
-/// was in vain, as the other side computes for long or has no processor to run on, it is tried less
-/// and less often.
+/// Busy waiting before a sleep: sleeping and waking cost more than a short wait. If it fails, as the other side
+/// computes for long or has no processor to run on, it is tried less and less often.
 class Spin {
 public:
     explicit Spin(std::chrono::nanoseconds most = {}) : most_(most) {}
@@ -55,7 +53,7 @@ public:
     }
 
 private:
-    /// A processor that waits in a loop lets its twin go ahead.
+    /// Gives the core to its other hardware thread.
     static void pause()
     {
 #if defined(__x86_64__) || defined(__i386__)
@@ -69,37 +67,37 @@ private:
     unsigned vain_ = 0, skip_ = 0;
 };
 
-/// Where nodes ring for their controller, and it for them. One end each.
-class Bell {
+/// Wakes a sleeping controller, and sleeping nodes. Each program has one end.
+class WakeUp {
 public:
     struct Memory;
 
     /// The controller's. Throws LinkError.
-    Bell();
+    WakeUp();
     /// A node's. Throws LinkError.
-    Bell(const std::string &memory, const std::string &pipe, std::uint64_t nonce);
-    ~Bell();
-    Bell(Bell &&other) noexcept;
-    Bell &operator=(Bell &&other) noexcept;
+    WakeUp(const std::string &memory, const std::string &pipe, std::uint64_t nonce);
+    ~WakeUp();
+    WakeUp(const WakeUp &) = delete;
+    WakeUp &operator=(const WakeUp &) = delete;
 
-    /// Wake the controller if it sleeps. What it is to find was written before.
+    /// Wake the controller if it sleeps, after writing a frame.
     void ring();
 
-    /// The controller's end: this node is to be woken, by the next wake().
+    /// The controller's end: the next wake() wakes this node.
     void call(std::size_t slot) { called_[slot / 32 % words_of_slots] |= 1u << slot % 32; }
     void wake();
 
-    /// A node's end: how often wake() was called for its like; sleep until it is called once more. False
-    /// if the time is over before (a negative one never is), or a signal came.
+    /// A node's end: the number of calls of wake() for its group of slots; sleep until the next one. False after a
+    /// timeout (a negative time: none), or a signal.
     std::uint32_t calls(std::size_t slot) const;
     bool sleep(std::size_t slot, std::uint32_t calls, std::chrono::milliseconds most);
 
-    /// How the controller waits: for nodes alone, by rest(); for sockets, too, by polling fd().
+    /// How the controller waits: by rest() for nodes only; by polling fd() for sockets, too.
     enum Wait : std::uint32_t { awake = 0, polls = 1, rests = 2 };
-    /// From now on a ring ends this wait. Look once more at all that may ring, before it begins.
+    /// From now on ring() ends this wait. Check all nodes once more before the wait begins.
     void arm(Wait how);
     void rest(std::chrono::milliseconds most);
-    /// No longer. `rang`: fd() was readable.
+    /// The wait is over. `rang`: fd() was readable.
     void disarm(bool rang);
     int fd() const { return pipe_[0]; }
 
@@ -108,7 +106,7 @@ public:
     std::uint64_t nonce() const { return nonce_; }
 
 private:
-    static constexpr std::size_t words_of_slots = 8; ///< of 32; with more nodes, some wake in vain
+    static constexpr std::size_t words_of_slots = 8; ///< of 32; with more nodes, slots share a bit
 
     Memory &words() const;
 
@@ -122,37 +120,37 @@ class SharedChannel {
 public:
     struct Memory;
 
-    /// The controller's end, with new memory. The bell lives longer, and wakes the node by this slot.
-    /// `spin`: so long the node looks for frames before it sleeps. Throws LinkError.
-    SharedChannel(Bell &bell, std::size_t slot, std::chrono::nanoseconds spin, const Limits &limits);
-    /// The node's end of what stands at a path. Throws LinkError if it is not there, or other memory.
+    /// The controller's end, with new memory. `wake_up` outlives it, and wakes the node by this slot.
+    /// `spin`: the node's busy waiting before it sleeps. Throws LinkError.
+    SharedChannel(WakeUp &wake_up, std::size_t slot, std::chrono::nanoseconds spin, const Limits &limits);
+    /// The node's end of the memory at a path. Throws LinkError if there is none, or it is other memory.
     SharedChannel(const std::string &path, std::uint64_t nonce, const Limits &limits);
 
     std::string path() const { return memory_.path(); }
     std::uint64_t nonce() const { return nonce_; }
-    /// The other side has opened it, or never will.
+    /// After the other side has opened it, or will not.
     void hide() { memory_.hide(); }
 
     bool is_controllers() const { return !own_; }
 
-    /// Put a frame in; a node sees it at the latest after Bell::wake(). What finds no room is kept, for
-    /// flush(). `urgent`: wake the controller in any case, also if it does not wait for this node.
-    /// Throws ProtocolError if the other side counts nonsense, or the frame is larger than the limit.
+    /// Put a frame in. A sleeping node sees it after WakeUp::wake(). flush() sends what finds no room.
+    /// `urgent`: wake the controller even if it does not wait for this node.
+    /// Throws ProtocolError if the other side's count is wrong, or the frame is larger than the limit.
     void send(std::span<const std::byte> frame, bool urgent = true);
-    /// Put in more of what was kept. Whether nothing is left.
+    /// Put in more of what found no room. True if nothing is left.
     bool flush();
 
-    /// The next frame, into `frame`; false if none is there yet. Does flush(). Throws ProtocolError.
+    /// Take the next frame; false if there is none yet. Calls flush(). Throws ProtocolError.
     bool receive(Bytes &frame);
 
-    /// Whether there is something to receive, or room for what was kept.
+    /// Whether there is something to receive, or new room for flush().
     bool pending() const;
 
-    /// The controller's end: whether it waits for this node too, when it sleeps.
+    /// The controller's end: whether this node wakes the controller.
     void expect(bool expected);
 
-    /// The node's end: sleep until something is pending, at most so long; a negative time: until then or
-    /// interrupt(), by another thread.
+    /// The node's end: sleep until something is pending. A negative time: no timeout, but another thread may
+    /// call interrupt().
     void wait(std::chrono::milliseconds most);
     void interrupt();
 
@@ -166,8 +164,8 @@ private:
     void put(std::span<const std::byte> bytes);
 
     SharedMemory memory_;
-    Bell *bell_ = nullptr;    ///< the controller's
-    std::optional<Bell> own_; ///< the node's end of it
+    WakeUp *wake_up_ = nullptr; ///< the controller's
+    std::optional<WakeUp> own_; ///< the node's end of it
     std::size_t slot_ = 0;
     std::atomic<bool> interrupted_{false};
     std::uint64_t nonce_ = 0;
@@ -178,12 +176,12 @@ private:
     std::byte *ring_in_ = nullptr, *ring_out_ = nullptr;
     std::uint64_t taken_ = 0;   ///< from the ring that comes in
     std::uint64_t written_ = 0; ///< to the other one,
-    std::uint64_t passed_ = 0;  ///< of which the other side has taken so many, when last looked at
-    Bytes kept_;                ///< to be written
-    std::size_t kept_at_ = 0;   ///< so many bytes of it were
-    Bytes coming_;              ///< a frame of which not all is there
+    std::uint64_t passed_ = 0;  ///< of these, the other side had taken so many at the last look
+    Bytes kept_;                ///< frames without room
+    std::size_t kept_at_ = 0;   ///< bytes of it that were written
+    Bytes coming_;              ///< an incomplete frame
     std::size_t size_ = 0;      ///< of that frame; 0: there is none
-    std::size_t missing_ = 0;   ///< so many bytes of it, what fills it up included
+    std::size_t missing_ = 0;   ///< bytes of it that are still to come, padding included
 };
 
 } // namespace fledge::cosim

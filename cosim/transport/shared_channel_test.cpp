@@ -37,28 +37,28 @@ Bytes frame_of(std::uint32_t number)
 
 struct Ends {
     explicit Ends(Limits limits = {}, std::chrono::nanoseconds spin = 0ns)
-        : controller(bell, 3, spin, limits), node(controller.path(), controller.nonce(), limits)
+        : controller(wake_up, 3, spin, limits), node(controller.path(), controller.nonce(), limits)
     {
     }
-    Bell bell;
+    WakeUp wake_up;
     SharedChannel controller, node;
 };
 
 /// Sleep until the node has rung, as a controller does, in either way.
-void sleep(Bell &bell, const SharedChannel &channel)
+void sleep(WakeUp &wake_up, const SharedChannel &channel)
 {
     static std::mt19937 random;
     const bool rests = random() % 2;
-    bell.wake();
-    bell.arm(rests ? Bell::rests : Bell::polls);
-    pollfd fd{bell.fd(), POLLIN, 0};
+    wake_up.wake();
+    wake_up.arm(rests ? WakeUp::rests : WakeUp::polls);
+    pollfd fd{wake_up.fd(), POLLIN, 0};
     bool rang = false;
     if (!channel.pending() && rests) {
-        bell.rest(10'000ms);
+        wake_up.rest(10'000ms);
     } else if (!channel.pending()) {
         rang = poll(&fd, 1, 10'000) == 1;
     }
-    bell.disarm(rang);
+    wake_up.disarm(rang);
 }
 
 TEST(SharedChannel, FramesOfAnyLengthArriveInOrder)
@@ -87,10 +87,10 @@ TEST(SharedChannel, FramesOfAnyLengthArriveInOrder)
             } else if (ends.controller.receive(frame)) {
                 ASSERT_EQ(frame, frame_of(got++));
             } else if (sent == n || !ends.controller.flush()) {
-                sleep(ends.bell, ends.controller);
+                sleep(ends.wake_up, ends.controller);
             }
         }
-        ends.bell.wake();
+        ends.wake_up.wake();
         node.join();
         EXPECT_LT(std::chrono::steady_clock::now() - start, 60s);
     }
@@ -98,13 +98,13 @@ TEST(SharedChannel, FramesOfAnyLengthArriveInOrder)
 
 TEST(SharedChannel, WhoSleepsIsWokenBetweenPrograms)
 {
-    Bell bell;
-    SharedChannel channel(bell, 300, 0ns, {});
+    WakeUp wake_up;
+    SharedChannel channel(wake_up, 300, 0ns, {});
     const std::string path = channel.path();
     const pid_t child = fork();
     if (child == 0) {
         try {
-            SharedChannel node(path, bell.nonce(), {});
+            SharedChannel node(path, wake_up.nonce(), {});
             Bytes frame;
             for (int i = 0; i < 2000; i++) {
                 while (!node.receive(frame)) {
@@ -123,7 +123,7 @@ TEST(SharedChannel, WhoSleepsIsWokenBetweenPrograms)
     for (std::uint32_t i = 0; i < 2000; i++) {
         channel.send(frame_of(i));
         while (!channel.receive(frame)) {
-            sleep(bell, channel);
+            sleep(wake_up, channel);
         }
         ASSERT_EQ(frame, frame_of(i));
     }
@@ -145,15 +145,16 @@ std::string refusal(const std::string &path, std::uint64_t nonce)
 
 TEST(SharedChannel, WhatIsNotTheControllersMemoryIsRefused)
 {
-    Bell bell;
-    SharedChannel channel(bell, 300, 0ns, {});
+    WakeUp wake_up;
+    SharedChannel channel(wake_up, 300, 0ns, {});
     const std::string path = channel.path();
     EXPECT_EQ(refusal(path, channel.nonce()), "");
     EXPECT_EQ(refusal(path, channel.nonce() + 1), "no shared memory: " + path + " is another one");
-    EXPECT_EQ(refusal("/dev/null", 1), "no shared memory: /dev/null is another thing");
-    EXPECT_EQ(refusal(bell.pipe_path(), 1), "no shared memory: " + bell.pipe_path() + " is another thing");
-    EXPECT_EQ(refusal(bell.memory_path(), bell.nonce()),
-              "no shared memory: " + bell.memory_path() + " is another thing");
+    EXPECT_EQ(refusal("/dev/null", 1), "no shared memory: /dev/null is no shared memory of this size");
+    EXPECT_EQ(refusal(wake_up.pipe_path(), 1),
+              "no shared memory: " + wake_up.pipe_path() + " is no shared memory of this size");
+    EXPECT_EQ(refusal(wake_up.memory_path(), wake_up.nonce()),
+              "no shared memory: " + wake_up.memory_path() + " is no shared memory of this size");
     EXPECT_EQ(refusal("", 1), "no shared memory: : No such file or directory");
 
     // Of the same size, but not sealed: it could be taken away from under its readers.
@@ -179,8 +180,8 @@ TEST(SharedChannel, LimitsHold)
     Bytes frame;
     EXPECT_TRUE(ends.controller.receive(frame));
 
-    Bell bell;
-    SharedChannel controller(bell, 0, 0ns, Limits{1000, 255, 1000, 100});
+    WakeUp wake_up;
+    SharedChannel controller(wake_up, 0, 0ns, Limits{1000, 255, 1000, 100});
     SharedChannel node(controller.path(), controller.nonce(), {});
     node.send(Bytes(1001));
     EXPECT_THROW(controller.receive(frame), ProtocolError);

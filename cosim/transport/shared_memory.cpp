@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cosim/transport/shared_memory.h"
 
-#include "cosim/transport/link.h"
+#include "cosim/transport/link_error.h"
 
 #include <cerrno>
 #include <cstring>
@@ -42,7 +42,7 @@ SharedMemory SharedMemory::create(std::size_t size)
 
 SharedMemory SharedMemory::open(const std::string &path, std::size_t size)
 {
-    // What stands at the path is looked at before it is opened: to open a device may do something.
+    // Look at the file before opening it: opening a device may have effects.
     SharedMemory memory;
     const int looked = ::open(path.c_str(), O_PATH | O_CLOEXEC);
     if (looked < 0) {
@@ -57,7 +57,7 @@ SharedMemory SharedMemory::open(const std::string &path, std::size_t size)
     const int why = errno;
     close(looked);
     if (!fits) {
-        fail(path + " is another thing");
+        fail(path + " is no shared memory of this size");
     }
     if (memory.fd_ < 0) {
         fail(path + ": " + std::strerror(why));

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Memory that several programs of one machine map. It never has a name: others open it through the
-// creator's "/proc/PID/fd/N", and the kernel drops it with the last program, however that ends.
+// Memory that several programs of one machine map. It has no name: other programs open it through the creator's
+// "/proc/PID/fd/N", and the kernel frees it with the last program.
 //
-// Its size is sealed, so that nobody can take it away from under the others.
+// Its size is sealed, so that no program can truncate it under the others.
 #pragma once
 
 #include <cstddef>
@@ -14,9 +14,9 @@ namespace fledge::cosim {
 
 class SharedMemory {
 public:
-    /// All zero. Throws LinkError if the system has none to give.
+    /// All zero. Throws LinkError if the system has no memory.
     static SharedMemory create(std::size_t size);
-    /// Another program's. Throws LinkError if there is none of this size, or its size is not sealed.
+    /// Of another program. Throws LinkError if it has another size, or its size is not sealed.
     static SharedMemory open(const std::string &path, std::size_t size);
 
     ~SharedMemory();
@@ -25,9 +25,9 @@ public:
 
     std::span<std::byte> bytes() const { return bytes_; }
 
-    /// Where others find it; "" once it is hidden.
+    /// Where other programs find it; "" once it is hidden.
     std::string path() const;
-    /// Let nobody else open it from now on.
+    /// From now on, no other program can open it.
     void hide();
 
 private:

@@ -2,9 +2,9 @@
 // The C interface of a StructNode and of an Observer.
 #include "cosim/bindings/c/fledge_node.h"
 
-#include "cosim/transport/greeting.h"
 #include "cosim/node/observer.h"
 #include "cosim/node/struct_node.h"
+#include "cosim/transport/greeting.h"
 
 #include <cmath>
 #include <mutex>
@@ -153,7 +153,7 @@ int fledge_node_set(FledgeNode *node, const char *keys, double timeout)
 {
     return attempt_with(node, [&](FledgeNode &n) {
         n.node.config().keys = text(keys);
-        n.node.config().patience = milliseconds(timeout);
+        n.node.config().connect_timeout = milliseconds(timeout);
     });
 }
 
@@ -283,7 +283,7 @@ FledgeObserver *fledge_observer_create(const char *simulation, const char *name,
             config.name = text(name);
             config.address = text(address);
             config.keys = text(keys);
-            config.patience = milliseconds(timeout);
+            config.connect_timeout = milliseconds(timeout);
             return new FledgeObserver(std::move(config));
         },
         static_cast<FledgeObserver *>(nullptr));

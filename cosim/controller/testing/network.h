@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// For tests: a controller among nodes that answer in every order, come, go and die. What each node sees is
-// held against a plain look-up in the history of what was written, which knows nothing of grants.
+// For tests: a controller with nodes that answer in every order, come, go and die. The tests compare what each node
+// sees with a plain look-up in the history of all writes, which knows nothing of grants.
 #pragma once
 
 #include "cosim/controller/controller.h"
@@ -31,7 +31,7 @@ struct Spec {
     std::string name;
     std::vector<Rate> rates;
     bool any_time = false;
-    std::vector<Want> wants;
+    std::vector<Subscription> subscriptions;
     std::vector<std::string> writes;
     Policy on_loss = Policy::abort;
     Join joins = Join::at_start;
@@ -69,7 +69,7 @@ struct Spec {
     static std::uint64_t output(std::uint64_t state, std::size_t output) { return mix(state, output); }
 };
 
-/// Everything that happened, by name of the node: at each instant, what it had seen and done.
+/// By name of the node: its state at each of its instants, which depends on all that it has seen.
 using History = std::map<std::string, std::vector<std::pair<Ns, std::uint64_t>>>;
 
 struct Write {
@@ -97,7 +97,7 @@ inline Ns latest_seen(Latency latency, Ns t, const std::vector<Rate> &reader, co
 struct Lives {
     /// At the instants after the first time, up to and including the second; by node.
     std::map<std::string, std::vector<std::pair<Ns, Ns>>> parts;
-    /// From when on a topic is known: somebody who wants it was there together with its writer.
+    /// When a topic became known: a reader was there together with its writer.
     std::map<std::string, Ns> known;
 };
 
@@ -109,11 +109,11 @@ inline Lives lives_of(const std::vector<Spec> &specs, const std::vector<Change> 
     const auto look = [&](Ns t) {
         for (std::size_t from = 0; from < specs.size(); from++) {
             for (std::size_t to = 0; to < specs.size(); to++) {
-                for (const Want &want : specs[to].wants) {
+                for (const Subscription &subscription : specs[to].subscriptions) {
                     const auto &writes = specs[from].writes;
-                    const bool written = std::find(writes.begin(), writes.end(), want.topic) != writes.end();
+                    const bool written = std::find(writes.begin(), writes.end(), subscription.topic) != writes.end();
                     if (there[from] && been[to] && written) {
-                        lives.known.try_emplace(want.topic, t);
+                        lives.known.try_emplace(subscription.topic, t);
                     }
                 }
             }
@@ -140,7 +140,7 @@ inline Lives lives_of(const std::vector<Spec> &specs, const std::vector<Change> 
     return lives;
 }
 
-/// The same run without any controller. `given`: what comes from nobody's steps.
+/// The same run without a controller. `given`: messages of asynchronous programs.
 inline History expected(const std::vector<Spec> &specs, Ns end, const Lives &lives,
                         const std::map<std::string, std::vector<Write>> &given = {})
 {
@@ -158,9 +158,9 @@ inline History expected(const std::vector<Spec> &specs, Ns end, const Lives &liv
         auto operator<=>(const Event &) const = default;
     };
     std::map<std::string, Source> topics;
-    const Spec nobody;
+    const Spec no_node;
     for (const auto &[topic, writes] : given) {
-        topics[topic] = {&nobody, writes};
+        topics[topic] = {&no_node, writes};
     }
     std::vector<Event> events; // by time, then in the order of the nodes
     std::vector<std::uint64_t> state(specs.size());
@@ -209,15 +209,15 @@ inline History expected(const std::vector<Spec> &specs, Ns end, const Lives &liv
             }
             continue;
         }
-        for (const Want &want : spec.wants) {
-            const auto known = lives.known.find(want.topic);
-            if (!given.contains(want.topic) && (known == lives.known.end() || known->second >= t)) {
-                state[i] = mix(state[i], 0); // nobody to write it was there yet
+        for (const Subscription &subscription : spec.subscriptions) {
+            const auto known = lives.known.find(subscription.topic);
+            if (!given.contains(subscription.topic) && (known == lives.known.end() || known->second >= t)) {
+                state[i] = mix(state[i], 0); // no writer was there yet
                 continue;
             }
-            const Source &source = topics.at(want.topic);
-            const Ns latest =
-                latest_seen(want.latency, t, spec.rates, source.writer->rates, std::max(source.joined, joined[i]));
+            const Source &source = topics.at(subscription.topic);
+            const Ns latest = latest_seen(subscription.latency, t, spec.rates, source.writer->rates,
+                                          std::max(source.joined, joined[i]));
             const auto later =
                 std::find_if(source.writes.begin(), source.writes.end(), [&](const Write &w) { return w.t > latest; });
             state[i] = mix(state[i], (later - 1)->x);
@@ -276,8 +276,8 @@ struct FakeNode {
         }
         std::vector<std::uint64_t> words = {static_cast<std::uint64_t>(reached), state, latest.size()};
         words.insert(words.end(), latest.begin(), latest.end());
-        for (std::size_t i = 0; i < spec->wants.size(); i++) {
-            const auto it = seen.find(spec->wants[i].topic);
+        for (std::size_t i = 0; i < spec->subscriptions.size(); i++) {
+            const auto it = seen.find(spec->subscriptions[i].topic);
             words.push_back(it != seen.end());
             words.push_back(it != seen.end() ? it->second : 0);
         }
@@ -292,10 +292,10 @@ struct FakeNode {
         EXPECT_EQ(static_cast<Ns>(words[0]), start);
         state = words[1];
         latest.assign(words.begin() + 3, words.begin() + 3 + static_cast<std::ptrdiff_t>(words[2]));
-        for (std::size_t i = 0; i < spec->wants.size(); i++) {
+        for (std::size_t i = 0; i < spec->subscriptions.size(); i++) {
             const std::size_t at = 3 + words[2] + 2 * i;
             if (words[at]) {
-                seen[spec->wants[i].topic] = words[at + 1];
+                seen[spec->subscriptions[i].topic] = words[at + 1];
             }
         }
     }
@@ -314,7 +314,7 @@ struct FakeNode {
             return Initialized{spec->rates, spec->any_time, spec->saves};
         }
         if (std::holds_alternative<ProvideDesired>(request)) {
-            return Desired{spec->wants};
+            return Desired{spec->subscriptions};
         }
         if (const auto *m = std::get_if<Match>(&request)) {
             Matched matched;
@@ -326,7 +326,7 @@ struct FakeNode {
                 const auto it = std::find(spec->writes.begin(), spec->writes.end(), channel.topic);
                 if (it != spec->writes.end()) {
                     written[channel.topic] = {channel.channel, 0};
-                    matched.offers.push_back(
+                    matched.publications.push_back(
                         {channel.channel, schema, word(latest[static_cast<std::size_t>(it - spec->writes.begin())])});
                 }
             }
@@ -373,9 +373,10 @@ struct FakeNode {
                 seen[coming.front().second.first] = coming.front().second.second;
                 coming.erase(coming.begin());
             }
-            for (const Want &want : spec->wants) {
-                EXPECT_TRUE(want.optional || seen.contains(want.topic)) << "incomplete inputs of " << spec->name;
-                state = mix(state, seen[want.topic]);
+            for (const Subscription &subscription : spec->subscriptions) {
+                EXPECT_TRUE(subscription.optional || seen.contains(subscription.topic))
+                    << "incomplete inputs of " << spec->name;
+                state = mix(state, seen[subscription.topic]);
             }
             state = mix(state, static_cast<std::uint64_t>(t));
             history.emplace_back(t, state);
@@ -433,7 +434,7 @@ struct Bench {
         config.end = end;
         config.batch = batch;
         config.ahead = ahead;
-        config.tell = true;
+        config.listened = true;
         config.asynchronous = {{"ground", {}}};
         return config;
     }
@@ -478,13 +479,13 @@ struct Bench {
                 for (const Record &record : wrote->records) {
                     const Exchange::Topic &topic = exchange.topics.at(record.channel);
                     EXPECT_EQ(topic.writer, wrote->node < specs.size() ? specs[wrote->node].name : "ground");
-                    told[topic.name].emplace_back(record.t, word_of(record.payload));
-                    const bool somebody_went =
+                    written[topic.name].emplace_back(record.t, word_of(record.payload));
+                    const bool some_node_went =
                         std::any_of(controller.changes().begin(), controller.changes().end(), [](const Change &c) {
                             return c.what == Change::given_up || c.what == Change::left;
                         });
-                    if (wrote->node < specs.size() && !somebody_went) {
-                        EXPECT_GT(record.t, settled) << "nobody was to write then any more";
+                    if (wrote->node < specs.size() && !some_node_went) {
+                        EXPECT_GT(record.t, settled) << "settled too early";
                     }
                 }
                 settled = std::max(settled, wrote->settled);
@@ -495,7 +496,7 @@ struct Bench {
         }
     }
 
-    /// Let one node answer. False if none has to.
+    /// A random node answers. False if no node owes a reply.
     bool reply_somewhere()
     {
         const auto before = sent;
@@ -517,7 +518,7 @@ struct Bench {
     void reply(NodeId id)
     {
         const Frame request = *std::exchange(requests[id], std::nullopt);
-        // By way of bytes, as it will be.
+        // Through bytes, as on a network.
         const Frame answer = decode(encode({request.number, nodes[id].answer(request.message, random, end)},
                                            random() % 2 ? Order::big : Order::little));
         EXPECT_TRUE(controller.waiting_for(id));
@@ -525,20 +526,20 @@ struct Bench {
         const auto *tock = std::get_if<Tock>(&answer.message);
         const bool whole = tick && tock && tock->reached == tick->until && !tock->leaving;
         if (!sleeping) {
-            sleeping = controller.decisive(decisive);
+            sleeping = controller.unblocking_nodes(unblocking_nodes);
         }
-        const bool sleeps_on = sleeping && whole && !decisive[id];
+        const bool sleeps_on = sleeping && whole && !unblocking_nodes[id];
         controller.received(id, answer);
         if (sleeps_on) {
             const auto before = sent;
             act();
-            EXPECT_EQ(sent, before) << "who sleeps until others answer would miss something";
+            EXPECT_EQ(sent, before) << "a controller that sleeps until an unblocking node answers would miss this";
         } else {
             sleeping = false;
         }
     }
 
-    /// To the end. The outcome, or a text that no outcome is.
+    /// Run to the end. Returns the outcome, or "the run hangs".
     std::string run()
     {
         arrive_all();
@@ -547,10 +548,34 @@ struct Bench {
 
     std::string go_on()
     {
-        // One who sleeps until somebody decisive answers misses nothing.
         while (reply_somewhere()) {
         }
         return outcome.value_or("the run hangs");
+    }
+
+    /// All nodes come, and are matched.
+    void begin()
+    {
+        arrive_all();
+        while (!controller.running() && reply_somewhere()) {
+        }
+        act();
+    }
+
+    /// Until when the node is to step; none if it has no tick.
+    std::optional<Ns> tick_of(NodeId id) const
+    {
+        const auto *tick = requests[id] ? std::get_if<Tick>(&requests[id]->message) : nullptr;
+        return tick ? std::optional(tick->until) : std::nullopt;
+    }
+
+    /// The node answers its tick like this.
+    void tock(NodeId id, Tock answer)
+    {
+        const Frame request = *std::exchange(requests[id], std::nullopt);
+        sleeping = false;
+        controller.received(id, {request.number, std::move(answer)});
+        act();
     }
 
     History history() const
@@ -572,14 +597,14 @@ struct Bench {
     std::optional<std::string> outcome;
     std::size_t ticks = 0;
     std::size_t sent = 0;
-    std::vector<char> decisive; ///< see Controller: of one who has slept since these were determined
-    bool sleeping = false;      ///< after all that is no answer it has to be made false
+    std::vector<char> unblocking_nodes; ///< see Controller; valid while `sleeping`
+    bool sleeping = false;              ///< a test sets it to false after each event that is no reply
     Exchange exchange;
-    std::map<std::string, std::vector<std::pair<Ns, std::uint64_t>>> told; ///< writes, by topic
+    std::map<std::string, std::vector<std::pair<Ns, std::uint64_t>>> written; ///< writes, by topic
     Ns settled = -1;
 };
 
-inline Want want(const std::string &topic, Latency latency)
+inline Subscription subscription(const std::string &topic, Latency latency)
 {
     return {topic, latency, false, make_schema("Word", word_text)};
 }
@@ -612,7 +637,7 @@ inline std::vector<Spec> random_network(Random &random)
                 if (waits && from > to) {
                     latency = Latency::next_exchange;
                 }
-                specs[to].wants.push_back(want(topic, latency));
+                specs[to].subscriptions.push_back(subscription(topic, latency));
             }
         }
     }

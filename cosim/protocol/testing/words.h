@@ -10,12 +10,12 @@ namespace fledge::cosim {
 
 inline constexpr const char *word_text = "uint64 x  # x [-] a word\n";
 
-inline Bytes word(std::uint64_t x)
+inline Payload word(std::uint64_t x)
 {
     return make_payload(std::as_bytes(std::span(&x, 1)));
 }
 
-inline std::uint64_t word_of(const Bytes &payload)
+inline std::uint64_t word_of(const Payload &payload)
 {
     std::uint64_t x = 0;
     std::memcpy(&x, payload.data() + 4, 8);

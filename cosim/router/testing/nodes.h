@@ -30,11 +30,12 @@ public:
         initialized = m;
         return {{{10, 0}}, false};
     }
-    std::vector<Want> desired() override
+    std::vector<Subscription> desired() override
     {
-        return reads_.empty() ? std::vector<Want>{} : std::vector<Want>{{reads_, latency_, false, schema_}};
+        return reads_.empty() ? std::vector<Subscription>{}
+                              : std::vector<Subscription>{{reads_, latency_, false, schema_}};
     }
-    std::vector<Offer> match(const std::vector<Channel> &asked) override
+    std::vector<Publication> match(const std::vector<Channel> &asked) override
     {
         for (const Channel &channel : asked) {
             if (channel.topic == writes_) {
@@ -89,14 +90,15 @@ inline ControllerConfig config_of(std::vector<NodeConfig> nodes, Ns end)
 
 /// Takes part; returns the reason of the end, or "threw: ...".
 inline std::string serve(zmq::context_t &context, const std::string &address, const std::string &name, Node &node,
-                         const std::string &keys = "", std::chrono::milliseconds patience = std::chrono::seconds(20))
+                         const std::string &keys = "",
+                         std::chrono::milliseconds connect_timeout = std::chrono::seconds(20))
 {
     try {
         DelegateConfig config;
         config.simulation = "test";
         config.node = name;
         config.address = address;
-        config.patience = patience;
+        config.connect_timeout = connect_timeout;
         config.keys = keys;
         return Delegate(context, config).serve(node);
     } catch (const std::exception &error) {

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Co-simulation, as fledge/cosim.py uses it: a process as a node, and the controller. Both work
-// without Python's lock, so nothing of Python is in the loop but a world's own Python events.
+// Co-simulation for Python: a process as a node, and the controller. Both work without Python's lock: only a world's
+// own Python events are in the loop.
 #include "core/extension.h"
 
-#include "cosim/controller/words.h"
 #include "cosim/node/simulation_node.h"
+#include "cosim/protocol/words.h"
 #include "cosim/tools/replay.h"
 
 #include <pybind11/functional.h>
@@ -23,7 +23,7 @@ namespace {
 
 using sim::Ns;
 
-/// The choice that a word means; `what` says what is expected where it means none.
+/// The enumerator of this name; `what` begins the message if there is none.
 template <class Words> auto choice(const Words &words, const std::string &word, const char *what)
 {
     const auto meant = cosim::meant_by(words, word);
@@ -38,7 +38,7 @@ std::chrono::milliseconds milliseconds(double s)
     return std::chrono::milliseconds(std::llround(s * 1e3));
 }
 
-/// A SimulationNode that says when the run begins, and may take its time.
+/// A SimulationNode with a callback at the start of the run, and random delays for tests.
 class ProcessNode final : public cosim::SimulationNode {
 public:
     ProcessNode(sim::Simulation &simulation, const std::string &process)
@@ -87,11 +87,10 @@ private:
     std::mt19937 random_{std::random_device{}()};
 };
 
-/// Take part in a run. The delegate has a thread of its own, while this one looks out for signals. A
-/// Python exception from there ends the run at the next tick, which tells the controller; if none
-/// comes, the connection is closed, which the controller sees at once.
+/// Take part in a run. The delegate has a thread of its own, while this thread checks for signals. After a signal, the
+/// node fails at its next tick; if no tick comes, this thread closes the connection.
 std::string serve(ProcessNode &node, const std::string &simulation, const std::string &name, const std::string &address,
-                  const std::string &keys, double patience, double delay, std::function<void()> on_start)
+                  const std::string &keys, double connect_timeout, double delay, std::function<void()> on_start)
 {
     node.on_start = std::move(on_start);
     node.interrupted = false;
@@ -106,7 +105,7 @@ std::string serve(ProcessNode &node, const std::string &simulation, const std::s
             config.node = name;
             config.address = address;
             config.keys = keys;
-            config.patience = milliseconds(patience);
+            config.connect_timeout = milliseconds(connect_timeout);
             promise.set_value(cosim::Delegate(context, config).serve(node));
         } catch (...) {
             promise.set_exception(std::current_exception());
@@ -148,8 +147,7 @@ std::string serve(ProcessNode &node, const std::string &simulation, const std::s
     }
 }
 
-/// A run of a Router, or of what has one, while Python's signals are looked at. `go_on` is asked too; false
-/// ends the run.
+/// Run a Router or Replay, and check for Python's signals. If `go_on` returns false, the run ends.
 template <class R> std::string run_watched(R &router, const std::function<bool()> &go_on = {})
 {
     std::unique_ptr<py::error_already_set> error;
@@ -176,7 +174,7 @@ template <class R> std::string run_watched(R &router, const std::function<bool()
     return reason;
 }
 
-/// Whatever the making of a Router throws, as errors of Python's.
+/// Make a Router; its exceptions become Python's errors.
 template <class Make> auto made_router(Make make)
 {
     try {
@@ -245,7 +243,7 @@ private:
     std::unique_ptr<cosim::Router> router_;
 };
 
-/// A node alone, against the record of the others.
+/// One node alone, against the record of the others.
 class Replay {
 public:
     using Topic = std::tuple<std::string, std::string, std::string, py::bytes, std::vector<Ns>, py::bytes>;
@@ -305,11 +303,7 @@ private:
         return part;
     }
 
-    static cosim::Bytes payload(const py::bytes &bytes)
-    {
-        const auto all = std::as_bytes(std::span(std::string_view(bytes)));
-        return cosim::Bytes(all.begin(), all.end());
-    }
+    static cosim::Payload payload(const py::bytes &bytes) { return std::as_bytes(std::span(std::string_view(bytes))); }
 
     zmq::context_t context_;
     std::unique_ptr<cosim::Replay> replay_;

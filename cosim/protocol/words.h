@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The words for what one may choose, as options, records and Python have them.
+// Enumerators and their names in options, records and Python.
 #pragma once
 
-#include "cosim/controller/controller.h"
-#include "cosim/transport/link.h"
+#include "cosim/protocol/protocol.h"
 
 #include <cstddef>
 #include <optional>
@@ -16,16 +15,7 @@ inline constexpr std::pair<std::string_view, Latency> latency_words[] = {{"same_
                                                                          {"next_instant", Latency::next_instant},
                                                                          {"next_exchange", Latency::next_exchange}};
 
-inline constexpr std::pair<std::string_view, Policy> policy_words[] = {{"abort", Policy::abort},
-                                                                       {"pause", Policy::pause},
-                                                                       {"hold", Policy::hold},
-                                                                       {"drop", Policy::drop},
-                                                                       {"restart", Policy::restart}};
-
-inline constexpr std::pair<std::string_view, Sharing> sharing_words[] = {
-    {"allowed", Sharing::allowed}, {"forbidden", Sharing::forbidden}, {"required", Sharing::required}};
-
-/// The choice that a word means, if it means one.
+/// The enumerator with this name.
 template <class T, std::size_t N>
 std::optional<T> meant_by(const std::pair<std::string_view, T> (&words)[N], std::string_view word)
 {

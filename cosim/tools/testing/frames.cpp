@@ -89,7 +89,7 @@ void tell_message(const std::string &text, std::mt19937_64 &random)
         }
     }
     const auto payload = [&](Order order) {
-        Bytes p = make_payload(bytes);
+        Bytes p = make_payload(bytes).copy();
         if (order != native_order()) {
             swap_bytes(fields, std::span(p).subspan(4));
             p[1] = static_cast<std::byte>(order);

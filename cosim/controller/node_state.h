@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "cosim/controller/config.h"
+#include "cosim/controller/restart_log.h"
+#include "cosim/controller/schedule.h"
+
+#include <optional>
+
+namespace fledge::cosim {
+
+/// How far the conversation with a node is. From `entered` to `matched` nodes wait for one another.
+enum class Stage {
+    absent,
+    entered,
+    initialized,
+    desired,
+    matched,
+    idle,
+    ticking,
+    saving,
+    dismissed, ///< the controller asked it to finish, while the run goes on
+    finished,
+    lost,
+};
+
+/// What the controller knows of a node, or of an asynchronous program.
+struct NodeState {
+    NodeConfig config;
+    std::optional<AsynchronousConfig> program; ///< an asynchronous program: never a member
+    Stage stage = Stage::absent;
+    bool member = false;    ///< it takes part
+    bool been = false;      ///< it took part, now or before
+    bool joining = false;   ///< it came during the run, and waits for the next boundary
+    bool matching = false;  ///< it takes part in the current matching
+    bool returning = false; ///< its program was lost; a new one must repeat what it did
+
+    std::uint32_t number = 0; ///< of the last request
+    bool awaited = false;     ///< it owes the reply
+    std::size_t expected = 0; ///< the kind of the reply
+
+    Schedule schedule;
+    bool saves = false; ///< it makes snapshots
+    std::vector<Subscription> subscriptions;
+    std::vector<Publication> publications;
+    Ns reached = -1, until = -1; ///< what it has stepped through, and what it was granted last
+    RestartLog log;
+    int tries = 0; ///< restarts since it last went further
+
+    const std::string &name() const { return config.name; }
+    /// A program is there.
+    bool connected() const { return stage != Stage::absent && stage != Stage::finished && stage != Stage::lost; }
+    /// It writes nothing more.
+    bool over() const { return !member || stage == Stage::finished; }
+    /// The run waits for it at its time.
+    bool scheduled() const { return config.joins == Join::at_time && !been; }
+    Ns granted() const { return stage == Stage::ticking ? until : reached; }
+    /// The first instant at which it may still write.
+    Ns first_write() const { return over() ? for_ever : schedule.first_write_after(reached); }
+    /// It has nothing more to do up to t.
+    bool complete(Ns t) const { return first_write() > t; }
+};
+
+using Nodes = std::vector<NodeState>;
+
+} // namespace fledge::cosim

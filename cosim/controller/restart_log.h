@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "cosim/protocol/protocol.h"
+
+#include <map>
+
+namespace fledge::cosim {
+
+/// What a new program needs to take the place of a lost one: the last snapshot, and all messages that the node
+/// read and wrote since. The new program reads the first again and has to write the second again.
+class RestartLog {
+public:
+    /// Keep all from t on.
+    void begin(Ns t);
+    /// Give up: no program can take the node's place.
+    void drop() { *this = {}; }
+    bool kept() const { return kept_; }
+    std::size_t bytes() const { return bytes_; }
+
+    void log_input(const std::vector<Record> &records);
+    void log_output(const std::vector<Record> &records);
+    /// Forget inputs that the node sees after t: it gets them anew.
+    void forget_inputs_after(Ns t);
+    /// The node saved at t: forget what came before.
+    void take_snapshot(Ns t, Bytes snapshot);
+    Ns saved() const { return saved_; }
+    const Bytes &snapshot() const { return snapshot_; }
+
+    // The replay to a new program.
+
+    /// It begins after t: the snapshot, or where the lost program was.
+    void begin_replay(Ns t);
+    Ns replayed() const { return replayed_; }
+    /// The next tick towards `reached`, which the lost program had reached.
+    Tick next_tick(Ns reached);
+    /// How a message differs from the one that the lost program wrote; "" if it does not.
+    std::string repeat_output(const Record &record, const std::string &topic);
+    /// The new program has reached t: which message is missing; "" if none is.
+    template <class TopicName> std::string finish_tick(Ns t, TopicName name)
+    {
+        for (const auto &[channel, before] : output_log_) {
+            const std::size_t n = repeated_[channel];
+            if (n < before.size() && before[n].t <= t) {
+                return missing(name(channel), before[n].t);
+            }
+        }
+        replayed_ = t;
+        return "";
+    }
+
+private:
+    static std::string missing(const std::string &topic, Ns t);
+
+    bool kept_ = false;
+    Bytes snapshot_;
+    Ns saved_ = -1; ///< when the snapshot was made; without one, the node's beginning
+    std::vector<Record> input_log_;
+    std::map<std::uint32_t, std::vector<Record>> output_log_; ///< by channel
+    std::size_t bytes_ = 0;
+
+    Ns replayed_ = -1;
+    std::size_t resent_ = 0;                        ///< inputs
+    std::map<std::uint32_t, std::size_t> repeated_; ///< outputs, by channel
+};
+
+} // namespace fledge::cosim

@@ -1,0 +1,566 @@
+// SPDX-License-Identifier: Apache-2.0
+// At a boundary, an instant through which all nodes have stepped and none further, nodes join:
+//
+// - A joiner begins after the boundary, and readers see its first messages after it, too. To its wires the
+//   boundary is an exchange: it sees the last of all that was written until then.
+// - All other wires stay as they are, with the messages on their way.
+//
+// So what a node sees follows from the boundary's time alone.
+#include "cosim/controller/wiring.h"
+
+#include "cosim/controller/text.h"
+
+#include <algorithm>
+#include <set>
+
+namespace fledge::cosim {
+
+namespace {
+
+/// Why a definition cannot be used; "" if it can.
+std::string fault_of(const Schema &schema)
+{
+    if (!schema.given()) {
+        return schema.size || schema.hash ? "it has a size or hash, but no text" : "";
+    }
+    try {
+        const Schema made = make_schema(schema.name, schema.text);
+        return made.size != schema.size
+                   ? "its text makes " + std::to_string(made.size) + " bytes, not " + std::to_string(schema.size)
+               : made.hash != schema.hash ? "its hash is not that of its text"
+                                          : "";
+    } catch (const SchemaError &error) {
+        return error.what();
+    }
+}
+
+template <class List, class T> bool contains(const List &list, const T &item)
+{
+    return std::find(list.begin(), list.end(), item) != list.end();
+}
+
+std::string size_fault(const Payload &payload, const Schema &schema)
+{
+    return std::to_string(payload.size()) + " bytes; expected a CDR header and " + std::to_string(schema.size);
+}
+
+} // namespace
+
+// ---- matching
+
+/// Channels are numbered in the order of the topics' names; the topics of joiners follow.
+void Wiring::begin_matching(const Nodes &nodes, const std::vector<std::string> &watched, Ns boundary, bool first)
+{
+    matching_ = true;
+    first_ = first;
+    boundary_ = boundary;
+    watched_ = watched;
+    faults_.clear();
+    std::set<std::string> names(watched.begin(), watched.end());
+    for (const NodeState &node : nodes) {
+        for (const Subscription &subscription : node.subscriptions) {
+            if (node.matching) {
+                names.insert(subscription.topic);
+            }
+        }
+    }
+    for (const std::string &name : names) {
+        if (channels_.try_emplace(name, static_cast<std::uint32_t>(topics_.size())).second) {
+            topics_.emplace_back().name = name;
+        }
+    }
+    for (NodeId id = 0; id < nodes.size(); id++) {
+        const NodeState &node = nodes[id];
+        for (const Subscription &subscription : node.subscriptions) {
+            if (!node.matching) {
+                continue;
+            }
+            Topic &topic = topics_[channels_.at(subscription.topic)];
+            if (!contains(topic.readers, id)) {
+                topic.readers.push_back(id);
+            }
+            if (!topic.schema.given()) {
+                topic.schema = subscription.schema; // for a writer that has no definition of its own
+            }
+            if (const std::string fault = cosim::fault_of(subscription.schema); !fault.empty()) {
+                add_fault(faults_, node.name() + " wants " + topic.name + " with a bad definition: " + fault);
+            }
+        }
+    }
+}
+
+Match Wiring::request_for(NodeId id) const
+{
+    Match match;
+    for (std::uint32_t channel = 0; channel < topics_.size(); channel++) {
+        const Topic &topic = topics_[channel];
+        if (contains(watched_, topic.name) ||
+            std::any_of(topic.readers.begin(), topic.readers.end(), [&](NodeId reader) { return reader != id; })) {
+            match.asked.push_back({channel, topic.name, topic.schema});
+        }
+    }
+    return match;
+}
+
+void Wiring::connect(Nodes &nodes, std::vector<std::string> &notes)
+{
+    for (Topic &topic : topics_) {
+        topic.vacant = topic.vacant || (topic.writer && nodes[*topic.writer].over());
+    }
+    for (NodeId id = 0; id < nodes.size(); id++) {
+        if (nodes[id].matching) {
+            take_publications(id, nodes[id], nodes);
+        }
+    }
+    take_asynchronous(nodes);
+    for (NodeId id = 0; id < nodes.size(); id++) {
+        if (nodes[id].matching) {
+            lay_wires(id, nodes, notes);
+        }
+    }
+    for (Wire &wire : wires_) {
+        const Topic &topic = topics_[wire.channel];
+        if (!topic.vacant && topic.since == boundary_ && !nodes[wire.to].matching) {
+            wire.from = *topic.writer; // the reader has gone, and may come again
+            wire.empty();
+            wire.set_last(topic.initial);
+        }
+    }
+    list_wires(nodes);
+    if (const std::string cycle = find_cycle(nodes); !cycle.empty()) {
+        add_fault(faults_, cycle);
+    }
+}
+
+void Wiring::take_publications(NodeId id, NodeState &node, const Nodes &nodes)
+{
+    const std::string &name = node.name();
+    std::vector<bool> published(topics_.size());
+    for (Publication &publication : node.publications) {
+        if (publication.channel >= topics_.size()) {
+            add_fault(faults_,
+                      name + " offers a channel " + std::to_string(publication.channel) + " that no node asked for");
+            continue;
+        }
+        Topic &topic = topics_[publication.channel];
+        published[publication.channel] = true;
+        if (topic.writer == id && !topic.vacant && node.member && !first_) {
+            if (publication.schema.given() && publication.schema != topic.schema) {
+                add_fault(faults_, name + " offers " + topic.name + " with another definition than before");
+            }
+            continue;
+        }
+        if (topic.writer && !topic.vacant) {
+            add_fault(faults_, topic.name + " is written by " + nodes[*topic.writer].name() + " and by " + name +
+                                   "; one of them has to leave it or call it otherwise");
+            continue;
+        }
+        topic.writer = id;
+        topic.vacant = false;
+        topic.since = topic.last = boundary_;
+        topic.ahead.clear();
+        if (const std::string fault = cosim::fault_of(publication.schema); !fault.empty()) {
+            add_fault(faults_, name + " offers " + topic.name + " with a bad definition: " + fault);
+            continue;
+        }
+        if (publication.schema.given()) {
+            topic.schema = publication.schema;
+        }
+        if (!topic.schema.given()) {
+            add_fault(faults_, name + " offers " + topic.name + ", which neither it nor a reader defines");
+        } else if (!is_payload(publication.initial, topic.schema.size)) {
+            add_fault(faults_, name + " offers " + topic.name + " with an initial value of " +
+                                   size_fault(publication.initial, topic.schema));
+        }
+        topic.initial = std::move(publication.initial);
+    }
+    for (std::size_t channel = 0; channel < topics_.size(); channel++) {
+        if (topics_[channel].writer == id && node.member && !published[channel]) {
+            add_fault(faults_, name + " no longer offers " + topics_[channel].name);
+        }
+    }
+}
+
+/// Asynchronous programs write the topics that no node writes.
+void Wiring::take_asynchronous(const Nodes &nodes)
+{
+    for (Topic &topic : topics_) {
+        topic.count = topic.writer && nodes[*topic.writer].program ? 0 : topic.count;
+        if (topic.readers.empty() || (topic.writer && !nodes[*topic.writer].over())) {
+            continue;
+        }
+        for (NodeId id = 0; id < nodes.size(); id++) {
+            const auto &program = nodes[id].program;
+            if (!program || topic.writer == id ||
+                !(program->topics.empty() ? topic.name.starts_with("/" + program->name + "/")
+                                          : contains(program->topics, topic.name))) {
+                continue;
+            }
+            if (!topic.schema.given()) {
+                add_fault(faults_, topic.name + " comes from " + program->name +
+                                       ", an asynchronous program, and no reader defines it; one of them has to");
+            }
+            topic.writer = id;
+            topic.vacant = false;
+            topic.since = topic.last = boundary_;
+            topic.ahead.clear();
+            topic.initial = zero_payload(topic.schema.size);
+        }
+    }
+}
+
+void Wiring::lay_wires(NodeId id, const Nodes &nodes, std::vector<std::string> &notes)
+{
+    const bool late =
+        std::any_of(nodes.begin(), nodes.end(), [](const NodeState &n) { return !n.matching && !n.program; });
+    const NodeState &node = nodes[id];
+    const bool joins = !node.member;
+    std::set<std::string> seen;
+    for (const Subscription &subscription : node.subscriptions) {
+        const std::string what = node.name() + " wants " + subscription.topic;
+        if (!seen.insert(subscription.topic).second) {
+            add_fault(faults_, what + " twice");
+            continue;
+        }
+        const std::uint32_t channel = channels_.at(subscription.topic);
+        const Topic &topic = topics_[channel];
+        if (!topic.writer || *topic.writer == id) {
+            if (!subscription.optional) {
+                add_fault(faults_,
+                          what + ", which no other node writes" +
+                              (late ? "; if one that joins later does, the subscription has to be optional" : ""));
+            } else if ((first_ || joins) && !late) {
+                notes.push_back(what + ", which no other node writes; it can do without");
+            }
+            continue;
+        }
+        const NodeState &writer = nodes[*topic.writer];
+        if (!cosim::fault_of(topic.schema).empty() || !cosim::fault_of(subscription.schema).empty()) {
+            continue; // a fault already
+        }
+        if (const std::string why = schema_difference(topic.schema, subscription.schema); !why.empty()) {
+            add_fault(faults_, what + " of " + writer.name() + ", but " + why);
+            continue;
+        }
+        const Ns exchange = std::max(node.schedule.longest_period(), writer.schedule.longest_period());
+        if (subscription.latency == Latency::next_exchange && !exchange) {
+            add_fault(faults_,
+                      what + " at exchanges, but neither it nor " + writer.name() + " says how often it steps");
+            continue;
+        }
+        const bool fresh = !topic.vacant && topic.since == boundary_; // its writer is new
+        auto wire = std::find_if(wires_.begin(), wires_.end(),
+                                 [&](const Wire &w) { return w.to == id && w.channel == channel; });
+        if (wire != wires_.end() && !joins && !fresh) {
+            continue; // as before, with the messages on their way
+        }
+        const Payload first = fresh ? topic.initial : value(topic, boundary_);
+        if (wire == wires_.end()) {
+            wire = wires_.emplace(wires_.end(), channel, id);
+        }
+        wire->lay(*topic.writer, subscription.latency, exchange, boundary_, first);
+        for (const TimedPayload &write : topic.ahead) {
+            if (write.t > boundary_) {
+                push(*wire, write.t, write.payload, nodes);
+            }
+        }
+    }
+}
+
+void Wiring::list_wires(const Nodes &nodes)
+{
+    std::map<std::pair<NodeId, std::uint32_t>, std::size_t> place;
+    links_.assign(nodes.size(), {});
+    for (Topic &topic : topics_) {
+        topic.wires.clear();
+    }
+    for (std::size_t w = 0; w < wires_.size(); w++) {
+        place[{wires_[w].to, wires_[w].channel}] = w;
+        links_[wires_[w].from].out.push_back(w);
+        topics_[wires_[w].channel].wires.push_back(w);
+    }
+    for (NodeId id = 0; id < nodes.size(); id++) {
+        for (const Subscription &subscription : nodes[id].subscriptions) {
+            const auto channel = find(subscription.topic);
+            const auto wire = channel ? place.find({id, *channel}) : place.end();
+            if (wire != place.end()) {
+                links_[id].in.push_back(wire->second);
+            }
+        }
+    }
+}
+
+/// Nodes that wait for one another at the same instant could not step at all. Two that may write at any time and
+/// wait for one another's next instant would go on by a nanosecond at a time.
+std::string Wiring::find_cycle(const Nodes &nodes) const
+{
+    const auto waits = [&](const Wire &wire) {
+        const NodeState &from = nodes[wire.from], &to = nodes[wire.to];
+        return from.matching && to.matching &&
+               (wire.latency() == Latency::same_instant ||
+                (wire.latency() == Latency::next_instant && from.schedule.any_time && to.schedule.any_time));
+    };
+    enum Colour { white, grey, black };
+    std::vector<Colour> colour(nodes.size(), white);
+    std::vector<const Wire *> path;
+    std::string found;
+    const auto visit = [&](const auto &self, NodeId id) -> void {
+        colour[id] = grey;
+        for (const std::size_t w : links_[id].out) {
+            const Wire &wire = wires_[w];
+            if (!waits(wire) || !found.empty() || colour[wire.to] == black) {
+                continue;
+            }
+            path.push_back(&wire);
+            if (colour[wire.to] == grey) {
+                const auto begin =
+                    std::find_if(path.begin(), path.end(), [&](const Wire *p) { return p->from == wire.to; });
+                for (auto it = begin; it != path.end(); ++it) {
+                    found += (it == begin ? "" : ", ") + nodes[(*it)->to].name() + " for " +
+                             topics_[(*it)->channel].name + " of " + nodes[(*it)->from].name();
+                }
+            } else {
+                self(self, wire.to);
+            }
+            path.pop_back();
+        }
+        colour[id] = black;
+    };
+    for (NodeId id = 0; id < nodes.size(); id++) {
+        if (colour[id] == white && found.empty()) {
+            visit(visit, id);
+        }
+    }
+    return found.empty() ? ""
+                         : "these wait for one another without end: " + found +
+                               "; one of these messages has to be read later, at the next instant "
+                               "or exchange";
+}
+
+Start Wiring::start(NodeId id, const NodeState &node)
+{
+    Start start;
+    for (const std::size_t w : links_[id].in) {
+        Wire &wire = wires_[w];
+        const Topic &topic = topics_[wire.channel];
+        start.wired.push_back({wire.channel, topic.name, topic.schema});
+        wire.restart();
+        if (node.returning && !node.log.kept()) {
+            wire.resend_last(node.reached);
+        }
+    }
+    for (Topic &topic : topics_) {
+        topic.count = topic.writer == id ? 0 : topic.count;
+    }
+    return start;
+}
+
+bool Wiring::same_publications(NodeId id, const std::vector<Publication> &publications) const
+{
+    std::size_t known = 0, before = 0;
+    for (const Publication &publication : publications) {
+        known += publication.channel < topics_.size() && topics_[publication.channel].writer == id &&
+                 (!publication.schema.given() || publication.schema == topics_[publication.channel].schema);
+    }
+    for (const Topic &topic : topics_) {
+        before += topic.writer == id;
+    }
+    return known == publications.size() && known == before;
+}
+
+// ---- the run
+
+std::string Wiring::fault_of(NodeId id, const NodeState &node, const Tock &tock) const
+{
+    if (tock.reached <= node.reached || tock.reached > node.until) {
+        return "it says that it reached " + when(tock.reached) + "; it may go from " + when(node.reached) + " to " +
+               when(node.until);
+    }
+    // Counts and times follow one another within the tock, too.
+    std::vector<std::pair<std::uint32_t, Ns>> ends(topics_.size(), {0, -1});
+    std::vector<bool> seen(topics_.size());
+    for (const Record &record : tock.records) {
+        if (record.channel >= topics_.size() || topics_[record.channel].writer != id) {
+            return "it wrote on channel " + std::to_string(record.channel) + ", which is not its own";
+        }
+        const Topic &topic = topics_[record.channel];
+        auto &[count, last] = ends[record.channel];
+        if (!seen[record.channel]) {
+            seen[record.channel] = true;
+            count = topic.count;
+            last = topic.last;
+        }
+        const auto what = [&] { return "message " + std::to_string(record.count) + " of " + topic.name; };
+        if (record.count != count + 1) {
+            return record.count <= count ? "duplicate: " + what() + " came before"
+                                         : "gap: " + what() + " follows message " + std::to_string(count);
+        }
+        if (record.t <= node.reached) {
+            return "late: " + what() + " is of " + when(record.t) + ", and others have passed it";
+        }
+        if (record.t > tock.reached) {
+            return "early: " + what() + " is of " + when(record.t) + ", which it has not reached";
+        }
+        if (record.t <= last) {
+            return "out of order: " + what() + " is of " + when(record.t) + ", the one before of " + when(last);
+        }
+        if (!node.schedule.any_time && node.schedule.next_after(record.t - 1) != record.t) {
+            return "out of step: " + what() + " is of " + when(record.t) + ", when it does not step";
+        }
+        if (!is_payload(record.payload, topic.schema.size)) {
+            return "incomplete: " + what() + " has " + size_fault(record.payload, topic.schema);
+        }
+        count = record.count;
+        last = record.t;
+    }
+    return "";
+}
+
+void Wiring::write(NodeId id, const Nodes &nodes, const std::vector<Record> &records)
+{
+    for (const std::size_t w : links_[id].in) {
+        wires_[w].pass(nodes[id].reached);
+    }
+    for (const Record &record : records) {
+        Topic &topic = topics_[record.channel];
+        topic.count = record.count;
+        topic.last = record.t;
+        for (const std::size_t w : topic.wires) {
+            push(wires_[w], record.t, record.payload, nodes);
+        }
+        if (topic.wires.empty()) {
+            topic.initial = record.payload; // for a reader that joins
+        }
+    }
+}
+
+void Wiring::push(Wire &wire, Ns written, const Payload &payload, const Nodes &nodes) const
+{
+    const NodeState &reader = nodes[wire.to];
+    if (reader.over() && !(matching_ && reader.matching)) {
+        wire.set_last(payload); // for a reader that joins
+    } else {
+        wire.push(written, payload, reader.schedule);
+    }
+}
+
+void Wiring::write_ahead(std::uint32_t channel, Ns t, const Payload &payload, const Nodes &nodes)
+{
+    Topic &topic = topics_[channel];
+    Ns furthest = -1; // no boundary lies before
+    for (const NodeState &node : nodes) {
+        furthest = node.been ? std::max(furthest, node.reached) : furthest;
+    }
+    if (topic.ahead.empty()) {
+        topic.held = value(topic, furthest);
+    }
+    for (; !topic.ahead.empty() && topic.ahead.front().t <= furthest; topic.ahead.pop_front()) {
+        topic.held = std::move(topic.ahead.front().payload);
+    }
+    topic.ahead.push_back({t, payload});
+    for (const std::size_t w : topic.wires) {
+        push(wires_[w], t, payload, nodes);
+    }
+}
+
+Ns Wiring::time_to_write(const Topic &topic, const Nodes &nodes, Ns earliest, std::size_t most, std::string &why) const
+{
+    Ns t = std::max(topic.last + 1, earliest);
+    for (const std::size_t w : topic.wires) {
+        const Wire &wire = wires_[w];
+        const NodeState &reader = nodes[wire.to];
+        if (wire.waiting() >= most) {
+            why = reader.name() + " has not yet seen " + std::to_string(wire.waiting()) + " messages of " + topic.name;
+            return t;
+        }
+        t = std::max(t, reader.over()
+                            ? reader.reached + 1
+                            : wire.earliest_write(std::max(reader.granted(), reader.reached), reader.schedule));
+    }
+    return t;
+}
+
+/// The last message written until t, which all nodes have reached.
+const Payload &Wiring::value(const Topic &topic, Ns t) const
+{
+    if (!topic.ahead.empty()) {
+        const Payload *last = &topic.held;
+        for (const TimedPayload &write : topic.ahead) {
+            last = write.t <= t ? &write.payload : last;
+        }
+        return *last;
+    }
+    return topic.wires.empty() ? topic.initial : wires_[topic.wires.front()].latest();
+}
+
+std::vector<Record> Wiring::deliver(NodeId id, Ns until)
+{
+    std::vector<Record> records;
+    for (const std::size_t w : links_[id].in) {
+        wires_[w].deliver(until, records);
+    }
+    return records;
+}
+
+void Wiring::resend(NodeId id, std::vector<Record> &records)
+{
+    for (Record &record : records) {
+        for (const std::size_t w : links_[id].in) {
+            if (wires_[w].channel == record.channel) {
+                record.count = wires_[w].next_count();
+            }
+        }
+    }
+}
+
+std::string Wiring::repeat_count(NodeId id, const Record &record)
+{
+    if (record.channel >= topics_.size() || topics_[record.channel].writer != id) {
+        return "it wrote on channel " + std::to_string(record.channel) + ", which is not its own";
+    }
+    Topic &topic = topics_[record.channel];
+    if (record.count != ++topic.count) {
+        return "gap or duplicate: message " + std::to_string(record.count) + " of " + topic.name + " follows message " +
+               std::to_string(topic.count - 1);
+    }
+    return "";
+}
+
+void Wiring::empty_inputs(NodeId id)
+{
+    for (const std::size_t w : links_[id].in) {
+        wires_[w].empty();
+    }
+}
+
+std::optional<std::uint32_t> Wiring::find(const std::string &topic) const
+{
+    const auto channel = channels_.find(topic);
+    return channel == channels_.end() ? std::nullopt : std::optional(channel->second);
+}
+
+std::vector<Channel> Wiring::channels() const
+{
+    std::vector<Channel> channels;
+    for (std::uint32_t channel = 0; channel < topics_.size(); channel++) {
+        channels.push_back({channel, topics_[channel].name, topics_[channel].schema});
+    }
+    return channels;
+}
+
+Exchange Wiring::exchange(const Nodes &nodes) const
+{
+    Exchange exchange;
+    exchange.after = boundary_;
+    for (const NodeState &node : nodes) {
+        exchange.members.push_back(
+            {node.name(), !node.over(), node.schedule.rates, node.schedule.any_time, node.subscriptions});
+    }
+    for (const Topic &topic : topics_) {
+        exchange.topics.push_back(
+            {topic.name, topic.schema, topic.writer ? nodes[*topic.writer].name() : "", value(topic, boundary_)});
+    }
+    return exchange;
+}
+
+} // namespace fledge::cosim

@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cosim/transport/handshake.h"
+
+#include "cosim/transport/link_error.h"
+
+#include <atomic>
+#include <cstring>
+#include <utility>
+
+namespace fledge::cosim {
+
+namespace {
+
+constexpr int most_broken_off = 5;
+
+} // namespace
+
+zmq::socket_t monitor(zmq::context_t &context, zmq::socket_t &socket)
+{
+    static std::atomic<unsigned> count{0};
+    const std::string name = "inproc://fledge-monitor-" + std::to_string(count++);
+    if (zmq_socket_monitor(socket.handle(), name.c_str(),
+                           ZMQ_EVENT_DISCONNECTED | ZMQ_EVENT_HANDSHAKE_SUCCEEDED | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH |
+                               ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL | ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL)) {
+        throw LinkError(std::string("cannot watch a socket: ") + zmq_strerror(zmq_errno()));
+    }
+    zmq::socket_t events(context, zmq::socket_type::pair);
+    events.set(zmq::sockopt::linger, 0);
+    events.connect(name);
+    return events;
+}
+
+Handshake::Handshake(zmq::context_t &context, zmq::socket_t &socket, bool keyed)
+    : socket_(socket), monitor_(monitor(context, socket)), keyed_(keyed)
+{
+}
+
+Handshake::~Handshake()
+{
+    zmq_socket_monitor(socket_.handle(), nullptr, 0); // before its other end is closed
+}
+
+const std::string &Handshake::failure()
+{
+    std::uint16_t kind = 0;
+    for (std::uint32_t value = 0; failure_.empty() && next_event(monitor_, kind, value);) {
+        if (kind == ZMQ_EVENT_HANDSHAKE_SUCCEEDED) {
+            made_ = true;
+            broken_off_ = 0;
+        } else if (kind == ZMQ_EVENT_DISCONNECTED) {
+            if (std::exchange(made_, false)) {
+                lost_ = std::chrono::steady_clock::now();
+            }
+        } else if (kind == ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL) {
+            // Once: a controller that was killed. Again and again: it cannot understand this program.
+            if (++broken_off_ >= most_broken_off) {
+                failure_ = keyed_ ? "what listens there breaks off when it sees these keys: controller.public here "
+                                    "is not that of this controller, or it uses no keys"
+                                  : "what listens there breaks off: it is no controller, or it asks for keys";
+            }
+        } else {
+            failure_ = refusal(kind, value, keyed_);
+        }
+    }
+    return failure_;
+}
+
+bool next_event(zmq::socket_t &monitor, std::uint16_t &kind, std::uint32_t &value)
+{
+    zmq::message_t event, address;
+    if (!monitor.recv(event, zmq::recv_flags::dontwait)) {
+        return false;
+    }
+    kind = 0;
+    value = 0;
+    if (event.size() >= sizeof kind + sizeof value) {
+        std::memcpy(&kind, event.data(), sizeof kind);
+        std::memcpy(&value, event.data<char>() + sizeof kind, sizeof value);
+    }
+    if (event.more()) {
+        (void)monitor.recv(address, zmq::recv_flags::dontwait);
+    }
+    return true;
+}
+
+std::string refusal(std::uint16_t kind, std::uint32_t value, bool keyed)
+{
+    if (kind == ZMQ_EVENT_HANDSHAKE_FAILED_AUTH) {
+        return "it does not know this key: ./fledge keys allow, where the controller runs, lets it in";
+    }
+    if (kind != ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL) {
+        return "";
+    }
+    if (value == ZMQ_PROTOCOL_ERROR_ZMTP_MECHANISM_MISMATCH) {
+        return keyed ? "it uses no keys, and this program does"
+                     : "it asks for keys, and this program has none: give it some by FLEDGE_KEYS "
+                       "(./fledge keys new makes them)";
+    }
+    if (value == ZMQ_PROTOCOL_ERROR_ZMTP_CRYPTOGRAPHIC) {
+        return "controller.public here is not that of this controller";
+    }
+    return "what listens there is no controller";
+}
+
+} // namespace fledge::cosim
