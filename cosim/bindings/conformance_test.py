@@ -89,10 +89,10 @@ def names_and_counts(line):
 
 @pytest.fixture(scope="module")
 def lines():
-    told = subprocess.run([FRAMES], capture_output=True, text=True, check=True).stdout.splitlines()
+    printed = subprocess.run([FRAMES], capture_output=True, text=True, check=True).stdout.splitlines()
     for kind, least in [("frame", 1000), ("garbage", 3000), ("schema", 100), ("nonsense", 500), ("message", 100)]:
-        assert sum(line.startswith(kind + " ") for line in told) >= least
-    return told
+        assert sum(line.startswith(kind + " ") for line in printed) >= least
+    return printed
 
 
 def compare(lines, answers):

@@ -37,7 +37,7 @@ def axis_2(sigma):
 
 
 class Power:
-    """The model, whoever calls it."""
+    """The model, for the node and for its test."""
 
     def __init__(self):
         self.energy = 0.5 * BATTERY

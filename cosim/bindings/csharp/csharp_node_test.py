@@ -195,7 +195,7 @@ def test_definitions_that_differ_are_refused_with_the_field(programs, spring):
     both[0].communicate(timeout=60)
 
 
-def test_a_program_that_is_not_expected_is_told(programs, spring):
+def test_a_program_that_is_not_expected_gets_the_reason(programs, spring):
     controller = Controller("--node", "mass")
     programs += [start_spring(spring, controller), controller.process]
     assert programs[0].communicate(timeout=60)[1] == \
@@ -214,7 +214,7 @@ def test_with_keys_it_takes_part(programs, spring, tmp_path, monkeypatch):
     assert result(both[0])["seen"] == alone(101) and seen(both[1])[0] == ""
 
 
-def test_without_the_right_key_it_is_told_at_once(programs, spring, tmp_path):
+def test_without_the_right_key_it_gets_the_reason_at_once(programs, spring, tmp_path):
     fledge_keys(tmp_path, "new", "controller", "mass", "stranger")
     fledge_keys(tmp_path / "else", "new", "controller", "mass")
     fledge_keys(tmp_path, "allow", "mass")
@@ -347,7 +347,7 @@ def test_an_observer_sees_what_nodes_write_and_writes_itself(programs, built):
         program.communicate(timeout=60)
 
 
-def test_an_observer_is_told_why_it_sees_nothing(programs, built):
+def test_an_observer_gets_the_reason_why_it_sees_nothing(programs, built):
     controller = Controller("--node", "mass", "--node", "spring", "--no-broker")
     programs += [start_ground(built("ground"), controller.address), controller.process]
     assert "the controller refuses ground: this controller has no broker" in programs[0].communicate(timeout=60)[1]

@@ -123,8 +123,8 @@ class Schema:
             match = _MEMBER.fullmatch(line)
             if not match or depth > 16:
                 raise NodeError(f'{self.name}: expected "<type> <name>" of fixed size, found "{line}"')
-            kind, count, name, told, comment = match.groups()
-            name = prefix + (told if told and told.lower() == name.lower() else name)
+            kind, count, name, true_name, comment = match.groups()
+            name = prefix + (true_name if true_name and true_name.lower() == name.lower() else name)
             n = int(count or 1)
             if kind in PRIMITIVES:
                 choices = _CHOICES.search(comment or "")

@@ -78,12 +78,12 @@ class Controller:
     """The controller's program. `address` is where it listens."""
 
     def __init__(self, *options, address="tcp://127.0.0.1:*", until="1"):
-        status, told = os.pipe()
+        status, writer = os.pipe()
         self.process = subprocess.Popen(
             [CONTROLLER, "--simulation", "spring", "--until", until, "--address", address, "--seed", "7",
-             "--status", str(told), *options],
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, pass_fds=[told])
-        os.close(told)
+             "--status", str(writer), *options],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, pass_fds=[writer])
+        os.close(writer)
         self._status = os.fdopen(status)
         self.address = self.process.stdout.readline().removeprefix("listening at ").strip()
 
@@ -278,7 +278,7 @@ def restore(snapshot):
     steps = result(programs[-1])["seen"]
     assert controller.end()[0] == 0
     whole = alone(501)
-    # Those who read it do not see that it was another.
+    # Its reader sees no difference.
     assert [row[3] for row in result(force)["seen"]] == [x for _, _, x in whole]
     first = 0 if way == "from the beginning" else steps[0][0] // (10 * ms)
     assert steps == whole[first:] and (way == "from the beginning" or 200 < first <= 300)
@@ -316,7 +316,7 @@ def test_a_program_joins_late_and_leaves_and_the_others_see_nothing_of_it(progra
                                            and t % (20 * ms) == 0]
 
 
-def test_a_killed_program_is_started_again_and_is_told_all_again(programs):
+def test_a_killed_program_starts_again_and_gets_all_messages_again(programs):
     # It makes no snapshots, so it begins anew; the others see nothing of it.
     controller = Controller("--node", "mass", "--node", "spring:restart", "--pace", "1", until="2")
     tells = SPRING.replace("    state = node", "    t != 500 * ms or print(flush=True)\n    state = node", 1)
@@ -365,7 +365,7 @@ def test_a_rate_that_makes_no_sense_is_refused_at_once(rate):
         Node("spring", "mass", "ipc://@nowhere", **rate)
 
 
-def test_a_program_that_is_not_expected_is_told():
+def test_a_program_that_is_not_expected_gets_the_reason():
     controller = Controller("--node", "mass")
     with pytest.raises(NodeError, match="refuses sprong: spring has no node sprong; it has mass"):
         node = Node("spring", "sprong", controller.address, every=ms)
@@ -394,7 +394,7 @@ def test_with_keys_programs_in_python_and_c_take_part(programs, tmp_path, monkey
     assert programs[1].communicate(timeout=60) == (None, b"")
 
 
-def test_who_has_no_right_key_is_told_at_once(programs, tmp_path, monkeypatch):
+def test_without_the_right_key_a_program_gets_the_reason_at_once(programs, tmp_path, monkeypatch):
     fledge_keys(tmp_path, "new", "controller", "mass", "stranger")
     fledge_keys(tmp_path / "else", "new", "controller", "mass")
     fledge_keys(tmp_path, "allow", "mass")
@@ -456,19 +456,19 @@ def test_an_observer_sees_what_nodes_write_and_a_ground_system_writes(programs):
                 assert message["F"] == [0, 0] and message.node == "spring"
                 break
         ground.write("/ground/stiffness", {"k": 2.0})
-        told = None
+        written = None
         for message in viewer:
             if message.topic == "/ground/stiffness" and message.count:
-                told = message
+                written = message
                 assert (message["k"], message.count, message.node) == (2.0, 1, "ground")
             if message.topic == "/spring/force" and any(message["F"]):
-                assert told and message.t >= told.t
+                assert written and message.t >= written.t
                 break
-        # One that comes now is told at once what was written long ago.
+        # A new observer gets the last message of a topic at once.
         with Observer("spring", "late", controller.address) as late:
             late.subscribe("/ground/stiffness")
             message = late.next(20)
-            assert (message["k"], message.t, message.missed) == (2.0, told.t, 0)
+            assert (message["k"], message.t, message.missed) == (2.0, written.t, 0)
         with pytest.raises(NodeError, match="there is no topic /ground/x; there are /ground/stiffness, /mass/state"):
             ground.write("/ground/x", {})
         with pytest.raises(NodeError, match="has no field q; it has k"):

@@ -16,24 +16,24 @@ static class Ground
             {
                 Console.WriteLine("topics " + string.Join(" ", observer.Topics.Keys.OrderBy(t => t)));
                 observer.Subscribe("/spring/", "/ground/");
-                long told = 0;
+                long written = 0;
                 foreach (Seen seen in observer)
                 {
-                    if (seen.Topic == "/spring/force" && seen.Count > 10 && told == 0)
+                    if (seen.Topic == "/spring/force" && seen.Count > 10 && written == 0)
                     {
                         Expect((double)seen["F"][0] == 0 && seen.Node == "spring", "no force before");
                         var other = new Thread(() => observer.Write("/ground/stiffness", new Message { ["k"] = 2 }));
                         other.Start(); // any thread may
-                        told = -1;
+                        written = -1;
                     }
-                    if (seen.Topic == "/ground/stiffness" && seen.Count > 0 && told == -1)
+                    if (seen.Topic == "/ground/stiffness" && seen.Count > 0 && written == -1)
                     {
                         Expect(seen["k"] == 2 && seen.Count == 1 && seen.Node == "ground", "what was said");
-                        told = seen.T;
+                        written = seen.T;
                     }
                     if (seen.Topic == "/spring/force" && seen["F"][0] != 0)
                     {
-                        Expect(told > 0 && seen.T >= told, "a force after");
+                        Expect(written > 0 && seen.T >= written, "a force after");
                         Console.WriteLine("pulls");
                         break;
                     }
