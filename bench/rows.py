@@ -35,7 +35,8 @@ class Rows:
         table = [("case", "figure", "least", "median", "unit", "ratio", "")]
         for r in self._rows:
             table.append((
-                r["case"], r["figure"], "" if r["least"] is None else f"{r['least']:.4g}", f"{r['value']:.4g}", r["unit"],
+                r["case"], r["figure"], "" if r["least"] is None else f"{r['least']:.4g}",
+                f"{r['value']:.4g}", r["unit"],
                 "" if r["ratio"] is None else f"{r['ratio']:.3g} x {r['ratio_to']}",
                 r["note"]))
         widths = [max(len(row[i]) for row in table) for i in range(7)]

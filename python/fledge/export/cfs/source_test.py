@@ -72,7 +72,8 @@ def test_two_apps_are_linked_into_one_core_and_both_run(nadir, tmp_path):
     program = hosted.build([(app, tmp_path / "apps" / app.name) for app, _ in apps], tmp_path / "run", options=["-O0"])
     core = Core(program)
     try:
-        core.until(lambda line: "flies nadir_spin" in line or "flies two_body_pointing" in line)
+        ready = set()
+        core.until(lambda line: ready.update(a.name for a, m in apps if f"flies {m.title}" in line) or len(ready) == 2)
         core.send(command(0x18C0, 0))
         core.until("NAV 2:")
         core.send(command(0x18E0, 0))
