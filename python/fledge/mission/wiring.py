@@ -9,7 +9,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 from fledge import _core
 from fledge.mission.process import Event, Process, World

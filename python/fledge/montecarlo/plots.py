@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from fledge.montecarlo import Result
-    from fledge.requirements import Requirement, Series
+    from fledge.montecarlo.requirements import Requirement, Series
 
 PERCENTILES = (1, 5, 25, 50, 75, 95, 99)
 
@@ -94,17 +94,17 @@ def _spans_decades(values) -> bool:
 def _bands(result: Result, series: Series) -> Figure:
     import numpy as np
 
-    shape = series.field_path.shape
+    path, shape = series.field_path, series.field_path.shape
     panels = [summary_of(series)]
-    if field_path.shape:
+    if shape:
         values = result.retained[series.path][result.complete]
         shown = used(values.reshape(-1, math.prod(shape)), shape)
         panels += [series[index] for index in list(np.ndindex(shape))[:shown]]
     columns = 1 if len(panels) == 1 else 2
     figure, axes = _figure(-(-len(panels) // columns), columns,
                            "bands-" + re.sub(r"\W+", "_", series.path).strip("_"),
-                           field_path.full.partition(".")[2].rpartition(".")[0] + ", "
-                           + re.split(r"[,;(]", field_path.field.doc)[0].strip(), result, sharex=True)
+                           path.full.partition(".")[2].rpartition(".")[0] + ", "
+                           + re.split(r"[,;(]", path.field.doc)[0].strip(), result, sharex=True)
     unit, factor = time_unit(result.time[-1])
     for axis, one in zip(axes, panels):
         _band_panel(axis, one, result, factor)
