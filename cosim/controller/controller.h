@@ -42,8 +42,6 @@ public:
     void set_horizon(Ns horizon);
     /// The first instant after the horizon at which a node steps, or the end; for_ever if it is behind.
     Ns next_due() const;
-    /// The first instant after t at which the node steps.
-    Ns next_after(NodeId node, Ns t) const { return nodes_[node].schedule.next_after(t); }
     /// Whether all nodes wait for one that was lost or joins.
     bool waiting() const;
 
