@@ -20,9 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from fledge.archive import Archive
-    from fledge.mission.log import Log
-    from fledge.series import Series
+    from fledge.series import Series, Source
 
 GREEK = ("alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau upsilon phi chi "
          "psi omega Gamma Delta Theta Lambda Xi Pi Sigma Phi Psi Omega").split()
@@ -101,7 +99,7 @@ def time_unit(seconds: float) -> tuple[str, float]:
 
 # --- drawing ---------------------------------------------------------------------------------------
 
-def plot(source: Log | Archive, *panels: str | Sequence[str], titles: Sequence[str] | None = None, columns: int = 1,
+def plot(source: Source, *panels: str | Sequence[str], titles: Sequence[str] | None = None, columns: int = 1,
          units: dict[str, str] | None = None, title: str | None = None, name: str | None = None,
          size: tuple[float, float] | None = None) -> Figure:
     """Plot fields against time; returns a matplotlib Figure.

@@ -2,7 +2,7 @@
 """A recorded field over time, as plots need it."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 
 @dataclass
@@ -25,3 +25,9 @@ class Series:
     @property
     def shape(self) -> tuple[int, ...]:
         return tuple(self.values.shape[1:])
+
+
+class Source(Protocol):
+    """A Log or an Archive."""
+
+    def series(self, key: str) -> Series: ...

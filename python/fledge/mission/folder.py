@@ -9,7 +9,8 @@ simulations share nothing. What they take besides, as in build(f, wheels=4), is 
 mission: load("my_mission", wheels=3). A mission of several spacecraft has a mission.py with build(sim)
 as well, which makes the processes and calls what builds each. In scenarios.py every public function that
 takes a simulation is a scenario, and the first line of its docstring says what it shows. The files may
-import from one another, `from .flight import TURN`, and from a mission beside: `from .single_spiral.world import build`.
+import from one another, `from .flight import TURN`, and from a mission beside,
+`from .single_spiral.world import build`.
 """
 
 from __future__ import annotations

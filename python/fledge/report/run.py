@@ -18,11 +18,11 @@ from pathlib import Path
 import jinja2
 from markupsafe import Markup
 
-import fledge
-from fledge import objects, wiring_picture
+from fledge import __version__, objects, wiring_picture
 from fledge.errors import SetupError
 from fledge.files import Part
 from fledge.mission.log import dtype_of, leaves
+from fledge.mission.simulation import Simulation
 from fledge.mission.wiring import Wiring, action_text, condition_text, event_name
 from fledge.report.numbers import duration, number, unit, value
 
@@ -45,7 +45,7 @@ class Report:
     scenario: its name; function: it flies the scenario, and its docstring says what that shows
     """
 
-    def __init__(self, simulation: fledge.Simulation, scenario: str, function: Callable | None = None):
+    def __init__(self, simulation: Simulation, scenario: str, function: Callable | None = None):
         self._simulation, self._scenario = simulation, scenario
         self._about = _paragraphs(function.__doc__ if function else "")
         self._begun = datetime.now(timezone.utc)
@@ -266,7 +266,7 @@ def _versions(mission) -> list[tuple[str, str]]:
         system = platform.freedesktop_os_release()["PRETTY_NAME"]
     except (OSError, KeyError):
         system = platform.system()
-    found = {"Fledge": ", ".join(filter(None, [fledge.__version__, ours])), "mission": theirs if theirs != ours else "",
+    found = {"Fledge": ", ".join(filter(None, [__version__, ours])), "mission": theirs if theirs != ours else "",
              "built by": build, "Python": platform.python_version(),
              **{name: sys.modules[name].__version__ for name in ("numpy", "matplotlib") if name in sys.modules},
              "system": f"{system}, {platform.machine()}"}
