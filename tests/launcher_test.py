@@ -27,7 +27,7 @@ STAND_INS = {
     "cmake": 'echo "$*" >> "$FAKE/cmake"; mkdir -p build/$2; : > build/$2/build.ninja\n'
              'echo "BUILD_TESTING:BOOL=${3#*=}" > build/$2/CMakeCache.txt',
     "ninja": 'echo "$*" >> "$FAKE/ninja"; [ ! -e "$FAKE/broken" ] || {\n'
-             'echo "a.c:7:1: error: it is broken"; exit 1; }; echo "ninja: no work to do."',
+             'cat "$FAKE/broken"; exit 1; }; echo "ninja: no work to do."',
     "ctest": 'while [ $# -gt 0 ]; do [ "$1" != --output-junit ] || report=$2; shift; done\n'
              '[ ! -e "$FAKE/report" ] || cat "$FAKE/report" > "$report"\n'
              'exit "$(cat "$FAKE/status")"',
@@ -114,10 +114,19 @@ def test_without_root_or_sudo_it_says_what_to_type_and_touches_nothing(launch):
 
 def test_a_broken_build_shows_its_error_and_fails(launch):
     (launch.fake / "updated").touch()
-    (launch.fake / "broken").touch()
+    (launch.fake / "broken").write_text("a.c:7:1: error: it is broken\n")
     done = launch("demo")
     assert done.returncode == 1
     assert "the build failed" in done.stderr and "a.c:7:1: error: it is broken" in done.stderr
+
+
+def test_a_refused_header_is_shown_although_much_follows(launch):
+    (launch.fake / "updated").touch()
+    refusal = "/sat/flight/a.h:39: a struct holds no padding; add `uint32_t spare;`"
+    (launch.fake / "broken").write_text(f"FAILED: {'tables.c ' * 99}\n{refusal}\n" + "a_test.cpp:1:1: note: x\n" * 99)
+    done = launch("demo")
+    assert refusal in done.stderr
+    assert max(len(line) for line in done.stderr.splitlines() if line.startswith("FAILED")) == 200
 
 
 def test_demo_installs_no_test_packages(launch):
