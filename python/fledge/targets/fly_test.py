@@ -7,6 +7,7 @@ FLEDGE_FLY_WHOLE=1 flies the scenarios to their ends, as `./fledge fly` does.
 
 import math
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -478,6 +479,15 @@ def test_what_cannot_be_flown_is_refused_before_anything_is_written(arguments, c
     assert cli.main(["fly", *arguments, "--out", str(out)]) == 2
     assert complaint in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_the_help_and_the_page_name_every_target(capsys):
+    with pytest.raises(SystemExit):
+        cli.main(["fly", "--help"])
+    help_text, page = capsys.readouterr().out, (build.ROOT / "docs/targets.md").read_text(encoding="utf-8")
+    for name in TARGETS:
+        assert re.search(rf"\b{name}\b", help_text.rpartition("--on TARGETS")[2].partition("--for")[0])
+        assert f"\n| `{name}` |" in page
 
 
 # --- as a part of a run elsewhere ------------------------------------------------------------------
