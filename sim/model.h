@@ -28,12 +28,12 @@ class Model {
 public:
     virtual ~Model() = default;
 
-    /// Check the parameters and the parts, make all the room that the run needs.
+    /// Check the parameters and the parts, and allocate all memory that the run needs.
     /// Throws SetupError that begins with setup.name.
     virtual void prepare(const Setup &setup) = 0;
 
-    /// Parameters were changed between two runs and were checked: compute anew what was derived from
-    /// them. The state stays as it is.
+    /// Parameters were changed between two runs, and the kernel has checked them: compute again what depends
+    /// on them. The state stays as it is.
     virtual void refresh() {}
 
     /// A run up to the time `until` is about to begin. Throws SetupError if the data of the model (an
@@ -47,8 +47,8 @@ public:
     /// tick.dt is 0 at the first update after a reset.
     virtual void update(Tick tick) = 0;
 
-    /// The models that this one advances itself. They are in no task; their inputs are read before
-    /// this one's update.
+    /// The models that this one advances itself. They are in no task; the kernel carries their inputs before it
+    /// updates this one.
     virtual std::vector<Model *> parts() const { return {}; }
 
     /// All that changes during a run besides the interface: a snapshot is a copy of these bytes.
@@ -67,10 +67,10 @@ public:
     }
 };
 
-/// How models come into being: a table of these per library.
+/// A type of model. Each library has a table of these.
 struct ModelType {
-    const FledgeStruct *face;
-    std::unique_ptr<Model> (*create)(void *face);
+    const FledgeStruct *interface;
+    std::unique_ptr<Model> (*create)(void *interface); ///< a model with this memory as its interface
 };
 
 } // namespace fledge::sim

@@ -21,8 +21,8 @@ TOPS = {folder.split("/")[0] for folder in layers.RULES}
 # two whose few functions used here (sqrt, memcpy) every compiler turns into instructions.
 FLIGHT_LIBRARY = {"float.h", "limits.h", "math.h", "stdbool.h", "stddef.h", "stdint.h", "string.h"}
 
-# The rooms of python/fledge: its sub-packages and the modules beside them, from the bottom up. A room may
-# import itself and the rooms of the layers below it; the command line is on top of all.
+# The parts of python/fledge: its sub-packages and the modules beside them, from the bottom up. A part may
+# import itself and the parts of the layers below it; the command line is on top of all.
 LAYERS = [
     {"units", "elements", "errors", "files", "series", "interruption", "progress"},
     {"objects", "archive", "attitude", "plot"},
@@ -33,7 +33,7 @@ LAYERS = [
     {"report", "targets"},
     {"cli"},
 ]
-# The rooms that may use the extension `_core`; all others use the public functions of these.
+# The parts that may use the extension `_core`; all others use the public functions of these.
 USE_CORE = {"errors", "files", "objects", "flight", "world", "mission", "montecarlo", "cosim"}
 
 # flight.py also runs under MicroPython, which has nothing but these. (sqrt is exact in both.)
@@ -155,7 +155,7 @@ def test_every_quoted_include_is_found_from_the_root():
     assert not missing, "\n" + "\n".join(missing)
 
 
-# --- the rooms of python/fledge --------------------------------------------------------------------
+# --- the parts of python/fledge --------------------------------------------------------------------
 
 PACKAGE = Path("python/fledge")
 
@@ -190,27 +190,27 @@ def library_imports() -> dict[str, list[tuple[int, str]]]:
             for module, path in paths.items()}
 
 
-def check_rooms(imports: dict[str, list[tuple[int, str]]]) -> list[str]:
-    """Complaints about the imports between the rooms of python/fledge."""
-    level = {room: i for i, rooms in enumerate(LAYERS) for room in rooms}
+def check_parts(imports: dict[str, list[tuple[int, str]]]) -> list[str]:
+    """Complaints about the imports between the parts of python/fledge."""
+    level = {part: i for i, parts in enumerate(LAYERS) for part in parts}
     complaints = []
     for module, found in imports.items():
-        room = module.split(".")[0]
-        if room not in level:
-            complaints.append(f"fledge.{module}: the room {room} has no layer; add it to LAYERS")
+        part = module.split(".")[0]
+        if part not in level:
+            complaints.append(f"fledge.{module}: the part {part} has no layer; add it to LAYERS")
             continue
         for line, other in found:
             there = other.split(".")[0]
             if other == "_core":
-                if room not in USE_CORE:
-                    complaints.append(f"fledge.{module}:{line}: {room} may not use _core; it may use the public "
+                if part not in USE_CORE:
+                    complaints.append(f"fledge.{module}:{line}: {part} may not use _core; it may use the public "
                                       "functions of the library")
             elif other == "":
-                if room != "cli":
-                    complaints.append(f"fledge.{module}:{line}: {room} may not import fledge as a whole; name the "
+                if part != "cli":
+                    complaints.append(f"fledge.{module}:{line}: {part} may not import fledge as a whole; name the "
                                       "module")
-            elif there != room and level.get(there, len(LAYERS)) >= level[room]:
-                complaints.append(f"fledge.{module}:{line}: {room} may not import fledge.{other}, which is not "
+            elif there != part and level.get(there, len(LAYERS)) >= level[part]:
+                complaints.append(f"fledge.{module}:{line}: {part} may not import fledge.{other}, which is not "
                                   "below it")
     return complaints
 
@@ -233,8 +233,8 @@ def circle(imports: dict[str, list[tuple[int, str]]]) -> list[str]:
     return next(filter(None, (follow(module, []) for module in imports)), [])
 
 
-def test_the_rooms_of_the_library_import_downwards():
-    complaints = check_rooms(library_imports())
+def test_the_parts_of_the_library_import_downwards():
+    complaints = check_parts(library_imports())
     assert not complaints, "\n" + "\n".join(complaints)
 
 
@@ -248,10 +248,10 @@ def test_no_modules_of_the_library_import_one_another_in_a_circle():
     ("montecarlo", "cosim", "montecarlo may not import fledge.cosim"),
     ("report", "_core", "report may not use _core"),
     ("targets.job", "", "targets may not import fledge as a whole"),
-    ("cellar.a", "units", "the room cellar has no layer"),
+    ("cellar.a", "units", "the part cellar has no layer"),
 ])
 def test_an_import_upwards_is_refused(module, other, complaint):
-    (found,) = check_rooms({module: [(1, other)]})
+    (found,) = check_parts({module: [(1, other)]})
     assert complaint in found
 
 

@@ -242,8 +242,8 @@ def test_within_fledge_lines_go_where_their_neighbours_are(tmp_path, monkeypatch
     new.model("GasLeak")
     assert added(before, (tmp_path / "world/CMakeLists.txt").read_text()) == [
         "    dynamics/gas_leak_model.cpp",
-        "fledge_add_test(world_dynamics_gas_leak_test"
-        " SOURCES dynamics/gas_leak_model_test.cpp LIBRARIES fledge::world)"]
+        "fledge_add_test(world_dynamics_gas_leak_test",
+        "    SOURCES dynamics/gas_leak_model_test.cpp LIBRARIES fledge::world)"]
     assert "namespace fledge::world {" in (tmp_path / "world/dynamics/gas_leak_model.cpp").read_text()
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Frames, definitions and messages as C++ writes and refuses them (cosim/testing/frames.cpp), in both byte orders:
+"""Frames, definitions and messages as C++ writes and refuses them (tools/testing/frames.cpp), in both byte orders:
 Python reads the same bytes and writes them again; what C++ refuses, Python refuses for the same reason."""
 import subprocess
 import sys

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Nodes that join, leave, die, come back and are started again, while the horizon moves: random networks,
-// held against a look-up in history that knows only who was there when.
+// Random networks of nodes that join, leave, die, come back and are started again, while the horizon moves. What
+// each node sees is compared with a look-up in the history of all writes, which knows only the times of these changes.
 #include "cosim/controller/testing/network.h"
 
 #include <array>

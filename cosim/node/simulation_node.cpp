@@ -82,7 +82,7 @@ void SimulationNode::read(const std::string &topic, const sim::Port &to, Latency
                                   make_schema(to.field->sub->name, to.field->sub->schema)});
     }
     Subscription &subscription = *std::find_if(subscriptions_.begin(), subscriptions_.end(),
-                                               [&](const Subscription &w) { return w.topic == topic; });
+                                               [&](const Subscription &s) { return s.topic == topic; });
     if (subscription.latency != latency) {
         throw sim::SetupError(to.path() + " reads " + topic + " at another latency than other inputs here");
     }

@@ -202,8 +202,8 @@ struct Matched {
     bool operator==(const Matched &) const = default;
 };
 struct Start {
-    std::vector<Channel> wired; ///< what this node will read, in the order of its wants; optional
-                                ///< ones that nobody writes are missing
+    std::vector<Channel> wired; ///< what this node will read, in the order of its subscriptions, without the
+                                ///< optional ones that no node writes
     bool operator==(const Start &) const = default;
 };
 struct Ready {

@@ -145,7 +145,7 @@ Bytes hello_of(const std::string &node)
     return encode({1, Hello{1, 1, "test", node}});
 }
 
-TEST(Router, WhoDoesNotSpeakTheFormatIsToldAndDisturbsNobody)
+TEST(Router, AProgramThatBreaksTheFormatGetsTheReasonAndTheRunGoesOn)
 {
     zmq::context_t context;
     Router router(context, two_nodes(1000), listening("tcp"));

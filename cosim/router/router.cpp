@@ -210,7 +210,7 @@ bool Router::listen_to_shared()
     for (std::size_t i = 0; i < sharing_.size(); i++) {
         const NodeId id = sharing_[i];
         if (nodes_[id].link->shared()->pending()) {
-            listen(id); // may shorten the list: the node skipped then is next time's
+            listen(id); // it may shorten the list; then the loop skips a node until the next call
             any = true;
         }
     }
@@ -538,14 +538,14 @@ void Router::act()
             } else if (const auto *report = std::get_if<action::Report>(&a)) {
                 this->report(report->text);
             } else if (const auto *began = std::get_if<action::Began>(&a)) {
-                tell([&](RunListener &w) { w.began(began->exchange); });
+                tell([&](RunListener &listener) { listener.began(began->exchange); });
                 answer_attaching();
             } else if (const auto *wrote = std::get_if<action::Wrote>(&a)) {
-                tell([&](RunListener &w) { w.wrote(names_[wrote->node], wrote->records); });
-                tell([&](RunListener &w) { w.settled(wrote->settled); });
+                tell([&](RunListener &listener) { listener.wrote(names_[wrote->node], wrote->records); });
+                tell([&](RunListener &listener) { listener.settled(wrote->settled); });
             } else if (const auto *done = std::get_if<action::Done>(&a)) {
                 outcome_ = done->reason;
-                tell([&](RunListener &w) { w.ended(done->reason); });
+                tell([&](RunListener &listener) { listener.ended(done->reason); });
                 answer_attaching();
             }
         }

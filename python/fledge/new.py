@@ -177,7 +177,7 @@ def _model_line(root: Path, path: str) -> tuple[Path, str]:
     sources = sorted([*found[1].splitlines(), f"    {short}_model.cpp"])
     text = found.string[:found.start(1)] + "\n".join(sources) + "\n" + found.string[found.end(1):]
     test = f"world_{short.replace('/', '_')}_test"
-    return file, f"{text}fledge_add_test({test} SOURCES {short}_model_test.cpp LIBRARIES fledge::world)\n"
+    return file, f"{text}fledge_add_test({test}\n    SOURCES {short}_model_test.cpp LIBRARIES fledge::world)\n"
 
 
 def _write(texts: dict[Path, str]) -> None:

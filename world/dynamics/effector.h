@@ -7,8 +7,8 @@
 //
 //   I_B domega = -omega x (I_B omega + momentum) + torque
 //
-// needs one virtual call per part and stage. What a part passes to the body it takes from its own
-// momentum in the same call, so the sum is kept to rounding.
+// needs one virtual call per part and stage of the integrator. In the same call, a part takes from its own
+// momentum what it gives to the body, so only rounding changes the sum.
 #pragma once
 
 #include "flight/math/vec.h"
@@ -28,18 +28,18 @@ struct BodyRate {
     Vec3 domega; ///< [rad/s^2] as last published
 };
 
-/// What a part remembers besides its states, such as what its inputs give through one update,
-/// belongs to its memory(): derivatives evaluated before a snapshot are used after it.
+/// All that latch() computes and derive() uses belongs to memory(): where latch() finds no change after a snapshot was
+/// restored, the spacecraft uses the derivatives that it computed before the snapshot.
 class Effector : public sim::Model {
 public:
-    /// How many states it has, a multiple of state_block. The same from before prepare() on.
+    /// The number of its states, a multiple of state_block. It is constant, and valid before prepare().
     virtual std::size_t states() const = 0;
 
     /// Forget the run, and write the initial states.
     virtual void start(const Vec3 &omega, double *x) = 0;
 
-    /// Read the inputs, which hold for the next dt [s]; 0: for no time, so they do not act.
-    /// Returns whether this changes what derive() gives.
+    /// Read the inputs, which are constant for the next dt [s]. If dt is 0, they do not act.
+    /// Returns whether the results of derive() change.
     virtual bool latch(const double *x, const BodyRate &rate, double dt) = 0;
 
     /// Write the states' derivatives and add the loads.
@@ -48,7 +48,7 @@ public:
     /// Write the outputs for time t.
     virtual void publish(sim::Ns t, const double *x, const Vec3 &omega) = 0;
 
-    /// Take the part for a spacecraft. False if another one has taken it.
+    /// Make it a part of this spacecraft. False if it is a part of another one.
     bool claim(const sim::Model &spacecraft)
     {
         if (!host_) {
@@ -57,7 +57,7 @@ public:
         return host_ == &spacecraft;
     }
 
-    // The spacecraft does both for its parts, by the functions above.
+    // The spacecraft resets and updates its parts by the functions above.
     void reset(sim::Ns) final {}
     void update(Tick) final {}
 

@@ -53,10 +53,10 @@ void ReactionWheelsModel::start(const Vec3 &omega, double *x)
 
 void ReactionWheelsModel::refresh()
 {
-    wheels_.by_speed = 1.0; // looked at anew in the next update
+    wheels_.by_speed = 1.0; // so that the next latch() computes all torques
 }
 
-/// Whether the motors are asked for what they gave in the last update.
+/// Whether the commands are those of the last update.
 bool ReactionWheelsModel::as_before(bool commanded) const
 {
     bool same = true;

@@ -8,15 +8,15 @@
 // and the body feels the opposite torque about g. The motor's torque u and the Coulomb friction are
 // chosen at the start of each update and hold through it:
 //
-// - friction is what would bring the wheel to rest at the update's end, but at most F. A sliding
-//   wheel thus feels F against its motion, a stopping one stops instead of turning around, and a
-//   resting one is held until the motor overcomes F;
-// - near its speed limit the motor gives what reaches the limit at the update's end, so it never
-//   chatters between full torque and none. It never brakes by itself.
+// - friction is the torque that brings the wheel to rest at the update's end, but at most F. So a fast
+//   wheel feels F against its motion, a slow one stops instead of turning round, and one at rest stays
+//   at rest until the motor overcomes F;
+// - near the speed limit the motor gives the torque that reaches the limit at the update's end, so it
+//   does not chatter between full torque and none. It never brakes by itself.
 //
-// What the body does meanwhile is taken from its last angular acceleration. The equations are thus
-// smooth within an update, as integrators of high order need, and the branch taken converges with
-// the update's length: choose the period so that a wheel's speed changes little in one.
+// For both, the body keeps its last angular acceleration during the update. So the equations are smooth
+// within an update, as integrators of high order need, and the choice converges as updates become
+// shorter: choose the period so that a wheel's speed changes little in one update.
 #pragma once
 
 #include "world/dynamics/effector.h"
@@ -42,16 +42,16 @@ public:
     void publish(sim::Ns t, const double *x, const Vec3 &omega) override;
 
 private:
-    /// The wheels in the order of computation; those that pad a block have no axis and no torque.
+    /// The wheels in blocks of state_block; entries that fill a block up have no axis and no torque.
     struct Wheels {
         double gx[WHEELS_MAX], gy[WHEELS_MAX], gz[WHEELS_MAX]; ///< unit spin axes, in B
         double J[WHEELS_MAX], J_inverse[WHEELS_MAX];
-        double asked[WHEELS_MAX];     ///< [N m] of the motor, in the last update
-        double torque[WHEELS_MAX];    ///< [N m] on the wheel, but for viscous friction
+        double asked[WHEELS_MAX];     ///< [N m] commanded to the motor in the last update
+        double torque[WHEELS_MAX];    ///< [N m] on the wheel, without viscous friction
         double viscosity[WHEELS_MAX]; ///< [N m s]
         Vec3 reaction;                ///< [N m] of `torque` on the body
         double viscous;               ///< the largest viscosity
-        double by_speed;              ///< 0: what the motors are asked for is all that counts
+        double by_speed;              ///< 0: the torques depend on the commands alone, not on the speeds
     };
 
     bool as_before(bool commanded) const;

@@ -164,7 +164,7 @@ void SpacecraftModel::update(Tick tick)
 /// derivatives from what was last published.
 bool SpacecraftModel::latch(Tick tick)
 {
-    bool changed = hold_external(tick);
+    bool changed = latch_external(tick);
     const BodyRate rate{get(x_, at_omega), get(dx_, at_omega)};
     for (const Part &part : parts_) {
         changed |= part.effector->latch(x_ + part.at, rate, tick_seconds(tick.dt));
@@ -172,7 +172,7 @@ bool SpacecraftModel::latch(Tick tick)
     return changed;
 }
 
-bool SpacecraftModel::hold_external(Tick tick)
+bool SpacecraftModel::latch_external(Tick tick)
 {
     const ForceTorque &external = interface_.in.external;
     const bool acts = tick.dt > 0 && head_written(external.head);

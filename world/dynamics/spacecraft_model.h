@@ -60,7 +60,7 @@ private:
     void normalize(double *x) override;
 
     bool latch(Tick tick);
-    bool hold_external(Tick tick);
+    bool latch_external(Tick tick);
     void advance(Tick tick);
     void take_inertia();
     void publish(sim::Ns t);

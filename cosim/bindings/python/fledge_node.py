@@ -33,7 +33,7 @@ Only one side needs to give a definition: a topic without one here takes that of
 so a node knows all messages of a mission. Where a message begins with a Fledge head, the node fills in its time,
 quality and sequence unless the program gives them. Times are integers in nanoseconds.
 
-The format is described in cosim/protocol.h; names here follow it.
+The format is described in cosim/protocol/protocol.h; names here follow it.
 """
 import os
 import pathlib
@@ -812,7 +812,7 @@ def _given(what, value, variable):
 
 
 def _read_keys(place, name):
-    """(public, secret, the controller's public), by the folder's rules in cosim/keys.h; None without a place."""
+    """(public, secret, the controller's public), by the rules of cosim/security/keys.h; None without a place."""
     if not place:
         return None
     place = pathlib.Path(place)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`fledge fly MISSION --on TARGETS`: the same flight on several targets, held against the desktop.
+"""`fledge fly MISSION --on TARGETS`: the same flight on several targets, compared with the desktop.
 
-Exit codes: 0 flown, and all the same; 1 a difference, or a flight that ended early; 2 the command line, the mission
+Exit codes: 0 all outputs are the same; 1 a difference, or a flight that ended early; 2 the command line, the mission
 or a board is wrong; 130 Ctrl-C.
 """
 
@@ -15,27 +15,29 @@ from fledge.cli.node import add_parameters, given_parameters
 
 def add(command):
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one = command("fly", fly, "fly a mission on several targets, and compare what flight puts out",
+    one = command("fly", fly, "fly a mission on several targets, and compare the outputs of flight",
                   "fly nadir_spin --on desktop,linux,aarch64")
     one.add_argument("mission", help="the name of a mission, or its folder")
-    one.add_argument("scenario", nargs="?", help="whose set-up and duration to take; default: the mission's first")
+    one.add_argument("scenario", nargs="?", help="its set-up and duration count; default: the mission's first")
     one.add_argument("--free", action="store_true", help="without a scenario; with --for")
     one.add_argument("--on", default="desktop,linux", metavar="TARGETS", help="of desktop, linux, aarch64, sparc64, "
-                     "cfs; default: desktop,linux. The desktop is always flown, for the others are held against it")
+                     "cfs; default: desktop,linux. Fledge always flies the desktop, because it compares the others "
+                     "with it")
     one.add_argument("--for", dest="duration", metavar="DURATION", help="fly only so long (90s, 10min, 2h)")
     one.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
     one.add_argument("--board", nargs="+", default=[], metavar="FILE", help="boards that the messages pass, as "
-                     "docs/export.md tells; default: one that carries them whole")
+                     "docs/export.md describes; default: one that carries them whole")
     one.add_argument("--within", action="append", default=[], type=_bound, metavar="FIELD=BOUND", help="with words "
-                     "that round: how far a field may be from the desktop's, as in tracking.error.sigma_BR=1e-4")
-    one.add_argument("--settled", metavar="DURATION", help="from when on --within holds; default: the beginning")
+                     "that round: the largest difference of a field from the desktop's, as in "
+                     "tracking.error.sigma_BR=1e-4")
+    one.add_argument("--settled", metavar="DURATION", help="the time from which --within holds; default: the beginning")
     one.add_argument("--cfs", metavar="DIR", help="with --on cfs: build and fly in a copy of this cFS tree, instead of "
                      "on the pocket cFE")
     one.add_argument("--build", action="store_true", help="only build, and say where it is and how large")
     one.add_argument("--join", nargs="?", const="", metavar="ADDRESS", help="fly as the node `flight` of a run whose "
                      "controller is elsewhere, on one target; default: FLEDGE_ADDRESS, FLEDGE_SIMULATION, FLEDGE_NODE")
     one.add_argument("--keys", metavar="PATH", help="of this node, for --join (fledge keys); default: FLEDGE_KEYS")
-    one.add_argument("--out", metavar="DIR", help="for the records and what is built; default: runs/MISSION/fly")
+    one.add_argument("--out", metavar="DIR", help="for the records and the programs; default: runs/MISSION/fly")
     add_parameters(one)
 
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Dispersed runs, as fledge/montecarlo.py uses them.
+// Dispersed runs, as fledge/montecarlo uses them.
 #include "core/extension.h"
 
 #include "sim/campaign.h"

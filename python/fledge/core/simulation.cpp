@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The kernel, as fledge/simulation.py and fledge/process.py use it. Times are integer nanoseconds here.
+// The kernel, as simulation.py and process.py in fledge/mission use it. Times are integer nanoseconds here.
 #include "core/extension.h"
 
 #include "sim/simulation.h"

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One mission on several targets, in the same closed loop: exported, built, flown, and held against the desktop.
+"""One mission on several targets, in the same closed loop: exported, built, flown, and compared with the
+desktop.
 
-    rehearsal.py  a scenario on the desktop: its set-up, duration, and what it changes on the way
+    rehearsal.py  a scenario on the desktop: its set-up, its duration, and what it changes between its runs
     job.py        what is flown: a mission's scenario, exported, and for how long
-    build.py      C to programs, by ninja; how large they are
-    target.py     where it flies: the desktop, a Linux process, the same for aarch64
-    cfs.py        and as an app of the core Flight System
+    build.py      builds C by ninja, and measures the size of programs
+    target.py     the targets: the desktop, a Linux process, the same for aarch64 and sparc64
+    cfs.py        the target that is an app of the core Flight System
     loop.py       the programs of one flight: controller, world, and the node of the target's board
-    table.py      the one table
+    table.py      the table that `fledge fly` prints
 """
 
 from fledge.targets.job import Job

@@ -2,7 +2,7 @@
 """A mission as an app of the core Flight System: on the pocket cFE, or in a real tree.
 
 The app is that of `fledge export cfs`, with one thing more: after each tick it writes a record of its own
-(targets/cfs/watch.c). Its outputs are held against the desktop's like those of every target.
+(targets/cfs/watch.c). Fledge compares its outputs with the desktop's, like those of every target.
 """
 
 import re
@@ -49,8 +49,8 @@ class Cfs(Target):
     def sizes(self, built):
         return build.sizes(built)
 
-    def _flown(self, built, record, said):
-        flown = super()._flown(built, record, said)
+    def _flown(self, built, record, printed):
+        flown = super()._flown(built, record, printed)
         flown.cpu_of = "core and record too"
         return flown
 

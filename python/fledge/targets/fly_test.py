@@ -7,6 +7,7 @@ FLEDGE_FLY_WHOLE=1 flies the scenarios to their ends, as `./fledge fly` does.
 
 import math
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -52,7 +53,7 @@ def test_flight_puts_out_the_same_bits_on_every_target(mission, folder, capsys):
     span = [] if WHOLE else ["--for", "3min"]
     names = everywhere().split(",")
     if mission != "nadir_spin" and not WHOLE:
-        names = [name for name in names if name != "sparc64"]     # which nobody asked for
+        names = [name for name in names if name != "sparc64"]     # one mission is enough for the byte order
     assert cli.main(["fly", mission, *span, "--on", ",".join(names), "--out", str(out)]) == 0, capsys.readouterr()
     rows = [line.split() for line in capsys.readouterr().out.splitlines() if line.startswith("  ")]
     assert [row[0] for row in rows[1:-1]] == names
@@ -84,7 +85,7 @@ def test_offsets_rates_modes_and_events_cross_a_board_too(tmp_path):
 
 
 def test_latency_and_random_draws_cross_a_board_too(tmp_path):
-    """What flight is told by a sensor with noise, and what it commands, one exchange late."""
+    """The measurements of a sensor with noise, and the commands of flight, one exchange late."""
     mission = tmp_path / "late"
     shutil.copytree(build.ROOT / "missions/nadir_spin", mission)
     world = (mission / "world.py").read_text()
@@ -101,7 +102,7 @@ def test_latency_and_random_draws_cross_a_board_too(tmp_path):
 
 
 def test_parameters_from_the_ground_cross_a_board_too(tmp_path, capsys):
-    """What a scenario changes of flight between its runs, told to a target of the other byte order."""
+    """Parameters that a scenario changes between its runs reach a target of the other byte order."""
     on = "linux,sparc64" if not TARGETS["sparc64"].missing() else "linux"
     span = [] if WHOLE else ["--for", "61min"]
     assert cli.main(["fly", "two_body_pointing", "near_conjunction", *span, "--on", on, "--out", str(tmp_path)]) == 0
@@ -153,15 +154,16 @@ def nothing(sim):
 
 
 @pytest.mark.parametrize("play, complaint", [
-    ("mode", "asks for a mode between its runs, which no target is told"),
-    ("world", "changes world.nav between its runs; a target can only be told parameters of flight"),
-    ("published", "changes flight.vehicle between its runs, which flight publishes: no target is told when"),
-    ("both", "changes world.nav before it runs, and flight between its runs: the world's program is told only one"),
+    ("mode", "requests a mode between its runs; a target gets no such request"),
+    ("world", "changes world.nav between its runs; a target can only get parameters of flight"),
+    ("published", "changes flight.vehicle between its runs, which flight publishes; a target does not get the time of "
+                  "the change"),
+    ("both", "changes world.nav before it runs, and flight between its runs; the world's program can only take one"),
     ("steps", "the scenario steps does more than run"),
     ("fails", "the scenario fails fails on the desktop: it was not good"),
     ("nothing", "the scenario nothing runs nothing"),
 ])
-def test_what_no_target_can_be_told_is_refused(play, complaint, tmp_path, capsys):
+def test_a_change_that_no_target_can_get_is_refused(play, complaint, tmp_path, capsys):
     from fledge.export.run_test import FLIGHT, WORLD
 
     mission = tmp_path / "plays"
@@ -181,7 +183,7 @@ def test_without_a_scenario(folder, capsys):
     assert cli.main(["fly", "single_spiral", "--free", "--for", "1min", "--on", "linux", "--out", out]) == 0
 
 
-def test_a_difference_is_seen_and_told(folder, capsys, monkeypatch):
+def test_a_difference_is_found_and_reported(folder, capsys, monkeypatch):
     """The target gets another gain than the desktop has."""
     real = Linux.build
 
@@ -426,7 +428,7 @@ def test_an_interrupt_leaves_nothing_behind(folder, which):
         assert Archive(out / "linux.mcap").complete
 
 
-def test_a_target_that_dies_is_told_and_leaves_nothing_behind(folder):
+def test_a_target_that_dies_is_reported_and_leaves_nothing_behind(folder):
     out = folder / "nadir_spin"
     process = started(out)
     try:
@@ -478,6 +480,15 @@ def test_what_cannot_be_flown_is_refused_before_anything_is_written(arguments, c
     assert cli.main(["fly", *arguments, "--out", str(out)]) == 2
     assert complaint in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_the_help_and_the_page_name_every_target(capsys):
+    with pytest.raises(SystemExit):
+        cli.main(["fly", "--help"])
+    help_text, page = capsys.readouterr().out, (build.ROOT / "docs/targets.md").read_text(encoding="utf-8")
+    for name in TARGETS:
+        assert re.search(rf"\b{name}\b", help_text.rpartition("--on TARGETS")[2].partition("--for")[0])
+        assert f"\n| `{name}` |" in page
 
 
 # --- as a part of a run elsewhere ------------------------------------------------------------------

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is flown: a scenario of a mission, exported once for all targets, and for how long."""
+"""A job: a scenario of a mission, exported once for all targets, and its duration."""
 
 import fcntl
 import math
@@ -15,7 +15,7 @@ from fledge.targets.rehearsal import rehearse
 
 
 class Job:
-    """A mission's scenario, as it stands before its run; all of it goes into `folder`, what is exported into its c/.
+    """A mission's scenario, as it is before its run. Its files go into `folder`, the exported ones into c/ there.
 
     scenario: its name; None: the mission's first. duration: [s]; None: as long as the scenario runs. The scenario is
     rehearsed on the desktop: what it changes of flight between its runs goes to targets as parameters from the ground.
@@ -40,7 +40,7 @@ class Job:
 
     @contextmanager
     def alone(self):
-        """The folder is this program's as long as the context lasts: two that built in it would spoil it."""
+        """Locks the folder for this program, because two programs that build in it would destroy their files."""
         self.folder.mkdir(parents=True, exist_ok=True)
         with (self.folder / ".in_use").open("w") as file:
             try:
@@ -72,12 +72,12 @@ class Job:
 
     @property
     def roots(self):
-        """Where headers and sources of modules are looked for."""
+        """The folders in which to look for headers and sources of modules."""
         own = project.folder()
         return [*([own] if own else []), build.ROOT]
 
     def sources(self):
-        """All of flight: what was written, its modules, and their mathematics."""
+        """The C files of flight: the exported ones, its modules, and flight/math."""
         written = [path.resolve() for path in self.written if path.suffix == ".c"]
         return [*written, *build.module_sources(self.mission, self.roots), *build.math_sources()]
 
@@ -85,7 +85,7 @@ class Job:
         return [(self.folder / "c").resolve(), *self.roots]
 
     def tables(self):
-        """The mission and its boards as data for the outside: a shared object for this machine."""
+        """The mission and its boards as data for the node of the board: a shared object for this machine."""
         return build.program(self.folder / "tables", f"{self.mission.name}.so", self.sources(), self.includes(),
                              flags=["-fPIC"], link=["-shared", "-Wl,-z,defs"], entry="fledge_mission")
 
@@ -94,7 +94,7 @@ class Job:
         return [name for m in self.mission.outputs for name in _fields(m.struct, m.path)]
 
     def is_instant(self, t):
-        """Of an array of times [ns], which are flight's: on the grid of any of its tasks."""
+        """Which times of an array [ns] are instants of flight: on the grid of one of its tasks."""
         import numpy as np
 
         found = np.zeros(len(t), bool)

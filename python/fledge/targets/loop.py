@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The programs of one flight: a controller, the world of the mission, and the node of the board, which starts the
-target. Each is started by fledge_guard, which ends it, and all that it has started, when this program ends, however
-it does."""
+target. fledge_guard starts each of them, and ends it and its children when this program ends, even by SIGKILL."""
 
 import contextlib
 import itertools
@@ -21,9 +20,9 @@ _numbers = itertools.count()
 
 
 def close(job, target, name, patience=60.0):
-    """Fly a job to its end, flight by the command `target`; returns what the target said, key -> text.
+    """Fly a job to its end, flight by the command `target`; returns what the target printed, key -> text.
 
-    What the programs said stands in job.folder / NAME.log. Raises Failure with it if the run ends early.
+    The output of the programs is in job.folder / NAME.log. Raises Failure with its last lines if the run ends early.
     """
     simulation = f"{job.mission.name}_{os.getpid()}_{next(_numbers)}"
     options = ["--simulation", simulation, "--address", f"ipc://@fledge-{simulation}"]
@@ -50,7 +49,7 @@ def _board(job, options):
 
 
 def _run(job, name, commands):
-    """Run programs until all have ended; when one has, the others have 20 s."""
+    """Run programs until all have ended. When the first has ended, the others have 20 s."""
     folder = job.folder.resolve()
     log = folder / f"{name}.log"
     with contextlib.ExitStack() as stack:
@@ -79,7 +78,7 @@ def _run(job, name, commands):
     return said
 
 
-COUNTED = re.compile(r"\w+: \w+ -?\d+")  # "flight: ticks 0", which the reason is not to be sought among
+COUNTED = re.compile(r"\w+: \w+ -?\d+")  # "flight: ticks 0", a line that does not say why a run ended
 
 
 def _what_failed(results, log, title):
@@ -91,7 +90,7 @@ def _what_failed(results, log, title):
 
 
 def environment():
-    """For programs that start in any folder: Python finds what this one finds, and the keys are where they were."""
+    """The environment of programs that start in another folder: paths of Python's modules and of keys are absolute."""
     found = {**os.environ, "PYTHONUNBUFFERED": "1",
              "PYTHONPATH": os.pathsep.join(os.path.abspath(path) for path in sys.path if path)}
     if found.get("FLEDGE_KEYS"):
@@ -100,7 +99,7 @@ def environment():
 
 
 class HowFar:
-    """What the controller says of how far the run is, for the bar."""
+    """The simulated time that the controller reports, for the progress bar."""
 
     def __enter__(self):
         self.read, self.told = os.pipe()
@@ -142,7 +141,7 @@ class Program:
         return self
 
     def __exit__(self, *_):
-        self.process.stdin.close()               # its lifeline: the guard ends what it started
+        self.process.stdin.close()               # then the guard ends what it started
         try:
             self.process.wait(timeout=15)
         except subprocess.TimeoutExpired:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A scenario on the desktop, to see what it does besides running: what it sets up, for how long it runs, and what it
-changes between its runs. Its plots are left out; its checks must hold there, as far as it is flown."""
+"""Runs a scenario on the desktop to find its set-up, its duration, and what it changes between its runs. It makes no
+plots; its checks must hold, as far as the scenario is flown."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from fledge.objects.si import time_ns
 
 @dataclass
 class Load:
-    """Parameters of a module of flight, as the scenario changed them between two runs."""
+    """Parameters of a module of flight that the scenario changes between two runs."""
     after: int              # [ns] the last instant of the run before
     path: str               # flight.turn
     block: bytes
@@ -19,7 +19,7 @@ class Load:
 
 
 class _Ends(BaseException):
-    """All that is flown has been run."""
+    """The duration to be flown has been run."""
 
 
 def rehearse(mission, scenario=None, duration=None, seed=0, free=False, parameters=None):
@@ -93,26 +93,26 @@ class Rehearsal:
             same = memory[:low] == before[path][:low] and memory[high:] == before[path][high:]
             if not path.startswith("flight.") or not same:
                 what = "" if same else ", and not only parameters,"
-                raise Failure(f"the scenario {self.name} changes {path}{what} between its runs; a target can only be "
-                              "told parameters of flight")
+                raise Failure(f"the scenario {self.name} changes {path}{what} between its runs; a target can only "
+                              "get parameters of flight")
             if any(m.path == path for m in self.mission.configuration):
-                raise Failure(f"the scenario {self.name} changes {path} between its runs, which flight publishes: no "
-                              "target is told when")
+                raise Failure(f"the scenario {self.name} changes {path} between its runs, which flight publishes; a "
+                              "target does not get the time of the change")
             changed.append((path, memory[low:high]))
         if not changed and sim.snapshot() != snapshot:
-            raise Failure(f"the scenario {self.name} asks for a mode between its runs, which no target is told")
+            raise Failure(f"the scenario {self.name} requests a mode between its runs; a target gets no such request")
         now_so = sim.snapshot() if changed else b""
         self.loads += [Load(now, path, block, now_so) for path, block in changed]
 
     def refused(self, *_, **__):
-        raise SetupError(f"the scenario {self.name} does more than run: steps, resets and restored states cannot be "
-                         "had on a target")
+        raise SetupError(f"the scenario {self.name} does more than run: a target cannot step once, reset or restore "
+                         "a state")
 
     def finish(self, load, seed):
         if self.duration is None:
             self.duration = self.sim.time
         if self.loads:
-            # The world's program is not told of the scenario then, so it must be as its file makes it.
+            # Then the world's program does not run the scenario, so its state must be that of world.py.
             fresh = load()
             fresh.seed = seed
             fresh.prepare()
@@ -120,7 +120,7 @@ class Rehearsal:
             for path in theirs:
                 if not path.startswith("flight.") and ours[path] != theirs[path]:
                     raise Failure(f"the scenario {self.name} changes {path} before it runs, and flight between its "
-                                  "runs: the world's program is told only one of them")
+                                  "runs; the world's program can only take one of these changes")
 
 
 def _memory(sim):

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The one table of what was flown where."""
+"""The table of flights on targets."""
 
 HEADS = ("target", "steps", "flight outputs", "first difference", "CPU per step", "code", "memory")
 
 
 def lines(rows):
-    """Lines of a table: of each row a Flown or None, its target's name, hash, and what its first difference is."""
+    """The lines of the table. rows: (target, Flown or None, hash of the outputs, first difference)"""
     cells = [HEADS]
     for name, flown, digest, difference in rows:
         if flown is None:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a mission flies. A target builds what was exported, says how to start it, and how large it is; all else is
-the same for all of them. To add one: a Target, and a line in TARGETS."""
+"""Targets: where an exported mission flies. A target builds the mission, gives the command that starts it, and measures
+its size. All else is the same for all targets. To add one: docs/targets.md."""
 
 import shutil
 from dataclasses import dataclass
@@ -13,14 +13,14 @@ from fledge.targets import build, loop
 
 @dataclass
 class Flown:
-    """What a flight came to."""
+    """The result of a flight on a target."""
     record: Path            # of all flight outputs
     steps: int              # of flight
-    cpu: float | None       # [s] of a processor, per step of flight
-    cpu_of: str = ""        # what else is in it, or on what: "world too", "emulated"
+    cpu: float | None       # [s] of processor time, per step of flight
+    cpu_of: str = ""        # what else this time includes, or where it was measured: "world too", "emulated"
     code: int | None = None  # [bytes] without the C library
     memory: int | None = None
-    saturated: int = 0      # numbers that were held at the ends of their words, on either side
+    saturated: int = 0      # numbers beyond the range of their words, from flight or from the world
 
 
 class Target:
@@ -29,28 +29,28 @@ class Target:
     name = ""
     about = ""
     emulated = False
-    needs = ()              # programs that are not always there
+    needs = ()              # programs that may not be installed
 
     def missing(self):
         """The programs that are not installed."""
         return [one for one in self.needs if not shutil.which(one)]
 
     def build(self, job):
-        """Build the job for this target, in job.folder / name; only what changed. Returns what `command` starts."""
+        """Build the job for this target in job.folder / name, only what has changed. Returns what `command` starts."""
         raise NotImplementedError
 
     def command(self, built, record):
-        """The arguments that start it: {registers} stands for the register file; it puts all that flight puts out into
-        `record`, a file in the folder in which it is started, and says in the end, a key and a value on a line, at
-        least ticks and cpu_ns."""
+        """The arguments that start the built program, with "{registers}" in place of the register file's path. The
+        program writes all outputs of flight into `record`, a file in its working directory. At its end it prints
+        lines of a key and a value, with at least the keys ticks and cpu_ns."""
         raise NotImplementedError
 
     def sizes(self, built):
-        """(bytes of code and constants, bytes of memory), without the C library; None: not known."""
+        """(bytes of code and constants, bytes of memory), without the C library; None: unknown."""
         return None, None
 
     def record(self, job):
-        """Where its record goes; what an earlier flight left there goes away."""
+        """The path of its record. Deletes the record of an earlier flight."""
         job.folder.mkdir(parents=True, exist_ok=True)
         path = job.folder / f"{self.name}.mcap"
         for old in (path, path.with_name(path.name + ".part")):
@@ -63,19 +63,20 @@ class Target:
         return self._flown(built, record, loop.close(job, self.command(built, record.name), self.name, patience))
 
     def join(self, job, address, simulation, node="flight", keys=None):
-        """The same as a node of a run whose controller is at `address`; keys: of the node, else FLEDGE_KEYS."""
+        """Build and fly a job as a node of a run whose controller is at `address`; keys: of the node, else
+        FLEDGE_KEYS."""
         built, record = self.build(job), self.record(job)
         return self._flown(built, record, loop.join(job, self.command(built, record.name), self.name, address,
                                                     simulation, node, keys))
 
-    def _flown(self, built, record, said):
+    def _flown(self, built, record, printed):
         code, memory = self.sizes(built)
-        return Flown(record, int(said["ticks"]), float(said["cpu_ns"]) / 1e9, "emulated" if self.emulated else "",
-                     code, memory, sum(int(said.get(k, 0)) for k in ("saturated", "outside_saturated")))
+        return Flown(record, int(printed["ticks"]), float(printed["cpu_ns"]) / 1e9, "emulated" if self.emulated else "",
+                     code, memory, sum(int(printed.get(k, 0)) for k in ("saturated", "outside_saturated")))
 
 
 class Desktop(Target):
-    """The run in one program, which the others are held against."""
+    """The run in one program, with which the other targets are compared."""
 
     name = "desktop"
     about = "the run in one program, under Python"
@@ -113,7 +114,7 @@ class Linux(Target):
 
     def build(self, job):
         sources = [*job.sources(), *(build.ROOT / path for path in build.RUNNER)]
-        # Static: it is one file that can be copied to a board, and an emulator needs no libraries of it.
+        # Static: one file, which can be copied to a board, and for which an emulator needs no libraries.
         return build.program(job.folder / self.name, job.mission.name, sources, job.includes(), self.compiler,
                              flags=["-fno-pie"], link=["-static", "-no-pie"])
 
@@ -125,7 +126,7 @@ class Linux(Target):
 
 
 class Aarch64(Linux):
-    """The same, cross-built, under an emulator."""
+    """The Linux target, cross-built, under an emulator."""
 
     name = "aarch64"
     about = "the same for a Raspberry Pi, under qemu-user"
@@ -134,7 +135,7 @@ class Aarch64(Linux):
 
 
 class Sparc64(Aarch64):
-    """A machine of the other byte order, under an emulator."""
+    """The Linux target on a machine of the other byte order, under an emulator."""
 
     name = "sparc64"
     about = "the same for a big-endian machine, under qemu-user"
