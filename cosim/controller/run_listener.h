@@ -4,9 +4,6 @@
 
 #include "cosim/protocol/protocol.h"
 
-#include <string>
-#include <vector>
-
 namespace fledge::cosim {
 
 /// The nodes of a run, and their topics.
@@ -22,7 +19,7 @@ struct Exchange {
         std::string name;
         Schema schema;
         std::string writer; ///< a node's name; "" if there is none
-        Payload initial;    ///<: what it holds at the beginning
+        Payload initial;    ///< what it holds at the beginning
     };
     Ns after = -1; ///< valid after this instant; -1: from the reset on
     std::vector<Member> members;
