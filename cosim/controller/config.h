@@ -2,17 +2,10 @@
 // What the user decides about a run.
 #pragma once
 
+#include "cosim/controller/schedule.h"
 #include "cosim/protocol/words.h"
 
-#include <limits>
-#include <string>
-#include <utility>
-#include <vector>
-
 namespace fledge::cosim {
-
-inline constexpr Ns for_ever = std::numeric_limits<Ns>::max();
-inline constexpr Ns longest_time = 1'000'000'000'000'000'000; // 31 years; sums of a few do not overflow
 
 /// A node's place in ControllerConfig::nodes.
 using NodeId = std::size_t;

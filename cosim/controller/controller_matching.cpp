@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // How nodes come, and how they are matched: before the run, and at each boundary where nodes join.
 #include "cosim/controller/controller.h"
-#include "cosim/controller/text.h"
 
 #include <algorithm>
 

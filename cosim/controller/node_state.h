@@ -3,7 +3,6 @@
 
 #include "cosim/controller/config.h"
 #include "cosim/controller/restart_log.h"
-#include "cosim/controller/schedule.h"
 
 #include <optional>
 

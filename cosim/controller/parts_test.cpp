@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // The controller's parts, each alone.
-#include "cosim/controller/admission.h"
 #include "cosim/controller/grants.h"
 #include "cosim/protocol/testing/words.h"
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cosim/controller/restart_log.h"
 
-#include "cosim/controller/text.h"
+#include "cosim/controller/schedule.h"
 
 #include <algorithm>
 

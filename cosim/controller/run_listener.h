@@ -4,9 +4,6 @@
 
 #include "cosim/protocol/protocol.h"
 
-#include <string>
-#include <vector>
-
 namespace fledge::cosim {
 
 /// The nodes of a run, and their topics.

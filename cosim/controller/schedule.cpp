@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cosim/controller/schedule.h"
 
-#include "cosim/controller/config.h"
-#include "cosim/controller/text.h"
-
 #include <algorithm>
 
 namespace fledge::cosim {

@@ -2,7 +2,6 @@
 #pragma once
 
 #include "cosim/controller/config.h"
-#include "cosim/controller/schedule.h"
 
 #include <deque>
 

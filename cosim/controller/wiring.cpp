@@ -8,8 +8,6 @@
 // So what a node sees follows from the boundary's time alone.
 #include "cosim/controller/wiring.h"
 
-#include "cosim/controller/text.h"
-
 #include <algorithm>
 #include <set>
 
@@ -18,7 +16,7 @@ namespace fledge::cosim {
 namespace {
 
 /// Why a definition cannot be used; "" if it can.
-std::string fault_of(const Schema &schema)
+std::string bad_definition(const Schema &schema)
 {
     if (!schema.given()) {
         return schema.size || schema.hash ? "it has a size or hash, but no text" : "";
@@ -58,10 +56,8 @@ void Wiring::begin_matching(const Nodes &nodes, const std::vector<std::string> &
     faults_.clear();
     std::set<std::string> names(watched.begin(), watched.end());
     for (const NodeState &node : nodes) {
-        for (const Subscription &subscription : node.subscriptions) {
-            if (node.matching) {
-                names.insert(subscription.topic);
-            }
+        for (std::size_t i = 0; node.matching && i < node.subscriptions.size(); i++) {
+            names.insert(node.subscriptions[i].topic);
         }
     }
     for (const std::string &name : names) {
@@ -71,10 +67,8 @@ void Wiring::begin_matching(const Nodes &nodes, const std::vector<std::string> &
     }
     for (NodeId id = 0; id < nodes.size(); id++) {
         const NodeState &node = nodes[id];
-        for (const Subscription &subscription : node.subscriptions) {
-            if (!node.matching) {
-                continue;
-            }
+        for (std::size_t i = 0; node.matching && i < node.subscriptions.size(); i++) {
+            const Subscription &subscription = node.subscriptions[i];
             Topic &topic = topics_[channels_.at(subscription.topic)];
             if (!contains(topic.readers, id)) {
                 topic.readers.push_back(id);
@@ -82,8 +76,8 @@ void Wiring::begin_matching(const Nodes &nodes, const std::vector<std::string> &
             if (!topic.schema.given()) {
                 topic.schema = subscription.schema; // for a writer that has no definition of its own
             }
-            if (const std::string fault = cosim::fault_of(subscription.schema); !fault.empty()) {
-                add_fault(faults_, node.name() + " wants " + topic.name + " with a bad definition: " + fault);
+            if (const std::string why = bad_definition(subscription.schema); !why.empty()) {
+                fault(node.name() + " wants " + topic.name + " with a bad definition: " + why);
             }
         }
     }
@@ -128,7 +122,7 @@ void Wiring::connect(Nodes &nodes, std::vector<std::string> &notes)
     }
     list_wires(nodes);
     if (const std::string cycle = find_cycle(nodes); !cycle.empty()) {
-        add_fault(faults_, cycle);
+        fault(cycle);
     }
 }
 
@@ -138,45 +132,41 @@ void Wiring::take_publications(NodeId id, NodeState &node, const Nodes &nodes)
     std::vector<bool> published(topics_.size());
     for (Publication &publication : node.publications) {
         if (publication.channel >= topics_.size()) {
-            add_fault(faults_,
-                      name + " offers a channel " + std::to_string(publication.channel) + " that no node asked for");
+            fault(name + " offers a channel " + std::to_string(publication.channel) + " that no node asked for");
             continue;
         }
         Topic &topic = topics_[publication.channel];
         published[publication.channel] = true;
         if (topic.writer == id && !topic.vacant && node.member && !first_) {
             if (publication.schema.given() && publication.schema != topic.schema) {
-                add_fault(faults_, name + " offers " + topic.name + " with another definition than before");
+                fault(name + " offers " + topic.name + " with another definition than before");
             }
             continue;
         }
         if (topic.writer && !topic.vacant) {
-            add_fault(faults_, topic.name + " is written by " + nodes[*topic.writer].name() + " and by " + name +
-                                   "; one of them has to leave it or call it otherwise");
+            fault(topic.name + " is written by " + nodes[*topic.writer].name() + " and by " + name +
+                  "; one of them has to leave it or call it otherwise");
             continue;
         }
-        topic.writer = id;
-        topic.vacant = false;
-        topic.since = topic.last = boundary_;
-        topic.ahead.clear();
-        if (const std::string fault = cosim::fault_of(publication.schema); !fault.empty()) {
-            add_fault(faults_, name + " offers " + topic.name + " with a bad definition: " + fault);
+        topic.take(id, boundary_);
+        if (const std::string why = bad_definition(publication.schema); !why.empty()) {
+            fault(name + " offers " + topic.name + " with a bad definition: " + why);
             continue;
         }
         if (publication.schema.given()) {
             topic.schema = publication.schema;
         }
         if (!topic.schema.given()) {
-            add_fault(faults_, name + " offers " + topic.name + ", which neither it nor a reader defines");
+            fault(name + " offers " + topic.name + ", which neither it nor a reader defines");
         } else if (!is_payload(publication.initial, topic.schema.size)) {
-            add_fault(faults_, name + " offers " + topic.name + " with an initial value of " +
-                                   size_fault(publication.initial, topic.schema));
+            fault(name + " offers " + topic.name + " with an initial value of " +
+                  size_fault(publication.initial, topic.schema));
         }
         topic.initial = std::move(publication.initial);
     }
     for (std::size_t channel = 0; channel < topics_.size(); channel++) {
         if (topics_[channel].writer == id && node.member && !published[channel]) {
-            add_fault(faults_, name + " no longer offers " + topics_[channel].name);
+            fault(name + " no longer offers " + topics_[channel].name);
         }
     }
 }
@@ -197,13 +187,10 @@ void Wiring::take_asynchronous(const Nodes &nodes)
                 continue;
             }
             if (!topic.schema.given()) {
-                add_fault(faults_, topic.name + " comes from " + program->name +
-                                       ", an asynchronous program, and no reader defines it; one of them has to");
+                fault(topic.name + " comes from " + program->name +
+                      ", an asynchronous program, and no reader defines it; one of them has to");
             }
-            topic.writer = id;
-            topic.vacant = false;
-            topic.since = topic.last = boundary_;
-            topic.ahead.clear();
+            topic.take(id, boundary_);
             topic.initial = zero_payload(topic.schema.size);
         }
     }
@@ -219,33 +206,31 @@ void Wiring::lay_wires(NodeId id, const Nodes &nodes, std::vector<std::string> &
     for (const Subscription &subscription : node.subscriptions) {
         const std::string what = node.name() + " wants " + subscription.topic;
         if (!seen.insert(subscription.topic).second) {
-            add_fault(faults_, what + " twice");
+            fault(what + " twice");
             continue;
         }
         const std::uint32_t channel = channels_.at(subscription.topic);
         const Topic &topic = topics_[channel];
         if (!topic.writer || *topic.writer == id) {
             if (!subscription.optional) {
-                add_fault(faults_,
-                          what + ", which no other node writes" +
-                              (late ? "; if one that joins later does, the subscription has to be optional" : ""));
+                fault(what + ", which no other node writes" +
+                      (late ? "; if one that joins later does, the subscription has to be optional" : ""));
             } else if ((first_ || joins) && !late) {
                 notes.push_back(what + ", which no other node writes; it can do without");
             }
             continue;
         }
         const NodeState &writer = nodes[*topic.writer];
-        if (!cosim::fault_of(topic.schema).empty() || !cosim::fault_of(subscription.schema).empty()) {
+        if (!bad_definition(topic.schema).empty() || !bad_definition(subscription.schema).empty()) {
             continue; // a fault already
         }
         if (const std::string why = schema_difference(topic.schema, subscription.schema); !why.empty()) {
-            add_fault(faults_, what + " of " + writer.name() + ", but " + why);
+            fault(what + " of " + writer.name() + ", but " + why);
             continue;
         }
         const Ns exchange = std::max(node.schedule.longest_period(), writer.schedule.longest_period());
         if (subscription.latency == Latency::next_exchange && !exchange) {
-            add_fault(faults_,
-                      what + " at exchanges, but neither it nor " + writer.name() + " says how often it steps");
+            fault(what + " at exchanges, but neither it nor " + writer.name() + " says how often it steps");
             continue;
         }
         const bool fresh = !topic.vacant && topic.since == boundary_; // its writer is new
@@ -376,20 +361,17 @@ std::string Wiring::fault_of(NodeId id, const NodeState &node, const Tock &tock)
         return "it says that it reached " + when(tock.reached) + "; it may go from " + when(node.reached) + " to " +
                when(node.until);
     }
-    // Counts and times follow one another within the tock, too.
-    std::vector<std::pair<std::uint32_t, Ns>> ends(topics_.size(), {0, -1});
-    std::vector<bool> seen(topics_.size());
+    std::vector<std::pair<std::uint32_t, Ns>> ends; // the last count and time of each topic
+    ends.reserve(topics_.size());
+    for (const Topic &topic : topics_) {
+        ends.emplace_back(topic.count, topic.last);
+    }
     for (const Record &record : tock.records) {
         if (record.channel >= topics_.size() || topics_[record.channel].writer != id) {
             return "it wrote on channel " + std::to_string(record.channel) + ", which is not its own";
         }
         const Topic &topic = topics_[record.channel];
         auto &[count, last] = ends[record.channel];
-        if (!seen[record.channel]) {
-            seen[record.channel] = true;
-            count = topic.count;
-            last = topic.last;
-        }
         const auto what = [&] { return "message " + std::to_string(record.count) + " of " + topic.name; };
         if (record.count != count + 1) {
             return record.count <= count ? "duplicate: " + what() + " came before"

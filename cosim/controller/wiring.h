@@ -22,6 +22,14 @@ struct Topic {
     Payload held;                   ///< its value before those
     std::vector<std::size_t> wires;
     std::vector<NodeId> readers;
+
+    void take(NodeId id, Ns boundary)
+    {
+        writer = id;
+        vacant = false;
+        since = last = boundary;
+        ahead.clear();
+    }
 };
 
 /// Which topics there are, who writes and who reads them, and the messages on their way.
@@ -82,6 +90,7 @@ private:
         mutable std::size_t blocker = 0;
     };
 
+    void fault(const std::string &text) { faults_ += (faults_.empty() ? "" : "\n") + text; }
     void take_publications(NodeId id, NodeState &node, const Nodes &nodes);
     void take_asynchronous(const Nodes &nodes);
     void lay_wires(NodeId id, const Nodes &nodes, std::vector<std::string> &notes);

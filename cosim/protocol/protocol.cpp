@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-// Each message is described once, by a function `body` that names its members in order; a Writer and
-// a Reader walk it.
 #include "cosim/protocol/protocol.h"
 
 #include "record/mcap_crc.h"
@@ -10,6 +8,7 @@
 #include <bit>
 #include <cstring>
 #include <limits>
+#include <tuple>
 #include <type_traits>
 
 namespace fledge::cosim {
@@ -46,39 +45,112 @@ template <class T> T turned(T x)
     return std::bit_cast<T>(bytes);
 }
 
-/// A text or payload, and which limit holds for it.
-enum class Bound { name, text, payload };
+// ---- the members of each message, in the order of the wire
+
+/// A text with the limit of a name.
+template <class M> struct Name {
+    std::string M::*text;
+};
+
+template <class M> constexpr std::tuple<> members;
+template <>
+constexpr auto members<Schema> = std::tuple(Name(&Schema::name), &Schema::text, &Schema::size, &Schema::hash);
+template <> constexpr auto members<Rate> = std::tuple(&Rate::period, &Rate::offset);
+/// The payload's struct begins at a multiple of 8, behind the CDR header.
+template <> constexpr auto members<Record> = std::tuple(&Record::t, &Record::channel, &Record::count, &Record::payload);
+template <>
+constexpr auto members<Subscription> = std::tuple(Name(&Subscription::topic), &Subscription::latency,
+                                                  &Subscription::optional, &Subscription::schema);
+template <> constexpr auto members<Channel> = std::tuple(&Channel::channel, Name(&Channel::topic), &Channel::schema);
+template <>
+constexpr auto members<Publication> = std::tuple(&Publication::channel, &Publication::schema, &Publication::initial);
+template <>
+constexpr auto members<Hello> = std::tuple(&Hello::oldest, &Hello::newest, &Hello::role, &Hello::shared,
+                                           Name(&Hello::simulation), Name(&Hello::node));
+template <> constexpr auto members<Welcome> = std::tuple(&Welcome::address, &Welcome::shared, &Welcome::nonce);
+template <> constexpr auto members<Refused> = std::tuple(&Refused::reason);
+template <>
+constexpr auto members<Initialize> = std::tuple(&Initialize::seed, &Initialize::end, &Initialize::start,
+                                                &Initialize::frontend, &Initialize::backend, &Initialize::snapshot);
+template <>
+constexpr auto members<Initialized> = std::tuple(&Initialized::rates, &Initialized::any_time, &Initialized::saves);
+template <> constexpr auto members<Desired> = std::tuple(&Desired::subscriptions);
+template <> constexpr auto members<Match> = std::tuple(&Match::asked);
+template <> constexpr auto members<Matched> = std::tuple(&Matched::publications);
+template <> constexpr auto members<Start> = std::tuple(&Start::wired);
+template <> constexpr auto members<Tick> = std::tuple(&Tick::until, &Tick::records);
+template <>
+constexpr auto members<Tock> = std::tuple(&Tock::reached, &Tock::compute_ns, &Tock::leaving, &Tock::records);
+template <> constexpr auto members<Finish> = std::tuple(&Finish::reason);
+template <> constexpr auto members<Failed> = std::tuple(&Failed::reason);
+template <> constexpr auto members<Attached> = std::tuple(&Attached::frontend, &Attached::backend, &Attached::channels);
+template <> constexpr auto members<Published> = std::tuple(&Published::record, Name(&Published::node));
+template <> constexpr auto members<Save> = std::tuple(&Save::time);
+template <> constexpr auto members<Saved> = std::tuple(&Saved::snapshot);
+
+/// Pass each member to a Writer, with a const message, or to a Reader.
+template <class M> void walk(auto &archive, M &m)
+{
+    constexpr auto list = members<std::remove_const_t<M>>;
+    static_assert((std::tuple_size_v<decltype(list)> == 0) == std::is_empty_v<M>, "its members are not listed above");
+    const auto visit = [&](auto member) {
+        if constexpr (requires { member.text; }) {
+            archive.name(m.*member.text);
+        } else if constexpr (std::tuple_size_v<decltype(members<std::remove_cvref_t<decltype(m.*member)>>)> > 0) {
+            walk(archive, m.*member);
+        } else {
+            archive(m.*member);
+        }
+    };
+    std::apply([&](auto... member) { (visit(member), ...); }, list);
+}
+
+template <class T>
+concept Number = std::is_arithmetic_v<T>;
+template <class T>
+concept Enum = std::is_enum_v<T>;
+
+/// The fewest bytes of a value in a frame.
+template <class T> constexpr std::size_t least_size()
+{
+    if constexpr (Number<T> || Enum<T>) {
+        return sizeof(T);
+    } else {
+        constexpr auto least_of = [](auto member) {
+            if constexpr (requires { member.text; }) {
+                return sizeof(std::uint32_t);
+            } else {
+                return least_size<std::remove_cvref_t<decltype(std::declval<T>().*member)>>();
+            }
+        };
+        // A text or a list has no members, but a length.
+        return std::apply([&](auto... m) { return sizeof...(m) ? (std::size_t{} + ... + least_of(m)) : 4; },
+                          members<T>);
+    }
+}
 
 class Writer {
 public:
     Writer(Bytes &out, bool swap) : out_(out), swap_(swap) {}
 
-    template <class T> void number(T x)
+    void operator()(Number auto x)
     {
         while ((out_.size() - frame_header_size) % sizeof x) {
             out_.push_back(std::byte{0});
         }
         x = swap_ ? turned(x) : x;
-        out_.resize(out_.size() + sizeof x);
-        std::memcpy(out_.data() + out_.size() - sizeof x, &x, sizeof x);
+        append(&x, sizeof x);
     }
-
-    void operator()(std::uint8_t x) { number(x); }
-    void operator()(std::uint32_t x) { number(x); }
-    void operator()(std::uint64_t x) { number(x); }
-    void operator()(Ns x) { number(x); }
-    void operator()(bool x) { number(static_cast<std::uint8_t>(x)); }
-    void operator()(Latency x) { number(static_cast<std::uint8_t>(x)); }
-    void operator()(Role x) { number(static_cast<std::uint8_t>(x)); }
-    void operator()(const std::string &s, Bound) { bytes(s.data(), s.size()); }
-    void operator()(const Bytes &b, Bound) { bytes(b.data(), b.size()); }
-    void operator()(const Payload &b, Bound) { bytes(b.data(), b.size()); }
-
-    template <class T> void operator()(const std::vector<T> &list, std::size_t)
+    void operator()(Enum auto x) { (*this)(static_cast<std::uint8_t>(x)); }
+    void operator()(const std::string &s) { counted(s); }
+    void operator()(const Bytes &b) { counted(b); }
+    void operator()(const Payload &b) { counted(b); }
+    void name(const std::string &s) { counted(s); }
+    template <class T> void operator()(const std::vector<T> &list)
     {
         length(list.size());
         for (const T &item : list) {
-            body(*this, item);
+            walk(*this, item);
         }
     }
 
@@ -88,16 +160,21 @@ private:
         if (n > std::numeric_limits<std::uint32_t>::max()) {
             throw ProtocolError("a list or text of " + std::to_string(n) + " is too long for a frame");
         }
-        number(static_cast<std::uint32_t>(n));
+        (*this)(static_cast<std::uint32_t>(n));
     }
 
-    void bytes(const void *from, std::size_t n)
+    void counted(const auto &bytes)
     {
-        length(n);
-        if (n) {
-            out_.resize(out_.size() + n);
-            std::memcpy(out_.data() + out_.size() - n, from, n);
+        length(bytes.size());
+        if (bytes.size()) {
+            append(bytes.data(), bytes.size());
         }
+    }
+
+    void append(const void *from, std::size_t n)
+    {
+        out_.resize(out_.size() + n);
+        std::memcpy(out_.data() + out_.size() - n, from, n);
     }
 
     Bytes &out_;
@@ -110,22 +187,16 @@ public:
     {
     }
 
-    template <class T> T number()
+    void operator()(Number auto &x)
     {
-        while (at_ % sizeof(T)) {
+        while (at_ % sizeof x) {
             if (take(1)[0] != std::byte{0}) {
                 fail("a gap is not zero");
             }
         }
-        T x;
         std::memcpy(&x, take(sizeof x).data(), sizeof x);
-        return swap_ ? turned(x) : x;
+        x = swap_ ? turned(x) : x;
     }
-
-    void operator()(std::uint8_t &x) { x = number<std::uint8_t>(); }
-    void operator()(std::uint32_t &x) { x = number<std::uint32_t>(); }
-    void operator()(std::uint64_t &x) { x = number<std::uint64_t>(); }
-    void operator()(Ns &x) { x = number<Ns>(); }
 
     void operator()(bool &x)
     {
@@ -136,54 +207,37 @@ public:
         x = byte;
     }
 
-    void operator()(Latency &x)
+    template <Enum E> void operator()(E &x)
     {
-        const auto byte = number<std::uint8_t>();
-        if (byte > static_cast<std::uint8_t>(Latency::next_exchange)) {
-            fail("there is no latency " + std::to_string(byte));
-        }
-        x = static_cast<Latency>(byte);
-    }
-
-    void operator()(Role &x)
-    {
-        const auto byte = number<std::uint8_t>();
-        if (byte > static_cast<std::uint8_t>(Role::asynchronous)) {
-            fail("there is no role " + std::to_string(byte));
-        }
-        x = static_cast<Role>(byte);
-    }
-
-    void operator()(std::string &s, Bound bound)
-    {
-        const auto bytes = counted(bound);
-        s.assign(reinterpret_cast<const char *>(bytes.data()), bytes.size());
-        if (s.find('\0') != std::string::npos) {
-            fail("a text holds a zero byte");
+        constexpr bool latency = std::is_same_v<E, Latency>;
+        static_assert(latency || std::is_same_v<E, Role>);
+        x = static_cast<E>(number<std::uint8_t>());
+        if (latency ? x > E{2} : x > E{1}) {
+            fail((latency ? "there is no latency " : "there is no role ") + std::to_string(static_cast<int>(x)));
         }
     }
 
-    void operator()(Bytes &b, Bound bound)
+    void operator()(std::string &s) { text(s, limits_.text); }
+    void name(std::string &s) { text(s, limits_.name); }
+    void operator()(Bytes &b)
     {
-        const auto bytes = counted(bound);
+        const auto bytes = counted(limits_.frame);
         b.assign(bytes.begin(), bytes.end());
     }
+    void operator()(Payload &b) { b = Payload(counted(limits_.frame)); }
 
-    void operator()(Payload &b, Bound bound) { b = Payload(counted(bound)); }
-
-    /// `least`: the fewest bytes of an item, so that a list allocates no more memory than the frame has.
-    template <class T> void operator()(std::vector<T> &list, std::size_t least)
+    template <class T> void operator()(std::vector<T> &list)
     {
         const auto n = number<std::uint32_t>();
         if (n > limits_.items) {
             fail("a list of " + std::to_string(n) + " items; " + std::to_string(limits_.items) + " are the most");
         }
-        if (n > (from_.size() - at_) / least) {
+        if (n > (from_.size() - at_) / least_size<T>()) { // so the list allocates no more memory than the frame has
             fail("a list of " + std::to_string(n) + " items does not fit into what is left");
         }
         list.resize(n);
         for (T &item : list) {
-            body(*this, item);
+            walk(*this, item);
         }
     }
 
@@ -200,6 +254,13 @@ private:
         throw ProtocolError("byte " + std::to_string(at_) + " of the body: " + why);
     }
 
+    template <class T> T number()
+    {
+        T x;
+        (*this)(x);
+        return x;
+    }
+
     std::span<const std::byte> take(std::size_t n)
     {
         if (n > from_.size() - at_) {
@@ -209,16 +270,22 @@ private:
         return from_.subspan(at_ - n, n);
     }
 
-    std::span<const std::byte> counted(Bound bound)
+    std::span<const std::byte> counted(std::size_t most)
     {
         const std::size_t n = number<std::uint32_t>();
-        const std::size_t most = bound == Bound::name   ? limits_.name
-                                 : bound == Bound::text ? limits_.text
-                                                        : limits_.frame;
         if (n > most) {
             fail("a length of " + std::to_string(n) + "; " + std::to_string(most) + " is the most");
         }
         return take(n);
+    }
+
+    void text(std::string &s, std::size_t most)
+    {
+        const auto bytes = counted(most);
+        s.assign(reinterpret_cast<const char *>(bytes.data()), bytes.size());
+        if (s.find('\0') != std::string::npos) {
+            fail("a text holds a zero byte");
+        }
     }
 
     std::span<const std::byte> from_;
@@ -226,168 +293,6 @@ private:
     std::size_t at_ = 0;
     bool swap_;
 };
-
-// ---- the messages. M is const for a Writer.
-
-template <class M, class T>
-concept Is = std::is_same_v<std::remove_const_t<M>, T>;
-
-void body(auto &a, Is<Schema> auto &m)
-{
-    a(m.name, Bound::name);
-    a(m.text, Bound::text);
-    a(m.size);
-    a(m.hash);
-}
-
-void body(auto &a, Is<Rate> auto &m)
-{
-    a(m.period);
-    a(m.offset);
-}
-
-/// The payload's struct begins at a multiple of 8, behind the CDR header.
-void body(auto &a, Is<Record> auto &m)
-{
-    a(m.t);
-    a(m.channel);
-    a(m.count);
-    a(m.payload, Bound::payload);
-}
-
-void body(auto &a, Is<Subscription> auto &m)
-{
-    a(m.topic, Bound::name);
-    a(m.latency);
-    a(m.optional);
-    body(a, m.schema);
-}
-
-void body(auto &a, Is<Channel> auto &m)
-{
-    a(m.channel);
-    a(m.topic, Bound::name);
-    body(a, m.schema);
-}
-
-void body(auto &a, Is<Publication> auto &m)
-{
-    a(m.channel);
-    body(a, m.schema);
-    a(m.initial, Bound::payload);
-}
-
-void body(auto &a, Is<Hello> auto &m)
-{
-    a(m.oldest);
-    a(m.newest);
-    a(m.role);
-    a(m.shared);
-    a(m.simulation, Bound::name);
-    a(m.node, Bound::name);
-}
-
-void body(auto &a, Is<Welcome> auto &m)
-{
-    a(m.address, Bound::text);
-    a(m.shared, Bound::text);
-    a(m.nonce);
-}
-
-void body(auto &a, Is<Refused> auto &m)
-{
-    a(m.reason, Bound::text);
-}
-
-void body(auto &a, Is<Initialize> auto &m)
-{
-    a(m.seed);
-    a(m.end);
-    a(m.start);
-    a(m.frontend, Bound::text);
-    a(m.backend, Bound::text);
-    a(m.snapshot, Bound::payload);
-}
-
-void body(auto &a, Is<Initialized> auto &m)
-{
-    a(m.rates, 16);
-    a(m.any_time);
-    a(m.saves);
-}
-
-void body(auto &, Is<ProvideDesired> auto &) {}
-
-void body(auto &a, Is<Desired> auto &m)
-{
-    a(m.subscriptions, 26);
-}
-
-void body(auto &a, Is<Match> auto &m)
-{
-    a(m.asked, 28);
-}
-
-void body(auto &a, Is<Matched> auto &m)
-{
-    a(m.publications, 28);
-}
-
-void body(auto &a, Is<Start> auto &m)
-{
-    a(m.wired, 28);
-}
-
-void body(auto &, Is<Ready> auto &) {}
-
-void body(auto &a, Is<Tick> auto &m)
-{
-    a(m.until);
-    a(m.records, 20);
-}
-
-void body(auto &a, Is<Tock> auto &m)
-{
-    a(m.reached);
-    a(m.compute_ns);
-    a(m.leaving);
-    a(m.records, 20);
-}
-
-void body(auto &a, Is<Finish> auto &m)
-{
-    a(m.reason, Bound::text);
-}
-
-void body(auto &, Is<Finished> auto &) {}
-
-void body(auto &a, Is<Failed> auto &m)
-{
-    a(m.reason, Bound::text);
-}
-
-void body(auto &a, Is<Attached> auto &m)
-{
-    a(m.frontend, Bound::text);
-    a(m.backend, Bound::text);
-    a(m.channels, 28);
-}
-
-void body(auto &a, Is<Published> auto &m)
-{
-    body(a, m.record);
-    a(m.node, Bound::name);
-}
-
-void body(auto &a, Is<Save> auto &m)
-{
-    a(m.time);
-}
-
-void body(auto &a, Is<Saved> auto &m)
-{
-    a(m.snapshot, Bound::payload);
-}
 
 /// A message of the i-th kind, from 0.
 template <std::size_t I = 0> Message make(std::size_t i)
@@ -426,7 +331,7 @@ void encode(const Frame &frame, Bytes &out, Order order, Sum sum)
     };
     out.assign(frame_header_size, std::byte{0});
     Writer writer(out, swap);
-    std::visit([&](const auto &m) { body(writer, m); }, frame.message);
+    std::visit([&](const auto &m) { walk(writer, m); }, frame.message);
     const std::size_t size = out.size() - frame_header_size;
     if (size > std::numeric_limits<std::uint32_t>::max()) {
         throw ProtocolError(std::string(kind_name(frame.message)) + ": a body of " + std::to_string(size) +
@@ -487,12 +392,8 @@ Frame decode(std::span<const std::byte> bytes, const Limits &limits, Sum sum)
     Frame frame{get(16, std::uint32_t{}), make(std::size_t{kind} - 1)};
     Reader reader(content, swap, limits);
     try {
-        std::visit(
-            [&](auto &m) {
-                body(reader, m);
-                reader.end();
-            },
-            frame.message);
+        std::visit([&](auto &m) { walk(reader, m); }, frame.message);
+        reader.end();
     } catch (const ProtocolError &error) {
         throw ProtocolError(std::string(kind_name(frame.message)) + ": " + error.what());
     }
@@ -530,7 +431,7 @@ Payload zero_payload(std::size_t size)
     return make_payload(Bytes(size));
 }
 
-bool is_payload(const Payload &payload, std::size_t size)
+bool is_payload(std::span<const std::byte> payload, std::size_t size)
 {
     return payload.size() == size + cdr_header && payload[0] == std::byte{0} && payload[1] <= std::byte{1} &&
            payload[2] == std::byte{0} && payload[3] == std::byte{0};
@@ -542,8 +443,7 @@ void read_payload(std::span<const std::byte> payload, std::span<const SchemaFiel
         throw ProtocolError("a payload of " + std::to_string(payload.size()) + " bytes, expected " +
                             std::to_string(cdr_header + message.size()));
     }
-    if (payload[0] != std::byte{0} || payload[1] > std::byte{1} || payload[2] != std::byte{0} ||
-        payload[3] != std::byte{0}) {
+    if (!is_payload(payload, message.size())) {
         throw ProtocolError("a payload does not begin with a CDR header");
     }
     std::copy(payload.begin() + cdr_header, payload.end(), message.begin());

@@ -290,7 +290,7 @@ Payload make_payload(std::span<const std::byte> message);
 /// The payload of a message that was never written: all zero.
 Payload zero_payload(std::size_t size);
 /// Whether it has a CDR header and a struct of this size.
-bool is_payload(const Payload &payload, std::size_t size);
+bool is_payload(std::span<const std::byte> payload, std::size_t size);
 
 /// Copy the struct of a payload into `message`, in the machine's byte order.
 /// Throws ProtocolError if the sizes differ or the CDR header is none.
