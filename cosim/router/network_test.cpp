@@ -255,7 +255,7 @@ TEST(Delegate, WithoutItsControllerItEnds)
         greetings.send(zmq::buffer(encode({1, Welcome{own}})), zmq::send_flags::none);
         EXPECT_TRUE(std::holds_alternative<Hello>(link.wait(10s).message));
     }
-    EXPECT_EQ(serve_a.get(), "threw: the other side is gone");
+    EXPECT_EQ(serve_a.get(), "threw: the controller is gone");
 }
 
 /// A program of its own that does this, and is killed at the end of the test at the latest.
@@ -310,8 +310,8 @@ TEST(SharedMemory, AControllerThatIsKilledIsMissedByANodeThatSleeps)
         }
     } b("/a/n", "/b/n", Latency::same_instant);
     auto serve_b = std::async(std::launch::async, [&] { return serve(context, config.address, "b", b); });
-    EXPECT_EQ(serve(context, config.address, "a", a), "threw: the other side is gone");
-    EXPECT_EQ(serve_b.get(), "threw: the other side is gone");
+    EXPECT_EQ(serve(context, config.address, "a", a), "threw: the controller is gone");
+    EXPECT_EQ(serve_b.get(), "threw: the controller is gone");
 }
 
 TEST(SharedMemory, ANodeThatIsKilledIsMissed)
