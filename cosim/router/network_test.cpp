@@ -179,7 +179,7 @@ TEST(Router, ANodeThatGoesOrHangsOrSendsGarbageEndsTheRunWithItsName)
             Rogue rogue(other, router.address(), hello_of("b"));
             const auto welcome = std::get<Welcome>(rogue.answer());
             Link link(other, {});
-            link.connect(welcome.address);
+            link.socket().connect(welcome.address);
             link.send({1, Hello{1, 1, "test", "b"}});
             EXPECT_TRUE(std::holds_alternative<Initialize>(link.wait(10s).message));
             mischief(link, other, welcome.address);
@@ -382,7 +382,7 @@ TEST(SharedMemory, IsUsedWhereBothSidesHaveIt)
         router.host("a", a);
         auto serve_b = std::async(std::launch::async, [&]() -> std::string {
             try {
-                DelegateConfig own;
+                MemberConfig own;
                 own.simulation = "test";
                 own.node = "b";
                 own.address = router.address();

@@ -150,15 +150,6 @@ std::string Link::bind(const std::string &address)
     return socket_.get(zmq::sockopt::last_endpoint);
 }
 
-void Link::connect(const std::string &address)
-{
-    try {
-        socket_.connect(address);
-    } catch (const zmq::error_t &error) {
-        throw LinkError("cannot connect to " + address + ": " + error.what());
-    }
-}
-
 void Link::send(const Frame &frame, bool urgent)
 {
     encode(frame, bytes_, native_order(), shared_ ? Sum::zero : Sum::crc);
