@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cosim/node/delegate.h"
 
-#include "cosim/transport/greeting.h"
 #include "cosim/transport/shared_channel.h"
 
 namespace fledge::cosim {
@@ -50,40 +49,19 @@ Message answer(Node &node, const Message &request)
     return std::visit(Answer{node}, request);
 }
 
-Delegate::Delegate(zmq::context_t &context, DelegateConfig config) : context_(context), config_(std::move(config))
-{
-    ask_environment(config_.simulation, config_.node, config_.address);
-    hello_ = {protocol_version, protocol_version, config_.simulation, config_.node};
-    if (const std::string place = place_of_keys(config_.keys); !place.empty()) {
-        keys_ = read_client_keys(place, config_.node);
-    }
-}
-
-/// Returns the address of the node's own socket.
-Welcome Delegate::greet()
-{
-    Frame frame = cosim::greet(context_, config_.address, keys_, hello_, config_.connect_timeout, config_.limits);
-    auto *welcome = std::get_if<Welcome>(&frame.message);
-    if (!welcome) {
-        throw ProtocolError(std::string("the controller answers a Hello with ") + kind_name(frame.message));
-    }
-    welcome->address = reachable(welcome->address, config_.address);
-    return std::move(*welcome);
-}
-
 /// The memory that the controller offers, if both are on one machine.
 std::unique_ptr<SharedChannel> Delegate::shared_with(const Welcome &welcome) const
 {
-    if (config_.sharing == Sharing::forbidden) {
+    if (member_.config.sharing == Sharing::forbidden) {
         return nullptr;
     }
     try {
         if (welcome.shared.empty()) {
             throw LinkError("the controller shares no memory");
         }
-        return std::make_unique<SharedChannel>(welcome.shared, welcome.nonce, config_.limits);
+        return std::make_unique<SharedChannel>(welcome.shared, welcome.nonce, member_.config.limits);
     } catch (const LinkError &) {
-        if (config_.sharing == Sharing::required) {
+        if (member_.config.sharing == Sharing::required) {
             throw;
         }
         return nullptr;
@@ -100,19 +78,17 @@ static bool is_whole(const Message &request, const Message &reply)
 
 std::string Delegate::serve(Node &node)
 {
-    const Welcome welcome = greet();
+    const auto welcome = member_.greet<Welcome>();
     auto shared = shared_with(welcome);
-    Link link(context_, config_.limits);
-    if (keys_) {
-        use_keys(link.socket(), *keys_);
-    }
-    link.connect(welcome.address);
-    hello_.shared = shared != nullptr;
-    link.send({1, hello_});
+    Link link(member_.context, member_.config.limits);
+    member_.connect(link.socket(), "", member_.reachable(welcome.address));
+    Hello hello = member_.hello;
+    hello.shared = shared != nullptr;
+    link.send({1, hello});
     if (shared) {
         link.share(std::move(shared));
     }
-    for (auto connect_timeout = config_.connect_timeout;; connect_timeout = {}) {
+    for (auto connect_timeout = member_.config.connect_timeout;; connect_timeout = {}) {
         Frame request;
         try {
             request = link.wait(connect_timeout);

@@ -2,11 +2,9 @@
 // The node's side: a program implements Node, and a Delegate exchanges frames with the controller for it.
 #pragma once
 
-#include "cosim/security/keys.h"
-#include "cosim/transport/link.h"
+#include "cosim/transport/greeting.h"
 
-#include <chrono>
-#include <optional>
+#include <memory>
 #include <string>
 
 namespace fledge::cosim {
@@ -39,20 +37,11 @@ public:
 /// The node's reply to a request. Throws what the node throws, and ProtocolError if the message is no request.
 Message answer(Node &node, const Message &request);
 
-/// Empty strings are taken from FLEDGE_SIMULATION, FLEDGE_NODE, FLEDGE_ADDRESS and FLEDGE_KEYS.
-struct DelegateConfig {
-    std::string simulation = {}, node = {};
-    std::string address = {};                          ///< of the controller
-    std::chrono::milliseconds connect_timeout{60'000}; ///< for the controller to be there
-    Limits limits = {};
-    std::string keys = {};              ///< a folder or file (keys.h)
-    Sharing sharing = Sharing::allowed; ///< of memory, with a controller on this machine
-};
-
+/// Exchanges frames with the controller for a node.
 class Delegate {
 public:
     /// Throws KeyError, and LinkError if neither the configuration nor the environment has an address.
-    Delegate(zmq::context_t &context, DelegateConfig config);
+    Delegate(zmq::context_t &context, MemberConfig config) : member_(context, std::move(config), Role::node) {}
 
     /// Take part in a run, from the greeting to the end. Returns the reason of the end, "" for the regular end.
     /// Throws LinkError if the controller refuses the node, does not answer, or is lost. Rethrows what the node
@@ -60,13 +49,9 @@ public:
     std::string serve(Node &node);
 
 private:
-    Welcome greet();
     std::unique_ptr<SharedChannel> shared_with(const Welcome &welcome) const;
 
-    zmq::context_t &context_;
-    DelegateConfig config_;
-    std::optional<ClientKeys> keys_;
-    Hello hello_;
+    Member member_;
 };
 
 } // namespace fledge::cosim

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cosim/node/observer.h"
 
+#include <algorithm>
+
 namespace fledge::cosim {
 
 namespace {
@@ -9,70 +11,30 @@ using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
 constexpr auto gone_after = 2s; ///< libzmq has so much time to connect again
-
-ObserverConfig completed(ObserverConfig config)
-{
-    ask_environment(config.simulation, config.name, config.address);
-    return config;
-}
-
-std::optional<ClientKeys> keys_of(const ObserverConfig &config)
-{
-    const std::string place = place_of_keys(config.keys);
-    return place.empty() ? std::nullopt : std::optional(read_client_keys(place, config.name));
-}
-
-std::chrono::milliseconds until(Clock::time_point end)
-{
-    return std::max(0ms, std::chrono::ceil<std::chrono::milliseconds>(end - Clock::now()));
-}
+constexpr const char *broker = "the broker at ";
 
 } // namespace
 
-Observer::Observer(zmq::context_t &context, ObserverConfig config)
-    : context_(context), config_(completed(std::move(config))), keys_(keys_of(config_)),
-      seen_(context, zmq::socket_type::sub), handshake_(context, seen_, keys_.has_value()),
-      written_(context, zmq::socket_type::xpub)
+Observer::Observer(zmq::context_t &context, MemberConfig config)
+    : member_(context, std::move(config), Role::asynchronous), seen_(context, zmq::socket_type::sub),
+      handshake_(context, seen_, member_.keys.has_value()), written_(context, zmq::socket_type::xpub)
 {
     attach();
-    seen_.set(zmq::sockopt::rcvhwm, config_.waiting);
+    seen_.set(zmq::sockopt::rcvhwm, member_.config.waiting);
     seen_.set(zmq::sockopt::subscribe, "finish");
-    connect(seen_, backend_);
+    member_.connect(seen_, broker, backend_);
 }
 
-Observer::~Observer() = default;
-
+/// Ask the controller for the broker's addresses and all topics.
 void Observer::attach()
 {
-    Hello hello;
-    hello.simulation = config_.simulation;
-    hello.node = config_.name;
-    hello.role = Role::asynchronous;
-    Frame frame = greet(context_, config_.address, keys_, hello, config_.connect_timeout, config_.limits);
-    auto *attached = std::get_if<Attached>(&frame.message);
-    if (!attached) {
-        throw ProtocolError(std::string("the controller answers an asynchronous program with ") +
-                            kind_name(frame.message));
-    }
-    frontend_ = reachable(attached->frontend, config_.address);
-    backend_ = reachable(attached->backend, config_.address);
+    auto attached = member_.greet<Attached>();
+    frontend_ = member_.reachable(attached.frontend);
+    backend_ = member_.reachable(attached.backend);
     const std::lock_guard lock(mutex_);
-    for (Channel &channel : attached->channels) {
+    for (Channel &channel : attached.channels) {
         outputs_[channel.topic].first = channel.schema.size;
         topics_[channel.topic] = std::move(channel.schema);
-    }
-}
-
-void Observer::connect(zmq::socket_t &socket, const std::string &address)
-{
-    set_up(socket, config_.limits);
-    if (keys_) {
-        use_keys(socket, *keys_);
-    }
-    try {
-        socket.connect(address);
-    } catch (const zmq::error_t &error) {
-        throw LinkError("cannot connect to the broker at " + address + ": " + error.what());
     }
 }
 
@@ -95,38 +57,26 @@ const Schema &Observer::schema(const std::string &topic)
 
 std::optional<Observed> Observer::next(std::chrono::milliseconds most)
 {
-    std::optional<Observed> observed;
-    zmq::pollitem_t items[] = {{seen_.handle(), 0, ZMQ_POLLIN, 0}, handshake_.events()};
+    zmq::message_t topic;
     for (const auto end = Clock::now() + most; !over_;) {
-        if (receive(observed)) {
-            if (observed) {
-                break;
+        const auto rest = std::chrono::ceil<std::chrono::milliseconds>(end - Clock::now());
+        if (handshake_.receive(topic, std::clamp(rest, 0ms, 100ms), broker + backend_, member_.config.node)) {
+            if (auto observed = read(std::move(topic))) {
+                return observed;
             }
-            continue;
-        }
-        if (!handshake_.failure().empty()) {
-            throw LinkError("the broker at " + backend_ + " does not let " + config_.name +
-                            " in: " + handshake_.failure());
-        }
-        if (handshake_.gone_for(gone_after)) {
+        } else if (handshake_.gone_for(gone_after)) {
             throw LinkError("the controller is gone");
-        }
-        const auto rest = until(end);
-        if (!rest.count()) {
+        } else if (rest <= 0ms) {
             break;
         }
-        poll(items, std::min(rest, std::chrono::milliseconds(100)));
     }
-    return observed;
+    return {};
 }
 
-/// False if nothing has come. A repeated message, or the end, leaves `observed` empty.
-bool Observer::receive(std::optional<Observed> &observed)
+/// Read the message that begins with this part. Nothing for the end, and for a message that came before.
+std::optional<Observed> Observer::read(zmq::message_t topic)
 {
-    zmq::message_t topic, bytes;
-    if (!seen_.recv(topic, zmq::recv_flags::dontwait)) {
-        return false;
-    }
+    zmq::message_t bytes;
     bool more = topic.more();
     for (int parts = 1; more; parts++) {
         if (parts > 1 || !seen_.recv(bytes, zmq::recv_flags::dontwait)) {
@@ -134,12 +84,12 @@ bool Observer::receive(std::optional<Observed> &observed)
         }
         more = bytes.more();
     }
-    Frame frame = decode({bytes.data<std::byte>(), bytes.size()}, config_.limits);
+    Frame frame = decode({bytes.data<std::byte>(), bytes.size()}, member_.config.limits);
     if (auto *finish = std::get_if<Finish>(&frame.message)) {
         over_ = true;
         seen_.set(zmq::sockopt::unsubscribe, "finish"); // which confirms it
         reason_ = std::move(finish->reason);
-        return true;
+        return {};
     }
     auto *published = std::get_if<Published>(&frame.message);
     if (!published) {
@@ -149,7 +99,7 @@ bool Observer::receive(std::optional<Observed> &observed)
     const auto [at, first] = positions_.try_emplace(topic.to_string());
     Position &position = at->second;
     if (!first && position.count == record.count && position.t == record.t) {
-        return true; // it came again for a new subscriber
+        return {}; // the broker sent it again, for a new subscriber
     }
     // A count that is not greater: counts began at 1 again.
     const bool goes_on = !first && record.count > position.count;
@@ -158,30 +108,18 @@ bool Observer::receive(std::optional<Observed> &observed)
                                                           : 0;
     missed_ += missed;
     position = {record.count, record.t};
-    observed =
-        Observed{at->first, std::move(published->node), record.t, record.count, missed, std::move(record.payload)};
-    return true;
+    return Observed{at->first, std::move(published->node), record.t, record.count, missed, std::move(record.payload)};
 }
 
 /// Wait until the broker listens: libzmq drops messages before.
 void Observer::prepare_writing()
 {
-    Handshake handshake(context_, written_, keys_.has_value());
+    Handshake handshake(member_.context, written_, member_.keys.has_value());
     written_.set(zmq::sockopt::xpub_nodrop, true);
-    connect(written_, frontend_);
-    zmq::pollitem_t items[] = {{written_.handle(), 0, ZMQ_POLLIN, 0}, handshake.events()};
+    member_.connect(written_, broker, frontend_);
     zmq::message_t subscription;
-    for (const auto end = Clock::now() + config_.connect_timeout;
-         !written_.recv(subscription, zmq::recv_flags::dontwait);) {
-        if (!handshake.failure().empty()) {
-            throw LinkError("the broker at " + frontend_ + " does not let " + config_.name +
-                            " in: " + handshake.failure());
-        }
-        const auto rest = until(end);
-        if (!rest.count()) {
-            throw LinkError("no broker listens at " + frontend_);
-        }
-        poll(items, rest);
+    if (!handshake.receive(subscription, member_.config.connect_timeout, broker + frontend_, member_.config.node)) {
+        throw LinkError("no broker listens at " + frontend_);
     }
     writing_ = true;
 }
@@ -202,16 +140,16 @@ void Observer::write(const std::string &topic, const Payload &payload)
         prepare_writing();
     }
     Frame published{0, Published{}};
-    std::get<Published>(published.message).node = config_.name;
+    std::get<Published>(published.message).node = member_.config.node;
     std::get<Published>(published.message).record.count = count + 1;
     std::get<Published>(published.message).record.payload = payload;
     const Bytes frame = encode(published);
     zmq::pollitem_t item{written_.handle(), 0, ZMQ_POLLOUT, 0};
-    for (const auto end = Clock::now() + config_.connect_timeout;
+    for (const auto end = Clock::now() + member_.config.connect_timeout;
          !written_.send(zmq::buffer(topic), zmq::send_flags::sndmore | zmq::send_flags::dontwait);) {
-        const auto rest = until(end);
-        if (!rest.count()) {
-            throw LinkError("the broker at " + frontend_ + " takes no more");
+        const auto rest = std::chrono::ceil<std::chrono::milliseconds>(end - Clock::now());
+        if (rest <= 0ms) {
+            throw LinkError(broker + frontend_ + " takes no more");
         }
         poll({&item, 1}, rest);
     }

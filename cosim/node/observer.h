@@ -3,7 +3,7 @@
 // may write the topics that the controller's configuration assigns to it. The run never waits for it: it misses the
 // messages that it does not take in time, and gets their number.
 //
-//     Observer observer(context, {"nadir_spin", "viewer"});
+//     Observer observer(context, {.simulation = "nadir_spin", .node = "viewer"});
 //     observer.subscribe("/world/");
 //     while (auto seen = observer.next(1s)) { ... }
 //
@@ -21,16 +21,6 @@
 
 namespace fledge::cosim {
 
-/// Empty strings are taken from FLEDGE_SIMULATION, FLEDGE_NODE, FLEDGE_ADDRESS and FLEDGE_KEYS.
-struct ObserverConfig {
-    std::string simulation = {}, name = {};
-    std::string address = {};                          ///< of the controller
-    std::chrono::milliseconds connect_timeout{60'000}; ///< for the controller to be there, and the nodes to have met
-    std::string keys = {};                             ///< a folder or file
-    Limits limits = {};
-    int waiting = 1000; ///< most messages in the queue
-};
-
 /// A message of some node, as it was written.
 struct Observed {
     std::string topic, node;
@@ -43,10 +33,7 @@ struct Observed {
 class Observer {
 public:
     /// Returns when the nodes have met. Throws LinkError, KeyError.
-    Observer(zmq::context_t &context, ObserverConfig config);
-    ~Observer();
-    Observer(const Observer &) = delete;
-    Observer &operator=(const Observer &) = delete;
+    Observer(zmq::context_t &context, MemberConfig config);
 
     /// Subscribe to all topics with this prefix. The last message of each comes at once.
     void subscribe(const std::string &prefix);
@@ -74,13 +61,10 @@ private:
     };
 
     void attach();
-    void connect(zmq::socket_t &socket, const std::string &address);
-    bool receive(std::optional<Observed> &observed);
+    std::optional<Observed> read(zmq::message_t topic);
     void prepare_writing();
 
-    zmq::context_t &context_;
-    ObserverConfig config_;
-    std::optional<ClientKeys> keys_;
+    Member member_;
     std::string frontend_, backend_;
     std::map<std::string, Schema> topics_;
     zmq::socket_t seen_;

@@ -38,10 +38,10 @@ struct StructNodeHooks {
 class StructNode final : private Node {
 public:
     /// The environment gives what the config leaves out. The node steps at offset + k period.
-    StructNode(DelegateConfig config, Rate steps) : config_(std::move(config)), rates_{steps} {}
+    StructNode(MemberConfig config, Rate steps) : config_(std::move(config)), rates_{steps} {}
 
-    DelegateConfig &config() { return config_; } ///< before run()
-    const DelegateConfig &config() const { return config_; }
+    MemberConfig &config() { return config_; } ///< before run()
+    const MemberConfig &config() const { return config_; }
     StructNodeHooks &hooks() { return hooks_; } ///< before run()
 
     /// Step at these instants, too.
@@ -135,7 +135,7 @@ private:
     std::vector<Memory *> memory();
     Ns instant_after(Ns t) const;
 
-    DelegateConfig config_;
+    MemberConfig config_;
     std::vector<Rate> rates_;
     StructNodeHooks hooks_;
     std::function<void(Ns)> step_;

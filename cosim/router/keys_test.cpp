@@ -182,17 +182,17 @@ TEST(Authenticator, ANodesOwnSocketIsForItsKeyOnly)
     const std::string own = std::get<Welcome>(decode({reply.data<std::byte>(), reply.size()}).message).address;
     Link wrong(context, {});
     use_keys(wrong.socket(), read_client_keys(keys.folder(), "b"));
-    wrong.connect(own);
+    wrong.socket().connect(own);
     EXPECT_THROW(wrong.wait(20s), LinkError);
     EXPECT_TRUE(guarded.reported("was not let in as a, for which its key b is not allowed"));
     Link bare(context, {});
-    bare.connect(own);
+    bare.socket().connect(own);
     bare.send({1, Hello{1, 1, "test", "a"}});
     EXPECT_THROW(bare.wait(500ms), LinkError);
     // Nor do they keep a out.
     Link link(context, {});
     use_keys(link.socket(), right);
-    link.connect(own);
+    link.socket().connect(own);
     link.send({1, Hello{1, 1, "test", "a"}});
     EXPECT_TRUE(std::holds_alternative<Initialize>(link.wait(20s).message));
 }

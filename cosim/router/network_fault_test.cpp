@@ -78,7 +78,7 @@ void play(const std::string &address, const std::string &name, Node &node, Ns t,
     const Frame reply = decode({message.data<std::byte>(), message.size()});
     ASSERT_TRUE(std::holds_alternative<Welcome>(reply.message)) << kind_name(reply.message);
     Link link(context, {});
-    link.connect(std::get<Welcome>(reply.message).address);
+    link.socket().connect(std::get<Welcome>(reply.message).address);
     link.send({1, Hello{1, 1, "test", name}});
     for (;;) {
         const Frame request = link.wait(10s);
@@ -263,7 +263,7 @@ TEST(Fault, ANodeThatWasGivenUpMayComeAgain)
         std::this_thread::sleep_for(1ms);
     }
     Link link(run.context, {});
-    link.connect(std::get<Welcome>(reply.message).address);
+    link.socket().connect(std::get<Welcome>(reply.message).address);
     link.send({1, Hello{1, 1, "test", "b"}});
     a.greeted.set_value();
     Saver again("/a/n", "/b/n", Latency::same_instant);

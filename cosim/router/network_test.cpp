@@ -179,7 +179,7 @@ TEST(Router, ANodeThatGoesOrHangsOrSendsGarbageEndsTheRunWithItsName)
             Rogue rogue(other, router.address(), hello_of("b"));
             const auto welcome = std::get<Welcome>(rogue.answer());
             Link link(other, {});
-            link.connect(welcome.address);
+            link.socket().connect(welcome.address);
             link.send({1, Hello{1, 1, "test", "b"}});
             EXPECT_TRUE(std::holds_alternative<Initialize>(link.wait(10s).message));
             mischief(link, other, welcome.address);
@@ -255,7 +255,7 @@ TEST(Delegate, WithoutItsControllerItEnds)
         greetings.send(zmq::buffer(encode({1, Welcome{own}})), zmq::send_flags::none);
         EXPECT_TRUE(std::holds_alternative<Hello>(link.wait(10s).message));
     }
-    EXPECT_EQ(serve_a.get(), "threw: the other side is gone");
+    EXPECT_EQ(serve_a.get(), "threw: the controller is gone");
 }
 
 /// A program of its own that does this, and is killed at the end of the test at the latest.
@@ -310,8 +310,8 @@ TEST(SharedMemory, AControllerThatIsKilledIsMissedByANodeThatSleeps)
         }
     } b("/a/n", "/b/n", Latency::same_instant);
     auto serve_b = std::async(std::launch::async, [&] { return serve(context, config.address, "b", b); });
-    EXPECT_EQ(serve(context, config.address, "a", a), "threw: the other side is gone");
-    EXPECT_EQ(serve_b.get(), "threw: the other side is gone");
+    EXPECT_EQ(serve(context, config.address, "a", a), "threw: the controller is gone");
+    EXPECT_EQ(serve_b.get(), "threw: the controller is gone");
 }
 
 TEST(SharedMemory, ANodeThatIsKilledIsMissed)
@@ -382,7 +382,7 @@ TEST(SharedMemory, IsUsedWhereBothSidesHaveIt)
         router.host("a", a);
         auto serve_b = std::async(std::launch::async, [&]() -> std::string {
             try {
-                DelegateConfig own;
+                MemberConfig own;
                 own.simulation = "test";
                 own.node = "b";
                 own.address = router.address();

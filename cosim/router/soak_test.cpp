@@ -149,7 +149,7 @@ TEST(Soak, ManyTicksAllArriveAndNobodyGrows)
                 }
                 Soaked node(self, 1 - self);
                 zmq::context_t context;
-                DelegateConfig config;
+                MemberConfig config;
                 config.simulation = "soak";
                 config.node = std::to_string(self);
                 config.address = address.data();

@@ -25,7 +25,7 @@ using namespace std::chrono_literals;
 struct Options {
     std::string tables, registers, loads;
     std::vector<std::string> command;
-    cosim::DelegateConfig delegate;
+    cosim::MemberConfig delegate;
     std::chrono::nanoseconds reply = 60s;
 };
 

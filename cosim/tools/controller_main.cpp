@@ -18,6 +18,8 @@ volatile std::sig_atomic_t asked_to_end = 0;
 struct Options {
     ControllerConfig controller;
     RouterConfig router;
+    std::vector<std::string> nodes, asynchronous;
+    double until = 0, join = 60, reply = 60; ///< [s]
     int status = -1;
     std::string record;
 };
@@ -27,14 +29,18 @@ std::vector<std::string> split(const std::string &text)
     return text.empty() ? std::vector<std::string>{} : CLI::detail::split(text, ',');
 }
 
-/// Throws CLI::ValidationError, with `what` before the reason.
-double seconds(const std::string &what, const std::string &text)
+/// What is wrong with a number; "" if nothing is.
+std::string check_number(const std::string &text)
 {
     double x = 0.0;
-    if (!CLI::detail::lexical_cast(text, x) || !(x >= 0.0 && x <= 1e9)) {
-        throw CLI::ValidationError(what, "expected a number from 0 to 1e+09, found " + text);
-    }
-    return x;
+    return CLI::detail::lexical_cast(text, x) && x >= 0.0 && x <= 1e9
+               ? ""
+               : "expected a number from 0 to 1e+09, found " + text;
+}
+
+std::chrono::milliseconds milliseconds(double seconds)
+{
+    return std::chrono::milliseconds(std::llround(seconds * 1e3));
 }
 
 /// NAME[:POLICY][,joins=SECONDS][,joins=any][,rejoins][,save=SECONDS][,reply=SECONDS]
@@ -58,7 +64,10 @@ void add_node(Options &o, const std::string &text)
         const std::string key = word->substr(0, equals);
         const auto time = [&] {
             const std::string value = equals == std::string::npos ? "" : word->substr(equals + 1);
-            return std::llround(seconds(option + ": " + key, value) * 1e9);
+            if (const std::string why = check_number(value); !why.empty()) {
+                throw CLI::ValidationError(option + ": " + key, why);
+            }
+            return std::llround(std::stod(value) * 1e9);
         };
         if (*word == "joins=any") {
             node.joins = Join::when_it_comes;
@@ -98,57 +107,34 @@ Options parse(int argc, char **argv)
     Options o;
     o.router.broker = true;
     o.router.address = "tcp://127.0.0.1:7000";
-    std::vector<std::string> nodes;
     CLI::App app("Joins programs into one simulation, until it has reached its end.", "fledge_controller");
     app.footer("example: fledge_controller --simulation nadir_spin --until 9600 --node world --node flight\n"
                "\n"
                "Exits with 0 at the regular end, 1 at another, 2 on a mistake in the options.");
-    const auto time = [&](const char *name, auto set, const char *help) {
-        return app
-            .add_option_function<std::string>(
-                name, [name, set](const std::string &text) { set(seconds(name, text)); }, help)
-            ->type_name("SECONDS");
-    };
-    const auto to_ms = [](std::chrono::milliseconds &to) {
-        return [&to](double s) { to = std::chrono::milliseconds(std::llround(s * 1e3)); };
+    const auto number = [&](const char *name, double &to, const char *help) {
+        return app.add_option(name, to, help)->check(check_number)->type_name("SECONDS");
     };
     const auto text = [&](const char *name, std::string &to, const char *type, const char *help) {
         return app.add_option(name, to, help)->type_name(type);
     };
-    const auto texts = [&](const char *name, auto add, const char *type, const char *help) {
-        return app
-            .add_option_function<std::vector<std::string>>(
-                name,
-                [add](const std::vector<std::string> &all) {
-                    for (const std::string &one : all) {
-                        add(one);
-                    }
-                },
-                help)
-            ->allow_extra_args(false)
-            ->type_name(type);
+    const auto texts = [&](const char *name, std::vector<std::string> &to, const char *type, const char *help) {
+        return app.add_option(name, to, help)->allow_extra_args(false)->type_name(type);
     };
     text("--simulation", o.controller.simulation, "NAME", "of the run")->required();
-    time(
-        "--until", [&o](double s) { o.controller.end = std::llround(s * 1e9); }, "the end of the run")
-        ->required();
-    texts(
-        "--node", [&](const std::string &node) { nodes.push_back(node); }, "NAME[:POLICY]",
-        "a program that takes part; what to do when it is lost: abort (default),\n"
-        "pause (until it is back), hold (its last messages), drop (no messages),\n"
-        "restart (another program goes on from its snapshot).\n"
-        "More options behind commas: joins=SECONDS (it takes part after that time;\n"
-        "joins=any: when it comes), rejoins (it may come again), save=SECONDS (from\n"
-        "one snapshot to the next), reply=SECONDS")
+    number("--until", o.until, "the end of the run")->required();
+    texts("--node", o.nodes, "NAME[:POLICY]",
+          "a program that takes part; what to do when it is lost: abort (default),\n"
+          "pause (until it is back), hold (its last messages), drop (no messages),\n"
+          "restart (another program goes on from its snapshot).\n"
+          "More options behind commas: joins=SECONDS (it takes part after that time;\n"
+          "joins=any: when it comes), rejoins (it may come again), save=SECONDS (from\n"
+          "one snapshot to the next), reply=SECONDS")
         ->required();
     text("--address", o.router.address, "ADDRESS", "where programs greet: tcp://127.0.0.1:7000 (default), ipc://@NAME");
-    texts(
-        "--asynchronous", [&o](const std::string &program) { add_asynchronous(o, program); }, "NAME[:TOPIC,TOPIC...]",
-        "a program that does not step (a ground system) and writes these topics, if nodes\n"
-        "read them; without topics, all that begin with /NAME/");
-    texts(
-        "--watch", [&o](const std::string &topic) { o.controller.watched.push_back(topic); }, "TOPIC",
-        "write this topic for observers, even if no node reads it");
+    texts("--asynchronous", o.asynchronous, "NAME[:TOPIC,TOPIC...]",
+          "a program that does not step (a ground system) and writes these topics, if nodes\n"
+          "read them; without topics, all that begin with /NAME/");
+    texts("--watch", o.controller.watched, "TOPIC", "write this topic for observers, even if no node reads it");
     text("--frontend", o.router.frontend, "ADDRESS", "where asynchronous programs publish; default: a free port");
     text("--backend", o.router.backend, "ADDRESS", "where observers subscribe; default: a free port");
     app.add_flag_callback(
@@ -160,11 +146,9 @@ Options parse(int argc, char **argv)
                  "no keys where other machines can reach the address: they read all, and\n"
                  "may take any part");
     app.add_option("--seed", o.controller.seed, "of the run's random streams; default 0")->type_name("N");
-    time(
-        "--pace", [&o](double x) { o.router.pace = x; }, "simulated seconds per second; default 0: as fast as possible")
-        ->type_name("X");
-    time("--join", to_ms(o.router.join), "for all programs to be there; default 60");
-    time("--reply", to_ms(o.router.reply), "for a program to answer, its computing included; 0: for ever; default 60");
+    number("--pace", o.router.pace, "simulated seconds per second; default 0: as fast as possible")->type_name("X");
+    number("--join", o.join, "for all programs to be there; default 60");
+    number("--reply", o.reply, "for a program to answer, its computing included; 0: for ever; default 60");
     app.add_option_function<std::string>(
            "--shared-memory", [&o](const std::string &word) { o.router.sharing = *meant_by(sharing_words, word); },
            "with programs on this machine: allowed (default), forbidden, required")
@@ -176,8 +160,14 @@ Options parse(int argc, char **argv)
         ->type_name("FD");
     try {
         app.parse(argc, argv);
-        for (const std::string &node : nodes) { // last: --reply may come after
+        o.controller.end = std::llround(o.until * 1e9);
+        o.router.join = milliseconds(o.join);
+        o.router.reply = milliseconds(o.reply);
+        for (const std::string &node : o.nodes) {
             add_node(o, node);
+        }
+        for (const std::string &program : o.asynchronous) {
+            add_asynchronous(o, program);
         }
     } catch (const CLI::CallForHelp &help) {
         std::exit(app.exit(help));

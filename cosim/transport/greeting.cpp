@@ -19,60 +19,65 @@ void fill_in(std::string &text, const char *what, const char *variable)
 
 } // namespace
 
-void ask_environment(std::string &simulation, std::string &node, std::string &address)
+void ask_environment(MemberConfig &config)
 {
-    fill_in(simulation, "simulation", "FLEDGE_SIMULATION");
-    fill_in(node, "name", "FLEDGE_NODE");
-    fill_in(address, "address", "FLEDGE_ADDRESS");
+    fill_in(config.simulation, "simulation", "FLEDGE_SIMULATION");
+    fill_in(config.node, "name", "FLEDGE_NODE");
+    fill_in(config.address, "address", "FLEDGE_ADDRESS");
 }
 
-Frame greet(zmq::context_t &context, const std::string &address, const std::optional<ClientKeys> &keys,
-            const Hello &hello, std::chrono::milliseconds connect_timeout, const Limits &limits)
+Member::Member(zmq::context_t &its_context, MemberConfig its_config, Role role)
+    : context(its_context), config(std::move(its_config))
 {
-    using Clock = std::chrono::steady_clock;
-    zmq::socket_t greetings(context, zmq::socket_type::dealer);
-    set_up(greetings, limits);
-    greetings.set(zmq::sockopt::linger, 0);
-    if (keys) {
-        use_keys(greetings, *keys);
+    ask_environment(config);
+    hello.simulation = config.simulation;
+    hello.node = config.node;
+    hello.role = role;
+    if (const std::string place = place_of_keys(config.keys); !place.empty()) {
+        keys = read_client_keys(place, config.node);
     }
-    Handshake handshake(context, greetings, keys.has_value());
+}
+
+void Member::connect(zmq::socket_t &socket, const char *peer, const std::string &address) const
+{
+    set_up(socket, config.limits);
+    if (keys) {
+        use_keys(socket, *keys);
+    }
     try {
-        greetings.connect(address);
+        socket.connect(address);
     } catch (const zmq::error_t &error) {
-        throw LinkError("cannot connect to the controller at " + address + ": " + error.what() +
+        throw LinkError(std::string("cannot connect to ") + peer + address + ": " + error.what() +
                         "; expected tcp://HOST:PORT or ipc://@NAME");
     }
+}
+
+Frame Member::ask() const
+{
+    zmq::socket_t greetings(context, zmq::socket_type::dealer);
+    Handshake handshake(context, greetings, keys.has_value());
+    connect(greetings, "the controller at ", config.address);
+    greetings.set(zmq::sockopt::linger, 0);
     greetings.send(zmq::buffer(encode({1, hello})), zmq::send_flags::none);
     zmq::message_t reply;
-    zmq::pollitem_t items[] = {{greetings.handle(), 0, ZMQ_POLLIN, 0}, handshake.events()};
-    for (const auto end = Clock::now() + connect_timeout; !greetings.recv(reply, zmq::recv_flags::dontwait);) {
-        if (!handshake.failure().empty()) {
-            throw LinkError("the controller at " + address + " does not let " + hello.node +
-                            " in: " + handshake.failure());
-        }
-        const auto rest = std::chrono::ceil<std::chrono::milliseconds>(end - Clock::now());
-        if (rest.count() <= 0) {
-            throw LinkError(handshake.made() && hello.role == Role::asynchronous
-                                ? "the nodes have not met at " + address + " so far"
-                                : "no controller answers at " + address);
-        }
-        poll(items, rest);
+    if (!handshake.receive(reply, config.connect_timeout, "the controller at " + config.address, hello.node)) {
+        throw LinkError(handshake.made() && hello.role == Role::asynchronous
+                            ? "the nodes have not met at " + config.address + " so far"
+                            : "no controller answers at " + config.address);
     }
-    Frame frame = decode({reply.data<std::byte>(), reply.size()}, limits);
+    Frame frame = decode({reply.data<std::byte>(), reply.size()}, config.limits);
     if (const auto *refused = std::get_if<Refused>(&frame.message)) {
         throw LinkError("the controller refuses " + hello.node + ": " + refused->reason);
     }
     return frame;
 }
 
-std::string reachable(std::string address, const std::string &controller)
+std::string Member::reachable(const std::string &address) const
 {
     constexpr std::string_view anywhere = "tcp://0.0.0.0:";
-    if (address.starts_with(anywhere)) {
-        address = controller.substr(0, controller.rfind(':') + 1) + address.substr(anywhere.size());
-    }
-    return address;
+    return address.starts_with(anywhere)
+               ? config.address.substr(0, config.address.rfind(':') + 1) + address.substr(anywhere.size())
+               : address;
 }
 
 } // namespace fledge::cosim

@@ -13,15 +13,50 @@
 
 namespace fledge::cosim {
 
-/// Fill in what is empty from FLEDGE_SIMULATION, FLEDGE_NODE and FLEDGE_ADDRESS. Throws LinkError.
-void ask_environment(std::string &simulation, std::string &node, std::string &address);
+/// A program's name and how it connects. Empty strings are taken from FLEDGE_SIMULATION, FLEDGE_NODE,
+/// FLEDGE_ADDRESS and FLEDGE_KEYS.
+struct MemberConfig {
+    std::string simulation = {}, node = {};
+    std::string address = {};                          ///< of the controller
+    std::chrono::milliseconds connect_timeout{60'000}; ///< for its answer; to an observer it answers after matching
+    Limits limits = {};
+    std::string keys = {};              ///< a folder or file (keys.h)
+    Sharing sharing = Sharing::allowed; ///< nodes: of memory, with a controller on this machine
+    int waiting = 1000;                 ///< observers: most messages in the queue
+};
 
-/// The controller's answer. Throws ProtocolError, and LinkError if the controller refuses, does not accept the
-/// key, or does not answer in time.
-Frame greet(zmq::context_t &context, const std::string &address, const std::optional<ClientKeys> &keys,
-            const Hello &hello, std::chrono::milliseconds connect_timeout, const Limits &limits);
+/// Fill in simulation, node and address from the environment. Throws LinkError.
+void ask_environment(MemberConfig &config);
 
-/// A controller that listens at all addresses does not know its host name: take it from `controller`.
-std::string reachable(std::string address, const std::string &controller);
+/// A program that takes part in a simulation.
+struct Member {
+    /// Throws KeyError, and LinkError if neither the configuration nor the environment has an address.
+    Member(zmq::context_t &context, MemberConfig config, Role role);
+
+    /// The controller's answer. Throws ProtocolError, and LinkError if the controller refuses, does not accept the
+    /// key, or does not answer in time.
+    template <class Answer> Answer greet() const
+    {
+        Frame frame = ask();
+        if (auto *answer = std::get_if<Answer>(&frame.message)) {
+            return std::move(*answer);
+        }
+        throw ProtocolError(std::string("the controller answers a Hello with ") + kind_name(frame.message));
+    }
+
+    /// Connect with this program's keys and limits. `peer`: "the controller at ". Throws LinkError.
+    void connect(zmq::socket_t &socket, const char *peer, const std::string &address) const;
+
+    /// A controller that listens at all addresses does not know its host name: take it from the configuration.
+    std::string reachable(const std::string &address) const;
+
+    zmq::context_t &context;
+    MemberConfig config;
+    std::optional<ClientKeys> keys;
+    Hello hello;
+
+private:
+    Frame ask() const;
+};
 
 } // namespace fledge::cosim

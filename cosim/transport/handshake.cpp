@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cosim/transport/handshake.h"
 
-#include "cosim/transport/link_error.h"
+#include "cosim/transport/link.h"
 
 #include <atomic>
 #include <cstring>
@@ -40,7 +40,27 @@ Handshake::~Handshake()
     zmq_socket_monitor(socket_.handle(), nullptr, 0); // before its other end is closed
 }
 
-const std::string &Handshake::failure()
+bool Handshake::receive(zmq::message_t &message, std::chrono::milliseconds most, const std::string &where,
+                        const std::string &program)
+{
+    using Clock = std::chrono::steady_clock;
+    zmq::pollitem_t items[] = {{socket_.handle(), 0, ZMQ_POLLIN, 0}, {monitor_.handle(), 0, ZMQ_POLLIN, 0}};
+    for (const auto end = Clock::now() + most; !socket_.recv(message, zmq::recv_flags::dontwait);) {
+        read_events();
+        if (!failure_.empty()) {
+            throw LinkError(where + " does not let " + program + " in: " + failure_);
+        }
+        const auto rest = std::chrono::ceil<std::chrono::milliseconds>(end - Clock::now());
+        if (rest.count() <= 0) {
+            return false;
+        }
+        poll(items, rest);
+    }
+    return true;
+}
+
+/// Learns whether the connection is made, lost, or refused.
+void Handshake::read_events()
 {
     std::uint16_t kind = 0;
     for (std::uint32_t value = 0; failure_.empty() && next_event(monitor_, kind, value);) {
@@ -51,18 +71,15 @@ const std::string &Handshake::failure()
             if (std::exchange(made_, false)) {
                 lost_ = std::chrono::steady_clock::now();
             }
-        } else if (kind == ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL) {
-            // Once: a controller that was killed. Again and again: it cannot understand this program.
-            if (++broken_off_ >= most_broken_off) {
-                failure_ = keyed_ ? "what listens there breaks off when it sees these keys: controller.public here "
-                                    "is not that of this controller, or it uses no keys"
-                                  : "what listens there breaks off: it is no controller, or it asks for keys";
-            }
-        } else {
+        } else if (kind != ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL) {
             failure_ = refusal(kind, value, keyed_);
+        } else if (++broken_off_ >= most_broken_off) {
+            // A killed controller breaks off once; one that does not understand this program, at each attempt.
+            failure_ = keyed_ ? "what listens there breaks off when it sees these keys: controller.public here is "
+                                "not that of this controller, or it uses no keys"
+                              : "what listens there breaks off: it is no controller, or it asks for keys";
         }
     }
-    return failure_;
 }
 
 bool next_event(zmq::socket_t &monitor, std::uint16_t &kind, std::uint32_t &value)

@@ -18,10 +18,9 @@ public:
     Handshake(const Handshake &) = delete;
     Handshake &operator=(const Handshake &) = delete;
 
-    zmq::pollitem_t events() { return {monitor_.handle(), 0, ZMQ_POLLIN, 0}; }
-
-    /// Why the other side refuses; "" if it does not.
-    const std::string &failure();
+    /// Whether the socket gets a message in time. Throws LinkError if the other side, `where`, refuses this program.
+    bool receive(zmq::message_t &message, std::chrono::milliseconds most, const std::string &where,
+                 const std::string &program);
     /// Whether the connection is made.
     bool made() const { return made_; }
     /// Whether it was made, and has been lost for this time. libzmq tries to connect again.
@@ -31,6 +30,8 @@ public:
     }
 
 private:
+    void read_events();
+
     zmq::socket_t &socket_;
     zmq::socket_t monitor_;
     bool keyed_, made_ = false;

@@ -150,15 +150,6 @@ std::string Link::bind(const std::string &address)
     return socket_.get(zmq::sockopt::last_endpoint);
 }
 
-void Link::connect(const std::string &address)
-{
-    try {
-        socket_.connect(address);
-    } catch (const zmq::error_t &error) {
-        throw LinkError("cannot connect to " + address + ": " + error.what());
-    }
-}
-
 void Link::send(const Frame &frame, bool urgent)
 {
     encode(frame, bytes_, native_order(), shared_ ? Sum::zero : Sum::crc);
@@ -185,9 +176,11 @@ bool Link::receive(Frame &frame)
         return false;
     }
     if (message_.more()) {
+        int parts = 1;
         while (message_.more() && socket_.recv(message_, zmq::recv_flags::dontwait)) {
+            parts++;
         }
-        throw ProtocolError("a frame is one part, not several");
+        throw ProtocolError("a frame is one part, not " + std::to_string(parts));
     }
     frame = decode({message_.data<std::byte>(), message_.size()}, limits_);
     return true;
@@ -201,13 +194,13 @@ Frame Link::wait(std::chrono::milliseconds most)
     while (!receive(frame)) {
         const auto rest = limited ? std::chrono::ceil<std::chrono::milliseconds>(end - Clock::now()) : look;
         if (rest.count() <= 0) {
-            throw LinkError("nothing came within " + std::to_string(most.count()) + " ms");
+            throw LinkError("the controller let this program in, but asks nothing of it");
         }
         if (silent(limited || !watcher_ ? std::min(rest, look) : for_ever) && gone()) {
             if (receive(frame)) {
                 break;
             }
-            throw LinkError(refusal_.empty() ? "the other side is gone" : refusal_);
+            throw LinkError(refusal_.empty() ? "the controller is gone" : refusal_);
         }
     }
     return frame;

@@ -50,12 +50,11 @@ public:
     Link(const Link &) = delete;
     Link &operator=(const Link &) = delete;
 
-    /// For its keys, before bind() or connect().
+    /// A node connects it; a controller gives it keys before bind().
     zmq::socket_t &socket() { return socket_; }
 
     /// Returns the address with the chosen port. Throws LinkError.
     std::string bind(const std::string &address);
-    void connect(const std::string &address);
 
     /// From now on frames go through this memory. The socket only shows whether the other side is there.
     void share(std::unique_ptr<SharedChannel> channel);
@@ -68,7 +67,7 @@ public:
     /// long frame through shared memory.
     bool receive(Frame &frame);
 
-    /// Wait for a frame. Throws LinkError if the other side goes or none comes in time (0: any time).
+    /// A node: wait for a frame. Throws LinkError if the controller goes, or sends none in time (0: no limit).
     Frame wait(std::chrono::milliseconds most = std::chrono::milliseconds{0});
 
     /// Whether the other side was there and has gone. receive() still gives what it sent before.

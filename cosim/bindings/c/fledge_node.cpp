@@ -4,7 +4,6 @@
 
 #include "cosim/node/observer.h"
 #include "cosim/node/struct_node.h"
-#include "cosim/transport/greeting.h"
 
 #include <cmath>
 #include <mutex>
@@ -13,14 +12,14 @@
 using namespace fledge::cosim;
 
 struct FledgeNode {
-    FledgeNode(DelegateConfig config, Rate steps) : node(std::move(config), steps) {}
+    FledgeNode(MemberConfig config, Rate steps) : node(std::move(config), steps) {}
 
     StructNode node;
     Bytes saved;
 };
 
 struct FledgeObserver {
-    explicit FledgeObserver(ObserverConfig config) : observer(context, std::move(config)) {}
+    explicit FledgeObserver(MemberConfig config) : observer(context, std::move(config)) {}
 
     zmq::context_t context;
     Observer observer;
@@ -123,11 +122,11 @@ FledgeNode *fledge_node_create(const char *simulation, const char *node, const c
 {
     return attempt(
         [&] {
-            DelegateConfig config;
+            MemberConfig config;
             config.simulation = text(simulation);
             config.node = text(node);
             config.address = text(address);
-            ask_environment(config.simulation, config.node, config.address);
+            ask_environment(config);
             const Rate steps = rate(config.node, every, offset);
             return new FledgeNode(std::move(config), steps);
         },
@@ -278,9 +277,9 @@ FledgeObserver *fledge_observer_create(const char *simulation, const char *name,
 {
     return attempt(
         [&] {
-            ObserverConfig config;
+            MemberConfig config;
             config.simulation = text(simulation);
-            config.name = text(name);
+            config.node = text(name);
             config.address = text(address);
             config.keys = text(keys);
             config.connect_timeout = milliseconds(timeout);

@@ -94,7 +94,7 @@ inline std::string serve(zmq::context_t &context, const std::string &address, co
                          std::chrono::milliseconds connect_timeout = std::chrono::seconds(20))
 {
     try {
-        DelegateConfig config;
+        MemberConfig config;
         config.simulation = "test";
         config.node = name;
         config.address = address;

@@ -100,7 +100,7 @@ std::string serve(ProcessNode &node, const std::string &simulation, const std::s
     auto reason = promise.get_future();
     std::thread delegate([&] {
         try {
-            cosim::DelegateConfig config;
+            cosim::MemberConfig config;
             config.simulation = simulation;
             config.node = name;
             config.address = address;
