@@ -36,8 +36,8 @@ Instance::Instance(const FledgeStruct &type)
 }
 
 Instance::Instance(const ModelType &type)
-    : path(type.face->name), given(type.face->n, false), type_(type.face), model_type_(&type),
-      memory_(allocate(type.face->size)), model_(type.create(memory_.get()))
+    : path(type.interface->name), given(type.interface->n, false), type_(type.interface), model_type_(&type),
+      memory_(allocate(type.interface->size)), model_(type.create(memory_.get()))
 {
 }
 

@@ -69,8 +69,8 @@ public:
 
 /// How models come into being: a table of these per library.
 struct ModelType {
-    const FledgeStruct *face;
-    std::unique_ptr<Model> (*create)(void *face);
+    const FledgeStruct *interface;
+    std::unique_ptr<Model> (*create)(void *interface);
 };
 
 } // namespace fledge::sim

@@ -20,9 +20,9 @@ struct ModelLibrary {
 };
 
 /// How a model comes into being: its class is constructed from its interface.
-template <class Behaviour, class Face> std::unique_ptr<Model> make_model(void *face)
+template <class Behaviour, class Interface> std::unique_ptr<Model> make_model(void *interface)
 {
-    return std::make_unique<Behaviour>(*static_cast<Face *>(face));
+    return std::make_unique<Behaviour>(*static_cast<Interface *>(interface));
 }
 
 } // namespace fledge::sim

@@ -36,8 +36,8 @@ TEST(World, UpdatesDoNotAllocate)
         body.mu = 4.2828314e13;
         body.radius = 3.4e6;
         body.J[0] = 2e-3;
-        CelestialBody sun_face{};
-        CelestialBodyModel sun(sun_face);
+        CelestialBody sun_interface{};
+        CelestialBodyModel sun(sun_interface);
         if (in_sky) {
             HarmonicField field = HarmonicField::zero(body.mu, body.radius, 8);
             field.C[HarmonicField::index(2, 2)] = 1e-4;
@@ -46,7 +46,7 @@ TEST(World, UpdatesDoNotAllocate)
             body.field = std::make_shared<const Harmonics>(field);
             GravityBody far;
             far.name = "SUN";
-            far.naif = sun_face.par.id = TwoCircles::sun;
+            far.naif = sun_interface.par.id = TwoCircles::sun;
             far.mu = TwoCircles::mu_sun;
             f.craft.add_gravity(far);
             const auto sky = TwoCircles::sky(TwoCircles::jupiter, 2.0 - 50.0 / TwoCircles::day);
@@ -61,9 +61,9 @@ TEST(World, UpdatesDoNotAllocate)
             f.command(i, 0.1);
         }
         f.push().force_B = vec3(1, 2, 3);
-        Navigation nav_face{};
-        nav_face.par.attitude_noise = vec3(0.01, 0.01, 0.01);
-        NavigationModel nav(nav_face);
+        Navigation nav_interface{};
+        nav_interface.par.attitude_noise = vec3(0.01, 0.01, 0.01);
+        NavigationModel nav(nav_interface);
         nav.prepare({"world.nav", 1, f.method.get()});
         nav.reset(0);
 
@@ -73,7 +73,7 @@ TEST(World, UpdatesDoNotAllocate)
             if (in_sky) {
                 sun.update({f.t, 100 * ms});
             }
-            nav_face.in.truth = f.state();
+            nav_interface.in.truth = f.state();
             nav.update({f.t, 100 * ms});
         }
         EXPECT_EQ(allocations.count(), 0);

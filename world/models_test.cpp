@@ -28,16 +28,16 @@ constexpr Ns ms = 1'000'000, second = 1000 * ms;
 const sim::ModelType &type_of(const std::string &name)
 {
     for (const sim::ModelType &type : models()) {
-        if (type.face->name == name) {
+        if (type.interface->name == name) {
             return type;
         }
     }
     throw sim::SetupError("there is no model " + name);
 }
 
-template <typename Face> Face &face_of(const std::shared_ptr<sim::Instance> &instance)
+template <typename Interface> Interface &interface_of(const std::shared_ptr<sim::Instance> &instance)
 {
-    return *reinterpret_cast<Face *>(instance->memory());
+    return *reinterpret_cast<Interface *>(instance->memory());
 }
 
 /// A spacecraft with a wheel and a noisy navigation, in a world of its own.
@@ -56,18 +56,18 @@ struct World {
         wheels = add(world, "wheels", "ReactionWheels");
         nav = add(world, "nav", "Navigation");
 
-        auto &body = face_of<Spacecraft>(craft).par;
+        auto &body = interface_of<Spacecraft>(craft).par;
         body.I_B = mat_rows(vec3(50, 0, 0), vec3(0, 60, 0), vec3(0, 0, 80));
         body.r_BN_N = vec3(7e6, 0, 0);
         body.v_BN_N = vec3(0, 2400, 300);
         body.omega_BN_B = vec3(0.1, -0.2, 0.05);
-        auto &wheel = face_of<ReactionWheels>(wheels).par;
+        auto &wheel = interface_of<ReactionWheels>(wheels).par;
         wheel.n = 1;
         wheel.axes_B[0] = vec3(1, 1, 0);
         wheel.J[0] = 0.1;
         wheel.Omega[0] = 40.0;
         wheel.friction[0] = 0.01;
-        face_of<Navigation>(nav).par.attitude_noise = vec3(1e-3, 1e-3, 1e-3);
+        interface_of<Navigation>(nav).par.attitude_noise = vec3(1e-3, 1e-3, 1e-3);
 
         auto &model = dynamic_cast<SpacecraftModel &>(*craft->model());
         model.attach(dynamic_cast<Effector &>(*wheels->model()));
@@ -102,7 +102,7 @@ struct World {
         model.add_gravity(far);
         model.set_sky(sky);
         sun = add(world, "sun", "CelestialBody");
-        face_of<CelestialBody>(sun).par.id = TwoCircles::sun;
+        interface_of<CelestialBody>(sun).par.id = TwoCircles::sun;
         dynamic_cast<CelestialBodyModel &>(*sun->model()).set_sky(sky);
         return sun;
     }
@@ -120,18 +120,18 @@ struct World {
         return instance;
     }
 
-    Navigation &navigation() { return face_of<Navigation>(nav); }
+    Navigation &navigation() { return interface_of<Navigation>(nav); }
 };
 
 TEST(Models, FlyUnderTheKernel)
 {
     World w(1, false);
     w.sim.run_until(10 * second);
-    const CraftState &state = face_of<Spacecraft>(w.craft).out.state;
+    const CraftState &state = interface_of<Spacecraft>(w.craft).out.state;
     EXPECT_EQ(state.head.t, 10 * second);
     EXPECT_EQ(w.navigation().out.attitude.head.t, 10 * second);
     EXPECT_EQ(w.navigation().out.attitude.head.quality, QUALITY_GOOD);
-    EXPECT_LT(face_of<ReactionWheels>(w.wheels).out.speeds.Omega[0], 40.0); // friction
+    EXPECT_LT(interface_of<ReactionWheels>(w.wheels).out.speeds.Omega[0], 40.0); // friction
     EXPECT_NEAR(state.r_BN_N.v[1], 24000.0, 20.0);
 }
 
@@ -208,7 +208,7 @@ TEST(Models, ANewInertiaTakesEffectAtOnceAndTheStateStays)
 {
     World w(1, false);
     w.sim.run_until(second);
-    auto &craft = face_of<Spacecraft>(w.craft);
+    auto &craft = interface_of<Spacecraft>(w.craft);
     const Vec3 omega = craft.out.state.omega_BN_B;
     craft.par.I_B = mat_rows(vec3(100, 0, 0), vec3(0, 120, 0), vec3(0, 0, 160)); // twice
     w.sim.step();
@@ -217,7 +217,7 @@ TEST(Models, ANewInertiaTakesEffectAtOnceAndTheStateStays)
 
     // Against a simulation that began with it, from the same state.
     World fresh(1, false);
-    auto &other = face_of<Spacecraft>(fresh.craft);
+    auto &other = interface_of<Spacecraft>(fresh.craft);
     other.par.I_B = craft.par.I_B;
     fresh.sim.reset();
     w.sim.step();

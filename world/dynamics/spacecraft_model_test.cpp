@@ -511,8 +511,8 @@ TEST(Spacecraft, SetUpIsChecked)
     f.craft.attach(f.wheels);
     EXPECT_EQ(message_of([&] { f.craft.attach(f.wheels); }), "spacecraft: the same part is attached twice");
     f.craft.prepare({"world.craft", 1, f.method.get()});
-    Spacecraft other_face{};
-    SpacecraftModel other(other_face);
+    Spacecraft other_interface{};
+    SpacecraftModel other(other_interface);
     other.attach(f.wheels);
     EXPECT_EQ(message_of([&] {
                   other.prepare({"world.other", 1, f.method.get()});

@@ -46,7 +46,7 @@ using Models = std::span<const sim::ModelType>;
 const sim::ModelType *model_of(const FledgeStruct &table, Models models)
 {
     for (const sim::ModelType &model : models) {
-        if (model.face == &table) {
+        if (model.interface == &table) {
             return &model;
         }
     }
