@@ -16,7 +16,7 @@ from introspect.reader import read
 from introspect.sources import Source
 
 _HELP = """\
-Read C headers of modules, models and messages, and write what is made from them.
+Read C headers of modules, models and messages, and write the files that the emitters make from them.
 
 example:
   python3 -m introspect --library flight --modules flight --library world --models world --out build
