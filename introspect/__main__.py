@@ -10,12 +10,13 @@ from pathlib import Path
 
 from introspect.emit import EMITTERS
 from introspect.errors import HeaderError
+from introspect.files import write_if_changed
 from introspect.model import Kind, Model
 from introspect.reader import read
 from introspect.sources import Source
 
 _HELP = """\
-Read C headers of modules, models and messages, and write what is made from them.
+Read C headers of modules, models and messages, and write the files that the emitters make from them.
 
 example:
   python3 -m introspect --library flight --modules flight --library world --models world --out build
@@ -79,18 +80,6 @@ def _sources(ordered: list[tuple[str, str]]) -> list[Source]:
     return sources
 
 
-def _write(path: Path, text: str) -> bool:
-    """Whether the file's text was another one, or there was none. Readers never see half a file."""
-    data = text.encode()
-    if path.is_file() and path.read_bytes() == data:
-        return False
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(path.name + ".part")
-    part.write_bytes(data)
-    part.replace(path)
-    return True
-
-
 def _depfile(target: Path, model: Model) -> str:
     """Headers, folders (whose time changes when a header comes or goes), and this program."""
     here = Path(__file__).parent
@@ -118,12 +107,12 @@ def main(arguments: list[str] | None = None) -> int:
             for emitter in options.emit or ["tables", "layout"]:
                 files |= EMITTERS[emitter](model.library(name))
         for name, text in files.items():
-            if _write(options.out / name, text):
+            if write_if_changed(options.out / name, text):
                 print(f"wrote {options.out / name}")
             elif options.verbose:
                 print(f"unchanged {options.out / name}")
         if options.depfile:
-            _write(options.depfile, _depfile(options.out / next(iter(files)), model))
+            write_if_changed(options.depfile, _depfile(options.out / next(iter(files)), model))
     except (HeaderError, OSError, ValueError) as error:
         print(error, file=sys.stderr)
         return 1

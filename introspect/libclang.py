@@ -62,7 +62,7 @@ def _problem(diagnostic: cindex.Diagnostic, headers: Headers, target: str | None
 
 
 def file_of(cursor: Cursor) -> str:
-    """The absolute path of the header that declares it; empty for what is built in."""
+    """The absolute path of the header that declares it; empty for a built-in declaration."""
     file = cursor.location.file
     return os.path.abspath(file.name) if file and file.name != ALL else ""
 

@@ -13,6 +13,8 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+from introspect.files import fnv1a
+
 
 class Type(enum.Enum):
     """What a field, or each element of it, is."""
@@ -174,8 +176,8 @@ class Struct:
 
     @functools.cached_property
     def hash(self) -> int:
-        """64-bit FNV-1a over names, types, shapes, offsets and units, of nested structs too: equal
-        where bytes mean the same."""
+        """The 64-bit FNV-1a of names, types, shapes, offsets and units, also of nested structs: equal for structs whose
+        bytes have the same meaning."""
         text = [f"{self.name} {self.kind.value} {self.size}"]
         for f in self.fields:
             unit = f.unit.text if f.unit else ""
@@ -184,10 +186,7 @@ class Struct:
                 text.append(f"{f.struct.hash:016x}")
             if f.enum:
                 text.append(" ".join(f"{e.name}={e.value}" for e in f.enum.values))
-        value = 0xCBF29CE484222325
-        for byte in "\n".join(text).encode():
-            value = ((value ^ byte) * 0x100000001B3) % 2**64
-        return value
+        return fnv1a("\n".join(text))
 
     def uses(self) -> Iterator[Struct]:
         """The structs that its fields are, direct ones only, each once."""

@@ -144,7 +144,7 @@ class _Reader:
             self._refuse(cursor, Refusal("a struct has members", f"`{name}` has none",
                                          "leave it out"))
         if _is_interface(members):
-            kind, fields = source.kind if source else Kind.MODULE, self._face_fields(members)
+            kind, fields = source.kind if source else Kind.MODULE, self._interface_fields(members)
         else:
             kind, fields = Kind.PLAIN, self._fields(members, Group.NONE, 0)
             if fields and fields[0].ctype == "Head" and fields[0].name == "head":
@@ -174,7 +174,7 @@ class _Reader:
         typedef = self._typedefs.get(cursor.spelling)
         return bool(typedef) and typedef.type.get_canonical() == cursor.type.get_canonical()
 
-    def _face_fields(self, members: list[Cursor]) -> tuple[Field, ...]:
+    def _interface_fields(self, members: list[Cursor]) -> tuple[Field, ...]:
         fields: tuple[Field, ...] = ()
         for member in members:
             name, record = member.spelling, member.type.get_canonical()

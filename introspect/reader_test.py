@@ -63,7 +63,7 @@ def test_kinds_and_libraries_follow_from_headers_and_folders(model):
     assert "Vec3" not in kinds and "Mat3" not in kinds
 
 
-def test_a_face_has_groups_and_its_members_units_clauses_and_meanings(model):
+def test_a_interface_has_groups_and_its_members_units_clauses_and_meanings(model):
     feedback = model.structs["MrpFeedback"]
     assert feedback.doc.startswith("Track a moving attitude reference")
     assert feedback.snake_name == "mrp_feedback"

@@ -53,7 +53,7 @@ def check(struct: Struct, complete: bool = True) -> Iterator[Problem]:
 
 
 def names(struct: Struct) -> Iterator[Finding]:
-    """A name works in C, C++, Python, and, where it travels, in a ROS 2 schema and in C#. Faces do
+    """A name works in C, C++, Python, and, where it travels, in a ROS 2 schema and in C#. Interfaces do
     not travel: only messages and what they are made of reach C#."""
     languages = _KEYWORDS if struct.kind.is_interface else _MESSAGE_KEYWORDS
     if not re.fullmatch(r"[A-Z][A-Za-z0-9]*", struct.name):

@@ -52,7 +52,7 @@ def is_cpp(text: str) -> bool:
 
 
 class Headers:
-    """All C headers of some sources. Paths are absolute unless said otherwise."""
+    """All C headers of some sources. Paths are absolute except where noted."""
 
     def __init__(self, sources: Sequence[Source], include: Iterable[Path]):
         self.sources: dict[str, Source] = {}  # by header, in the order of paths

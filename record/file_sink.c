@@ -39,7 +39,7 @@ int file_sink_write(void *sink, const void *bytes, size_t n)
             p += done;
             n -= (size_t)done;
         } else if (done == 0) {
-            s->error = ENOSPC; /* a regular file that takes no byte and reports no error is full */
+            s->error = ENOSPC; /* write() took no byte and reported no error: the disk is full */
         } else if (errno != EINTR) {
             s->error = errno;
         }
@@ -52,8 +52,8 @@ int file_sink_close(FileSink *s, bool whole)
     if (s->fd < 0) {
         return s->error;
     }
-    /* A network file system may report only now that it is full. No fsync: after a power failure,
-     * the archive's own checksums show what is missing. */
+    /* A network file system may report only now that it is full. There is no fsync: after a power failure, the
+     * checksums in the archive show missing data. */
     if (close(s->fd) != 0 && s->error == 0) {
         s->error = errno;
     }

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/** A sink for mcap.h on POSIX: a file that has its name only when it is whole.
+/** A sink for mcap.h on POSIX: a file that gets its name only when it is complete.
  *
- *  Bytes go to NAME.part, which becomes NAME when it is closed as whole; what stood at NAME before
- *  is replaced in one step. After a failure, or a crash, NAME.part stays and can be read up to its
- *  last whole chunk. Kept apart from the writer: small targets have no files. */
+ *  The sink writes NAME.part, and renames it to NAME when the caller closes it as whole; this replaces an old file NAME in
+ *  one step. After a failure or a crash, NAME.part stays, and is readable up to its last whole chunk. The writer does not
+ *  include this header, because small targets have no files. */
 #ifndef RECORD_FILE_SINK_H
 #define RECORD_FILE_SINK_H
 
@@ -15,7 +15,7 @@ extern "C" {
 #endif
 
 #ifndef FILE_SINK_PATH_MAX
-#define FILE_SINK_PATH_MAX 4096 /* less where there is little memory */
+#define FILE_SINK_PATH_MAX 4096 /* smaller on small targets */
 #endif
 
 typedef struct FileSink {
@@ -24,13 +24,13 @@ typedef struct FileSink {
     char part[FILE_SINK_PATH_MAX]; ///< "NAME.part"
 } FileSink;
 
-/** Create NAME.part, or empty the one that an earlier failure left. Returns 0 or errno. */
+/** Create NAME.part, or truncate the one of an earlier failure. Returns 0 or errno. */
 int file_sink_open(FileSink *s, const char *name);
 
 /** McapConfig.write, with the FileSink as its user. Returns 0 or errno. */
 int file_sink_write(void *sink, const void *bytes, size_t n);
 
-/** Close; `whole` gives the file its name, unless something failed. Returns the first errno. */
+/** Close the file; with `whole`, and if no call has failed, rename it to NAME. Returns the first errno. */
 int file_sink_close(FileSink *s, bool whole);
 
 #ifdef __cplusplus

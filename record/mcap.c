@@ -30,7 +30,7 @@ static const uint8_t MAGIC[8] = {0x89, 'M', 'C', 'A', 'P', '0', '\r', '\n'};
 static const char SCHEMA_ENCODING[] = "ros2msg";
 static const char MESSAGE_ENCODING[] = "cdr";
 
-/* ---- bytes: all integers of the container are little-endian, whatever the machine is ---- */
+/* ---- bytes: all integers of the container are little-endian, on every machine ---- */
 
 static uint8_t *put_u16(uint8_t *p, uint16_t v)
 {
@@ -41,24 +41,12 @@ static uint8_t *put_u16(uint8_t *p, uint16_t v)
 
 static uint8_t *put_u32(uint8_t *p, uint32_t v)
 {
-    p[0] = (uint8_t)v;
-    p[1] = (uint8_t)(v >> 8);
-    p[2] = (uint8_t)(v >> 16);
-    p[3] = (uint8_t)(v >> 24);
-    return p + 4;
+    return put_u16(put_u16(p, (uint16_t)v), (uint16_t)(v >> 16));
 }
 
 static uint8_t *put_u64(uint8_t *p, uint64_t v)
 {
-    p[0] = (uint8_t)v;
-    p[1] = (uint8_t)(v >> 8);
-    p[2] = (uint8_t)(v >> 16);
-    p[3] = (uint8_t)(v >> 24);
-    p[4] = (uint8_t)(v >> 32);
-    p[5] = (uint8_t)(v >> 40);
-    p[6] = (uint8_t)(v >> 48);
-    p[7] = (uint8_t)(v >> 56);
-    return p + 8;
+    return put_u32(put_u32(p, (uint32_t)v), (uint32_t)(v >> 32));
 }
 
 static uint8_t *put_prefix(uint8_t *p, uint8_t op, uint64_t length)
@@ -104,7 +92,7 @@ static bool little_endian_machine(void)
 
 /* ---- output ---- */
 
-/* To the sink, already counted in the CRC. After a failure nothing more is written. */
+/* Pass bytes to the sink; the CRC includes them already. After a failure of the sink it gets no more bytes. */
 static void deliver(McapWriter *w, const void *bytes, size_t n)
 {
     if (w->status != MCAP_OK || n == 0u) {
@@ -131,13 +119,13 @@ static void send_stage(McapWriter *w)
     w->stage_used = 0;
 }
 
-/* Where the next byte put through the stage will stand in the file. */
+/* The position in the file of the next byte that passes through the stage. */
 static uint64_t tell(const McapWriter *w)
 {
     return w->position + w->stage_used;
 }
 
-/* Into the open chunk (whose room was checked), or by way of the stage to the sink. */
+/* Append bytes to the open chunk, in which make_room has made room, or through the stage to the sink. */
 static void put(McapWriter *w, const void *bytes, size_t n)
 {
     if (n == 0u) {
@@ -159,43 +147,30 @@ static void put(McapWriter *w, const void *bytes, size_t n)
     w->stage_used += n;
 }
 
-static void put16(McapWriter *w, uint16_t v)
-{
-    uint8_t b[2];
-    put_u16(b, v);
-    put(w, b, sizeof b);
-}
-
-static void put32(McapWriter *w, uint32_t v)
-{
-    uint8_t b[4];
-    put_u32(b, v);
-    put(w, b, sizeof b);
-}
-
-static void put64(McapWriter *w, uint64_t v)
+/* An integer of n bytes. */
+static void put_int(McapWriter *w, uint64_t v, size_t n)
 {
     uint8_t b[8];
     put_u64(b, v);
-    put(w, b, sizeof b);
+    put(w, b, n);
 }
 
 static void put_record(McapWriter *w, uint8_t op, uint64_t length)
 {
     put(w, &op, 1);
-    put64(w, length);
+    put_int(w, length, 8);
 }
 
 static void put_text(McapWriter *w, const char *s)
 {
     size_t n = strlen(s);
-    put32(w, (uint32_t)n);
+    put_int(w, n, 4);
     put(w, s, n);
 }
 
 static void put_pairs(McapWriter *w, const McapPair *pairs, size_t n)
 {
-    put32(w, (uint32_t)pairs_size(pairs, n));
+    put_int(w, pairs_size(pairs, n), 4);
     for (size_t i = 0; i < n; i++) {
         put_text(w, pairs[i].key);
         put_text(w, pairs[i].value);
@@ -209,8 +184,8 @@ static bool chunked(const McapWriter *w)
     return w->config.chunk_size > 0u;
 }
 
-/* Message k of the open chunk has its index entry, {log time u64, offset u32, next entry u32},
- * here; the entries of one channel form a list. */
+/* The index entry of message k of the open chunk: {log time u64, offset u32, next entry u32}. The entries of one channel
+ * form a list. */
 static uint8_t *entry_at(const McapWriter *w, uint32_t k)
 {
     return w->config.chunk + (w->config.chunk_size - ENTRY * ((size_t)k + 1u));
@@ -237,9 +212,9 @@ static void begin_chunk(McapWriter *w)
     }
 }
 
-/* Serialise the MessageIndex records into the chunk buffer, whose records have been delivered, and
- * the matching ChunkIndex record into the index. A message takes at least 35 bytes of records and
- * its index 16 + 15 at most, so the entries at the buffer's end are never overwritten. */
+/* Serialize the MessageIndex records into the chunk buffer, whose records the sink has already taken, and the ChunkIndex
+ * record into the index. A message record takes at least 35 bytes and its index at most 16 + 15, so this never
+ * overwrites the entries at the end of the buffer. */
 static void index_chunk(McapWriter *w, uint64_t start)
 {
     uint32_t present = 0;
@@ -311,7 +286,7 @@ static void end_chunk(McapWriter *w)
     p = put_u32(p, 0); /* not compressed */
     put_u64(p, n);
 
-    /* The section's CRC continues with the chunk's: the records are hashed once. */
+    /* The CRC of the section continues with the CRC of the chunk, so that each byte is hashed once. */
     w->crc = mcap_crc_update(&w->crc_tables, w->crc, w->config.chunk, CHUNK_HEAD);
     w->crc = mcap_crc_join(w->crc, crc, n);
     deliver(w, w->config.chunk, w->chunk_used);
@@ -320,9 +295,12 @@ static void end_chunk(McapWriter *w)
     begin_chunk(w);
 }
 
-/* Make room in the chunk buffer for one record, ending the open chunk if need be. */
+/* If the file has chunks: make room in the chunk buffer for one record. Ends the open chunk if necessary. */
 static McapStatus make_room(McapWriter *w, uint64_t bytes)
 {
+    if (!chunked(w)) {
+        return w->status;
+    }
     if (bytes > w->config.chunk_size - CHUNK_HEAD) {
         return MCAP_TOO_LARGE;
     }
@@ -332,7 +310,7 @@ static McapStatus make_room(McapWriter *w, uint64_t bytes)
     return w->status;
 }
 
-/* ---- records that stand in the data section and again in the summary ---- */
+/* ---- records that are in the data section and again in the summary ---- */
 
 static uint64_t schema_size(const McapSchema *s)
 {
@@ -343,7 +321,7 @@ static void put_schema(McapWriter *w, uint16_t id)
 {
     const McapSchema *s = &w->config.schemas[id - 1];
     put_record(w, OP_SCHEMA, schema_size(s));
-    put16(w, id);
+    put_int(w, id, 2);
     put_text(w, s->name);
     put_text(w, SCHEMA_ENCODING);
     put_text(w, s->text);
@@ -358,8 +336,8 @@ static void put_channel(McapWriter *w, uint16_t id)
 {
     const McapChannel *c = &w->config.channels[id - 1];
     put_record(w, OP_CHANNEL, channel_size(c));
-    put16(w, id);
-    put16(w, c->schema);
+    put_int(w, id, 2);
+    put_int(w, c->schema, 2);
     put_text(w, c->topic);
     put_text(w, MESSAGE_ENCODING);
     put_pairs(w, c->metadata, c->n_metadata);
@@ -415,11 +393,9 @@ McapStatus mcap_add_schema(McapWriter *w, const char *name, const char *text, ui
         return MCAP_FULL;
     }
     const McapSchema schema = {name, text};
-    if (chunked(w)) {
-        McapStatus status = make_room(w, PREFIX + schema_size(&schema));
-        if (status != MCAP_OK) {
-            return status;
-        }
+    const McapStatus status = make_room(w, PREFIX + schema_size(&schema));
+    if (status != MCAP_OK) {
+        return status;
     }
     w->config.schemas[w->n_schemas++] = schema;
     w->in_chunk = chunked(w);
@@ -449,11 +425,9 @@ McapStatus mcap_add_channel(McapWriter *w, const char *topic, uint16_t schema, M
     }
     McapChannel channel = {.topic = topic, .metadata = pairs, .n_metadata = n, .schema = schema};
     channel.little_endian = order == MCAP_ORDER_LITTLE || (order == MCAP_ORDER_NATIVE && little_endian_machine());
-    if (chunked(w)) {
-        McapStatus status = make_room(w, PREFIX + channel_size(&channel));
-        if (status != MCAP_OK) {
-            return status;
-        }
+    const McapStatus status = make_room(w, PREFIX + channel_size(&channel));
+    if (status != MCAP_OK) {
+        return status;
     }
     w->config.channels[w->n_channels++] = channel;
     w->in_chunk = chunked(w);
@@ -464,7 +438,7 @@ McapStatus mcap_add_channel(McapWriter *w, const char *topic, uint16_t schema, M
     return w->status;
 }
 
-/* Link the index entry of the message that is about to be put into the chunk. */
+/* Add the index entry of the next message to the list of its channel. */
 static void add_entry(McapWriter *w, McapChannel *channel, uint64_t t)
 {
     const uint32_t k = w->chunk_messages;
@@ -572,18 +546,18 @@ McapStatus mcap_flush(McapWriter *w)
 static void put_statistics(McapWriter *w)
 {
     put_record(w, OP_STATISTICS, 8u + 2u + 4u * 4u + 2u * 8u + 4u + 10u * (uint64_t)w->n_channels);
-    put64(w, w->n_messages);
-    put16(w, w->n_schemas);
-    put32(w, w->n_channels);
-    put32(w, 0); /* attachments */
-    put32(w, w->n_metadata);
-    put32(w, w->n_chunks);
-    put64(w, w->t_first);
-    put64(w, w->t_last);
-    put32(w, 10u * (uint32_t)w->n_channels);
+    put_int(w, w->n_messages, 8);
+    put_int(w, w->n_schemas, 2);
+    put_int(w, w->n_channels, 4);
+    put_int(w, 0, 4); /* attachments */
+    put_int(w, w->n_metadata, 4);
+    put_int(w, w->n_chunks, 4);
+    put_int(w, w->t_first, 8);
+    put_int(w, w->t_last, 8);
+    put_int(w, 10u * (uint64_t)w->n_channels, 4);
     for (uint16_t c = 0; c < w->n_channels; c++) {
-        put16(w, (uint16_t)(c + 1u));
-        put64(w, w->config.channels[c].count);
+        put_int(w, c + 1u, 2);
+        put_int(w, w->config.channels[c].count, 8);
     }
 }
 
@@ -623,13 +597,13 @@ static void put_summary(McapWriter *w)
         if (begin[g + 1] > begin[g]) {
             put_record(w, OP_SUMMARY_OFFSET, 1u + 8u + 8u);
             put(w, &GROUPS[g], 1);
-            put64(w, begin[g]);
-            put64(w, begin[g + 1] - begin[g]);
+            put_int(w, begin[g], 8);
+            put_int(w, begin[g + 1] - begin[g], 8);
         }
     }
     put_record(w, OP_FOOTER, 8u + 8u + 4u);
-    put64(w, begin[0]);
-    put64(w, begin[5]);
+    put_int(w, begin[0], 8);
+    put_int(w, begin[5], 8);
 }
 
 McapStatus mcap_close(McapWriter *w)
@@ -641,13 +615,13 @@ McapStatus mcap_close(McapWriter *w)
         end_chunk(w);
     }
     put_record(w, OP_DATA_END, 4u);
-    put32(w, w->crc);
+    put_int(w, w->crc, 4);
     send_stage(w);
 
     w->crc = 0;
     put_summary(w);
     send_stage(w);
-    put32(w, w->crc);
+    put_int(w, w->crc, 4);
     put(w, MAGIC, sizeof MAGIC);
     send_stage(w);
     if (w->status != MCAP_OK) {

@@ -1,28 +1,28 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /** The run archive: an MCAP file (https://mcap.dev/spec) with `ros2msg` schemas and CDR messages.
  *
- *  One writer for every target: C99, no heap, no OS, no static data. All memory is the caller's,
- *  output goes through a callback, and the same calls give the same bytes on every machine.
+ *  One writer for every target: C99, without heap, operating system or static data. The caller provides all memory and
+ *  a callback for the output. The same calls give the same bytes on every machine.
  *
  *      magic  Header  [ Chunk MessageIndex* | Metadata ]*  DataEnd          data section
  *      Schema* Channel* Statistics ChunkIndex* MetadataIndex*               summary
  *      SummaryOffset*  Footer  magic
  *
- *  - With a chunk buffer, schemas, channels and messages are gathered in chunks, each with its own
- *    CRC and index: readers seek, and a damaged or truncated file is good up to its last whole
- *    chunk. Without one, records go out one by one (small targets): the last whole record is good.
+ *  - With a chunk buffer, the writer collects schemas, channels and messages in chunks, each with its own CRC and index.
+ *    Readers can seek, and a damaged or truncated file is readable up to its last whole chunk. Without a chunk buffer
+ *    (small targets), the writer writes each record at once, and a truncated file is readable up to its last record.
  *  - A message is its C struct's bytes behind a 4-byte CDR header with the byte order. That
  *    is CDR exactly because no message struct has padding.
  *  - log_time = publish_time = simulated time [ns]; no wall-clock time, host or path is written.
  *
- *  What the chunk buffer holds, so that nothing else is needed per message:
+ *  The layout of the chunk buffer, which also holds the index entries of the messages:
  *
  *      | 49 bytes for the chunk's header | records -->  free  <-- 16-byte index entries |
  *
  *  Memory:  schemas, channels: one entry each.  chunk: 0, or MCAP_CHUNK_MIN bytes to 1 GiB; a
  *  record must fit in.  index: 73 + 10 x channels bytes per chunk, 29 + name per metadata record.
- *  When `index` is full, the file stays valid and whole, but its summary then holds no chunk index
- *  at all (for a partial one would hide the rest): readers scan it, and `index_full` says so.
+ *  When `index` is full, the file stays valid and complete, but its summary has no chunk index at all, because a partial
+ *  index would hide the other chunks: readers scan the file. `index_full` is then true.
  */
 #ifndef RECORD_MCAP_H
 #define RECORD_MCAP_H
@@ -42,7 +42,7 @@ extern "C" {
 
 typedef enum McapStatus {
     MCAP_OK = 0,
-    MCAP_WRITE_FAILED, ///< the sink failed: from then on every call does nothing and returns this
+    MCAP_WRITE_FAILED, ///< the sink failed: every later call does nothing and returns this
     MCAP_FULL,         ///< no room for one more schema or channel; the file is not touched
     MCAP_TOO_LARGE,    ///< the record does not fit the chunk buffer; the file is not touched
     MCAP_BAD_ARGUMENT, ///< unknown id, negative time, null, name in use; the file is not touched
@@ -64,13 +64,13 @@ typedef struct McapPair {
     const char *value;
 } McapPair;
 
-/** Of a schema, kept until close. Private to the writer. */
+/** A schema. Private to the writer, which uses it until close. */
 typedef struct McapSchema {
     const char *name;
     const char *text;
 } McapSchema;
 
-/** Of a channel, kept until close. Private to the writer. */
+/** A channel. Private to the writer, which uses it until close. */
 typedef struct McapChannel {
     const char *topic;
     const McapPair *metadata;
@@ -85,13 +85,13 @@ typedef struct McapChannel {
 
 typedef struct McapConfig {
     McapWrite write;
-    void *user;            ///< handed to write
+    void *user;            ///< the first argument of write
     const char *profile;   ///< null: "ros2"
     const char *library;   ///< null: "fledge"
-    McapSchema *schemas;   ///< room for schemas_max
-    McapChannel *channels; ///< room for channels_max
-    uint8_t *chunk;        ///< room for chunk_size bytes
-    uint8_t *index;        ///< room for index_size bytes
+    McapSchema *schemas;   ///< memory for schemas_max entries
+    McapChannel *channels; ///< memory for channels_max entries
+    uint8_t *chunk;        ///< memory for chunk_size bytes
+    uint8_t *index;        ///< memory for index_size bytes
     size_t chunk_size;     ///< [bytes] 0: unchunked
     size_t index_size;     ///< [bytes]
     uint16_t schemas_max;
@@ -100,8 +100,8 @@ typedef struct McapConfig {
 
 /** The state of one open file. Read `status`, `sink_error`, `index_full`; leave the rest alone. */
 typedef struct McapWriter {
-    McapStatus status; ///< MCAP_WRITE_FAILED or MCAP_CLOSED once they happened
-    int sink_error;    ///< what the sink returned when it failed
+    McapStatus status; ///< stays MCAP_WRITE_FAILED or MCAP_CLOSED
+    int sink_error;    ///< the error code of the sink
     bool index_full;   ///< `index` had no room: the file must be scanned
 
     McapConfig config;
@@ -116,26 +116,26 @@ typedef struct McapWriter {
     uint64_t position; ///< bytes the sink has taken
     uint32_t crc;      ///< of the section's bytes so far
 
-    bool in_chunk; ///< where put() goes: into the chunk, or by way of the stage to the sink
+    bool in_chunk; ///< put() appends to the chunk; else it sends to the sink
     size_t chunk_used;
     uint32_t chunk_messages;
     uint64_t chunk_t_first;
     uint64_t chunk_t_last;
 
-    size_t index_used;  ///< ChunkIndex records, from the start of `index` up
-    size_t index_floor; ///< MetadataIndex records, from its end down
+    size_t index_used;  ///< end of the ChunkIndex records, which begin at the start of `index`
+    size_t index_floor; ///< start of the MetadataIndex records, which end at the end of `index`
 
     size_t stage_used;
-    uint8_t stage[512]; ///< makes one call of the sink out of a short record's fields
+    uint8_t stage[512]; ///< collects the fields of a short record for one call of the sink
     McapCrc crc_tables;
 } McapWriter;
 
-/** Begin a file. The memory that `config` names is the writer's until mcap_close. */
+/** Begin a file. The writer uses the memory in `config` until mcap_close. */
 McapStatus mcap_open(McapWriter *w, const McapConfig *config);
 
 /** Declare a message type: its ROS 2 name ("fledge/msg/AttError") and the text of its definition.
- *  Both strings must live until mcap_close, which writes them again. The same name and text once
- *  more give the same id; the same name with another text is MCAP_BAD_ARGUMENT. */
+ *  Both strings must live until mcap_close, which writes them again. A second call with the same name and text returns
+ *  the same id; with another text, MCAP_BAD_ARGUMENT. */
 McapStatus mcap_add_schema(McapWriter *w, const char *name, const char *text, uint16_t *id);
 
 /** Declare a topic of its own name ("/flight/tracking/error"), with n key/value pairs (may be 0).
@@ -146,14 +146,14 @@ McapStatus mcap_add_channel(McapWriter *w, const char *topic, uint16_t schema, M
 /** Record the n bytes of a message struct at the simulated time t_ns >= 0. */
 McapStatus mcap_message(McapWriter *w, uint16_t channel, int64_t t_ns, uint32_t sequence, const void *bytes, size_t n);
 
-/** Record n key/value pairs about the run under a name. Keys must differ. No pointer is kept. */
+/** Record n key/value pairs about the run under a name. Keys must differ. The writer keeps no pointer. */
 McapStatus mcap_metadata(McapWriter *w, const char *name, const McapPair *pairs, size_t n);
 
-/** Hand the open chunk to the sink now, so that a later crash cannot take it. */
+/** Pass the open chunk to the sink now, so that a later crash does not lose it. */
 McapStatus mcap_flush(McapWriter *w);
 
-/** Complete the file. Returns the first failure of the sink, if there was one; the bytes written
- *  until then are a readable, truncated file. */
+/** Complete the file. Returns the first failure of the sink, if it failed: then the bytes that it has taken are a
+ *  readable, truncated file. */
 McapStatus mcap_close(McapWriter *w);
 
 /** A status in words. */

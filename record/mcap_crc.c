@@ -7,7 +7,7 @@
 #define X_TO_0 0x80000000u
 #define X_TO_8 0x00800000u
 
-/* From here on three lanes cost less than one, their joining included. */
+/* From this length on three lanes take less time than one, including the time to join them. */
 #define LANES_FROM ((size_t)16384)
 
 static uint32_t times_x(uint32_t a)
@@ -43,7 +43,7 @@ static uint32_t multiply(uint32_t a, uint32_t b)
     return product;
 }
 
-/* x^(8 n) mod P: what n zero bytes do to a remainder */
+/* x^(8 n) mod P, by which n zero bytes multiply a remainder */
 static uint32_t shift_by(uint64_t n)
 {
     uint32_t result = X_TO_0;
@@ -82,7 +82,7 @@ uint32_t mcap_crc_update(const McapCrc *c, uint32_t crc, const void *bytes, size
     const uint8_t *p = bytes;
 #if MCAP_CRC_TABLES == 8
     if (n >= LANES_FROM) {
-        /* One step waits for the step before it; three independent lanes fill that wait. */
+        /* Each step depends on the one before; three independent lanes use the processor better. */
         size_t lane = n / 24u * 8u;
         uint32_t r0 = ~crc;
         uint32_t r1 = ~0u;

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/** CRC-32 as MCAP, zlib and Ethernet have it: polynomial 0x04C11DB7, reflected, inverted at both
- *  ends. A buffer is hashed eight bytes a step (slicing-by-8), a long one in three lanes at once.
+/** CRC-32 as in MCAP, zlib and Ethernet: polynomial 0x04C11DB7, reflected, inverted at both ends. The code hashes eight
+ *  bytes per step (slicing-by-8), and long buffers in three lanes at once.
  *
- *  The tables live in the caller's memory, so that there is no static data and no generated text.
+ *  The tables live in the caller's memory, so there are no static data and no generated code.
  *  Source: ISO 3309; slicing by Kounavis and Berry, IEEE Trans. Computers 57 (2008) 1550. */
 #ifndef RECORD_MCAP_CRC_H
 #define RECORD_MCAP_CRC_H
@@ -14,7 +14,7 @@
 extern "C" {
 #endif
 
-/** 8 tables take 8 KiB and hash 8 bytes a step. Where memory is short: 1 takes 1 KiB and hashes a byte a step,
+/** 8 tables take 8 KiB and hash 8 bytes a step. For small memory: 1 takes 1 KiB and hashes a byte a step,
  *  0 takes 64 bytes and hashes half a byte a step. */
 #ifndef MCAP_CRC_TABLES
 #define MCAP_CRC_TABLES 8
@@ -28,10 +28,10 @@ typedef struct McapCrc {
 
 void mcap_crc_init(McapCrc *c);
 
-/** The CRC of (what `crc` covers, then these n bytes). The CRC of nothing is 0. */
+/** Continue a CRC with n more bytes. The CRC of no bytes is 0. */
 uint32_t mcap_crc_update(const McapCrc *c, uint32_t crc, const void *bytes, size_t n);
 
-/** The CRC of A followed by B from crc(A), crc(B) and the length of B [bytes]: no byte is read. */
+/** The CRC of A followed by B from crc(A), crc(B) and the length of B [bytes], without reading a byte. */
 uint32_t mcap_crc_join(uint32_t crc_a, uint32_t crc_b, uint64_t length_b);
 
 #ifdef __cplusplus

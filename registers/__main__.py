@@ -6,27 +6,17 @@ import argparse
 import sys
 from pathlib import Path
 
+from introspect.files import write_if_changed
 from registers import emit_c, emit_markdown
 from registers.checked_toml import TomlError
 from registers.description import read
 
 _HELP = """\
-Read boards and write, of each, its C header and tables (BOARD.h, BOARD.c) and documentation
-(BOARD.md). Nothing is written unless all boards are right, and only what reads differently.
+Read boards, and write the C header and tables (BOARD.h, BOARD.c) and the documentation (BOARD.md) of each. If a board
+has a mistake, no file is written. Files that would not change are not written again.
 
 example:
   python3 -m registers registers/boards/io_board_a.toml --out build"""
-
-
-def _write(path: Path, text: str) -> None:
-    """Unchanged files keep their time, and no reader sees half a file."""
-    data = text.encode()
-    if path.is_file() and path.read_bytes() == data:
-        return
-    part = path.with_name(path.name + ".part")
-    part.write_bytes(data)
-    part.replace(path)
-    print(f"wrote {path}")
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -58,9 +48,9 @@ def main(arguments: list[str] | None = None) -> int:
         print("\n".join(complaints), file=sys.stderr)
         return 1
     try:
-        options.out.mkdir(parents=True, exist_ok=True)
         for name, text in files.items():
-            _write(options.out / name, text)
+            if write_if_changed(options.out / name, text):
+                print(f"wrote {options.out / name}")
     except OSError as error:
         print(error, file=sys.stderr)
         return 1

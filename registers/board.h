@@ -25,7 +25,7 @@ enum {
     REGISTER_OVERWRITE = 1 << 3    ///< a full queue drops its oldest; else it refuses the newest
 };
 
-/** Where the parts of a packet's describing word stand. A part of 0 bits is not there. */
+/** The positions of the parts of a packet's describing word. A part of 0 bits is not there. */
 typedef struct RegisterDescriptor {
     uint8_t length_lsb;
     uint8_t length_bits;
@@ -63,12 +63,12 @@ typedef struct RegisterLane {
     RegisterForm form;
     uint32_t flags;       ///< REGISTER_QUEUED ...
     uint32_t address;     ///< the word itself, or the control block
-    uint32_t descriptors; ///< the first describing word; REGISTER_NOWHERE: they stand in the slots
+    uint32_t descriptors; ///< the first describing word; REGISTER_NOWHERE: they are in the slots
     uint32_t capacity;    ///< [bytes] of a slot's payload
     uint32_t stride;      ///< [bytes] from slot to slot
     uint32_t depth;       ///< slots: of a queue a power of two; 4 of a packet that is not queued
-    uint32_t count;       ///< how many equal words follow one another; 1 for all but plain words
-    int32_t interrupt;    ///< the line that a writing raises, or -1
+    uint32_t count;       ///< number of equal adjacent words; 1 except for words that are not queued
+    int32_t interrupt;    ///< the line that a write raises, or -1
     RegisterDescriptor descriptor;
     RegisterOutside outside;
     uint32_t n_fields;
@@ -77,8 +77,8 @@ typedef struct RegisterLane {
 
 typedef struct RegisterBoard {
     const char *name;
-    uint64_t hash;           ///< of all below: both sides must have been made from one file
-    uint64_t base;           ///< where flight's processor finds it
+    uint64_t hash;           ///< of all members below; both sides must come from the same file
+    uint64_t base;           ///< its address on the bus of flight's processor
     uint32_t size;           ///< [bytes]
     uint32_t big_endian;     ///< the order of its words
     uint32_t clock;          ///< address of the clock block, or REGISTER_NOWHERE

@@ -12,7 +12,7 @@
 extern "C" {
 #endif
 
-/** The clock block: addresses in bytes from its start, and who stores there. */
+/** The clock block: addresses in bytes from its start, and the side that stores there. */
 enum {
     REGISTER_CLOCK_TICK = 0,  ///< outside: counts the ticks, stored last
     REGISTER_CLOCK_DONE = 4,  ///< flight: the tick it has finished
@@ -31,10 +31,10 @@ int register_clock_is_done(const RegisterWindow *w);
 /** Outside: there will be no more ticks. */
 void register_clock_stop(const RegisterWindow *w);
 
-/** Flight: whether a tick waits to be flown, and which. */
+/** Flight: whether a tick is due, and which one. */
 int register_clock_due(const RegisterWindow *w, Tick *tick);
 
-/** Flight: the tick is flown. */
+/** Flight: answer that the tick is done. */
 void register_clock_finish(const RegisterWindow *w);
 
 /** Flight: whether the outside has ended the run. */

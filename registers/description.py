@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A board as described by its TOML file: read, checked, and every lane laid out.
+"""The description of a board: reads and checks its TOML file, and lays out every lane.
 
-README.md lists the keys. One read finds all mistakes, each with file, line, rule, finding and advice.
+README.md lists the keys. One reading finds all mistakes, each with file, line, rule, finding and advice.
 """
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from introspect.files import fnv1a
 from registers import checked_toml
 from registers.checked_toml import Tables, TomlError, shown
 from registers.location import line_of
@@ -31,7 +32,7 @@ _OF_LANE = ("address", "interrupt", "descriptor", "remove", "add")
 _SNORKEL_KEYS = ("name", "doc", "form", "direction", *_OF_LANE, *[f"write_{k}" for k in _OF_LANE],
                  "count", "queue", "overflow", "size", "capacity", "unit", "outside_order",
                  "message", "header", "carries", "field")
-_ONLY_FOR = {          # keys that say nothing of another form
+_ONLY_FOR = {          # keys that only these forms have
     "count": ("word",), "field": ("word",),
     "capacity": ("packet", "message"), "size": ("packet", "message"),
     "descriptor": ("packet", "message"), "write_descriptor": ("packet", "message"),
@@ -61,7 +62,7 @@ class Field:
     scale: float
     offset: float
     unit: str
-    carries: str | None = None      # the number of a mission's message, or the first of `count`
+    carries: str | None = None      # the number of a mission's message that it carries, or the first of `count`
     line: int = field(default=0, compare=False, repr=False)   # of `carries` in the file
 
     @property
@@ -75,7 +76,7 @@ class Field:
 
 @dataclass(frozen=True)
 class Descriptor:
-    """Bits of a describing word, as (lowest, how many); of 0 bits: not there."""
+    """The parts of a describing word, as (lowest bit, number of bits). 0 bits: the part is not there."""
     address: int | None = None      # of the ring; None: in the slots
     length: tuple[int, int] = (0, 24)
     tag: tuple[int, int] = (24, 7)
@@ -85,11 +86,11 @@ class Descriptor:
 @dataclass(frozen=True)
 class Lane:
     """One direction of a snorkel. Addresses and sizes in bytes."""
-    name: str           # the snorkel's; of one of both directions with `_read` or `_write`
+    name: str           # the snorkel's, followed by `_read` or `_write` if it has both directions
     from_flight: bool
     form: str
     address: int
-    size: int           # of all it takes at `address`
+    size: int           # of the whole lane
     capacity: int
     stride: int
     depth: int
@@ -131,7 +132,7 @@ class Board:
     interrupts: int | None
     lines: tuple[str, ...]
     snorkels: tuple[Snorkel, ...]
-    file: str = field(compare=False)     # without its folder
+    file: str = field(compare=False)     # without folder
 
     @property
     def lanes(self) -> list[Lane]:
@@ -139,14 +140,10 @@ class Board:
 
     @property
     def hash(self) -> int:
-        """64-bit FNV-1a over all that both sides must agree on."""
-        text = repr((self.name, self.size, self.order, self.clock, self.interrupts, self.lines,
-                     [(lane, s.fields, s.message, s.carries)
-                      for s in self.snorkels for lane in s.lanes]))
-        value = 0xCBF29CE484222325
-        for byte in text.encode():
-            value = (value ^ byte) * 0x100000001B3 % (1 << 64)
-        return value
+        """The 64-bit FNV-1a of everything that both sides must agree on."""
+        return fnv1a(repr((self.name, self.size, self.order, self.clock, self.interrupts, self.lines,
+                           [(lane, s.fields, s.message, s.carries)
+                            for s in self.snorkels for lane in s.lanes])))
 
 
 def read(path: Path) -> Board:
@@ -155,7 +152,7 @@ def read(path: Path) -> Board:
 
 
 def parse(text: str, path: Path) -> Board:
-    """The same from the text of the file at that path."""
+    """The same as read(), from the text of the file."""
     data, lines = checked_toml.parse(text, path)
     reader = _Reader(str(path), lines)
     board = reader.board(data, path.name)
@@ -165,14 +162,14 @@ def parse(text: str, path: Path) -> Board:
 
 
 class _Reader(Tables):
-    """A board's tables, and what they take of its addresses and lines."""
+    """Reads the tables of a board, and collects the addresses and interrupt lines that they use."""
 
     whole = "#x"
 
     def __init__(self, file: str, lines: dict):
         super().__init__(file, lines)
-        self.taken: list[tuple[int, int, str, tuple]] = []    # address, end, of what, path
-        self.raised: dict[str, tuple[bool, str]] = {}         # line: by flight?, by what
+        self.taken: list[tuple[int, int, str, tuple]] = []    # address, end, what it is, path
+        self.raised: dict[str, tuple[bool, str]] = {}         # line: whether flight raises it, what raises it
 
     def name(self, table, path, used: dict, what: str) -> str:
         name = self.text(table, path, "name")
@@ -363,7 +360,7 @@ class _Reader(Tables):
             self.refuse((*path, prefix + "add"), "`add` is a list of bytes, each 0 to 255",
                         f"it is {shown(add)}", "write for example [0x1A, 0xCF]")
             add = []
-        # A header is in the slot if it was added on the way in, or will be removed on the way out.
+        # The slot holds a header that the outside adds, or that it will remove.
         inside = remove if from_flight else len(add)
         if inside > capacity:
             self.refuse((*path, prefix + ("remove" if from_flight else "add")),

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A board in C99: a header with addresses, fields and flight's accessors, and its tables.
+"""Writes a board in C99: a header with addresses, fields and accessors for flight, and the tables for both sides.
 
-The accessors are of flight's side: what it reads, it takes or gets; what it
-writes, it puts or sets. The tables serve both sides.
+Flight takes or gets the lanes that it reads, and puts or sets the lanes that it writes.
 """
 from __future__ import annotations
 
+from introspect.emit.ctext import string
 from registers.description import Board, Descriptor, Field, Lane, Snorkel
 
 _W = "const RegisterWindow *w"
@@ -13,14 +13,6 @@ _W = "const RegisterWindow *w"
 
 def emit(board: Board) -> dict[str, str]:
     return {f"{board.name}.h": _header(board), f"{board.name}.c": _tables(board)}
-
-
-def _string(text: str) -> str:
-    """A literal in plain ASCII; other bytes in octal, and no trigraphs."""
-    named = {"\n": "\\n", '"': '\\"', "\\": "\\\\"}
-    plain = "".join(named.get(chr(b)) or (chr(b) if 32 <= b < 127 else f"\\{b:03o}")
-                    for b in text.encode())
-    return '"' + plain.replace("??", "?\\?") + '"'
 
 
 def _comment(text: str) -> str:
@@ -115,20 +107,12 @@ def _lane_accessors(board: Board, snorkel: Snorkel, lane: Lane) -> str:
         value = "value" if lane.from_flight else "*value"
         return _function("RegisterStatus", f"{name}_{verb}", f"{_W}, uint32_t {value}",
                          f"    return register_{verb}_word(w, {table}, 0u, value);\n", doc)
-    if snorkel.message:
-        const, info, more = (("const ", "", "") if lane.from_flight
-                             else ("", ", RegisterInfo *info", ", info"))
-        return _function("RegisterStatus", f"{name}_{verb}",
-                         f"{_W}, {const}{snorkel.message} *message{info}",
-                         f"    return register_{verb}_message(w, {table},\n"
-                         f"        &fledge_message_{snorkel.message}, message{more});\n", doc)
     if lane.form == "message":
-        const, info, more = (("const ", "", "") if lane.from_flight
-                             else ("", ",\n    RegisterInfo *info", ", info"))
-        return _function("RegisterStatus", f"{name}_{verb}",
-                         f"{_W}, const RegisterMessage *type, {const}void *message{info}",
-                         f"    return register_{verb}_message(w, {table},\n"
-                         f"        type, message{more});\n", doc)
+        const, info, more = ("const ", "", "") if lane.from_flight else ("", ", RegisterInfo *info", ", info")
+        arguments, type_ = ((f"{const}{snorkel.message} *message", f"&fledge_message_{snorkel.message}")
+                            if snorkel.message else (f"const RegisterMessage *type, {const}void *message", "type"))
+        return _function("RegisterStatus", f"{name}_{verb}", f"{_W}, {arguments}{info}",
+                         f"    return register_{verb}_message(w, {table},\n        {type_}, message{more});\n", doc)
     if lane.from_flight:
         return _function("RegisterStatus", f"{name}_put",
                          f"{_W}, const void *bytes, uint32_t n,\n    uint32_t tag",
@@ -139,8 +123,8 @@ def _lane_accessors(board: Board, snorkel: Snorkel, lane: Lane) -> str:
 
 
 def _word_accessors(name: str, table: str, snorkel: Snorkel, lane: Lane, doc: str) -> str:
-    """Of words that are not queued: the word, and each field in its unit. What flight writes, it
-    can read back: a field is set in the word that flight itself wrote last."""
+    """For words that are not queued: the word, and each field in its unit. A setter of a field keeps the other fields of
+    the word that flight has written last."""
     index, i = (", uint32_t index", "index") if lane.count > 1 else ("", "0u")
     load = f"    uint32_t word = 0u;\n    (void)register_take_word(w, {table}, {i}, &word);\n"
     parts = []
@@ -188,7 +172,7 @@ def _tables(board: Board) -> str:
     if lanes:
         parts.append(f"\nstatic const RegisterLane lanes[] = {{\n{lanes}}};\n")
     members = [
-        ("name", _string(board.name)),
+        ("name", string(board.name)),
         ("hash", f"UINT64_C({board.hash:#018x})"),
         ("base", f"UINT64_C({board.base:#x})"),
         ("size", f"{board.size:#x}u"),
@@ -214,7 +198,7 @@ def _line(board: Board, name: str | None) -> int:
 
 
 def _field(f: Field) -> str:
-    return (f"    {{.name = {_string(f.name)}, .unit = {_string(f.unit)}, .scale = {f.scale!r}, "
+    return (f"    {{.name = {string(f.name)}, .unit = {string(f.unit)}, .scale = {f.scale!r}, "
             f".offset = {f.offset!r},\n     .lsb = {f.lsb}u, .bits = {f.bits}u, "
             f".is_signed = {int(f.signed)}u}},\n")
 
@@ -227,7 +211,7 @@ def _lane(board: Board, snorkel: Snorkel, lane: Lane) -> str:
     bits = ", ".join(f"{v}u" for part in (d.length, d.tag, d.valid) for v in part)
     head = f"head_{lane.name}" if lane.add else "0"
     members = [
-        ("name", _string(lane.name)),
+        ("name", string(lane.name)),
         ("form", f"REGISTER_{lane.form.upper()}"),
         ("flags", " | ".join(f"REGISTER_{flag}" for flag in flags) or "0u"),
         ("address", f"{lane.address:#x}u"),

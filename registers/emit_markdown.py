@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A board's documentation in Markdown: what is where, and what it means."""
+"""Writes the documentation of a board in Markdown: its addresses, lanes and fields."""
 from __future__ import annotations
 
 from registers.description import Board, Lane, Snorkel

@@ -28,13 +28,13 @@ static uint32_t slot_address(const RegisterLane *lane, uint32_t slot)
     return lane->address + REGISTER_CONTROL_SIZE + slot * lane->stride;
 }
 
-/* Its describing word stands in the slot, or in a ring of its own. */
+/* The describing word of a slot is in the slot, or in a separate ring. */
 static uint32_t describing_address(const RegisterLane *lane, uint32_t slot)
 {
     return lane->descriptors == REGISTER_NOWHERE ? slot_address(lane, slot) : lane->descriptors + 4u * slot;
 }
 
-/* The last word is filled up with zeros. */
+/* Zeros fill the last word. */
 static void store_payload(const RegisterWindow *w, uint32_t address, const uint8_t *bytes, uint32_t n)
 {
     for (uint32_t i = 0u; i < n; i += 4u) {
@@ -64,7 +64,7 @@ static void announce(const RegisterWindow *w, const RegisterLane *lane)
     }
 }
 
-/* Where the next writing goes. False: the queue refuses it. */
+/* The slot of the next write. False: the queue is full. */
 static int begin_writing(const RegisterWindow *w, const RegisterLane *lane, uint32_t *slot)
 {
     if ((lane->flags & REGISTER_QUEUED) == 0u) {
@@ -84,7 +84,7 @@ static int begin_writing(const RegisterWindow *w, const RegisterLane *lane, uint
     return 1;
 }
 
-/* The sequence of the next writing. In a lane that is not queued it is never 0, because 0 means: never written. */
+/* The sequence number of the next write. In a lane that is not queued it is never 0, because 0 means: never written. */
 static uint32_t next_sequence(const RegisterWindow *w, const RegisterLane *lane)
 {
     const uint32_t next = register_load(w, lane->address + REGISTER_WRITTEN) + 1u;
@@ -131,7 +131,7 @@ RegisterStatus register_put(const RegisterWindow *w, const RegisterLane *lane, c
     return register_put_two(w, lane, 0, 0u, bytes, n, tag);
 }
 
-/* What a slot holds, as far as there is room for it. */
+/* Copy the content of a slot, if the buffers are large enough. */
 static RegisterStatus copy_slot(const RegisterWindow *w, const RegisterLane *lane, uint32_t slot, const Pieces *to,
                                 RegisterInfo *info)
 {
@@ -180,7 +180,7 @@ static void give_up(const RegisterWindow *w, const RegisterLane *lane, uint32_t 
     register_store(w, lane->address + REGISTER_TAKEN, *taken);
 }
 
-/* The front of a queue, for a packet or, with `word`, for a word. */
+/* Take the first packet of a queue, or with `word` the first word. */
 static RegisterStatus take_front(const RegisterWindow *w, const RegisterLane *lane, const Pieces *to,
                                  RegisterInfo *info, uint32_t *word)
 {
@@ -201,7 +201,7 @@ static RegisterStatus take_front(const RegisterWindow *w, const RegisterLane *la
         } else {
             status = copy_slot(w, lane, slot, to, info);
         }
-        /* The slot was written again meanwhile if taken + depth has been begun. */
+        /* The writer has overwritten the slot if it has begun number taken + depth. */
         if (overwrite && register_load(w, lane->address + REGISTER_BEGUN) - taken > lane->depth) {
             give_up(w, lane, &taken, 1u);
             continue;
@@ -297,7 +297,7 @@ uint32_t register_lost(const RegisterWindow *w, const RegisterLane *lane)
            register_load(w, lane->address + REGISTER_LOST_READING);
 }
 
-/* Of each line two words: raised, handled. */
+/* Each interrupt line has two words: how often it was raised, and how often handled. */
 void register_raise(const RegisterWindow *w, uint32_t line)
 {
     if (line < w->board->n_interrupts) {

@@ -20,31 +20,31 @@ extern "C" {
 
 typedef enum RegisterStatus {
     REGISTER_OK = 0,
-    REGISTER_SAME,   ///< read, but it is the one that was read before
-    REGISTER_EMPTY,  ///< nothing is there to read
-    REGISTER_FULL,   ///< refused, and counted as lost
-    REGISTER_SIZE,   ///< the lane, or the reader's room, is for another size; nothing was done
-    REGISTER_BUSY,   ///< the writer overtook every attempt to read; what it took is counted as lost
-    REGISTER_CORRUPT ///< the memory holds what no writer writes; a queue skips it and counts it
+    REGISTER_SAME,   ///< read, but it is the packet of the last call
+    REGISTER_EMPTY,  ///< there is no packet to read
+    REGISTER_FULL,   ///< the queue refused the packet, and counted it as lost
+    REGISTER_SIZE,   ///< wrong size of the packet or of the reader's buffer; nothing was done
+    REGISTER_BUSY,   ///< the writer overtook every attempt to read; the lane counts the packets as lost
+    REGISTER_CORRUPT ///< the memory holds invalid bytes; a queue skips the packet and counts it
 } RegisterStatus;
 
-/** What is known of a packet besides its bytes. */
+/** The properties of a packet. */
 typedef struct RegisterInfo {
     uint32_t n;        ///< [bytes]
-    uint32_t tag;      ///< of its descriptor, 0 without
-    uint32_t sequence; ///< counts the writings from 1, lost ones of a refusing queue not among them
+    uint32_t tag;      ///< from its descriptor; 0 if there is none
+    uint32_t sequence; ///< numbers the writes from 1, without those that a queue refused
 } RegisterInfo;
 
-/** The control block: addresses in bytes from its start, and who stores there. */
+/** The control block: addresses in bytes from its start, the side that stores there, and the meaning. */
 enum {
-    REGISTER_WRITTEN = 0,       ///< writer: how many
-    REGISTER_TAKEN = 4,         ///< reader: how many; not queued: the last sequence
-    REGISTER_LOST_WRITING = 8,  ///< writer: how many were refused
-    REGISTER_LOST_READING = 12, ///< reader: how many were dropped before they were read
-    REGISTER_BEGUN = 16,        ///< writer, overwriting queue: how many were begun
+    REGISTER_WRITTEN = 0,       ///< writer: number of writes
+    REGISTER_TAKEN = 4,         ///< reader: number of packets taken; not queued: the last sequence number
+    REGISTER_LOST_WRITING = 8,  ///< writer: number of refused packets
+    REGISTER_LOST_READING = 12, ///< reader: number of packets overwritten before it read them
+    REGISTER_BEGUN = 16,        ///< writer, overwriting queue: number of writes begun
     REGISTER_LATEST = 16,       ///< writer, not queued: the pair of slots written last
     REGISTER_SLOTS = 20,        ///< writer, not queued: of each pair the slot written last
-    REGISTER_READING = 28,      ///< reader, not queued: the pair it looks at
+    REGISTER_READING = 28,      ///< reader, not queued: the pair that it reads
     REGISTER_CONTROL_SIZE = 32,
     REGISTER_SLOT_HEAD = 8 ///< of a packet's slot: its describing word, its sequence
 };

@@ -17,7 +17,7 @@ typedef struct RegisterRun {
     uint32_t n;
 } RegisterRun;
 
-/** A message type: what is needed to reverse its bytes. Generated from the headers. */
+/** A message type, with the data for reversing its bytes. introspect generates it from the headers. */
 typedef struct RegisterMessage {
     const char *name;
     uint32_t size; ///< [bytes] of the struct

@@ -182,7 +182,7 @@ LaneReader Outside::reader(std::string_view board, std::string_view name) const
 
 Wait Outside::tick(Tick tick, std::chrono::nanoseconds timeout)
 {
-    // The others first, so that all show the time when the master's tick is due.
+    // Set the other clocks first, so that all show the time when the tick of the master is due.
     for (const RegisterWindow &w : backend_.windows()) {
         if (&w != master_ && w.board->clock != REGISTER_NOWHERE) {
             register_clock_start(&w, tick);

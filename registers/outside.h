@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The models' side of a register space: the ends of its lanes, in their units and byte order, and
-// the tick. Set-up may throw; an exchange takes nothing from the heap and throws nothing.
+// The models' side of a register space: the ends of its lanes, with their units and byte order, and the tick. The set-up
+// may throw. An exchange neither allocates nor throws.
 #pragma once
 
 #include <chrono>
@@ -18,17 +18,17 @@
 
 namespace fledge::registers {
 
-/// A fault at set-up: names the board and lane, what was found, and the valid choices.
+/// A fault at set-up: the message names the board, the lane, the wrong name and the valid ones.
 struct Error : std::runtime_error {
     using std::runtime_error::runtime_error;
 };
 
-/// Counts of an end since it was made.
+/// Counters of an end.
 struct Counts {
-    std::uint64_t passed = 0;    ///< written or read
-    std::uint64_t refused = 0;   ///< not written: the queue was full, or the size not the lane's
-    std::uint64_t corrupt = 0;   ///< read, but no writer writes such a packet
-    std::uint64_t saturated = 0; ///< held at the end of a field's range
+    std::uint64_t passed = 0;    ///< packets written or read
+    std::uint64_t refused = 0;   ///< not written: the queue was full, or the size was wrong
+    std::uint64_t corrupt = 0;   ///< read, but invalid
+    std::uint64_t saturated = 0; ///< limited to the range of a field
 };
 
 /// Common to both ends of a lane.
@@ -36,7 +36,7 @@ class LaneEnd {
 public:
     const RegisterLane &lane() const { return *lane_; }
     const Counts &counts() const { return counts_; }
-    /// Lost in the lane, on either side.
+    /// Packets lost in the lane, on either side.
     std::uint32_t lost() const { return register_lost(window_, lane_); }
     /// The index of a field by name; throws Error.
     std::size_t field(std::string_view name) const;
@@ -52,20 +52,20 @@ protected:
     std::vector<std::byte> scratch_; ///< a packet with its header
 };
 
-/// Writes what flight will read: a sensor's or a ground station's end.
+/// The writing end of a lane that flight reads, for a sensor or a ground station.
 class LaneWriter : public LaneEnd {
 public:
     LaneWriter(const RegisterWindow &window, const RegisterLane &lane) : LaneEnd(window, lane) {}
 
-    /// A packet as it is outside: its header is removed, its units swapped, flight's header added.
+    /// Write a packet in the outside's format: remove its header, swap its units, add flight's header.
     RegisterStatus put(std::span<const std::byte> packet, std::uint32_t tag = 0);
     RegisterStatus put_word(std::uint32_t value, std::uint32_t index = 0);
     RegisterStatus put_message(const RegisterMessage &type, const void *message);
-    /// One field of a word that is not queued, in its unit; the word's other fields stay.
+    /// Set one field, in its unit, of a word that is not queued. Other fields of the word do not change.
     RegisterStatus set(std::size_t field, double value, std::uint32_t index = 0);
 };
 
-/// Reads what flight has written: an actuator's or a ground station's end.
+/// The reading end of a lane that flight writes, for an actuator or a ground station.
 class LaneReader : public LaneEnd {
 public:
     LaneReader(const RegisterWindow &window, const RegisterLane &lane) : LaneEnd(window, lane) {}
@@ -84,12 +84,12 @@ public:
     /// Throws Error if no board has a clock. The back end must outlive it and its lanes' ends.
     explicit Outside(Backend &backend);
 
-    /// The end of a lane by the names of board and lane; throws Error. Of each lane only one end.
+    /// The end of a lane, by the names of board and lane; throws Error. Make only one end of each lane.
     LaneWriter writer(std::string_view board, std::string_view lane) const;
     LaneReader reader(std::string_view board, std::string_view lane) const;
 
-    /// One exchange: time goes to the clocks of all boards, and flight runs. The first board with a
-    /// clock is the master, whose answer counts; those of other boards only show the time.
+    /// One exchange: set the clocks of all boards, and wait for flight. The first board with a clock is the master: flight
+    /// answers its tick. The clocks of other boards only show the time.
     Wait tick(Tick tick, std::chrono::nanoseconds timeout);
 
     /// Tell flight that the run has ended.

@@ -17,8 +17,7 @@
 #include <sys/syscall.h>
 #endif
 
-/* A lock of the open file ends with the process. So does a lock of the process, but that cannot
- * distinguish two ends in one process. */
+/* Locks end with the process. Locks of the open file also distinguish two ends in one process. */
 #ifdef F_OFD_SETLK
 #define SET_LOCK F_OFD_SETLK
 #define GET_LOCK F_OFD_GETLK
@@ -31,16 +30,16 @@
 enum {
     MAGIC = 0,    /* 2 words, stored last */
     HASH = 2,     /* 2 words */
-    BELL = 4,     /* of the creator, of the attached: how often each has rung */
+    RINGS = 4,    /* how often the creator, and the peer, has rung */
     ATTACHED = 6, /* 1: a peer has attached */
     HEAD_WORDS = 16
 };
 
 enum { CREATOR = 0, PEER = 1 };
 
-#define LOOK_NS 100000000 /* how often a waiting side checks that the other one lives */
+#define POLL_NS 100000000 /* how often a waiting side checks that the other one lives */
 
-/* Bytes, and hence the same whichever machine maps it; the version is the last one. */
+/* The same bytes on machines of either byte order. The last one is the version. */
 static const char MAGIC_BYTES[8] = {'F', 'L', 'E', 'D', 'G', 'R', 'S', '1'};
 
 static size_t rounded(size_t n)
@@ -87,8 +86,8 @@ static int head_is(const volatile uint32_t *words, const void *bytes)
     return __atomic_load_n(&words[1], __ATOMIC_SEQ_CST) == v[1] && __atomic_load_n(&words[0], __ATOMIC_SEQ_CST) == v[0];
 }
 
-/* Each side locks the byte of its number. */
-static int lock(int fd, uint32_t side)
+/* The lock of a side: one byte, whose offset is the number of the side. */
+static struct flock lock_of(uint32_t side)
 {
     struct flock l;
     memset(&l, 0, sizeof l);
@@ -96,29 +95,30 @@ static int lock(int fd, uint32_t side)
     l.l_whence = SEEK_SET;
     l.l_start = (off_t)side;
     l.l_len = 1;
+    return l;
+}
+
+static int lock(int fd, uint32_t side)
+{
+    struct flock l = lock_of(side);
     return fcntl(fd, SET_LOCK, &l);
 }
 
 static int is_locked(int fd, uint32_t side)
 {
-    struct flock l;
-    memset(&l, 0, sizeof l);
-    l.l_type = F_WRLCK;
-    l.l_whence = SEEK_SET;
-    l.l_start = (off_t)side;
-    l.l_len = 1;
+    struct flock l = lock_of(side);
     return fcntl(fd, GET_LOCK, &l) == 0 && l.l_type != F_UNLCK;
 }
 
 static void ring(void *user, uint32_t line)
 {
     RegisterFile *f = user;
-    volatile uint32_t *bell = &f->map[BELL + f->side];
+    volatile uint32_t *rings = &f->map[RINGS + f->side];
     (void)line;
-    /* Only this side stores here, but perhaps from two threads. */
-    (void)__atomic_fetch_add(bell, 1u, __ATOMIC_SEQ_CST);
+    /* Only this side writes this word, but two of its threads may do so. */
+    (void)__atomic_fetch_add(rings, 1u, __ATOMIC_SEQ_CST);
 #ifdef __linux__
-    (void)syscall(SYS_futex, bell, FUTEX_WAKE, INT_MAX, NULL, NULL, 0);
+    (void)syscall(SYS_futex, rings, FUTEX_WAKE, INT_MAX, NULL, NULL, 0);
 #endif
 }
 
@@ -176,7 +176,7 @@ static RegisterFileStatus open_new(RegisterFile *f, const char *path)
     }
     f->fd = open(path, flags, 0600);
     if (f->fd < 0 && errno == EEXIST) {
-        /* A file whose creator has ended is free to be replaced. */
+        /* Replace a file whose creator has ended. */
         const int old = open(path, O_RDWR | O_NOFOLLOW | O_CLOEXEC);
         struct stat s;
         if (old < 0) {
@@ -221,20 +221,10 @@ RegisterFileStatus register_file_create(RegisterFile *f, const char *path, const
     return REGISTER_FILE_OK;
 }
 
-/* The N of "/dev/fd/N", or -1. */
-static int inherited(const char *path)
-{
-    static const char prefix[] = "/dev/fd/";
-    if (strncmp(path, prefix, sizeof prefix - 1u) != 0) {
-        return -1;
-    }
-    return (int)strtol(path + sizeof prefix - 1u, NULL, 10);
-}
-
 RegisterFileStatus register_file_attach(RegisterFile *f, const char *path, const RegisterBoard *const *boards,
                                         uint32_t n, RegisterWindow *windows)
 {
-    const int given = inherited(path);
+    static const char inherited[] = "/dev/fd/";
     const size_t size = size_of(boards, n);
     uint8_t hash[8];
     struct stat s;
@@ -266,8 +256,8 @@ RegisterFileStatus register_file_attach(RegisterFile *f, const char *path, const
     if (lock(f->fd, PEER) != 0) {
         return fail(f, errno == EACCES || errno == EAGAIN ? REGISTER_FILE_IN_USE : REGISTER_FILE_FAILED);
     }
-    if (given >= 0) {
-        (void)close(given);
+    if (strncmp(path, inherited, sizeof inherited - 1u) == 0) {
+        (void)close((int)strtol(path + sizeof inherited - 1u, NULL, 10));
     } else {
         (void)unlink(path);
     }
@@ -306,17 +296,17 @@ static int64_t now_ns(void)
     return (int64_t)t.tv_sec * 1000000000 + (int64_t)t.tv_nsec;
 }
 
-/* Sleep until the bell differs from `seen`, at most `ns`. */
-static void sleep_while(volatile uint32_t *bell, uint32_t seen, int64_t ns)
+/* Sleep until the count of rings differs from `seen`, at most `ns`. */
+static void sleep_while(volatile uint32_t *rings, uint32_t seen, int64_t ns)
 {
 #ifdef __linux__
     struct timespec t;
     t.tv_sec = (time_t)(ns / 1000000000);
     t.tv_nsec = (long)(ns % 1000000000);
-    (void)syscall(SYS_futex, bell, FUTEX_WAIT, seen, &t, NULL, 0);
+    (void)syscall(SYS_futex, rings, FUTEX_WAIT, seen, &t, NULL, 0);
 #else
     const struct timespec t = {0, ns < 50000 ? (long)ns : 50000L};
-    (void)bell;
+    (void)signals;
     (void)seen;
     (void)nanosleep(&t, NULL);
 #endif
@@ -324,24 +314,24 @@ static void sleep_while(volatile uint32_t *bell, uint32_t seen, int64_t ns)
 
 RegisterFileStatus register_file_wait(RegisterFile *f, int64_t timeout_ns)
 {
-    volatile uint32_t *bell = &f->map[BELL + (f->side == CREATOR ? PEER : CREATOR)];
+    volatile uint32_t *rings = &f->map[RINGS + (f->side == CREATOR ? PEER : CREATOR)];
     const int64_t start = now_ns();
     int gone = 0;
     for (;;) {
-        const uint32_t rung = __atomic_load_n(bell, __ATOMIC_SEQ_CST);
+        const uint32_t rung = __atomic_load_n(rings, __ATOMIC_SEQ_CST);
         if (rung != f->seen) {
             f->seen = rung;
             return REGISTER_FILE_RANG;
         }
         if (gone) {
-            return REGISTER_FILE_GONE; /* and it had not rung before it went */
+            return REGISTER_FILE_GONE; /* and it has not rung since the last call */
         }
         const int64_t left = timeout_ns - (now_ns() - start);
         if (left <= 0) {
             return REGISTER_FILE_TIMEOUT;
         }
-        sleep_while(bell, rung, left < LOOK_NS ? left : LOOK_NS);
-        gone = __atomic_load_n(bell, __ATOMIC_SEQ_CST) == f->seen &&
+        sleep_while(rings, rung, left < POLL_NS ? left : POLL_NS);
+        gone = __atomic_load_n(rings, __ATOMIC_SEQ_CST) == f->seen &&
                __atomic_load_n(&f->map[ATTACHED], __ATOMIC_SEQ_CST) != 0u && !register_file_peer_lives(f);
     }
 }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Boards in a file that two processes map: the models' side creates it, flight's attaches. POSIX,
- * with Linux' futex to wake each other and its locks to know whether the other one lives; elsewhere
- * it looks every 50 microseconds. No heap.
+/* Boards in a file that two processes map: the models' side creates it, flight's side attaches. It needs POSIX. On Linux a
+ * futex wakes the other side; elsewhere the waiting side polls every 50 microseconds. A lock shows whether the other
+ * side lives. No heap.
  *
  * No file stays behind: the peer that attaches removes the name once it has mapped the file, and the
  * kernel drops map and locks of a process that ends, after kill -9 too. If a creator is killed before
@@ -22,23 +22,23 @@ extern "C" {
 typedef enum RegisterFileStatus {
     REGISTER_FILE_OK = 0,
     REGISTER_FILE_RANG,    ///< wait: the other side rang
-    REGISTER_FILE_TIMEOUT, ///< wait: it did not
-    REGISTER_FILE_GONE,    ///< wait: it attached, and has ended since
+    REGISTER_FILE_TIMEOUT, ///< wait: it did not ring in time
+    REGISTER_FILE_GONE,    ///< wait: the other side has ended
     REGISTER_FILE_NOT_YET, ///< attach: there is no file of a living creator, or it is not ready
     REGISTER_FILE_IN_USE,  ///< create: another creator lives; attach: another peer has attached
-    REGISTER_FILE_OTHER,   ///< attach: it is of other boards, or of another version
+    REGISTER_FILE_OTHER,   ///< attach: the file has other boards or another version
     REGISTER_FILE_FAILED   ///< the system refused: see error
 } RegisterFileStatus;
 
-/** One side's end. Read fd and error; leave the rest alone. */
+/** The end of one side. Callers read only fd and error. */
 typedef struct RegisterFile {
     int fd;    ///< of the file; not kept open across exec
     int error; ///< errno of REGISTER_FILE_FAILED
     uint32_t side;
-    uint32_t seen; ///< how often the other one had rung when last waited for
+    uint32_t seen; ///< the rings of the other side until the last wait
     size_t size;
     volatile uint32_t *map;
-    char path[256]; ///< to be removed, or empty
+    char path[256]; ///< the name to remove, or empty
 } RegisterFile;
 
 /** Create the file with all memory 0, and make the n boards' windows, which ring the other side.

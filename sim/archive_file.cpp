@@ -14,7 +14,7 @@ namespace {
 constexpr std::size_t chunk_size = std::size_t{1} << 20;
 constexpr std::size_t chunks_indexed = 4096; // 4 GiB; beyond, readers scan
 
-/// In what the writer is given, texts are pointers.
+/// The same pairs in the type of the writer, which points to the texts.
 std::vector<McapPair> as_pairs(const Pairs &pairs)
 {
     std::vector<McapPair> list;
@@ -32,7 +32,7 @@ struct ArchiveFile::Memory {
     std::vector<McapSchema> schemas;
     std::vector<McapChannel> channels;
     std::vector<std::uint8_t> chunk, index;
-    std::deque<std::string> texts; ///< that stay where they are
+    std::deque<std::string> texts; ///< whose addresses do not change
     std::deque<Pairs> pairs;
     std::deque<std::vector<McapPair>> pointers; ///< into pairs
 

@@ -19,8 +19,8 @@ namespace fledge::sim {
 namespace {
 
 constexpr double pi = 3.14159265358979323846;
-constexpr int draws_max = 10'000; ///< of a cut normal distribution, before its bounds are given up
-constexpr double far = 8.0;       ///< standard deviations, beyond which no draw ever falls
+constexpr int draws_max = 10'000; ///< tries to draw between the bounds of a normal distribution
+constexpr double far = 8.0;       ///< standard deviations; practically no draw is farther from the mean
 
 std::shared_ptr<Instance> find_instance(const Simulation &simulation, std::string_view path)
 {
@@ -152,7 +152,7 @@ void check_reach(const Instance &instance, const FledgeField &field, std::size_t
     }
 }
 
-/// A simulation that flies one run after the other, and where their results go.
+/// Flies runs one after the other in a simulation of its own, and stores their results.
 class Worker {
 public:
     Worker(const Simulation &nominal, Simulation &own, const CampaignPlan &plan)
@@ -168,7 +168,7 @@ public:
     {
         std::vector<double> draws;
         try {
-            if (own_.prepared()) { // not after a run whose draws were refused
+            if (own_.prepared()) { // false after a run with invalid draws
                 own_.reset();
             }
             draws = disperse(nominal_, own_, plan_, plan_.first + run);
@@ -189,7 +189,7 @@ public:
     }
 
 private:
-    /// Where instants are rarer than samples, a message holds until it is written again.
+    /// Between two instants, the samples repeat the message of the first one.
     static void keep(const Log &log, const Retained &variable, std::size_t samples, bool complete, double *to)
     {
         const auto index = [&](Ns t) { return static_cast<std::size_t>(t / log.every); };
@@ -221,7 +221,7 @@ std::size_t dispersed_elements(const CampaignPlan &plan)
     return n;
 }
 
-/// Room for what the runs leave behind.
+/// A result of the right size, filled with NaN.
 CampaignResult room_for(const CampaignPlan &plan)
 {
     const double none = std::numeric_limits<double>::quiet_NaN();
@@ -312,7 +312,7 @@ void check_retained(const Simulation &nominal, const Retained &variable)
                          " has " + format_list(field_names(instance->type(), FLEDGE_OUT)));
     }
     if (variable.offset + variable.elements * sizeof(double) > field->size) {
-        throw SetupError(variable.port + ": what is to be retained lies outside the message");
+        throw SetupError(variable.port + ": the retained field lies outside the message");
     }
 }
 

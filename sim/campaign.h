@@ -14,7 +14,7 @@
 
 namespace fledge::sim {
 
-/// What a parameter is drawn from. Numbers are SI.
+/// The distribution of a parameter. Numbers are SI.
 struct Distribution {
     enum class Kind {
         uniform,  ///< between a and b
@@ -23,22 +23,22 @@ struct Distribution {
     };
     Kind kind = Kind::uniform;
     double a = 0.0, b = 0.0;
-    double lo, hi;         ///< of a normal one: draws outside are drawn again
+    double lo, hi;         ///< of a normal distribution: draws outside are repeated
     bool relative = false; ///< a and b (lo, hi) are factors of the nominal value
     bool about = false;    ///< a and b (lo, hi) are added to the nominal value
 
     Distribution();
 };
 
-/// A parameter that differs from run to run, with all its elements or some: each is drawn by itself,
-/// from a stream of its own. An inertia stays symmetric: an element takes its mirror image along.
+/// A parameter that differs from run to run, or some of its elements. Each element has a random stream of its own. An
+/// inertia stays symmetric: a draw sets an element and its mirror image.
 struct Dispersion {
     std::string path; ///< "world.craft.I_B"
     std::vector<std::size_t> elements;
     Distribution distribution;
 };
 
-/// A field of a recorded message that is kept of every run.
+/// A field of a message whose samples the result retains.
 struct Retained {
     std::string port;         ///< "flight.tracking.error"
     std::uint32_t offset = 0; ///< of the field, bytes from the start of the message
@@ -49,7 +49,7 @@ struct CampaignPlan {
     std::uint64_t seed = 0;
     std::size_t first = 0, runs = 0; ///< indices first, first + 1, ...
     Ns duration = 0;
-    Ns every = 0; ///< between the samples of what is retained, > 0
+    Ns every = 0; ///< between retained samples, > 0
     std::vector<Dispersion> dispersions;
     std::vector<Retained> retained;
 };
@@ -64,13 +64,13 @@ struct CampaignResult {
     std::vector<std::vector<double>> retained;
 };
 
-/// How far a campaign is.
+/// The progress of a campaign.
 struct CampaignProgress {
     std::size_t finished = 0; ///< runs, failed ones included
     std::size_t failed = 0;
 };
 
-/// Whether runs may be flown by threads: an event with a callable may share anything.
+/// Whether an event has a callable. Callables may share data, so threads must not fly such runs.
 bool has_callables(const Simulation &simulation);
 
 /// Throws SetupError on a path that is no dispersible parameter (with the valid ones), elements
@@ -84,18 +84,18 @@ void check_retained(const Simulation &nominal, const Retained &variable);
 /// Both for all of a plan, which must have runs and disperse no element twice.
 void check_plan(const Simulation &nominal, const CampaignPlan &plan);
 
-/// Set the parameters and the seed of one run in a simulation that stands before its first instant.
-/// `nominal` has the nominal values and is left alone. Returns the draws.
+/// Set the parameters and the seed of one run in a simulation that has not run yet. `nominal` has the nominal values and
+/// does not change. Returns the draws.
 std::vector<double> disperse(const Simulation &nominal, Simulation &simulation, const CampaignPlan &plan,
                              std::size_t index);
 
-/// Fly one run in a simulation that stands before its first instant, with its nominal values. They
-/// are lost: this is for a simulation that cannot be cloned and is made anew for each run.
+/// Fly one run in a simulation that has not run yet and has the nominal values, which the run overwrites. Use it for
+/// simulations that cannot be cloned, and that the caller builds again for each run.
 CampaignResult fly_one(Simulation &simulation, CampaignPlan plan, std::size_t index);
 
-/// Fly all runs on this many threads. `progress` is called about ten times a second on the calling
-/// thread, and must not throw; false stops the campaign, which keeps the runs that are finished. A run
-/// that throws is a failure of its own.
+/// Fly all runs on this many threads. The calling thread calls `progress` about ten times a second; it must not
+/// throw. If it returns false, the campaign stops and keeps the finished runs. An exception in a run makes only that run
+/// fail.
 CampaignResult fly(const Simulation &nominal, const CampaignPlan &plan, unsigned threads,
                    const std::function<bool(CampaignProgress)> &progress = {});
 

@@ -28,8 +28,8 @@ struct Nominal {
         control = std::make_shared<Instance>(scale_type);
         world.add("tank", tank);
         flight.add("control", control);
-        face<Tank>(tank).par.initial = 8.0;
-        face<Scale>(control).par.gain = -0.5;
+        interface<Tank>(tank).par.initial = 8.0;
+        interface<Scale>(control).par.gain = -0.5;
         world.add_task({"dynamics", second / 10, 0, 0, {tank}});
         flight.add_task({"gnc", second / 2, 0, 0, {control}});
         sim.connect(port(tank, "level"), port(control, "number"));
@@ -83,7 +83,7 @@ TEST(Campaign, RunsFollowFromTheirDraws)
             EXPECT_NEAR(result.retained[0][run * 11 + k], expected, 1e-12) << run;
         }
     }
-    EXPECT_EQ(face<Tank>(nominal.tank).par.initial, 8.0) << "the nominal simulation is left alone";
+    EXPECT_EQ(interface<Tank>(nominal.tank).par.initial, 8.0) << "the nominal simulation is left alone";
     EXPECT_EQ(nominal.sim.now(), -1);
 }
 
@@ -106,7 +106,7 @@ TEST(Campaign, NeitherThreadsNorOrderChangeABit)
     const auto draws = disperse(nominal.sim, nominal.sim, nominal.plan, 151);
     EXPECT_EQ(draws[0], one.draws[302]);
     nominal.sim.run_until(nominal.plan.duration);
-    EXPECT_EQ(face<Tank>(nominal.tank).out.level.x, one.retained[0][151 * 11 + 10]);
+    EXPECT_EQ(interface<Tank>(nominal.tank).out.level.x, one.retained[0][151 * 11 + 10]);
 }
 
 TEST(Campaign, OneDispersionMoreChangesNoOthersDraws)
@@ -190,7 +190,7 @@ TEST(Campaign, ADistributionCanKeepTheParametersRule)
 {
     Nominal nominal;
     const auto source = std::make_shared<Instance>(source_type); // value: required, > 0
-    face<Source>(source).par.value = 2.0;
+    interface<Source>(source).par.value = 2.0;
     nominal.sim.process("flight").add("source", source);
     const auto error = [&](Distribution::Kind kind, double a, double b, double lo, double hi, bool relative = false) {
         Dispersion value{"flight.source.value", {0}, {}};
@@ -214,7 +214,7 @@ TEST(Campaign, ADistributionCanKeepTheParametersRule)
     EXPECT_EQ(error(normal, -1.0, 1.0, -none, none), "(no error)");
     EXPECT_THAT(error(normal, 1.0, 1.0, -2.0, none), HasSubstr("found -2"));
     EXPECT_THAT(error(normal, -9.0, 1.0, -none, none), HasSubstr("must be > 0"));
-    face<Source>(source).par.value = 0.0;
+    interface<Source>(source).par.value = 0.0;
     EXPECT_THAT(error(uniform, 0.5, 1.5, -none, none, true),
                 HasSubstr("its nominal value is 0, which no factor changes"));
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The rules that stand in the headers' comments, checked on the bytes of an instance.
+// Checks the bytes of an instance by the rules in the comments of its header.
 #include "sim/error.h"
 #include "sim/instance.h"
 #include "sim/text.h"
@@ -31,7 +31,7 @@ std::string bounds_text(const FledgeField &field)
     return std::string("must be ") + (field.bounds & FLEDGE_HI_OPEN ? "< " : "<= ") + format_number(field.hi);
 }
 
-/// What is wrong with an inertia matrix; "" if nothing is.
+/// The rule that an inertia matrix breaks; "" if it breaks none.
 std::string inertia_fault(const std::byte *bytes)
 {
     double m[3][3];

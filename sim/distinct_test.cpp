@@ -57,6 +57,6 @@ TEST(Distinct, SoAreTwoOutputsThatSayTheSame)
     pair.sim.connect(port(pair.a, "level"), port(pair.sum, "number"));
     pair.sim.connect(port(pair.b, "level"), port(pair.sum, "offset"));
     EXPECT_THAT(pair.error(), HasSubstr("world.b.level and world.a.level say the same"));
-    face<Tank>(pair.b).par.initial = 1.0;
+    interface<Tank>(pair.b).par.initial = 1.0;
     EXPECT_EQ(pair.error(), "");
 }

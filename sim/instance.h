@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// An instance: the memory of one module or model, and what is known of it.
+// An instance: the memory of one module or model, its type and its name.
 #pragma once
 
 #include "sim/model.h"
@@ -15,7 +15,7 @@ namespace fledge::sim {
 /// and never moves while the instance lives.
 class Instance {
 public:
-    /// A flight module. Throws SetupError if the type is none.
+    /// A flight module. Throws SetupError if the type is not a module.
     explicit Instance(const FledgeStruct &type);
     /// A world model.
     explicit Instance(const ModelType &type);
@@ -27,10 +27,10 @@ public:
     Model *model() const { return model_.get(); } ///< null for a flight module
     const ModelType *model_type() const { return model_type_; }
 
-    std::string name; ///< "control"; empty until it is given to a process
-    std::string path; ///< "flight.control", or the type's name as long as it has none
+    std::string name; ///< "control"; empty until the instance has a process
+    std::string path; ///< "flight.control"; the name of the type until the instance has a name
 
-    /// Which fields were set by the user, by index in the type's table.
+    /// Which fields the user has set, by index in the table of the type.
     std::vector<bool> given;
 
     /// A new instance of the same type with the same bytes; a model's set-up is not copied.
@@ -58,7 +58,7 @@ const FledgeField *find_field(const FledgeStruct &type, std::string_view name);
 /// The names of a type's fields in a group (spares left out), for messages.
 std::vector<std::string> field_names(const FledgeStruct &type, FledgeGroup group);
 
-/// The number of elements of a field; of its leading rows that count, given its struct's memory.
+/// The number of elements of a field; the number of its leading rows that are in use, from the memory of the struct.
 std::size_t field_elements(const FledgeField &field);
 std::size_t field_rows(const FledgeStruct &type, const FledgeField &field, const std::byte *memory);
 

@@ -20,7 +20,7 @@ constexpr std::size_t padded(std::size_t n)
     return (n + state_block - 1) / state_block * state_block;
 }
 
-/// What is integrated. Time is (start of the update in ns, seconds since), so that it keeps its
+/// A system of differential equations. Time is (start of the update in ns, seconds since), so that it keeps its
 /// resolution over years.
 class System {
 public:

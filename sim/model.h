@@ -58,8 +58,8 @@ public:
     /// before prepare().
     virtual std::vector<std::string> assumptions() const { return {}; }
 
-    /// Take over what is neither in the interface nor in memory (parts, gravity bodies): `counterpart`
-    /// maps a model of the original simulation to that of the clone.
+    /// Copy the set-up that is neither in the interface nor in memory (parts, gravity bodies). `counterpart` maps a
+    /// model of the original simulation to the model of the clone.
     virtual void copy_setup(const Model &original, const std::function<Model *(const Model *)> &counterpart)
     {
         (void)original;

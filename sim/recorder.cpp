@@ -48,7 +48,7 @@ std::shared_ptr<Log> Recorder::record(std::shared_ptr<Instance> instance, const 
     }
     if (archive_) {
         throw SetupError("record " + path + ": the archive " + archive_->path() +
-                         " is open; say what to record before");
+                         " is open; choose what to record before you open it");
     }
     for (const auto &log : logs_) {
         if (log->instance == instance && log->field == &field) {
@@ -63,14 +63,14 @@ std::shared_ptr<Log> Recorder::record(std::shared_ptr<Instance> instance, const 
     log->every = every;
     log->keep = keep;
     logs_.push_back(log);
-    next_due_ = 0; // looked at anew at the next instant
+    next_due_ = 0; // the next instant computes it again
     return log;
 }
 
 void Recorder::forget(const std::function<bool(const Log &)> &which)
 {
     if (archive_) {
-        throw SetupError("the archive " + archive_->path() + " is open; say what to record before");
+        throw SetupError("the archive " + archive_->path() + " is open; choose what to record before you open it");
     }
     std::erase_if(logs_, [&](const auto &log) { return which(*log); });
     find_next_due();
@@ -102,7 +102,7 @@ void Recorder::close_archive(const Pairs &end)
     }
 }
 
-/// From here on, nothing is archived.
+/// Stop archiving.
 std::unique_ptr<ArchiveFile> Recorder::take_archive()
 {
     for (const auto &log : logs_) {
@@ -118,13 +118,13 @@ void Recorder::reserve(Ns now, Ns t, Ns step)
         if (log->keep && t > now && every > 0) {
             const auto more = static_cast<std::size_t>((t - std::max<Ns>(now, 0)) / every + 2);
             const std::size_t wanted = log->times.size() + more;
-            // Ask for twice the room at least, so that many short runs do not copy it each time.
+            // At least double the capacity, so that many short runs do not copy the log each time.
             if (wanted > log->times.capacity()) {
                 const std::size_t room = std::max(wanted, 2 * log->times.capacity());
                 try {
                     log->times.reserve(room);
                     log->bytes.reserve(room * log->field->size);
-                } catch (const std::exception &) { // bad_alloc, or length_error where it cannot be counted
+                } catch (const std::exception &) { // bad_alloc or length_error
                     throw SetupError("record " + log->instance->path + "." + log->field->name + ": " +
                                      std::to_string(wanted) + " samples of " + std::to_string(log->field->size) +
                                      " bytes are more than there is memory for; record less often, or run in parts");
@@ -153,7 +153,7 @@ void Recorder::take_due(Ns t)
                 archive_->message(log->channel_, t, head.sequence, {message, log->field->size});
             } catch (const RunError &) {
                 find_next_due();
-                take_archive(); // and go on without it
+                take_archive(); // the run continues without it
                 throw;
             }
         }

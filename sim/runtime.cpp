@@ -307,7 +307,7 @@ void Runtime::enter(const Process &process, int mode)
 
 void Runtime::event_added(const Process &process)
 {
-    // It is looked at from the next instant on: an action may add an event that adds another one.
+    // The process checks it from the next instant on: an action may add an event that adds another one.
     of(process).events.push_back({exec_armed(), now + 1});
     has_events_ = true;
 }
@@ -369,7 +369,7 @@ void Runtime::run_events(Ns t)
         fired = false;
         for (RunProcess &process : processes_) {
             if (process.ran != t) {
-                continue; // flight looks at its events when flight runs, here as on its own computer
+                continue; // flight checks its events when it runs, as on its own computer
             }
             for (std::size_t i = 0; i < process.events.size(); i++) {
                 // By index and by a copy of the pointer: an action may add events.
@@ -406,7 +406,7 @@ void Runtime::instant()
 {
     const Ns t = next;
     for (Exchange &exchange : exchanges_) {
-        // What stood there at the last multiple of its period before t.
+        // Hold the message of the last multiple of the period before t.
         const Ns due = t > 0 ? (t - 1) / exchange.period * exchange.period : -1;
         if (due > exchange.done) {
             exchange.done = due;
@@ -440,7 +440,7 @@ bool Runtime::run_until(Ns t, const RunControl &control)
     const auto start = Clock::now();
     const Ns simulated_start = std::max<Ns>(now, 0);
     auto polled = start;
-    int until_look = 1; // the clock is read now and then only: it costs as much as a small update
+    int until_look = 1; // read the clock only sometimes: it takes as long as a small update
     const auto polite = [&](Clock::time_point at) {
         if (control.poll && at - polled >= 50ms) {
             polled = at;
@@ -515,10 +515,10 @@ void Runtime::visit_state(const std::function<void(void *, std::size_t)> &block)
 void Runtime::restored()
 {
     failure_.clear();
-    mode_asked_ = true; // looked at anew in the next instant
+    mode_asked_ = true; // the next instant checks it again
     for (auto &[instance, seen] : known_) {
         if (instance->model() && !unchanged(*instance, seen)) {
-            instance->model()->refresh(); // what the model derives from its parameters
+            instance->model()->refresh(); // quantities that the model derives from its parameters
         }
         seen = parameters(*instance);
     }

@@ -30,7 +30,7 @@ struct Step {
 
 struct RunEvent {
     ExecEvent state;
-    Ns from; ///< the event is not looked at before this time
+    Ns from; ///< the process does not check the event before this time
 };
 
 struct RunProcess {

@@ -109,7 +109,7 @@ void Simulation::prepare()
 
 void Simulation::reset()
 {
-    // Anew from the parameters as they are now: they may have changed what models make room for.
+    // Prepare again, because the sizes of memory in the models may depend on changed parameters.
     runtime_.reset();
     prepare();
 }
@@ -203,7 +203,7 @@ std::unique_ptr<Simulation> Simulation::clone() const
             other.tasks_.push_back(std::move(task));
         }
     }
-    // Events may look at the instances of any process, so all clones must exist.
+    // A condition may use an instance of any process, so all clones must exist first.
     for (std::size_t i = 0; i < processes().size(); i++) {
         for (const auto &event : processes()[i]->events_) {
             auto other = std::make_shared<Event>(*event);

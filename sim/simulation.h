@@ -2,7 +2,7 @@
 // A simulation owns a structure (structure.h), its run (runtime.h) and its records (recorder.h).
 //
 // At an instant t every process whose tasks are due runs, in the order in which the processes were
-// added (the world first, then flight); then events are looked at; then records are taken. A
+// added (the world first, then flight); then the processes check their events; then the recorder takes its records. A
 // command given at t acts over [t, t + h). Time is integer nanoseconds; equal times are ordered by
 // process, then priority (higher first), then declaration.
 #pragma once
@@ -60,8 +60,8 @@ public:
     std::uint64_t seed() const { return structure_.seed; }
     void set_seed(std::uint64_t seed); ///< takes effect at the next reset
 
-    /// One line per parameter marked `assumed` that was left at zero, "world.wheels.friction: ...",
-    /// and the assumptions that the models state.
+    /// One line for each parameter that is marked `assumed` and that the user left at zero, and for each assumption
+    /// of a model: "world.wheels.friction was left at 0 ...".
     std::vector<std::string> assumptions() const { return sim::assumptions(structure_); }
 
     // ---- run
@@ -75,12 +75,11 @@ public:
     /// SetupError also if a model's data do not reach to t, RunError if the run has failed.
     void ready_for(Ns t);
 
-    /// Back to time 0: everything is checked and prepared anew, and the logs are emptied. Throws
-    /// SetupError as prepare() does.
+    /// Go back to time 0: check and prepare everything again, and empty the logs. Throws SetupError as prepare() does.
     void reset();
 
-    /// As reset(), but the simulation begins late: all is reset for the time t, and the first instant is the
-    /// first after it on the grids of the tasks.
+    /// As reset(), but the simulation begins after the time t: it resets everything for t, and its first instant is the
+    /// first one after t on the grids of the tasks.
     void begin_after(Ns t);
 
     Ns now() const;  ///< the last instant that has run; -1 before the first
@@ -99,13 +98,13 @@ public:
 
     // ---- copy and divide
 
-    /// The whole dynamic state, to be restored into this simulation or a clone.
+    /// The whole dynamic state, which this simulation or a clone can restore.
     std::vector<std::byte> snapshot() const;
     /// Throws SetupError if the bytes belong to a simulation of another structure. Logs are kept.
     void restore(std::span<const std::byte> bytes);
 
-    /// A simulation that shares nothing with this one and stands at the same time. Its recorder is
-    /// empty. Events with C++ or Python callables are shared by copy of the callable.
+    /// A simulation at the same time, which shares no data with this one. Its recorder is empty. Its events have copies
+    /// of the C++ or Python callables.
     std::unique_ptr<Simulation> clone() const;
 
     std::vector<std::pair<std::string, std::string>> cross_process_dependencies(std::string_view process = {}) const
@@ -113,7 +112,7 @@ public:
         return sim::cross_process_dependencies(structure_, process);
     }
 
-    /// Become the simulation of one process: the other processes, their wires and their records are removed.
+    /// Keep only one process: remove the other ones, their wires and their records.
     /// Throws SetupError, and changes nothing, if the simulation has run or if there are cross-process
     /// dependencies.
     void isolate(const std::string &process);
@@ -121,8 +120,8 @@ public:
 private:
     friend class Process;
 
-    /// The structure is about to change. Throws SetupError once the simulation has run; before
-    /// that, the next run prepares anew.
+    /// Call it before a change of the structure. Throws SetupError if the simulation has run; else the next run prepares
+    /// again.
     void set_up_again();
 
     Structure structure_;

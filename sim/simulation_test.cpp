@@ -54,14 +54,14 @@ struct Loop {
         Process &flight = sim.add_process("flight");
         tank = make(world, "tank", tank_type);
         control = make(flight, "control", scale_type);
-        face<Tank>(tank).par.initial = 8.0;
-        face<Scale>(control).par.gain = -0.5;
+        interface<Tank>(tank).par.initial = 8.0;
+        interface<Scale>(control).par.gain = -0.5;
         world.add_task({"dynamics", 100 * ms, 0, 0, {tank}});
         flight.add_task({"gnc", 500 * ms, 0, 0, {control}});
         sim.connect(port(tank, "level"), port(control, "number"), level);
         sim.connect(port(control, "product"), port(tank, "flow"), command);
     }
-    double level() const { return face<Tank>(tank).out.level.x; }
+    double level() const { return interface<Tank>(tank).out.level.x; }
 
     Simulation sim;
     std::shared_ptr<Instance> tank, control;
@@ -106,7 +106,7 @@ TEST(Schedule, OrdersEqualTimesByPriorityThenDeclaration)
     for (int i = 0; i < 4; i++) {
         const std::string name = std::string("m") + std::to_string(i);
         module.push_back(make(flight, name, source_type));
-        face<Source>(module.back()).par.value = 1.0;
+        interface<Source>(module.back()).par.value = 1.0;
         flight.add_task({name, 10 * ms, 0, priority[i], {module.back()}});
     }
     std::vector<Update> seen;
@@ -126,16 +126,16 @@ TEST(Schedule, GivesTheTimeSinceTheLastUpdate)
     Process &flight = sim.add_process("flight");
     auto source = make(flight, "source", source_type);
     auto scale = make(flight, "scale", scale_type);
-    face<Source>(source).par.value = 1.0;
+    interface<Source>(source).par.value = 1.0;
     flight.add_task({"late", 30 * ms, 20 * ms, 0, {scale}});
     sim.connect(port(source, "number"), port(scale, "number"));
     sim.step();
     EXPECT_EQ(sim.now(), 20 * ms);
-    EXPECT_EQ(face<Scale>(scale).mem.t, 20 * ms);
-    EXPECT_EQ(face<Scale>(scale).mem.dt, 0);
+    EXPECT_EQ(interface<Scale>(scale).mem.t, 20 * ms);
+    EXPECT_EQ(interface<Scale>(scale).mem.dt, 0);
     sim.step();
     EXPECT_EQ(sim.now(), 50 * ms);
-    EXPECT_EQ(face<Scale>(scale).mem.dt, 30 * ms);
+    EXPECT_EQ(interface<Scale>(scale).mem.dt, 30 * ms);
 }
 
 TEST(Configuration, IsPublishedAtTheStartAndWhenItsParametersChange)
@@ -144,32 +144,32 @@ TEST(Configuration, IsPublishedAtTheStartAndWhenItsParametersChange)
     Process &flight = sim.add_process("flight");
     auto source = make(flight, "source", source_type); // in no task
     auto scale = make(flight, "scale", scale_type);
-    face<Source>(source).par.value = 3.0;
-    face<Scale>(scale).par.gain = 1.0;
+    interface<Source>(source).par.value = 3.0;
+    interface<Scale>(scale).par.gain = 1.0;
     flight.add_task({"gnc", 10 * ms, 0, 0, {scale}});
     sim.connect(port(source, "number"), port(scale, "number"));
     sim.run_until(1000 * ms);
-    EXPECT_EQ(face<Scale>(scale).out.number.x, 3.0);
-    EXPECT_EQ(face<Source>(source).out.number.head.sequence, 1u);
-    face<Source>(source).par.value = 4.0;
+    EXPECT_EQ(interface<Scale>(scale).out.number.x, 3.0);
+    EXPECT_EQ(interface<Source>(source).out.number.head.sequence, 1u);
+    interface<Source>(source).par.value = 4.0;
     sim.step();
-    EXPECT_EQ(face<Scale>(scale).out.number.x, 4.0);
-    EXPECT_EQ(face<Source>(source).out.number.head.sequence, 2u);
-    face<Source>(source).par.value = -1.0; // forbidden, and found although no setter saw it
+    EXPECT_EQ(interface<Scale>(scale).out.number.x, 4.0);
+    EXPECT_EQ(interface<Source>(source).out.number.head.sequence, 2u);
+    interface<Source>(source).par.value = -1.0; // forbidden, and found although no setter saw it
     EXPECT_THAT(error_of([&] { sim.step(); }), HasSubstr("flight.source.value must be > 0, found -1"));
-    face<Source>(source).par.value = 5.0; // mended: the run goes on
+    interface<Source>(source).par.value = 5.0; // mended: the run goes on
     sim.step();
-    EXPECT_EQ(face<Scale>(scale).out.number.x, 5.0);
+    EXPECT_EQ(interface<Scale>(scale).out.number.x, 5.0);
 }
 
 TEST(Parameters, OfTheInitialStateCountUntilTheFirstInstant)
 {
     Loop loop;
     loop.sim.reset();
-    face<Tank>(loop.tank).par.initial = 3.0;
+    interface<Tank>(loop.tank).par.initial = 3.0;
     loop.sim.step();
     EXPECT_EQ(loop.level(), 3.0);
-    face<Tank>(loop.tank).par.initial = 5.0; // too late for this run
+    interface<Tank>(loop.tank).par.initial = 5.0; // too late for this run
     loop.sim.step();
     EXPECT_LT(loop.level(), 3.0);
     loop.sim.reset();
@@ -199,15 +199,17 @@ TEST(Wires, WithLatencyAreExchangedAlsoWhereNoInstantFalls)
     Process &flight = sim.add_process("flight");
     auto source = make(world, "source", source_type);
     auto scale = make(flight, "scale", scale_type);
-    face<Source>(source).par = {1.0, 1.0};
-    face<Scale>(scale).par.gain = 1.0;
+    interface<Source>(source).par = {
+        1.0, 1.0
+    };
+    interface<Scale>(scale).par.gain = 1.0;
     world.add_task({"world", 100 * ms, 30 * ms, 0, {source}});
     flight.add_task({"flight", 100 * ms, 70 * ms, 0, {scale}});
     sim.connect(port(source, "number"), port(scale, "number"), {.latency = 1});
     for (int k = 0; k < 5; k++) {
         sim.run_until((100 * k + 70) * ms);
-        EXPECT_EQ(face<Source>(source).out.number.x, 1.0 + k);
-        EXPECT_EQ(face<Scale>(scale).out.number.x, k) << k;
+        EXPECT_EQ(interface<Source>(source).out.number.x, 1.0 + k);
+        EXPECT_EQ(interface<Scale>(scale).out.number.x, k) << k;
     }
 }
 
@@ -229,7 +231,7 @@ TEST(Wires, MarkWhatIsStale)
     auto slow = make(flight, "slow", scale_type);
     auto fast = make(flight, "fast", scale_type);
     auto source = make(flight, "source", source_type);
-    face<Source>(source).par.value = 1.0;
+    interface<Source>(source).par.value = 1.0;
     flight.add_task({"slow", 1000 * ms, 0, 1, {slow}});
     flight.add_task({"fast", 100 * ms, 0, 0, {fast}});
     sim.connect(port(source, "number"), port(slow, "number"));
@@ -237,8 +239,8 @@ TEST(Wires, MarkWhatIsStale)
     for (int i = 0; i <= 20; i++) {
         sim.run_until(i * 100 * ms);
         const Quality expected = i % 10 > 3 ? QUALITY_STALE : QUALITY_GOOD;
-        EXPECT_EQ(face<Scale>(fast).in.number.head.quality, expected) << i;
-        EXPECT_EQ(face<Scale>(slow).out.number.head.quality, QUALITY_GOOD) << "the producer's own is untouched";
+        EXPECT_EQ(interface<Scale>(fast).in.number.head.quality, expected) << i;
+        EXPECT_EQ(interface<Scale>(slow).out.number.head.quality, QUALITY_GOOD) << "the producer's own is untouched";
     }
 }
 
@@ -251,13 +253,13 @@ TEST(Parts, AreFedByTheirOwnWiresAndAdvancedByTheirOwner)
     auto leak = make(world, "leak", leak_type);
     auto source = make(flight, "source", source_type);
     attach(*tank, *leak);
-    face<Tank>(tank).par.initial = 5.0;
-    face<Source>(source).par.value = 2.0;
+    interface<Tank>(tank).par.initial = 5.0;
+    interface<Source>(source).par.value = 2.0;
     world.add_task({"dynamics", 100 * ms, 0, 0, {tank}});
     flight.add_task({"gnc", 500 * ms, 0, 0, {source}});
     sim.connect(port(source, "number"), port(leak, "command"));
     sim.run_until(1000 * ms);
-    EXPECT_NEAR(face<Tank>(tank).out.level.x, 5.0 - 2.0 * 1.0, 1e-12);
+    EXPECT_NEAR(interface<Tank>(tank).out.level.x, 5.0 - 2.0 * 1.0, 1e-12);
     world.find("leak");
     EXPECT_THAT(error_of([&] {
                     Simulation other;
@@ -275,7 +277,7 @@ TEST(Modes, TakeEffectAtTheNextInstantAndResetWhatBecomesActive)
     auto source = make(flight, "source", source_type);
     auto a = make(flight, "a", scale_type);
     auto b = make(flight, "b", scale_type);
-    face<Source>(source).par.value = 1.0;
+    interface<Source>(source).par.value = 1.0;
     flight.add_task({"always", 10 * ms, 0, 0, {source}});
     flight.add_task({"a", 10 * ms, 0, 0, {a}});
     flight.add_task({"b", 20 * ms, 0, 0, {b}});
@@ -285,18 +287,18 @@ TEST(Modes, TakeEffectAtTheNextInstantAndResetWhatBecomesActive)
     sim.connect(port(source, "number"), port(b, "number"));
     sim.run_until(50 * ms);
     EXPECT_EQ(flight.mode(), "first");
-    EXPECT_EQ(face<Scale>(a).mem.updates, 6);
-    EXPECT_EQ(face<Scale>(b).mem.updates, 0);
+    EXPECT_EQ(interface<Scale>(a).mem.updates, 6);
+    EXPECT_EQ(interface<Scale>(b).mem.updates, 0);
     flight.enter("second");
     EXPECT_EQ(flight.mode(), "first") << "not before the next instant";
     sim.run_until(80 * ms);
     EXPECT_EQ(flight.mode(), "second");
-    EXPECT_EQ(face<Scale>(a).mem.updates, 6) << "no longer active";
-    EXPECT_EQ(face<Scale>(b).mem.updates, 2) << "at 60 and 80 ms, on its own grid";
+    EXPECT_EQ(interface<Scale>(a).mem.updates, 6) << "no longer active";
+    EXPECT_EQ(interface<Scale>(b).mem.updates, 2) << "at 60 and 80 ms, on its own grid";
     flight.enter("first");
     sim.run_until(90 * ms);
-    EXPECT_EQ(face<Scale>(a).mem.updates, 1) << "reset when it became active";
-    EXPECT_EQ(face<Scale>(a).mem.dt, 0);
+    EXPECT_EQ(interface<Scale>(a).mem.updates, 1) << "reset when it became active";
+    EXPECT_EQ(interface<Scale>(a).mem.dt, 0);
     sim.reset();
     EXPECT_EQ(flight.mode(), "first");
     EXPECT_THAT(error_of([&] { flight.enter("third"); }),
@@ -312,8 +314,8 @@ TEST(Modes, AreEnteredAtAnInstantOfTheirProcessAndInItsTurn)
     auto source = make(flight, "source", source_type);
     auto idle = make(flight, "idle", source_type);
     auto reader = make(world, "reader", scale_type);
-    face<Source>(source).par.value = face<Source>(idle).par.value = 1.0;
-    face<Scale>(reader).par.gain = 1.0;
+    interface<Source>(source).par.value = interface<Source>(idle).par.value = 1.0;
+    interface<Scale>(reader).par.gain = 1.0;
     world.add_task({"look", 10 * ms, 0, 0, {reader}});
     flight.add_task({"idle", 100 * ms, 0, 0, {idle}});
     flight.add_task({"work", 100 * ms, 50 * ms, 0, {source}});
@@ -321,7 +323,7 @@ TEST(Modes, AreEnteredAtAnInstantOfTheirProcessAndInItsTurn)
     flight.add_mode({"resting", {}});
     sim.connect(port(source, "number"), port(reader, "number"));
     sim.run_until(60 * ms);
-    EXPECT_EQ(face<Scale>(reader).out.number.x, 1.0);
+    EXPECT_EQ(interface<Scale>(reader).out.number.x, 1.0);
     flight.enter("resting");
     sim.run_until(90 * ms);
     EXPECT_EQ(flight.mode(), "working") << "it has had no instant since";
@@ -329,12 +331,12 @@ TEST(Modes, AreEnteredAtAnInstantOfTheirProcessAndInItsTurn)
     EXPECT_EQ(flight.mode(), "resting");
     flight.enter("working");
     sim.run_until(140 * ms);
-    EXPECT_EQ(face<Scale>(reader).in.number.head.sequence, 1u) << "not yet reset";
+    EXPECT_EQ(interface<Scale>(reader).in.number.head.sequence, 1u) << "not yet reset";
     sim.run_until(150 * ms);
     EXPECT_EQ(flight.mode(), "working");
-    EXPECT_EQ(face<Scale>(reader).in.number.head.t, 50 * ms) << "it ran before flight did";
-    EXPECT_EQ(face<Source>(source).out.number.head.t, 150 * ms);
-    EXPECT_EQ(face<Source>(source).out.number.head.sequence, 1u) << "reset, then updated";
+    EXPECT_EQ(interface<Scale>(reader).in.number.head.t, 50 * ms) << "it ran before flight did";
+    EXPECT_EQ(interface<Source>(source).out.number.head.t, 150 * ms);
+    EXPECT_EQ(interface<Source>(source).out.number.head.sequence, 1u) << "reset, then updated";
 }
 
 namespace {
@@ -401,7 +403,7 @@ TEST(Events, ChangeTheMode)
     loop.sim.run_until(5000 * ms);
     EXPECT_EQ(flight.mode(), "idle");
     // The level falls below 4 at 1.3 s; flight runs, and so looks, at 1.5 s.
-    EXPECT_EQ(face<Scale>(loop.control).mem.t, 1500 * ms);
+    EXPECT_EQ(interface<Scale>(loop.control).mem.t, 1500 * ms);
 }
 
 TEST(Isolate, LeavesOneProcessThatIsAsItWas)
@@ -614,17 +616,17 @@ TEST(Setup, CannotChangeARunningSimulation)
                 HasSubstr("the simulation has run until 0 s; reset it before"));
     loop.sim.reset();
     auto late = make(loop.sim.process("flight"), "late", source_type);
-    face<Source>(late).par.value = 1.0;
+    interface<Source>(late).par.value = 1.0;
     loop.sim.connect(port(late, "number"), port(loop.control, "offset"));
     loop.sim.run_until(0);
-    EXPECT_EQ(face<Scale>(loop.control).out.number.x, -0.5 * 8.0 + 1.0);
+    EXPECT_EQ(interface<Scale>(loop.control).out.number.x, -0.5 * 8.0 + 1.0);
 }
 
 TEST(Setup, StatesAssumptions)
 {
     Loop loop;
     EXPECT_TRUE(loop.sim.assumptions().empty());
-    face<Tank>(loop.tank).par.initial = 0.0;
+    interface<Tank>(loop.tank).par.initial = 0.0;
     EXPECT_THAT(loop.sim.assumptions(), ElementsAre("world.tank.initial was left at 0: level at the start"));
     loop.tank->given[2] = true;
     EXPECT_TRUE(loop.sim.assumptions().empty());
@@ -650,7 +652,7 @@ private:
 
 TEST(Setup, ARunBeyondAModelsDataIsRefusedBeforeItBegins)
 {
-    const ModelType short_lived{&tank_face,
+    const ModelType short_lived{&tank_interface,
                                 [](void *) -> std::unique_ptr<Model> { return std::make_unique<ShortLived>(); }};
     Simulation sim;
     Process &world = sim.add_process("world");

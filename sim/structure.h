@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a user builds: processes of tasks of modules and models, modes, events, and wires between them.
-// Nothing here changes during a run, except that an event's action may add events; runtime.h holds the state.
+// The structure that a user builds: processes with their tasks of modules and models, modes and events, and the wires
+// between them. It does not change during a run, except that an action of an event may add events. runtime.h holds the
+// state of the run.
 #pragma once
 
 #include "flight/exec/element.h"
@@ -29,11 +30,10 @@ struct Port {
 };
 
 struct WireOptions {
-    /// 0: the consumer reads what the producer last wrote. 1: it reads what the producer had at the
-    /// end of the last exchange before, so that the two processes may run side by side; see
-    /// Simulation::connect.
+    /// 0: the consumer reads the message that the producer wrote last. 1: it reads the message of the last exchange, so
+    /// that the two processes may run in parallel; see Simulation::connect.
     int latency = 0;
-    /// [ns] A message older than this reaches the consumer with its quality lowered; 0: never.
+    /// [ns] The wire lowers the quality of a message that is older than this; 0: never.
     Ns stale_after = 0;
 };
 
@@ -57,7 +57,7 @@ struct Mode {
     std::vector<std::string> tasks;
 };
 
-/// A comparison of a field with a constant: flight's events are made of these, because they export.
+/// A comparison of a field with a constant. Events of flight use it, because it can be exported to C.
 struct Condition {
     enum class Measure { element, norm, max_abs };
     enum class Comparison { less, less_equal, greater, greater_equal, equal, not_equal };
@@ -74,22 +74,20 @@ struct Condition {
     bool holds() const;
 };
 
-/// Something that happens once its condition holds. A process looks at its events at the instants at
-/// which one of its tasks ran. An event fires when the condition has held for `hold`,
-/// is then disarmed, and arms itself again when the condition no longer holds (unless `once`).
-/// An event that is armed by its own action while its condition still holds would fire again at the
-/// same instant: that is a RunError.
+/// A process checks its events at the instants at which one of its tasks ran. An event fires when its condition has held
+/// for `hold`. It is then disarmed, and arms itself again when the condition no longer holds (unless `once`). If its
+/// action arms it while the condition still holds, it would fire again at the same instant: that is a RunError.
 struct Event {
     std::string name;
-    std::optional<Condition> condition; ///< one of these two
+    std::optional<Condition> condition; ///< either this or the predicate
     std::function<bool()> predicate;
     Ns hold = 0;
     bool once = false;
     std::string mode;             ///< enter this mode of the event's process; "": none
-    std::function<void()> action; ///< and call this; may be empty
+    std::function<void()> action; ///< call this; may be empty
 };
 
-/// The tasks that live together: "flight" or "world".
+/// The tasks of one computer or model world: "flight" or "world".
 class Process {
 public:
     std::string name;
@@ -117,7 +115,7 @@ public:
 
     // The state of the run. Before a run is prepared, the mode is the initial one and all events are armed.
 
-    /// Ask for a mode; it takes effect at the next instant of this process.
+    /// Request a mode. The process enters it at its next instant.
     void enter(const std::string &mode);
     /// The mode in force; "" if the process has none.
     const std::string &mode() const;
@@ -140,7 +138,7 @@ private:
     int initial_ = -1;
 };
 
-/// All that is built. Processes run in this order.
+/// The whole structure. Processes run in this order.
 struct Structure {
     std::uint64_t seed = 0;
     std::vector<std::unique_ptr<Process>> processes;
@@ -157,9 +155,9 @@ bool same_type(const FledgeStruct *a, const FledgeStruct *b);
 /// What an instance does in a run.
 struct Role {
     const Process *process;
-    bool scheduled = false; ///< it stands in a task
+    bool scheduled = false; ///< a task runs it
     bool part = false;      ///< a model that another model advances
-    /// A module without a task: it publishes its parameters at the start and when they have changed.
+    /// A module without a task: it publishes its parameters at the start, and again after they change.
     bool configuration = false;
 };
 using Roles = std::map<const Instance *, Role>;
@@ -173,9 +171,9 @@ void check(const Structure &structure, const Roles &roles);
 /// with the same content at the start. "" if there are none.
 std::string coincident_inputs(const Structure &structure);
 
-/// What joins a process to others besides wires, or any to any: (what it is, the instance that it depends
-/// on) of each event that looks at an instance of another process, and of each model that has a part
-/// there. Dependencies inside Python callables are not found.
+/// The dependencies between processes besides wires, of one process or (if the name is empty) of all: pairs of an event
+/// or model, and the instance of another process on which it depends. The function does not find dependencies inside
+/// Python callables.
 std::vector<std::pair<std::string, std::string>> cross_process_dependencies(const Structure &structure,
                                                                             std::string_view process);
 

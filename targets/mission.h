@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What every exported mission includes: the rules of time, and how it lists its messages and
- * parameters for its host. */
+/* Every exported mission includes this header: the rules of time, and the types of its lists of messages and parameters. */
 #ifndef TARGETS_MISSION_H
 #define TARGETS_MISSION_H
 
@@ -9,14 +8,14 @@
 #include "flight/exec/task.h"
 
 typedef enum MissionDirection {
-    MISSION_IN = 0,    ///< the host fills it before a tick
-    MISSION_OUT = 1,   ///< a reader outside flight is wired to it
-    MISSION_INSIDE = 2 ///< an output without a reader outside flight; for records
+    MISSION_IN = 0,    ///< an input: the host writes it before a tick
+    MISSION_OUT = 1,   ///< an output with a reader outside flight
+    MISSION_INSIDE = 2 ///< any other output, for records
 } MissionDirection;
 
-/** A message of the mission; its id is its place in the mission's list. */
+/** A message of the mission. Its id is its index in the mission's list. */
 typedef struct MissionMessage {
-    const char *path; ///< of the output that it is: "world.nav.attitude", "flight.motor.command"
+    const char *path; ///< of its output: "world.nav.attitude", "flight.motor.command"
     const char *type; ///< "NavAttitude"
     uint32_t offset;  ///< [bytes] in the mission's struct
     uint32_t size;    ///< [bytes]

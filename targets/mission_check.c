@@ -9,7 +9,7 @@ static double number(const MissionRule *rule, const uint8_t *block, uint32_t i)
     return element_read(rule->number, block + rule->offset + (size_t)i * element_size(rule->number));
 }
 
-/* The first number of a field that breaks its rule, or n. */
+/* The index of the first number of a field that breaks its rule, or rule->n. */
 static uint32_t broken(const MissionRule *rule, const uint8_t *block)
 {
     uint32_t n = rule->n;
@@ -20,8 +20,8 @@ static uint32_t broken(const MissionRule *rule, const uint8_t *block)
     }
     for (uint32_t i = 0u; i < n; i++) {
         const double x = number(rule, block, i);
-        if (x - x != 0.0 || !exec_within(rule->flags, rule->low, rule->high,
-                                         x)) { /* of what is not finite, the difference is no number */
+        /* x - x is NaN if x is not finite. */
+        if (x - x != 0.0 || !exec_within(rule->flags, rule->low, rule->high, x)) {
             return i;
         }
     }

@@ -41,7 +41,7 @@ McapStatus mission_record_open(MissionRecord *r, const MissionHost *host, McapWr
             status = mcap_add_channel(&r->writer, host->topics[i].topic, schema, MCAP_ORDER_NATIVE, 0, 0u, &channel);
         }
         if (status == MCAP_OK && r->first == 0u) {
-            r->first = channel; /* the next ones are numbered from there */
+            r->first = channel; /* the ids of the other channels follow */
         }
     }
     return status;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* All that a host knows of a mission: what to call, where its messages lie, what they look like, and
- * when it steps. The data are generated (MISSION_host.c). */
+/* The interface of a mission to its host: its functions, the layout and definitions of its messages, and its rates.
+ * `fledge export` writes the data (MISSION_host.c). */
 #ifndef TARGETS_MISSION_HOST_H
 #define TARGETS_MISSION_HOST_H
 
@@ -11,19 +11,19 @@
 extern "C" {
 #endif
 
-/** What a message looks like, in records and in the co-simulation. */
+/** The definition of a message, for records and for co-simulation. */
 typedef struct MissionDefinition {
     const char *type; ///< "NavAttitude"
     const char *name; ///< "fledge/msg/NavAttitude"
     const char *text; ///< in ros2msg
 } MissionDefinition;
 
-/** A message's name to others, and how it comes in. */
+/** The topic of a message, and how flight receives it. */
 typedef struct MissionTopic {
     const char *topic;   ///< "/world/nav/attitude"
-    uint16_t definition; ///< its place in the list
-    uint8_t latency;     ///< of what comes in: 0, or 1 exchange
-    uint8_t optional;    ///< of what comes in: 1 if flight does without
+    uint16_t definition; ///< its index in the list
+    uint8_t latency;     ///< of an input: 0, or 1 exchange
+    uint8_t optional;    ///< of an input: 1 if flight runs without it
 } MissionTopic;
 
 typedef struct MissionHost {
@@ -37,8 +37,8 @@ typedef struct MissionHost {
     const MissionTopic *topics; ///< of each message, by id
     const MissionDefinition *definitions;
     const ExecRate *rates;
-    McapSchema *schemas;   ///< room for those of the record ...
-    McapChannel *channels; ///< ... and its topics
+    McapSchema *schemas;   ///< memory for the schemas of the record
+    McapChannel *channels; ///< memory for the channels of the record
     uint16_t n_schemas;
     uint16_t n_channels;
     uint16_t n_rates;
@@ -46,22 +46,22 @@ typedef struct MissionHost {
 
 extern const MissionHost fledge_mission;
 
-/** One exchange by the board's clock: begin, or read, tick and write. The caller then
- *  answers the clock (register_clock_finish), when it has done the rest of its tick. */
+/** One exchange: with t < 0 reset flight, else read, tick; then write. The caller calls register_clock_finish when it
+ *  has finished its own work of this tick. */
 void mission_host_exchange(const MissionHost *host, const RegisterWindow *w, int64_t t, MissionIoCounts *counts);
 
-/** Every output of flight at every tick, in the archive's format, without heap. */
+/** Records every output of flight at every tick, as MCAP, without a heap. */
 typedef struct MissionRecord {
     McapWriter writer;
-    uint16_t first; ///< channel; the others follow
+    uint16_t first; ///< the first channel; the others follow
     uint16_t open;
 } MissionRecord;
 
-/** Begin a record that goes to `write`. `chunk` may be of size 0: see record/mcap.h. */
+/** Begin a record, whose bytes go to `write`. */
 McapStatus mission_record_open(MissionRecord *r, const MissionHost *host, McapWrite write, void *user,
                                const char *target);
 
-/** Record all that flight puts out, at t >= 0. */
+/** Record all outputs of flight, at t >= 0. */
 McapStatus mission_record_take(MissionRecord *r, const MissionHost *host, int64_t t);
 
 McapStatus mission_record_close(MissionRecord *r);

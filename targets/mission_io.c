@@ -27,7 +27,7 @@ static void put_row(const MissionIo *io, const RegisterWindow *w, const MissionL
         int saturated = 0;
         uint32_t word = 0u;
         const int64_t count = register_field_quantise(field, element_read(row->number, p), &saturated);
-        (void)register_take_word(w, lane, i, &word); /* the word's other fields stay */
+        (void)register_take_word(w, lane, i, &word); /* to keep the other fields of the word */
         (void)register_put_word(w, lane, i, register_field_place(field, word, count));
         counts->saturated += saturated != 0;
     }
@@ -42,7 +42,7 @@ static void take_row(const MissionIo *io, const RegisterWindow *w, const Mission
         RegisterInfo info;
         const RegisterStatus status = register_take_message(w, lane, row->type, message, &info);
         if (status == REGISTER_CORRUPT) {
-            memset(message, 0, row->type->size); /* it was touched, and is no message */
+            memset(message, 0, row->type->size); /* the invalid bytes may have overwritten it */
         }
         counts->corrupt += status == REGISTER_CORRUPT || status == REGISTER_SIZE;
         return;
@@ -56,8 +56,8 @@ static void take_row(const MissionIo *io, const RegisterWindow *w, const Mission
     }
 }
 
-/* A message in words has no head of its own: it was measured now. Fields of its head that are
- * carried are set afterwards, by their own rows. Before time 0 it is as if never written. */
+/* Write the head of a message that passes in words. Rows of head fields replace these values afterwards. With t < 0 the
+ * message stays as if never written. */
 static void write_head(uint8_t *message, int64_t t)
 {
     Head head;
@@ -66,7 +66,7 @@ static void write_head(uint8_t *message, int64_t t)
     memcpy(message, &head, sizeof head);
 }
 
-/* A block that is new replaces the one in use, as a whole. */
+/* A new block of parameters replaces the present one as a whole. */
 static void take_parameters(const MissionIo *io, const RegisterWindow *w, const MissionLane *row, uint8_t *mission,
                             MissionIoCounts *counts)
 {

@@ -53,7 +53,7 @@ std::shared_ptr<sim::Instance> add(sim::Process &process, const std::string &nam
         }
     }
     for (const sim::ModelType &model : world::models()) {
-        if (model.face->name == type) {
+        if (model.interface->name == type) {
             process.add(name, std::make_shared<sim::Instance>(model));
             return process.find(name);
         }

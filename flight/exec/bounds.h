@@ -47,14 +47,14 @@ static inline ExecInertia exec_inertia(double (*m)[3])
     for (int i = 0; i < 3; i++) {
         for (int j = 0; j < 3; j++) {
             const double difference = m[i][j] - m[j][i], limit = 1e-9 * (trace < 0.0 ? -trace : trace);
-            if (difference > limit) { /* of j and i, if not of i and j */
+            if (difference > limit) { /* if m[j][i] is the larger one, the pair (j, i) shows it */
                 return EXEC_INERTIA_ASYMMETRIC;
             }
             rest[i][j] = (i == j ? 0.5 * trace : 0.0) - m[i][j];
         }
     }
-    /* The tolerances allow for rounding: the zero moment of a rod that lies askew comes out as 1e-16
-     * of its trace. No principal moment exceeds the sum of the other two if and only if trace/2 - m
+    /* The tolerances allow for rounding: the zero moment of a rod that is not along an axis becomes
+     * about 1e-16 of its trace. No principal moment exceeds the sum of the other two if and only if trace/2 - m
      * has no negative eigenvalue; that of a flat body is zero. */
     if (!exec_positive_definite(m, -1e-12 * trace)) {
         return EXEC_INERTIA_INDEFINITE;

@@ -37,7 +37,7 @@ static inline uint32_t element_size(FledgeType type)
         return (double)v;                                                                                              \
     }
 
-/** The number at p; 0 of what is no number. */
+/** The number at p; 0 if the type is not numeric. */
 static inline double element_read(FledgeType type, const void *p)
 {
     switch (type) {
@@ -72,8 +72,8 @@ static inline int64_t element_whole(double x, double low, double high)
         return;                                                                                                        \
     }
 
-/** Write x at p: rounded and limited to the range of the type; of 64 bits, to 9e15, which a double
- *  holds exactly. */
+/** Write x at p: rounded and limited to the range of the type, or for types of 64 bits to 9e15, which a double
+ *  represents exactly. */
 static inline void element_write(FledgeType type, void *p, double x)
 {
     switch (type) {

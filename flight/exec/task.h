@@ -62,8 +62,8 @@ static inline int exec_switch(ExecTask *task, int active, ExecRate rate, int64_t
     return starts;
 }
 
-/** When a task runs next, after `now`; INT64_MAX: never. `asked`: whether the mode that was asked for
- *  runs the task. */
+/** When a task runs next, after `now`; INT64_MAX: never. `asked`: whether the requested mode runs
+ *  the task. */
 static inline int64_t exec_next(const ExecTask *task, ExecRate rate, int asked, int64_t now)
 {
     return task->active ? task->next : asked ? exec_on_grid(rate, now + 1) : INT64_MAX;

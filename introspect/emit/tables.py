@@ -74,7 +74,7 @@ def _struct(s: Struct) -> str:
 
 
 def _field(f: Field) -> str:
-    """A field's row; what is zero or NULL is left out."""
+    """A field's row; members that are zero or NULL are left out."""
     members = [
         ("name", string(f.name)),
         ("offset", f"{f.offset}u"),

@@ -46,28 +46,28 @@ void scale_update(Scale *m, Tick t)
 
 class LeakModel final : public Model {
 public:
-    explicit LeakModel(void *memory) : face(*static_cast<Leak *>(memory)) {}
+    explicit LeakModel(void *memory) : interface(*static_cast<Leak *>(memory)) {}
     void prepare(const Setup &) override {}
-    void reset(Ns) override { face.out = {}; }
+    void reset(Ns) override { interface.out = {}; }
     void update(Tick tick) override
     {
-        face.out.flow = {head_next(face.out.flow.head, tick.t, QUALITY_GOOD), face.in.command.x};
+        interface.out.flow = {head_next(interface.out.flow.head, tick.t, QUALITY_GOOD), interface.in.command.x};
     }
-    Leak &face;
+    Leak &interface;
 };
 
 class TankModel final : public Model {
 public:
-    explicit TankModel(void *memory) : face_(*static_cast<Tank *>(memory)) {}
+    explicit TankModel(void *memory) : interface_(*static_cast<Tank *>(memory)) {}
     void prepare(const Setup &setup) override
     {
-        if (face_.par.initial < 0.0) {
+        if (interface_.par.initial < 0.0) {
             throw SetupError(setup.name + ".initial must be >= 0");
         }
     }
     void reset(Ns t) override
     {
-        level_ = face_.par.initial;
+        level_ = interface_.par.initial;
         if (leak_) {
             leak_->reset(t);
         }
@@ -75,12 +75,12 @@ public:
     }
     void update(Tick tick) override
     {
-        note(&face_, tick.t);
+        note(&interface_, tick.t);
         if (leak_) {
             leak_->update(tick);
         }
-        const double out = leak_ ? leak_->face.out.flow.x : 0.0;
-        level_ += (face_.in.flow.x - out) * tick_seconds(tick.dt);
+        const double out = leak_ ? leak_->interface.out.flow.x : 0.0;
+        level_ += (interface_.in.flow.x - out) * tick_seconds(tick.dt);
         publish(tick.t);
     }
     std::vector<Model *> parts() const override { return leak_ ? std::vector<Model *>{leak_} : std::vector<Model *>{}; }
@@ -94,14 +94,14 @@ public:
     LeakModel *leak_ = nullptr;
 
 private:
-    void publish(Ns t) { face_.out.level = {head_next(face_.out.level.head, t, QUALITY_GOOD), level_}; }
-    Tank &face_;
+    void publish(Ns t) { interface_.out.level = {head_next(interface_.out.level.head, t, QUALITY_GOOD), level_}; }
+    Tank &interface_;
     double level_ = 0.0;
 };
 
-template <class T> std::unique_ptr<Model> create(void *face)
+template <class T> std::unique_ptr<Model> create(void *interface)
 {
-    return std::make_unique<T>(face);
+    return std::make_unique<T>(interface);
 }
 
 FledgeField field(const char *name, std::size_t offset, std::size_t size, FledgeType type, FledgeGroup group,
@@ -209,10 +209,10 @@ const FledgeStruct source_type =
 const FledgeStruct scale_type =
     module(table<Scale>("Scale", FLEDGE_MODULE, 3, scale_fields), reinterpret_cast<void (*)(void)>(scale_reset),
            reinterpret_cast<void (*)(void)>(scale_update));
-const FledgeStruct tank_face = table<Tank>("Tank", FLEDGE_MODEL, 4, tank_fields);
-const FledgeStruct leak_face = table<Leak>("Leak", FLEDGE_MODEL, 5, leak_fields);
-const ModelType tank_type{&tank_face, create<TankModel>};
-const ModelType leak_type{&leak_face, create<LeakModel>};
+const FledgeStruct tank_interface = table<Tank>("Tank", FLEDGE_MODEL, 4, tank_fields);
+const FledgeStruct leak_interface = table<Leak>("Leak", FLEDGE_MODEL, 5, leak_fields);
+const ModelType tank_type{&tank_interface, create<TankModel>};
+const ModelType leak_type{&leak_interface, create<LeakModel>};
 
 void attach(const Instance &tank, const Instance &leak)
 {

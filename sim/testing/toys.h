@@ -68,7 +68,7 @@ struct Leak {
     } out;
 };
 
-extern const FledgeStruct number_type, source_type, scale_type, tank_face, leak_face;
+extern const FledgeStruct number_type, source_type, scale_type, tank_interface, leak_interface;
 extern const ModelType tank_type, leak_type;
 
 /// Let a Tank advance a Leak.
@@ -81,7 +81,7 @@ struct Update {
 };
 extern std::vector<Update> *updates; ///< null: not noted
 
-template <class T> T &face(const std::shared_ptr<Instance> &instance)
+template <class T> T &interface(const std::shared_ptr<Instance> &instance)
 {
     return *reinterpret_cast<T *>(instance->memory());
 }

@@ -127,13 +127,13 @@ TEST_F(Apps, AScriptWithAMistakeStartsNothing)
 {
     const std::string good = "CFE_APP, echo, ECHO_AppMain, ECHO, 55, 16384, 0x0, 0;\n";
     const std::pair<std::string, std::string> mistakes[] = {
-        {"CFE_APP, echo, ECHO_AppMain, ECHO, 55, 16384, 0x0;\n", "line 2: a line has 8 fields"},
-        {"CFE_LIB, echo, ECHO_AppMain, ECHO, 55, 16384, 0x0, 0;\n", "only CFE_APP is started here"},
-        {"CFE_APP, echo, NO_AppMain, ECHO, 55, 16384, 0x0, 0;\n", "no such entry point is linked: NO_AppMain"},
-        {"CFE_APP, echo, ECHO_AppMain, ECHO, 300, 16384, 0x0, 0;\n", "a priority is 0 to 255: 300"},
-        {"CFE_APP, echo, ECHO_AppMain, ECHO, 55, none, 0x0, 0;\n", "a stack has"},
-        {"CFE_APP, echo, ECHO_AppMain, , 55, 16384, 0x0, 0;\n", "a name has 1 to 19 characters"},
-        {"CFE_APP, echo, ECHO_AppMain, ECHO, 55, 16384, 0x0, 0\n", "a line ends with a semicolon"},
+        {"CFE_APP, echo, ECHO_AppMain, ECHO, 55, 16384, 0x0;\n", "line 2: a line must have 8 fields"},
+        {"CFE_LIB, echo, ECHO_AppMain, ECHO, 55, 16384, 0x0, 0;\n", "the kind must be CFE_APP"},
+        {"CFE_APP, echo, NO_AppMain, ECHO, 55, 16384, 0x0, 0;\n", "the program has no such entry point: NO_AppMain"},
+        {"CFE_APP, echo, ECHO_AppMain, ECHO, 300, 16384, 0x0, 0;\n", "a priority must be 0 to 255: 300"},
+        {"CFE_APP, echo, ECHO_AppMain, ECHO, 55, none, 0x0, 0;\n", "a stack must have"},
+        {"CFE_APP, echo, ECHO_AppMain, , 55, 16384, 0x0, 0;\n", "a name must have 1 to 19 characters"},
+        {"CFE_APP, echo, ECHO_AppMain, ECHO, 55, 16384, 0x0, 0\n", "a line must end with a semicolon"},
     };
     for (const auto &[line, says] : mistakes) {
         testing::internal::CaptureStdout();

@@ -186,7 +186,7 @@ TEST_F(Bus, MoreThanTheLimitOfOneIdIsLostAndTold)
         const Event e = event("CFE_SB", 0);
         EXPECT_EQ(e.id, 17u);
         EXPECT_EQ(e.type, unsigned(CFE_EVS_EventType_ERROR));
-        EXPECT_EQ(e.text, "Message 0x18C0 lost: its limit in pipe narrow");
+        EXPECT_EQ(e.text, "Message 0x18C0 lost: too many of them wait in pipe narrow");
     }
     CFE_SB_Buffer_t *m;
     for (int i = 0; i < 4; i++) {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* How much of everything the pocket has: all of it static. A board may define others. */
+/* The sizes of the static pools. A board may define other ones. */
 #ifndef TARGETS_CFS_CONFIG_H
 #define TARGETS_CFS_CONFIG_H
 
@@ -10,23 +10,23 @@
 #define POCKET_TASKS 24u
 #endif
 #ifndef POCKET_FILTERS
-#define POCKET_FILTERS 8u ///< of an app's events
+#define POCKET_FILTERS 8u ///< of the events of one app
 #endif
 
 #ifndef POCKET_PIPES
 #define POCKET_PIPES 16u
 #endif
 #ifndef POCKET_PIPE_DEPTH
-#define POCKET_PIPE_DEPTH 64u ///< the deepest
+#define POCKET_PIPE_DEPTH 64u ///< the largest
 #endif
 #ifndef POCKET_ROUTES
 #define POCKET_ROUTES 128u ///< subscriptions
 #endif
 #ifndef POCKET_SENT
-#define POCKET_SENT 128u ///< message ids whose sequence is counted
+#define POCKET_SENT 128u ///< message ids with a sequence counter
 #endif
 #ifndef POCKET_MESSAGES
-#define POCKET_MESSAGES 64u ///< under way at once
+#define POCKET_MESSAGES 64u ///< in all pipes together
 #endif
 #ifndef POCKET_MESSAGE_MAX
 #define POCKET_MESSAGE_MAX 2048u ///< [bytes]
@@ -36,20 +36,20 @@
 #define POCKET_TABLES 48u
 #endif
 #ifndef POCKET_TABLE_MAX
-#define POCKET_TABLE_MAX 4096u ///< [bytes] of one
+#define POCKET_TABLE_MAX 4096u ///< [bytes] of one table
 #endif
 #ifndef POCKET_TABLE_BYTES
-#define POCKET_TABLE_BYTES 32768u ///< of all
+#define POCKET_TABLE_BYTES 32768u ///< [bytes] of all tables
 #endif
 #ifndef POCKET_LOADS
-#define POCKET_LOADS 4u ///< at once
+#define POCKET_LOADS 4u ///< at the same time
 #endif
 
 #ifndef POCKET_STORES
-#define POCKET_STORES 8u ///< critical data
+#define POCKET_STORES 8u ///< blocks of critical data
 #endif
 #ifndef POCKET_STORE_BYTES
-#define POCKET_STORE_BYTES 4096u ///< of all
+#define POCKET_STORE_BYTES 4096u ///< [bytes] of all blocks
 #endif
 
 #ifndef POCKET_SEMAPHORES
@@ -59,7 +59,7 @@
 #define POCKET_QUEUES 8u
 #endif
 #ifndef POCKET_QUEUE_BYTES
-#define POCKET_QUEUE_BYTES 1024u ///< of one
+#define POCKET_QUEUE_BYTES 1024u ///< [bytes] of one queue
 #endif
 #ifndef POCKET_FILES
 #define POCKET_FILES 8u

@@ -1,11 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "targets/cfs/core.h"
 
-#include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
 
-#define END_MS 10000 /* what an app's tasks have to end in */
+#define END_MS 10000 /* the time in which an app's child tasks must end */
 
 typedef struct Store {
     char name[CFE_MISSION_MAX_API_LEN + CFE_MISSION_ES_CDS_MAX_NAME_LENGTH];
@@ -27,7 +26,7 @@ void pocket_es_start(void)
     memset(&es, 0, sizeof es);
 }
 
-/* ---- apps, as their host starts and stops them */
+/* ---- the interface of the host: pocket.h */
 
 void pocket_boot(const char *root, const PocketApp *apps, uint32 n_apps)
 {
@@ -69,7 +68,7 @@ static void main_task(void)
     void (*entry)(void) = pocket_core.apps[pocket_self_app_locked()].program->entry;
     pocket_unlock();
     entry();
-    CFE_ES_ExitApp(CFE_ES_RunStatus_APP_ERROR); /* an app does not return */
+    CFE_ES_ExitApp(CFE_ES_RunStatus_APP_ERROR); /* an app must not return */
 }
 
 static bool start_main_locked(uint32 index)
@@ -80,15 +79,20 @@ static bool start_main_locked(uint32 index)
     return slot < POCKET_TASKS;
 }
 
+const PocketApp *pocket_program(const char *entry_name)
+{
+    for (uint32 i = 0; i < pocket_core.n_programs; i++) {
+        if (strcmp(pocket_core.programs[i].entry_name, entry_name) == 0) {
+            return &pocket_core.programs[i];
+        }
+    }
+    return NULL;
+}
+
 CFE_Status_t pocket_start_app(const char *entry_name, const char *name, uint32 priority, size_t stack_size)
 {
     CFE_Status_t status = CFE_ES_NO_RESOURCE_IDS_AVAILABLE;
-    const PocketApp *program = NULL;
-    for (uint32 i = 0; i < pocket_core.n_programs; i++) {
-        if (strcmp(pocket_core.programs[i].entry_name, entry_name) == 0) {
-            program = &pocket_core.programs[i];
-        }
-    }
+    const PocketApp *program = pocket_program(entry_name);
     if (program == NULL) {
         return CFE_ES_ERR_NAME_NOT_FOUND;
     }
@@ -120,21 +124,13 @@ CFE_Status_t pocket_start_app(const char *entry_name, const char *name, uint32 p
     return status;
 }
 
-static bool all_ready_locked(void)
-{
-    for (uint32 i = 1; i < POCKET_APPS; i++) {
-        if (pocket_core.apps[i].used && !pocket_core.apps[i].ready) {
-            return false;
-        }
-    }
-    return true;
-}
-
-static uint32 running_locked(void)
+/* How many apps run, or how many of them are not ready yet. */
+static uint32 count_locked(bool unready)
 {
     uint32 n = 0;
     for (uint32 i = 1; i < POCKET_APPS; i++) {
-        n += pocket_core.apps[i].used ? 1u : 0u;
+        const App *app = &pocket_core.apps[i];
+        n += app->used && !(unready && app->ready) ? 1u : 0u;
     }
     return n;
 }
@@ -143,9 +139,9 @@ bool pocket_operational(uint32 timeout_ms)
 {
     pocket_lock();
     const int64 until = pocket_until((int64)timeout_ms);
-    while (!all_ready_locked() && pocket_sleep_locked(pocket_core.apps, until)) {
+    while (count_locked(true) > 0u && pocket_sleep_locked(pocket_core.apps, until)) {
     }
-    const bool ready = all_ready_locked();
+    const bool ready = count_locked(true) == 0u;
     if (ready) {
         pocket_core.operational = true;
         pocket_wake_locked(&pocket_core.operational);
@@ -157,22 +153,17 @@ bool pocket_operational(uint32 timeout_ms)
 uint32 pocket_running(void)
 {
     pocket_lock();
-    const uint32 n = running_locked();
+    const uint32 n = count_locked(false);
     pocket_unlock();
     return n;
 }
 
-/* All tasks of an app look up from what they wait for. */
-static void ask_locked(uint32 index, uint32 status)
+/* Wake the main task of an app, so that it calls RunLoop, which returns this status. */
+static void ask_locked(App *app, uint32 status)
 {
-    pocket_core.apps[index].asked = status;
-    for (uint32 i = 1; i < POCKET_TASKS; i++) {
-        Task *task = &pocket_core.tasks[i];
-        if (task->used && task->app == index && i == pocket_core.apps[index].main_task) {
-            task->woken = true;
-            port_unblock(i);
-        }
-    }
+    app->asked = status;
+    pocket_core.tasks[app->main_task].woken = true;
+    port_unblock(app->main_task);
 }
 
 CFE_Status_t pocket_restart_app(const char *name)
@@ -180,10 +171,11 @@ CFE_Status_t pocket_restart_app(const char *name)
     CFE_Status_t status = CFE_ES_ERR_NAME_NOT_FOUND;
     pocket_lock();
     for (uint32 i = 1; i < POCKET_APPS; i++) {
-        if (pocket_core.apps[i].used && strcmp(pocket_core.apps[i].name, name) == 0) {
-            pocket_core.apps[i].restart = true;
-            pocket_core.apps[i].ready = false;
-            ask_locked(i, CFE_ES_RunStatus_SYS_RESTART);
+        App *app = &pocket_core.apps[i];
+        if (app->used && strcmp(app->name, name) == 0) {
+            app->restart = true;
+            app->ready = false;
+            ask_locked(app, CFE_ES_RunStatus_SYS_RESTART);
             status = CFE_SUCCESS;
         }
     }
@@ -198,17 +190,17 @@ bool pocket_stop(uint32 timeout_ms)
     for (uint32 i = 1; i < POCKET_APPS; i++) {
         if (pocket_core.apps[i].used) {
             pocket_core.apps[i].restart = false;
-            ask_locked(i, CFE_ES_RunStatus_SYS_DELETE);
+            ask_locked(&pocket_core.apps[i], CFE_ES_RunStatus_SYS_DELETE);
         }
     }
-    while (running_locked() > 0u && pocket_sleep_locked(pocket_core.apps, until)) {
+    while (count_locked(false) > 0u && pocket_sleep_locked(pocket_core.apps, until)) {
     }
-    const bool stopped = running_locked() == 0u;
+    const bool stopped = count_locked(false) == 0u;
     pocket_unlock();
     return stopped;
 }
 
-/* ---- apps, as they see it themselves */
+/* ---- the interface of apps */
 
 bool CFE_ES_RunLoop(uint32 *RunStatus)
 {
@@ -261,7 +253,7 @@ void CFE_ES_ExitApp(uint32 ExitStatus)
     }
     for (uint32 i = 1; i < POCKET_TASKS; i++) {
         if (i != self && pocket_core.tasks[i].app == index) {
-            pocket_task_doom_locked(i);
+            pocket_task_delete_locked(i);
         }
     }
     const int64 until = pocket_until(END_MS);
@@ -270,11 +262,11 @@ void CFE_ES_ExitApp(uint32 ExitStatus)
     const bool stuck = others_locked(index, self);
     pocket_unlock();
     (void)CFE_ES_WriteToSysLog("CFE_ES_ExitApp: %s ends with status %u%s\n", app->name, (unsigned)ExitStatus,
-                               stuck ? ", and a child task goes on" : "");
+                               stuck ? "; a child task still runs" : "");
     pocket_lock();
-    pocket_sb_forget_locked(index);
-    pocket_tbl_forget_locked(index);
-    pocket_osal_forget_locked(index);
+    pocket_sb_app_ended_locked(index);
+    pocket_tbl_app_ended_locked(index);
+    pocket_osal_app_ended_locked(index);
     pocket_core.counts.apps_failed += ExitStatus == CFE_ES_RunStatus_APP_ERROR ? 1u : 0u;
     app->events = false;
     app->n_filters = 0;
@@ -342,7 +334,7 @@ CFE_Status_t CFE_ES_CreateChildTask(CFE_ES_TaskId_t *TaskIdPtr, const char *Task
     }
     pocket_lock();
     const uint32 app = pocket_self_app_locked();
-    /* As with the real one, only the main task has children. */
+    /* As in NASA's cFE, only the main task creates child tasks. */
     const bool main = app == 0u || pocket_core.apps[app].main_task == port_task_self();
     const uint32 slot =
         main ? pocket_task_start_locked(app, TaskName, FunctionPtr, StackPtr, StackSize, Priority) : POCKET_TASKS;
@@ -366,7 +358,7 @@ CFE_Status_t CFE_ES_DeleteChildTask(CFE_ES_TaskId_t TaskId)
     } else if (pocket_core.apps[pocket_core.tasks[slot].app].main_task == slot) {
         status = CFE_ES_ERR_CHILD_TASK_DELETE_MAIN_TASK;
     } else {
-        pocket_task_doom_locked(slot);
+        pocket_task_delete_locked(slot);
     }
     pocket_unlock();
     return status;
@@ -381,23 +373,21 @@ CFE_Status_t CFE_ES_GetTaskID(CFE_ES_TaskId_t *TaskIdPtr)
     return CFE_SUCCESS;
 }
 
-/* ---- the rest */
+/* ---- system log and CRC */
 
 CFE_Status_t CFE_ES_WriteToSysLog(const char *SpecStringPtr, ...)
 {
-    char text[160];
     va_list list;
     if (SpecStringPtr == NULL) {
         return CFE_ES_BAD_ARGUMENT;
     }
-    va_start(list, SpecStringPtr);
-    const int n = vsnprintf(text, sizeof text, SpecStringPtr, list);
-    va_end(list);
     pocket_lock();
     const bool quiet = pocket_core.quiet;
     pocket_unlock();
-    if (!quiet && n > 0) {
-        port_console(text, (size_t)n < sizeof text ? (size_t)n : sizeof text - 1u);
+    if (!quiet) {
+        va_start(list, SpecStringPtr);
+        pocket_print(SpecStringPtr, list);
+        va_end(list);
     }
     return CFE_SUCCESS;
 }
@@ -424,7 +414,7 @@ uint32 CFE_ES_CalculateCRC(const void *DataPtr, size_t DataLength, uint32 InputC
     return crc;
 }
 
-/* ---- data that outlive an app */
+/* ---- critical data store: data that outlive an app */
 
 CFE_Status_t CFE_ES_RegisterCDS(CFE_ES_CDSHandle_t *CDSHandlePtr, size_t BlockSize, const char *Name)
 {

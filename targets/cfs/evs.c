@@ -8,7 +8,7 @@
 #define SPACECRAFT 66u
 #define PROCESSOR 1u
 
-/* A text of at most the length of an event; a longer one ends in $. */
+/* Format the text of an event. A text that is too long is cut, and then ends in $. */
 static void format(char *text, const char *spec, va_list list)
 {
     const int n = vsnprintf(text, CFE_MISSION_EVS_MAX_MESSAGE_LENGTH, spec, list);
@@ -83,7 +83,7 @@ CFE_Status_t CFE_EVS_Register(const void *Filters, uint16 NumEventFilters, uint1
     return status;
 }
 
-/* Whether an event goes out; it is counted either way. */
+/* Whether the filter lets an event pass. The filter counts every event. */
 static bool passes(App *app, uint16 id)
 {
     for (uint32 i = 0; i < app->n_filters; i++) {

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A POSIX program that hosts apps on the pocket cFE: those of fledge_apps, a table that is linked
- * with it, as the start-up script says. It ends when no app runs any more, or when it is stopped.
+/* A POSIX program that hosts apps on the pocket cFE. It starts the apps of the start-up script, whose entry points are
+ * in the linked table fledge_apps. It ends when no app runs any more, or after SIGINT or SIGTERM.
  *
- * With --ground, a line of hex digits on the standard input is a packet for the bus, and packets of
- * the ids that are listened to go to the standard output, as lines "TLM ...". Exit codes: 0 all apps
- * ended as they should, 1 one did not, 2 called wrongly. */
+ * With --ground, each line of hex digits on the standard input is a packet for the bus. The program prints the packets
+ * to which it listens on the standard output, as lines "TLM ...". Exit codes: 0 all apps ended well, 1 an app failed,
+ * 2 wrong options. */
 #define _POSIX_C_SOURCE 200809L
 #include "targets/cfs/pocket.h"
 
@@ -18,7 +18,7 @@
 
 #define LISTENED_MAX 96
 #define LINE_MAX_BYTES 8192
-#define LOOK_MS 5
+#define POLL_MS 5
 
 extern const PocketApp fledge_apps[];
 extern const uint32 fledge_apps_n;
@@ -26,7 +26,7 @@ extern const uint32 fledge_apps_n;
 static volatile sig_atomic_t stopped;
 static uint32 listened[LISTENED_MAX];
 static uint32 n_listened;
-static CFE_SB_PipeId_t ground_pipe; /* of what is listened to */
+static CFE_SB_PipeId_t ground_pipe; /* of the listened ids */
 
 static void stop(int signal_number)
 {
@@ -36,13 +36,13 @@ static void stop(int signal_number)
 
 static const char usage[] = "usage: %s [--root DIR] [--script FILE] [--quiet] [--ground [--listen IDS] [--hold]]\n"
                             "\n"
-                            "  --root DIR      has the folder cf, with tables, and perhaps ram; default: .\n"
+                            "  --root DIR      the folder that holds cf, with tables, and ram; default: .\n"
                             "  --script FILE   default: /cf/cfe_es_startup.scr\n"
-                            "  --quiet         no lines of events\n"
-                            "  --ground        packets come in and go out as lines of hex digits; `restart NAME`\n"
-                            "                  starts an app anew\n"
-                            "  --listen IDS    of those that go out, as 0x08C0,0x08C1; a range as 0x08C0-0x08C9\n"
-                            "  --hold          apps go on from their start-up once a line says `go`\n";
+                            "  --quiet         print no events\n"
+                            "  --ground        read and print packets as lines of hex digits; the line `restart NAME`\n"
+                            "                  restarts an app\n"
+                            "  --listen IDS    print packets of these ids: 0x08C0,0x08C1 or a range 0x08C0-0x08C9\n"
+                            "  --hold          let the apps continue after their start-up only after the line `go`\n";
 
 static int read_ids(const char *text)
 {
@@ -92,7 +92,7 @@ static void command(const char *line)
     (void)pocket_ingest(packet, n);
 }
 
-/* Before any app starts, so that nothing is missed. */
+/* Called before any app starts, so that it misses no packet. */
 static CFE_Status_t listen_to_apps(void)
 {
     CFE_Status_t status = CFE_SB_CreatePipe(&ground_pipe, 60, "GROUND");
@@ -102,7 +102,7 @@ static CFE_Status_t listen_to_apps(void)
     return status;
 }
 
-/* Packets go out from a task of their own. */
+/* The task that prints packets. */
 static void send_to_ground(void)
 {
     CFE_SB_Buffer_t *buffer;
@@ -121,7 +121,7 @@ static void send_to_ground(void)
     }
 }
 
-/* Whole lines of the standard input. Returns 0 at its end. */
+/* Execute the lines of the standard input. Returns 0 at its end. */
 static int read_ground(int *go)
 {
     static char text[LINE_MAX_BYTES];
@@ -144,7 +144,7 @@ static int read_ground(int *go)
         n -= (size_t)(end + 1 - text);
         memmove(text, end + 1, n + 1u);
     }
-    n = n == sizeof text - 1u ? 0u : n; /* a line without end is none */
+    n = n == sizeof text - 1u ? 0u : n; /* drop a line that is too long */
     return 1;
 }
 
@@ -202,7 +202,7 @@ int main(int argc, char **argv)
     pocket_quiet(quiet != 0);
     if (n_listened > 0u && (listen_to_apps() != CFE_SUCCESS ||
                             OS_TaskCreate(&task, "GROUND", send_to_ground, NULL, 16384, 100, 0) != OS_SUCCESS)) {
-        (void)fprintf(stderr, "%s: so many ids cannot be listened to\n", argv[0]);
+        (void)fprintf(stderr, "%s: there are too many ids to listen to\n", argv[0]);
         return 1;
     }
     if (pocket_run_script(script) < 0) {
@@ -213,7 +213,7 @@ int main(int argc, char **argv)
         if (go == 1 && pocket_operational(0)) {
             go = 2;
         }
-        if (poll(&in, ground ? 1u : 0u, LOOK_MS) > 0) {
+        if (poll(&in, ground ? 1u : 0u, POLL_MS) > 0) {
             ground = read_ground(&go);
         }
     }

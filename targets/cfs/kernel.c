@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Tasks, and how they wait for one another: a task sleeps on an address, and the task that changes
- * what lies there wakes all tasks that sleep on it. */
+/* Tasks and their synchronization: a task sleeps on an address, and the task that changes the object at that address
+ * wakes all tasks that sleep on it. */
 #include "targets/cfs/core.h"
 
+#include <stdio.h>
 #include <string.h>
 
 Core pocket_core;
@@ -12,7 +13,7 @@ static void end(uint32 slot)
     Task *task = &pocket_core.tasks[slot];
     task->used = false;
     task->generation++;
-    pocket_wake_locked(&pocket_core.tasks); /* a task may wait for its end */
+    pocket_wake_locked(&pocket_core.tasks); /* CFE_ES_ExitApp waits for the end of child tasks */
     port_unlock();
     port_task_end();
 }
@@ -21,7 +22,7 @@ void pocket_lock(void)
 {
     port_lock();
     const uint32 self = port_task_self();
-    if (pocket_core.tasks[self].doomed) {
+    if (pocket_core.tasks[self].deleted) {
         end(self);
     }
 }
@@ -37,11 +38,11 @@ bool pocket_sleep_locked(const void *channel, int64 until_ns)
     Task *task = &pocket_core.tasks[self];
     task->channel = channel;
     task->woken = false;
-    while (!task->woken && !task->doomed && (until_ns < 0 || port_now() < until_ns)) {
+    while (!task->woken && !task->deleted && (until_ns < 0 || port_now() < until_ns)) {
         port_block(until_ns);
     }
     task->channel = NULL;
-    if (task->doomed) {
+    if (task->deleted) {
         end(self);
     }
     return task->woken;
@@ -61,6 +62,15 @@ void pocket_wake_locked(const void *channel)
 int64 pocket_until(int64 ms)
 {
     return ms < 0 ? -1 : port_now() + ms * 1000000;
+}
+
+void pocket_print(const char *format, va_list list)
+{
+    char text[256];
+    const int n = vsnprintf(text, sizeof text, format, list);
+    if (n > 0) {
+        port_console(text, (size_t)n < sizeof text ? (size_t)n : sizeof text - 1u);
+    }
 }
 
 uint32 pocket_self_app_locked(void)
@@ -102,11 +112,11 @@ uint32 pocket_task_start_locked(uint32 app, const char *name, void (*entry)(void
     return POCKET_TASKS;
 }
 
-void pocket_task_doom_locked(uint32 slot)
+void pocket_task_delete_locked(uint32 slot)
 {
     Task *task = &pocket_core.tasks[slot];
     if (task->used) {
-        task->doomed = true;
+        task->deleted = true;
         port_unblock(slot);
     }
 }

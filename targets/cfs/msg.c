@@ -10,24 +10,16 @@ static CFE_MSG_Type_t type_of(const CFE_MSG_Message_t *m)
     return (m->Byte[0] & 0x10u) != 0u ? CFE_MSG_Type_Cmd : CFE_MSG_Type_Tlm;
 }
 
-/* What follows the primary header: `first` bytes of it are there, of the type asked for. */
-static CFE_Status_t check(const CFE_MSG_Message_t *m, CFE_MSG_Type_t type, size_t first)
+/* Whether a message is of a type, and has at least the bytes of the header of that type. */
+static CFE_Status_t check(const CFE_MSG_Message_t *m, CFE_MSG_Type_t type, size_t header)
 {
-    if (type_of(m) != type || (m->Byte[0] & 0x08u) == 0u || pocket_size(m) < first) {
-        return CFE_MSG_WRONG_MSG_TYPE;
-    }
-    return CFE_SUCCESS;
+    return type_of(m) == type && (m->Byte[0] & 0x08u) != 0u && pocket_size(m) >= header ? CFE_SUCCESS
+                                                                                        : CFE_MSG_WRONG_MSG_TYPE;
 }
 
-/* The bytes of the packet, beyond what its type shows. */
-static uint8 *bytes(CFE_MSG_Message_t *m)
+static CFE_Status_t check_command(const CFE_MSG_Message_t *m)
 {
-    return (uint8 *)m;
-}
-
-static const uint8 *read_bytes(const CFE_MSG_Message_t *m)
-{
-    return (const uint8 *)m;
+    return check(m, CFE_MSG_Type_Cmd, sizeof(CFE_MSG_CommandHeader_t));
 }
 
 CFE_Status_t CFE_MSG_Init(CFE_MSG_Message_t *MsgPtr, CFE_SB_MsgId_t MsgId, CFE_MSG_Size_t Size)
@@ -47,7 +39,7 @@ CFE_Status_t CFE_MSG_GetMsgId(const CFE_MSG_Message_t *MsgPtr, CFE_SB_MsgId_t *M
     if (MsgPtr == NULL || MsgId == NULL) {
         return CFE_MSG_BAD_ARGUMENT;
     }
-    MsgId->Value = (uint32)MsgPtr->Byte[0] << 8 | MsgPtr->Byte[1];
+    MsgId->Value = pocket_id(MsgPtr);
     return CFE_SUCCESS;
 }
 
@@ -115,8 +107,8 @@ CFE_Status_t CFE_MSG_GetFcnCode(const CFE_MSG_Message_t *MsgPtr, CFE_MSG_FcnCode
     if (MsgPtr == NULL || FcnCode == NULL) {
         return CFE_MSG_BAD_ARGUMENT;
     }
-    const CFE_Status_t status = check(MsgPtr, CFE_MSG_Type_Cmd, sizeof(CFE_MSG_CommandHeader_t));
-    *FcnCode = status == CFE_SUCCESS ? read_bytes(MsgPtr)[6] & 0x7fu : 0u;
+    const CFE_Status_t status = check_command(MsgPtr);
+    *FcnCode = status == CFE_SUCCESS ? ((const uint8 *)MsgPtr)[6] & 0x7fu : 0u;
     return status;
 }
 
@@ -125,17 +117,17 @@ CFE_Status_t CFE_MSG_SetFcnCode(CFE_MSG_Message_t *MsgPtr, CFE_MSG_FcnCode_t Fcn
     if (MsgPtr == NULL || FcnCode > 0x7fu) {
         return CFE_MSG_BAD_ARGUMENT;
     }
-    const CFE_Status_t status = check(MsgPtr, CFE_MSG_Type_Cmd, sizeof(CFE_MSG_CommandHeader_t));
+    const CFE_Status_t status = check_command(MsgPtr);
     if (status == CFE_SUCCESS) {
-        bytes(MsgPtr)[6] = (uint8)FcnCode;
+        ((uint8 *)MsgPtr)[6] = (uint8)FcnCode;
     }
     return status;
 }
 
-/* 0xFF and all bytes, exclusively or'ed: 0 where the checksum is right. */
+/* The exclusive or of 0xFF and all bytes: 0 if the checksum is right. */
 static uint8 sum(const CFE_MSG_Message_t *m)
 {
-    const uint8 *p = read_bytes(m);
+    const uint8 *p = (const uint8 *)m;
     const size_t n = pocket_size(m);
     uint8 s = 0xffu;
     for (size_t i = 0; i < n; i++) {
@@ -149,10 +141,10 @@ CFE_Status_t CFE_MSG_GenerateChecksum(CFE_MSG_Message_t *MsgPtr)
     if (MsgPtr == NULL) {
         return CFE_MSG_BAD_ARGUMENT;
     }
-    const CFE_Status_t status = check(MsgPtr, CFE_MSG_Type_Cmd, sizeof(CFE_MSG_CommandHeader_t));
+    const CFE_Status_t status = check_command(MsgPtr);
     if (status == CFE_SUCCESS) {
-        bytes(MsgPtr)[7] = 0u;
-        bytes(MsgPtr)[7] = sum(MsgPtr);
+        ((uint8 *)MsgPtr)[7] = 0u;
+        ((uint8 *)MsgPtr)[7] = sum(MsgPtr);
     }
     return status;
 }
@@ -162,7 +154,7 @@ CFE_Status_t CFE_MSG_ValidateChecksum(const CFE_MSG_Message_t *MsgPtr, bool *IsV
     if (MsgPtr == NULL || IsValid == NULL) {
         return CFE_MSG_BAD_ARGUMENT;
     }
-    const CFE_Status_t status = check(MsgPtr, CFE_MSG_Type_Cmd, sizeof(CFE_MSG_CommandHeader_t));
+    const CFE_Status_t status = check_command(MsgPtr);
     *IsValid = status == CFE_SUCCESS && sum(MsgPtr) == 0u;
     return status;
 }
@@ -176,7 +168,7 @@ CFE_Status_t CFE_MSG_SetMsgTime(CFE_MSG_Message_t *MsgPtr, CFE_TIME_SysTime_t Ne
     }
     const CFE_Status_t status = check(MsgPtr, CFE_MSG_Type_Tlm, 12u);
     if (status == CFE_SUCCESS) {
-        uint8 *p = bytes(MsgPtr) + 6;
+        uint8 *p = (uint8 *)MsgPtr + 6;
         for (uint32 i = 0; i < 4u; i++) {
             p[i] = (uint8)(NewTime.Seconds >> (24u - 8u * i));
         }
@@ -194,7 +186,7 @@ CFE_Status_t CFE_MSG_GetMsgTime(const CFE_MSG_Message_t *MsgPtr, CFE_TIME_SysTim
     const CFE_Status_t status = check(MsgPtr, CFE_MSG_Type_Tlm, 12u);
     memset(Time, 0, sizeof *Time);
     if (status == CFE_SUCCESS) {
-        const uint8 *p = read_bytes(MsgPtr) + 6;
+        const uint8 *p = (const uint8 *)MsgPtr + 6;
         Time->Seconds = (uint32)p[0] << 24 | (uint32)p[1] << 16 | (uint32)p[2] << 8 | p[3];
         Time->Subseconds = (uint32)p[4] << 24 | (uint32)p[5] << 16;
     }

@@ -1,44 +1,30 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "targets/cfs/core.h"
 
-#include <stdarg.h>
-#include <stdio.h>
 #include <string.h>
 
-typedef struct Semaphore {
+/* One table holds all semaphores, then all queues, then all open files. */
+enum { FIRST_QUEUE = POCKET_SEMAPHORES, FIRST_FILE = FIRST_QUEUE + POCKET_QUEUES, OBJECTS = FIRST_FILE + POCKET_FILES };
+
+typedef struct Object {
     char name[OS_MAX_API_NAME];
     uint32 kind;
-    uint32 app;
-    uint32 value; ///< of a mutex: how often its owner has it
-    uint32 owner; ///< of a mutex: a task's id
-    uint32 flushed;
+    uint32 app; ///< that created it
     uint16 generation;
     bool used;
-} Semaphore;
-
-typedef struct Queue {
-    char name[OS_MAX_API_NAME];
-    uint32 app;
-    uint32 depth;
-    uint32 size; ///< [bytes] of an item
-    uint32 first;
-    uint32 n;
-    uint16 generation;
-    bool used;
-    uint8 bytes[POCKET_QUEUE_BYTES];
-} Queue;
-
-typedef struct File {
-    int32 port;
-    uint32 app;
-    uint16 generation;
-    bool used;
-} File;
+    uint32 value;   ///< of a semaphore; of a mutex: how often its owner has taken it
+    uint32 owner;   ///< of a mutex: the id of a task
+    uint32 flushed; ///< of a binary semaphore: how often a task has flushed it
+    uint32 depth;   ///< of a queue
+    uint32 size;    ///< of a queue: [bytes] of an item
+    uint32 first;   ///< of a queue
+    uint32 n;       ///< of a queue: items in it
+    int32 port;     ///< of a file: the port's number
+} Object;
 
 static struct {
-    Semaphore semaphores[POCKET_SEMAPHORES];
-    Queue queues[POCKET_QUEUES];
-    File files[POCKET_FILES];
+    Object objects[OBJECTS];
+    uint8 queues[POCKET_QUEUES][POCKET_QUEUE_BYTES];
 } os;
 
 void pocket_osal_start(void)
@@ -48,14 +34,10 @@ void pocket_osal_start(void)
 
 void OS_printf(const char *string, ...)
 {
-    char text[256];
     va_list list;
     va_start(list, string);
-    const int n = vsnprintf(text, sizeof text, string, list);
+    pocket_print(string, list);
     va_end(list);
-    if (n > 0) {
-        port_console(text, (size_t)n < sizeof text ? (size_t)n : sizeof text - 1u);
-    }
 }
 
 /* ---- tasks */
@@ -81,7 +63,7 @@ int32 OS_TaskDelete(osal_id_t task_id)
     const uint32 slot = pocket_task_of_locked(task_id);
     const bool found = slot > 0u && slot < POCKET_TASKS;
     if (found) {
-        pocket_task_doom_locked(slot);
+        pocket_task_delete_locked(slot);
     }
     pocket_unlock();
     return found ? OS_SUCCESS : OS_ERR_INVALID_ID;
@@ -114,22 +96,74 @@ int32 OS_TaskDelay(uint32 millisecond)
     return OS_SUCCESS;
 }
 
-/* ---- semaphores */
+/* ---- objects */
 
-static Semaphore *semaphore_of(osal_id_t id, uint32 kind)
+static Object *object_of(osal_id_t id, uint32 kind)
 {
-    const uint32 i = index_of(id, kind, POCKET_SEMAPHORES);
-    return i < POCKET_SEMAPHORES && os.semaphores[i].used && os.semaphores[i].kind == kind &&
-                   make_id(kind, os.semaphores[i].generation, i) == id
-               ? &os.semaphores[i]
-               : NULL;
+    const uint32 i = index_of(id, kind, OBJECTS);
+    Object *o = &os.objects[i < OBJECTS ? i : 0u];
+    return i < OBJECTS && o->used && o->kind == kind && make_id(kind, o->generation, i) == id ? o : NULL;
 }
 
-static int32 create(osal_id_t *id, const char *name, uint32 kind, uint32 value)
+/* Create an object of the calling app. Files have no name. */
+static int32 create_locked(osal_id_t *id, const char *name, uint32 kind, Object **created)
 {
-    Semaphore *free_one = NULL;
+    const uint32 first = kind == KIND_FILE ? FIRST_FILE : kind == KIND_QUEUE ? FIRST_QUEUE : 0u;
+    const uint32 end = kind == KIND_FILE ? OBJECTS : kind == KIND_QUEUE ? FIRST_FILE : FIRST_QUEUE;
+    Object *object = NULL;
+    for (uint32 i = first; i < end; i++) {
+        Object *o = &os.objects[i];
+        if (!o->used) {
+            object = object == NULL ? o : object;
+        } else if (name != NULL && o->kind == kind && strcmp(o->name, name) == 0) {
+            return OS_ERR_NAME_TAKEN;
+        }
+    }
+    if (object == NULL) {
+        return OS_ERR_NO_FREE_IDS;
+    }
+    const Object fresh = {
+        .kind = kind, .app = pocket_self_app_locked(), .generation = object->generation, .used = true};
+    *object = fresh;
+    (void)pocket_name(object->name, sizeof object->name, name);
+    *id = make_id(kind, fresh.generation, (uint32)(object - os.objects));
+    *created = object;
+    return OS_SUCCESS;
+}
+
+static int32 delete_locked(Object *o)
+{
+    const int32 closed = o->kind == KIND_FILE ? port_file_close(o->port) : 0;
+    o->used = false;
+    o->generation++;
+    pocket_wake_locked(o);
+    return closed == 0 ? OS_SUCCESS : OS_ERROR;
+}
+
+static int32 delete_object(osal_id_t id, uint32 kind)
+{
+    pocket_lock();
+    Object *o = object_of(id, kind);
+    const int32 status = o != NULL ? delete_locked(o) : OS_ERR_INVALID_ID;
+    pocket_unlock();
+    return status;
+}
+
+void pocket_osal_app_ended_locked(uint32 app)
+{
+    for (uint32 i = 0; i < OBJECTS; i++) {
+        if (os.objects[i].used && os.objects[i].app == app) {
+            (void)delete_locked(&os.objects[i]);
+        }
+    }
+}
+
+/* ---- semaphores */
+
+static int32 create_semaphore(osal_id_t *id, const char *name, uint32 kind, uint32 value)
+{
     char short_name[OS_MAX_API_NAME];
-    int32 status = OS_SUCCESS;
+    Object *s;
     if (id == NULL || name == NULL) {
         return OS_INVALID_POINTER;
     }
@@ -140,62 +174,27 @@ static int32 create(osal_id_t *id, const char *name, uint32 kind, uint32 value)
         return OS_INVALID_SEM_VALUE;
     }
     pocket_lock();
-    for (uint32 i = 0; i < POCKET_SEMAPHORES; i++) {
-        Semaphore *s = &os.semaphores[i];
-        if (!s->used) {
-            free_one = free_one == NULL ? s : free_one;
-        } else if (s->kind == kind && strcmp(s->name, short_name) == 0) {
-            status = OS_ERR_NAME_TAKEN;
-        }
-    }
-    if (status == OS_SUCCESS && free_one == NULL) {
-        status = OS_ERR_NO_FREE_IDS;
-    }
+    const int32 status = create_locked(id, short_name, kind, &s);
     if (status == OS_SUCCESS) {
-        const Semaphore fresh = {.kind = kind,
-                                 .app = pocket_self_app_locked(),
-                                 .value = value,
-                                 .generation = free_one->generation,
-                                 .used = true};
-        *free_one = fresh;
-        memcpy(free_one->name, short_name, sizeof short_name);
-        *id = make_id(kind, fresh.generation, (uint32)(free_one - os.semaphores));
+        s->value = value;
     }
     pocket_unlock();
     return status;
 }
 
-static void forget(Semaphore *s)
-{
-    s->used = false;
-    s->generation++;
-    pocket_wake_locked(s);
-}
-
-static int32 delete_semaphore(osal_id_t id, uint32 kind)
-{
-    pocket_lock();
-    Semaphore *s = semaphore_of(id, kind);
-    if (s != NULL) {
-        forget(s);
-    }
-    pocket_unlock();
-    return s != NULL ? OS_SUCCESS : OS_ERR_INVALID_ID;
-}
-
-/* Binary and counting: one less, as soon as there is one. ms < 0: without end. */
+/* Of a binary or counting semaphore: wait until its value is not 0, then decrement it. ms < 0: no timeout. */
 static int32 take(osal_id_t id, uint32 kind, int64 ms)
 {
     int32 status = OS_SUCCESS;
     pocket_lock();
     const int64 until = pocket_until(ms);
-    Semaphore *s = semaphore_of(id, kind);
+    Object *s = object_of(id, kind);
     const uint32 flushed = s != NULL ? s->flushed : 0u;
     while (s != NULL && status == OS_SUCCESS && s->value == 0u && s->flushed == flushed) {
         if (!pocket_sleep_locked(s, until)) {
             status = OS_SEM_TIMEOUT;
         }
-        s = semaphore_of(id, kind);
+        s = object_of(id, kind);
     }
     if (s == NULL) {
         status = OS_ERR_INVALID_ID;
@@ -211,7 +210,7 @@ static int32 give(osal_id_t id, uint32 kind)
 {
     int32 status = OS_SUCCESS;
     pocket_lock();
-    Semaphore *s = semaphore_of(id, kind);
+    Object *s = object_of(id, kind);
     if (s == NULL) {
         status = OS_ERR_INVALID_ID;
     } else if (kind == KIND_COUNTING && s->value == UINT32_MAX) {
@@ -227,17 +226,17 @@ static int32 give(osal_id_t id, uint32 kind)
 int32 OS_MutSemCreate(osal_id_t *sem_id, const char *sem_name, uint32 options)
 {
     (void)options;
-    return create(sem_id, sem_name, KIND_MUTEX, 0);
+    return create_semaphore(sem_id, sem_name, KIND_MUTEX, 0);
 }
 
 int32 OS_MutSemTake(osal_id_t sem_id)
 {
     pocket_lock();
     const uint32 self = pocket_task_id_locked(port_task_self());
-    Semaphore *s = semaphore_of(sem_id, KIND_MUTEX);
+    Object *s = object_of(sem_id, KIND_MUTEX);
     while (s != NULL && s->value > 0u && s->owner != self) {
         (void)pocket_sleep_locked(s, -1);
-        s = semaphore_of(sem_id, KIND_MUTEX);
+        s = object_of(sem_id, KIND_MUTEX);
     }
     if (s != NULL) {
         s->value++;
@@ -251,7 +250,7 @@ int32 OS_MutSemGive(osal_id_t sem_id)
 {
     int32 status = OS_ERR_INVALID_ID;
     pocket_lock();
-    Semaphore *s = semaphore_of(sem_id, KIND_MUTEX);
+    Object *s = object_of(sem_id, KIND_MUTEX);
     if (s != NULL) {
         status = OS_SEM_FAILURE;
         if (s->value > 0u && s->owner == pocket_task_id_locked(port_task_self())) {
@@ -266,13 +265,13 @@ int32 OS_MutSemGive(osal_id_t sem_id)
 
 int32 OS_MutSemDelete(osal_id_t sem_id)
 {
-    return delete_semaphore(sem_id, KIND_MUTEX);
+    return delete_object(sem_id, KIND_MUTEX);
 }
 
 int32 OS_BinSemCreate(osal_id_t *sem_id, const char *sem_name, uint32 sem_initial_value, uint32 options)
 {
     (void)options;
-    return create(sem_id, sem_name, KIND_BINARY, sem_initial_value);
+    return create_semaphore(sem_id, sem_name, KIND_BINARY, sem_initial_value);
 }
 
 int32 OS_BinSemTake(osal_id_t sem_id)
@@ -293,7 +292,7 @@ int32 OS_BinSemGive(osal_id_t sem_id)
 int32 OS_BinSemFlush(osal_id_t sem_id)
 {
     pocket_lock();
-    Semaphore *s = semaphore_of(sem_id, KIND_BINARY);
+    Object *s = object_of(sem_id, KIND_BINARY);
     if (s != NULL) {
         s->flushed++;
         pocket_wake_locked(s);
@@ -304,13 +303,13 @@ int32 OS_BinSemFlush(osal_id_t sem_id)
 
 int32 OS_BinSemDelete(osal_id_t sem_id)
 {
-    return delete_semaphore(sem_id, KIND_BINARY);
+    return delete_object(sem_id, KIND_BINARY);
 }
 
 int32 OS_CountSemCreate(osal_id_t *sem_id, const char *sem_name, uint32 sem_initial_value, uint32 options)
 {
     (void)options;
-    return create(sem_id, sem_name, KIND_COUNTING, sem_initial_value);
+    return create_semaphore(sem_id, sem_name, KIND_COUNTING, sem_initial_value);
 }
 
 int32 OS_CountSemTake(osal_id_t sem_id)
@@ -330,24 +329,21 @@ int32 OS_CountSemGive(osal_id_t sem_id)
 
 int32 OS_CountSemDelete(osal_id_t sem_id)
 {
-    return delete_semaphore(sem_id, KIND_COUNTING);
+    return delete_object(sem_id, KIND_COUNTING);
 }
 
 /* ---- queues */
 
-static Queue *queue_of(osal_id_t id)
+/* Item i of a queue, counted from its first one. */
+static uint8 *item_at(const Object *q, uint32 i)
 {
-    const uint32 i = index_of(id, KIND_QUEUE, POCKET_QUEUES);
-    return i < POCKET_QUEUES && os.queues[i].used && make_id(KIND_QUEUE, os.queues[i].generation, i) == id
-               ? &os.queues[i]
-               : NULL;
+    return os.queues[q - os.objects - FIRST_QUEUE] + (q->first + i) % q->depth * q->size;
 }
 
 int32 OS_QueueCreate(osal_id_t *queue_id, const char *queue_name, size_t queue_depth, size_t data_size, uint32 flags)
 {
-    Queue *free_one = NULL;
     char name[OS_MAX_API_NAME];
-    int32 status = OS_SUCCESS;
+    Object *q;
     (void)flags;
     if (queue_id == NULL || queue_name == NULL) {
         return OS_INVALID_POINTER;
@@ -360,25 +356,10 @@ int32 OS_QueueCreate(osal_id_t *queue_id, const char *queue_name, size_t queue_d
         return OS_QUEUE_INVALID_SIZE;
     }
     pocket_lock();
-    for (uint32 i = 0; i < POCKET_QUEUES; i++) {
-        Queue *q = &os.queues[i];
-        if (!q->used) {
-            free_one = free_one == NULL ? q : free_one;
-        } else if (strcmp(q->name, name) == 0) {
-            status = OS_ERR_NAME_TAKEN;
-        }
-    }
-    if (status == OS_SUCCESS && free_one == NULL) {
-        status = OS_ERR_NO_FREE_IDS;
-    }
+    const int32 status = create_locked(queue_id, name, KIND_QUEUE, &q);
     if (status == OS_SUCCESS) {
-        memcpy(free_one->name, name, sizeof name);
-        free_one->app = pocket_self_app_locked();
-        free_one->depth = (uint32)queue_depth;
-        free_one->size = (uint32)data_size;
-        free_one->first = free_one->n = 0;
-        free_one->used = true;
-        *queue_id = make_id(KIND_QUEUE, free_one->generation, (uint32)(free_one - os.queues));
+        q->depth = (uint32)queue_depth;
+        q->size = (uint32)data_size;
     }
     pocket_unlock();
     return status;
@@ -393,7 +374,7 @@ int32 OS_QueueGet(osal_id_t queue_id, void *data, size_t size, size_t *size_copi
     *size_copied = 0;
     pocket_lock();
     const int64 until = pocket_until(timeout);
-    Queue *q = queue_of(queue_id);
+    Object *q = object_of(queue_id, KIND_QUEUE);
     if (q != NULL && size < q->size) {
         status = OS_QUEUE_INVALID_SIZE;
     }
@@ -403,12 +384,12 @@ int32 OS_QueueGet(osal_id_t queue_id, void *data, size_t size, size_t *size_copi
         } else if (!pocket_sleep_locked(q, until)) {
             status = OS_QUEUE_TIMEOUT;
         }
-        q = queue_of(queue_id);
+        q = object_of(queue_id, KIND_QUEUE);
     }
     if (q == NULL) {
         status = OS_ERR_INVALID_ID;
     } else if (status == OS_SUCCESS) {
-        memcpy(data, q->bytes + q->first * q->size, q->size);
+        memcpy(data, item_at(q, 0), q->size);
         q->first = (q->first + 1u) % q->depth;
         q->n--;
         *size_copied = q->size;
@@ -425,7 +406,7 @@ int32 OS_QueuePut(osal_id_t queue_id, const void *data, size_t size, uint32 flag
         return OS_INVALID_POINTER;
     }
     pocket_lock();
-    Queue *q = queue_of(queue_id);
+    Object *q = object_of(queue_id, KIND_QUEUE);
     if (q == NULL) {
         status = OS_ERR_INVALID_ID;
     } else if (size > q->size) {
@@ -433,7 +414,7 @@ int32 OS_QueuePut(osal_id_t queue_id, const void *data, size_t size, uint32 flag
     } else if (q->n == q->depth) {
         status = OS_QUEUE_FULL;
     } else {
-        uint8 *item = q->bytes + (q->first + q->n) % q->depth * q->size;
+        uint8 *item = item_at(q, q->n);
         memset(item, 0, q->size);
         memcpy(item, data, size);
         q->n++;
@@ -443,29 +424,16 @@ int32 OS_QueuePut(osal_id_t queue_id, const void *data, size_t size, uint32 flag
     return status;
 }
 
-static void forget_queue(Queue *q)
-{
-    q->used = false;
-    q->generation++;
-    pocket_wake_locked(q);
-}
-
 int32 OS_QueueDelete(osal_id_t queue_id)
 {
-    pocket_lock();
-    Queue *q = queue_of(queue_id);
-    if (q != NULL) {
-        forget_queue(q);
-    }
-    pocket_unlock();
-    return q != NULL ? OS_SUCCESS : OS_ERR_INVALID_ID;
+    return delete_object(queue_id, KIND_QUEUE);
 }
 
 /* ---- files */
 
 int32 OS_OpenCreate(osal_id_t *filedes, const char *path, int32 flags, int32 access_mode)
 {
-    int32 status = OS_ERR_NO_FREE_IDS;
+    Object *f;
     if (filedes == NULL || path == NULL) {
         return OS_INVALID_POINTER;
     }
@@ -474,20 +442,14 @@ int32 OS_OpenCreate(osal_id_t *filedes, const char *path, int32 flags, int32 acc
         return OS_FS_ERR_PATH_TOO_LONG;
     }
     pocket_lock();
-    for (uint32 i = 0; i < POCKET_FILES; i++) {
-        File *f = &os.files[i];
-        if (f->used) {
-            continue;
-        }
+    int32 status = create_locked(filedes, NULL, KIND_FILE, &f);
+    if (status == OS_SUCCESS) {
         f->port = port_file_open(path, access_mode, flags & OS_FILE_FLAG_CREATE, flags & OS_FILE_FLAG_TRUNCATE);
-        status = OS_ERROR;
-        if (f->port >= 0) {
-            f->used = true;
-            f->app = pocket_self_app_locked();
-            *filedes = make_id(KIND_FILE, f->generation, i);
-            status = OS_SUCCESS;
+        if (f->port < 0) {
+            f->used = false;
+            *filedes = OS_OBJECT_ID_UNDEFINED;
+            status = OS_ERROR;
         }
-        break;
     }
     pocket_unlock();
     return status;
@@ -497,9 +459,8 @@ int32 OS_OpenCreate(osal_id_t *filedes, const char *path, int32 flags, int32 acc
 static int32 port_of(osal_id_t id)
 {
     pocket_lock();
-    const uint32 i = index_of(id, KIND_FILE, POCKET_FILES);
-    const bool found = i < POCKET_FILES && os.files[i].used && make_id(KIND_FILE, os.files[i].generation, i) == id;
-    const int32 port = found ? os.files[i].port : -1;
+    const Object *f = object_of(id, KIND_FILE);
+    const int32 port = f != NULL ? f->port : -1;
     pocket_unlock();
     return port;
 }
@@ -530,16 +491,7 @@ int32 OS_lseek(osal_id_t filedes, int32 offset, uint32 whence)
 
 int32 OS_close(osal_id_t filedes)
 {
-    const int32 port = port_of(filedes);
-    if (port < 0) {
-        return OS_ERR_INVALID_ID;
-    }
-    pocket_lock();
-    File *f = &os.files[index_of(filedes, KIND_FILE, POCKET_FILES)];
-    f->used = false;
-    f->generation++;
-    pocket_unlock();
-    return port_file_close(port) == 0 ? OS_SUCCESS : OS_ERROR;
+    return delete_object(filedes, KIND_FILE);
 }
 
 int32 OS_remove(const char *path)
@@ -548,27 +500,4 @@ int32 OS_remove(const char *path)
         return OS_INVALID_POINTER;
     }
     return port_file_remove(path) == 0 ? OS_SUCCESS : OS_ERROR;
-}
-
-/* ---- an app has ended */
-
-void pocket_osal_forget_locked(uint32 app)
-{
-    for (uint32 i = 0; i < POCKET_SEMAPHORES; i++) {
-        if (os.semaphores[i].used && os.semaphores[i].app == app) {
-            forget(&os.semaphores[i]);
-        }
-    }
-    for (uint32 i = 0; i < POCKET_QUEUES; i++) {
-        if (os.queues[i].used && os.queues[i].app == app) {
-            forget_queue(&os.queues[i]);
-        }
-    }
-    for (uint32 i = 0; i < POCKET_FILES; i++) {
-        if (os.files[i].used && os.files[i].app == app) {
-            (void)port_file_close(os.files[i].port);
-            os.files[i].used = false;
-            os.files[i].generation++;
-        }
-    }
 }

@@ -1,38 +1,37 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* All that the pocket asks of a machine. port_posix.c is that of POSIX; a bare board brings its own,
- * with as many stacks as it has tasks and a switch between them: nothing here asks for preemption. */
+/* The functions that the pocket needs from a machine. port_posix.c implements them for POSIX. The port of a bare board
+ * needs a stack for each task and a switch between them; no function needs preemption. */
 #ifndef TARGETS_CFS_PORT_H
 #define TARGETS_CFS_PORT_H
 
 #include "common_types.h"
 
-/** Before anything else, by the task that boots, which is task 0. root: the folder that holds cf and
- *  ram, where the port has folders. */
+/** The first call, by task 0, which boots the pocket. root: the folder that holds cf and ram, if the port has folders. */
 void port_start(const char *root);
 
-/** One lock guards all of the pocket's state. Not nested; short. */
+/** One lock guards the state of the pocket. A task never takes it twice, and holds it for a short time. */
 void port_lock(void);
 void port_unlock(void);
 
-/** Make task `slot` run entry(slot). 0: it will; else there is no room. With the lock held. */
+/** Start task `slot`, which runs entry(slot). The caller holds the lock. Returns 0, or not 0 if no task is free. */
 int port_task_start(uint32 slot, void (*entry)(uint32 slot), void *stack, size_t stack_size, uint32 priority);
-/** The running task ends. Not with the lock held. */
+/** End the running task. The caller does not hold the lock. */
 void port_task_end(void);
 /** The number of the running task. */
 uint32 port_task_self(void);
 
-/** With the lock held, which is given up meanwhile: the running task waits until it is unblocked or
- *  until a time has come; less than 0: without end. May return early. */
+/** Release the lock, which the caller holds, wait until another task unblocks this one or until a time (less than 0: no
+ *  timeout), and take the lock again. May return early. */
 void port_block(int64 until_ns);
-/** With the lock held: let task `slot` go on. */
+/** Unblock task `slot`. The caller holds the lock. */
 void port_unblock(uint32 slot);
 
-/** A clock that never goes back [ns]. */
+/** [ns] of a monotonic clock. */
 int64 port_now(void);
 
 void port_console(const char *text, size_t n);
 
-/** Files below /cf and /ram. Less than 0: not possible. access as OS_READ_ONLY ...; create, truncate: 0, 1. */
+/** Files below /cf and /ram. Less than 0: an error. access: OS_READ_ONLY ...; create, truncate: 0 or 1. */
 int32 port_file_open(const char *path, int access, int create, int truncate);
 int32 port_file_read(int32 file, void *bytes, size_t n);
 int32 port_file_write(int32 file, const void *bytes, size_t n);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The port to POSIX: a task is a thread that sleeps on a condition of its own. */
+/* The port to POSIX: each task is a thread with its own condition variable. */
 #define _POSIX_C_SOURCE 200809L
 
 #include "targets/cfs/config.h"
@@ -67,13 +67,13 @@ int port_task_start(uint32 slot, void (*entry)(uint32 slot), void *stack, size_t
 {
     pthread_attr_t attributes;
     pthread_t thread;
-    (void)priority; /* of those that the system gives, ordinary users may set none */
+    (void)priority; /* POSIX lets only privileged users set priorities */
     entries[slot] = entry;
     if (pthread_attr_init(&attributes) != 0) {
         return 1;
     }
     (void)pthread_attr_setdetachstate(&attributes, PTHREAD_CREATE_DETACHED);
-    /* What a flight computer's C library gets along with is less than this one's wants. */
+    /* This machine's C library needs a larger stack than that of a flight computer. */
     if (stack != NULL) {
         (void)pthread_attr_setstack(&attributes, stack, stack_size);
     } else {
@@ -126,7 +126,7 @@ void port_console(const char *text, size_t n)
     (void)fflush(stdout);
 }
 
-/* /cf/x is x in the folder cf below the root, and likewise /ram; nothing else is reached. */
+/* /cf/x is the file x in the folder cf below the root; /ram likewise. Other paths are refused. */
 static int translate(const char *path, char *to, size_t room)
 {
     if ((strncmp(path, "/cf/", 4) != 0 && strncmp(path, "/ram/", 5) != 0) || strstr(path, "..") != NULL) {

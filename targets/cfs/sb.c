@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The software bus: one copy of a message for all its subscribers, and pipes of references to it. */
+/* The software bus: it stores one copy of a message for all its subscribers, and pipes hold references to it. */
 #include "targets/cfs/core.h"
 
 #include <string.h>
@@ -33,7 +33,7 @@ typedef struct Pipe {
     uint16 depth;
     uint16 first;
     uint16 n;
-    uint16 held; ///< the message that was received last
+    uint16 held; ///< the message that the app received last
     uint16 messages[POCKET_PIPE_DEPTH];
     uint16 routes[POCKET_PIPE_DEPTH];
 } Pipe;
@@ -149,7 +149,7 @@ CFE_Status_t CFE_SB_DeletePipe(CFE_SB_PipeId_t PipeId)
     return ours ? CFE_SUCCESS : CFE_SB_BAD_ARGUMENT;
 }
 
-void pocket_sb_forget_locked(uint32 app)
+void pocket_sb_app_ended_locked(uint32 app)
 {
     for (uint32 i = 0; i < POCKET_PIPES; i++) {
         if (sb.pipes[i].used && sb.pipes[i].app == app) {
@@ -179,7 +179,7 @@ CFE_Status_t CFE_SB_SubscribeEx(CFE_SB_MsgId_t MsgId, CFE_SB_PipeId_t PipeId, CF
     if (pipe == NULL || pipe->app != pocket_self_app_locked() || !CFE_SB_IsValidMsgId(MsgId) || MsgLim == 0u) {
         status = CFE_SB_BAD_ARGUMENT;
     } else if (route_of(MsgId.Value, (uint16)(pipe - sb.pipes)) != NULL) {
-        status = CFE_SUCCESS; /* again is not more, as with the real one */
+        status = CFE_SUCCESS; /* a second subscription changes nothing, as in NASA's cFE */
     } else {
         for (uint32 i = 0; i < POCKET_ROUTES; i++) {
             if (!sb.routes[i].used) {
@@ -208,7 +208,7 @@ CFE_Status_t CFE_SB_Unsubscribe(CFE_SB_MsgId_t MsgId, CFE_SB_PipeId_t PipeId)
         Route *route = route_of(MsgId.Value, (uint16)(pipe - sb.pipes));
         status = CFE_SB_NO_SUBSCRIBERS;
         if (route != NULL) {
-            /* What waits in the pipe still comes; it counts no more. */
+            /* Messages that wait in the pipe stay there, but no longer count against a limit. */
             const uint16 number = (uint16)(route - sb.routes);
             for (uint16 i = 0; i < pipe->n; i++) {
                 uint16 *r = &pipe->routes[(pipe->first + i) % pipe->depth];
@@ -244,7 +244,7 @@ CFE_Status_t CFE_SB_ReceiveBuffer(CFE_SB_Buffer_t **BufPtr, CFE_SB_PipeId_t Pipe
         if (TimeOut == CFE_SB_POLL) {
             status = CFE_SB_NO_MESSAGE;
         } else if (pocket_core.apps[app].asked != 0u) {
-            status = CFE_SB_TIME_OUT; /* the app is asked to end: let it come to its RunLoop */
+            status = CFE_SB_TIME_OUT; /* the app must end: return, so that it calls RunLoop */
         } else if (!pocket_sleep_locked(pipe, until)) {
             status = CFE_SB_TIME_OUT;
         } else if (pipe_of(PipeId) == NULL) {
@@ -315,7 +315,7 @@ static uint16 free_message(void)
     return NONE;
 }
 
-/* Who did not get a message, and why; told after the lock was given back. */
+/* The pipes that did not take a message. The pocket sends their events after it has released the lock. */
 typedef struct Refusals {
     uint32 n;
     uint16 why[4];
@@ -333,7 +333,7 @@ static void refuse(Refusals *refusals, uint16 why, const Pipe *pipe)
 
 static CFE_Status_t deliver(const CFE_MSG_Message_t *m, size_t size, bool origination, Refusals *refusals)
 {
-    const uint32 id = (uint32)m->Byte[0] << 8 | m->Byte[1];
+    const uint32 id = pocket_id(m);
     const uint16 sequence = origination ? next_sequence(id) : 0u;
     uint16 message = NONE;
     for (uint16 i = 0; i < POCKET_ROUTES; i++) {
@@ -383,8 +383,8 @@ static CFE_Status_t deliver(const CFE_MSG_Message_t *m, size_t size, bool origin
     return CFE_SUCCESS;
 }
 
-/* The real cFE delivers any command; this one reports a bad one by an event. */
-static void look_at_command(const CFE_MSG_Message_t *m, uint32 id, size_t size)
+/* NASA's cFE delivers every command without a check; the pocket also sends an event for a bad one. */
+static void report_bad_command(const CFE_MSG_Message_t *m, uint32 id, size_t size)
 {
     bool valid = false;
     if (size < sizeof(CFE_MSG_CommandHeader_t)) {
@@ -408,19 +408,18 @@ CFE_Status_t CFE_SB_TransmitMsg(const CFE_MSG_Message_t *MsgPtr, bool IsOriginat
     if (MsgPtr == NULL) {
         return CFE_SB_BAD_ARGUMENT;
     }
-    const uint32 id = (uint32)MsgPtr->Byte[0] << 8 | MsgPtr->Byte[1];
+    const uint32 id = pocket_id(MsgPtr);
     const size_t size = pocket_size(MsgPtr);
     if (!CFE_SB_IsValidMsgId(CFE_SB_ValueToMsgId(id))) {
         return CFE_SB_BAD_ARGUMENT;
     }
     if (size > POCKET_MESSAGE_MAX) {
-        pocket_event("CFE_SB", TOO_BIG_EVENT, CFE_EVS_EventType_ERROR,
-                     "Message 0x%04X of %u bytes is too big: %u are the most", (unsigned)id, (unsigned)size,
-                     (unsigned)POCKET_MESSAGE_MAX);
+        pocket_event("CFE_SB", TOO_BIG_EVENT, CFE_EVS_EventType_ERROR, "Message 0x%04X has %u bytes; the limit is %u",
+                     (unsigned)id, (unsigned)size, (unsigned)POCKET_MESSAGE_MAX);
         return CFE_SB_MSG_TOO_BIG;
     }
     if ((id & 0x1000u) != 0u && !IsOrigination) {
-        look_at_command(MsgPtr, id, size);
+        report_bad_command(MsgPtr, id, size);
     }
     refusals.n = 0;
     pocket_lock();
@@ -428,7 +427,7 @@ CFE_Status_t CFE_SB_TransmitMsg(const CFE_MSG_Message_t *MsgPtr, bool IsOriginat
     pocket_unlock();
     for (uint32 i = 0; i < refusals.n && id != CFE_EVS_LONG_EVENT_MSG_MID; i++) {
         pocket_event("CFE_SB", refusals.why[i], CFE_EVS_EventType_ERROR,
-                     refusals.why[i] == OVERFLOW_EVENT ? "Message 0x%04X lost: its limit in pipe %s"
+                     refusals.why[i] == OVERFLOW_EVENT ? "Message 0x%04X lost: too many of them wait in pipe %s"
                      : refusals.why[i] == FULL_EVENT   ? "Message 0x%04X lost: pipe %s is full"
                                                        : "Message 0x%04X lost: no buffer for pipe %s",
                      (unsigned)id, refusals.pipe[i]);
@@ -444,7 +443,7 @@ bool pocket_ingest(const void *bytes, size_t n)
     static union {
         CFE_SB_Buffer_t buffer;
         uint8 bytes[POCKET_MESSAGE_MAX];
-    } packet; /* one link comes in */
+    } packet; /* the host calls this from one task */
     if (bytes != NULL && n >= 7u && n <= sizeof packet) {
         memcpy(packet.bytes, bytes, n);
         if (pocket_size(&packet.buffer.Msg) == n &&
@@ -455,7 +454,7 @@ bool pocket_ingest(const void *bytes, size_t n)
     pocket_lock();
     pocket_core.counts.no_packet++;
     pocket_unlock();
-    pocket_event("CFE_SB", NO_PACKET_EVENT, CFE_EVS_EventType_ERROR, "%u bytes from outside are no packet",
+    pocket_event("CFE_SB", NO_PACKET_EVENT, CFE_EVS_EventType_ERROR, "The host passed %u bytes that are not a packet",
                  (unsigned)n);
     return false;
 }

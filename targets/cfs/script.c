@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Start-up scripts: a line for each app, as
+/* Start-up scripts: one line for each app, such as
  *
  *     CFE_APP, nav, NAV_AppMain, NAV, 55, 16384, 0x0, 0;
  *
- * kind, file (of no use here: apps are linked), entry, name, priority, stack, load address and
- * exception action (of no use). What stands behind a ! is left out, to the end of the file. */
+ * The fields are: kind, file, entry point, name, priority, stack size, load address, exception action. The pocket
+ * ignores the file, because apps are linked, and the last two. A `!` ends the script. */
 #include "targets/cfs/core.h"
 
 #include <stdio.h>
@@ -25,7 +25,7 @@ typedef struct Line {
 typedef struct Script {
     Line lines[MOST];
     uint32 n;
-    uint32 number; ///< of the line that is read
+    uint32 number; ///< of the current line
     uint32 errors;
 } Script;
 
@@ -42,16 +42,6 @@ static bool is_number(const char *text, unsigned long most, unsigned long *value
     return *text >= '0' && *text <= '9' && *end == '\0' && *value <= most;
 }
 
-static bool known(const char *entry)
-{
-    for (uint32 i = 0; i < pocket_core.n_programs; i++) {
-        if (strcmp(pocket_core.programs[i].entry_name, entry) == 0) {
-            return true;
-        }
-    }
-    return false;
-}
-
 static char *trimmed(char *text)
 {
     while (*text == ' ' || *text == '\t') {
@@ -64,7 +54,7 @@ static char *trimmed(char *text)
     return text;
 }
 
-/* What stands before a semicolon. */
+/* Read the text before a semicolon. */
 static void read_line(Script *script, char *text)
 {
     char *field[FIELDS];
@@ -79,20 +69,20 @@ static void read_line(Script *script, char *text)
         at = comma;
     }
     if (n != FIELDS) {
-        complain(script, "a line has 8 fields", trimmed(text));
+        complain(script, "a line must have 8 fields", trimmed(text));
     } else if (strcmp(field[0], "CFE_APP") != 0) {
-        complain(script, "only CFE_APP is started here", field[0]);
-    } else if (!known(field[2])) {
-        complain(script, "no such entry point is linked", field[2]);
+        complain(script, "the kind must be CFE_APP", field[0]);
+    } else if (pocket_program(field[2]) == NULL) {
+        complain(script, "the program has no such entry point", field[2]);
     } else if (strlen(field[2]) >= sizeof script->lines[0].entry || field[3][0] == '\0' ||
                strlen(field[3]) >= sizeof script->lines[0].name) {
-        complain(script, "a name has 1 to 19 characters", field[3]);
+        complain(script, "a name must have 1 to 19 characters", field[3]);
     } else if (!is_number(field[4], 255, &priority)) {
-        complain(script, "a priority is 0 to 255", field[4]);
+        complain(script, "a priority must be 0 to 255", field[4]);
     } else if (!is_number(field[5], 0x7fffffff, &stack) || stack == 0u) {
-        complain(script, "a stack has 1 to 2147483647 bytes", field[5]);
+        complain(script, "a stack must have 1 to 2147483647 bytes", field[5]);
     } else if (script->n == MOST) {
-        complain(script, "so many apps are not possible", field[3]);
+        complain(script, "there are too many apps", field[3]);
     } else {
         Line *line = &script->lines[script->n++];
         (void)strcpy(line->entry, field[2]);
@@ -121,13 +111,13 @@ static void read_script(Script *script, osal_id_t file)
     }
     text[n] = '\0';
     if (*trimmed(text) != '\0') {
-        complain(script, "a line ends with a semicolon", trimmed(text));
+        complain(script, "a line must end with a semicolon", trimmed(text));
     }
 }
 
 int32 pocket_run_script(const char *path)
 {
-    static Script script; /* only the host reads one */
+    static Script script; /* only the host reads scripts */
     osal_id_t file;
     memset(&script, 0, sizeof script);
     if (OS_OpenCreate(&file, path, OS_FILE_FLAG_NONE, OS_READ_ONLY) != OS_SUCCESS) {

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Tables. What is loaded stands in a buffer beside the table until it has been found good and the
- * table's owner takes it over: at once with CFE_TBL_Load, at its next CFE_TBL_Manage with commands.
+/* Tables. A load first goes into a buffer. After validation, the table's owner copies it into the table: at once with
+ * CFE_TBL_Load, or in its next CFE_TBL_Manage with commands.
  *
- * A file: 64 bytes of cFE's header, 52 of the table's, both big-endian, then the bytes of the table
- * as they stand in memory, from an offset on. */
+ * A file has 64 bytes of cFE's header and 52 bytes of the table's header, both big-endian. Then follow bytes of the
+ * table as in memory, beginning at the offset that the header states. */
 #include "targets/cfs/core.h"
 
 #include <stdio.h>
@@ -28,16 +28,16 @@ typedef struct Table {
     char name[CFE_MISSION_TBL_MAX_FULL_NAME_LEN];
     uint32 app;
     uint32 at;   ///< in the pool of bytes
-    uint32 room; ///< there
+    uint32 room; ///< [bytes] that it has there
     uint32 size;
     uint32 locks;
-    uint32 load; ///< the buffer that it is being loaded into, or NONE
+    uint32 load; ///< the buffer of its load, or NONE
     CFE_TBL_CallbackFuncPtr_t validate;
     bool used;
     bool loaded;
-    bool updated; ///< since its address was asked for
-    bool busy;    ///< its owner validates or loads
-    bool good;    ///< what stands in the buffer
+    bool updated; ///< since the last CFE_TBL_GetAddress
+    bool busy;    ///< its owner validates it, or a load is in progress
+    bool good;    ///< the load passed validation
     bool validate_asked;
     bool update_asked;
 } Table;
@@ -85,7 +85,7 @@ static Table *table_named_locked(const char *name)
 
 /* ---- registering */
 
-/* A free place whose bytes suffice, or a free place for which there are bytes. */
+/* A free entry that has enough bytes already, or a new one with bytes of its own. */
 static Table *place_locked(uint32 size)
 {
     Table *empty = NULL;
@@ -125,7 +125,7 @@ CFE_Status_t CFE_TBL_Register(CFE_TBL_Handle_t *TblHandlePtr, const char *Name, 
         return CFE_TBL_ERR_INVALID_SIZE;
     }
     if ((TblOptionFlags & ~CFE_TBL_OPT_DBL_BUFFER) != 0) {
-        return CFE_TBL_ERR_INVALID_OPTIONS; /* dump only, critical, at an address of the app's */
+        return CFE_TBL_ERR_INVALID_OPTIONS; /* dump only, critical, and user-defined addresses */
     }
     pocket_lock();
     const uint32 app = pocket_self_app_locked();
@@ -183,7 +183,7 @@ CFE_Status_t CFE_TBL_Unregister(CFE_TBL_Handle_t TblHandle)
     return table != NULL ? CFE_SUCCESS : CFE_TBL_ERR_INVALID_HANDLE;
 }
 
-void pocket_tbl_forget_locked(uint32 app)
+void pocket_tbl_app_ended_locked(uint32 app)
 {
     for (uint32 i = 0; i < POCKET_TABLES; i++) {
         if (tbl.tables[i].used && tbl.tables[i].app == app) {
@@ -279,8 +279,8 @@ CFE_Status_t CFE_TBL_Validate(CFE_TBL_Handle_t TblHandle)
     return CFE_SUCCESS;
 }
 
-/* Put what was loaded into effect. The buffer is given back. */
-static void take_over_locked(Table *table)
+/* Copy the load into the table, and release its buffer. */
+static void activate_locked(Table *table)
 {
     memcpy(tbl.pool.bytes + table->at, tbl.loads[table->load].bytes, table->size);
     drop_load_locked(table);
@@ -299,7 +299,7 @@ CFE_Status_t CFE_TBL_Update(CFE_TBL_Handle_t TblHandle)
     } else if (table->locks > 0u) {
         status = CFE_TBL_INFO_TABLE_LOCKED;
     } else {
-        take_over_locked(table);
+        activate_locked(table);
     }
     pocket_unlock();
     if (status == CFE_SUCCESS) {
@@ -325,7 +325,7 @@ static uint32 big_endian(const uint8 *p)
     return (uint32)p[0] << 24 | (uint32)p[1] << 16 | (uint32)p[2] << 8 | p[3];
 }
 
-/* An open file: where its data belong. */
+/* An open file, and the part of a table that it holds. */
 typedef struct Image {
     osal_id_t file;
     uint32 offset;
@@ -361,7 +361,7 @@ static CFE_Status_t open_image(const char *path, Image *image)
     return status;
 }
 
-/* The data of an open file, which is closed; what lies outside of them stays. */
+/* Read the data of an open file, and close it. Bytes outside of the part that it holds do not change. */
 static CFE_Status_t read_image(const Image *image, uint8 *bytes, uint32 size, bool whole)
 {
     CFE_Status_t status = CFE_SUCCESS;
@@ -383,13 +383,13 @@ static CFE_Status_t read_image(const Image *image, uint8 *bytes, uint32 size, bo
     return status;
 }
 
-/* A buffer for a table, with its present content. */
+/* Give a table a buffer that holds a copy of its content. */
 static CFE_Status_t begin_load_locked(Table *table)
 {
     if (table->busy) {
         return CFE_TBL_ERR_LOAD_IN_PROGRESS;
     }
-    drop_load_locked(table); /* a new load takes the place of one that was not put into effect */
+    drop_load_locked(table); /* a new load replaces one that is not active yet */
     for (uint32 i = 0; i < POCKET_LOADS; i++) {
         if (!tbl.loading[i]) {
             tbl.loading[i] = true;
@@ -439,7 +439,7 @@ CFE_Status_t CFE_TBL_Load(CFE_TBL_Handle_t TblHandle, CFE_TBL_SrcEnum_t SrcType,
     status = read_source(table, SrcType, SrcDataPtr, bytes);
     if (status >= CFE_SUCCESS && table->validate != NULL) {
         const int32 verdict = table->validate(bytes);
-        /* The real one takes a positive verdict for a warning, and an error for what it is. */
+        /* NASA's cFE takes a positive result of the validation for a warning; the pocket takes it for a failure. */
         status = verdict != CFE_SUCCESS ? (verdict < 0 ? verdict : -1) : status;
     }
     pocket_lock();
@@ -450,7 +450,7 @@ CFE_Status_t CFE_TBL_Load(CFE_TBL_Handle_t TblHandle, CFE_TBL_SrcEnum_t SrcType,
         table->good = table->update_asked = true;
         status = CFE_TBL_INFO_TABLE_LOCKED;
     } else {
-        take_over_locked(table);
+        activate_locked(table);
     }
     pocket_unlock();
     if (status < CFE_SUCCESS) {
@@ -460,7 +460,7 @@ CFE_Status_t CFE_TBL_Load(CFE_TBL_Handle_t TblHandle, CFE_TBL_SrcEnum_t SrcType,
     return status;
 }
 
-/* ---- what the ground asks for */
+/* ---- commands */
 
 static CFE_Status_t load_command(const char *path)
 {
@@ -487,7 +487,7 @@ static CFE_Status_t load_command(const char *path)
     return status;
 }
 
-static CFE_Status_t ask(const char *name, bool update)
+static CFE_Status_t request(const char *name, bool update)
 {
     CFE_Status_t status = CFE_SUCCESS;
     pocket_lock();
@@ -530,12 +530,12 @@ void pocket_tbl_command(const CFE_MSG_Message_t *message, size_t size)
             }
             status = code == CFE_TBL_LOAD_CC ? load_command(text)
                      : code == CFE_TBL_VALIDATE_CC
-                         ? (p[8] != 0u || p[9] != 0u ? CFE_TBL_BAD_ARGUMENT : ask(text, false))
-                     : code == CFE_TBL_ACTIVATE_CC ? ask(text, true)
+                         ? (p[8] != 0u || p[9] != 0u ? CFE_TBL_BAD_ARGUMENT : request(text, false))
+                     : code == CFE_TBL_ACTIVATE_CC ? request(text, true)
                                                    : CFE_SUCCESS;
         }
     }
-    /* Of the information, only that a file held a part is no refusal. */
+    /* A file that holds only a part of the table is accepted. */
     const bool done = status == CFE_SUCCESS || status == CFE_TBL_WARN_PARTIAL_LOAD || status == CFE_TBL_WARN_SHORT_FILE;
     pocket_lock();
     pocket_core.counts.table_commands += done ? 1u : 0u;

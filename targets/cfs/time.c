@@ -60,7 +60,7 @@ uint32 CFE_TIME_Sub2MicroSecs(uint32 SubSeconds)
     return (uint32)(((uint64)SubSeconds * 1000000u) >> 32);
 }
 
-/* Rounded up, so that the way back gives the same number. */
+/* Rounded up, so that CFE_TIME_Sub2MicroSecs returns the same number. */
 uint32 CFE_TIME_Micro2SubSecs(uint32 MicroSeconds)
 {
     return MicroSeconds > 999999u ? UINT32_MAX : (uint32)((((uint64)MicroSeconds << 32) + 999999u) / 1000000u);

@@ -12,16 +12,16 @@
 #include <unistd.h>
 
 static struct {
-    MissionHost host; /* with the app's memory */
+    MissionHost host; /* whose memory is the app's */
     MissionRecord record;
     FileSink sink;
     uint32_t ticks;
     int open;
     int failed;
-    int64_t before; /* [ns] of processor time until the first tick */
+    int64_t before; /* [ns] of processor time before the first tick */
 } watch;
 
-/* [ns] All of the process, its core included. */
+/* [ns] of the whole process, core included. */
 static int64_t processor_time(void)
 {
     struct timespec t = {0, 0};

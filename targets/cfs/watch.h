@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* For `fledge fly`: the record of an app, and what it took. The app calls it; see NAME_WATCH in what
- * `fledge export cfs` writes. */
+/* For `fledge fly`: records the outputs of an app and its processor time. An app that `fledge export cfs` wrote calls it
+ * if NAME_WATCH is defined. */
 #ifndef TARGETS_CFS_WATCH_H
 #define TARGETS_CFS_WATCH_H
 
 #include "targets/mission_io.h"
 
-/** After each tick at t, and with t < 0 at the end of the run. All outputs go into $FLEDGE_RECORD; in
- *  the end, lines on the standard output say what was done. With $FLEDGE_END the process then ends,
- *  for a core goes on without its apps. */
+/** Call it after each tick at t, and with t < 0 at the end of the run. It writes all outputs into the file $FLEDGE_RECORD,
+ *  and at the end prints its counters on the standard output. If $FLEDGE_END is set, it then ends the process, because a
+ *  core continues without apps. */
 void fledge_watch(const void *mission, int64_t t, const MissionIoCounts *counts);
 
 #endif

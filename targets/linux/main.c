@@ -1,11 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* An exported mission as a process of its own. All that it knows of its surroundings is a register
- * file: by default its clock paces flight, tick by tick; with --clock the machine's clock does, and
- * what the registers hold then is what flight sees. What it puts out goes into its own record.
+/* An exported mission as a process of its own, which exchanges data only through a register file. By default the clock
+ * of the registers paces flight, tick by tick. With --clock the machine's clock does, and flight reads the registers as
+ * they are at that time. The program writes the outputs of flight into its own record.
  *
- * The loop does not allocate. At the end the program prints what it did on its standard output, a key
- * and a value on each line. Exit codes: 0 flown to the end, 1 its surroundings or its record
- * failed, 2 it was called wrongly. */
+ * The loop does not allocate. At the end the program prints its results on the standard output, a key and a value on
+ * each line. Exit codes: 0 flown to the end, 1 the register file or the record failed, 2 wrong options. */
 #define _POSIX_C_SOURCE 200809L
 #include "record/file_sink.h"
 #include "registers/shared_file.h"
@@ -21,18 +20,18 @@
 #include <time.h>
 
 #define SECOND INT64_C(1000000000)
-#define LOOK_NS (SECOND / 4) /* how often a waiting one looks for signals, besides */
+#define POLL_NS (SECOND / 4) /* how often the program checks for signals while it waits */
 
 enum { BOARDS_MAX = 4, FLOWN = 0, FAILED = 1, CALLED_WRONGLY = 2 };
 
 typedef struct Options {
     const char *registers; ///< the file, or NULL
     const char *record;    ///< the file, or NULL
-    double wait;           ///< [s] for the register file to be there
-    double duration;       ///< [s] with the machine's clock; 0: until it is stopped
-    int priority;          ///< of SCHED_FIFO; 0: not asked for
-    int clock;             ///< 1: the machine's clock paces
-    const char *wrong;     ///< the word that cannot be used, or NULL
+    double wait;           ///< [s] how long to wait for the register file
+    double duration;       ///< [s] with the machine's clock; 0: until a signal
+    int priority;          ///< of SCHED_FIFO; 0: do not request it
+    int clock;             ///< 1: the machine's clock paces flight
+    const char *wrong;     ///< the wrong word, or NULL
 } Options;
 
 typedef struct Runner {
@@ -41,7 +40,7 @@ typedef struct Runner {
     MissionIoCounts counts;
     FileSink sink;
     MissionRecord record;
-    const RegisterWindow *clock; ///< the board's
+    const RegisterWindow *clock; ///< the window of the board with the clock
     int64_t cpu;                 ///< [ns] of all exchanges
     int64_t cpu_most;
     uint32_t ticks;
@@ -70,12 +69,12 @@ static int complain(const char *what, const char *why)
 static const char usage[] = "usage: %s [--record FILE] [--wait S] REGISTERS        paced by the registers' clock\n"
                             "       %s --clock [--priority N] [--for S] [--record FILE] [--wait S] [REGISTERS]\n"
                             "\n"
-                            "REGISTERS is the file of the boards, or /dev/fd/N; with --clock none is needed.\n"
-                            "  --record FILE   all that flight puts out, as an MCAP file\n"
-                            "  --wait S        for the register file to be there; default: 10\n"
-                            "  --clock         paced by this machine's clock, in real time\n"
-                            "  --priority N    of SCHED_FIFO, 1 to 99; default: 50; 0: do not ask for it\n"
-                            "  --for S         end after so long; default: when stopped\n";
+                            "REGISTERS is the register file of the boards, or /dev/fd/N; --clock works without it.\n"
+                            "  --record FILE   write all outputs of flight into an MCAP file\n"
+                            "  --wait S        how long to wait for the register file; default: 10\n"
+                            "  --clock         pace flight by this machine's clock, in real time\n"
+                            "  --priority N    of SCHED_FIFO, 1 to 99; default: 50; 0: do not request it\n"
+                            "  --for S         end after S seconds; default: after a signal\n";
 
 static int number(const char *text, double *value)
 {
@@ -159,7 +158,7 @@ static int open_record(const char *path)
     return status == MCAP_OK ? FLOWN : complain(path, mcap_status_text(status));
 }
 
-/* The record gets its name only if the run ended as it should; else it stays as FILE.part. */
+/* The record gets its final name only if the run ended well; else it stays FILE.part. */
 static int close_record(const char *path, int whole)
 {
     const McapStatus status = mission_record_close(&runner.record);
@@ -185,22 +184,22 @@ static void report(const Options *o, int no_fifo, int no_lock)
            runner.late.least, pace_quantile(&runner.late, 0.5), pace_quantile(&runner.late, 0.99), runner.late.most,
            runner.overruns);
     if (o->priority == 0) {
-        printf("scheduling shared, as asked for\n");
+        printf("scheduling shared, as requested\n");
     } else if (no_fifo != 0) {
-        printf("scheduling shared, not real-time: SCHED_FIFO was refused (%s)\n", strerror(no_fifo));
+        printf("scheduling shared, not real-time: the system refused SCHED_FIFO (%s)\n", strerror(no_fifo));
     } else {
         printf("scheduling SCHED_FIFO %d\n", o->priority);
     }
     if (no_lock != 0) {
-        printf("memory not locked: mlockall was refused (%s)\n", strerror(no_lock));
+        printf("memory not locked: the system refused mlockall (%s)\n", strerror(no_lock));
     } else {
         printf("memory locked\n");
     }
 }
 
-/* ---- the loop: no heap, and nothing printed */
+/* ---- the loop, which neither allocates nor prints */
 
-/* One exchange, its processor time, and its record. */
+/* Make one exchange, measure its processor time, and record the outputs. */
 static int exchange(int64_t t)
 {
     const int64_t start = pace_cpu();
@@ -215,7 +214,7 @@ static int exchange(int64_t t)
     return !runner.recording || mission_record_take(&runner.record, &fledge_mission, t) == MCAP_OK ? FLOWN : FAILED;
 }
 
-/* Tick by tick, paced by the registers' clock. */
+/* Fly tick by tick, paced by the clock of the registers. */
 static int fly_by_ticks(void)
 {
     while (!stopped) {
@@ -227,15 +226,15 @@ static int fly_by_ticks(void)
             register_clock_finish(runner.clock);
         } else if (register_clock_stopped(runner.clock)) {
             return FLOWN;
-        } else if (register_file_wait(&runner.file, LOOK_NS) == REGISTER_FILE_GONE &&
+        } else if (register_file_wait(&runner.file, POLL_NS) == REGISTER_FILE_GONE &&
                    !register_clock_stopped(runner.clock)) {
-            return complain("registers", "the outside has ended without saying so");
+            return complain("registers", "the outside has disappeared before it ended the run");
         }
     }
-    return complain("registers", "stopped by a signal, before the outside ended the run");
+    return complain("registers", "a signal stopped the program before the outside ended the run");
 }
 
-/* By the clock of this machine; time 0 is a little after now. */
+/* Fly by the clock of this machine. Time 0 is 10 ms from now. */
 static int fly_by_clock(double duration)
 {
     const int64_t start = pace_now() + SECOND / 100;
@@ -266,7 +265,7 @@ int main(int argc, char **argv)
     int no_fifo = 0, no_lock = 0;
     if (!read_options(&options, argc, argv)) {
         if (options.wrong != NULL) {
-            (void)fprintf(stderr, "%s: cannot use %s here, or its value\n", argv[0], options.wrong);
+            (void)fprintf(stderr, "%s: cannot use %s here, or its value is wrong\n", argv[0], options.wrong);
         }
         (void)fprintf(stderr, usage, argv[0], argv[0]);
         return CALLED_WRONGLY;

@@ -8,7 +8,7 @@
 #include <sys/mman.h>
 #include <time.h>
 
-/* Below 8 ns each bin is one; from there on each power of two has eight. */
+/* Below 8 ns each bin is 1 ns wide; above, each power of two has eight bins. */
 static uint32_t bin_of(int64_t ns)
 {
     if (ns < 8) {

@@ -1,12 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The clock of the machine: waking at given times, in real time where it is allowed, and how late. */
+/* The clock of the machine: wake at given times, with real-time priority if the system permits it, and measure how
+ * late the program woke. */
 #ifndef TARGETS_LINUX_PACE_H
 #define TARGETS_LINUX_PACE_H
 
 #include <stdint.h>
 
-/** A distribution of durations, to an eighth of each; without heap. */
-enum { PACE_BINS = 8 * 28 }; ///< up to 2^30 ns, a second; the last one holds what is beyond
+/** A histogram of durations, each exact to an eighth of its value. It needs no heap. */
+enum { PACE_BINS = 8 * 28 }; ///< up to 2^30 ns, about a second; the last bin holds longer durations too
 typedef struct PaceHistogram {
     int64_t least;
     int64_t most;
@@ -16,18 +17,17 @@ typedef struct PaceHistogram {
 
 void pace_note(PaceHistogram *h, int64_t ns);
 
-/** The duration that a share of them, 0 to 1, does not exceed; 0 if there are none. */
+/** The duration that this share (0 to 1) of the durations does not exceed; 0 if there are none. */
 int64_t pace_quantile(const PaceHistogram *h, double share);
 
-/** [ns] of CLOCK_MONOTONIC, and of this thread's processor time. */
+/** [ns] of CLOCK_MONOTONIC, and of the processor time of this thread. */
 int64_t pace_now(void);
 int64_t pace_cpu(void);
 
-/** Sleep until `until` of CLOCK_MONOTONIC. 0, or -1 when a signal came. */
+/** Sleep until `until` of CLOCK_MONOTONIC. Returns 0, or -1 after a signal. */
 int pace_sleep(int64_t until);
 
-/** Ask for SCHED_FIFO of that priority, and for memory that is never paged out. 0 if granted, else
- *  errno. */
+/** Request SCHED_FIFO with a priority; lock the memory. They return 0, or errno if the system refuses. */
 int pace_real_time(int priority);
 int pace_lock_memory(void);
 

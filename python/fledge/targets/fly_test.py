@@ -304,8 +304,8 @@ def test_by_the_clock_it_says_how_late_it_was(folder):
     assert said["ticks"] == "3"
     late = [int(said[f"late_ns_{n}"]) for n in ("least", "median", "p99", "most")]
     assert 0 <= late[0] and late == sorted(late) and int(said["overruns"]) <= 3
-    assert said["scheduling"].startswith(("SCHED_FIFO 50", "shared, not real-time: SCHED_FIFO was refused ("))
-    assert said["memory"].startswith(("locked", "not locked: mlockall was refused ("))
+    assert said["scheduling"].startswith(("SCHED_FIFO 50", "shared, not real-time: the system refused SCHED_FIFO ("))
+    assert said["memory"].startswith(("locked", "not locked: the system refused mlockall ("))
     with Archive(job.folder / "clock.mcap") as record:
         assert record.complete and record.time_ns("motor.command").tolist() == [0, 500_000_000, 1_000_000_000]
 
@@ -319,8 +319,8 @@ def test_without_the_privilege_it_says_so(folder):
                            "--rtprio=0", built.resolve(), "--clock", "--for", "0.1"], capture_output=True, text=True,
                           timeout=60)
     assert done.returncode == 0, done.stderr
-    assert "scheduling shared, not real-time: SCHED_FIFO was refused (Operation not permitted)\n" in done.stdout
-    assert "memory not locked: mlockall was refused (" in done.stdout
+    assert "scheduling shared, not real-time: the system refused SCHED_FIFO (Operation not permitted)\n" in done.stdout
+    assert "memory not locked: the system refused mlockall (" in done.stdout
 
 
 def test_stopped_by_the_clock_it_leaves_a_whole_record(folder):

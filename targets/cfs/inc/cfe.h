@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* All that an app includes. Pure C, as cFE's own: C++ includes it within extern "C". */
+/* The header that an app includes. It is pure C, as cFE's own: C++ code includes it within extern "C". */
 #ifndef CFE_H
 #define CFE_H
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Lengths that apps and ground know too. */
+/* Sizes that apps and the ground use too. */
 #ifndef CFE_CONFIG_H
 #define CFE_CONFIG_H
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What calls return: 0, or information (bit 30), or an error (bits 31 and 30). The codes are cFE's. */
+/* Status codes: 0, information (bit 30), or an error (bits 31 and 30). The numbers are cFE's. */
 #ifndef CFE_ERROR_H
 #define CFE_ERROR_H
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Events: a line on the console, and a packet to its subscribers. */
+/* Events: the pocket prints each one on the console, and sends it as a packet. */
 #ifndef CFE_EVS_H
 #define CFE_EVS_H
 
@@ -25,7 +25,7 @@ enum CFE_EVS_EventType {
     CFE_EVS_EventType_CRITICAL = 4
 };
 
-/** An event goes out while (how often it came & Mask) is 0. */
+/** The filter lets an event pass if (its count & Mask) is 0. */
 typedef struct CFE_EVS_BinFilter {
     uint16 EventID;
     uint16 Mask;

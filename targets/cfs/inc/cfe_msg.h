@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Packets: 6 bytes primary header, then 2 of a command or 10 of telemetry, all big-endian. */
+/* Packets: a primary header of 6 bytes, then a secondary header of 2 bytes (commands) or 10 bytes (telemetry). All is
+ * big-endian. */
 #ifndef CFE_MSG_H
 #define CFE_MSG_H
 
@@ -7,7 +8,7 @@
 #include "cfe_error.h"
 #include "cfe_time.h"
 
-/** A struct, as in the newer cFE: a compiler refuses code that takes it for a number. */
+/** A struct, as in newer versions of cFE: a compiler refuses code that uses it as a number. */
 typedef uint32 CFE_SB_MsgId_Atom_t;
 typedef struct CFE_SB_MsgId {
     CFE_SB_MsgId_Atom_t Value;
@@ -66,13 +67,13 @@ CFE_Status_t CFE_MSG_GetType(const CFE_MSG_Message_t *MsgPtr, CFE_MSG_Type_t *Ty
 CFE_Status_t CFE_MSG_GetSequenceCount(const CFE_MSG_Message_t *MsgPtr, CFE_MSG_SequenceCount_t *SeqCnt);
 CFE_Status_t CFE_MSG_SetSequenceCount(CFE_MSG_Message_t *MsgPtr, CFE_MSG_SequenceCount_t SeqCnt);
 
-/** Of a command. One that is shorter than its header has neither code nor checksum: an error. */
+/** For commands. A command that is shorter than its header is an error. */
 CFE_Status_t CFE_MSG_GetFcnCode(const CFE_MSG_Message_t *MsgPtr, CFE_MSG_FcnCode_t *FcnCode);
 CFE_Status_t CFE_MSG_SetFcnCode(CFE_MSG_Message_t *MsgPtr, CFE_MSG_FcnCode_t FcnCode);
 CFE_Status_t CFE_MSG_GenerateChecksum(CFE_MSG_Message_t *MsgPtr);
 CFE_Status_t CFE_MSG_ValidateChecksum(const CFE_MSG_Message_t *MsgPtr, bool *IsValid);
 
-/** Of telemetry: seconds, and the upper 16 bits of the subseconds. */
+/** For telemetry. The time has seconds and the upper 16 bits of the subseconds. */
 CFE_Status_t CFE_MSG_SetMsgTime(CFE_MSG_Message_t *MsgPtr, CFE_TIME_SysTime_t NewTime);
 CFE_Status_t CFE_MSG_GetMsgTime(const CFE_MSG_Message_t *MsgPtr, CFE_TIME_SysTime_t *Time);
 

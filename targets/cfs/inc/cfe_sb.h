@@ -54,19 +54,19 @@ CFE_Status_t CFE_SB_CreatePipe(CFE_SB_PipeId_t *PipeIdPtr, uint16 Depth, const c
 CFE_Status_t CFE_SB_DeletePipe(CFE_SB_PipeId_t PipeId);
 
 CFE_Status_t CFE_SB_Subscribe(CFE_SB_MsgId_t MsgId, CFE_SB_PipeId_t PipeId);
-/** MsgLim: how many of this id may wait in the pipe. */
+/** MsgLim: how many messages of this id may wait in the pipe. */
 CFE_Status_t CFE_SB_SubscribeEx(CFE_SB_MsgId_t MsgId, CFE_SB_PipeId_t PipeId, CFE_SB_Qos_t Quality, uint16 MsgLim);
 CFE_Status_t CFE_SB_Unsubscribe(CFE_SB_MsgId_t MsgId, CFE_SB_PipeId_t PipeId);
 
-/** The next message of a pipe. It stays as it is until the next call for the same pipe.
+/** Receive the next message of a pipe. The buffer is valid until the next call for the same pipe.
  *  TimeOut: [ms], CFE_SB_POLL or CFE_SB_PEND_FOREVER. */
 CFE_Status_t CFE_SB_ReceiveBuffer(CFE_SB_Buffer_t **BufPtr, CFE_SB_PipeId_t PipeId, int32 TimeOut);
 
-/** Every subscriber gets a copy. IsOrigination: the sequence count is set in it (telemetry,
- *  commands), and the checksum of a command. */
+/** Send a message to all subscribers. With IsOrigination, the bus sets the sequence count, and the checksum of a
+ *  command. */
 CFE_Status_t CFE_SB_TransmitMsg(const CFE_MSG_Message_t *MsgPtr, bool IsOrigination);
 
-/** Set telemetry's time to CFE_TIME_GetTime. */
+/** Set the time of a telemetry message to CFE_TIME_GetTime. */
 void CFE_SB_TimeStampMsg(CFE_MSG_Message_t *MsgPtr);
 
 void *CFE_SB_GetUserData(CFE_MSG_Message_t *MsgPtr);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* How the source of a table names its table. The pocket reads .tbl files only; this is here
- * so that such sources compile. */
+/* The macro with which a source file names its table. The pocket reads .tbl files only; the macro makes such sources
+ * compile. */
 #ifndef CFE_TBL_FILEDEF_H
 #define CFE_TBL_FILEDEF_H
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The types that cFE and OSAL are written in. */
+/* The basic types of cFE and OSAL. */
 #ifndef COMMON_TYPES_H
 #define COMMON_TYPES_H
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What OSAL gives apps: tasks, semaphores, queues, files. */
+/* OSAL: tasks, semaphores, queues, files. */
 #ifndef OSAPI_H
 #define OSAPI_H
 
@@ -57,7 +57,7 @@ void OS_TaskExit(void);
 int32 OS_TaskDelay(uint32 millisecond);
 osal_id_t OS_TaskGetId(void);
 
-/** Whoever has it may take it again. */
+/** The task that holds a mutex may take it again. */
 int32 OS_MutSemCreate(osal_id_t *sem_id, const char *sem_name, uint32 options);
 int32 OS_MutSemTake(osal_id_t sem_id);
 int32 OS_MutSemGive(osal_id_t sem_id);
@@ -67,7 +67,7 @@ int32 OS_BinSemCreate(osal_id_t *sem_id, const char *sem_name, uint32 sem_initia
 int32 OS_BinSemTake(osal_id_t sem_id);
 int32 OS_BinSemTimedWait(osal_id_t sem_id, uint32 msecs);
 int32 OS_BinSemGive(osal_id_t sem_id);
-/** Whoever waits goes on; the semaphore stays as it is. */
+/** Wake all tasks that wait; the value of the semaphore does not change. */
 int32 OS_BinSemFlush(osal_id_t sem_id);
 int32 OS_BinSemDelete(osal_id_t sem_id);
 
@@ -82,7 +82,7 @@ int32 OS_QueueGet(osal_id_t queue_id, void *data, size_t size, size_t *size_copi
 int32 OS_QueuePut(osal_id_t queue_id, const void *data, size_t size, uint32 flags);
 int32 OS_QueueDelete(osal_id_t queue_id);
 
-/** Below /cf and /ram. Counts of bytes, or a negative error. */
+/** Files below /cf and /ram. The results are counts of bytes, or a negative error. */
 int32 OS_OpenCreate(osal_id_t *filedes, const char *path, int32 flags, int32 access_mode);
 int32 OS_read(osal_id_t filedes, void *buffer, size_t nbytes);
 int32 OS_write(osal_id_t filedes, const void *buffer, size_t nbytes);

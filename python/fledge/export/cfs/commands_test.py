@@ -126,7 +126,7 @@ def test_a_pipe_that_is_full_of_commands_lets_the_rest_in(built):
         for _ in range(6):                          # the app still waits for the system to be operational
             core.send(command(CMD, 0))
         for _ in range(2):
-            core.until("CFE_SB 17: Message 0x18C0 lost: its limit in pipe NAV_PIPE")
+            core.until("CFE_SB 17: Message 0x18C0 lost: too many of them wait in pipe NAV_PIPE")
         core.write("go")
         assert housekeeping(core)["commands"] == 4
         assert core.stop()["overflow"] == 2

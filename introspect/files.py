@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What every program that generates files needs: to write them, and to hash descriptions."""
+from pathlib import Path
+
+
+def write_if_changed(path: Path, text: str) -> bool:
+    """Write a file unless it has this text already; True if it was written. An unchanged file keeps its time, and a
+    reader never sees half a file."""
+    data = text.encode()
+    if path.is_file() and path.read_bytes() == data:
+        return False
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(path.name + ".part")
+    part.write_bytes(data)
+    part.replace(path)
+    return True
+
+
+def fnv1a(text: str) -> int:
+    """The 64-bit FNV-1a hash of a text."""
+    value = 0xCBF29CE484222325
+    for byte in text.encode():
+        value = (value ^ byte) * 0x100000001B3 % (1 << 64)
+    return value
