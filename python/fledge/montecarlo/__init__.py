@@ -192,8 +192,8 @@ class Result:
         self.flown = np.array(flown, bool)
         self.draws = {path: draws[:, i] for i, path in enumerate(d.columns)}
         self.retained = {}
-        for (path, series), values in zip(d.retained.items(), retained):
-            self.retained[path] = values.reshape(*values.shape[:2], *series.field_path.shape)
+        for (path, variable), values in zip(d.retained.items(), retained):
+            self.retained[path] = values.reshape(*values.shape[:2], *variable.field_path.shape)
             self.retained[path].flags.writeable = False
         self.errors = {i: text for i, text in enumerate(errors) if text}
         self.complete = self.flown.copy()
