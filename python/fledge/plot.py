@@ -223,10 +223,17 @@ def _file_name(groups: list[list[Series]]) -> str:
 
 # --- delivery --------------------------------------------------------------------------------------
 
-def deliver(figure: Figure, plots) -> Figure:
-    """Add a figure to a collection of plots; if there is none, give it to pyplot, which shows it."""
-    if plots is not None:
-        plots.add(figure)
+def silent(source: Log | Archive) -> bool:
+    """Whether the simulation of a Log draws nothing."""
+    return getattr(source, "plots", None) is False
+
+
+def deliver(figure: Figure, source: Log | Archive) -> Figure:
+    """Add the figure of a Log to the plots of its simulation; if it has none, give it to pyplot, which shows it."""
+    if not hasattr(source, "plots"):
+        return figure
+    if source.plots is not None:
+        source.plots.add(figure)
     elif "matplotlib.pyplot" in sys.modules or "IPython" in sys.modules:
         import matplotlib.pyplot as plt
 

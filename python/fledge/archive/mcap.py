@@ -142,7 +142,7 @@ class Scan:
                 self.problem_at = self._data_end_at
             if self._loose or self._statistics != self._counts():
                 self.t_good = None
-                self.problem += "; which record is damaged cannot be told, any value may be wrong"
+                self.problem += "; the damaged record is unknown, any value may be wrong"
             else:
                 self.problem += "; all messages are there and agree with their chunks' checksums"
         elif self.problem and self._passed_over and self._data_is_right is None:

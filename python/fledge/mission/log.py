@@ -158,9 +158,9 @@ class Log(Records):
 
         Returns the matplotlib Figure. In `fledge run` it is saved beside the record.
         """
-        from fledge.plot import deliver, plot
+        from fledge.plot import deliver, plot, silent
 
-        return None if self.plots is False else deliver(plot(self, *panels, **options), self.plots)
+        return None if silent(self) else deliver(plot(self, *panels, **options), self)
 
     def __repr__(self):
         return "\n".join(["log of"] + [f"  {path}, {len(s.core)} samples: "
