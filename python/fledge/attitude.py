@@ -52,7 +52,7 @@ def tilde(v: ArrayLike) -> np.ndarray:
     return out
 
 
-# --- quaternions: what the other conversions go through --------------------------------------------
+# --- quaternions: the other conversions use them ---------------------------------------------------
 
 def _upper(beta: np.ndarray) -> np.ndarray:
     """The quaternion of the same attitude with scalar part >= 0."""
@@ -162,27 +162,23 @@ def dcm_to_euler(dcm: ArrayLike, sequence: str | int = "321") -> np.ndarray:
     the first and the third axis parallel, only their sum or difference is defined: the third is 0.
     """
     c = _array(dcm, (3, 3), "a direction cosine matrix")
-    i, j, k = _axes(sequence)
-    if i == k:
-        k = 3 - i - j  # the axis that the sequence does not name
-        even = 1.0 if (j - i) % 3 == 1 else -1.0
+    i, j, last = _axes(sequence)
+    k = 3 - i - j  # the axis besides the first two
+    even = 1.0 if (j - i) % 3 == 1 else -1.0
+    if i == last:
         sine = np.hypot(c[..., i, j], c[..., i, k])
         second = np.arctan2(sine, c[..., i, i])
         first = np.arctan2(c[..., i, j], -even * c[..., i, k])
         third = np.arctan2(c[..., j, i], even * c[..., k, i])
         locked = sine < 1e-12
     else:
-        even = 1.0 if (j - i) % 3 == 1 else -1.0
         cosine = np.hypot(c[..., k, k], c[..., k, j])
         second = np.arctan2(even * c[..., k, i], cosine)
         first = np.arctan2(-even * c[..., k, j], c[..., k, k])
         third = np.arctan2(-even * c[..., j, i], c[..., i, i])
         locked = cosine < 1e-12
     # With the third angle at 0 the frame after the first two shares its axis j with the one before.
-    axis, other = _axes(sequence)[0], 3 - _axes(sequence)[0] - j
-    sign = 1.0 if (j - axis) % 3 == 1 else -1.0
-    lone = np.arctan2(sign * c[..., j, other], c[..., j, j])
-    first = np.where(locked, lone, first)
+    first = np.where(locked, np.arctan2(even * c[..., j, k], c[..., j, j]), first)
     third = np.where(locked, 0.0, third)
     return np.stack([first, second, third], axis=-1)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The types that the elements of a field can have, as flight/exec/element.h has them."""
+"""The types of a field's elements, as in flight/exec/element.h."""
 
 import struct
 from dataclasses import dataclass
@@ -11,16 +11,16 @@ class Element:
     ctype: str      # in C
 
     @property
-    def size(self):
+    def size(self) -> int:
         """[bytes]"""
         return struct.calcsize("=" + self.code)
 
     @property
-    def is_float(self):
+    def is_float(self) -> bool:
         return self.code in "df"
 
     @property
-    def dtype(self):
+    def dtype(self) -> str:
         """numpy's name: "f8", "i4"."""
         return ("f" if self.is_float else "i" if self.code.islower() else "u") + str(self.size)
 

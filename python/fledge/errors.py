@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The library's errors, and the words that their texts share."""
+"""The library's errors, and helpers for their texts."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any

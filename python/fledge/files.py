@@ -13,7 +13,7 @@ class Part:
         with Part(path) as part:
             part.write_text(text)
 
-    Where it cannot be written nothing is left of it, and the OSError names it.
+    If writing fails, it removes the part, and the OSError names the file.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:

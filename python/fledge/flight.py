@@ -2,7 +2,7 @@
 """The flight modules and their messages, by name: `from fledge import flight as fsw`.
 
 Each is an object on the memory of its C struct: `help(fsw.MrpFeedback)` shows its inputs, outputs and
-parameters. A name that is not there is answered with those that are.
+parameters. The error for an unknown name lists the known ones.
 """
 
 from math import sqrt as _sqrt

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from fledge.series import Series, Source
+    from fledge.series import Records, Series
 
 GREEK = ("alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau upsilon phi chi "
          "psi omega Gamma Delta Theta Lambda Xi Pi Sigma Phi Psi Omega").split()
@@ -99,7 +99,7 @@ def time_unit(seconds: float) -> tuple[str, float]:
 
 # --- drawing ---------------------------------------------------------------------------------------
 
-def plot(source: Source, *panels: str | Sequence[str], titles: Sequence[str] | None = None, columns: int = 1,
+def plot(source: Records, *panels: str | Sequence[str], titles: Sequence[str] | None = None, columns: int = 1,
          units: dict[str, str] | None = None, title: str | None = None, name: str | None = None,
          size: tuple[float, float] | None = None) -> Figure:
     """Plot fields against time; returns a matplotlib Figure.
@@ -221,10 +221,17 @@ def _file_name(groups: list[list[Series]]) -> str:
 
 # --- delivery --------------------------------------------------------------------------------------
 
-def deliver(figure: Figure, plots) -> Figure:
-    """Add a figure to a collection of plots; if there is none, give it to pyplot, which shows it."""
-    if plots is not None:
-        plots.add(figure)
+def silent(source: Log | Archive) -> bool:
+    """Whether the simulation of a Log draws nothing."""
+    return getattr(source, "plots", None) is False
+
+
+def deliver(figure: Figure, source: Log | Archive) -> Figure:
+    """Add the figure of a Log to the plots of its simulation; if it has none, give it to pyplot, which shows it."""
+    if not hasattr(source, "plots"):
+        return figure
+    if source.plots is not None:
+        source.plots.add(figure)
     elif "matplotlib.pyplot" in sys.modules or "IPython" in sys.modules:
         import matplotlib.pyplot as plt
 

@@ -66,7 +66,7 @@ def test_what_is_drawn(log, tmp_path):
 def test_names_that_cannot_be_drawn(log):
     with pytest.raises(SetupError, match="'error' is a whole message; name one of its fields: sigma_BR"):
         plot(log, "error")
-    with pytest.raises(SetupError, match="did you mean 'omega_BN_B'"):
+    with pytest.raises(SetupError, match="did you mean omega_BN_B"):
         plot(log, "omega_BNB")
     with pytest.raises(SetupError, match="name at least one field"):
         plot(log)

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import sys
 import time
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from typing import Self
 
 _LONG = 2.0      # [s] of wall time: shorter runs show no bar
 _LOOK = 0.3      # [s] until the duration of a run is estimated
@@ -24,7 +28,7 @@ class Bar:
         self._begun = time.monotonic()
         self._drawn = 0
 
-    def __enter__(self) -> Bar:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_):

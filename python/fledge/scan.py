@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scan patterns: where a boresight points, in the plane of two angles and on the unit sphere.
+"""Scan patterns: the directions of a boresight, in the plane of two angles and on the unit sphere.
 
     log = sim.record(f.guidance.reference, f.scan.reference, w.craft.state, every=1 * s)
     sim.run(160 * minute)
@@ -16,9 +16,21 @@ centre, to the boresight, first about the axis before it in the cycle 1, 2, 3 (a
 centre 1), then about the new axis after it (axis 2, pitch).
 """
 
-from fledge.errors import SetupError
-from fledge.plot import STYLE, deliver
+from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from fledge.errors import SetupError
+from fledge.plot import STYLE, TITLE, deliver, silent
+
+if TYPE_CHECKING:
+    import numpy as np
+    from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
+
+    from fledge.archive import Archive
+    from fledge.mission.log import Log
 
 # The colours of curves, in the order in which they are drawn.
 DARK, MAGENTA, LIGHT = "#1b2f6e", "#d0248f", "#62b6e8"
@@ -31,12 +43,12 @@ TURNS = {1: r"roll $\phi$", 2: r"pitch $\theta$", 3: r"yaw $\psi$"}  # by the ax
 # --- paths -----------------------------------------------------------------------------------------
 
 class Path:
-    """Where a boresight points: `time` [s] (n,), `direction` (n, 3), unit vectors in the base frame.
+    """The directions of a boresight: `time` [s] (n,), `direction` (n, 3), unit vectors in the base frame.
 
     frame: the letter of that frame's axes in pictures.
     """
 
-    def __init__(self, time, direction, frame="r"):
+    def __init__(self, time: ArrayLike, direction: ArrayLike, frame: str = "r") -> None:
         import numpy as np
 
         self.time = np.asarray(time, dtype=float)
@@ -44,7 +56,7 @@ class Path:
         self.frame = frame
         self.direction = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
 
-    def angles(self, centre=1):
+    def angles(self, centre: int = 1) -> np.ndarray:
         """The two angles from an axis of the base frame, the centre, to the boresight: (n, 2) [rad]."""
         import numpy as np
 
@@ -54,12 +66,12 @@ class Path:
         second = np.arctan2(-d[:, (k + 2) % 3], np.hypot(d[:, k], d[:, (k + 1) % 3]))
         return np.stack([first, second], axis=-1)
 
-    def during(self, start, end):
+    def during(self, start: float, end: float) -> Path:
         """The part from a time to another [s], both included."""
         inside = (self.time >= start) & (self.time <= end)
         return Path(self.time[inside], self.direction[inside], self.frame)
 
-    def off(self, other):
+    def off(self, other: Path | ArrayLike) -> np.ndarray:
         """The angle to another path, or to one direction (3,), at each instant (n,) [rad]."""
         import numpy as np
 
@@ -69,7 +81,7 @@ class Path:
         return np.arctan2(np.linalg.norm(np.cross(self.direction, there), axis=-1),
                           np.sum(self.direction * there, axis=-1))
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.time)
 
     def __repr__(self):
@@ -77,14 +89,14 @@ class Path:
         return f"<path of {len(self)} samples{span}>"
 
 
-def path(source, attitude, base=None, boresight=1):
+def path(source: Log | Archive, attitude: str, base: str | None = None, boresight: int | ArrayLike = 1) -> Path:
     """The Path of a boresight.
 
     source: a Log or an Archive
     attitude: the name of a field with the MRPs of a frame relative to N, as in "state.sigma_BN"
-    base: the same for the frame in which to see it; None: N
+    base: the same for the frame of the result; None: N
     boresight: in the components of the first frame
-    Raises SetupError for names that are not there, and for fields with different times.
+    Raises SetupError for unknown names, and for fields with different times.
     """
     import numpy as np
 
@@ -120,18 +132,20 @@ def _vector(boresight):
 
 # --- in the plane ----------------------------------------------------------------------------------
 
-def plane(source, paths, *, centre=1, colors=(DARK, MAGENTA, LIGHT), numbered=None, marks=None,
-          title=None, name="scan_plane", size=None):
+def plane(source: Log | Archive, paths: dict[str, Path | list[Path]], *, centre: int = 1,
+          colors: Sequence[str] = (DARK, MAGENTA, LIGHT), numbered: str | None = None,
+          marks: dict[str, ArrayLike] | None = None, title: str | None = None, name: str = "scan_plane",
+          size: tuple[float, float] | None = None) -> Figure | None:
     """Draw paths in the plane of two angles, in degrees; returns a matplotlib Figure.
 
-    source: the Log that they are from, whose simulation collects plots; else it does not matter
+    source: the Log of the paths, whose simulation collects plots, or an Archive
     paths: label -> Path, or a list of Paths; drawn in this order
     centre: the axis of the base frame in the middle; colors: one for each label
     numbered: the label whose paths are numbered, from 1a at the first's beginning to 1b at its end
     marks: text -> the two angles [rad] of a point
     title, name: of the figure, and of its file; size: (width, height) in inches
     """
-    if _silent(source):
+    if silent(source):
         return None
     import numpy as np
     from matplotlib.ticker import MaxNLocator
@@ -170,11 +184,11 @@ def plane(source, paths, *, centre=1, colors=(DARK, MAGENTA, LIGHT), numbered=No
             scale.set_major_locator(MaxNLocator(nbins=8, steps=[1, 2, 3, 5, 10]))
         _legend(axis, len(groups) + len(marks or {}))
         _title(figure, title)
-    return _deliver(source, figure)
+    return deliver(figure, source)
 
 
 def _stroke(color, colors, widths=(3.2, 1.1, 1.6)):
-    """What is drawn first lies below and is broad, so that both are seen where the second follows it."""
+    """The first curve is below and broad, so that both are visible where the second follows it."""
     place = min(list(colors).index(color), 2)
     return {"linewidth": widths[place], "zorder": (2, 3, 2.5)[place]}
 
@@ -198,7 +212,7 @@ def _head(color, size=10):
 
 
 def _free(point, reach, curves, middle):
-    """A place beside a point, as far from all curves as can be; rather away from the pattern's middle."""
+    """A position beside a point, far from all curves and from the middle of the pattern."""
     import numpy as np
 
     turn = np.radians(np.arange(0, 360, 15))
@@ -221,16 +235,18 @@ def _size(extent):
 
 # --- on the sphere ---------------------------------------------------------------------------------
 
-def sphere(source, paths, *, centre=1, colors=(DARK, MAGENTA, LIGHT), rays=None, marks=None, view=None,
-           title=None, name="scan_sphere", size=(6.4, 6.1)):
+def sphere(source: Log | Archive, paths: dict[str, Path | list[Path]], *, centre: int = 1,
+           colors: Sequence[str] = (DARK, MAGENTA, LIGHT), rays: str | None = None,
+           marks: dict[str, ArrayLike] | None = None, view: tuple[float, float] | None = None,
+           title: str | None = None, name: str = "scan_sphere", size: tuple[float, float] = (6.4, 6.1)) -> Figure | None:
     """Draw paths on the unit sphere about the spacecraft, seen from afar; returns a matplotlib Figure.
 
     rays: the label whose paths' ends are joined with the spacecraft
     marks: text -> direction (3,) in the base frame
-    view: (longitude, latitude) in the base frame from where it is seen [rad]; default: beside the centre
-    The others are as for plane(). What lies on the far side is drawn faint.
+    view: (longitude, latitude) of the eye in the base frame [rad]; default: beside the centre
+    The others are as for plane(). Lines on the far side are faint.
     """
-    if _silent(source):
+    if silent(source):
         return None
     import numpy as np
 
@@ -247,7 +263,7 @@ def sphere(source, paths, *, centre=1, colors=(DARK, MAGENTA, LIGHT), rays=None,
         _globe(axis, screen)
         for i, direction in enumerate(np.eye(3)):
             inside = screen @ direction
-            # So long that it ends beside the globe, if that is not too long.
+            # Long enough to end beside the globe, within limits.
             length = np.clip(1.18 / max(np.hypot(*inside[:2]), 1e-9), 1.18, 1.5)
             tip = length * inside
             front = inside[2] > 0
@@ -278,7 +294,7 @@ def sphere(source, paths, *, centre=1, colors=(DARK, MAGENTA, LIGHT), rays=None,
         axis.set_ylim(-1.12, 1.32)
         _legend(axis, len(groups))
         _title(figure, title)
-    return _deliver(source, figure)
+    return deliver(figure, source)
 
 
 def _screen(centre, view, beside):
@@ -345,10 +361,6 @@ def _groups(paths):
     return groups
 
 
-def _silent(source):
-    return getattr(source, "plots", None) is False  # an Archive has no `plots`
-
-
 def _style():
     import matplotlib.style
 
@@ -370,8 +382,4 @@ def _legend(axis, entries):
 
 def _title(figure, title):
     if title:
-        figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold", color=INK)
-
-
-def _deliver(source, figure):
-    return deliver(figure, source.plots) if hasattr(source, "plots") else figure
+        figure.suptitle(title, **TITLE)

@@ -62,7 +62,7 @@ def test_paths_of_a_log(log):
 
 
 def test_what_cannot_be_a_path(log):
-    with pytest.raises(SetupError, match="did you mean 'state.sigma_BN'"):
+    with pytest.raises(SetupError, match="did you mean state.sigma_BN"):
         scan.path(log, "state.sigmaBN")
     with pytest.raises(SetupError, match="expected an axis 1, 2, 3, -1, -2 or -3; found 4"):
         scan.path(log, "state.sigma_BN", boresight=4)

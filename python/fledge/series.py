@@ -1,15 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recorded field over time, as plots need it."""
+"""Recorded fields by name: the part that a Log and an Archive have in common.
 
+Names are read from the end and may be as short as they are unique: "flight.tracking.error.sigma_BR",
+"error.sigma_BR", "sigma_BR". "error" alone is the whole message, "sigma_BR[0]" an element.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
+
+from fledge.errors import SetupError, listed, nearest
+
+HEAD = "head."  # begins the names of the fields that every message has: time, quality, sequence
 
 
 @dataclass
 class Series:
-    """The samples of a field of a Log or an Archive, with what is needed to label them.
+    """The samples of a field of a Log or an Archive, and the texts for its labels.
 
-    key: the name that was asked for; name: of the field, with the indices of an element, "sigma_BR[0]"
+    key: the name that the user gave; name: of the field, with the indices of an element, "sigma_BR[0]"
     port: the path of its message, "flight.tracking.error"
     time: (n,) [s]; values: (n, ...), in `unit`; shape: of one sample
     """
@@ -27,7 +39,121 @@ class Series:
         return tuple(self.values.shape[1:])
 
 
-class Source(Protocol):
-    """A Log or an Archive."""
+class Records:
+    """Messages by the names of their ports, and fields by their own.
 
-    def series(self, key: str) -> Series: ...
+    A port has `name`, "flight.tracking.error", `fields`, name -> field, and `names`, of its fields and of the nested
+    messages that hold them.
+    """
+
+    _error: type[Exception] = SetupError
+    _label: str = "the log"     # begins the text of an error
+
+    def _ports(self) -> Sequence[Any]:
+        raise NotImplementedError
+
+    def _values(self, port):
+        """The messages as a structured array."""
+        raise NotImplementedError
+
+    def _time(self, port):
+        """[s]"""
+        raise NotImplementedError
+
+    def _find(self, key):
+        """(port, name of a field or None, indices) of a key. Ports come before fields, full names before endings."""
+        key, indices = re.sub(r"\[\d+\]", "", key), tuple(int(i) for i in re.findall(r"\[(\d+)\]", key))
+        dotted = key.replace("/", ".").strip(".")
+        tail, ports = "." + dotted, self._ports()
+        for exact in (True, False):
+            def fits(full):
+                return full == dotted if exact else full.endswith(tail) and not key.startswith("/")
+
+            # Every message has a head: a key means it only if it names it.
+            found = [(p, None) for p in ports if fits(p.name)] or [
+                (p, n) for p in ports for n in p.names if fits(f"{p.name}.{n}")
+                and (exact or not n.startswith(HEAD) or f".{HEAD}" in tail)]
+            if len(found) == 1:
+                return *found[0], indices
+            if found:
+                raise self._error(f"{self._label}: '{key}' is ambiguous: it may be "
+                                  + listed([full_name(p, n) for p, n in found], most=12) + "; write more of the name")
+        last = dotted.rpartition(".")[2].lower()
+        everything = [full_name(p, n) for p in ports for n in (None, *p.names)]
+        near = [full for full in everything if last and last in full.rpartition(".")[2].lower()]
+        if not near:  # misspelt: the nearest of all names' endings
+            parts = [full.split(".") for full in everything]
+            near = list(filter(None, [nearest(dotted, [".".join(p[i:]) for p in parts for i in range(len(p))])]))
+        raise self._error(f"{self._label}: there is no '{key}'; "
+                          + (f"did you mean {listed(near, most=12)}?" if near else
+                             f"there are {listed([p.name for p in ports], most=12)}"))
+
+    def __getitem__(self, key: str) -> Any:
+        """The values of a field as an (n, ...) array, of an element as (n,), of a message as structured (n,).
+
+        The arrays are read-only.
+        """
+        port, name, indices = self._find(key)
+        values = part(self._values(port), name)
+        if indices:
+            if len(indices) >= values.ndim or any(i >= n for i, n in zip(indices, values.shape[1:])):
+                raise self._error(f"{self._label}: '{key}' is out of range: {full_name(port, name)} has the shape "
+                                  f"{values.shape[1:]}")
+            values = values[(slice(None), *indices)]
+        return values
+
+    def field(self, key: str) -> Any:
+        """The declaration of a field: its unit, shape and meaning."""
+        port, name, _ = self._find(key)
+        if name not in port.fields:
+            raise SetupError(f"'{key}' is a whole message; name one of its fields: "
+                             + ", ".join(n for n in port.fields if not n.startswith(HEAD)))
+        return port.fields[name]
+
+    def series(self, key: str) -> Series:
+        """The Series of a field or element, for plots."""
+        field = self.field(key)
+        port, name, indices = self._find(key)
+        short = name.rpartition(".")[2] + "".join(f"[{i}]" for i in indices)
+        return Series(key, short, port.name, self._time(port), self[key], field.unit,
+                      field.meaning if hasattr(field, "meaning") else field.doc)
+
+    def _short_name(self, port):
+        """The shortest ending of a port's name that is unique here: "error"."""
+        parts = port.name.split(".")
+        tails = (".".join(parts[-n:]) for n in range(1, len(parts)))
+        names = ["." + one.name for one in self._ports()]
+        return next((tail for tail in tails if sum(name.endswith("." + tail) for name in names) == 1), port.name)
+
+
+def full_name(port: Any, name: str | None) -> str:
+    """ "flight.tracking.error.sigma_BR", or the port's name"""
+    return f"{port.name}.{name}" if name else port.name
+
+
+def part(values: Any, name: str | None) -> Any:
+    """A field of a structured array by its name with dots; None: the whole."""
+    for one in name.split(".") if name else ():
+        values = values[one]
+    return values
+
+
+def frame_of(tables: Iterable[tuple[Any, dict[str, Any]]], units: dict[str, str], meanings: dict[str, str]) -> Any:
+    """A pandas DataFrame by time [s] of tables, each (times [ns], column -> values). NaN where one has no value."""
+    import numpy as np
+    import pandas as pd
+
+    frames = [pd.DataFrame(columns, index=times) for times, columns in tables]
+    if len(frames) == 1:
+        frame = frames[0]
+    elif all(f.index.is_unique for f in frames):
+        frame = pd.concat(frames, axis=1, sort=True) if frames else pd.DataFrame()
+    else:
+        # Several messages of a topic at one instant: the k-th of one stands beside the k-th of the others.
+        for f in frames:
+            nth = f.groupby(level=0).cumcount() if len(f) else np.empty(0, int)
+            f.index = pd.MultiIndex.from_arrays([f.index, nth])
+        frame = pd.concat(frames, axis=1).sort_index().droplevel(1)
+    frame.index = pd.Index(np.asarray(frame.index, dtype=float) / 1e9, name="time [s]")
+    frame.attrs = {"units": units, "meanings": meanings}
+    return frame

@@ -1,20 +1,34 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The way of a craft past a body, in the plane of its orbit, with axes of the craft along it.
+"""The trajectory of a craft past a body, in the plane of its orbit, with the axes of the craft along it.
 
     log = sim.record(w.craft.state, every=1 * s)
     sim.run(160 * minute)
     trajectory.plot(log, "craft.state", world.MARS, {"$b_2$, along the velocity": 2}, every=10 * minute)
 """
 
-from fledge.plot import STYLE, deliver, time_unit
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from fledge.plot import STYLE, TITLE, deliver, silent, time_unit
 from fledge.units import nanoseconds
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from fledge.archive import Archive
+    from fledge.mission.log import Log
+    from fledge.world import Body
+
 COLORS = ("#d0248f", "#1b2f6e", "#3d8b57")
-INK, SOFT, PALE, GROUND = "#222222", "#6f7780", "#aab4bf", "#d9835f"
+SOFT, PALE, GROUND = "#6f7780", "#aab4bf", "#d9835f"
 
 
-def plot(source, state, body, axes, *, every, colors=COLORS, title=None, name="trajectory", size=(9.4, 4.4)):
-    """Draw it; returns a matplotlib Figure.
+def plot(source: Log | Archive, state: str, body: Body, axes: dict[str, int], *, every: Any,
+         colors: Sequence[str] = COLORS, title: str | None = None, name: str = "trajectory",
+         size: tuple[float, float] = (9.4, 4.4)) -> Figure | None:
+    """Draw the trajectory; returns a matplotlib Figure, or None if the simulation draws nothing.
 
     source: a Log, whose simulation collects plots, or an Archive
     state: the name of a CraftState in it, as in "craft.state", of a craft whose N has its origin in the body
@@ -25,7 +39,7 @@ def plot(source, state, body, axes, *, every, colors=COLORS, title=None, name="t
 
     Up is the point nearest to the body, and to the right is the velocity there.
     """
-    if getattr(source, "plots", None) is False:
+    if silent(source):
         return None
     import matplotlib.style
     import numpy as np
@@ -62,7 +76,7 @@ def plot(source, state, body, axes, *, every, colors=COLORS, title=None, name="t
             since = time[i] - time[nearest]
             text = f"{since / factor:+.0f} {unit}" if abs(since) > every / 2 else "nearest"
             axis.annotate(text, way[i] + 1.6 * arrow * outward[i], ha="center", va="center", fontsize=8, color=SOFT)
-        # What is drawn beside the way has no say in the limits by itself.
+        # matplotlib's limits ignore the arrows and texts beside the trajectory.
         low = np.minimum(way.min(axis=0), -body.radius / 1e6) - 2.4 * arrow
         high = np.maximum(way.max(axis=0), body.radius / 1e6) + 2.4 * arrow
         axis.set_xlim(low[0], high[0])
@@ -72,5 +86,5 @@ def plot(source, state, body, axes, *, every, colors=COLORS, title=None, name="t
         axis.set_ylabel("towards that point  [1000 km]")
         axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(axes))
         if title:
-            figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold", color=INK)
-    return deliver(figure, source.plots) if hasattr(source, "plots") else figure
+            figure.suptitle(title, **TITLE)
+    return deliver(figure, source)

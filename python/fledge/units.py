@@ -52,11 +52,11 @@ def unit_text(dims):
     known = _NAMES.get(tuple(dims))
     if known is not None:
         return known
-    above = []
-    below = []
-    for name, n in zip(BASE, dims):
-        if n:
-            (above if n > 0 else below).append(name if abs(n) == 1 else "%s^%d" % (name, abs(n)))
+
+    def factors(sign):
+        return [name if n == sign else "%s^%d" % (name, n * sign) for name, n in zip(BASE, dims) if n * sign > 0]
+
+    above, below = factors(1), factors(-1)
     return (" ".join(above) or ("1" if below else "")) + "".join(["/" + x for x in below])
 
 

@@ -1,27 +1,37 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where two records differ: topics, definitions, times and values, in the messages' own names.
+"""The differences of two records: topics, definitions, times and values, by the messages' names.
 
     for one in compare(Archive("desktop.mcap"), Archive("linux.mcap")):
         print(one)                        # the earliest first
 """
 
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 from fledge.archive import ArchiveError
+from fledge.series import part
 
-STRUCTURE = -1      # the time of what is not about one message
+if TYPE_CHECKING:
+    from fledge.archive import Archive
+
+    Times = Callable[[Any], Any]    # from an array of times [ns]: which of them count
+
+STRUCTURE = -1      # the time of a difference in a topic as a whole
 
 
 @dataclass
 class Difference:
     """The first difference in a topic or field.
 
-    t: [ns], of the first message that differs; STRUCTURE where the topic as a whole does
-    topic: "flight.tracking.error"; name: from there on, "sigma_BR[1]", or ""
-    a, b: the two values, or what is told of each record
-    ulps: how many doubles lie between them; None of what is no floating-point number
-    count: of messages in which it differs; total: of those compared
-    worst: the largest difference of the field's values; 0.0 of what is no number
+    t: [ns], of the first message that differs; STRUCTURE if the topic as a whole does
+    topic: "flight.tracking.error"; name: of the element, "sigma_BR[1]", or ""
+    a, b: the two values; what: the difference in words, if it is not one of values
+    ulps: the number of doubles between them; None if the values are no floating-point numbers
+    count: of messages in which the field differs; total: of messages compared
+    worst: the largest difference of the field's values; 0.0 if they are no numbers
     """
     t: int
     topic: str
@@ -42,32 +52,33 @@ class Difference:
         if self.what:
             return f"t = {seconds(self.t)}  {full}: {self.what}"
         unit = f" {self.unit}" if self.unit not in ("", "-") else ""
-        # Of numbers that have little in common the count says nothing.
+        # A huge count means only that the numbers have nothing in common.
         ulps = "" if self.ulps is None or self.ulps > 10**9 else f", {self.ulps} ulp" + "s" * (self.ulps != 1)
         return f"t = {seconds(self.t)}  {full}: {self.a!r} and {self.b!r}{unit}{ulps}"
 
 
-def seconds(ns):
+def seconds(ns: int) -> str:
     return f"{ns / 1e9:.9g} s"
 
 
-def compare(a, b, topics=None, ignore=(), tolerance=0.0, times=None):
-    """The Differences between two Archives, the earliest of each field, by time; [] where they are the same bits.
+def compare(a: Archive, b: Archive, topics: Iterable[str] | None = None, ignore: Sequence[str] = (),
+            tolerance: float = 0.0, times: Times | None = None) -> list[Difference]:
+    """The Differences between two Archives, the earliest of each field, by time; [] if they have the same bits.
 
-    topics: names of those to look at, as an Archive takes them; None: all of both
+    topics: names or endings of those to compare; None: all of both
     ignore: endings of field names that do not count, as "head.sequence"
     tolerance: differences of numbers up to this do not count
-    times: a function of an array of times [ns] that tells which count; None: all
-    A NaN equals a NaN of the same bits; -0.0 and 0.0 differ, but for a tolerance.
+    times: a function that selects from an array of times [ns]; None: all
+    A NaN equals a NaN of the same bits; -0.0 and 0.0 differ, unless there is a tolerance.
     """
-    found = []
+    found: list[Difference] = []
     for topic in chosen(a, b, topics):
         found += _topic(a, b, topic, ignore, tolerance, times)
     return sorted(found, key=lambda one: one.t)
 
 
-def chosen(a, b, topics=None):
-    """The topics of two Archives that some names mean; None: all."""
+def chosen(a: Archive, b: Archive, topics: Iterable[str] | None = None) -> list[str]:
+    """The topics of two Archives with these names or endings; None: all."""
     names = list(dict.fromkeys([*a.topics, *b.topics]))
     if topics is None:
         return names
@@ -127,7 +138,7 @@ def _definitions_differ(one, two):
 
 
 def _unpaired(a, b, name, ta, tb, n):
-    """Where the messages of a topic no longer are of the same times."""
+    """The first message without a partner of the same time."""
     if n < len(ta) and n < len(tb):
         early, here = (ta[n], a) if ta[n] < tb[n] else (tb[n], b)
         return Difference(int(early), name, "", None, None, f"a message only in {here.path}; from here on the two "
@@ -146,8 +157,8 @@ def _values(channel, topic, va, vb, t, ignore, tolerance):
     for field in channel.fields.values():
         if any(field.name == end or field.name.endswith("." + end) for end in ignore):
             continue
-        x, y = (_part(v, field.name) for v in (va, vb))
-        bits = _bits(x) != _bits(y)
+        x, y = (np.ascontiguousarray(part(v, field.name)).reshape(len(v), -1) for v in (va, vb))
+        bits = x.view(f"u{x.dtype.itemsize}") != y.view(f"u{y.dtype.itemsize}")
         distance = np.zeros(bits.shape)
         if field.dtype[0] != "?":
             with np.errstate(invalid="ignore", over="ignore"):
@@ -168,23 +179,8 @@ def _values(channel, topic, va, vb, t, ignore, tolerance):
                          worst=float(distance.max()), unit=field.unit)
 
 
-def _part(values, name):
-    import numpy as np
-
-    for part in name.split("."):
-        values = values[part]
-    values = np.ascontiguousarray(values)
-    return values.reshape(len(values), -1)
-
-
-def _bits(x):
-    import numpy as np
-
-    return np.ascontiguousarray(x).view(f"u{x.dtype.itemsize}")
-
-
 def _ulps(p, q):
-    """How many representable numbers lie between two floating-point ones, as steps; None where that has no meaning."""
+    """The steps from one floating-point number to another, over representable ones; None if it has no meaning."""
     import math
     import struct
 
@@ -198,7 +194,7 @@ def _ulps(p, q):
     return abs(place(p) - place(q))
 
 
-def digest(archive, topics, times=None):
+def digest(archive: Archive, topics: Iterable[str], times: Times | None = None) -> str:
     """A hash of all messages of some topics, by their names, times and bytes: 16 hexadecimal digits."""
     import hashlib
 

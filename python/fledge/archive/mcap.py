@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The container: finds every message in the bytes of an MCAP file (https://mcap.dev/spec).
 
-The file is read from its beginning, whether or not it has a summary: one way for whole, truncated
-and unindexed files, and every checksum is seen. Reading stops at the first thing that is wrong;
-what was found before stands, and `problem` says what, where, and what the data are still worth.
+Scan reads the file from its beginning, with or without a summary: one way for whole, truncated and unindexed
+files, which checks every checksum. It stops at the first fault. The messages before it stay readable, and
+`problem` names the fault, its byte, and the data that are still good.
 
-Only the bytes that tell where messages begin are looked at here, one step per message; decoding is
-numpy's, later, and only for the topics that are asked for.
+Scan reads only the bytes that separate messages, one step per message. numpy decodes the requested topics later.
 """
 
 import struct
@@ -16,21 +15,15 @@ from array import array
 from fledge.archive import rosmsg
 
 MAGIC = b"\x89MCAP0\r\n"
-HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)
-ATTACHMENT, ATTACHMENT_INDEX, STATISTICS, METADATA, METADATA_INDEX, SUMMARY_OFFSET, DATA_END = \
-    range(9, 16)
-NAMES = {HEADER: "Header", FOOTER: "Footer", SCHEMA: "Schema", CHANNEL: "Channel",
-         MESSAGE: "Message", CHUNK: "Chunk", MESSAGE_INDEX: "MessageIndex",
-         CHUNK_INDEX: "ChunkIndex", ATTACHMENT: "Attachment",
-         ATTACHMENT_INDEX: "AttachmentIndex", STATISTICS: "Statistics", METADATA: "Metadata",
-         METADATA_INDEX: "MetadataIndex", SUMMARY_OFFSET: "SummaryOffset", DATA_END: "DataEnd"}
+(HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX, ATTACHMENT, ATTACHMENT_INDEX, STATISTICS,
+ METADATA, METADATA_INDEX, SUMMARY_OFFSET, DATA_END) = range(1, 16)
+NAMES = dict(enumerate("Header Footer Schema Channel Message Chunk MessageIndex ChunkIndex Attachment AttachmentIndex "
+                       "Statistics Metadata MetadataIndex SummaryOffset DataEnd".split(), 1))
 IN_DATA = {SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, ATTACHMENT, METADATA, DATA_END}
-IN_SUMMARY = {SCHEMA, CHANNEL, CHUNK_INDEX, ATTACHMENT_INDEX, STATISTICS, METADATA_INDEX,
-              SUMMARY_OFFSET, FOOTER}
+IN_SUMMARY = {SCHEMA, CHANNEL, CHUNK_INDEX, ATTACHMENT_INDEX, STATISTICS, METADATA_INDEX, SUMMARY_OFFSET, FOOTER}
 
-# Offsets within a Message record: the length of what follows byte 9, log_time, the CDR header, the
-# message struct.
-LENGTH_AT, TIME_AT, CDR_AT, PAYLOAD_AT = 1, 15, 31, 35
+# Offsets within a Message record: log_time, the CDR header, the message struct.
+TIME_AT, CDR_AT, PAYLOAD_AT = 15, 31, 35
 
 _PREFIX = 9
 _prefix = struct.Struct("<BQ").unpack_from
@@ -38,7 +31,7 @@ _message = struct.Struct("<BQHIQ").unpack_from  # up to log_time
 
 
 class Damage(Exception):
-    """Something is wrong at a byte of the file."""
+    """A fault at a byte of the file."""
 
     def __init__(self, offset, what):
         super().__init__(what)
@@ -47,14 +40,14 @@ class Damage(Exception):
 
 
 class Unsupported(Exception):
-    """The file is in order, but uses what is not read here."""
+    """The file is whole, but uses a feature that Fledge cannot read."""
 
 
 class RawChannel:
     """A Channel record, its Schema, and where its messages are."""
 
     def __init__(self, key, topic, schema, encoding, metadata):
-        self.key = key            # what identical records have in common
+        self.key = key            # equal for identical records
         self.topic = topic
         self.schema_name, self.schema_encoding, self.schema_text = schema
         self.encoding = encoding
@@ -98,22 +91,21 @@ class _Fields:
         except UnicodeDecodeError:
             raise Damage(self.start, "a text is not UTF-8") from None
 
-    def pairs(self):
+    def pairs(self, key=text, value=text):
         size = self.number(4)
         inner = _Fields(self.data, self.start, self.at, self.at + len(self.take(size)))
         found = {}
         while inner.at < inner.end:
-            key = inner.text()
-            found[key] = inner.text()
+            name = key(inner)
+            found[name] = value(inner)
         return found
 
 
 class Scan:
-    """What was found in the bytes of a file.
+    """The contents of a file.
 
-    channels: id -> RawChannel; metadata: name -> {key: value}; problem: None, or what is wrong;
-    problem_at: the byte; t_good: [ns] the time before which all messages are there and right, or
-    None where that cannot be told.
+    channels: id -> RawChannel; metadata: name -> {key: value}; problem: None, or the fault in words;
+    problem_at: its byte; t_good: [ns] the time before which all messages are present and right, or None if unknown.
     """
 
     def __init__(self, data):
@@ -128,9 +120,9 @@ class Scan:
         self._statistics = None
         self._t_last = None
         self._loose = False         # messages outside of chunks: no checksum of their own
-        self._passed_over = False   # records that are not, or not wholly, understood
+        self._passed_over = False   # some records were not, or not wholly, decoded
         self._data_end_at = None    # the DataEnd record, once it is reached
-        self._data_is_right = None  # what its checksum says; None: it has none
+        self._data_is_right = None  # whether its checksum is right; None: it has none
         try:
             self._summary(self._data_section(len(MAGIC)))
         except Damage as damage:
@@ -142,7 +134,7 @@ class Scan:
         return sum(len(c.offsets) for c in self.channels.values())
 
     def _judge(self):
-        """Set t_good, and put into words what the found data are worth."""
+        """Set t_good, and add to `problem` which data are good."""
         self.t_good = self._t_last
         if self._data_is_right is False:
             if self.problem is None:
@@ -150,7 +142,7 @@ class Scan:
                 self.problem_at = self._data_end_at
             if self._loose or self._statistics != self._counts():
                 self.t_good = None
-                self.problem += "; which record is damaged cannot be told, any value may be wrong"
+                self.problem += "; the damaged record is unknown, any value may be wrong"
             else:
                 self.problem += "; all messages are there and agree with their chunks' checksums"
         elif self.problem and self._passed_over and self._data_is_right is None:
@@ -202,7 +194,7 @@ class Scan:
         t_last = -1
         try:
             while at < end:
-                # Nearly all records are messages: they get the short way.
+                # The fast path for messages, which are nearly all records.
                 if end - at >= CDR_AT:
                     op, length, id, _, t = _message(data, at)
                     if op == MESSAGE and CDR_AT - _PREFIX <= length <= end - at - _PREFIX:
@@ -248,8 +240,8 @@ class Scan:
             fields.take(fields.number(4))
         elif in_chunk or (op not in IN_DATA and op < 0x80):
             raise Damage(at, f"record {NAMES.get(op, f'0x{op:02x}')} has no place here")
-        # Attachments, private records, fields that a later MCAP may add: no harm, unless one is
-        # what damage has made of something else.
+        # Attachments, private records and fields of a later MCAP are harmless, unless damage turned another record
+        # into one.
         self._passed_over = self._passed_over or fields.at != end
 
     def _schema(self, fields):
@@ -322,12 +314,7 @@ class Scan:
     def _read_statistics(self, fields):
         total = fields.number(8)
         fields.take(2 + 4 * 4 + 2 * 8)
-        size = fields.number(4)
-        counts = _Fields(self.data, fields.start, fields.at, fields.at + len(fields.take(size)))
-        found = {}
-        while counts.at < counts.end:
-            id = counts.number(2)
-            found[id] = counts.number(8)
+        found = fields.pairs(lambda f: f.number(2), lambda f: f.number(8))
         if found:
             # Other writers leave out channels without messages.
             self._statistics = {id: 0 for id in self.channels} | found

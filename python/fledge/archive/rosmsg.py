@@ -8,18 +8,24 @@
     MSG: fledge/Head
     int64 t  # t [ns] time of validity
 
-A line is `<type> <lower-case name>  # <true name> [<unit>] (<shape>) <meaning> {<NAME>=<n>, ...}`,
-of which unit, shape, meaning and values stand there only if there are any. ROS 2 wants lower-case
-names and one-dimensional arrays; the comment gives back what that lost. A definition of other
-origin, without such comments, has its ROS names, and no units.
+A line is `<type> <lower-case name>  # <true name> [<unit>] (<shape>) <meaning> {<NAME>=<n>, ...}`;
+unit, shape, meaning and values are optional. ROS 2 requires lower-case names and one-dimensional arrays; the
+comment has the original ones. A definition from elsewhere, without such comments, has its ROS names and no units.
 
-Only messages of fixed size without padding are understood: they are C structs, byte for byte.
+Fledge reads only messages of fixed size without padding: they are C structs, byte for byte.
 """
 
+from __future__ import annotations
+
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
 from math import prod
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import numpy
 
 PRIMITIVES = {  # ROS 2 name -> numpy's code
     "bool": "?", "byte": "u1", "char": "u1",
@@ -37,7 +43,7 @@ _VALUES = re.compile(r"\s*\{(\w+\s*=\s*-?\d+(?:\s*,\s*\w+\s*=\s*-?\d+)*)\}\s*$")
 
 
 class DefinitionError(ValueError):
-    """A definition that cannot be decoded: the text says which line and why."""
+    """A definition that cannot be decoded: the text has the line and the reason."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +65,7 @@ class Field:
     values: dict = field(default_factory=dict, compare=False)
     parts: tuple = field(default=(), compare=False, repr=False)  # (name, shape) from the outside in
 
-    def columns(self):
+    def columns(self) -> list[str]:
         """The names of its elements in memory order: "sigma_BR[0]", "wheels[2].axis_B[0]"."""
         names = [""]
         for part, shape in self.parts:
@@ -76,21 +82,21 @@ class Member:
     """One line of a definition. type: a code of PRIMITIVES or a Struct."""
 
     name: str
-    type: object
+    type: Any
     shape: tuple
     unit: str
     meaning: str
     values: dict
 
     @property
-    def item(self):
+    def item(self) -> int:
         """Bytes of one element."""
         if isinstance(self.type, Struct):
             return self.type.size
         return 1 if self.type == "?" else int(self.type[1])
 
     @property
-    def size(self):
+    def size(self) -> int:
         return self.item * prod(self.shape)
 
 
@@ -101,7 +107,7 @@ class Struct:
     members: tuple
     size: int
 
-    def fields(self, parts=()):
+    def fields(self, parts: tuple = ()) -> Iterator[Field]:
         """Its Fields in memory order, those of nested messages included."""
         for m in self.members:
             path = parts + ((m.name, m.shape),)
@@ -112,14 +118,14 @@ class Struct:
                 name = ".".join(part for part, _ in path)
                 yield Field(name, m.unit, shape, m.meaning, m.type, m.values, path)
 
-    def dtype(self, order):
+    def dtype(self, order: str) -> numpy.dtype:
         """The numpy dtype; order: "<" or ">"."""
         import numpy
         return numpy.dtype([
             (m.name, m.type.dtype(order) if isinstance(m.type, Struct) else order + m.type, m.shape)
             for m in self.members])
 
-    def misaligned(self, start=0):
+    def misaligned(self, start: int = 0) -> str | None:
         """The first member that CDR would pad for, where the struct begins at byte `start`."""
         at = start
         for m in self.members:
@@ -135,9 +141,10 @@ class Struct:
 
 
 @lru_cache(maxsize=256)
-def parse(text):
+def parse(text: str) -> Struct:
     """The Struct that a definition's text describes. Raises DefinitionError."""
-    sections, name = {None: []}, None
+    sections: dict[Any, list[tuple[int, str]]] = {None: []}
+    name = None
     lines = iter(enumerate(text.splitlines(), start=1))
     for number, line in lines:
         if len(line) == 80 and not line.strip("="):
@@ -158,7 +165,7 @@ def parse(text):
 
 
 def _short(name):
-    """fledge/msg/Head and Head are both fledge/Head's; packages do not matter to us."""
+    """fledge/msg/Head, fledge/Head and Head are the same: the package is ignored."""
     return name.rpartition("/")[2]
 
 
@@ -195,14 +202,14 @@ def _member(number, code, comment, sections, known, inside):
         of = _struct(_short(kind), sections, known, inside)
     shape = () if match["count"] is None else (int(match["count"]),)
     unit, meaning, values = "", comment, {}
-    told = _COMMENT.fullmatch(comment)
-    if told and (told["unit"] is not None or told["name"].lower() == name):
-        name, unit, meaning = told["name"], told["unit"] or "", told["meaning"] or ""
+    noted = _COMMENT.fullmatch(comment)
+    if noted and (noted["unit"] is not None or noted["name"].lower() == name):
+        name, unit, meaning = noted["name"], noted["unit"] or "", noted["meaning"] or ""
         dims = _SHAPE.match(meaning)
         if dims and shape:
-            told_shape = tuple(int(n) for n in dims[1].split(","))
-            if prod(told_shape) == prod(shape):
-                shape, meaning = told_shape, meaning[dims.end():]
+            true_shape = tuple(int(n) for n in dims[1].split(","))
+            if prod(true_shape) == prod(shape):
+                shape, meaning = true_shape, meaning[dims.end():]
         enum = _VALUES.search(meaning)
         if enum:
             meaning = meaning[:enum.start()]

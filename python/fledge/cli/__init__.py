@@ -30,7 +30,7 @@ def run(options):
     sim.pace = options.pace
     sim.plots = Plots(folder) if not options.no_plots else False
     sim.archive(folder / "run.mcap", mission=sim.name, scenario=name, fledge=fledge.__version__,
-                **sim.mission.said())
+                **sim.mission.metadata())
 
     report = _report(sim, name) if options.report else None
 

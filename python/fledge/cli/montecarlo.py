@@ -146,7 +146,7 @@ def _one(campaign, options, folder):
         result = campaign.judge(log, options.seed)
         for requirement in d.requirements:
             values, times, holds = requirement.worst(result)
-            unit = f" {requirement.series.unit}" if requirement.series.unit else ""
+            unit = f" {requirement.variable.unit}" if requirement.variable.unit else ""
             say(f"  {'holds' if holds[0] else 'FAILS':8} {requirement!r}: {values[0]:.4g}{unit} at {times[0]:g} s")
         if result.failures:
             problem, code = next(iter(result.failures.values())), 1

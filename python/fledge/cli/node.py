@@ -81,7 +81,7 @@ def _one(sim, scenario, process, options, address=None, quiet=False):
     name = options.name or (not quiet and os.environ.get("FLEDGE_NODE")) or process
     if options.record:
         sim.archive(Path(options.record) / f"{name}.mcap", mission=sim.name, scenario=scenario,
-                    fledge=fledge.__version__, process=process, **sim.mission.said())
+                    fledge=fledge.__version__, process=process, **sim.mission.metadata())
     tell = (lambda text: None) if quiet else say
     tell(f"{sim.name}, {scenario}: {process} as the node {name}")
     problem, reason, code = None, None, 1

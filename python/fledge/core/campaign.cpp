@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Dispersed runs, as fledge/montecarlo uses them.
+// Dispersed runs, for the Python package fledge.montecarlo.
 #include "core/extension.h"
 
 #include "sim/campaign.h"
@@ -16,19 +16,7 @@ namespace {
 using sim::Distribution;
 using sim::Ns;
 
-Distribution::Kind kind_of(const std::string &name)
-{
-    if (name == "uniform") {
-        return Distribution::Kind::uniform;
-    }
-    if (name == "normal") {
-        return Distribution::Kind::normal;
-    }
-    if (name == "attitude") {
-        return Distribution::Kind::attitude;
-    }
-    throw py::value_error("unknown distribution " + name);
-}
+const char *const kinds[] = {"uniform", "normal", "attitude", nullptr}; // of Distribution::Kind
 
 void add_dispersion(sim::CampaignPlan &plan, const sim::Simulation &nominal, const std::string &path,
                     std::vector<std::size_t> elements, const std::string &kind, double a, double b, double lo,
@@ -36,7 +24,7 @@ void add_dispersion(sim::CampaignPlan &plan, const sim::Simulation &nominal, con
 {
     sim::Dispersion dispersion{path, std::move(elements), {}};
     Distribution &d = dispersion.distribution;
-    d.kind = kind_of(kind);
+    d.kind = named<Distribution::Kind>(kinds, kind);
     d.a = a;
     d.b = b;
     d.lo = lo;
@@ -55,47 +43,6 @@ void add_retained(sim::CampaignPlan &plan, const sim::Simulation &nominal, const
     plan.retained.push_back(std::move(variable));
 }
 
-/// Python's signals, then the user's progress, while the threads fly. Ctrl-C stops the campaign,
-/// which keeps what is finished; any other exception is thrown when the threads have ended.
-class Poll {
-public:
-    explicit Poll(py::object progress) : progress_(std::move(progress)) {}
-
-    bool operator()(sim::CampaignProgress at)
-    {
-        py::gil_scoped_acquire gil;
-        try {
-            if (PyErr_CheckSignals() != 0) {
-                throw py::error_already_set();
-            }
-            if (!progress_.is_none()) {
-                progress_(at.finished, at.failed);
-            }
-        } catch (py::error_already_set &error) {
-            interrupted_ = error.matches(PyExc_KeyboardInterrupt);
-            if (!interrupted_) {
-                error_ = std::current_exception();
-            }
-            return false;
-        }
-        return true;
-    }
-
-    /// Whether it was Ctrl-C; throws what else it was.
-    bool interrupted() const
-    {
-        if (error_) {
-            std::rethrow_exception(error_);
-        }
-        return interrupted_;
-    }
-
-private:
-    py::object progress_;
-    std::exception_ptr error_;
-    bool interrupted_ = false;
-};
-
 /// A numpy array on the result's own memory, which it keeps alive.
 py::array view(py::handle owner, std::vector<double> &values, std::vector<std::size_t> shape)
 {
@@ -108,13 +55,24 @@ std::pair<std::unique_ptr<sim::CampaignResult>, bool> fly(const sim::Simulation 
     if (sim::has_callables(nominal)) {
         throw sim::SetupError("a mission whose events call Python cannot be flown by threads");
     }
-    Poll poll(std::move(progress));
+    Poll poll;
+    const auto report = [&](sim::CampaignProgress at) {
+        return poll([&] { return progress.is_none() || (progress(at.finished, at.failed), true); });
+    };
     std::unique_ptr<sim::CampaignResult> result;
     {
         py::gil_scoped_release release;
-        result = std::make_unique<sim::CampaignResult>(sim::fly(nominal, plan, threads, std::ref(poll)));
+        result = std::make_unique<sim::CampaignResult>(sim::fly(nominal, plan, threads, report));
     }
-    return {std::move(result), poll.interrupted()};
+    try {
+        poll.rethrow();
+    } catch (py::error_already_set &error) {
+        if (!error.matches(PyExc_KeyboardInterrupt)) {
+            throw;
+        }
+        return {std::move(result), true}; // with the finished runs
+    }
+    return {std::move(result), false};
 }
 
 } // namespace
@@ -140,11 +98,7 @@ void bind_campaign(py::module_ &m)
         .def_readonly("failures", &sim::CampaignResult::failures)
         .def_property_readonly("flown",
                                [](const sim::CampaignResult &r) {
-                                   py::list list;
-                                   for (const std::uint8_t flown : r.flown) {
-                                       list.append(py::bool_(flown != 0));
-                                   }
-                                   return list;
+                                   return list_of(r.flown, [](std::uint8_t flown) { return flown != 0; });
                                })
         .def_property_readonly(
             "draws",

@@ -111,20 +111,13 @@ std::string serve(ProcessNode &node, const std::string &simulation, const std::s
             promise.set_exception(std::current_exception());
         }
     });
-    bool interrupted = false;
+    Poll poll;
     {
         py::gil_scoped_release release;
+        bool interrupted = false;
         while (!interrupted && reason.wait_for(std::chrono::milliseconds(50)) != std::future_status::ready) {
-            py::gil_scoped_acquire gil;
-            interrupted = PyErr_CheckSignals() != 0;
+            interrupted = !poll([] { return true; });
         }
-    }
-    std::unique_ptr<py::error_already_set> error;
-    if (interrupted) {
-        error = std::make_unique<py::error_already_set>();
-    }
-    {
-        py::gil_scoped_release release;
         if (interrupted) {
             node.interrupted = true;
             if (reason.wait_for(std::chrono::milliseconds(200)) != std::future_status::ready) {
@@ -133,9 +126,7 @@ std::string serve(ProcessNode &node, const std::string &simulation, const std::s
         }
         delegate.join();
     }
-    if (error) {
-        throw py::error_already_set(*error);
-    }
+    poll.rethrow();
     try {
         return reason.get();
     } catch (const cosim::LinkError &e) {
@@ -150,27 +141,13 @@ std::string serve(ProcessNode &node, const std::string &simulation, const std::s
 /// Run a Router or Replay, and check for Python's signals. If `go_on` returns false, the run ends.
 template <class R> std::string run_watched(R &router, const std::function<bool()> &go_on = {})
 {
-    std::unique_ptr<py::error_already_set> error;
+    Poll poll;
     std::string reason;
     {
         py::gil_scoped_release release;
-        reason = router.run([&] {
-            py::gil_scoped_acquire gil;
-            bool more = true;
-            try {
-                if (!error && PyErr_CheckSignals() != 0) {
-                    throw py::error_already_set();
-                }
-                more = !error && (!go_on || go_on());
-            } catch (py::error_already_set &raised) {
-                error = std::make_unique<py::error_already_set>(raised);
-            }
-            return more && !error;
-        });
+        reason = router.run([&] { return poll([&] { return !go_on || go_on(); }); });
     }
-    if (error) {
-        throw py::error_already_set(*error);
-    }
+    poll.rethrow();
     return reason;
 }
 

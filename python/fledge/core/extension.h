@@ -15,6 +15,57 @@ void bind_campaign(pybind11::module_ &m);   ///< dispersed runs
 void bind_sky(pybind11::module_ &m);        ///< ephemerides, orientations, gravity fields
 void bind_cosim(pybind11::module_ &m);      ///< a process as a node of many programs
 
+/// Lets a loop that runs without Python's lock handle signals and call Python now and then. After a Python exception
+/// the loop must end; the thread that has the lock throws the exception again.
+class Poll {
+public:
+    /// Handle signals, then call f. False if the loop must end: f returned false, or raised an exception.
+    template <class F> bool operator()(F &&f)
+    {
+        pybind11::gil_scoped_acquire gil;
+        try {
+            if (!error_ && PyErr_CheckSignals() != 0) {
+                throw pybind11::error_already_set();
+            }
+            return !error_ && f();
+        } catch (pybind11::error_already_set &) {
+            error_ = std::current_exception();
+            return false;
+        }
+    }
+
+    void rethrow() const
+    {
+        if (error_) {
+            std::rethrow_exception(error_);
+        }
+    }
+
+private:
+    std::exception_ptr error_;
+};
+
+/// The enumerator at the place of its name. `names` ends with a null pointer.
+template <class T> T named(const char *const *names, const std::string &name)
+{
+    int i = 0;
+    while (names[i] != name) {
+        if (!names[++i]) {
+            throw pybind11::value_error("unknown name " + name);
+        }
+    }
+    return static_cast<T>(i);
+}
+
+template <class Range, class F> pybind11::list list_of(const Range &range, F make)
+{
+    pybind11::list list;
+    for (const auto &one : range) {
+        list.append(make(one));
+    }
+    return list;
+}
+
 /// The instance of a module or model. Throws TypeError for anything else.
 std::shared_ptr<sim::Instance> instance_of(pybind11::handle object);
 

@@ -54,7 +54,7 @@ Read read_sequence(PyObject *value, Numbers &out, int depth)
     return Read::yes;
 }
 
-/// From whatever offers its memory as doubles, numpy's arrays above all.
+/// From an object that offers its memory as doubles, such as a numpy array.
 Read read_buffer(PyObject *value, Numbers &out)
 {
     Py_buffer buffer;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Plain numbers from what Python hands over: numbers, nested sequences, buffers of doubles.
+// Plain numbers from Python's numbers, nested sequences and buffers of doubles.
 #pragma once
 
 #include "core/object.h"
@@ -17,7 +17,7 @@ struct Numbers {
 
 enum class Read {
     yes,
-    foreign, ///< holds something that only the Python helper understands
+    foreign, ///< holds an object that only to_si() in Python can convert
     ragged,
     error ///< an exception is set
 };

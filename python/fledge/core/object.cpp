@@ -27,20 +27,26 @@ std::map<std::pair<std::string, std::uint64_t>, Type *> by_content;
 
 // --- attributes ------------------------------------------------------------------------------------
 
-/// Replace a plain AttributeError by one that names the instance and the valid names. Names with a
-/// leading underscore are what tools probe for: they are left alone.
+/// Set an exception that names the object and the valid names.
+void refuse_name(PyObject *self, PyObject *name, PyObject *exception)
+{
+    if (PyObject *explain = hook("unknown_attribute")) {
+        if (PyObject *text = PyObject_CallFunctionObjArgs(explain, self, name, nullptr)) {
+            PyErr_SetObject(exception, text);
+            Py_DECREF(text);
+        }
+    }
+}
+
+/// Replace a plain AttributeError by one that names the object and the valid names. Tools probe for names with a
+/// leading underscore: these errors stay.
 void explain_attribute(PyObject *self, PyObject *name)
 {
     if (!PyErr_ExceptionMatches(PyExc_AttributeError) || PyUnicode_READ_CHAR(name, 0) == '_') {
         return;
     }
     PyErr_Clear();
-    if (PyObject *explain = hook("unknown_attribute")) {
-        if (PyObject *text = PyObject_CallFunctionObjArgs(explain, self, name, nullptr)) {
-            PyErr_SetObject(PyExc_AttributeError, text);
-            Py_DECREF(text);
-        }
-    }
+    refuse_name(self, name, PyExc_AttributeError);
 }
 
 PyObject *get_attribute(PyObject *self, PyObject *name)
@@ -56,7 +62,7 @@ int set_attribute(PyObject *self, PyObject *name, PyObject *value)
 {
     const int failed = PyObject_GenericSetAttr(self, name, value);
     if (failed && value && PyErr_ExceptionMatches(PyExc_AttributeError)) {
-        // A name that exists but cannot be assigned (a method, a read-only property) says so itself.
+        // The name exists, but cannot be assigned: a method, or a read-only property.
         PyObject *there = PyObject_GetAttr(reinterpret_cast<PyObject *>(Py_TYPE(self)), name);
         if (there) {
             Py_DECREF(there);
@@ -132,12 +138,7 @@ bool set_keywords(PyObject *self, const Type &type, PyObject *arguments, PyObjec
                 return false;
             }
         } else {
-            if (PyObject *explain = hook("unknown_attribute")) {
-                if (PyObject *text = PyObject_CallFunctionObjArgs(explain, self, name, nullptr)) {
-                    PyErr_SetObject(PyExc_TypeError, text);
-                    Py_DECREF(text);
-                }
-            }
+            refuse_name(self, name, PyExc_TypeError);
             return false;
         }
     }
@@ -195,7 +196,7 @@ PyObject *new_message(PyTypeObject *python, PyObject *arguments, PyObject *keywo
 
 PyObject *no_new(PyTypeObject *python, PyObject *, PyObject *)
 {
-    PyErr_Format(PyExc_TypeError, "%s is what its kind has in common; make one of a kind instead", python->tp_name);
+    PyErr_Format(PyExc_TypeError, "%s is a base type; make an object of one of its types instead", python->tp_name);
     return nullptr;
 }
 

@@ -47,14 +47,14 @@ struct Type {
     const Member *find(std::string_view name) const;
 };
 
-/// What all objects begin with.
+/// The beginning of all objects.
 struct Object {
     PyObject_HEAD std::byte *memory;
     const Type *type;
     PyObject *weak;
 };
 
-/// A message or plain struct. Either inside its owner, or by itself, with memory of its own.
+/// A message or plain struct: inside its owner, or by itself with memory of its own.
 struct View : Object {
     PyObject *owner;      ///< null: by itself
     const Member *member; ///< as which the owner holds it

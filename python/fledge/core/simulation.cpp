@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The kernel, as simulation.py and process.py in fledge/mission use it. Times are integer nanoseconds here.
+// The kernel, for the Python package fledge.mission. Times are integer nanoseconds here.
 #include "core/extension.h"
 
 #include "sim/simulation.h"
@@ -39,20 +39,9 @@ py::bytes bytes_of(const std::vector<std::byte> &bytes)
     return {reinterpret_cast<const char *>(bytes.data()), bytes.size()};
 }
 
-// As Condition's enumerators are called in Python.
+// Python's names of Condition's enumerators.
 const char *const measures[] = {"element", "norm", "max_abs", nullptr};
 const char *const comparisons[] = {"<", "<=", ">", ">=", "==", "!=", nullptr};
-
-template <class T> T named(const char *const *names, const std::string &name)
-{
-    int i = 0;
-    while (names[i] != name) {
-        if (!names[++i]) {
-            throw py::value_error("unknown measure or comparison " + name);
-        }
-    }
-    return static_cast<T>(i);
-}
 
 /// A comparison of a field of a message or module with a constant. `index` picks an element; the
 /// measures "norm" and "max_abs" take them all.
@@ -74,7 +63,7 @@ Condition make_condition(py::handle object, const FledgeField &field, std::uint3
     return condition;
 }
 
-/// An event and its process, which Python keeps alive as long as this.
+/// An event and its process. Python keeps the process alive as long as this object.
 struct OwnEvent {
     sim::Process *process;
     std::shared_ptr<sim::Event> event;
@@ -97,48 +86,14 @@ OwnEvent add_event(sim::Process &process, const std::string &name, py::object wh
     return {&process, process.add_event(std::move(event))};
 }
 
-/// What the loop calls now and then: Python's signals, then the user's progress. A Python exception
-/// ends the run after the current instant, where everything is consistent.
-class Poll {
-public:
-    explicit Poll(py::object progress) : progress_(std::move(progress)) {}
-
-    bool operator()(Ns now)
-    {
-        py::gil_scoped_acquire gil;
-        try {
-            if (PyErr_CheckSignals() != 0) {
-                throw py::error_already_set();
-            }
-            if (!progress_.is_none()) {
-                progress_(now);
-            }
-        } catch (py::error_already_set &error) {
-            error_ = std::current_exception();
-            return false;
-        }
-        return true;
-    }
-
-    void rethrow() const
-    {
-        if (error_) {
-            std::rethrow_exception(error_);
-        }
-    }
-
-private:
-    py::object progress_;
-    std::exception_ptr error_;
-};
-
 bool run_until(sim::Simulation &simulation, Ns t, double pace, py::object progress)
 {
-    Poll poll(std::move(progress));
+    Poll poll;
+    const auto report = [&](Ns now) { return poll([&] { return progress.is_none() || (progress(now), true); }); };
     bool finished;
     {
         py::gil_scoped_release release;
-        finished = simulation.run_until(t, {pace, std::ref(poll)});
+        finished = simulation.run_until(t, {pace, report});
     }
     poll.rethrow();
     return finished;
@@ -194,7 +149,7 @@ void bind_simulation(py::module_ &m)
     py::class_<Condition>(m, "Condition", "A comparison of a field with a constant.")
         .def("__repr__", [](const Condition &c) { return c.text; })
         .def_property_readonly(
-            "path", [](const Condition &c) { return c.instance->path; }, "of the module or model that it looks at")
+            "path", [](const Condition &c) { return c.instance->path; }, "of its module or model")
         .def_readonly("offset", &Condition::offset, "[bytes] of the first element, in its memory")
         .def_readonly("elements", &Condition::elements)
         .def_property_readonly("measure", [](const Condition &c) { return measures[static_cast<int>(c.measure)]; })
@@ -258,25 +213,16 @@ void bind_simulation(py::module_ &m)
         .def_property_readonly(
             "tasks",
             [](const sim::Process &p) {
-                py::list list;
-                for (const sim::Task &task : p.tasks()) {
-                    py::list run;
-                    for (const auto &instance : task.run) {
-                        run.append(instance->name);
-                    }
-                    list.append(py::make_tuple(task.name, task.period, task.offset, task.priority, run));
-                }
-                return list;
+                return list_of(p.tasks(), [](const sim::Task &task) {
+                    return py::make_tuple(task.name, task.period, task.offset, task.priority,
+                                          list_of(task.run, [](const auto &instance) { return instance->name; }));
+                });
             },
             "(name, period, offset, priority, names of what it runs) of each")
         .def_property_readonly(
             "modes",
             [](const sim::Process &p) {
-                py::list list;
-                for (const sim::Mode &mode : p.modes()) {
-                    list.append(py::make_tuple(mode.name, mode.tasks));
-                }
-                return list;
+                return list_of(p.modes(), [](const sim::Mode &mode) { return py::make_tuple(mode.name, mode.tasks); });
             },
             "(name, names of its tasks) of each")
         .def_property_readonly("events", [](const py::object &self) {
@@ -302,22 +248,16 @@ void bind_simulation(py::module_ &m)
         .def_property_readonly(
             "wires",
             [](const sim::Simulation &s) {
-                py::list list;
-                for (const sim::Wire &wire : s.wires()) {
-                    list.append(py::make_tuple(wire.from.path(), wire.to.path(), wire.options.latency,
-                                               wire.options.stale_after));
-                }
-                return list;
+                return list_of(s.wires(), [](const sim::Wire &wire) {
+                    return py::make_tuple(wire.from.path(), wire.to.path(), wire.options.latency,
+                                          wire.options.stale_after);
+                });
             },
             "(from, to, latency, stale_after) of each")
         .def_property_readonly(
             "processes",
             [](const sim::Simulation &s) {
-                py::list list;
-                for (const auto &process : s.processes()) {
-                    list.append(process->name);
-                }
-                return list;
+                return list_of(s.processes(), [](const auto &process) { return process->name; });
             },
             "their names, in the order in which they run")
         .def("cross_process_dependencies", [](const sim::Simulation &s) { return s.cross_process_dependencies(); })

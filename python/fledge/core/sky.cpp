@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The solar system as world.Sky shows it, and gravity fields from files.
+// The solar system for world.Sky, and gravity fields from files.
 #include "core/extension.h"
 
 #include "sim/error.h"

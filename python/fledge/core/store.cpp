@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From Python's values to a field's bytes: converted, checked, and taken back if refused.
+// From Python's values to a field's bytes: convert, check, and undo if the check fails.
 #include "core/doc.h"
 #include "core/element.h"
 #include "core/errors.h"
@@ -75,8 +75,8 @@ Stored refuse(PyObject *object, const Member &member, PyObject *value, const std
 
 // --- writing ---------------------------------------------------------------------------------------
 
-/// Have the Python helper take off the units, or refuse: a new reference to plain numbers.
-PyObject *strip(PyObject *object, const Member &member, PyObject *value)
+/// A new reference to plain numbers in SI, from Python's to_si(); null with an exception set on failure.
+PyObject *to_si(PyObject *object, const Member &member, PyObject *value)
 {
     const FledgeField &field = *member.field;
     PyObject *function = hook("to_si");
@@ -88,8 +88,7 @@ PyObject *strip(PyObject *object, const Member &member, PyObject *value)
         PyTuple_SET_ITEM(dims, i, PyLong_FromLong(field.dims[i]));
     }
     const std::string path = path_of(object) + "." + field.name, expected = expectation(member);
-    PyObject *plain = PyObject_CallFunction(function, "OssNs", value, path.c_str(), field.unit, dims, expected.c_str());
-    return plain;
+    return PyObject_CallFunction(function, "OssNs", value, path.c_str(), field.unit, dims, expected.c_str());
 }
 
 /// Remember that the user gave a parameter; inside a struct, the parameter that holds it.
@@ -111,7 +110,7 @@ bool is_given(PyObject *object, const Member &member)
     return is_root(object) && as_root(object)->instance->given[member.index];
 }
 
-/// The bytes of a field and of its count, to be put back if the new ones are refused.
+/// The bytes of a field and of its count. Calling it writes them back.
 class Undo {
 public:
     Undo(const Object &object, const Member &member) : object_(object), member_(member)
@@ -146,8 +145,8 @@ private:
     std::vector<std::byte> bytes_;
 };
 
-/// The rule of the header. Parameters only: inputs and memory take any number, so that a test can feed
-/// an algorithm what it should never see.
+/// Whether the field holds the header's rule. Only parameters are checked: tests may write any number into inputs and
+/// memory.
 bool obeys(PyObject *object, const Member &member)
 {
     if (!member.checked) {
@@ -178,7 +177,7 @@ bool write_number(std::byte *to, FledgeType type, double x)
     });
 }
 
-/// Let the array's count agree with the rows given: set it, unless something else already did.
+/// Set the array's count to the number of rows, unless the user or another array has set it.
 bool settle_count(PyObject *object, const Member &member, std::uint32_t rows)
 {
     const std::uint32_t n = read_count(*as_object(object), *member.count);
@@ -208,7 +207,7 @@ bool settle_count(PyObject *object, const Member &member, std::uint32_t rows)
     return true;
 }
 
-/// Spread what was given over the elements of the field. `out` has the size of the field.
+/// Spread the given numbers over the elements of the field. `out` gets the size of the field.
 Stored spread(PyObject *object, const Member &member, PyObject *value, const Numbers &in, std::vector<double> &out)
 {
     const FledgeField &field = *member.field;
@@ -258,7 +257,7 @@ Stored store_array(PyObject *object, const Member &member, PyObject *value)
     numbers.values.reserve(sim::field_elements(field));
     Read read = read_numbers(value, numbers);
     if (read == Read::foreign) {
-        PyObject *plain = strip(object, member, value);
+        PyObject *plain = to_si(object, member, value);
         if (!plain) {
             return Stored::no;
         }
@@ -292,7 +291,7 @@ Stored store_array(PyObject *object, const Member &member, PyObject *value)
     return Stored::yes;
 }
 
-/// A whole number as exactly as Python has it.
+/// A whole number, without a detour through a double.
 bool write_integer(std::byte *to, FledgeType type, PyObject *value)
 {
     return with_type(type, [&]<class T>(T) {
@@ -321,7 +320,7 @@ Stored store_scalar(PyObject *object, const Member &member, PyObject *value)
 {
     const FledgeField &field = *member.field;
     if (!is_plain_number(value) && !(PyBool_Check(value) && !is_float(field.type))) {
-        PyObject *plain = strip(object, member, value);
+        PyObject *plain = to_si(object, member, value);
         if (!plain) {
             return Stored::no;
         }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Libraries, their types, and what the tables say of types and objects.
+// Libraries, their types, and the tables of types and objects.
 #include "core/doc.h"
 #include "core/extension.h"
 
@@ -82,13 +82,13 @@ py::dict types_of(const FledgeLibrary &library, Models models)
     return types;
 }
 
-/// A shared library of one's own: it exports `fledge_library_<name>`, and `fledge_models_<name>` if
-/// it has models. The tables of the messages that it shares with Fledge are found here.
+/// A project's shared library. It exports `fledge_library_<name>`, and `fledge_models_<name>` if
+/// it has models. The tables of the messages that it shares with Fledge are in this extension.
 py::dict load_library(const std::string &path, const std::string &name)
 {
     Dl_info self;
     if (dladdr(reinterpret_cast<const void *>(&fledge_library_flight), &self)) {
-        // Python loads extensions with their symbols to themselves; from now on ours are for all.
+        // Python loads extensions with local symbols; this makes them global.
         dlopen(self.dli_fname, RTLD_NOW | RTLD_NOLOAD | RTLD_GLOBAL);
     }
     void *handle = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
@@ -110,7 +110,7 @@ py::dict load_library(const std::string &path, const std::string &name)
         check_version(name, "models", own->version, sim::model_version);
         models = {own->types, own->n};
     }
-    return types_of(*library, models); // the handle stays open: the types live as long as we do
+    return types_of(*library, models); // the handle stays open, because the types live as long as the process
 }
 
 const FledgeStruct &struct_of(py::handle object)
@@ -244,7 +244,7 @@ void bind_tables(py::module_ &m)
         "The types of the library 'flight' or 'world', by name.");
     m.def("load_library", load_library, py::arg("path"), py::arg("name"),
           "Load a shared library of modules and models and return its types by name.");
-    m.def("struct", struct_of, py::return_value_policy::reference, "What the header says of an object or type.");
+    m.def("struct", struct_of, py::return_value_policy::reference, "The table of an object's or type's struct.");
     m.def(
         "path",
         [](py::handle object) {
@@ -268,7 +268,7 @@ void bind_tables(py::module_ &m)
             const View *v = as_view(view.ptr());
             return v->member ? v->member->field : nullptr;
         },
-        py::return_value_policy::reference, "As which field its owner holds a message, or None.");
+        py::return_value_policy::reference, "The field of its owner that is this message, or None.");
     m.def(
         "offset",
         [](py::handle view) {
@@ -288,7 +288,7 @@ void bind_tables(py::module_ &m)
             }
             return names;
         },
-        "The parameters that the user gave.");
+        "The names of the parameters that the user gave.");
     m.def(
         "check", [](py::handle object) { sim::check_parameters(*instance_of(object)); },
         "Check all parameters; SetupError lists every fault.");
@@ -310,7 +310,7 @@ void bind_tables(py::module_ &m)
         "The weak reference given to set_context(), or None.");
     m.def("set_context", [](py::handle object, py::object reference) {
         instance_of(object);
-        // A plain reference would close a cycle that nobody can collect.
+        // A plain reference would close a cycle, and these objects take no part in garbage collection.
         need(PyWeakref_Check(reference.ptr()), "a weak reference", reference);
         Py_XSETREF(as_root(object.ptr())->context, reference.release().ptr());
     });

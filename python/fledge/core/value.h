@@ -20,7 +20,7 @@ enum class Stored {
 /// Convert, check and write. On failure the memory is as before.
 Stored store(PyObject *object, const Member &member, PyObject *value);
 
-/// Say that a number cannot fill an array without rows.
+/// Set the error of a number for an array without rows.
 void complain_of_count(PyObject *object, const Member &member);
 
 } // namespace fledge::core

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What models take besides their parameters: a spacecraft's parts and gravity; and orbits.
+// A spacecraft's parts and gravity; orbits.
 #include "core/extension.h"
 
 #include "sim/error.h"
@@ -45,7 +45,7 @@ void attach(py::handle object, py::handle part)
                               (is_object(part.ptr()) ? path_of(part.ptr()) : std::string(py::repr(part))));
     }
     craft.attach(*effector);
-    // The craft holds its parts, for the model only points at them.
+    // The craft holds references to its parts, because the model only has pointers.
     Root *root = as_root(object.ptr());
     py::list parts;
     if (root->parts) {

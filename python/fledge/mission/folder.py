@@ -4,13 +4,12 @@
     sim = fledge.load("nadir_spin")         # from a project, ./missions, Fledge's own missions, or a path
     sim.scenarios["scenario"]()             # records, runs, checks and plots
 
-flight.py has build(f), world.py has build(w, f); both are executed afresh at each load, so that two
-simulations share nothing. What they take besides, as in build(f, wheels=4), is a parameter of the
-mission: load("my_mission", wheels=3). A mission of several spacecraft has a mission.py with build(sim)
-as well, which makes the processes and calls what builds each. In scenarios.py every public function that
-takes a simulation is a scenario, and the first line of its docstring says what it shows. The files may
-import from one another, `from .flight import TURN`, and from a mission beside,
-`from .single_spiral.world import build`.
+flight.py has build(f), world.py has build(w, f). load() executes both afresh, so that two simulations
+share nothing. Their further arguments, as in build(f, wheels=4), are parameters of the mission:
+load("my_mission", wheels=3). A mission of several spacecraft also has a mission.py with build(sim), which
+makes the processes and builds each. In scenarios.py every public function that takes a simulation is a
+scenario, and the first line of its docstring describes it. The files may import from one another,
+`from .flight import TURN`, and from other missions of their folder: `from .single_spiral.world import build`.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ from fledge.files import shown
 from fledge.mission.simulation import Simulation
 from fledge.objects import project
 
-_TAKES = {"flight": "f", "world": "w, f", "mission": "sim"}  # what a file's build() is called with
+_TAKES = {"flight": "f", "world": "w, f", "mission": "sim"}  # arguments of build() by file
 _package = itertools.count(1)
 
 
@@ -53,18 +52,18 @@ class Mission:
 
     @property
     def several(self) -> bool:
-        """Whether it is of several spacecraft: its mission.py makes the processes."""
+        """Whether it has several spacecraft: its mission.py makes the processes."""
         return (self.folder / "mission.py").exists()
 
-    def said(self) -> dict[str, str]:
-        """The parameters that were given, for the metadata of records; {} if none."""
+    def metadata(self) -> dict[str, str]:
+        """The parameters that the user gave, for records; {} if none."""
         given = ", ".join(f"{name}={value!r}" for name, value in self.parameters.items())
         return {"parameters": given} if given else {}
 
     def summaries(self) -> dict[str, str]:
         """Name -> first line of the docstring, of the mission (under "") and of each scenario.
 
-        Nothing is executed for it.
+        It executes nothing.
         """
         found = {"": ""}
         for file in ("flight.py", "scenarios.py"):
@@ -76,9 +75,9 @@ class Mission:
             except SyntaxError as error:
                 return {"": f"{path}, line {error.lineno}: {error.msg}"}
             if file == "flight.py":
-                found[""] = _first_line(ast.get_docstring(tree))
+                found[""] = first_line(ast.get_docstring(tree))
             else:
-                found.update((node.name, _first_line(ast.get_docstring(node))) for node in tree.body
+                found.update((node.name, first_line(ast.get_docstring(node))) for node in tree.body
                              if isinstance(node, ast.FunctionDef) and not node.name.startswith("_")
                              and len(node.args.args) == 1)
         return found
@@ -87,14 +86,22 @@ class Mission:
         return f"<mission {self.name} in {self.folder}>"
 
 
-def _first_line(text):
+def first_line(text: str | None) -> str:
+    """The first line of a docstring."""
     return (text or "").strip().split("\n")[0]
 
 
+def functions_of(module: types.ModuleType) -> dict[str, types.FunctionType]:
+    """The public functions with one argument that a file defines, by name."""
+    return {name: one for name, one in vars(module).items()
+            if isinstance(one, types.FunctionType) and one.__module__ == module.__name__
+            and not name.startswith("_") and one.__code__.co_argcount == 1}
+
+
 def _folders():
-    """Where missions are looked for: the project's, ./missions, then the one beside this package."""
-    if project.folder():
-        yield project.folder() / "missions"
+    """The folders of missions: the project's, ./missions, then the one beside this package."""
+    if own := project.folder():
+        yield own / "missions"
     yield Path.cwd() / "missions"
     for parent in Path(__file__).resolve().parents:
         if (parent / "missions").is_dir():
@@ -130,8 +137,8 @@ def find(name: str | os.PathLike[str]) -> Mission:
 def load(name: str | os.PathLike[str], seed: int = 0, **parameters: Any) -> Simulation:
     """A simulation of a mission, ready to run.
 
-    name: of a mission, or the path of its folder; seed: of all random streams; parameters: what the
-    mission's build functions take by name.
+    name: of a mission, or the path of its folder; seed: of all random streams; parameters: further arguments
+    of the mission's build functions.
     Raises SetupError for an unknown mission or parameter, MissionError for an error in its files.
     """
     mission = find(name)
@@ -152,17 +159,13 @@ def load(name: str | os.PathLike[str], seed: int = 0, **parameters: Any) -> Simu
             files.call(build, *arguments, **{name: parameters[name] for name in _parameters(build, len(arguments))
                                              if name in parameters})
         if (mission.folder / "scenarios.py").exists():
-            module = files.execute("scenarios")
-            mission.scenarios = {
-                name: value for name, value in vars(module).items()
-                if isinstance(value, types.FunctionType) and value.__module__ == module.__name__
-                and not name.startswith("_") and value.__code__.co_argcount == 1}
+            mission.scenarios = functions_of(files.execute("scenarios"))
     weakref.finalize(simulation, files.forget)
     return simulation
 
 
 def _parameters(build, taken):
-    """What a build function takes besides the processes: names, with or without a default."""
+    """The arguments of a build function after the first `taken`: name -> default."""
     import inspect
 
     return {p.name: p.default for p in list(inspect.signature(build).parameters.values())[taken:]
@@ -181,7 +184,7 @@ def _refuse_unknown(mission, given, builds):
 class MissionFiles:
     """A mission's files as the modules of a package of their own, made anew for each load."""
 
-    def __init__(self, mission):
+    def __init__(self, mission: Mission) -> None:
         self.mission = mission
         self.package = f"_mission_{mission.name}_{next(_package)}"
 
@@ -213,11 +216,11 @@ class MissionFiles:
         self.call(run, path=path)
         for function in functions:
             if not callable(getattr(module, function, None)):
-                raise MissionError(f"{path}: expected a function {function}({_TAKES[name]})",
-                                   None)
+                raise MissionError(f"{path}: expected a function {function}({_TAKES[name]})", None)
         return module
 
     def call(self, function: Any, *arguments: Any, path: Path | None = None, **parameters: Any) -> Any:
+        """Call a function; raises MissionError with the line of an exception."""
         try:
             return function(*arguments, **parameters)
         except Exception as error:
@@ -226,9 +229,9 @@ class MissionFiles:
 
 
 def explain(error: BaseException, folder: Path, path: str | os.PathLike[str] | None = None) -> str:
-    """An exception as a user of the mission should see it: their file, their line, and what was wrong.
+    """An exception as a user of the mission should see it: their file, their line, and the error.
 
-    path: the file, where no line of it was reached.
+    path: the file, if the traceback has none of its lines.
     """
     if isinstance(error, SyntaxError) and error.filename:
         line = (error.text or "").strip()

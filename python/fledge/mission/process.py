@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Processes as a mission builds them: `f`, what flies, and `w`, the world.
+"""Processes as a mission builds them: `f`, the flight software, and `w`, the world.
 
     def build(f):
         f.control = fsw.MrpFeedback(K=2.5 * N * m, P=45 * N * m * s)    # the name is the attribute
@@ -18,98 +18,57 @@ from typing import Any, NamedTuple
 
 from fledge import _core
 from fledge.errors import SetupError, did_you_mean, listed
-from fledge.objects.si import time_ns, to_si
+from fledge.objects.measured import Measured, flat_index, unit_after
+from fledge.objects.si import time_ns
 from fledge.objects.wires import Wire, caller
 
 
 # --- conditions ------------------------------------------------------------------------------------
 
-class Watch:
+class Watch(Measured):
     """A field of a message or module, by name: `watch(f.tracking.error).sigma_BR[0]`, `.norm()`.
 
     Comparing it with a constant makes a condition: data, not code, so that it can be exported.
     """
 
-    def __init__(self, obj, field=None, index=None, measure="element", path=""):
-        self._object, self._field, self._index, self._measure = obj, field, index, measure
-        self._path = path or _core.path(obj)
+    def __init__(self, obj, field=None):
+        self._object, self._field = obj, field
+        self._path = _core.path(obj) + (f".{field.name}" if field else "")
+        self._shape = field.shape if field else ()
 
-    def __getattr__(self, name):
+    def __getattr__(self, name: str) -> Watch:
         if name.startswith("_"):
             raise AttributeError(name)
         if self._field is None:
             for field in _core.struct(self._object).fields:
                 if field.name == name and not field.spare:
-                    if field.type == "struct":
-                        return Watch(getattr(self._object, name))
-                    return Watch(self._object, field, path=f"{self._path}.{name}")
+                    return Watch(getattr(self._object, name)) if field.type == "struct" else Watch(self._object, field)
             getattr(self._object, name)  # raises, with the valid names
-        raise AttributeError(f"{self._path} is a number or array; it has norm(), max_abs() and [index]")
-
-    def __getitem__(self, index):
-        shape = self._need_array("[...]")
-        index = index if isinstance(index, tuple) else (index,)
-        if len(index) != len(shape) or not all(isinstance(i, int) and 0 <= i < n for i, n in zip(index, shape)):
-            raise SetupError(f"{self._path}{list(index)}: expected {len(shape)} whole numbers below {shape}")
-        flat = 0
-        for i, n in zip(index, shape):
-            flat = flat * n + i
-        return Watch(self._object, self._field, flat, path=f"{self._path}[{', '.join(map(str, index))}]")
-
-    def norm(self) -> Watch:
-        """The root of the sum of the elements' squares."""
-        self._need_array("norm()")
-        return Watch(self._object, self._field, 0, "norm", f"norm({self._path})")
-
-    def max_abs(self) -> Watch:
-        """The largest magnitude of the elements."""
-        self._need_array("max_abs()")
-        return Watch(self._object, self._field, 0, "max_abs", f"max_abs({self._path})")
-
-    def _need_array(self, what):
-        if self._field is None or not self._field.shape or self._index is not None:
-            raise SetupError(f"{self._path}: {what} is for arrays")
-        return self._field.shape
+        raise AttributeError(f"{self!r} is a number or array; it has norm(), max_abs() and [index]")
 
     def _compare(self, comparison, constant):
         if self._field is None:
             names = ", ".join(f.name for f in _core.struct(self._object).fields if not f.spare)
-            raise SetupError(f"{self._path}: compare one of its fields: {names}")
-        if self._field.shape and self._index is None:
-            raise SetupError(f"{self._path} has shape {self._field.shape}: compare an element, norm() or max_abs()")
-        field = self._field
-        value = to_si(constant, self._path, field.unit, field.dims, "a number")
-        if not isinstance(value, (int, float)):
-            raise SetupError(f"{self._path} {comparison} {constant!r}: expected a number")
-        unit = f" {field.unit}" if field.unit not in ("", "-") else ""
-        return _core.condition(self._object, field, self._index or 0, self._measure, comparison, float(value),
-                               f"{self._path} {comparison} {value:g}{unit}")
+            raise SetupError(f"{self!r}: compare one of its fields: {names}")
+        value = self._constant(constant, comparison)
+        index, measure = (flat_index(self._measure, self._shape), "element") if isinstance(self._measure, tuple) else (
+            0, self._measure or "element")
+        return _core.condition(self._object, self._field, index, measure, comparison, value,
+                               f"{self!r} {comparison} {value:g}{unit_after(self._field.unit)}")
 
-    def __lt__(self, constant):
-        return self._compare("<", constant)
-
-    def __le__(self, constant):
-        return self._compare("<=", constant)
-
-    def __gt__(self, constant):
-        return self._compare(">", constant)
-
-    def __ge__(self, constant):
-        return self._compare(">=", constant)
-
-    def __eq__(self, constant):
+    def __eq__(self, constant: Any) -> Any:
         return self._compare("==", constant)
 
-    def __ne__(self, constant):
+    def __ne__(self, constant: Any) -> Any:
         return self._compare("!=", constant)
 
     __hash__ = None  # type: ignore[assignment]
 
     def __bool__(self):
-        raise TypeError(f"{self._path} is only known when the mission runs; compare it, as in x < 1")
+        raise TypeError(f"{self!r} is only known when the mission runs; compare it, as in x < 1")
 
     def __repr__(self):
-        return self._path
+        return self.measure_text
 
 
 # --- handles ---------------------------------------------------------------------------------------
@@ -117,7 +76,7 @@ class Watch:
 class Task:
     """A task that was declared, for mode()."""
 
-    def __init__(self, name):
+    def __init__(self, name: str) -> None:
         self.name = name
 
     def __repr__(self):
@@ -133,40 +92,47 @@ class TaskSpec(NamedTuple):
     priority: int
     run: list[str]  # the names of its instances, in order
 
+    @property
+    def title(self) -> str:
+        """Its name, rate and priority, in words."""
+        return (f"{self.name}, every {self.period / 1e9:g} s"
+                + (f" from {self.offset / 1e9:g} s" if self.offset else "")
+                + (f", priority {self.priority}" if self.priority else ""))
+
 
 class Mode:
     """A mode that was declared, for events."""
 
-    def __init__(self, process, name):
-        self._process, self.name = weakref.ref(process), name
+    def __init__(self, process: Process, name: str) -> None:
+        self._process: Callable[[], Any] = weakref.ref(process)
+        self.name = name
 
     def enter(self) -> None:
         """Enter it at the next instant of its process."""
-        self._process()._core_process.enter(self.name)
+        self._process().enter(self.name)
 
     def __repr__(self):
         return f"<mode {self.name}>"
 
 
 def _mode_name(mode: Mode | str) -> str:
-    name: Any = getattr(mode, "name", mode)
-    return name
+    return mode.name if isinstance(mode, Mode) else mode
 
 
-class _At:
+class _At(NamedTuple):
     """The condition that a time has come."""
 
-    def __init__(self, ns):
-        self.ns = ns
+    ns: int
 
 
 class Event:
     """An event that was declared. `armed` may be read and set; `fired_at` is the time [s], or None."""
 
-    def __init__(self, process, name, when, do):
-        self._process, self.name, self._when, self._do = weakref.ref(process), name, when, do
+    def __init__(self, process: Process, name: str, when: Any, do: Callable[[], Any] | None) -> None:
+        self.name, self.when, self.do = name, when, do
         self.declared_at = caller()
-        self._core = None
+        self._process: Callable[[], Any] = weakref.ref(process)
+        self._core: Any = None
 
     @property
     def armed(self) -> bool:
@@ -199,7 +165,7 @@ class Event:
     @property
     def functions(self) -> list[Callable[[], Any]]:
         """The Python functions that it calls: for its condition, and when it fires."""
-        return [f for f in (self._when, self._do) if callable(f) and not isinstance(f, _core.Condition)]
+        return [f for f in (self.when, self.do) if callable(f) and not isinstance(f, _core.Condition)]
 
     @property
     def fired_at(self) -> float | None:
@@ -208,14 +174,14 @@ class Event:
     # The kernel holds these two, which hold the event weakly: a callable that refers to its own
     # simulation would otherwise keep it alive for ever.
     def _predicate(self):
-        me = weakref.ref(self)
-        if isinstance(self._when, _At):
-            return lambda: me()._process()._core_simulation.now >= me()._when.ns
-        return lambda: bool(me()._when())
+        me: Callable[[], Any] = weakref.ref(self)
+        if isinstance(self.when, _At):
+            return lambda: me()._process()._core_simulation.now >= me().when.ns
+        return lambda: bool(me().when())
 
     def _action(self):
-        me = weakref.ref(self)
-        return lambda: me()._do()
+        me: Callable[[], Any] = weakref.ref(self)
+        return lambda: me().do()
 
     def __repr__(self):
         at = self.fired_at
@@ -236,7 +202,7 @@ class Process:
         put(self, "_core_simulation", core_simulation)
         put(self, "_core_process", core_process)
         put(self, "_instances", {})
-        put(self, "_gone", "")     # why it is not here, if it is not
+        put(self, "_gone", "")     # the reason, if it runs in another program
         put(self, "_handles", {})  # modes and events
         put(self, "_declared_at", {})   # (file, line) of instances by name, and of wires by their readers' paths
         put(self, "_tasks", {})    # apart, because a task may have the name of an instance
@@ -264,7 +230,7 @@ class Process:
         _core.set_context(value, weakref.ref(self))
 
     def _accept(self, name, value):
-        """Refuse what does not belong into this process."""
+        """Refuse a value that does not belong into this process."""
 
     def __getattr__(self, name):
         if name.startswith("__"):
@@ -279,7 +245,7 @@ class Process:
     def leave(self) -> str:
         """Forget everything, because the process runs in another program from now on. Returns this reason, which
         the errors for its former attributes give."""
-        why = "runs in another program: what it does is seen there, in its own record, or in a run of one program"
+        why = "runs in another program: see its state there, in its own record, or in a run of one program"
         self._instances.clear()
         self._handles.clear()
         self._tasks.clear()
@@ -292,7 +258,7 @@ class Process:
         return (f"the process {self.name} has no '{name}'{did_you_mean(name, known)} it has "
                 + listed(known, none="nothing yet"))
 
-    # --- what was declared ---
+    # --- declarations ---
 
     @property
     def instances(self) -> dict[str, Any]:
@@ -310,7 +276,7 @@ class Process:
         return self._core_process.modes
 
     @property
-    def active_mode(self):
+    def active_mode(self) -> str:
         """The name of the mode that the process is in; "" if it has none."""
         return self._core_process.mode
 
@@ -330,7 +296,7 @@ class Process:
         """The instances, in the order in which they were given."""
         return iter(self._instances.values())
 
-    # --- what they do ---
+    # --- wires, tasks, modes, events ---
 
     def connect(self, *wires: Wire) -> None:
         """Join outputs to inputs: `connect(a.output >> b.input, ...)`.
@@ -407,7 +373,7 @@ class Process:
         return event
 
     def _accept_event(self, what, when, do):
-        """Refuse what this process' events may not have."""
+        """Refuse a condition or a function that events of this process must not have."""
 
     def _new_name(self, name, what):
         if name in self._instances or name in self._handles:
@@ -440,18 +406,18 @@ class Process:
             if isinstance(handle, Mode):
                 other._handles[name] = Mode(other, name)
             else:
-                event = Event(other, name, handle._when, handle._do)
+                event = Event(other, name, handle.when, handle.do)
                 event._core = events[name]
-                if not isinstance(handle._when, _core.Condition):
+                if not isinstance(handle.when, _core.Condition):
                     event._core.predicate = event._predicate()
-                if handle._do:
+                if handle.do:
                     event._core.action = event._action()
                 other._handles[name] = event
         return other
 
 
 class Flight(Process):
-    """What flies. Its events are data: a condition and a mode."""
+    """Flight software. Its events are data: a condition and a mode."""
 
     def _accept(self, name, value):
         if isinstance(value, _core.Model):
@@ -479,7 +445,7 @@ class World(Process):
         self._core_process.integrator = method
 
     def at(self, t: Any, do: Callable[[], Any], name: str | None = None) -> Event:
-        """Call `do()` once, at the first instant at or after the time t; said in an event, after this instant."""
+        """Call `do()` once, at the first instant at or after the time t. From within an event: after this instant."""
         ns = time_ns(t, f"{self.name}.at")
         name = name or f"at_{ns}_ns" + (f"_{len(self._handles)}" if f"at_{ns}_ns" in self._handles else "")
         return self.event(name, when=_At(ns), do=do, once=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A simulation as the user holds it: the flight process, the world, their common time, and records.
+"""The simulation for users: the flight process, the world, their common time, and records.
 
     sim = fledge.load("nadir_spin")
     log = sim.record(sim.flight.tracking.error, every=1 * s)
@@ -14,16 +14,20 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fledge import _core
 from fledge.errors import SetupError
 from fledge.mission.process import Flight, Process, World
 from fledge.objects.si import time_ns
 
+if TYPE_CHECKING:
+    from fledge.mission.folder import Mission
+    from fledge.mission.log import Log
+
 
 class Simulation:
-    """A world and what flies in it.
+    """A world and the flight software in it.
 
     `flight` and `world` are the processes; their instances are attributes: `sim.flight.control`.
     Two simulations share nothing. Made by fledge.load(), or here, to be filled by hand; `empty` is one
@@ -33,19 +37,19 @@ class Simulation:
     def __init__(self, name: str = "simulation", seed: int = 0, *, empty: bool = False) -> None:
         self._adopt(_core.Simulation(_seed(seed)), name)
         if not empty:
-            self.add_world("world")  # at each instant the world advances before flight looks at it
+            self.add_world("world")  # at each instant the world advances before flight runs
             self.add_flight("flight")
 
     def _adopt(self, core, name):
         self._core = core
-        self._processes = {}   # by name, in the order in which they run
-        self._gone = {}        # name -> where they are, of those that run in other programs
+        self._processes: dict[str, Any] = {}    # by name, in the order in which they run
+        self._gone: dict[str, str] = {}         # why a process is not in this program, by its name
         self.name = name
-        self.mission = None    # the Mission it was loaded from
-        self.pace = 0.0        # what run() takes unless told; 0: as fast as possible
-        self.plots = None      # what collects the figures of Log.plot(); None: they are shown; False: none
-        self.wall = 0.0        # [s] of wall time that run() took so far
-        self._archive = None   # (path, metadata) of the archive that the next run opens
+        self.mission: Mission | None = None     # from which it was loaded
+        self.pace = 0.0                         # the default of run(); 0: as fast as possible
+        self.plots: Any = None                  # collects the figures of Log.plot(); None: they are shown; False: none
+        self.wall = 0.0                         # [s] of wall time that run() took so far
+        self._archive: Any = None               # (path, metadata) of the archive that the next run opens
 
     # --- its parts ---
 
@@ -78,11 +82,11 @@ class Simulation:
         raise SetupError(f"{self.name} has no process '{name}'; it has {', '.join(self._processes) or 'none'}")
 
     def add_world(self, name: str) -> World:
-        """A further World, a process; it runs after those that are there."""
+        """A further World, a process; it runs after the present ones."""
         return self._add(World, name)
 
     def add_flight(self, name: str) -> Flight:
-        """A further Flight, a process; it runs after those that are there."""
+        """A further Flight, a process; it runs after the present ones."""
         return self._add(Flight, name)
 
     def _add(self, kind, name):
@@ -103,7 +107,7 @@ class Simulation:
         return found[0]
 
     def isolate(self, process: str) -> None:
-        """Keep one process, by its name; the others run in other programs, and what is asked of them is refused."""
+        """Keep one process, by its name. The others run in other programs: access to them raises SetupError."""
         self._core.isolate(process)
         for other in [p for p in self.processes if p.name != process]:
             del self._processes[other.name]
@@ -140,7 +144,7 @@ class Simulation:
 
     @property
     def records(self) -> list[Any]:
-        """What record() has kept so far, a record for each port: path, times() [ns] and bytes() as stored."""
+        """The samples so far, a record for each port: path, times() [ns] and bytes() as stored."""
         return self._core.logs
 
     @property
@@ -157,7 +161,7 @@ class Simulation:
 
     @property
     def assumptions(self) -> list[str]:
-        """One line for each parameter that matters and was left at its default."""
+        """One line for each important parameter that has its default."""
         return self._core.assumptions
 
     # --- running ---
@@ -169,8 +173,8 @@ class Simulation:
         pace: simulated seconds per second, 1 for real time; 0 or not given: as fast as possible.
         progress: show a bar on stderr; not given: on a terminal, for runs of more than about 2 s.
 
-        Ctrl-C ends it after the current instant: all is consistent, and run() goes on from there. A
-        second Ctrl-C does not wait for a Python event that does not end.
+        Ctrl-C ends the run after the current instant: all is consistent, and run() can go on from there. A
+        second Ctrl-C also interrupts a Python event.
         Raises SetupError if something is missing, RunError if the state is no longer finite; an
         exception in a Python event ends the run at that instant.
         """
@@ -191,12 +195,12 @@ class Simulation:
         begun = perf_counter()
         try:
             with Interruption() as interruption, Progress(self.name, start, end, progress) as bar:
-                def look(now: int) -> None:
+                def poll(now: int) -> None:
                     interruption.check()
                     if bar.wanted:
                         bar.at(now)
 
-                self._core.run_until(end, float(pace), look)
+                self._core.run_until(end, float(pace), poll)
         finally:
             self.wall += perf_counter() - begun
 
@@ -213,7 +217,7 @@ class Simulation:
     def reset(self) -> None:
         """Back to time 0: modules and models are reset, records emptied. Parameters stay."""
         if self._core.archiving:
-            # A second run must not be written behind the first: it gets a file of its own.
+            # The second run gets a file of its own.
             path, metadata = self._archive
             self._core.close_archive([])
             self._archive = (_next_name(path), metadata)
@@ -256,7 +260,7 @@ class Simulation:
 
     # --- records ---
 
-    def record(self, *ports: Any, every: Any = 0) -> Any:
+    def record(self, *ports: Any, every: Any = 0) -> Log:
         """Record inputs and outputs: `record(f.tracking.error, f.motor.command, every=1 * s)`.
 
         A module or model stands for all its outputs. every: a time; 0 records each instant. Returns a
@@ -288,9 +292,9 @@ class Simulation:
         self._archive = (str(path), {str(k): str(v) for k, v in metadata.items()})
 
     def open_archive(self, resumed: bool = False) -> None:
-        """Begin the archive that archive() has announced; nothing if there is none, or if it has begun.
+        """Begin the archive that archive() has named, unless it has begun.
 
-        resumed: the run goes on from the snapshot of a program that was lost. Its file stays, and this one
+        resumed: the run goes on from the snapshot of a lost program. That program's file stays, and this one
         takes the next free name.
         """
         if self._archive and not self._core.archiving:
@@ -326,5 +330,7 @@ def _next_name(path):
     """run.mcap -> run-2.mcap -> run-3.mcap"""
     import re
 
-    stem, number, suffix = re.fullmatch(r"(.*?)(?:-(\d+))?(\.\w+)?", path).groups()
-    return f"{stem}-{int(number or 1) + 1}{suffix or ''}"
+    def higher(match: re.Match) -> str:
+        return f"-{int(match[1] or 1) + 1}{match[2]}"
+
+    return re.sub(r"(?:-(\d+))?(|\.\w+)$", higher, path, count=1)

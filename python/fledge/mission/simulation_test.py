@@ -172,12 +172,12 @@ def test_names_that_are_not_there_or_not_unique():
     with pytest.raises(SetupError, match="nothing was recorded of 'target.reference.sigma_RN' yet"):
         log.last("target.reference.sigma_RN")
     sim.run(1 * s)
-    with pytest.raises(SetupError, match="'sigma_RN' may be flight.target.reference.sigma_RN or "
+    with pytest.raises(SetupError, match="'sigma_RN' is ambiguous: it may be flight.target.reference.sigma_RN, "
                                          "flight.tracking.reference.sigma_RN; write more of the name"):
         log["sigma_RN"]
-    with pytest.raises(SetupError, match="no 'target.reference.sigma_RM'; did you mean 'target.reference.sigma_RN'"):
+    with pytest.raises(SetupError, match="no 'target.reference.sigma_RM'; did you mean target.reference.sigma_RN"):
         log["target.reference.sigma_RM"]
-    with pytest.raises(SetupError, match=r"sigma_RN has shape \(3,\)"):
+    with pytest.raises(SetupError, match=r"sigma_RN has the shape \(3,\)"):
         log["target.reference.sigma_RN[3]"]
 
 

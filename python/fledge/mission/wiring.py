@@ -159,28 +159,13 @@ class Wiring:
 
 # --- reading ---------------------------------------------------------------------------------------
 
-@dataclass
-class _Task:
-    name: str
-    period: int         # [ns]
-    offset: int         # [ns]
-    priority: int
-    run: list[str]
-
-    @property
-    def title(self) -> str:
-        return f"{self.name}, every {self.period / 1e9:g} s" \
-            + (f" from {self.offset / 1e9:g} s" if self.offset else "") \
-            + (f", priority {self.priority}" if self.priority else "")
-
-
 class _Process:
     def __init__(self, process: Process):
         core = process._core_process
         self.name, self.kind, self.mode = process.name, kind_of(process), core.mode
         self.nodes = [Node(process, _core.name(one), one) for one in process]
         # In the order in which they run at equal times.
-        self.tasks = [_Task(*t) for t in sorted(core.tasks, key=lambda t: -t[3])]
+        self.tasks = sorted(process.tasks, key=lambda t: -t.priority)
         by_name = {node.name: node for node in self.nodes}
         for i, task in enumerate(self.tasks):
             for j, name in enumerate(task.run):
@@ -195,7 +180,7 @@ class _Process:
                         child.task, child.slot = node.task, (*node.slot, k)
         self.integrator = core.integrator if self.kind == "world" else ""
         self.modes = [(name, ", ".join(tasks) or "no task of its own") for name, tasks in core.modes]
-        self.handles = [e for e in process._handles.values() if isinstance(e, Event)]
+        self.handles = list(process.events.values())
         self.events = [(event_name(e), event_text(e)) for e in self.handles]
 
     def run_by(self, task: str | None) -> list[Node]:
@@ -206,13 +191,13 @@ class _Process:
 
 def event_name(event: Event) -> str:
     """The name of an event; "" for one that World.at() has named."""
-    when = event._when
+    when = event.when
     return "" if hasattr(when, "ns") and event.name.startswith(f"at_{when.ns}_ns") else event.name
 
 
 def condition_text(event: Event) -> str:
     """When an event happens, in words."""
-    when = event._when
+    when = event.when
     if isinstance(when, _core.Condition):
         return repr(when)
     if hasattr(when, "ns"):
@@ -222,15 +207,15 @@ def condition_text(event: Event) -> str:
 
 def action_text(event: Event) -> str:
     """What an event does, in words."""
-    words = [f"enter {event._core.mode}"] if event._core.mode else []
-    if event._do:
-        words.append(f"call {_function_text(event._do)}")
+    words = [f"enter {event.mode}"] if event.mode else []
+    if event.do:
+        words.append(f"call {_function_text(event.do)}")
     return ", ".join(words) or "nothing"
 
 
 def event_text(event: Event) -> str:
-    hold = f" for {event._core.hold / 1e9:g} s" if event._core.hold else ""
-    once = ", once" if event._core.once else ""
+    hold = f" for {event.hold / 1e9:g} s" if event.hold else ""
+    once = ", once" if event.once else ""
     return f"{condition_text(event)}{hold}{once}: {action_text(event)}"
 
 

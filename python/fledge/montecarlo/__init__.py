@@ -13,17 +13,27 @@
 A run is fixed by (seed, index): neither threads nor processes nor their order change a bit of it.
 """
 
+from __future__ import annotations
+
 import os
-import types
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from fledge import _core, mission as missions
 from fledge.errors import SetupError
-from fledge.mission.folder import MissionFiles
+from fledge.mission.folder import MissionFiles, first_line, functions_of
 from fledge.montecarlo.dispersions import Dispersions
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from fledge.mission.log import Log
+    from fledge.mission.simulation import Simulation
 
 
 class Campaign:
-    """A mission and what differs between its runs.
+    """A mission, and the parameters that differ between its runs.
 
     mission: a name, or the path of a folder; name: of a function in its dispersions.py (default: the
     first), or a function that takes `d`; `known` lists those of the file, with the first lines of their
@@ -31,22 +41,23 @@ class Campaign:
     Raises SetupError, or MissionError with the line of the mission's file.
     """
 
-    def __init__(self, mission, name=None):
+    def __init__(self, mission: str | os.PathLike[str],
+                 name: str | Callable[[Dispersions], Any] | None = None) -> None:
         self._mission, self._function = mission, name
         self.nominal, self.dispersions, self.known, self.name = _declare(mission, name)
         self.plan = self.dispersions._finished()
         self.summary = self.known.get(self.name, "")
 
     @property
-    def has_callables(self):
-        """Whether the mission's events call Python: such runs are flown by processes, each run in a
-        mission loaded afresh, for nothing else keeps the runs apart."""
+    def has_callables(self) -> bool:
+        """Whether the mission's events call Python. Processes fly such runs, each in a mission loaded afresh, because
+        the functions of one mission may share data."""
         return _core.has_callables(self.nominal.kernel)
 
-    def simulation(self, index, seed=0):
+    def simulation(self, index: int, seed: int = 0) -> Simulation:
         """The simulation of one run, its parameters and seed set, not yet run.
 
-        Fly it for `campaign.dispersions.duration`; its records are as long as you like.
+        Fly it for `campaign.dispersions.duration`.
         """
         if index < 0:
             raise SetupError(f"a run's index must be >= 0, found {index}")
@@ -56,7 +67,8 @@ class Campaign:
         disperse(sim, sim, plan, index)
         return sim
 
-    def fly(self, runs, seed=0, threads=None, processes=False, progress=None):
+    def fly(self, runs: int, seed: int = 0, threads: int | None = None, processes: bool = False,
+            progress: Callable[[int, int], Any] | None = None) -> Result:
         """Fly the runs 0 to runs - 1; returns a Result.
 
         threads: default: all cores; processes: fly by processes even where threads would do;
@@ -73,14 +85,14 @@ class Campaign:
         plan = self.plan
         plan.seed, plan.runs = seed, runs
         self._check_room(runs)
-        self.nominal.kernel.ready_for(plan.duration)  # what is wrong with the nominal run is wrong with all
+        self.nominal.kernel.ready_for(plan.duration)  # an error of the nominal run is one of all runs
         if processes or self.has_callables:
             return _fly_in_processes(self, runs, seed, min(threads, runs), progress)
         flown, interrupted = _core.fly(self.nominal.kernel, plan, threads, progress)
         return Result(self, seed, flown.flown, flown.failures, flown.draws, flown.retained, interrupted)
 
-    def drawn(self, simulation):
-        """The values that a simulation of this mission has for what is dispersed: path -> number."""
+    def drawn(self, simulation: Simulation) -> dict[str, float]:
+        """The values of the dispersed parameters in a simulation of this mission: path -> number."""
         values = {}
         for path in self.dispersions.columns:
             name, _, index = path.partition("[")
@@ -89,7 +101,7 @@ class Campaign:
             values[path] = float(value[tuple(map(int, index.rstrip("]").split(",")))] if index else value)
         return values
 
-    def judge(self, log, seed=0):
+    def judge(self, log: Log, seed: int = 0) -> Result:
         """The Result of one run that was flown by hand, from its records every `every`."""
         import numpy as np
 
@@ -115,21 +127,9 @@ class Campaign:
         return f"<campaign {self.name} of {self.nominal.name}: {len(self.dispersions.columns)} numbers dispersed>"
 
 
-def cores():
+def cores() -> int:
     """The cores that this process may use."""
     return len(os.sched_getaffinity(0))
-
-
-def campaigns(mission):
-    """The campaigns of a mission's dispersions.py: name -> first line of the docstring. Nothing is executed."""
-    import ast
-
-    path = mission.folder / "dispersions.py"
-    if not path.exists():
-        return {}
-    tree = ast.parse(path.read_text(encoding="utf-8"), str(path))
-    return {node.name: (ast.get_docstring(node) or "").strip().split("\n")[0] for node in tree.body
-            if isinstance(node, ast.FunctionDef) and not node.name.startswith("_") and len(node.args.args) == 1}
 
 
 def _declare(mission, wanted):
@@ -138,15 +138,14 @@ def _declare(mission, wanted):
     dispersions = Dispersions(sim)
     if callable(wanted):
         wanted(dispersions)
-        return sim, dispersions, {wanted.__name__: _first_line(wanted)}, wanted.__name__
+        return sim, dispersions, {wanted.__name__: first_line(wanted.__doc__)}, wanted.__name__
+    assert sim.mission
     path = sim.mission.folder / "dispersions.py"
     if not path.exists():
-        raise SetupError(f"the mission {sim.name} declares no dispersions: say in {path} what differs from run to run")
+        raise SetupError(f"the mission {sim.name} declares no dispersions; expected them in {path}")
     with MissionFiles(sim.mission) as files:
         module = files.execute("dispersions")
-        known = {name: f for name, f in vars(module).items()
-                 if isinstance(f, types.FunctionType) and f.__module__ == module.__name__
-                 and not name.startswith("_") and f.__code__.co_argcount == 1}
+        known = functions_of(module)
         if not known:
             raise SetupError(f"{path}: expected a function that takes d, as in def release(d)")
         name = wanted or next(iter(known))
@@ -154,14 +153,10 @@ def _declare(mission, wanted):
             raise SetupError(f"the mission {sim.name} has no campaign '{name}'; it has {', '.join(known)}")
         files.call(known[name], dispersions)
         files.forget()
-    return sim, dispersions, {n: _first_line(f) for n, f in known.items()}, name
+    return sim, dispersions, {n: first_line(f.__doc__) for n, f in known.items()}, name
 
 
-def _first_line(function):
-    return (function.__doc__ or "").strip().split("\n")[0]
-
-
-def disperse(nominal, simulation, plan, index):
+def disperse(nominal: Simulation, simulation: Simulation, plan: Any, index: int) -> list[float]:
     """Set the parameters and the seed of a simulation to those of the run `index`; returns the numbers drawn.
 
     nominal: a simulation with the nominal parameters, which may be the same one
@@ -172,7 +167,7 @@ def disperse(nominal, simulation, plan, index):
 # --- results ---------------------------------------------------------------------------------------
 
 class Result:
-    """What the runs left behind.
+    """The results of a campaign.
 
     flown: (runs,) whether a run came to its end, or failed; False after Ctrl-C for those not finished
     passed: (runs,) flown without an error and with every requirement fulfilled
@@ -182,7 +177,8 @@ class Result:
     ns: (samples,) times of the samples [ns]; time: the same [s]
     """
 
-    def __init__(self, campaign, seed, flown, errors, draws, retained, interrupted):
+    def __init__(self, campaign: Campaign, seed: int, flown: Sequence[bool], errors: Sequence[str], draws: np.ndarray,
+                 retained: Sequence[np.ndarray], interrupted: bool) -> None:
         import numpy as np
 
         d = campaign.dispersions
@@ -192,8 +188,8 @@ class Result:
         self.flown = np.array(flown, bool)
         self.draws = {path: draws[:, i] for i, path in enumerate(d.columns)}
         self.retained = {}
-        for (path, series), values in zip(d.retained.items(), retained):
-            self.retained[path] = values.reshape(*values.shape[:2], *series.field_path.shape)
+        for (path, variable), values in zip(d.retained.items(), retained):
+            self.retained[path] = values.reshape(*values.shape[:2], *variable.field_path.shape)
             self.retained[path].flags.writeable = False
         self.errors = {i: text for i, text in enumerate(errors) if text}
         self.complete = self.flown.copy()
@@ -232,53 +228,56 @@ def _fly_in_processes(campaign, runs, seed, n, progress):
     flown, errors = [False] * runs, [""] * runs
     fork = multiprocessing.get_context("fork")
     following = fork.Value("q", 0)
-    children, interrupted = {}, False
+    children: dict[Any, Any] = {}       # pipe -> process
+    flying: dict[Any, int] = {}         # pipe -> index of the run in the air
+    interrupted = False
 
     def start():
         ours, theirs = fork.Pipe()
-        child = fork.Process(target=_fly_share, args=(campaign, runs, seed, following, theirs), daemon=True)
-        child.start()
+        children[ours] = fork.Process(target=_fly_share, args=(campaign, runs, seed, following, theirs), daemon=True)
+        children[ours].start()
         theirs.close()
-        children[ours] = [child, None]
 
     try:
         for _ in range(n):
             start()
         while children:
+            pipe: Any
             for pipe in connection.wait(list(children), 0.1):
-                child, index = children[pipe]
                 try:
-                    index, *rest = pipe.recv()
+                    index, *results = pipe.recv()
                 except EOFError:  # it has come to its end, or died in a run
+                    child = children.pop(pipe)
                     child.join()
-                    del children[pipe]
-                    if index is not None:
+                    if pipe in flying:
+                        index = flying.pop(pipe)
                         flown[index], errors[index] = True, _death(child.exitcode)
                         start()
                     continue
-                children[pipe][1] = None if rest else index
-                if rest:
-                    errors[index], own_draws, own_retained = rest
-                    flown[index] = True
-                    draws[index] = own_draws
-                    for to, values in zip(retained, own_retained):
-                        to[index] = values
+                if not results:
+                    flying[pipe] = index
+                    continue
+                del flying[pipe]
+                flown[index] = True
+                errors[index], draws[index], own_retained = results
+                for to, values in zip(retained, own_retained):
+                    to[index] = values
             if progress:
                 progress(sum(flown), sum(map(bool, errors)))
     except KeyboardInterrupt:
         interrupted = True
     finally:
-        for child, _ in children.values():
+        for child in children.values():
             child.terminate()
             child.join()
     return Result(campaign, seed, flown, errors, draws, retained, interrupted)
 
 
 def _fly_share(campaign, runs, seed, following, pipe):
-    """What a child does: fly the next run until there is none. Sends (index,), then the run's results."""
+    """Fly the next run until there is none. Sends (index,), then the run's results."""
     import signal
 
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent hears it, and ends the children
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles it, and ends the children
     while True:
         with following.get_lock():
             index = following.value

@@ -19,12 +19,20 @@ what it shows. Each run is fixed by the campaign's seed and the run's index alon
 a parameter is drawn from a stream of its own: a line more changes no other line's draws.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
 from fledge import _core
 from fledge.errors import SetupError
 from fledge.objects.si import time_ns, to_si
 from fledge.montecarlo.field_path import FieldPath, index_text, names_of
-from fledge.montecarlo.requirements import Requirement, Series
+from fledge.montecarlo.requirements import Requirement, Variable
 
+if TYPE_CHECKING:
+    import numpy as np
+
+    from fledge.mission.simulation import Simulation
 
 _NUMBER = (0,) * 8
 _INFINITY = float("inf")
@@ -33,9 +41,10 @@ _INFINITY = float("inf")
 # --- what is drawn ---------------------------------------------------------------------------------
 
 class Draw:
-    """What a parameter is drawn from: made by uniform(), normal() and attitude() of `d`."""
+    """A distribution: made by uniform(), normal() and attitude() of `d`."""
 
-    def __init__(self, kind, numbers=(), low=None, high=None, scale=""):
+    def __init__(self, kind: str, numbers: tuple[Any, ...] = (), low: Any = None, high: Any = None,
+                 scale: str = "") -> None:
         self.kind, self.numbers, self.low, self.high, self.scale = kind, numbers, low, high, scale
 
     def _scaled(self, scale):
@@ -67,10 +76,10 @@ def _short(value):
 class _Nominal:
     """`d.nominal`: the value that the mission's own files give."""
 
-    def __add__(self, draw):
+    def __add__(self, draw: Draw) -> Draw:
         return self._join(draw, "about", "+")
 
-    def __mul__(self, draw):
+    def __mul__(self, draw: Draw) -> Draw:
         return self._join(draw, "relative", "*")
 
     __radd__, __rmul__ = __add__, __mul__
@@ -88,49 +97,50 @@ class _Nominal:
 # --- d ---------------------------------------------------------------------------------------------
 
 class Dispersions:
-    """What a campaign's function fills: `d`."""
+    """The declarations of a campaign: `d`, which its function fills."""
 
-    def __init__(self, simulation):
+    def __init__(self, simulation: Simulation) -> None:
         self.simulation = simulation
         self._plan = _core.CampaignPlan()
-        self._duration = self._every = None
-        self.draws = {}         # path -> Draw, as declared
-        self.columns = {}       # path of each dispersed element -> its unit, in the order of a run's draws
-        self.retained = {}      # path -> Series of the whole variable
-        self.requirements = []
+        self._duration: int | None = None           # [ns]
+        self._every: int | None = None              # [ns]
+        self.draws: dict[str, Draw] = {}            # by path, as declared
+        self.columns: dict[str, str] = {}           # path of each dispersed element -> unit, in the order of the draws
+        self.retained: dict[str, Variable] = {}     # by path
+        self.requirements: list[Requirement] = []
 
     # --- times ---
 
     @property
-    def duration(self):
-        """How long each run flies, a time."""
+    def duration(self) -> Any:
+        """The duration of each run, a time."""
         return None if self._duration is None else self._duration / 1e9
 
     @duration.setter
-    def duration(self, value):
+    def duration(self, value: Any) -> None:
         self._duration = _positive(value, "d.duration")
 
     @property
-    def every(self):
-        """The time between two samples of what is retained; a 200th of the duration unless given."""
+    def every(self) -> Any:
+        """The time between two samples of the retained variables; default: a 200th of the duration."""
         return None if self._duration is None and self._every is None else self._sampling() / 1e9
 
     @every.setter
-    def every(self, value):
+    def every(self, value: Any) -> None:
         self._every = _positive(value, "d.every")
 
     def _sampling(self):
-        return self._every or max(self._duration // 200, 1)
+        return self._every or max((self._duration or 0) // 200, 1)
 
     # --- distributions ---
 
     nominal = _Nominal()
 
-    def uniform(self, low, high):
+    def uniform(self, low: Any, high: Any) -> Draw:
         """Anything between two values: `d.uniform(9 * N, 11 * N)`, `d.nominal * d.uniform(0.9, 1.1)`."""
         return Draw("uniform", (low, high))
 
-    def normal(self, mean, sigma, *, low=None, high=None):
+    def normal(self, mean: Any, sigma: Any, *, low: Any = None, high: Any = None) -> Draw:
         """Normal with a mean and a standard deviation; truncated, if low or high are given: draws
         outside are drawn again. `d.nominal + d.normal(0, 2 * deg, low=-6 * deg, high=6 * deg)`.
 
@@ -138,11 +148,11 @@ class Dispersions:
         """
         return Draw("normal", (mean, sigma), low, high)
 
-    def attitude(self):
+    def attitude(self) -> Draw:
         """Any attitude with equal probability, for an MRP."""
         return Draw("attitude")
 
-    def __setitem__(self, path, draw):
+    def __setitem__(self, path: str, draw: Draw) -> None:
         """Disperse a parameter of any instance: all its elements, those of a row, or one."""
         if not isinstance(draw, Draw):
             raise SetupError(f"{path}: expected something drawn, such as d.normal(...), d.uniform(...) or "
@@ -165,7 +175,7 @@ class Dispersions:
         numbers = [self._numbers(value, target, draw) for value in draw.numbers] or [[0.0] * len(target.elements)] * 2
         numbers += [self._numbers(draw.low, target, draw, -_INFINITY),
                     self._numbers(draw.high, target, draw, _INFINITY)]
-        groups = {}  # elements with the same numbers
+        groups: dict[tuple[float, ...], list[int]] = {}  # elements with the same numbers
         for k in kept:
             groups.setdefault(tuple(one[k] for one in numbers), []).append(k)
         for (a, b, low, high), group in groups.items():
@@ -191,17 +201,17 @@ class Dispersions:
                              f"{found}")
         return [float(x) for x in _flat(value)]
 
-    # --- what is kept ---
+    # --- retained variables and requirements ---
 
-    def retain(self, *paths):
+    def retain(self, *paths: str) -> Any:
         """Keep fields of inputs and outputs of each run: `error = d.retain("flight.tracking.error.sigma_BR")`.
 
-        Returns a Series for each, for check().
+        Returns a Variable for each, for check().
         """
         if not paths:
             raise SetupError('d.retain: name at least one field, as in d.retain("flight.tracking.error.sigma_BR")')
-        series = [self._retain(path) for path in paths]
-        return series[0] if len(series) == 1 else series
+        variable = [self._retain(path) for path in paths]
+        return variable[0] if len(variable) == 1 else variable
 
     def _retain(self, path):
         target = FieldPath(self.simulation, path)
@@ -212,10 +222,10 @@ class Dispersions:
         if target.path not in self.retained:
             self._plan.retain(self.simulation.kernel, target.port, target.offset + 8 * target.elements[0],
                               len(target.elements))
-            self.retained[target.path] = Series(target, lambda: self._duration)
+            self.retained[target.path] = Variable(target, lambda: self._duration)
         return self.retained[target.path]
 
-    def check(self, requirement, message=""):
+    def check(self, requirement: Requirement, message: str = "") -> None:
         """A run that does not fulfil this has failed: `d.check(error.norm().final < 1e-3, "it did not settle")`."""
         if not isinstance(requirement, Requirement):
             raise SetupError("d.check: expected a comparison of something retained with a constant, as in "
@@ -226,7 +236,7 @@ class Dispersions:
     # --- the whole ---
 
     def _finished(self):
-        """The plan, complete. Raises SetupError on what is missing."""
+        """The complete plan. Raises SetupError if something is missing."""
         if self._duration is None:
             raise SetupError("d.duration is not given: how long does each run fly?")
         if not self.draws:
@@ -234,18 +244,18 @@ class Dispersions:
         self._plan.duration, self._plan.every, self._plan.runs = self._duration, self._sampling(), 1
         self._plan.check(self.simulation.kernel)
         for requirement in self.requirements:
-            part = requirement.series.samples(self.ns)
+            part = requirement.variable.samples(self.ns)
             if part.start >= part.stop:
                 raise SetupError(f"d.check({requirement!r}): there is no sample in that time, with one every "
                                  f"{self.every:g} s for {self.duration:g} s")
         return self._plan
 
     @property
-    def ns(self):
+    def ns(self) -> np.ndarray:
         """The times of the samples [ns]."""
         import numpy as np
 
-        return np.arange(self._duration // self._sampling() + 1) * self._sampling()
+        return np.arange((self._duration or 0) // self._sampling() + 1) * self._sampling()
 
     def __repr__(self):
         lines = ["dispersions" + (f", {self.duration:g} s" if self._duration else "")]

@@ -41,7 +41,7 @@ def drawn(d, runs, seed=0):
     ("world.craft.mass[0]", "world.craft.mass is a single number; there is no element [0]"),
     ("world.wheels.J[4]", "world.wheels.J has shape (4,); there is no element [4]"),
     ("world.craft.mass.x", "world.craft.mass is a number or array, and has no 'x'"),
-    ("world.wheels.n", "is of type uint32_t; only floating-point numbers are meant here"),
+    ("world.wheels.n", "is of type uint32_t; a path here names floating-point numbers"),
 ])
 def test_unknown_paths_are_answered(d, path, words):
     with pytest.raises(fledge.SetupError) as error:

@@ -7,6 +7,7 @@ import math
 import re
 from typing import TYPE_CHECKING
 
+from fledge.objects.measured import flat_index, unit_after
 from fledge.plot import STYLE, TITLE, axis_label, component_labels, label_time, symbol, time_unit, unit_label, used
 
 if TYPE_CHECKING:
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from fledge.montecarlo import Result
-    from fledge.montecarlo.requirements import Requirement, Series
+    from fledge.montecarlo.requirements import Requirement, Variable
 
 PERCENTILES = (1, 5, 25, 50, 75, 95, 99)
 
@@ -29,10 +30,10 @@ def percentiles(n: int) -> tuple[int, ...]:
     return tuple(p for p in PERCENTILES if (n + 1) * min(p, 100 - p) >= 100)
 
 
-def summary_of(series: Series) -> Series:
+def summary_of(variable: Variable) -> Variable:
     """A variable as one number: of a vector the norm, of another array the largest element."""
-    shape = series.field_path.shape
-    return series if not shape else series.norm() if shape == (3,) else series.max_abs()
+    shape = variable.field_path.shape
+    return variable if not shape else variable.norm() if shape == (3,) else variable.max_abs()
 
 
 def figures(result: Result) -> list[Figure]:
@@ -42,7 +43,7 @@ def figures(result: Result) -> list[Figure]:
     if not result.complete.any():
         return []
     with matplotlib.style.context(STYLE):
-        return [*(_bands(result, series) for series in result.campaign.dispersions.retained.values()),
+        return [*(_bands(result, variable) for variable in result.campaign.dispersions.retained.values()),
                 *_requirements(result), *_drivers(result)]
 
 
@@ -60,24 +61,22 @@ def _figure(rows, columns, name, title, result, sharex=False, height=2.3):
     return figure, axes
 
 
-def _shown(series: Series) -> str:
-    """The symbol of a series in mathtext."""
-    field = series.field_path.field
+def _shown(variable: Variable) -> str:
+    """The symbol of a variable in mathtext."""
+    field = variable.field_path.field
     base = symbol(field.name)
-    if series._measure == "norm":
+    if variable._measure == "norm":
         base = rf"\left|{base}\right|"
-    elif series._measure == "max_abs":
+    elif variable._measure == "max_abs":
         base = rf"\max\,\left|{base}\right|"
-    elif isinstance(series._measure, tuple):
-        flat = 0
-        for i, n in zip(series._measure, series.field_path.shape):
-            flat = flat * n + i
-        base = component_labels(field.name, field.doc, series.field_path.shape)[flat].strip("$")
+    elif isinstance(variable._measure, tuple):
+        shape = variable.field_path.shape
+        base = component_labels(field.name, field.doc, shape)[flat_index(variable._measure, shape)].strip("$")
     return f"${base}$"
 
 
-def _axis_label(series: Series) -> str:
-    return axis_label(_shown(series), unit_label(series.unit))
+def _axis_label(variable: Variable) -> str:
+    return axis_label(_shown(variable), unit_label(variable.unit))
 
 
 def _spans_decades(values) -> bool:
@@ -91,18 +90,18 @@ def _spans_decades(values) -> bool:
     return high > 20 * low and (values == 0).mean() < 0.05
 
 
-def _bands(result: Result, series: Series) -> Figure:
+def _bands(result: Result, variable: Variable) -> Figure:
     import numpy as np
 
-    path, shape = series.field_path, series.field_path.shape
-    panels = [summary_of(series)]
+    path, shape = variable.field_path, variable.field_path.shape
+    panels = [summary_of(variable)]
     if shape:
-        values = result.retained[series.path][result.complete]
+        values = result.retained[variable.path][result.complete]
         shown = used(values.reshape(-1, math.prod(shape)), shape)
-        panels += [series[index] for index in list(np.ndindex(shape))[:shown]]
+        panels += [variable[index] for index in list(np.ndindex(shape))[:shown]]
     columns = 1 if len(panels) == 1 else 2
     figure, axes = _figure(-(-len(panels) // columns), columns,
-                           "bands-" + re.sub(r"\W+", "_", series.path).strip("_"),
+                           "bands-" + re.sub(r"\W+", "_", variable.path).strip("_"),
                            path.full.partition(".")[2].rpartition(".")[0] + ", "
                            + re.split(r"[,;(]", path.field.doc)[0].strip(), result, sharex=True)
     unit, factor = time_unit(result.time[-1])
@@ -115,15 +114,15 @@ def _bands(result: Result, series: Series) -> Figure:
     return figure
 
 
-def _band_panel(axis: Axes, series: Series, result: Result, factor: float) -> None:
+def _band_panel(axis: Axes, variable: Variable, result: Result, factor: float) -> None:
     import numpy as np
 
-    values = series.values(result)
+    values = variable.values(result)
     complete = values[result.complete]
     time = result.time / factor
     shown = percentiles(len(complete))
     curves = dict(zip(map(str, shown), np.percentile(complete, shown, axis=0))) if shown else {}
-    logarithmic = series._measure in ("norm", "max_abs") and _spans_decades(np.median(complete, axis=0))
+    logarithmic = variable._measure in ("norm", "max_abs") and _spans_decades(np.median(complete, axis=0))
     if logarithmic:
         axis.set_yscale("log")
         floor = complete[complete > 0].min()
@@ -142,7 +141,7 @@ def _band_panel(axis: Axes, series: Series, result: Result, factor: float) -> No
         axis.plot(time, values[i], color=FAILED, linewidth=0.6, alpha=0.8,
                   label=None if k else _count(min(len(failed), LINES_MAX), len(failed), "failed run"))
     for one in result.campaign.dispersions.requirements:
-        if one.series.measure_text == series.measure_text:
+        if one.variable.measure_text == variable.measure_text:
             _limit(axis, one, result, factor)
 
 
@@ -152,7 +151,7 @@ def _count(shown: int, n: int, what: str) -> str:
 
 def _limit(axis: Axes, requirement: Requirement, result: Result, factor: float) -> None:
     """Draw the limit over the time in which it holds; a limit at the end as a short line."""
-    part = requirement.series.samples(result.ns)
+    part = requirement.variable.samples(result.ns)
     start, end = result.time[part.start] / factor, result.time[part.stop - 1] / factor
     if start == end:
         start = end - 0.06 * result.time[-1] / factor
@@ -195,10 +194,10 @@ def _requirements(result: Result) -> list[Figure]:
             axis.plot(bad, np.zeros(len(bad)), linestyle="", marker="^", markersize=5, color=FAILED, clip_on=False,
                       zorder=6)
         axis.axvline(one.limit, **DASHED, linewidth=1.4)
-        unit = f" {one.series.unit}" if one.series.unit else ""
-        axis.set_title(f"{_shown(one.series)} {one.series.when} {one.comparison} {one.limit:.4g}{unit}")
+        axis.set_title(f"{_shown(one.variable)} {one.variable.when} {one.comparison} {one.limit:.4g}"
+                       + unit_after(one.variable.unit))
         axis.set_title(f"{len(good)} of {result.complete.sum()}", loc="right", color="#777777", fontsize=9)
-        axis.set_xlabel(_axis_label(one.series) + ("" if one.series._start is None else ", the worst of each run"))
+        axis.set_xlabel(_axis_label(one.variable) + ("" if one.variable._start is None else ", the worst of each run"))
         axis.set_ylabel("runs")
         axis.yaxis.get_major_locator().set_params(integer=True)
         axis.grid(False, axis="x")
@@ -270,5 +269,5 @@ def _drivers(result: Result) -> list[Figure]:
             axis.set_title(f"rank correlation {rho:+.2f}".replace("-", "\N{MINUS SIGN}")
                            + (" with |x \N{MINUS SIGN} median|" if distance else ""))
             axis.margins(x=0.03)
-        axes[3 * row].set_ylabel(_axis_label(one.series) + "\n" + one.series.when)
+        axes[3 * row].set_ylabel(_axis_label(one.variable) + "\n" + one.variable.when)
     return [figure]

@@ -24,7 +24,7 @@ from fledge.montecarlo.plots import PERCENTILES, figures, percentiles, summary_o
 
 if TYPE_CHECKING:
     from fledge.montecarlo import Result
-    from fledge.montecarlo.requirements import Series
+    from fledge.montecarlo.requirements import Variable
 
 
 def confidence(passed: int, n: int) -> tuple[float, float]:
@@ -38,12 +38,12 @@ def confidence(passed: int, n: int) -> tuple[float, float]:
     return (0.0 if passed == 0 else middle - half), (1.0 if passed == n else middle + half)
 
 
-def measures(result: Result) -> list[Series]:
+def measures(result: Result) -> list[Variable]:
     """A number over time for each retained variable and for each requirement."""
     d = result.campaign.dispersions
-    found: dict[str, Series] = {}
-    for series in [*map(summary_of, d.retained.values()), *(r.series for r in d.requirements)]:
-        found.setdefault(series.measure_text, series)
+    found: dict[str, Variable] = {}
+    for variable in [*map(summary_of, d.retained.values()), *(r.variable for r in d.requirements)]:
+        found.setdefault(variable.measure_text, variable)
     return list(found.values())
 
 
@@ -65,7 +65,7 @@ def summary(result: Result, command: Callable[[int], str]) -> dict:
     requirements = []
     for one in d.requirements:
         values, times, holds = one.worst(result)
-        row = {"requirement": repr(one), "message": one.message, "unit": one.series.unit, "limit": one.limit,
+        row = {"requirement": repr(one), "message": one.message, "unit": one.variable.unit, "limit": one.limit,
                "held": int(holds[complete].sum()), "of": int(complete.sum())}
         if complete.any():
             key = np.where(np.isnan(values), np.inf, values if one.comparison in ("<", "<=") else -values)
@@ -166,7 +166,7 @@ def _csv(result: Result) -> str:
     def head(name, unit):
         return f"{name} [{unit}]" if unit else name
 
-    reached = {repr(r.series): (r.worst(result)[0], r.series.unit) for r in d.requirements}
+    reached = {repr(r.variable): (r.worst(result)[0], r.variable.unit) for r in d.requirements}
     final = {repr(one.final): (one.values(result)[:, -1], one.unit) for one in measures(result)}
     columns = {**final, **reached}
     out = io.StringIO()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the extension calls in Python. It imports this module at the first call."""
+"""The functions that the extension calls in Python. It imports this module at the first call."""
 
 from fledge.objects.si import enumeration, to_si
 from fledge.objects.wires import wire

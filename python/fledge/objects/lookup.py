@@ -1,14 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Attributes of a module from a dictionary of types, with an answer to names that are not there; and words."""
+"""Attributes of a Python module from a dictionary of types, with helpful errors for unknown names."""
 
+from __future__ import annotations
+
+from collections.abc import Callable
 from types import BuiltinFunctionType, FunctionType, ModuleType
+from typing import Any
 
 from fledge import _core
 from fledge.errors import did_you_mean
 
 
-def lookup(module, types, extra):
-    """The __getattr__ and __dir__ of a Python module that shows `types` besides its own `extra`."""
+def lookup(module: str, types: dict[str, Any],
+           extra: dict[str, Any]) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+    """The __getattr__ and __dir__ of a Python module that has `types` besides its own `extra`."""
     def __getattr__(name):
         if name in types:
             return types[name]
@@ -22,7 +27,7 @@ def lookup(module, types, extra):
                              + ", ".join(sorted(main + own)))
 
     def __dir__():
-        # Without what the module itself has from elsewhere: modules, and functions of others.
+        # Without the imports of the module: modules, and functions of others.
         own = [n for n, value in extra.items() if not isinstance(value, ModuleType)
                and not (isinstance(value, (FunctionType, BuiltinFunctionType)) and value.__module__ != module)]
         return sorted([*types, *own])

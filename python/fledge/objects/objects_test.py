@@ -258,5 +258,5 @@ def test_types_cannot_be_subclassed_and_bases_not_made():
         class Mine(fsw.MrpFeedback):
             pass
     for base in (objects.Module, objects.Model, objects.Message):
-        with pytest.raises(TypeError, match="make one of a kind instead"):
+        with pytest.raises(TypeError, match="make an object of one of its types instead"):
             base()

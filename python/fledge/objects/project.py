@@ -1,20 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """A project: a folder outside Fledge with modules, models and missions of one's own.
 
-`./fledge --project DIR COMMAND` builds what DIR/CMakeLists.txt names into DIR/build/<preset>, and sets
-FLEDGE_PROJECT to DIR and FLEDGE_PRESET. From then on the project's modules stand beside Fledge's in
-`fledge.flight`, its models in `fledge.world`, and DIR/missions is where missions are looked for first.
+`./fledge --project DIR COMMAND` builds the libraries of DIR/CMakeLists.txt into DIR/build/<preset>, and sets
+FLEDGE_PROJECT to DIR and FLEDGE_PRESET. Then `fledge.flight` also has the project's modules, `fledge.world` its
+models, and the search for missions begins in DIR/missions.
 """
+
+from __future__ import annotations
 
 import os
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from fledge import _core
 from fledge.errors import SetupError
 
 
-def folder():
+def folder() -> Path | None:
     """The project's folder, or None. Raises SetupError if FLEDGE_PROJECT names no folder."""
     named = os.environ.get("FLEDGE_PROJECT")
     if not named:
@@ -24,9 +27,9 @@ def folder():
     return Path(named).resolve()
 
 
-def types(part):
-    """Name -> type of the project's modules, models and messages whose headers are in `part`/, that
-    is in flight/ or world/. Raises SetupError if the project is not built or has a name of Fledge's."""
+def types(part: str) -> dict[str, Any]:
+    """Name -> type of the project's modules, models and messages with headers in `part`/: "flight" or "world".
+    Raises SetupError if the project is not built or declares a name of Fledge's."""
     return {name: one for name, one in _types().items() if _core.struct(one).folder.split("/")[0] == part}
 
 
@@ -42,7 +45,7 @@ def _types():
         raise SetupError(f"the project {project} is not built ({build}); "
                          f"./fledge --project {project} setup builds it") from None
     fledge = {**_core.library("flight"), **_core.library("world")}
-    found = {}
+    found: dict[str, Any] = {}
     for line in libraries:
         name, path = line.split(" ", 1)
         theirs = _core.load_library(path, name)

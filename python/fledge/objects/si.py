@@ -10,18 +10,17 @@ from fledge.units import Quantity, UnitError, nanoseconds
 
 
 def to_si(value: Any, path: str, unit: str, dims: Any, expected: str) -> Any:
-    """The plain numbers, in the header's unit, behind a quantity, a numpy scalar or a list of such.
+    """A quantity, a numpy scalar or a list of them as plain numbers in the header's unit.
 
     path: "flight.control.K"; unit: as in the header; dims: its exponents; expected: in words.
-    Raises SetupError on another dimension, or on what is no number.
+    Raises SetupError for another dimension, or if the value is no number.
     """
     def plain(x: Any) -> Any:
         if isinstance(x, Quantity):
             if x.dims[:7] != dims[:7]:
-                found = x.dims
-                raise SetupError(
-                    f"{path}: expected {_unit(unit, dims)}; found {x!r}"
-                    + ("" if any(found) else ", which has no unit"))
+                wanted = f"a quantity in {unit}" if unit not in ("", "-") else "a number without unit"
+                raise SetupError(f"{path}: expected {wanted}; found {x!r}"
+                                 + ("" if any(x.dims) else ", which has no unit"))
             if unit == "ns":
                 return nanoseconds(x)
             return plain(x.value)
@@ -42,10 +41,6 @@ def to_si(value: Any, path: str, unit: str, dims: Any, expected: str) -> Any:
     return plain(value)
 
 
-def _unit(unit, dims):
-    return f"a quantity in {unit}" if unit not in ("", "-") else "a number without unit"
-
-
 def _short(value):
     text = repr(value).replace("\n", " ")
     return text if len(text) <= 80 else text[:77] + "..."
@@ -56,7 +51,7 @@ _PINT = ("[length]", "[mass]", "[time]", "[current]", "[temperature]", "[substan
 
 
 def _from_pint(x):
-    """A pint quantity as one of ours. pint itself is not imported: the object knows all."""
+    """A pint quantity as one of ours. pint itself is not imported."""
     base = x.to_base_units()
     dims = dict(base.dimensionality)
     exponents = []
@@ -70,7 +65,7 @@ def _from_pint(x):
 
 
 def to_number(value: Any, path: str, unit: str, dims: Any) -> float:
-    """One plain number in `unit`, "-" for none, as to_si() converts it. Raises SetupError on anything else."""
+    """One plain number in `unit`, "-" for none, as to_si() converts it. Raises SetupError for anything else."""
     number = to_si(value, path, unit, dims, f"a number in {unit}" if unit != "-" else "a number")
     if not isinstance(number, (int, float)):
         raise SetupError(f"{path}: expected one number; found {value!r}")
@@ -78,7 +73,7 @@ def to_number(value: Any, path: str, unit: str, dims: Any) -> float:
 
 
 def to_vector(value: Any, path: str, unit: str, dims: Any) -> list[float]:
-    """Three plain numbers in `unit`, as to_si() converts them. Raises SetupError on anything else."""
+    """Three plain numbers in `unit`, as to_si() converts them. Raises SetupError for anything else."""
     numbers = to_si(value, path, unit, dims, f"3 numbers in {unit}")
     if not isinstance(numbers, list) or len(numbers) != 3 or not all(isinstance(x, (int, float)) for x in numbers):
         raise SetupError(f"{path}: expected 3 numbers; found {value!r}")
@@ -86,9 +81,9 @@ def to_vector(value: Any, path: str, unit: str, dims: Any) -> list[float]:
 
 
 def time_ns(value: Any, path: str) -> int:
-    """A time, a quantity or a number of seconds, in whole nanoseconds. Raises SetupError on anything else.
+    """A time, a quantity or a number of seconds, in whole nanoseconds. Raises SetupError for anything else.
 
-    path: what the time belongs to, "task flight.gnc: every"
+    path: the beginning of the error text, "task flight.gnc: every"
     """
     try:
         return nanoseconds(value)
@@ -97,7 +92,7 @@ def time_ns(value: Any, path: str) -> int:
 
 
 def enumeration(name: str, doc: str, values: Any) -> Any:
-    """A Python enum for one of C: its members without what all their names begin with."""
+    """A Python enum for one of C: its members without their common prefix."""
     import enum
 
     stem = name.upper() + "_"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An array that knows its length. Apart, so that numpy is imported only with the first of them."""
+"""Arrays with norm(). A module of its own, because it imports numpy."""
 
 import numpy as np
 
@@ -7,6 +7,6 @@ import numpy as np
 class Vector(np.ndarray):
     """A numpy array with norm()."""
 
-    def norm(self):
+    def norm(self) -> float:
         """The root of the sum of squares."""
         return float(np.sqrt(np.sum(np.square(np.asarray(self)))))

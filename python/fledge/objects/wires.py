@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Wires between modules and models: what `a.output >> b.input` makes."""
+"""Wires between modules and models, as `a.output >> b.input` makes them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fledge import _core
 from fledge.errors import SetupError
 from fledge.objects.si import time_ns
 
-# --- where the user said it ------------------------------------------------------------------------
+# --- lines of the user's files ---------------------------------------------------------------------
 
 _PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__))) + os.sep
 
@@ -29,12 +29,12 @@ def caller() -> tuple[str, int]:
 class Wire:
     """Wires from one output, as `a.output >> b.input` or `a.output >> [b.input, c.input]` makes them.
 
-    They take effect in connect(). `(a >> b).latency(1)` makes the consumer read what the producer had
-    at the end of the previous exchange, so that both may run in parallel; `(a >> b).stale_after(2 * s)`
-    lowers the quality of a message that is older. Both return the wire, so they chain.
+    They take effect in connect(). With `(a >> b).latency(1)` the consumer reads the producer's message at the
+    end of the previous exchange, so that both may run in parallel; `(a >> b).stale_after(2 * s)` lowers the
+    quality of a message that is older. Both return the wire, so that calls can be chained.
     """
 
-    def __init__(self, source, targets):
+    def __init__(self, source: Any, targets: list[Any]) -> None:
         self.source = source
         self.targets = targets
         self.declared_at = caller()
@@ -59,7 +59,7 @@ class Wire:
 
 
 def wire(source: Any, target: Any) -> Wire:
-    """What `source >> target` means. Raises SetupError on what cannot be joined."""
+    """`source >> target`. Raises SetupError if they cannot be connected."""
     if isinstance(target, list):
         wires = [wire(source, one) for one in target]
         return Wire(source, [t for w in wires for t in w.targets])

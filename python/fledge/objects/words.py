@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Modules, models and messages in words: the tables that they print, and the errors for unknown names."""
+"""Modules, models and messages as text: their tables, and the errors for unknown names."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def names_by_group(obj: Any) -> dict[str, list[str]]:
 
 
 def unknown_attribute(obj: Any, name: str) -> str:
-    """The text of the error for a name that an object does not have."""
+    """The error text for an unknown attribute."""
     groups = names_by_group(obj)
     everything = [n for names in groups.values() for n in names]
     return f"{title(obj)} has no attribute '{name}'{did_you_mean(name, everything)} " + "; ".join(
@@ -114,7 +114,7 @@ def _array(value):
 
 
 def _wiring(obj, field):
-    """Where a port's wires come from or go to."""
+    """The other ends of a port's wires."""
     context = _core.context(obj)
     process = context() if context is not None else None
     path = f"{_core.path(obj)}.{field.name}"
@@ -129,5 +129,5 @@ def _wiring(obj, field):
 
 
 def first_sentence(doc: str) -> str:
-    """What a docstring or a header's comment says first, as one line that ends in a full stop."""
+    """The first sentence of a docstring or a header's comment, on one line."""
     return " ".join(doc.split()).split(". ")[0].rstrip(".") + "."

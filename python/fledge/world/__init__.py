@@ -6,8 +6,8 @@
         orbit=Orbit(world.MARS, a=7471.618 * km, e=0.4, f=270 * deg))
     w.integrator = world.Adaptive(relative=1e-10, absolute=1e-9)
 
-N is an inertial frame; where a body's pole matters, N is the mean equator and equinox of J2000. With a
-Sky, bodies are where an ephemeris has them, and N has its origin in one of them.
+N is an inertial frame. If a body's pole matters, N is the mean equator and equinox of J2000. With a Sky, an
+ephemeris gives the positions of bodies, and N has its origin in one of them.
 """
 
 from fledge import _core
@@ -22,7 +22,7 @@ from fledge.world.orbit import Orbit
 from fledge.world.sky import Sky
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # Type checkers and editors take it for true. The build writes these stubs from the headers.
+if TYPE_CHECKING:  # Type checkers and editors assume that it is true. The build writes these stubs from the headers.
     from _fledge_world import *
     from _project_world import *
 del TYPE_CHECKING
@@ -31,13 +31,13 @@ TYPES = {**_core.library("world"), **_project.types("world")}
 add_attributes(TYPES)
 
 
-def RK4():
+def RK4() -> _core.Integrator:
     """The classical fourth-order method of Runge and Kutta: one step per update."""
     return _core.rk4()
 
 
-def Adaptive(relative=1e-10, absolute=1e-12):
-    """A method of order 8 with error control: as many steps per update as the tolerances ask for.
+def Adaptive(relative: float = 1e-10, absolute: float = 1e-12) -> _core.Integrator:
+    """A method of order 8 with error control: as many steps per update as the tolerances require.
 
     relative, absolute: tolerances of each state, in its own unit.
     """

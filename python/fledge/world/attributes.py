@@ -1,13 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What models of the world take besides the parameters of their headers: parts, gravity, orbit, sky, body."""
+"""Attributes of the world's models besides the parameters of their headers: parts, gravity, orbit, sky, body."""
+
+from __future__ import annotations
 
 import weakref
+from typing import Any
 
 from fledge import _core
 from fledge.errors import SetupError
 from fledge.world.bodies import Body, body_of
 from fledge.world.orbit import Orbit
 from fledge.world.sky import Sky, number
+
 
 def _set_parts(craft, parts):
     for part in parts if isinstance(parts, (list, tuple)) else [parts]:
@@ -24,7 +28,7 @@ def _get_gravity(craft):
     bodies = []
     for name, mu, radius, J, pole_N, r_PN_N, v_PN_N, naif, field in _core.gravity(craft):
         body = Body(name, mu, radius, naif=naif)
-        body.J, body.pole_N, body.r_PN_N, body.v_PN_N, body.field = tuple(J), pole_N, r_PN_N, v_PN_N, field
+        vars(body).update(J=tuple(J), pole_N=pole_N, r_PN_N=r_PN_N, v_PN_N=v_PN_N, field=field)
         bodies.append(body)
     return bodies
 
@@ -56,7 +60,8 @@ def _get_orbit(craft):
     return Orbit.from_state(body.at([0, 0, 0]), r, v)
 
 
-_orbits = weakref.WeakKeyDictionary()  # as they were set: a sky that comes later says where their body is
+# As they were set: their state depends on a sky that is set later.
+_orbits: weakref.WeakKeyDictionary[Any, Orbit] = weakref.WeakKeyDictionary()
 
 
 def _set_sky(model, sky):
@@ -83,13 +88,13 @@ def _get_body(model):
     return _core.body_name(model.id)
 
 
-def add_attributes(types):
+def add_attributes(types: dict[str, Any]) -> None:
     """Give the models of `types`, by name, their further attributes."""
     craft = types["Spacecraft"]
     craft.parts = property(_core.parts, _set_parts, None, "The parts, such as reaction wheels; assigning adds.")
     craft.gravity = property(_get_gravity, _set_gravity, None, "The bodies that attract it; assigning adds.")
     craft.orbit = property(_get_orbit, _set_orbit, None,
-                            "The initial orbit, to be set; read, the present one about the first body.")
+                           "When set, the initial orbit; when read, the present one about the first body.")
     craft.sky = property(_get_sky, _set_sky, None, "The Sky that says where the bodies of `gravity` are, or None.")
 
     celestial = types["CelestialBody"]

@@ -1,7 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Celestial bodies, with their gravity, size and pole."""
 
-from os import fspath
+from __future__ import annotations
+
+from collections.abc import Sequence
+from os import PathLike, fspath
+from typing import Any
 
 from fledge import _core
 from fledge.errors import SetupError
@@ -18,20 +22,21 @@ class Body:
     """A celestial body: gravity, size and pole.
 
     name; mu [m^3/s^2]; radius [m], equatorial, to which J belongs; J: (J2, ..., J6); pole_N: unit
-    vector; r_PN_N [m], v_PN_N [m/s]: where it is at time 0, and its uniform motion; naif: the number by
-    which a Sky finds it; field: its gravity in spherical harmonics, or None.
+    vector; r_PN_N [m], v_PN_N [m/s]: its position at time 0, and its uniform motion; naif: its number in
+    a Sky; field: its gravity in spherical harmonics, or None.
 
-    As it stands, a body attracts as a point mass; `MARS.zonal(6)` adds J2 to J6, `MARS.harmonics(file)`
-    is the body with a whole field, `SUN.at(r, v)` the same body elsewhere, where there is no Sky.
+    A body attracts as a point mass; `MARS.zonal(6)` adds J2 to J6, `MARS.harmonics(file)` is the body with a
+    whole field, `SUN.at(r, v)` the same body elsewhere, for simulations without a Sky.
     """
 
-    def __init__(self, name, mu, radius, J=(), pole=(0.0, 90.0), naif=None):
+    def __init__(self, name: str, mu: float, radius: float, J: Sequence[float] = (),
+                 pole: tuple[float, float] = (0.0, 90.0), naif: int | None = None) -> None:
         from math import cos, radians, sin
 
         self.name, self.mu, self.radius, self.naif = name, mu, radius, naif
-        self.field = None
+        self.field: Any = None
         self._known = tuple(J) + (0.0,) * (5 - len(J))
-        self.J = (0.0,) * 5
+        self.J: tuple[float, ...] = (0.0,) * 5
         alpha, delta = radians(pole[0]), radians(pole[1])
         self.pole_N = [cos(delta) * cos(alpha), cos(delta) * sin(alpha), sin(delta)]
         self.r_PN_N = [0.0, 0.0, 0.0]
@@ -42,10 +47,10 @@ class Body:
         other.__dict__.update(self.__dict__)
         return other
 
-    def zonal(self, degree=6, pole_N=None):
+    def zonal(self, degree: int = 6, pole_N: Any = None) -> Body:
         """The same body with the zonal harmonics up to a degree from 2 to 6.
 
-        pole_N: a unit vector, where the orbit's N is not J2000; [0, 0, 1] for N on the body's equator.
+        pole_N: a unit vector, if the orbit's N is not J2000; [0, 0, 1] for N on the body's equator.
         """
         if degree not in range(2, 7):
             raise SetupError(f"{self.name}.zonal({degree}): expected a degree from 2 to 6")
@@ -59,10 +64,10 @@ class Body:
             other.pole_N = to_vector(pole_N, f"{self.name}.zonal: pole_N", "-", NUMBER)
         return other
 
-    def harmonics(self, file, degree=None):
+    def harmonics(self, file: str | PathLike[str], degree: int | None = None) -> Body:
         """The same body with the gravity field of a SHADR or ICGEM (.gfc) file, turning with the body.
 
-        degree: up to which; None: all there is. mu and radius are then the file's. Raises SetupError with
+        degree: the highest; None: that of the file. mu and radius are then the file's. Raises SetupError with
         the line if the file is damaged or foreign, or if its mu is not this body's within 10 %.
         """
         path = f"{self.name}.harmonics"
@@ -79,7 +84,7 @@ class Body:
         other.mu, other.radius, other.J = other.field.mu, other.field.radius, (0.0,) * 5
         return other
 
-    def at(self, r_PN_N, v_PN_N=(0.0, 0.0, 0.0)):
+    def at(self, r_PN_N: Any, v_PN_N: Any = (0.0, 0.0, 0.0)) -> Body:
         """The same body at a position [m] at time 0, in uniform motion [m/s]."""
         other = self._copy()
         other.r_PN_N = to_vector(r_PN_N, f"{self.name}.at: r_PN_N", "m", LENGTH)
@@ -118,12 +123,13 @@ PLUTO = Body("PLUTO", 8.6961381776e11, 1195e3, (), (313.02, 9.09), naif=999)
 # Planets together with their moons; without size or shape. mu from JPL's ephemerides.
 EMB, JUPITER_SYSTEM, SATURN_SYSTEM, URANUS_SYSTEM, NEPTUNE_SYSTEM, PLUTO_SYSTEM = (
     Body(_core.body_name(n).rsplit(" ", 1)[0], _core.body_mu(n), 0.0, naif=n) for n in (3, 5, 6, 7, 8, 9))
-SSB = Body("SOLAR SYSTEM BARYCENTER", 0.0, 0.0, naif=0)  # where N may have its origin; it attracts nothing
+SSB = Body("SOLAR SYSTEM BARYCENTER", 0.0, 0.0, naif=0)  # N may have its origin here; it attracts nothing
 
 BODIES = {b.name: b for b in (SUN, MERCURY, VENUS, EARTH, MOON, MARS, JUPITER, SATURN, URANUS, NEPTUNE, PLUTO)}
 
 
-def body_of(value, path):
+def body_of(value: Any, path: str) -> Body:
+    """A Body, also by its name. Raises SetupError that lists the names."""
     if isinstance(value, Body):
         return value
     if isinstance(value, str) and value.upper() in BODIES:

@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Keplerian orbits."""
 
+from __future__ import annotations
+
+from typing import Any
+
 from fledge import _core
 from fledge.errors import SetupError
 from fledge.objects.si import to_number, to_vector
-from fledge.world.bodies import ANGLE, LENGTH, NUMBER, SPEED, body_of
+from fledge.world.bodies import ANGLE, LENGTH, NUMBER, SPEED, Body, body_of
 
 
 class Orbit:
@@ -13,7 +17,7 @@ class Orbit:
         Orbit(world.MARS, a=7471.618 * km, e=0.4, f=270 * deg)
         Orbit(world.EARTH, altitude=500 * km, i=97.4 * deg)
 
-    The size and shape are given by one of
+    One of these gives the size and shape:
         a and e            semi-major axis (negative for a hyperbola), eccentricity (default 0)
         p and e            semi-latus rectum, which every conic has
         rp and ra          radii of periapsis and apoapsis
@@ -26,8 +30,9 @@ class Orbit:
     Raises SetupError on elements that describe no orbit.
     """
 
-    def __init__(self, body, *, a=None, e=None, p=None, rp=None, ra=None, altitude=None,
-                 i=0.0, Omega=0.0, omega=0.0, f=0.0):
+    def __init__(self, body: Body | str, *, a: Any = None, e: Any = None, p: Any = None, rp: Any = None,
+                 ra: Any = None, altitude: Any = None, i: Any = 0.0, Omega: Any = 0.0, omega: Any = 0.0,
+                 f: Any = 0.0) -> None:
         self.body = body_of(body, "Orbit")
         given = {k: v for k, v in (("a", a), ("p", p), ("rp", rp), ("ra", ra), ("altitude", altitude))
                  if v is not None}
@@ -64,7 +69,7 @@ class Orbit:
         self.v_BN_N = [x + y for x, y in zip(v, self.body.v_PN_N)]
 
     @classmethod
-    def from_state(cls, body, r, v):
+    def from_state(cls, body: Body | str, r: Any, v: Any) -> Orbit:
         """The orbit through a position [m] with a velocity [m/s], relative to the body."""
         body = body_of(body, "Orbit.from_state")
         r = to_vector(r, "Orbit.from_state: r", "m", LENGTH)
@@ -73,12 +78,12 @@ class Orbit:
         return cls(body, p=p, e=e, i=i, Omega=Omega, omega=omega, f=f)
 
     @property
-    def a(self):
+    def a(self) -> float:
         """The semi-major axis [m]: negative for a hyperbola, infinite for a parabola."""
         return self.p / (1.0 - self.e**2) if self.e != 1.0 else float("inf")
 
     @property
-    def period(self):
+    def period(self) -> float:
         """The orbital period [s]; infinite for open orbits."""
         from math import pi, sqrt
 
