@@ -14,7 +14,7 @@ from pathlib import Path
 from fledge.elements import ELEMENTS
 from fledge.export import names
 from fledge.export.c_source import extern, row, written
-from fledge.export.read import ExportError, Message
+from fledge.export.read import ExportError, Message, leaves
 
 BASE, CLOCK, INTERRUPTS, FIRST = 0xA0000000, 0x0, 0x20, 0x40
 
@@ -341,20 +341,13 @@ def source(mission, boards, found):
              and not isinstance(one.message.struct, Block)}
     loads = [one for one in found if isinstance(one.message.struct, Block)]
     for one in loads:
-        block = one.message.struct
-        runs = ", ".join(f"{{{width}u, {n}u}}" for width, n in byte_runs(block))
-        lines += ["", f"static const RegisterRun runs_{block.name}[] = {{{runs}}};",
-                  f'static const RegisterMessage {block.name} = {{"{block.name}", {block.size}u, '
-                  f"{len(byte_runs(block))}u,", f"    runs_{block.name}}};"]
+        lines += message(one.message.struct, f"static const RegisterMessage {one.message.struct.name}")
     if loads:
         largest = max(one.message.struct.size for one in loads)
         lines += ["", f"static uint64_t block[{-(-largest // 8)}];"]
     for struct in whole.values():
-        runs = ", ".join(f"{{{width}u, {n}u}}" for width, n in byte_runs(struct))
-        lines += ["", f"static const RegisterRun runs_{struct.name}[] = {{{runs}}};",
-                  f"extern const RegisterMessage fledge_message_{struct.name};",
-                  f'const RegisterMessage fledge_message_{struct.name} = {{"{struct.name}", {struct.size}u, '
-                  f"{len(byte_runs(struct))}u,", f"    runs_{struct.name}}};"]
+        declared = f"const RegisterMessage fledge_message_{struct.name}"
+        lines += message(struct, declared, [f"extern {declared};"])
     lines += ["", "static const RegisterBoard *const boards[] = {" + ", ".join(f"&{b.name}" for b in boards) + "};",
               "", "static const MissionLane lanes[] = {"]
     for one in found:
@@ -372,20 +365,21 @@ def source(mission, boards, found):
     return "\n".join(lines)
 
 
+def message(struct, declared, before=()):
+    """Lines that define a RegisterMessage."""
+    found = byte_runs(struct)
+    runs = ", ".join(f"{{{width}u, {n}u}}" for width, n in found)
+    return ["", f"static const RegisterRun runs_{struct.name}[] = {{{runs}}};", *before,
+            f'{declared} = {{"{struct.name}", {struct.size}u, {len(found)}u,', f"    runs_{struct.name}}};"]
+
+
 def byte_runs(struct):
     """(width in bytes, how many) of a message's numbers in the order of memory, as introspect/emit/orders.py."""
     merged = []
-    for width, n in _widths(struct):
+    for _, field, _ in leaves(struct.fields):
+        width = ELEMENTS[field.type].size
+        n = field.size // width
         if merged and merged[-1][0] == width:
             n += merged.pop()[1]
         merged.append((width, n))
     return merged
-
-
-def _widths(struct):
-    for field in struct.fields:
-        if field.type == "struct":
-            for _ in range(field.size // field.struct.size):
-                yield from _widths(field.struct)
-        else:
-            yield ELEMENTS[field.type].size, field.size // ELEMENTS[field.type].size

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Text of C as a careful person lays it out: 100 columns, notes in line with one another."""
+"""The layout of exported C: at most COLUMNS columns, and the notes of successive lines below one another."""
 
-COLUMNS = 120
+COLUMNS = 120   # as in .clang-format
 
 
 def wrap(pieces, first, following, end=""):
-    """Pieces in lines of 100 columns; the first begins with `first`, the others with `following`."""
+    """Pieces in lines that are full; the first begins with `first`, the others with `following`."""
     lines, line = [], first
     for i, piece in enumerate(pieces):
         gap = "" if line in (first, following) else " "

@@ -292,18 +292,20 @@ def line_of(path, name):
     return None
 
 
-def floats(struct, memory, prefix=""):
-    """(path, value) of every floating-point number in an object of that struct."""
-    for f in struct.fields:
-        path = prefix + (f"{f.group}." if f.group else "") + f.name
-        count = 1
-        for n in f.shape:
-            count *= n
+def leaves(fields, path="", base=0):
+    """(path, field, offset) of every field that is no struct; of an array of structs, of each element."""
+    for f in fields:
         if f.type == "struct":
-            for i in range(count):
-                at = f.offset + i * f.struct.size
-                row = f"{path}[{i}]" if f.shape else path
-                yield from floats(f.struct, memory[at:at + f.struct.size], row + ".")
-        elif f.type in ("f64", "f32"):
-            values = packing.unpack_from(f"={count}{ELEMENTS[f.type].code}", memory, f.offset)
-            yield from ((path + (f"[{i}]" if f.shape else ""), v) for i, v in enumerate(values))
+            for i, at in enumerate(range(base + f.offset, base + f.offset + f.size, f.struct.size)):
+                yield from leaves(f.struct.fields, f"{path}{f.name}" + (f"[{i}]" if f.shape else "") + ".", at)
+        else:
+            yield path + f.name, f, base + f.offset
+
+
+def floats(struct, memory):
+    """(path, value) of every floating-point number in an object of that struct."""
+    for port in struct.fields:
+        for path, f, at in leaves([port], f"{port.group}." if port.group else ""):
+            if ELEMENTS[f.type].is_float:
+                values = packing.unpack_from(f"={f.size // ELEMENTS[f.type].size}{ELEMENTS[f.type].code}", memory, at)
+                yield from ((path + (f"[{i}]" if f.shape else ""), v) for i, v in enumerate(values))

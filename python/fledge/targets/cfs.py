@@ -12,7 +12,7 @@ from pathlib import Path
 
 from fledge.errors import Failure
 from fledge.export import cfs
-from fledge.export.cfs import around, hosted
+from fledge.export.cfs import around
 from fledge.export.write import write_files
 from fledge.targets import build
 from fledge.targets.target import Target
@@ -36,9 +36,9 @@ class Cfs(Target):
     def build(self, job):
         app, folder = self.app(job), (job.folder / self.name).resolve()
         (folder / "cf").mkdir(exist_ok=True)
-        write_files({"apps.c": hosted.app_list([APP]), "cf/cfe_es_startup.scr": around.startup(APP),
+        write_files({"apps.c": around.app_list([APP]), "cf/cfe_es_startup.scr": around.startup(APP),
                      **{f"cf/{file.name}": file.read_bytes() for file in sorted((app / "cf").iterdir())}}, folder)
-        sources = [*sorted((app / "fsw/src").rglob("*.c")), folder / "apps.c", *hosted.pocket_sources()]
+        sources = [*sorted((app / "fsw/src").rglob("*.c")), folder / "apps.c", *around.pocket_sources()]
         return build.program(folder, "core", sources, [app / "fsw/inc", app / "fsw/src", build.ROOT,
                                                        build.ROOT / "targets/cfs/inc"], link=["-lpthread", "-lm"])
 

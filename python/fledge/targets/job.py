@@ -3,6 +3,7 @@
 
 import fcntl
 import math
+import re
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
@@ -91,7 +92,8 @@ class Job:
 
     def fields(self):
         """The names of all numbers that flight puts out: "flight.tracking.error.sigma_BR"."""
-        return [name for m in self.mission.outputs for name in _fields(m.struct, m.path)]
+        return [re.sub(r"\[\d+\]", "", f"{m.path}.{name}") for m in self.mission.outputs
+                for name, _, _ in export.leaves(m.struct.fields)]
 
     def is_instant(self, t):
         """Of an array of times [ns], which are flight's: on the grid of any of its tasks."""
@@ -105,11 +107,3 @@ class Job:
     def step(self):
         """[ns] The widest grid that has all of flight's instants."""
         return math.gcd(*(n for task in self.mission.tasks for n in (task.period, task.offset)))
-
-
-def _fields(struct, path):
-    for field in struct.fields:
-        if field.type == "struct":
-            yield from _fields(field.struct, f"{path}.{field.name}")
-        else:
-            yield f"{path}.{field.name}"

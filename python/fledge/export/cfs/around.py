@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The files around an app's C: its build, what a tree needs to know of it, and how to get it there."""
 
+from pathlib import Path
+
 from fledge.export.cfs.app import CMD
 from fledge.export.cfs.tables import HEAD_SIZE
 
 STACK, PRIORITY = 16384, 55
+ROOT = Path(__file__).resolve().parents[4]
 
 
 def cmake(app, sources, tables):
@@ -44,6 +47,21 @@ def schedule(app):
                       f"{{CFE_SB_MSGID_WRAP_VALUE({mid}), 100, 0}},", "",
                       "/* or of Caelum, where the rate counts seconds:", " *",
                       f" *     {{CFE_SB_MSGID_WRAP_VALUE({mid}), 1}},", " */", ""])
+
+
+def pocket_sources():
+    """The pocket cFE and its host, to compile beside an app."""
+    return sorted(file for file in (ROOT / "targets/cfs").glob("*.c") if file.name != "watch.c")
+
+
+def app_list(apps):
+    """The C file with the table of the apps that the host can start."""
+    return "\n".join(["/* SPDX-License-Identifier: Apache-2.0 */", '#include "targets/cfs/pocket.h"', "",
+                      *(f"void {app.prefix}_AppMain(void);" for app in apps), "",
+                      "extern const PocketApp fledge_apps[];", "extern const uint32 fledge_apps_n;",
+                      "const PocketApp fledge_apps[] = {",
+                      *(f'    {{"{app.prefix}_AppMain", {app.prefix}_AppMain}},' for app in apps), "};",
+                      f"const uint32 fledge_apps_n = {len(apps)};", ""])
 
 
 def readme(mission, app, found):

@@ -2,7 +2,8 @@
 """Packets and tables as C structs that need nothing of Fledge: for the app, for its tables, for the ground."""
 
 from fledge.elements import ELEMENTS
-from fledge.export.c_text import doc, plain, with_notes, wrap
+from fledge.export import names
+from fledge.export.c_text import comment, doc, plain, with_notes, wrap
 
 
 def members(fields, indent="    "):
@@ -39,8 +40,7 @@ def struct(name, fields, about, first=()):
 def guarded(app, file, about, parts):
     """A header of the app."""
     guard = f"{app.prefix}_{file.upper()}_H"
-    text = " ".join(about.split())
-    return "\n".join(["/* SPDX-License-Identifier: Apache-2.0 */", *wrap(text.split(), "/* ", " * ", " */"),
+    return "\n".join(["/* SPDX-License-Identifier: Apache-2.0 */", *comment(about),
                       f"#ifndef {guard}", f"#define {guard}", "", *parts, "#endif", ""])
 
 
@@ -51,15 +51,6 @@ def msgids(mission, app):
     return guarded(app, "msgids", f"The message ids of {app.prefix}: topics from {app.topic:#x} on.",
                    ["/* commands, requests for housekeeping, wake-ups from its own child task */", *lines[:3], "",
                     "/* telemetry: housekeeping, and a packet for each output of flight */", *lines[3:], ""])
-
-
-def camel(name):
-    return "".join(word[:1].upper() + word[1:] for word in name.split("_"))
-
-
-def outputs(mission):
-    """(message, name of its packet) of each output."""
-    return [(m, camel(m.name)) for m in mission.outputs]
 
 
 def msg(mission, app):
@@ -97,7 +88,8 @@ def msg(mission, app):
              f"    {prefix}_HkTlm_Payload_t Payload;", f"}} {prefix}_HkTlm_t;", "",
              "/* The outputs of flight: host byte order, without padding. */", ""]
     done = {}
-    for message, name in outputs(mission):
+    for message in mission.outputs:
+        name = names.camel(message.name)
         payload = f"{prefix}_{message.struct.name}"
         if message.struct.name not in done:
             parts.append(struct(payload, message.struct.fields, message.struct.doc or message.struct.name))

@@ -11,12 +11,12 @@ import struct as packing
 import zlib
 from dataclasses import dataclass
 
-from fledge.export import names
+from fledge.export import c_source, names
 from fledge.elements import ELEMENTS
 from fledge.export.c_text import plain, string, wrap
 from fledge.export.c_values import literal
-from fledge.export.cfs.packets import camel, guarded, struct
-from fledge.export.read import Module
+from fledge.export.cfs.packets import guarded, struct
+from fledge.export.read import Module, leaves
 
 NAME_MAX, FILE_MAX = 15, 19          # CFE_MISSION_TBL_MAX_NAME_LENGTH, OS_MAX_FILE_NAME, less the end of a text
 HEAD_SIZE = 8
@@ -54,7 +54,7 @@ def tables(mission, app):
         fields = module.fields("par")
         if fields:
             start, end = fields[0].offset, fields[-1].offset + fields[-1].size
-            name = shortened(camel(names.identifier(module.name)), NAME_MAX, taken_names)
+            name = shortened(names.camel(names.identifier(module.name)), NAME_MAX, taken_names)
             stem = shortened(f"{app.name}_{module.name.lower()}", FILE_MAX - len(".tbl"), taken_stems)
             found.append(Table(module, name, stem, fields, module.memory[start:end], start))
     return found
@@ -82,15 +82,10 @@ def tbl(app, table):
 def swapped(fields, content, start=0):
     """The same numbers in the other byte order."""
     out = bytearray(content)
-    for field in fields:
-        at = field.offset - start
-        if field.type == "struct":
-            for i in range(at, at + field.size, field.struct.size):
-                out[i:i + field.struct.size] = swapped(field.struct.fields, content[i:i + field.struct.size])
-        else:
-            width = ELEMENTS[field.type].size
-            for i in range(at, at + field.size, width):
-                out[i:i + width] = content[i:i + width][::-1]
+    for _, field, at in leaves(fields, base=-start):
+        width = ELEMENTS[field.type].size
+        for i in range(at, at + field.size, width):
+            out[i:i + width] = content[i:i + width][::-1]
     return bytes(out)
 
 
@@ -146,7 +141,7 @@ def rules(app, table):
     """The MissionRules of a table, as C."""
     lines = [f"static const MissionRule Rules{table.name}[] = {{"]
     for row in rule_rows(table.fields, table.start):
-        lines += wrap([f"{item}," for item in row[:-1]] + [row[-1]], "    {", "     ", "},")
+        lines += c_source.row(*row)
     return [*lines, "};", ""]
 
 
