@@ -7,7 +7,7 @@ flags, by processor time; their results must agree. A degree n has (n + 1)^2 coe
 """
 import ctypes
 
-from bench.rows import Rows, options, report
+from bench.rows import Rows, in_turn, median_ratio, options, report
 
 DEGREES = [20, 80, 180]
 AGREE = 1e-12
@@ -34,17 +34,10 @@ def main(arguments):
                              "the comparison is void")
         coefficients = (degree + 1) ** 2
         calls = max(1, 10_000_000 // coefficients)
-        ours, plain = [], []
-        for run in range(chosen.runs + 1):
-            times = [1e9 / coefficients * lib.time_harmonics(which, degree, calls)
-                     for which in (0, 1)]
-            if run:  # the first warms up
-                ours.append(times[0])
-                plain.append(times[1])
-        ratios = sorted(a / b for a, b in zip(ours, plain))
-        ratio = ratios[len(ratios) // 2]
+        ours, plain = in_turn({which: lambda which=which: 1e9 / coefficients * lib.time_harmonics(which, degree, calls)
+                               for which in (0, 1)}, chosen.runs).values()
         rows.add(f"plain, degree {degree}", "per coefficient", plain, "ns")
         rows.add(f"gravity, degree {degree}", "per coefficient", ours, "ns",
-                 f"plain, degree {degree}", note=f"{1 / ratio:.2f} times faster")
+                 f"plain, degree {degree}", note=f"{1 / median_ratio(ours, plain):.2f} times faster")
         rows.add(f"gravity, degree {degree}", "difference", difference, "relative")
     report(rows, chosen)

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every bench reports: a table for people, and the same as a list of rows for `--json`."""
+"""The report of a bench: a table for people, and the same figures as a list of rows for `--json`."""
 import argparse
 import json
 import statistics
+
+from fledge.columns import columns
 
 
 class Rows:
@@ -39,12 +41,7 @@ class Rows:
                 f"{r['value']:.4g}", r["unit"],
                 "" if r["ratio"] is None else f"{r['ratio']:.3g} x {r['ratio_to']}",
                 r["note"]))
-        widths = [max(len(row[i]) for row in table) for i in range(7)]
-        right = {2, 3}
-        for row in table:
-            cells = (c.rjust(w) if i in right else c.ljust(w)
-                     for i, (c, w) in enumerate(zip(row, widths)))
-            print("  ".join(cells).rstrip())
+        print(*columns(table, {2, 3}), sep="\n")
 
     def write(self, path):
         keys = ("case", "figure", "value", "least", "unit", "ratio_to", "ratio")
@@ -53,8 +50,25 @@ class Rows:
             file.write("\n")
 
 
+def in_turn(cases, runs):
+    """Name -> samples of each case, a function that returns one. The cases take turns, so that a slow spell of the
+    machine affects all of them; the first turn warms up."""
+    turns = [{name: case() for name, case in cases.items()} for _ in range(runs + 1)][1:]
+    return {name: [turn[name] for turn in turns] for name in cases}
+
+
+def median_ratio(ours, theirs):
+    """The median of the ratios within each turn, which a slow spell of the machine does not change."""
+    return statistics.median_high(a / b for a, b in zip(ours, theirs))
+
+
+def pair_by_pair(ours, theirs):
+    """The same in words."""
+    return f"{median_ratio(ours, theirs):.3g} pair by pair"
+
+
 def options(name, arguments, runs):
-    """What every bench takes on the command line."""
+    """Read the command line of a bench."""
     parser = argparse.ArgumentParser(prog=f"fledge bench {name}",
                                      epilog=f"example: ./fledge bench {name} --json {name}.json")
     parser.add_argument("--json", metavar="FILE", help="write the figures as a list of rows, too")

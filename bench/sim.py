@@ -16,7 +16,7 @@ import time
 import fledge
 from fledge.units import s
 
-from bench.rows import Rows, options, report
+from bench.rows import Rows, options, pair_by_pair, report
 
 SECONDS = 9600
 STEPS = 10 * SECONDS
@@ -115,19 +115,17 @@ def main(arguments):
     if not difference < 1e-9:
         raise SystemExit(f"the end states differ by {difference:.3g} (relative): the comparison is void")
 
-    def pair_by_pair(name, other):
-        """In words, the median of the ratios within each round: what a slow spell cannot bend."""
-        ratios = sorted(a / b for a, b in zip(times[name], times[other]))
-        return f"{ratios[len(ratios) // 2]:.3g} pair by pair"
-
     per_step = {name: [1e9 * t / STEPS for t in values] for name, values in times.items()}
     rows.add("hand_written_loop", "wall", times["hand"], "s")
-    rows.add("nadir_spin", "wall", times["sim"], "s", "hand_written_loop", note=pair_by_pair("sim", "hand"))
+    rows.add("nadir_spin", "wall", times["sim"], "s", "hand_written_loop",
+             note=pair_by_pair(times["sim"], times["hand"]))
     rows.add("hand_written_loop", "step", per_step["hand"], "ns")
     rows.add("nadir_spin", "step", per_step["sim"], "ns", "hand_written_loop",
              note=f"{PEER_NS_PER_STEP / (1e9 * sorted(times['sim'])[runs // 2] / STEPS):.0f} times the peer")
-    rows.add("recorded every 10 s", "wall", times["recorded"], "s", "nadir_spin", note=pair_by_pair("recorded", "sim"))
-    rows.add("and archived", "wall", times["archived"], "s", "nadir_spin", note=pair_by_pair("archived", "sim"))
+    rows.add("recorded every 10 s", "wall", times["recorded"], "s",
+             "nadir_spin", note=pair_by_pair(times["recorded"], times["sim"]))
+    rows.add("and archived", "wall", times["archived"], "s", "nadir_spin",
+             note=pair_by_pair(times["archived"], times["sim"]))
     rows.add("end state", "difference", difference, "relative", note="simulator against hand-written loop")
 
     # Where a step's time goes: schedule and wires take what neither the world nor the updates take. Least

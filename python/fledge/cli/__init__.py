@@ -85,13 +85,11 @@ def _scenario(sim, options):
             sim.run(duration)
 
         return "free", free
-    known = sim.mission.scenarios
-    if not known:
+    if not sim.mission.scenarios:
         raise Failure(f"the mission {sim.name} has no scenarios: write one in scenarios.py, or fly it with --for 10min")
-    name = options.scenario or next(iter(known))
-    if name not in known:
-        raise Failure(f"the mission {sim.name} has no scenario '{name}'; it has {', '.join(known)}")
-    return name, known[name]
+    from fledge.mission.scenario import chosen
+
+    return chosen(sim, options.scenario)
 
 
 def _report(sim, name):

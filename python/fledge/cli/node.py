@@ -181,33 +181,29 @@ class _Programs:
             os._exit(code)
 
     def look(self):
-        """Whether the run can go on: none has failed, or the controller has not had the time to see it."""
-        for pid in list(self.running):
-            self._reap(pid, os.WNOHANG)
+        """Whether the run can go on: none has failed, or the controller has had no time yet to notice it."""
+        self._reap()
         if self.failed and self.since is None:
             self.since = monotonic()
         return self.since is None or monotonic() - self.since < self.GRACE
 
-    def _reap(self, pid, how):
-        ended, status = os.waitpid(pid, how)
-        if ended:
-            name = self.running.pop(pid)
-            if status:
-                self.failed.append(f"{name} " + (f"was ended by signal {os.WTERMSIG(status)}" if os.WIFSIGNALED(status)
-                                                 else "ended early"))
+    def _reap(self):
+        for pid in list(self.running):
+            ended, status = os.waitpid(pid, os.WNOHANG)
+            if ended:
+                name = self.running.pop(pid)
+                if status:
+                    how = f"was ended by signal {os.WTERMSIG(status)}" if os.WIFSIGNALED(status) else "ended early"
+                    self.failed.append(f"{name} {how}")
 
-    def wait(self, patience=None):
-        """Until all have ended, or the patience has [s]; returns what became of those that did not end well.
+    def wait(self, timeout=None):
+        """Wait until all have ended, at most `timeout` [s]; returns how those ended that failed.
 
-        One that came when the controller had gone would wait for it.
+        A program that starts after the controller has ended waits for the controller, so there is a limit then.
         """
-        until = None if patience is None else monotonic() + patience
+        until = None if timeout is None else monotonic() + timeout
         while self.running and (until is None or monotonic() < until):
-            if until is None:
-                self._reap(next(iter(self.running)), 0)
-                continue
-            for pid in list(self.running):
-                self._reap(pid, os.WNOHANG)
+            self._reap()
             sleep(0.01)
         return self.failed
 
@@ -215,15 +211,11 @@ class _Programs:
         return self
 
     def __exit__(self, *_):
-        """Those that are left had no regular end: they are asked to end, then killed."""
-        for number, patience in ((signal.SIGTERM, 5.0), (signal.SIGKILL, None)):
+        """Ask the programs that are still running to end, then kill them."""
+        for number, timeout in ((signal.SIGTERM, 5.0), (signal.SIGKILL, None)):
             for pid in self.running:
                 os.kill(pid, number)
-            until = monotonic() + (patience or 0.0)
-            while self.running and (patience is None or monotonic() < until):
-                for pid in list(self.running):
-                    self._reap(pid, os.WNOHANG)
-                sleep(0.01)
+            self.wait(timeout)
 
 
 def _terminate(number, frame):
@@ -265,10 +257,6 @@ def given_parameters(options):
 
 # --- what comes before the run ---------------------------------------------------------------------
 
-class _Begins(BaseException):
-    """The scenario asks for its run."""
-
-
 def set_up(sim, scenario=None, free=False):
     """Do what a scenario does before its run: change parameters, say what to record. Returns its name.
 
@@ -276,6 +264,7 @@ def set_up(sim, scenario=None, free=False):
     if it runs more than once, for what lies between would be left out too.
     """
     from fledge import SetupError
+    from fledge.mission import scenario as scenarios
 
     known = sim.mission.scenarios
     if free or not known:
@@ -284,10 +273,8 @@ def set_up(sim, scenario=None, free=False):
                           else f"the mission {sim.name} has no scenarios")
         sim.record(*(one for process in sim.processes for one in process), every=1.0)
         return "free"
-    name = scenario or next(iter(known))
-    if name not in known:
-        raise Failure(f"the mission {sim.name} has no scenario '{name}'; it has {', '.join(known)}")
-    again = _second_run(known[name])
+    name, function = scenarios.chosen(sim, scenario)
+    again = _second_run(function)
     if again:
         from fledge.files import shown
 
@@ -296,16 +283,7 @@ def set_up(sim, scenario=None, free=False):
                          "does between its runs cannot be done in programs of their own; fly it in one, by run"
                          + (f", take the scenario {' or '.join(others)}" if others else "") + ", or use --free")
 
-    def begins(*_, **__):
-        raise _Begins
-
-    sim.plots, sim.run, sim.step = False, begins, begins
-    try:
-        known[name](sim)
-    except _Begins:
-        pass
-    finally:
-        del sim.run, sim.step
+    scenarios.set_up(sim, function)
     return name
 
 

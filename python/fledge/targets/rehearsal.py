@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from fledge import export, mission as missions, objects
 from fledge.errors import Failure, SetupError
+from fledge.mission.scenario import chosen
 from fledge.objects.si import time_ns
 
 
@@ -37,13 +38,11 @@ def rehearse(mission, scenario=None, duration=None, seed=0, free=False, paramete
         play.name = "free"
         play.begin()
         return play
-    play.name = scenario or next(iter(known))
-    if play.name not in known:
-        raise Failure(f"the mission {sim.name} has no scenario '{play.name}'; it has {', '.join(known)}")
+    play.name, function = chosen(sim, scenario)
     sim.plots, sim.run = False, play.run
     sim.step = sim.reset = sim.restore = play.refused
     try:
-        known[play.name](sim)
+        function(sim)
     except _Ends:
         pass
     except (SetupError, Failure):

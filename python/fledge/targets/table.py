@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The one table of what was flown where."""
 
+from fledge.columns import columns
+
 HEADS = ("target", "steps", "flight outputs", "first difference", "CPU per step", "code", "memory")
 
 
@@ -14,9 +16,7 @@ def lines(rows):
         cells.append((name, str(flown.steps), digest, difference,
                       cpu(flown.cpu) + (f", {flown.cpu_of}" if flown.cpu_of else ""), size(flown.code),
                       size(flown.memory)))
-    widths = [max(len(row[i]) for row in cells) for i in range(len(HEADS))]
-    for row in cells:
-        yield "  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip()
+    return columns(cells)
 
 
 def cpu(seconds):
