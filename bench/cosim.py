@@ -14,8 +14,8 @@ the median over groups of rounds.
 - `nadir_spin`: the mission with world and flight in two programs, against `one_program_and_exchanges`: the
   same in one program, and for each tick a bare round trip.
 - `constellation`: up to 128 programs on this machine (bench/cosim_scaling.py).
-- `broker_*`, `watched_*`: such a pair with a broker whom nobody asks, and with four programs that look on, the
-  last of which is stopped, against the same without. On few processors, those that look on also compute.
+- `broker_*`, `watched_*`: such a pair with a broker that has no subscribers, and with four observers, the last
+  of which is stopped, against the same without. On few processors, the observers also use computing time.
 """
 import subprocess
 from functools import partial

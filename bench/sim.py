@@ -128,8 +128,8 @@ def main(arguments):
              note=pair_by_pair(times["archived"], times["sim"]))
     rows.add("end state", "difference", difference, "relative", note="simulator against hand-written loop")
 
-    # Where a step's time goes: schedule and wires take what neither the world nor the updates take. Least
-    # times are compared, in which a slow spell has no part.
+    # The shares of a step: schedule and wires are the rest after the world and the updates. Least times are
+    # compared, because a slow spell of the machine does not change them.
     flight = 0.0
     for module in UPDATES:
         samples = [1e9 * lib.time_flight_update(module.encode(), 200_000) for _ in range(7)]

@@ -312,7 +312,7 @@ def parser():
     one = command("bench", bench, "measure; without a name, list the benches", "bench sim --json sim.json")
     one.add_argument("name", nargs="?", metavar="NAME")
     one.add_argument("options", nargs=argparse.REMAINDER, metavar="OPTION",
-                     help="the bench's own, such as --json FILE; 'bench NAME --help' tells")
+                     help="the bench's own, such as --json FILE; 'bench NAME --help' lists them")
     return top
 
 
@@ -338,7 +338,7 @@ def main(arguments=None):
     except KeyboardInterrupt:
         print("fledge: interrupted", file=sys.stderr)
         return 130
-    except BrokenPipeError:  # the reader of our output has gone
+    except BrokenPipeError:  # the reader of the output has ended
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         return 1
     except Exception as error:
@@ -354,7 +354,7 @@ def main(arguments=None):
 
 
 def _expected(error):
-    """Errors that are about what the user gave, or what is not installed; not about this program."""
+    """Whether an error is about the input of the user or a missing package, and no defect of this program."""
     if isinstance(error, (OSError, ImportError)):
         return True
     from fledge import RunError, SetupError
@@ -364,7 +364,7 @@ def _expected(error):
 
 
 def _in_words(error):
-    """Its text; of an operating system's error the file and the reason, without the number."""
+    """The text of an error; of an error of the operating system the file and the reason, without the number."""
     if isinstance(error, OSError) and error.strerror:
         return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
     return error

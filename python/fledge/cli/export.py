@@ -85,7 +85,7 @@ def export_cfs(mission, options, folder):
 
 
 def outputs_of(text):
-    """What --outputs says, as emit_board takes it."""
+    """The value of --outputs, as emit_board takes it."""
     return "all" if text == "all" else listed(text)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`fledge fly MISSION --on TARGETS`: the same flight on several targets, held against the desktop.
+"""`fledge fly MISSION --on TARGETS`: the same flight on several targets, compared with the desktop.
 
 Exit codes: 0 flown, and all the same; 1 a difference, or a flight that ended early; 2 the command line, the mission
 or a board is wrong; 130 Ctrl-C.
@@ -21,17 +21,17 @@ def add(command):
     one.add_argument("scenario", nargs="?", help="whose set-up and duration to take; default: the mission's first")
     one.add_argument("--free", action="store_true", help="without a scenario; with --for")
     one.add_argument("--on", default="desktop,linux", metavar="TARGETS", help="of desktop, linux, aarch64, sparc64, "
-                     "cfs; default: desktop,linux. The desktop is always flown, for the others are held against it")
+                     "cfs; default: desktop,linux. The desktop always flies, because the others are compared with it")
     one.add_argument("--for", dest="duration", metavar="DURATION", help="fly only so long (90s, 10min, 2h)")
     one.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
     one.add_argument("--board", nargs="+", default=[], metavar="FILE", help="boards that the messages pass, as "
-                     "docs/export.md tells; default: one that carries them whole")
+                     "in docs/export.md; default: one that carries them whole")
     one.add_argument("--within", action="append", default=[], type=_bound, metavar="FIELD=BOUND", help="with words "
                      "that round: how far a field may be from the desktop's, as in tracking.error.sigma_BR=1e-4")
     one.add_argument("--settled", metavar="DURATION", help="from when on --within holds; default: the beginning")
     one.add_argument("--cfs", metavar="DIR", help="with --on cfs: build and fly in a copy of this cFS tree, instead of "
                      "on the pocket cFE")
-    one.add_argument("--build", action="store_true", help="only build, and say where it is and how large")
+    one.add_argument("--build", action="store_true", help="only build, and print the path and the size")
     one.add_argument("--join", nargs="?", const="", metavar="ADDRESS", help="fly as the node `flight` of a run whose "
                      "controller is elsewhere, on one target; default: FLEDGE_ADDRESS, FLEDGE_SIMULATION, FLEDGE_NODE")
     one.add_argument("--keys", metavar="PATH", help="of this node, for --join (fledge keys); default: FLEDGE_KEYS")
@@ -61,14 +61,14 @@ def fly(options):
     settled = parse_duration(options.settled) if options.settled else 0.0
     if not duration and options.duration:
         raise Failure("--for: fly longer than 0 s")
-    part = options.build or options.join is not None       # then it does not matter for how long
+    part = options.build or options.join is not None       # then the duration does not matter
     if options.free and (options.scenario or not (duration or part)):
-        raise Failure("fly: --free is without a scenario, and for as long as --for says")
+        raise Failure("fly: --free is without a scenario, and needs --for")
     job = Job(options.mission, options.scenario, duration or (1.0 if part else None), options.seed, options.board,
               options.out, options.free, given_parameters(options))
     others = [targets[name] for name in names if name != "desktop"]
     if options.join is not None and len(others) != 1:
-        raise Failure(f"--join: say with --on which target it is, one; found {len(others)}")
+        raise Failure(f"--join: name one target with --on; found {len(others)}")
     if options.within and not job.rounds:
         raise Failure("--within is for boards with words that round; messages that pass whole are the same bits")
     for field, _ in options.within:
@@ -103,20 +103,20 @@ def _fly(job, targets, bounds, settled):
             continue
         archive = archives[name] = Archive(flown.record)
         if name == "desktop":
-            said, ok = "", True
+            text, ok = "", True
         elif job.rounds:
-            said, ok = _rounded(archives["desktop"], archive, job, flown, bounds, settled)
+            text, ok = _rounded(archives["desktop"], archive, job, flown, bounds, settled)
             if first is None:
                 first = name
             else:
                 others = compare(archives[first], archive, job.outputs)
                 ok = ok and not others
-                said = f"from {first}: {others[0]}" if others else f"none from {first}; {said}"
+                text = f"from {first}: {others[0]}" if others else f"none from {first}; {text}"
         else:
             found = compare(archives["desktop"], archive, job.outputs, times=job.is_instant)
-            said, ok = str(found[0]) if found else "none", not found
+            text, ok = str(found[0]) if found else "none", not found
         same = same and ok
-        rows.append((name, flown, digest(archive, job.outputs, job.is_instant), said))
+        rows.append((name, flown, digest(archive, job.outputs, job.is_instant), text))
     for line in table.lines(rows):
         say("  " + line)
     say(f"  records  {', '.join(str(archive.path) for archive in archives.values())}")
@@ -149,7 +149,7 @@ def _join(job, target, address, keys):
 
 
 def _rounded(desktop, archive, job, flown, bounds, settled):
-    """(what the table says, whether all bounds hold) of a flight through words that round."""
+    """(the text for the table, whether all bounds hold) of a flight through words that round."""
     from fledge.archive.compare import compare
 
     def late(t):

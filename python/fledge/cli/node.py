@@ -41,10 +41,10 @@ def add(command):
     one.add_argument("--record", metavar="DIR", help="write the record of this process into DIR/NODE.mcap")
     one.add_argument("--keys", metavar="PATH", help="the keys of this node (fledge keys); default: FLEDGE_KEYS")
     seconds = number("a number of seconds")
-    one.add_argument("--patience", type=seconds, default=60.0, metavar="S", help="for the controller to be there; "
+    one.add_argument("--patience", type=seconds, default=60.0, metavar="S", help="how long to wait for the controller; "
                      "default: 60")
     one.add_argument("--delay", type=seconds, default=0.0, metavar="S", help="before each step wait so long, at "
-                     "random, at most: what must not change any result")
+                     "random, at most; no result may change")
 
 
 def node(options):
@@ -56,7 +56,7 @@ def node(options):
     if names == ["all"] and "all" not in [process.name for process in sim.processes]:
         names = [process.name for process in sim.processes if process.tasks]
     for name in names:
-        sim.process(name)  # raises, with those that there are
+        sim.process(name)  # raises for an unknown name
     if len(names) > 1 and options.name:
         raise Failure("node: --name is for one process; several are called as they are")
     if options.record:
@@ -82,33 +82,33 @@ def _one(sim, scenario, process, options, address=None, quiet=False):
     if options.record:
         sim.archive(Path(options.record) / f"{name}.mcap", mission=sim.name, scenario=scenario,
                     fledge=fledge.__version__, process=process, **sim.mission.said())
-    tell = (lambda text: None) if quiet else say
-    tell(f"{sim.name}, {scenario}: {process} as the node {name}")
+    show = (lambda text: None) if quiet else say
+    show(f"{sim.name}, {scenario}: {process} as the node {name}")
     problem, reason, code = None, None, 1
     try:
         problem = reason = part.serve(address or options.address, simulation=options.simulation, name=name,
-                                      keys=options.keys, patience=options.patience, delay=options.delay)
+                                      keys=options.keys, timeout=options.patience, delay=options.delay)
     except KeyboardInterrupt:
         problem, code = "interrupted", 130
     except Exception as error:
         problem, code = str(error), 2 if isinstance(error, fledge.SetupError) else 1
-    if not problem or sim.time_ns >= 0:  # it has taken part
-        tell(f"  flown    {sim.time:g} s")
+    if not problem or sim.time_ns >= 0:  # it took part
+        show(f"  flown    {sim.time:g} s")
     with _undisturbed():
         path = sim.close_archive(outcome=problem or "passed", ended=f"{sim.time:g} s")
     if path:
-        tell(f"  record   {path} ({size_of(path)})")
+        show(f"  record   {path} ({size_of(path)})")
     elif options.record:
-        tell("  record   none" + ("" if problem else f": nothing of {process} is recorded"))
+        show("  record   none" + ("" if problem else f": nothing of {process} is recorded"))
     if problem and quiet and code == 1 and options.until is not None and problem == reason:
-        return 1  # the controller, which is here too, tells why
+        return 1  # the controller, which runs here too, reports the reason
     if problem:
         raise Failure(f"{sim.name}, {process}: {problem}", code)
     return 0
 
 
 def _several(sim, scenario, names, options):
-    """Fly each of several processes in a program of its own; with --until, this one is their controller."""
+    """Fly each of several processes in a program of its own; with --until, this program is their controller."""
     from fledge import cosim
 
     end = None if options.until is None else parse_duration(options.until, "--until")
@@ -145,13 +145,13 @@ def _several(sim, scenario, names, options):
     return 0
 
 
-STOPPED = "the user ended it"  # what the controller says where its poll ends the run
+STOPPED = "the user ended it"  # the controller's reason where its poll ends the run
 
 
 class _Programs:
     """Copies of this program, a process each, which all end with it."""
 
-    GRACE = 1.0  # [s] for the controller to see itself that one is gone, and to say why
+    GRACE = 1.0  # [s] for the controller to notice that a program ended, and to report the reason
 
     def __init__(self):
         self.running, self.failed, self.since = {}, [], None
@@ -224,7 +224,7 @@ def _terminate(number, frame):
 
 @contextlib.contextmanager
 def _undisturbed():
-    """A second signal, from the terminal and from the command that has started this program, finds it ending."""
+    """Ignore further signals: the terminal and the command that started this program may each send one."""
     before = {number: signal.signal(number, signal.SIG_IGN) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield
@@ -258,10 +258,10 @@ def given_parameters(options):
 # --- what comes before the run ---------------------------------------------------------------------
 
 def set_up(sim, scenario=None, free=False):
-    """Do what a scenario does before its run: change parameters, say what to record. Returns its name.
+    """Do what a scenario does before its run: change parameters, choose what to record. Returns its name.
 
-    What it does afterwards, its checks and plots, needs all processes and is left out. Raises SetupError
-    if it runs more than once, for what lies between would be left out too.
+    Its checks and plots after the run need all processes and are left out. Raises SetupError
+    if it runs more than once, because the steps between the runs would be left out too.
     """
     from fledge import SetupError
     from fledge.mission import scenario as scenarios

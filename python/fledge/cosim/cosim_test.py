@@ -91,7 +91,7 @@ def fly_apart(make, until, seed, names):
 
         def serve(node=node):
             try:
-                node.serve(controller.address, simulation="pair", patience=20)
+                node.serve(controller.address, simulation="pair", timeout=20)
             except Exception as error:
                 failures.append(str(error))
 
@@ -217,6 +217,6 @@ def test_ctrl_c_leaves(running):
     assert all("flight" in reason for reason in outcomes), outcomes
 
 
-def test_nobody_there_is_an_error(mission):
+def test_a_node_without_a_controller_is_an_error(mission):
     with pytest.raises(fledge.RunError, match="no controller answers at"):
-        cosim.split(mission(), "flight").serve(f"ipc://@fledge-nobody-{os.getpid()}", patience=0.05)
+        cosim.split(mission(), "flight").serve(f"ipc://@fledge-nobody-{os.getpid()}", timeout=0.05)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where an exported mission meets the outside: the board that carries its messages whole, and the table by which
-flight and outside move messages through any board, targets/mission_io.h.
+"""The interface of an exported mission to the outside: the board that carries its messages whole, and the table of
+the messages and numbers in the lanes of any board, targets/mission_io.h.
 
-A board's file says what a snorkel or field carries by its path: `carries = "world.nav.attitude"` of a message
+In a board's file, a snorkel or field names what it carries by its path: `carries = "world.nav.attitude"` of a message
 snorkel, `carries = "world.nav.attitude.sigma_BN"` of a field of words, of which the i-th holds the i-th number.
 """
 
@@ -43,7 +43,7 @@ class Block:
 
 def blocks(mission):
     """Path -> Message of each module's parameters, as MISSION_parameters has them. Those of modules that publish them
-    are None: they take effect by another way."""
+    are None: they take effect when the module publishes them."""
     found = {}
     for module in mission.modules:
         fields = module.fields("par")
@@ -158,7 +158,7 @@ def read(mission, texts):
     return boards
 
 
-# --- what passes through which lane ----------------------------------------------------------------
+# --- messages in lanes ----------------------------------------------------------------
 
 def lanes(mission, boards):
     """The table of `boards`, in the order of the messages' ids. Raises ExportError with all that is wrong with it."""
@@ -202,7 +202,7 @@ class _Finder:
                 self.field(board, i, lane, place, k, field)
 
     def message(self, board, line, path, lane):
-        """(id, message) of a path, if it passes that way."""
+        """(id, message) of a path, if it passes in that direction."""
         if path in self.blocks:
             if not self.blocks[path]:
                 self.refuse(board, line, f"{path} publishes its parameters, which no snorkel can change")
@@ -262,7 +262,7 @@ class _Finder:
         files = ", ".join(board.file for board in boards)
         for message in (*self.mission.inputs, *self.mission.outputs):
             if message.path not in self.taken and message.direction != "inside" and not message.optional:
-                what = "is told" if message.direction == "in" else "puts out"
+                what = "reads" if message.direction == "in" else "puts out"
                 ends = ", ".join(message.ends)
                 self.wrong.append(f"{files}: flight {what} {message.path} ({ends}), which no snorkel carries; add one "
                                   f"with carries = \"{message.path}\", or words for its fields")
@@ -291,7 +291,7 @@ def _numbers(struct, parts, path):
                 raise ExportError(f"{path} is a struct; name one of its numbers: "
                                   f"{', '.join(f.name for f in field.struct.fields if not f.spare)}")
             if len(index) < len(field.shape):
-                raise ExportError(f"{path} is an array of structs; say which, as in {part}[0]")
+                raise ExportError(f"{path} is an array of structs; choose one, as in {part}[0]")
             struct = field.struct
         elif depth + 1 < len(parts):
             raise ExportError(f"{path} is a number or array, and has no {parts[depth + 1]}")
@@ -305,7 +305,7 @@ def _numbers(struct, parts, path):
 # --- in C ------------------------------------------------------------------------------------------
 
 def emit_board(mission, files=(), outputs=(), parameters=()):
-    """File name -> text: the boards' headers, tables and documentation, and the table of what passes where.
+    """File name -> text: the boards' headers, tables and documentation, and the table of messages in lanes.
 
     files: of boards of the user. Without any, the mission's own, whose file is among the results; `outputs`
     are paths of outputs that it carries besides what the world reads, or "all"; parameters: of modules whose
@@ -323,7 +323,7 @@ def emit_board(mission, files=(), outputs=(), parameters=()):
 
 
 def emit(mission, boards, found):
-    """The table of what passes where, of boards as `read` gives them and lanes as `lanes` does."""
+    """The table of messages in lanes. boards: of `read`; found: of `lanes`."""
     return {f"{mission.name}_io.h": header(mission), f"{mission.name}_io.c": source(mission, boards, found)}
 
 

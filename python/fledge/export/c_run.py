@@ -117,7 +117,7 @@ def modes(mission):
 
 
 def call_broken(line):
-    """A call that is too long goes on under its first argument."""
+    """A long call continues below its first argument."""
     if len(line) <= COLUMNS:
         return [line]
     start = line.index("(", line.index("exec_")) + 1

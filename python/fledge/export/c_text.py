@@ -18,7 +18,7 @@ def wrap(pieces, first, following, end=""):
 
 
 def plain(text):
-    """Text that cannot end a comment early, nor go on with the next line."""
+    """Text that cannot end a comment early, and does not continue it on the next line."""
     text = " ".join(text.split()).replace("*/", "* /").replace("/*", "/ *")
     return text.replace("??/", "?? /").rstrip("\\")
 
@@ -58,7 +58,7 @@ def declaration(start, items, indent="    "):
 
 
 def broken(line, indent="    "):
-    """An assignment that is too long for its line goes on after the =."""
+    """A long assignment continues after the =."""
     whole = indent + line
     return whole if len(whole) <= COLUMNS else whole.replace(" = ", f" =\n{indent}    ", 1)
 

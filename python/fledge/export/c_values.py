@@ -14,7 +14,7 @@ TABLE = 6       # from so many elements on, a plain array is set from a table
 
 
 class Setting:
-    """Lines of C that set one field, and what the header says of it."""
+    """Lines of C that set one field, and the note of the header on it."""
 
     def __init__(self, field, lines):
         self.name = field.name
@@ -68,7 +68,7 @@ def texts(field, raw, target):
 
 
 def vectors(field, raw, target):
-    """Vec3 and Mat3: whole where that says more than their elements."""
+    """Vec3 and Mat3: whole where several elements are given."""
     n, member, dims = (3, "v", 1) if field.ctype == "Vec3" else (9, "m", 2)
     for i, index in enumerate(indices(field.shape[:-dims])):
         row = raw[i * 8 * n:(i + 1) * 8 * n]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A mission as data for a host that knows none, targets/mission_host.h: what to call, the topics of its messages,
+"""A mission as data for a host that is made without it, targets/mission_host.h: what to call, the topics of its messages,
 their definitions, and its rates."""
 
 from fledge.export.c_source import row, written
@@ -50,5 +50,5 @@ def definitions(mission, types):
 
 
 def topic(path):
-    """As records and the exchange say it: flight.motor.command -> /flight/motor/command."""
+    """The name in records and in the exchange: flight.motor.command -> /flight/motor/command."""
     return "/" + path.replace(".", "/")

@@ -14,9 +14,9 @@ def write(mission, folder, more=None):
 
 
 def write_files(files, folder):
-    """Write name -> text or bytes into a folder; names may have folders of their own. Nothing is half written: each
-    file takes its name when whole, and only after all could be written. A file that already says the same is left
-    alone, as builds like it."""
+    """Write name -> text or bytes into a folder; names may have folders of their own. No file is left half
+    written: each gets its name only after all are written. A file that has the same content already is
+    not touched, so that a build does not start anew."""
     folder = Path(folder)
     if folder.exists() and not folder.is_dir():
         raise NotADirectoryError(errno.ENOTDIR, "it is a file; give a folder", str(folder))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One mission on several targets, in the same closed loop: exported, built, flown, and held against the desktop.
+"""One mission on several targets, in the same closed loop: exported, built, flown, and compared with the desktop.
 
     rehearsal.py  a scenario on the desktop: its set-up, duration, and what it changes on the way
     job.py        what is flown: a mission's scenario, exported, and for how long

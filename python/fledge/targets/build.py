@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""C to programs, by ninja: only what changed is compiled anew."""
+"""C to programs, by ninja, which compiles only changed files."""
 
 import os
 import shutil
@@ -23,7 +23,7 @@ RUNNER = ["targets/mission_io.c", "targets/mission_host.c", "targets/linux/main.
 
 
 def math_sources():
-    """What the modules need besides themselves."""
+    """The sources of flight/math, which modules call."""
     return sorted(path for path in (ROOT / "flight/math").glob("*.c") if path.name != "elementary_hash.c")
 
 
@@ -41,7 +41,7 @@ def module_sources(mission, roots):
 def program(folder, name, sources, includes, compiler="gcc", flags=(), link=(), entry="main"):
     """Build an executable or shared object from C in a folder of its own; returns its path.
 
-    Besides it stands NAME.o: all of it but the C library, as linked, of which `sizes` tells the size.
+    NAME.o beside it is the same without the C library, for `sizes`.
     """
     folder = Path(folder)
     if not shutil.which(compiler):

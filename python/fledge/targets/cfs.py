@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A mission as an app of the core Flight System: on the pocket cFE, or in a real tree.
 
-The app is that of `fledge export cfs`, with one thing more: after each tick it writes a record of its own
-(targets/cfs/watch.c). Its outputs are held against the desktop's like those of every target.
+The app is that of `fledge export cfs`, and also writes a record after each tick (targets/cfs/watch.c).
 """
 
 import re
@@ -49,8 +48,8 @@ class Cfs(Target):
     def sizes(self, built):
         return build.sizes(built)
 
-    def _flown(self, built, record, said):
-        flown = super()._flown(built, record, said)
+    def _flown(self, built, record, figures):
+        flown = super()._flown(built, record, figures)
         flown.cpu_of = "core and record too"
         return flown
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is flown: a scenario of a mission, exported once for all targets, and for how long."""
+"""A flight: a scenario of a mission, exported once for all targets, and its duration."""
 
 import fcntl
 import math
@@ -16,10 +16,10 @@ from fledge.targets.rehearsal import rehearse
 
 
 class Job:
-    """A mission's scenario, as it stands before its run; all of it goes into `folder`, what is exported into its c/.
+    """A mission's scenario before its run. All files go into `folder`, the exported ones into its c/.
 
-    scenario: its name; None: the mission's first. duration: [s]; None: as long as the scenario runs. The scenario is
-    rehearsed on the desktop: what it changes of flight between its runs goes to targets as parameters from the ground.
+    scenario: its name; None: the mission's first. duration: [s]; None: as long as the scenario runs. The desktop
+    rehearses the scenario: its changes of flight between its runs go to targets as parameters from the ground.
     boards: files of boards that the messages pass; none: a board that carries them whole. free: take no scenario.
     parameters: of the mission, as fledge.load() takes them.
     """
@@ -41,7 +41,7 @@ class Job:
 
     @contextmanager
     def alone(self):
-        """The folder is this program's as long as the context lasts: two that built in it would spoil it."""
+        """Reserve the folder for this program: two builds in it at once would fail."""
         self.folder.mkdir(parents=True, exist_ok=True)
         with (self.folder / ".in_use").open("w") as file:
             try:
@@ -52,15 +52,15 @@ class Job:
 
     @cached_property
     def written(self):
-        """The paths of all that is exported, which this writes."""
+        """The paths of all exported files, which this writes."""
         return export.write(self.mission, self.folder / "c", self.files)
 
     def board_files(self):
-        """The boards' files: those that were given, or the mission's own, which this writes."""
+        """The files of the given boards, or that of the mission's own board, which this writes."""
         return self.boards or [path.resolve() for path in self.written if path.suffix == ".toml"]
 
     def write_loads(self):
-        """The file of what the ground changes, for the node of the board."""
+        """The file of the parameters from the ground, for the node of the board."""
         ids = list(export.board.blocks(self.mission))
         n = len(self.mission.inputs) + len(self.mission.outputs)
         text = "".join(f"{load.after} {n + ids.index(load.path)} {load.block.hex()}\n" for load in self.loads)
@@ -73,12 +73,12 @@ class Job:
 
     @property
     def roots(self):
-        """Where headers and sources of modules are looked for."""
+        """The folders with headers and sources of modules."""
         own = project.folder()
         return [*([own] if own else []), build.ROOT]
 
     def sources(self):
-        """All of flight: what was written, its modules, and their mathematics."""
+        """All sources of flight: the exported ones, those of its modules, and flight/math."""
         written = [path.resolve() for path in self.written if path.suffix == ".c"]
         return [*written, *build.module_sources(self.mission, self.roots), *build.math_sources()]
 

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The programs of one flight: a controller, the world of the mission, and the node of the board, which starts the
-target. Each is started by fledge_guard, which ends it, and all that it has started, when this program ends, however
-it does."""
+target. fledge_guard starts each of them, and ends it with all its children when this program ends in any way."""
 
 import contextlib
 import itertools
@@ -20,24 +19,24 @@ from fledge.targets import build
 _numbers = itertools.count()
 
 
-def close(job, target, name, patience=60.0):
-    """Fly a job to its end, flight by the command `target`; returns what the target said, key -> text.
+def close(job, target, name, timeout=60.0):
+    """Fly a job to its end, flight by the command `target`; returns the figures that the target printed, key -> text.
 
-    What the programs said stands in job.folder / NAME.log. Raises Failure with it if the run ends early.
+    The output of the programs goes into job.folder / NAME.log. Raises Failure with its end if the run ends early.
     """
     simulation = f"{job.mission.name}_{os.getpid()}_{next(_numbers)}"
     options = ["--simulation", simulation, "--address", f"ipc://@fledge-{simulation}"]
     return _run(job, name, {
         "controller": [build.native("fledge_controller", "cosim"), *options, "--until", repr(job.duration), "--seed",
-                       job.seed, "--node", "world", "--node", "flight", "--join", patience, "--reply", patience],
+                       job.seed, "--node", "world", "--node", "flight", "--join", timeout, "--reply", timeout],
         "world": [sys.executable, "-m", "fledge.cli", "node", job.asked, "world",
                   *(["--free"] if job.scenario == "free" or job.loads else [job.scenario]), *options,
                   *(word for name, value in job.parameters.items() for word in ("--set", f"{name}={value!r}"))],
-        "flight": [*_board(job, options), "--reply", patience, "--", *target]})
+        "flight": [*_board(job, options), "--reply", timeout, "--", *target]})
 
 
 def join(job, target, name, address, simulation, node, keys=None):
-    """The same for a run whose controller is at `address`, with its world: only flight is here."""
+    """The same for a run whose controller and world are elsewhere, the controller at `address`."""
     options = ["--address", address, "--simulation", simulation, "--node", node]
     if keys:
         options += ["--keys", Path(keys).resolve()]
@@ -58,11 +57,11 @@ def _run(job, name, commands):
         bar = stack.enter_context(Progress(name, 0, round(job.duration * 1e9)))
         how_far = stack.enter_context(HowFar()) if bar.wanted and "controller" in commands else None
         if how_far:
-            commands["controller"] += ["--status", how_far.told]
+            commands["controller"] += ["--status", how_far.write]
         # Python looks for missions from here; a target writes its record into the folder.
         programs = {which: stack.enter_context(Program(
             which, command, text, folder if which == "flight" else None,
-            [how_far.told] if how_far and which == "controller" else [])) for which, command in commands.items()}
+            [how_far.write] if how_far and which == "controller" else [])) for which, command in commands.items()}
         results, ends = {}, None
         while ends is None or time.monotonic() < ends:
             if how_far:
@@ -73,13 +72,13 @@ def _run(job, name, commands):
             if ends is None and any(code is not None for code in results.values()):
                 ends = time.monotonic() + 20.0
             time.sleep(0.01)
-        said = programs["flight"].said()
+        figures = programs["flight"].figures()
     if any(code != 0 for code in results.values()):
         raise Failure(_what_failed(results, log, job.mission.title), 1)
-    return said
+    return figures
 
 
-COUNTED = re.compile(r"\w+: \w+ -?\d+")  # "flight: ticks 0", which the reason is not to be sought among
+COUNTED = re.compile(r"\w+: \w+ -?\d+")  # "flight: ticks 0", which gives no reason for a failure
 
 
 def _what_failed(results, log, title):
@@ -91,7 +90,7 @@ def _what_failed(results, log, title):
 
 
 def environment():
-    """For programs that start in any folder: Python finds what this one finds, and the keys are where they were."""
+    """The environment for programs that start in another folder: the same module path, and absolute paths of keys."""
     found = {**os.environ, "PYTHONUNBUFFERED": "1",
              "PYTHONPATH": os.pathsep.join(os.path.abspath(path) for path in sys.path if path)}
     if found.get("FLEDGE_KEYS"):
@@ -100,17 +99,17 @@ def environment():
 
 
 class HowFar:
-    """What the controller says of how far the run is, for the bar."""
+    """The progress that the controller reports, for the bar."""
 
     def __enter__(self):
-        self.read, self.told = os.pipe()
+        self.read, self.write = os.pipe()
         os.set_blocking(self.read, False)
         self.rest, self.t = b"", 0
         return self
 
     def __exit__(self, *_):
         os.close(self.read)
-        os.close(self.told)
+        os.close(self.write)
 
     def now(self):
         """[ns]"""
@@ -156,8 +155,8 @@ class Program:
     def poll(self):
         return self.process.poll()
 
-    def said(self):
-        """Lines of a key and a value."""
+    def figures(self):
+        """The lines of a key and a value in its output."""
         self.out.seek(0)
         pairs = (line.split(maxsplit=1) for line in self.out)
         return {pair[0]: pair[1].strip() for pair in pairs if len(pair) == 2}

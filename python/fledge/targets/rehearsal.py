@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A scenario on the desktop, to see what it does besides running: what it sets up, for how long it runs, and what it
-changes between its runs. Its plots are left out; its checks must hold there, as far as it is flown."""
+"""A scenario on the desktop, to find its set-up, its duration and its changes between its runs. Its plots are left
+out; its checks must hold, as far as it is flown."""
 
 from dataclasses import dataclass
 
@@ -20,7 +20,7 @@ class Load:
 
 
 class _Ends(BaseException):
-    """All that is flown has been run."""
+    """The duration of the flight is over."""
 
 
 def rehearse(mission, scenario=None, duration=None, seed=0, free=False, parameters=None):
@@ -34,7 +34,7 @@ def rehearse(mission, scenario=None, duration=None, seed=0, free=False, paramete
     known = sim.mission.scenarios
     if free or scenario is None and not known:
         if duration is None:
-            raise Failure(f"the mission {sim.name} has no scenarios, so say with --for how long to fly")
+            raise Failure(f"the mission {sim.name} has no scenarios, so give a duration with --for")
         play.name = "free"
         play.begin()
         return play
@@ -82,7 +82,7 @@ class Rehearsal:
         self.before = sim.snapshot(), _memory(sim)
 
     def compare(self, now):
-        """What the scenario has changed since the last run."""
+        """Add the changes of the scenario since the last run to `loads`."""
         sim, (snapshot, before) = self.sim, self.before
         after, changed = _memory(sim), []
         for path, memory in after.items():
@@ -92,14 +92,14 @@ class Rehearsal:
             same = memory[:low] == before[path][:low] and memory[high:] == before[path][high:]
             if not path.startswith("flight.") or not same:
                 what = "" if same else ", and not only parameters,"
-                raise Failure(f"the scenario {self.name} changes {path}{what} between its runs; a target can only be "
-                              "told parameters of flight")
+                raise Failure(f"the scenario {self.name} changes {path}{what} between its runs; a target "
+                              "takes only parameters of flight")
             if any(m.path == path for m in self.mission.configuration):
-                raise Failure(f"the scenario {self.name} changes {path} between its runs, which flight publishes: no "
-                              "target is told when")
+                raise Failure(f"the scenario {self.name} changes {path} between its runs, which flight publishes: "
+                              "targets do not take these")
             changed.append((path, memory[low:high]))
         if not changed and sim.snapshot() != snapshot:
-            raise Failure(f"the scenario {self.name} asks for a mode between its runs, which no target is told")
+            raise Failure(f"the scenario {self.name} asks for a mode between its runs, which no target takes")
         now_so = sim.snapshot() if changed else b""
         self.loads += [Load(now, path, block, now_so) for path, block in changed]
 
@@ -111,7 +111,7 @@ class Rehearsal:
         if self.duration is None:
             self.duration = self.sim.time
         if self.loads:
-            # The world's program is not told of the scenario then, so it must be as its file makes it.
+            # The world's program flies without the scenario then, so it must be as its file makes it.
             fresh = load()
             fresh.seed = seed
             fresh.prepare()
@@ -119,7 +119,7 @@ class Rehearsal:
             for path in theirs:
                 if not path.startswith("flight.") and ours[path] != theirs[path]:
                     raise Failure(f"the scenario {self.name} changes {path} before it runs, and flight between its "
-                                  "runs: the world's program is told only one of them")
+                                  "runs: the world's program can have only one of them")
 
 
 def _memory(sim):

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a mission flies. A target builds what was exported, says how to start it, and how large it is; all else is
-the same for all of them. To add one: a Target, and a line in TARGETS."""
+"""The places where a mission flies. A target builds the exported C, and gives the command that starts it, and its
+size; all else is the same for all targets. To add one: a Target, and a line in TARGETS."""
 
 import shutil
 from dataclasses import dataclass
@@ -13,14 +13,14 @@ from fledge.targets import build, loop
 
 @dataclass
 class Flown:
-    """What a flight came to."""
+    """The results of a flight."""
     record: Path            # of all flight outputs
     steps: int              # of flight
     cpu: float | None       # [s] of a processor, per step of flight
-    cpu_of: str = ""        # what else is in it, or on what: "world too", "emulated"
+    cpu_of: str = ""        # what it includes, or its processor: "world too", "emulated"
     code: int | None = None  # [bytes] without the C library
     memory: int | None = None
-    saturated: int = 0      # numbers that were held at the ends of their words, on either side
+    saturated: int = 0      # numbers that were limited to the range of their words, on either side
 
 
 class Target:
@@ -40,9 +40,9 @@ class Target:
         raise NotImplementedError
 
     def command(self, built, record):
-        """The arguments that start it: {registers} stands for the register file; it puts all that flight puts out into
-        `record`, a file in the folder in which it is started, and says in the end, a key and a value on a line, at
-        least ticks and cpu_ns."""
+        """The arguments that start it: {registers} stands for the register file; it writes all outputs of flight into
+        `record`, a file in its working directory, and at its end prints lines of a key and a value, at least ticks and
+        cpu_ns."""
         raise NotImplementedError
 
     def sizes(self, built):
@@ -50,17 +50,17 @@ class Target:
         return None, None
 
     def record(self, job):
-        """Where its record goes; what an earlier flight left there goes away."""
+        """The path of its record; the record of an earlier flight is deleted."""
         job.folder.mkdir(parents=True, exist_ok=True)
         path = job.folder / f"{self.name}.mcap"
         for old in (path, path.with_name(path.name + ".part")):
             old.unlink(missing_ok=True)
         return path
 
-    def fly(self, job, patience=60.0):
+    def fly(self, job, timeout=60.0):
         """Build and fly a job in the closed loop; returns a Flown."""
         built, record = self.build(job), self.record(job)
-        return self._flown(built, record, loop.close(job, self.command(built, record.name), self.name, patience))
+        return self._flown(built, record, loop.close(job, self.command(built, record.name), self.name, timeout))
 
     def join(self, job, address, simulation, node="flight", keys=None):
         """The same as a node of a run whose controller is at `address`; keys: of the node, else FLEDGE_KEYS."""
@@ -68,19 +68,19 @@ class Target:
         return self._flown(built, record, loop.join(job, self.command(built, record.name), self.name, address,
                                                     simulation, node, keys))
 
-    def _flown(self, built, record, said):
+    def _flown(self, built, record, figures):
         code, memory = self.sizes(built)
-        return Flown(record, int(said["ticks"]), float(said["cpu_ns"]) / 1e9, "emulated" if self.emulated else "",
-                     code, memory, sum(int(said.get(k, 0)) for k in ("saturated", "outside_saturated")))
+        return Flown(record, int(figures["ticks"]), float(figures["cpu_ns"]) / 1e9, "emulated" if self.emulated else "",
+                     code, memory, sum(int(figures.get(k, 0)) for k in ("saturated", "outside_saturated")))
 
 
 class Desktop(Target):
-    """The run in one program, which the others are held against."""
+    """The run in one program; the other targets are compared with it."""
 
     name = "desktop"
     about = "the run in one program, under Python"
 
-    def fly(self, job, patience=60.0):
+    def fly(self, job, timeout=60.0):
         sim = job.start.clone()
         sim.record(*(getattr(getattr(sim.flight, one), port) for one, port in
                      (m.path.split(".")[1:] for m in job.mission.outputs)), every=job.step() / 1e9)

@@ -38,7 +38,7 @@ def targets(app):
 
 
 def schedule(app):
-    """Entries for sch_lab's table. The wake-ups are the app's own affair."""
+    """Entries for sch_lab's table. The app makes its wake-ups itself."""
     mid = f"{app.prefix}_SEND_HK_MID"
     return "\n".join(["/* SPDX-License-Identifier: Apache-2.0 */",
                       f"/* For fsw/tables/sch_lab_table.c: {app.prefix}'s housekeeping every second (TickRate 100).",

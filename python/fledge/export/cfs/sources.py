@@ -2,7 +2,7 @@
 """The source that an app takes along: every file that it needs, and a name of its own for every function and table
 in them, so that two apps can be linked into one core.
 
-The names are changed by a header of #defines, which each file includes first; else a copy is the file as it is.
+The names are changed by a header of #defines, which each file includes first; otherwise a copy equals the file.
 """
 
 import re
@@ -40,7 +40,7 @@ def collect(mission, roots, generated, more=()):
                 take(other, name)
     for path in [*mission.sources(), *ALWAYS, *more]:
         take(path, mission.title)
-    # What is called and not there: of the C files beside the headers, those that have it.
+    # Functions that are called and not defined yet: take the C files beside the headers that define them.
     beside = candidates(found, roots)
     while True:
         words = set(WORD.findall("\n".join(found.values())))
@@ -128,8 +128,8 @@ def names_header(app, texts):
     names = [name for name in names if not name.startswith(f"{app.prefix}_")]
     guard = f"{app.prefix}_NAMES_H"
     return "\n".join(["/* SPDX-License-Identifier: Apache-2.0 */",
-                      f"/* Whatever {app.prefix} links with others is called {app.prefix}_...: other apps may bring",
-                      " * the same source along, and one core may be linked with all of them. */",
+                      f"/* All external names of {app.prefix} begin with {app.prefix}_: other apps may contain the same",
+                      " * source, and one core may be linked with all of them. */",
                       f"#ifndef {guard}", f"#define {guard}", "",
                       *(f"#define {name} {app.prefix}_{name}" for name in names), "", "#endif", ""])
 

@@ -72,7 +72,7 @@ def shortened(text, longest, taken):
 # --- files -----------------------------------------------------------------------------------------
 
 def tbl(app, table):
-    """The bytes of a .tbl file. It says no time, so that the same parameters give the same bytes."""
+    """The bytes of a .tbl file. It holds no time, so that the same parameters give the same bytes."""
     content = packing.pack({"little": "<II", "big": ">II"}[app.order], table.layout, 0)
     content += table.content if app.order == "little" else swapped(table.fields, table.content, table.start)
     header = packing.pack(">4s7I32s", b"cFE1", 8, 64, 0, 0, 0, 0, 0, f"{table.module.path} parameters".encode()[:31])
