@@ -17,6 +17,7 @@ the median over groups of rounds.
 - `broker_*`, `watched_*`: such a pair with a broker that has no subscribers, and with four observers, the last
   of which is stopped, against the same without. On few processors, the observers also use computing time.
 """
+from __future__ import annotations
 import subprocess
 from functools import partial
 
@@ -52,7 +53,7 @@ CASES |= WATCHED
 SPINS = {"ipc": "forbidden", "shm": "required"}     # transport -> sharing of memory
 
 
-def main(arguments):
+def main(arguments: list[str]) -> None:
     chosen = options("cosim", arguments, 9)
     rows = Rows()
     samples = in_turn({**{name: partial(rounds, *case) for name, case in CASES.items()},

@@ -6,6 +6,7 @@ Campaigns and single runs take turns. The scaling is the campaign's rate over th
 single rate: it includes making the clones and drawing the values, but not importing and loading.
 An open peer, measured once on this kind of machine: 19 runs a second.
 """
+from __future__ import annotations
 import time
 
 from fledge.montecarlo import Campaign, cores, disperse
@@ -23,7 +24,7 @@ def measure(work, runs):
     return runs / (time.perf_counter() - start), 1e6 * (time.process_time() - cpu) / runs
 
 
-def main(arguments):
+def main(arguments: list[str]) -> None:
     chosen = options("montecarlo", arguments, 7)
     rounds = chosen.runs
     rows = Rows()

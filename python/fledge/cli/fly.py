@@ -4,6 +4,7 @@
 Exit codes: 0 flown, and all the same; 1 a difference, or a flight that ended early; 2 the command line, the mission
 or a board is wrong; 130 Ctrl-C.
 """
+from __future__ import annotations
 
 import argparse
 import os
@@ -12,8 +13,12 @@ import sys
 
 from fledge.cli.node import add_parameters, given_parameters
 
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
-def add(command):
+
+def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
     one = command("fly", fly, "fly a mission on several targets, and compare what flight puts out",
                   "fly nadir_spin --on desktop,linux,aarch64")
@@ -39,7 +44,7 @@ def add(command):
     add_parameters(one)
 
 
-def fly(options):
+def fly(options: argparse.Namespace) -> int:
     from fledge.cli.arguments import parse_duration
     from fledge.errors import Failure
     from fledge.targets import TARGETS, Job, RealCfs

@@ -3,6 +3,7 @@
 
 Exit codes as of all commands: 0 done; 2 the command line or a key is wrong, and nothing is written.
 """
+from __future__ import annotations
 
 import argparse
 import os
@@ -10,12 +11,17 @@ import os
 from fledge.cli.console import say
 from fledge.errors import Failure
 
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from typing import Any
 
-def add(command):
+
+def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one = command("keys", lambda options: one.error("new, list, allow or deny?"),
-                  "make keys for a co-simulation beyond one machine, and list the keys that may take part",
-                  "keys new controller world flight")
+    one: Any = command("keys", lambda options: one.error("new, list, allow or deny?"),
+                       "make keys for a co-simulation beyond one machine, and list the keys that may take part",
+                       "keys new controller world flight")
     kinds = one.add_subparsers(metavar="ACTION", parser_class=type(one))
 
     def action(name, function, text, example):
@@ -52,7 +58,7 @@ def _spoken(function):
     return spoken
 
 
-def new(options):
+def new(options: argparse.Namespace) -> None:
     from fledge.cosim import keys
 
     for path in keys.new(options.keys, options.names):
@@ -68,7 +74,7 @@ def new(options):
             f"controller.public of that machine into {options.keys}")
 
 
-def list_(options):
+def list_(options: argparse.Namespace) -> None:
     from fledge.cosim import keys
 
     pairs, allowed = keys.pairs(options.keys), keys.allowed(options.keys)
@@ -88,14 +94,14 @@ def list_(options):
         say("  none: ./fledge keys allow NAME lets the owner of a key take part")
 
 
-def allow(options):
+def allow(options: argparse.Namespace) -> None:
     from fledge.cosim import keys
 
     for name, nodes in keys.allow(options.keys, options.keys_, options.nodes):
         say(f"  {name} may take part as " + ("any node" if "*" in nodes else ", ".join(nodes)))
 
 
-def deny(options):
+def deny(options: argparse.Namespace) -> None:
     from fledge.cosim import keys
 
     for path in keys.deny(options.keys, options.names):

@@ -4,6 +4,7 @@
 Exit codes: 0 the run came to its regular end; 1 it ended early; 2 the command line or the mission is wrong,
 or the mission cannot be split; 130 Ctrl-C.
 """
+from __future__ import annotations
 
 import ast
 import contextlib
@@ -18,8 +19,15 @@ from fledge.cli.arguments import number, parse_duration
 from fledge.cli.console import counted, say, size_of
 from fledge.errors import Failure
 
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from typing import Any
+    from fledge.mission.simulation import Simulation
+    import argparse
 
-def add(command):
+
+def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
     one = command("node", node, "fly one process of a mission as a program of its own, under a controller",
                   "node nadir_spin flight --address tcp://127.0.0.1:7000")
@@ -47,7 +55,7 @@ def add(command):
                      "random, at most; no result may change")
 
 
-def node(options):
+def node(options: argparse.Namespace) -> int:
     import fledge
 
     sim = fledge.load(options.mission, **given_parameters(options))
@@ -235,13 +243,13 @@ def _undisturbed():
 
 # --- parameters of missions ------------------------------------------------------------------------
 
-def add_parameters(command):
+def add_parameters(command: argparse.ArgumentParser) -> None:
     """The option for a mission's parameters, of every command that loads one."""
     command.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", dest="parameters",
                          help="a parameter of the mission, as in --set spacecraft=8")
 
 
-def given_parameters(options):
+def given_parameters(options: argparse.Namespace) -> dict[str, Any]:
     """What --set gave: name -> a Python literal, or the text itself."""
     given = {}
     for text in options.parameters:
@@ -257,7 +265,7 @@ def given_parameters(options):
 
 # --- what comes before the run ---------------------------------------------------------------------
 
-def set_up(sim, scenario=None, free=False):
+def set_up(sim: Simulation, scenario: str | None = None, free: bool = False) -> str:
     """Do what a scenario does before its run: change parameters, choose what to record. Returns its name.
 
     Its checks and plots after the run need all processes and are left out. Raises SetupError

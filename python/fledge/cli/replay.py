@@ -4,11 +4,17 @@
 Exit codes: 0 it wrote the same bits; 1 it did not, or the run ended early; 2 the command line or the record is
 wrong; 130 Ctrl-C.
 """
+from __future__ import annotations
 
 from pathlib import Path
 
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    import argparse
 
-def add(command):
+
+def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
     one = command("replay", replay, "run one node of a co-simulation alone, with the record of the others",
                   "replay runs/nadir_spin/exchange.mcap flight -- ./fledge node nadir_spin flight")
@@ -30,7 +36,7 @@ def add(command):
     one.set_defaults(starts_command=True)
 
 
-def replay(options):
+def replay(options: argparse.Namespace) -> int:
     from fledge.cli.console import say, size_of
     from fledge.errors import Failure
     from fledge.archive import ArchiveError

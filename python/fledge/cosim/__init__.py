@@ -8,15 +8,23 @@ A wire that crosses from one process to another is read as the run in one progra
 both give the same bits: along the order of the processes at the same instant, against it at the next
 one, with latency 1 after the next exchange. crossing_wires() has them all.
 """
+from __future__ import annotations
 
 import os
 from collections import namedtuple
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 from fledge import _core
 from fledge.errors import SetupError
 from fledge.mission.process import Process
 from fledge.objects.si import time_ns
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from typing import Any
+    from fledge.mission.simulation import Simulation
+    from pathlib import Path
 
 DEFAULT_ADDRESS = "tcp://127.0.0.1:7000"
 
@@ -29,7 +37,7 @@ _core.struct() gives types; optional: whether the reader can do without.
 """
 
 
-def crossing_wires(simulation):
+def crossing_wires(simulation: Simulation) -> list[Crossing]:
     """All wires that go from one process to another, as Crossings."""
     order = [process.name for process in simulation.processes]
     run = {f"{p.name}.{one}" for p in simulation.processes for task in p.tasks for one in task.run}
@@ -50,14 +58,14 @@ def crossing_wires(simulation):
     return found
 
 
-def check(simulation):
+def check(simulation: Simulation) -> None:
     """Raise SetupError, with all faults, if something besides wires joins its processes."""
     faults = [*_shared(simulation), *_python_events(simulation), *_two_latencies(simulation)]
     if faults:
         raise SetupError("\n".join(faults))
 
 
-def split(simulation, process):
+def split(simulation: Simulation, process: str) -> Node:
     """Reduce a simulation to one of its processes; other programs run the others. Returns it as a Node.
 
     It must not have run. Raises SetupError, and changes nothing, if the process is unknown, has no task, or shares
@@ -79,13 +87,14 @@ def split(simulation, process):
 class Node:
     """A process of a mission, ready to take part in a run of many programs."""
 
-    def __init__(self, simulation, process, reads):
+    def __init__(self, simulation: Simulation, process: str, reads: list[Crossing]) -> None:
         self.simulation, self.process, self.reads = simulation, process, reads
         self._core = _core.ProcessNode(simulation.kernel, process)
         for wire in reads:
             self._core.read(wire.topic, wire.port, wire.latency, wire.stale_after)
 
-    def serve(self, address=None, *, simulation=None, name=None, keys=None, timeout=60.0, delay=0.0):
+    def serve(self, address: str | None = None, *, simulation: str | None = None, name: str | None = None,
+              keys: Path | str | None = None, timeout: float = 60.0, delay: float = 0.0) -> str:
         """Take part in one run, from greeting the controller to its end. Returns the reason of the end, "" if
         it is the regular one.
 
@@ -112,7 +121,7 @@ class Node:
         """The run begins, or continues from the snapshot of a lost program, whose record this program continues."""
         self.simulation.open_archive(resumed=self.simulation.time_ns >= 0)
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"<{self.process} of {self.simulation.name} as a node>"
 
 
@@ -127,22 +136,24 @@ class Controller:
     with the policy restart, 0: as needed; report: a function that takes a text for the user.
     """
 
-    def __init__(self, simulation, nodes, end, *, seed=0, address=DEFAULT_ADDRESS, keys=None, unencrypted=False,
-                 join=60.0, reply=60.0, sharing="allowed", save_every=0, report=None):
-        nodes = [(one, "abort") if isinstance(one, str) else tuple(one) for one in nodes]
-        self._core = _core.Control(simulation, nodes, time_ns(end, "Controller: end"), seed, address, str(keys or ""),
+    def __init__(self, simulation: str, nodes: Sequence[str | Sequence[str]], end: Any, *, seed: int = 0,
+                 address: str = DEFAULT_ADDRESS, keys: Path | str | None = None, unencrypted: bool = False,
+                 join: float = 60.0, reply: float = 60.0, sharing: str = "allowed", save_every: Any = 0,
+                 report: Callable[[str], None] | None = None) -> None:
+        pairs = [(one, "abort") if isinstance(one, str) else tuple(one) for one in nodes]
+        self._core = _core.Control(simulation, pairs, time_ns(end, "Controller: end"), seed, address, str(keys or ""),
                                    unencrypted, float(join), float(reply), sharing,
                                    time_ns(save_every, "Controller: save_every"), report or (lambda text: None))
         self.address = self._core.address
-        self._nodes = [name for name, _ in nodes]
+        self._nodes = [name for name, *_ in pairs]
 
     @property
-    def times(self):
+    def times(self) -> dict[str, tuple]:
         """Of each node, by name: its ticks, and the wall time [s] computing, on the way, and waiting for others."""
         return {name: (ticks, *(ns / 1e9 for ns in spent))
                 for name, (ticks, *spent) in zip(self._nodes, self._core.times)}
 
-    def run(self, poll=None):
+    def run(self, poll: Callable[[], bool] | None = None) -> str:
         """From the first greeting to the end; returns its reason, "" if it is the regular one.
 
         poll: is called about ten times a second; a false value ends the run.

@@ -150,7 +150,7 @@ def test_what_runs_elsewhere_answers_nothing(mission):
 
 @pytest.mark.parametrize("event, text", [
     ("w.event('e', when=w.watch(f.control.torque).torque_B.norm() > 1, do=print)",
-     r"world.py, line 15: event world.e looks at flight.control, .* watch that input"),
+     r"world.py, line 15: event world.e watches flight.control, .* watch that input"),
     ("w.event('e', when=lambda: f.control.K > 3, do=print)", "line 15: event world.e calls Python that reaches flight"),
     ("w.at(3, lambda: f.enter('work'))", r"line 15: event world.at_3000000000_ns calls Python that reaches flight"),
     ("g = f.control.torque; w.at(3, lambda: [print(x) for x in [g]])", "reaches flight.control.torque"),

@@ -3,12 +3,17 @@
 
 The files are ZeroMQ's certificates; cosim/security/keys.h describes their folders and their readers.
 """
+from __future__ import annotations
 
 import os
 import re
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fledge.files import Part
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 CONTROLLER = "controller"
 _KEY = re.compile(r"[0-9a-zA-Z.\-:+=^!/*?&<>()\[\]{}@%$#]{40}")
@@ -22,7 +27,7 @@ class KeysError(RuntimeError):
 class Key:
     """A file of a key: name, public, secret (None in a file that goes to others), nodes (of an allowed one)."""
 
-    def __init__(self, path):
+    def __init__(self, path: Path | str) -> None:
         self.path = path = Path(path)
         values = {}
         try:
@@ -45,7 +50,7 @@ class Key:
         self.nodes = values.get("nodes", "").split()
 
 
-def new(folder, names):
+def new(folder: Path | str, names: Sequence[str]) -> list[Path]:
     """Make a pair of keys for each name; returns the files. Nothing is written if one cannot be made."""
     import zmq
 
@@ -67,7 +72,7 @@ def new(folder, names):
         public, secret = (key.decode() for key in zmq.curve_keypair())
         public_part = f'metadata\n    name = "{name}"\ncurve\n    public-key = "{public}"\n'
         with Part(folder / f"{name}.secret") as part:
-            _write_private(part, f"# The secret key of {name}: keep it on the machine that uses it, and let no other user read it.\n"
+            _write_private(part, f"# The secret key of {name}. Keep it on its machine, and let no other user read it.\n"
                                  f'{public_part}    secret-key = "{secret}"\n')
         with Part(folder / f"{name}.public") as part:
             part.write_text(f"# The public key of {name}. It is no secret.\n{public_part}", encoding="utf-8")
@@ -75,7 +80,8 @@ def new(folder, names):
     return written
 
 
-def allow(folder, keys, nodes=None):
+def allow(folder: Path | str, keys: Sequence[Path | str],
+          nodes: Sequence[str] | None = None) -> list[tuple[str, list[str]]]:
     """Admit the owners of these public keys (files, or names in the folder) as `nodes`; default: as the name of the
     key. Returns (name of the key, nodes) of each."""
     folder = Path(folder)
@@ -89,7 +95,8 @@ def allow(folder, keys, nodes=None):
             raise KeysError(f"there is no public key {given}; in {folder} there are {', '.join(known) or 'none'}")
         key = Key(path)
         if key.secret:
-            raise KeysError(f"{path} holds a secret key, which stays with its owner: allow the file with the public key")
+            raise KeysError(f"{path} holds a secret key, which stays with its owner: allow the file with the public "
+                            "key")
         if not _NAME.fullmatch(key.name):
             raise KeysError(f"{path}: '{key.name}' cannot be a file's name: letters, digits, _ . - can")
         if any(re.search(r'[\s"]', node) or not node for node in nodes or []):
@@ -106,7 +113,7 @@ def allow(folder, keys, nodes=None):
     return [(key.name, names) for key, names in found]
 
 
-def deny(folder, names):
+def deny(folder: Path | str, names: Sequence[str]) -> list[Path]:
     """Admit these keys no longer. Returns the deleted files."""
     paths = [Path(folder) / "allowed" / f"{name}.public" for name in names]
     for name, path in zip(names, paths):
@@ -118,12 +125,12 @@ def deny(folder, names):
     return paths
 
 
-def allowed(folder):
+def allowed(folder: Path | str) -> list[Key]:
     """The admitted keys."""
     return [Key(path) for path in sorted((Path(folder) / "allowed").glob("*.public"))]
 
 
-def pairs(folder):
+def pairs(folder: Path | str) -> list[tuple[str, Key | None, bool, str | None]]:
     """(name, Key of its public file or None, whether its secret is here, what is wrong with it or None)"""
     folder = Path(folder)
     names = sorted({path.stem for end in ("public", "secret") for path in folder.glob(f"*.{end}")},

@@ -8,16 +8,21 @@
 The record gives the same messages at the same times, so the node has the same inputs at the same instants. A user
 searches a fault in one program, with a debugger if necessary, while the rest of the simulation is a file.
 """
+from __future__ import annotations
 
 import os
 import subprocess
 from collections import namedtuple
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fledge import _core
 from fledge.archive import Archive, ArchiveError
 from fledge.archive.compare import compare
 from fledge.errors import SetupError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 __all__ = ["Exchange", "Replayed", "replay"]
 
@@ -47,7 +52,7 @@ class Exchange:
     limited: why `known` is not the end; "" if it is
     """
 
-    def __init__(self, path):
+    def __init__(self, path: Path | str) -> None:
         self.archive = Archive(path)
         metadata = self.archive.metadata.get("exchange")
         if metadata is None:
@@ -67,9 +72,10 @@ class Exchange:
         for line in metadata[f"{name}.reads"].splitlines():
             topic, latency, *_ = line.split()
             reads[topic] = latency
-        return Member(name, metadata[f"{name}.present"] == "1", rates, metadata[f"{name}.any_time"] == "1" or not rates, reads)
+        any_time = metadata[f"{name}.any_time"] == "1" or not rates
+        return Member(name, metadata[f"{name}.present"] == "1", rates, any_time, reads)
 
-    def written_by(self, node):
+    def written_by(self, node: str) -> list[str]:
         """The topics that a node wrote, and others read."""
         return [c.topic for c in self.archive.topics.values() if c.metadata.get("writer") == node]
 
@@ -86,7 +92,7 @@ class Exchange:
             limits.append((min(last, default=-1), why))
         return min(limits)
 
-    def part(self, node, until):
+    def part(self, node: str, until: int) -> tuple:
         """The messages of a node up to an instant, as _core.Replay takes them."""
         topics = []
         for name in self.written_by(node):
@@ -100,8 +106,10 @@ class Exchange:
         return node, member.rates, member.any_time, topics
 
 
-def replay(exchange, node, command=None, *, out, until=None, address=None, keys=None, timeout=60.0, reply=60.0,
-           listening=None):
+def replay(exchange: Exchange, node: str, command: list[str] | None = None, *, out: Path | str,
+           until: int | None = None, address: str | None = None, keys: Path | str | None = None, timeout: float = 60.0,
+           reply: float = 60.0,
+           listening: Callable[[str], None] | None = None) -> Replayed:
     """Run one node with the record of the others. Returns a Replayed.
 
     exchange: an Exchange; node: a name of it
@@ -120,17 +128,17 @@ def replay(exchange, node, command=None, *, out, until=None, address=None, keys=
     if not topics:
         raise SetupError(f"{exchange.archive.path}: {node} wrote nothing that others read, so there is nothing "
                          "to compare")
-    until = exchange.known if until is None else min(until, exchange.known)
-    if until < 0:
+    last: int = exchange.known if until is None else min(until, exchange.known)
+    if last < 0:
         raise SetupError(f"{exchange.archive.path}: nothing can be replayed: {exchange.limited}")
     if not exchange.nodes[node].rates and not exchange.nodes[node].present:
         raise SetupError(f"{exchange.archive.path}: {node} did not step with the others, so it cannot be "
                          "replayed")
-    others = [exchange.part(other, until) for other, member in exchange.nodes.items()
+    others = [exchange.part(other, last) for other, member in exchange.nodes.items()
               if other != node and (member.present or exchange.written_by(other))]
     Path(out).parent.mkdir(parents=True, exist_ok=True)
     Path(out).unlink(missing_ok=True)  # of an earlier replay: if this one fails at once, it is not its record
-    core = _core.Replay(exchange.simulation, node, exchange.seed, until, others, topics, str(out),
+    core = _core.Replay(exchange.simulation, node, exchange.seed, last, others, topics, str(out),
                         address or f"ipc://@fledge-replay-{os.getpid()}", str(keys or ""), float(timeout),
                         float(reply))
     if listening:
@@ -142,14 +150,14 @@ def replay(exchange, node, command=None, *, out, until=None, address=None, keys=
                                         "FLEDGE_ADDRESS": core.address})
     record = Path(out)
     if not record.is_file():
-        return Replayed(None, topics, until, 0, [], outcome or "there was no message")
+        return Replayed(None, topics, last, 0, [], outcome or "there was no message")
     again = Archive(record)
 
     def compared(times):
-        return times <= until
+        return times <= last
 
     messages = sum(int(compared(exchange.archive.time_ns(topic)).sum()) for topic in topics)
-    return Replayed(record, topics, until, messages, compare(exchange.archive, again, topics, times=compared), outcome)
+    return Replayed(record, topics, last, messages, compare(exchange.archive, again, topics, times=compared), outcome)
 
 
 def _with(command, core, variables):

@@ -5,16 +5,24 @@ the messages and numbers in the lanes of any board, targets/mission_io.h.
 In a board's file, a snorkel or field names what it carries by its path: `carries = "world.nav.attitude"` of a message
 snorkel, `carries = "world.nav.attitude.sigma_BN"` of a field of words, of which the i-th holds the i-th number.
 """
+from __future__ import annotations
 
 import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fledge.elements import ELEMENTS
 from fledge.export import names
 from fledge.export.c_source import extern, row, written
 from fledge.export.read import ExportError, Message, leaves
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+    from typing import Any
+    from fledge.export.read import Mission
+    from registers.description import Board
 
 BASE, CLOCK, INTERRUPTS, FIRST = 0xA0000000, 0x0, 0x20, 0x40
 
@@ -41,7 +49,7 @@ class Block:
     fields: list
 
 
-def blocks(mission):
+def blocks(mission: Mission) -> dict[str, Message | None]:
     """Path -> Message of each module's parameters, as MISSION_parameters has them. Those of modules that publish them
     are None: they take effect when the module publishes them."""
     found = {}
@@ -65,7 +73,7 @@ def _block(mission, path):
 
 # --- the board that carries messages whole ---------------------------------------------------------
 
-def toml(mission, outputs=(), parameters=()):
+def toml(mission: Mission, outputs: Sequence[str] | str = (), parameters: Sequence[str] = ()) -> str:
     """The file of the mission's own board: a message snorkel for every message that flight or the outside reads, and
     for further outputs by their paths; `outputs` "all": for every one. parameters: paths of modules whose parameters
     can be changed by it. Words are big-endian; it has the clock."""
@@ -111,7 +119,7 @@ lines   = ["tick"]
 ''' + "".join(parts)
 
 
-def board_name(mission):
+def board_name(mission: Mission) -> str:
     return _distinct([f"{mission.name}_board"])[0]
 
 
@@ -134,7 +142,7 @@ def _distinct(texts):
     return [name.strip("_") if name.rstrip("_") not in names.KEYWORDS else name + "2" for name in found.values()]
 
 
-def read(mission, texts):
+def read(mission: Mission, texts: Iterable[tuple[Path | str, str]]) -> list[Board]:
     """The boards of (path, text) pairs, registers.description.Board each. Raises ExportError with all that is wrong."""
     from registers.checked_toml import TomlError
     from registers.description import parse
@@ -160,7 +168,7 @@ def read(mission, texts):
 
 # --- messages in lanes ----------------------------------------------------------------
 
-def lanes(mission, boards):
+def lanes(mission: Mission, boards: Sequence[Board]) -> list[Lane]:
     """The table of `boards`, in the order of the messages' ids. Raises ExportError with all that is wrong with it."""
     finder = _Finder(mission)
     for i, board in enumerate(boards):
@@ -304,7 +312,8 @@ def _numbers(struct, parts, path):
 
 # --- in C ------------------------------------------------------------------------------------------
 
-def emit_board(mission, files=(), outputs=(), parameters=()):
+def emit_board(mission: Mission, files: Sequence[Path | str] = (), outputs: Sequence[str] | str = (),
+               parameters: Sequence[str] = ()) -> dict[str, str]:
     """File name -> text: the boards' headers, tables and documentation, and the table of messages in lanes.
 
     files: of boards of the user. Without any, the mission's own, whose file is among the results; `outputs`
@@ -322,19 +331,19 @@ def emit_board(mission, files=(), outputs=(), parameters=()):
     return own | emit(mission, boards, found)
 
 
-def emit(mission, boards, found):
+def emit(mission: Mission, boards: Sequence[Board], found: list[Lane]) -> dict[str, str]:
     """The table of messages in lanes. boards: of `read`; found: of `lanes`."""
     return {f"{mission.name}_io.h": header(mission), f"{mission.name}_io.c": source(mission, boards, found)}
 
 
-def header(mission):
+def header(mission: Mission) -> str:
     name, guard = mission.name, f"{mission.name.upper()}_IO_H"
     return "\n".join([*written(mission), f"#ifndef {guard}\n#define {guard}\n",
                       f'#include "{name}.h"', '#include "targets/mission_io.h"\n',
                       "/** Which message passes through which lane. */", extern("MissionIo", f"{name}_io"), "#endif\n"])
 
 
-def source(mission, boards, found):
+def source(mission: Mission, boards: Sequence[Board], found: list[Lane]) -> str:
     name, upper = mission.name, mission.name.upper()
     lines = [*written(mission), f'#include "{name}_io.h"', "", *(f'#include "{b.name}.h"' for b in boards)]
     whole = {one.message.struct.name: one.message.struct for one in found if one.number is None
@@ -365,7 +374,7 @@ def source(mission, boards, found):
     return "\n".join(lines)
 
 
-def message(struct, declared, before=()):
+def message(struct: Any, declared: str, before: Sequence[str] = ()) -> list[str]:
     """Lines that define a RegisterMessage."""
     found = byte_runs(struct)
     runs = ", ".join(f"{{{width}u, {n}u}}" for width, n in found)
@@ -373,9 +382,9 @@ def message(struct, declared, before=()):
             f'{declared} = {{"{struct.name}", {struct.size}u, {len(found)}u,', f"    runs_{struct.name}}};"]
 
 
-def byte_runs(struct):
+def byte_runs(struct: Any) -> list[tuple[int, int]]:
     """(width in bytes, how many) of a message's numbers in the order of memory, as introspect/emit/orders.py."""
-    merged = []
+    merged: list[tuple[int, int]] = []
     for _, field, _ in leaves(struct.fields):
         width = ELEMENTS[field.type].size
         n = field.size // width

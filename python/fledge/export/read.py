@@ -3,17 +3,22 @@
 
 Names in it are C's already: flight.py's own, but for keywords of C and texts that are no identifiers.
 """
+from __future__ import annotations
 
 import ast
 import re
 import struct as packing
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from fledge import objects
 from fledge.elements import ELEMENTS
 from fledge.errors import SetupError
 from fledge.export import names
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
 
 
 class ExportError(SetupError):
@@ -28,14 +33,14 @@ class Module:
     memory: bytes                    # as flight.py left it, before any reset
 
     @property
-    def type(self):
+    def type(self) -> str:
         return self.struct.name
 
     @property
-    def function(self):
+    def function(self) -> str:
         return names.snake(self.type)
 
-    def fields(self, group):
+    def fields(self, group: str) -> list[Any]:
         return [f for f in self.struct.fields if f.group == group]
 
 
@@ -97,17 +102,17 @@ class Mission:
     published: dict                  # configuration module name -> wires carried when it is published
     left_out: list                   # titles of tasks and events that are not exported
 
-    def struct(self):
+    def struct(self) -> str:
         """The name of the struct that holds it all."""
         return names.camel(self.name)
 
-    def sources(self):
+    def sources(self) -> list[str]:
         """The C files of its modules, from the root that their headers are included from; flight/math is
         needed beside them."""
         return sorted({m.struct.header.removesuffix(".h") + ".c" for m in self.modules})
 
 
-def read(sim, tasks=None):
+def read(sim: Any, tasks: Sequence[str] | None = None) -> Mission:
     """The Mission that flies in a simulation which has not run, or of it the named tasks.
 
     A subset takes with it the configuration that is wired to it; what it reads of the rest of flight
@@ -283,7 +288,7 @@ class _Reader:
         return ExportError(f"{path}, line {line}: {text}" if line else f"{path}: {text}")
 
 
-def line_of(path, name):
+def line_of(path: Path, name: str | None) -> int | None:
     """The line of a mission's file where an instance or event gets its name, or None."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if (isinstance(node, ast.Attribute) and node.attr == name and isinstance(node.ctx, ast.Store)
@@ -292,7 +297,7 @@ def line_of(path, name):
     return None
 
 
-def leaves(fields, path="", base=0):
+def leaves(fields: Sequence[Any], path: str = "", base: int = 0) -> Iterator[tuple[str, Any, int]]:
     """(path, field, offset) of every field that is no struct; of an array of structs, of each element."""
     for f in fields:
         if f.type == "struct":
@@ -302,7 +307,7 @@ def leaves(fields, path="", base=0):
             yield path + f.name, f, base + f.offset
 
 
-def floats(struct, memory):
+def floats(struct: Any, memory: bytes) -> Iterator[tuple[str, float]]:
     """(path, value) of every floating-point number in an object of that struct."""
     for port in struct.fields:
         for path, f, at in leaves([port], f"{port.group}." if port.group else ""):

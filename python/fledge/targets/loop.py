@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The programs of one flight: a controller, the world of the mission, and the node of the board, which starts the
 target. fledge_guard starts each of them, and ends it with all its children when this program ends in any way."""
+from __future__ import annotations
 
 import contextlib
 import itertools
@@ -11,15 +12,21 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fledge.errors import Failure
 from fledge.progress import Progress
 from fledge.targets import build
 
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Any, TextIO
+    from fledge.targets.job import Job
+
 _numbers = itertools.count()
 
 
-def close(job, target, name, timeout=60.0):
+def close(job: Job, target: list[str], name: str, timeout: float = 60.0) -> dict[str, str]:
     """Fly a job to its end, flight by the command `target`; returns the figures that the target printed, key -> text.
 
     The output of the programs goes into job.folder / NAME.log. Raises Failure with its end if the run ends early.
@@ -35,9 +42,10 @@ def close(job, target, name, timeout=60.0):
         "flight": [*_board(job, options), "--reply", timeout, "--", *target]})
 
 
-def join(job, target, name, address, simulation, node, keys=None):
+def join(job: Job, target: list[str], name: str, address: str, simulation: str, node: str,
+         keys: Path | str | None = None) -> dict[str, str]:
     """The same for a run whose controller and world are elsewhere, the controller at `address`."""
-    options = ["--address", address, "--simulation", simulation, "--node", node]
+    options: list[object] = ["--address", address, "--simulation", simulation, "--node", node]
     if keys:
         options += ["--keys", Path(keys).resolve()]
     return _run(job, name, {"flight": [*_board(job, options), "--", *target]})
@@ -89,7 +97,7 @@ def _what_failed(results, log, title):
     return f"the flight of {title} ended early: {codes}; {log} ends with\n    " + "\n    ".join(lines[-12:])
 
 
-def environment():
+def environment() -> dict[str, str]:
     """The environment for programs that start in another folder: the same module path, and absolute paths of keys."""
     found = {**os.environ, "PYTHONUNBUFFERED": "1",
              "PYTHONPATH": os.pathsep.join(os.path.abspath(path) for path in sys.path if path)}
@@ -101,17 +109,17 @@ def environment():
 class HowFar:
     """The progress that the controller reports, for the bar."""
 
-    def __enter__(self):
+    def __enter__(self) -> HowFar:
         self.read, self.write = os.pipe()
         os.set_blocking(self.read, False)
         self.rest, self.t = b"", 0
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_) -> None:
         os.close(self.read)
         os.close(self.write)
 
-    def now(self):
+    def now(self) -> int:
         """[ns]"""
         with contextlib.suppress(BlockingIOError):
             self.rest += os.read(self.read, 65536)
@@ -124,7 +132,8 @@ class HowFar:
 class Program:
     """A program under the guard; leaving the context ends it."""
 
-    def __init__(self, name, command, log, folder, descriptors=()):
+    def __init__(self, name: str, command: Sequence[object], log: TextIO, folder: Path | None,
+                 descriptors: Sequence[int] = ()) -> None:
         self.name = name
         self.out = open(f"{log.name}.{name}", "w+", encoding="utf-8", errors="replace")
         Path(self.out.name).unlink()
@@ -133,15 +142,16 @@ class Program:
             self.process = subprocess.Popen([build.native("fledge_guard", "cosim"), "--", *map(str, command)],
                                             stdin=subprocess.PIPE, stdout=self.out, stderr=subprocess.STDOUT,
                                             cwd=folder, env=environment(), pass_fds=descriptors)
+            self._lifeline: Any = self.process.stdin
         except BaseException:
             self.out.close()
             raise
 
-    def __enter__(self):
+    def __enter__(self) -> Program:
         return self
 
-    def __exit__(self, *_):
-        self.process.stdin.close()               # its lifeline: the guard ends what it started
+    def __exit__(self, *_) -> None:
+        self._lifeline.close()               # its lifeline: the guard ends what it started
         try:
             self.process.wait(timeout=15)
         except subprocess.TimeoutExpired:
@@ -152,10 +162,10 @@ class Program:
         self.log.flush()
         self.out.close()
 
-    def poll(self):
+    def poll(self) -> int | None:
         return self.process.poll()
 
-    def figures(self):
+    def figures(self) -> dict[str, str]:
         """The lines of a key and a value in its output."""
         self.out.seek(0)
         pairs = (line.split(maxsplit=1) for line in self.out)

@@ -1,13 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """A scenario on the desktop, to find its set-up, its duration and its changes between its runs. Its plots are left
 out; its checks must hold, as far as it is flown."""
+from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from fledge import export, mission as missions, objects
 from fledge.errors import Failure, SetupError
 from fledge.mission.scenario import chosen
 from fledge.objects.si import time_ns
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from typing import Any, NoReturn
 
 
 @dataclass
@@ -23,7 +29,8 @@ class _Ends(BaseException):
     """The duration of the flight is over."""
 
 
-def rehearse(mission, scenario=None, duration=None, seed=0, free=False, parameters=None):
+def rehearse(mission: str, scenario: str | None = None, duration: float | None = None, seed: int = 0,
+             free: bool = False, parameters: dict[str, Any] | None = None) -> Rehearsal:
     """Returns a Rehearsal. duration: [s], of what is to be flown; None: all that the scenario runs."""
     def load():
         return missions.load(mission, **(parameters or {}))
@@ -58,15 +65,18 @@ def rehearse(mission, scenario=None, duration=None, seed=0, free=False, paramete
 class Rehearsal:
     """name; duration [s]; start: the simulation as it stood before its first run, and mission: that exported; loads."""
 
-    def __init__(self, sim, duration):
+    def __init__(self, sim: Any, duration: float | None) -> None:
         self.sim, self.duration = sim, duration
-        self.name, self.start, self.mission, self.loads = "", None, None, []
+        self.name = ""
+        self.start: Any = None
+        self.mission: Any = None
+        self.loads: list[Load] = []
 
-    def begin(self):
+    def begin(self) -> None:
         self.mission = export.read(self.sim)
         self.start = self.sim.clone()
 
-    def run(self, duration=None, *, until=None, **_):
+    def run(self, duration: Any = None, *, until: Any = None, **_) -> None:
         """In place of the simulation's run()."""
         sim = self.sim
         now = max(sim.time_ns, 0)
@@ -81,7 +91,7 @@ class Rehearsal:
         type(sim).run(sim, until=end / 1e9, progress=False)
         self.before = sim.snapshot(), _memory(sim)
 
-    def compare(self, now):
+    def compare(self, now: int) -> None:
         """Add the changes of the scenario since the last run to `loads`."""
         sim, (snapshot, before) = self.sim, self.before
         after, changed = _memory(sim), []
@@ -103,11 +113,11 @@ class Rehearsal:
         now_so = sim.snapshot() if changed else b""
         self.loads += [Load(now, path, block, now_so) for path, block in changed]
 
-    def refused(self, *_, **__):
+    def refused(self, *_, **__) -> NoReturn:
         raise SetupError(f"the scenario {self.name} does more than run: steps, resets and restored states cannot be "
                          "had on a target")
 
-    def finish(self, load, seed):
+    def finish(self, load: Callable[[], Any], seed: int) -> None:
         if self.duration is None:
             self.duration = self.sim.time
         if self.loads:

@@ -1,12 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """The one table of what was flown where."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 from fledge.columns import columns
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from fledge.targets.target import Flown
 
 HEADS = ("target", "steps", "flight outputs", "first difference", "CPU per step", "code", "memory")
 
 
-def lines(rows):
+def lines(rows: Iterable[tuple[str, Flown | None, str, str]]) -> list[str]:
     """Lines of a table: of each row a Flown or None, its target's name, hash, and what its first difference is."""
     cells = [HEADS]
     for name, flown, digest, difference in rows:
@@ -19,11 +26,11 @@ def lines(rows):
     return columns(cells)
 
 
-def cpu(seconds):
+def cpu(seconds: float | None) -> str:
     if seconds is None:
         return "-"
     return f"{seconds * 1e6:.3g} us" if seconds >= 1e-6 else f"{seconds * 1e9:.3g} ns"
 
 
-def size(n):
+def size(n: int | None) -> str:
     return "-" if n is None else f"{n / 1024:.1f} KiB"

@@ -1,14 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """The places where a mission flies. A target builds the exported C, and gives the command that starts it, and its
 size; all else is the same for all targets. To add one: a Target, and a line in TARGETS."""
+from __future__ import annotations
 
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from time import process_time
+from typing import TYPE_CHECKING
 
 from fledge.archive import Archive
 from fledge.targets import build, loop
+
+if TYPE_CHECKING:
+    from fledge.targets.job import Job
 
 
 @dataclass
@@ -29,27 +34,27 @@ class Target:
     name = ""
     about = ""
     emulated = False
-    needs = ()              # programs that are not always there
+    needs: tuple[str, ...] = ()     # programs that are not always there
 
-    def missing(self):
+    def missing(self) -> list[str]:
         """The programs that are not installed."""
         return [one for one in self.needs if not shutil.which(one)]
 
-    def build(self, job):
+    def build(self, job: Job) -> Path:
         """Build the job for this target, in job.folder / name; only what changed. Returns what `command` starts."""
         raise NotImplementedError
 
-    def command(self, built, record):
+    def command(self, built: Path, record: str) -> list[str]:
         """The arguments that start it: {registers} stands for the register file; it writes all outputs of flight into
         `record`, a file in its working directory, and at its end prints lines of a key and a value, at least ticks and
         cpu_ns."""
         raise NotImplementedError
 
-    def sizes(self, built):
+    def sizes(self, built: Path) -> tuple[int | None, int | None]:
         """(bytes of code and constants, bytes of memory), without the C library; None: not known."""
         return None, None
 
-    def record(self, job):
+    def record(self, job: Job) -> Path:
         """The path of its record; the record of an earlier flight is deleted."""
         job.folder.mkdir(parents=True, exist_ok=True)
         path = job.folder / f"{self.name}.mcap"
@@ -57,12 +62,13 @@ class Target:
             old.unlink(missing_ok=True)
         return path
 
-    def fly(self, job, timeout=60.0):
+    def fly(self, job: Job, timeout: float = 60.0) -> Flown:
         """Build and fly a job in the closed loop; returns a Flown."""
         built, record = self.build(job), self.record(job)
         return self._flown(built, record, loop.close(job, self.command(built, record.name), self.name, timeout))
 
-    def join(self, job, address, simulation, node="flight", keys=None):
+    def join(self, job: Job, address: str, simulation: str, node: str = "flight",
+             keys: Path | str | None = None) -> Flown:
         """The same as a node of a run whose controller is at `address`; keys: of the node, else FLEDGE_KEYS."""
         built, record = self.build(job), self.record(job)
         return self._flown(built, record, loop.join(job, self.command(built, record.name), self.name, address,
@@ -80,7 +86,7 @@ class Desktop(Target):
     name = "desktop"
     about = "the run in one program, under Python"
 
-    def fly(self, job, timeout=60.0):
+    def fly(self, job: Job, timeout: float = 60.0) -> Flown:
         sim = job.start.clone()
         sim.record(*(getattr(getattr(sim.flight, one), port) for one, port in
                      (m.path.split(".")[1:] for m in job.mission.outputs)), every=job.step() / 1e9)
@@ -105,22 +111,20 @@ class Linux(Target):
 
     name = "linux"
     about = "a process of its own on this machine"
-    compiler, size, runner = "gcc", "size", ()
+    compiler, size = "gcc", "size"
+    runner: tuple[str, ...] = ()
+    needs: tuple[str, ...] = ("gcc",)
 
-    @property
-    def needs(self):
-        return (self.compiler, *self.runner)
-
-    def build(self, job):
+    def build(self, job: Job) -> Path:
         sources = [*job.sources(), *(build.ROOT / path for path in build.RUNNER)]
         # Static: it is one file that can be copied to a board, and an emulator needs no libraries of it.
         return build.program(job.folder / self.name, job.mission.name, sources, job.includes(), self.compiler,
                              flags=["-fno-pie"], link=["-static", "-no-pie"])
 
-    def command(self, built, record):
+    def command(self, built: Path, record: str) -> list[str]:
         return [*self.runner, str(built.resolve()), "--record", record, "{registers}"]
 
-    def sizes(self, built):
+    def sizes(self, built: Path) -> tuple[int, int]:
         return build.sizes(built, self.size)
 
 
@@ -131,6 +135,7 @@ class Aarch64(Linux):
     about = "the same for a Raspberry Pi, under qemu-user"
     emulated = True
     compiler, size, runner = "aarch64-linux-gnu-gcc", "aarch64-linux-gnu-size", ("qemu-aarch64",)
+    needs = (compiler, *runner)
 
 
 class Sparc64(Aarch64):
@@ -139,6 +144,7 @@ class Sparc64(Aarch64):
     name = "sparc64"
     about = "the same for a big-endian machine, under qemu-user"
     compiler, size, runner = "sparc64-linux-gnu-gcc", "sparc64-linux-gnu-size", ("qemu-sparc64",)
+    needs = (compiler, *runner)
 
 
 TARGETS = {one.name: one for one in (Desktop(), Linux(), Aarch64(), Sparc64())}

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where an app's C, the same for all missions, meets the one that it flies."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 from fledge.export import c_run
 from fledge.export.c_source import row
@@ -7,8 +10,15 @@ from fledge.export.c_text import comment
 from fledge.export.cfs.packets import guarded
 from fledge.export.cfs.tables import HEAD_SIZE, layout_checks, rules
 
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from fledge.export.cfs.app import App
+    from fledge.export.cfs.tables import Table
+    from fledge.export.read import Mission
+    from registers.description import Board
 
-def header(mission, app, found, boards, watched=False):
+
+def header(mission: Mission, app: App, found: Sequence[Table], boards: Sequence[Board], watched: bool = False) -> str:
     prefix, upper = app.prefix, mission.name.upper()
     longest = max(m.struct.size for m in mission.outputs)
     longest_table = HEAD_SIZE + max((len(t.content) for t in found), default=0)
@@ -39,7 +49,7 @@ def header(mission, app, found, boards, watched=False):
         "/** Flight's time [ns] as cFE's. */", f"CFE_TIME_SysTime_t {prefix}_SysTime(int64 t);", ""])
 
 
-def source(mission, app, found):
+def source(mission: Mission, app: App, found: Sequence[Table]) -> str:
     prefix, name = app.prefix, mission.name
     lines = ["/* SPDX-License-Identifier: Apache-2.0 */",
              *comment(f"What is {mission.title}'s own in {prefix}: the rules of its parameters, and its calls."),
