@@ -3,11 +3,10 @@
 so that every machine writes the same."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from typing import Any
     from bench.rows import Rows
 
 

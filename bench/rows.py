@@ -4,14 +4,11 @@ from __future__ import annotations
 import argparse
 import json
 import statistics
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
 
 from fledge.columns import columns
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-    from typing import Any
-    from pathlib import Path
 
 
 class Rows:

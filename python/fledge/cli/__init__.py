@@ -153,8 +153,9 @@ def list_(options: argparse.Namespace) -> int:
             say(f"    {scenario:{width - 2}} {text}")
     if not found:
         say("  none")
-    for title, types, kind in (("flight modules (from fledge import flight as fsw)", getattr(flight, "TYPES"), "module"),
-                               ("world models (from fledge import world)", world.TYPES, "model")):
+    for title, types, kind in (
+            ("flight modules (from fledge import flight as fsw)", getattr(flight, "TYPES"), "module"),
+            ("world models (from fledge import world)", world.TYPES, "model")):
         say("\n" + title)
         for name in sorted(types):
             struct = objects.struct(types[name])

@@ -12,8 +12,10 @@ from __future__ import annotations
 
 import os
 from collections import namedtuple
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from fledge import _core
 from fledge.errors import SetupError
@@ -21,10 +23,7 @@ from fledge.mission.process import Process
 from fledge.objects.si import time_ns
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-    from typing import Any
     from fledge.mission.simulation import Simulation
-    from pathlib import Path
 
 DEFAULT_ADDRESS = "tcp://127.0.0.1:7000"
 

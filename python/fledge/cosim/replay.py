@@ -13,16 +13,13 @@ from __future__ import annotations
 import os
 import subprocess
 from collections import namedtuple
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from fledge import _core
 from fledge.archive import Archive, ArchiveError
 from fledge.archive.compare import compare
 from fledge.errors import SetupError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 __all__ = ["Exchange", "Replayed", "replay"]
 

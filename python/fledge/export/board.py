@@ -9,19 +9,17 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from fledge.elements import ELEMENTS
 from fledge.export import names
 from fledge.export.c_source import extern, row, written
-from fledge.export.read import ExportError, Message, leaves
+from fledge.export.read import ExportError, Message, Mission, leaves
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-    from typing import Any
-    from fledge.export.read import Mission
     from registers.description import Board
 
 BASE, CLOCK, INTERRUPTS, FIRST = 0xA0000000, 0x0, 0x20, 0x40

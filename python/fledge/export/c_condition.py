@@ -2,12 +2,11 @@
 """A flight event's condition as an expression of C, computed as sim::Condition::holds() does."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from fledge.export.c_values import indices
 
 if TYPE_CHECKING:
-    from typing import Any
     from fledge.export.read import Event
 
 

@@ -5,13 +5,13 @@ The rules of time are those of flight/exec, as on the desktop (sim/runtime.cpp).
 """
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from fledge.export.c_condition import condition
 from fledge.export.c_text import COLUMNS, broken, comment, doc, seconds, with_notes
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from fledge.export.read import Mission, Task, Wire
 
 

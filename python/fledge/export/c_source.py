@@ -6,15 +6,13 @@ bytes.
 """
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from fledge.export import c_run
 from fledge.export.c_text import COLUMNS, broken, comment, doc, plain, seconds, with_notes, wrap
-from fledge.export.c_values import settings
+from fledge.export.c_values import Setting, settings
 
 if TYPE_CHECKING:
-    from typing import Any
-    from fledge.export.c_values import Setting
     from fledge.export.read import Mission
 
 

@@ -2,10 +2,7 @@
 """The layout of exported C: at most COLUMNS columns, and the notes of successive lines below one another."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+from collections.abc import Sequence
 
 COLUMNS = 120   # as in .clang-format
 

@@ -7,14 +7,11 @@ shortest decimal that reads back as the same double, with every compiler.
 from __future__ import annotations
 
 import struct as packing
-from typing import TYPE_CHECKING
+from collections.abc import Container, Iterator, Sequence
+from typing import Any
 
 from fledge.elements import ELEMENTS
 from fledge.export.c_text import COLUMNS, declaration, string
-
-if TYPE_CHECKING:
-    from collections.abc import Container, Iterator, Sequence
-    from typing import Any
 
 TABLE = 6       # from so many elements on, a plain array is set from a table
 

@@ -3,13 +3,12 @@
 definitions of its messages, and its rates."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from fledge.export.c_source import row, written
 from fledge.export.c_text import string
 
 if TYPE_CHECKING:
-    from typing import Any
     from fledge.export.read import Mission
 
 

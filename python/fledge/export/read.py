@@ -8,17 +8,15 @@ from __future__ import annotations
 import ast
 import re
 import struct as packing
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, TYPE_CHECKING
+from pathlib import Path
+from typing import Any
 
 from fledge import objects
 from fledge.elements import ELEMENTS
 from fledge.errors import SetupError
 from fledge.export import names
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-    from pathlib import Path
 
 
 class ExportError(SetupError):

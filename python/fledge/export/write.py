@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import errno
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fledge.export.c_source import emit
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
     from fledge.export.read import Mission
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,6 @@ from fledge.export.write import write_files
 from fledge.files import build_folder
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
     from fledge.export.read import Mission
 
 ROOT = Path(__file__).resolve().parents[3]

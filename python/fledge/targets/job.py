@@ -5,10 +5,11 @@ from __future__ import annotations
 import fcntl
 import math
 import re
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from fledge import export
 from fledge.errors import Failure
@@ -17,8 +18,6 @@ from fledge.targets import build
 from fledge.targets.rehearsal import rehearse
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-    from typing import Any
     from registers.description import Board
     import numpy as np
 

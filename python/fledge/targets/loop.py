@@ -11,16 +11,15 @@ import re
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TextIO
 
 from fledge.errors import Failure
 from fledge.progress import Progress
 from fledge.targets import build
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from typing import Any, TextIO
     from fledge.targets.job import Job
 
 _numbers = itertools.count()

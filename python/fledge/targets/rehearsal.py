@@ -3,17 +3,14 @@
 out; its checks must hold, as far as it is flown."""
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any, NoReturn
 
 from fledge import export, mission as missions, objects
 from fledge.errors import Failure, SetupError
 from fledge.mission.scenario import chosen
 from fledge.objects.si import time_ns
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from typing import Any, NoReturn
 
 
 @dataclass

@@ -2,12 +2,12 @@
 """The one table of what was flown where."""
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from fledge.columns import columns
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
     from fledge.targets.target import Flown
 
 HEADS = ("target", "steps", "flight outputs", "first difference", "CPU per step", "code", "memory")

@@ -5,13 +5,9 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from fledge.export.names import KEYWORDS
-from fledge.export.read import ExportError
-
-if TYPE_CHECKING:
-    from fledge.export.read import Mission
+from fledge.export.read import ExportError, Mission
 
 CMD, TLM, HIGHEST = 0x1800, 0x0800, 0x7FF
 ORDERS = ("little", "big")

@@ -2,16 +2,14 @@
 """The files around an app's C: its build, what a tree needs to know of it, and how to get it there."""
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fledge.export.cfs.app import CMD
-from fledge.export.cfs.tables import HEAD_SIZE
+from fledge.export.cfs.app import CMD, App
+from fledge.export.cfs.tables import HEAD_SIZE, Table
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from fledge.export.cfs.app import App
-    from fledge.export.cfs.tables import Table
     from fledge.export.read import Mission
 
 STACK, PRIORITY = 16384, 55

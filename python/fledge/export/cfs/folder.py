@@ -2,22 +2,19 @@
 """The whole folder of an app."""
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from fledge.export import board as boards_of
 from fledge.export import c_source
 from fledge.export.cfs import around, joint, packets, sources, tables
-from fledge.export.cfs.app import check_taken
+from fledge.export.cfs.app import App, check_taken
 from fledge.export.host import emit_host
-from fledge.export.read import ExportError
+from fledge.export.read import ExportError, Mission
 from fledge.export.write import write_files
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from typing import Any
-    from fledge.export.cfs.app import App
-    from fledge.export.read import Mission
     from registers.description import Board
 
 HERE = Path(__file__).resolve().parent

@@ -2,18 +2,17 @@
 """Where an app's C, the same for all missions, meets the one that it flies."""
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from fledge.export import c_run
 from fledge.export.c_source import row
 from fledge.export.c_text import comment
 from fledge.export.cfs.packets import guarded
-from fledge.export.cfs.tables import HEAD_SIZE, layout_checks, rules
+from fledge.export.cfs.tables import HEAD_SIZE, Table, layout_checks, rules
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
     from fledge.export.cfs.app import App
-    from fledge.export.cfs.tables import Table
     from fledge.export.read import Mission
     from registers.description import Board
 

@@ -2,15 +2,14 @@
 """Packets and tables as C structs that need nothing of Fledge: for the app, for its tables, for the ground."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 from fledge.elements import ELEMENTS
 from fledge.export import names
 from fledge.export.c_text import comment, doc, plain, with_notes, wrap
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from typing import Any
     from fledge.export.cfs.app import App
     from fledge.export.read import Mission
 

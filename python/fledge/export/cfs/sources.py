@@ -7,15 +7,14 @@ The names are changed by a header of #defines, which each file includes first; o
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fledge.export.read import ExportError
+from fledge.export.read import ExportError, Mission
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
     from fledge.export.cfs.app import App
-    from fledge.export.read import Mission
 
 # Of Fledge's own, what every app needs besides its modules.
 ALWAYS = ["registers/lane.c", "registers/field.c", "registers/clock.c", "registers/message.c",

@@ -10,21 +10,19 @@ from __future__ import annotations
 
 import struct as packing
 import zlib
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from fledge.export import c_source, names
 from fledge.elements import ELEMENTS
 from fledge.export.c_text import plain, string, wrap
 from fledge.export.c_values import literal
 from fledge.export.cfs.packets import guarded, struct
-from fledge.export.read import Module, leaves
+from fledge.export.read import Mission, Module, leaves
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-    from typing import Any
     from fledge.export.cfs.app import App
-    from fledge.export.read import Mission
 
 NAME_MAX, FILE_MAX = 15, 19          # CFE_MISSION_TBL_MAX_NAME_LENGTH, OS_MAX_FILE_NAME, less the end of a text
 HEAD_SIZE = 8
