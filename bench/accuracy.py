@@ -2,6 +2,7 @@
 """How accurate each model is: against its closed form, conservation law or an independent oracle, over
 time and step size. Writes docs/accuracy.md, the same on every machine.
 """
+from __future__ import annotations
 import argparse
 import sys
 import textwrap
@@ -49,7 +50,7 @@ def wrap(markdown):
         for line in markdown.split("\n"))
 
 
-def main(arguments):
+def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(prog="fledge bench accuracy", description="Measure, and write docs/accuracy.md.",
                                      epilog="example: ./fledge bench accuracy --json accuracy.json")
     parser.add_argument("--json", metavar="FILE", help="write the figures as a list of rows, too")

@@ -1,6 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """What docs/accuracy.md is made of: sections of text and tables, written with two significant digits,
 so that every machine writes the same."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from bench.rows import Rows
 
 
 class Table:
@@ -10,16 +17,16 @@ class Table:
     text where there is none.
     """
 
-    def __init__(self, title, rows, columns):
+    def __init__(self, title: str, rows: str, columns: Sequence[tuple[str, str]]) -> None:
         self.title, self.row_title, self.columns = title, rows, columns
-        self.rows = []
+        self.rows: list[tuple[str, list]] = []
 
-    def add(self, name, *figures):
+    def add(self, name: str, *figures: Any) -> None:
         if len(figures) != len(self.columns):
             raise ValueError(f"{self.title}: {len(figures)} figures for {len(self.columns)} columns")
         self.rows.append((name, [f if isinstance(f, str) else float(f) for f in figures]))
 
-    def markdown(self):
+    def markdown(self) -> str:
         units = [f" [{unit}]" if unit else "" for _, unit in self.columns]
         lines = [[self.row_title] + [name + unit for (name, _), unit in zip(self.columns, units)]]
         lines += [[name] + [f if isinstance(f, str) else two_digits(f) for f in figures]
@@ -34,14 +41,14 @@ class Table:
 class Section:
     """A model: what it is held against, and how far it is from that."""
 
-    def __init__(self, title, oracle, *parts):
+    def __init__(self, title: str, oracle: str, *parts: Any) -> None:
         self.title, self.oracle, self.parts = title, oracle, parts
 
-    def markdown(self):
+    def markdown(self) -> str:
         parts = [part.markdown() if isinstance(part, Table) else part for part in self.parts]
         return "\n\n".join([f"## {self.title}", f"*Held against:* {self.oracle}", *parts])
 
-    def fill(self, rows):
+    def fill(self, rows: Rows) -> None:
         """Add every figure to a bench's Rows."""
         for table in self.parts:
             if isinstance(table, Table):
@@ -51,12 +58,12 @@ class Section:
                             rows.add(f"{table.title}, {name}", column, figure, unit)
 
 
-def two_digits(x):
+def two_digits(x: float) -> str:
     """1.2e-9, 0.012, 1.2, 12, 120, 1200, 1.2e5"""
     if x == 0.0:
         return "0"
-    mantissa, exponent = f"{x:.1e}".split("e")
-    exponent = int(exponent)
+    mantissa, _, power = f"{x:.1e}".partition("e")
+    exponent = int(power)
     if -3 <= exponent < 4:
         return f"{float(f'{x:.1e}'):.{max(1 - exponent, 0)}f}"
     return f"{mantissa}e{exponent}"

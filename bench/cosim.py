@@ -14,13 +14,15 @@ the median over groups of rounds.
 - `nadir_spin`: the mission with world and flight in two programs, against `one_program_and_exchanges`: the
   same in one program, and for each tick a bare round trip.
 - `constellation`: up to 128 programs on this machine (bench/cosim_scaling.py).
-- `broker_*`, `watched_*`: such a pair with a broker whom nobody asks, and with four programs that look on, the
-  last of which is stopped, against the same without. On few processors, those that look on also compute.
+- `broker_*`, `watched_*`: such a pair with a broker that has no subscribers, and with four observers, the last
+  of which is stopped, against the same without. On few processors, the observers also use computing time.
 """
+from __future__ import annotations
 import subprocess
+from functools import partial
 
 from bench import cosim_scaling
-from bench.rows import Rows, options, report
+from bench.rows import Rows, in_turn, options, pair_by_pair, report
 
 NADIR_SPAN = 9600.0  # [s] of simulated time
 
@@ -37,12 +39,6 @@ def rounds(case, transport="-", nodes=1, n=4000):
     return float(out) * 1e-3
 
 
-def pair_by_pair(ours, theirs, scale=1.0):
-    """In words, the median of the ratios within each turn: what a slow spell cannot bend."""
-    ratios = sorted(a / (scale * b) for a, b in zip(ours, theirs))
-    return f"{ratios[len(ratios) // 2]:.3g} pair by pair"
-
-
 CASES = {
     "req_rep_ipc": ("req_rep", "ipc"), "tick_ipc": ("tick", "ipc"), "pair_ipc": ("pair", "ipc"),
     "req_rep_tcp": ("req_rep", "tcp"), "tick_tcp": ("tick", "tcp"), "pair_tcp": ("pair", "tcp"),
@@ -54,20 +50,15 @@ CASES = {
 WATCHED = {f"{name}_{transport}": (case, transport, observers, 20_000) for transport in ("ipc", "shm")
            for name, case, observers in (("alone", "pair", 0), ("broker", "watched", 0), ("watched", "watched", 4))}
 CASES |= WATCHED
+SPINS = {"ipc": "forbidden", "shm": "required"}     # transport -> sharing of memory
 
 
-def main(arguments):
+def main(arguments: list[str]) -> None:
     chosen = options("cosim", arguments, 9)
     rows = Rows()
-    samples = {name: [] for name in CASES}
-    spins = {"ipc": [], "shm": []}
-    for i in range(chosen.runs + 1):
-        for name, case in CASES.items():
-            sample = rounds(*case)
-            if i:  # the first warms up
-                samples[name].append(sample)
-        for way, flown in spins.items():
-            flown.append(cosim_scaling.fly("nadir_spin", NADIR_SPAN, {"ipc": "forbidden", "shm": "required"}[way]))
+    samples = in_turn({**{name: partial(rounds, *case) for name, case in CASES.items()},
+                       **{way: partial(cosim_scaling.fly, "nadir_spin", NADIR_SPAN, sharing)
+                          for way, sharing in SPINS.items()}}, chosen.runs)
 
     for transport in ("ipc", "tcp"):
         bare, tick, pair = (samples[f"{name}_{transport}"] for name in ("req_rep", "tick", "pair"))
@@ -75,8 +66,9 @@ def main(arguments):
         rows.add("libzmq_req_rep", figure, bare, "us")
         rows.add(f"tick_{transport}", figure, tick, "us", "libzmq_req_rep", note=pair_by_pair(tick, bare))
         figure = f"two {transport} round trips"
-        rows.add("libzmq_req_rep", figure, [2 * t for t in bare], "us")
-        rows.add(f"pair_{transport}", figure, pair, "us", "libzmq_req_rep", note=pair_by_pair(pair, bare, 2.0))
+        twice = [2 * t for t in bare]
+        rows.add("libzmq_req_rep", figure, twice, "us")
+        rows.add(f"pair_{transport}", figure, pair, "us", "libzmq_req_rep", note=pair_by_pair(pair, twice))
     for nodes in (1, 4, 16):
         bare, tick = samples[f"futex_{nodes}"], samples[f"tick_shm_{nodes}"]
         figure = f"round of {nodes}"
@@ -88,10 +80,10 @@ def main(arguments):
     for way, bare in (("ipc", samples["req_rep_ipc"]), ("shm", samples["futex_1"])):
         floor = sorted(bare)[len(bare) // 2] * 1e-6
         figure = f"nadir_spin, {way}"
-        rows.add("one_program", figure, [alone for *_, alone in spins[way]], "s")
-        rows.add("one_program_and_exchanges", figure, [alone + n * floor for n, _, alone in spins[way]], "s")
-        rows.add("nadir_spin", figure, [wall for _, wall, _ in spins[way]], "s", "one_program_and_exchanges",
-                 note=f"{spins[way][0][0]} ticks")
+        rows.add("one_program", figure, [alone for *_, alone in samples[way]], "s")
+        rows.add("one_program_and_exchanges", figure, [alone + n * floor for n, _, alone in samples[way]], "s")
+        rows.add("nadir_spin", figure, [wall for _, wall, _ in samples[way]], "s", "one_program_and_exchanges",
+                 note=f"{samples[way][0][0]} ticks")
     for transport in ("ipc", "shm"):
         alone, *watched = (samples[f"{name}_{transport}"] for name in ("alone", "broker", "watched"))
         figure = f"{transport} pair, watched"

@@ -4,6 +4,7 @@
 N spacecraft are 2 N programs, which hear each other in a ring, and one controller. Each figure is from the
 first to the last instant, without starting the programs. The same in one program is what the physics costs.
 """
+from __future__ import annotations
 import os
 import time
 
@@ -48,7 +49,7 @@ def measure(rows, runs):
         rows.add("constellation", f"{figure}, ticks", [ticks / wall for ticks, wall, _ in flown], "1/s")
 
 
-def main(arguments):
+def main(arguments: list[str]) -> None:
     chosen = options("cosim_scaling", arguments, 3)
     rows = Rows()
     measure(rows, chosen.runs)

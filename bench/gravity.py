@@ -5,9 +5,11 @@ The world's `Harmonics` runs against a plain evaluation (bench/plain_harmonics.c
 forward columns, factors computed in advance), in turn, in this process, with the same compiler
 flags, by processor time; their results must agree. A degree n has (n + 1)^2 coefficients.
 """
+from __future__ import annotations
 import ctypes
+from functools import partial
 
-from bench.rows import Rows, options, report
+from bench.rows import Rows, in_turn, median_ratio, options, report
 
 DEGREES = [20, 80, 180]
 AGREE = 1e-12
@@ -23,7 +25,7 @@ def library():
     return lib
 
 
-def main(arguments):
+def main(arguments: list[str]) -> None:
     chosen = options("gravity", arguments, runs=15)
     rows = Rows()
     lib = library()
@@ -34,17 +36,13 @@ def main(arguments):
                              "the comparison is void")
         coefficients = (degree + 1) ** 2
         calls = max(1, 10_000_000 // coefficients)
-        ours, plain = [], []
-        for run in range(chosen.runs + 1):
-            times = [1e9 / coefficients * lib.time_harmonics(which, degree, calls)
-                     for which in (0, 1)]
-            if run:  # the first warms up
-                ours.append(times[0])
-                plain.append(times[1])
-        ratios = sorted(a / b for a, b in zip(ours, plain))
-        ratio = ratios[len(ratios) // 2]
+
+        def per_coefficient(which):
+            return 1e9 / coefficients * lib.time_harmonics(which, degree, calls)
+
+        ours, plain = in_turn({which: partial(per_coefficient, which) for which in (0, 1)}, chosen.runs).values()
         rows.add(f"plain, degree {degree}", "per coefficient", plain, "ns")
         rows.add(f"gravity, degree {degree}", "per coefficient", ours, "ns",
-                 f"plain, degree {degree}", note=f"{1 / ratio:.2f} times faster")
+                 f"plain, degree {degree}", note=f"{1 / median_ratio(ours, plain):.2f} times faster")
         rows.add(f"gravity, degree {degree}", "difference", difference, "relative")
     report(rows, chosen)

@@ -6,11 +6,12 @@ Campaigns and single runs take turns. The scaling is the campaign's rate over th
 single rate: it includes making the clones and drawing the values, but not importing and loading.
 An open peer, measured once on this kind of machine: 19 runs a second.
 """
+from __future__ import annotations
 import time
 
 from fledge.montecarlo import Campaign, cores, disperse
 
-from bench.rows import Rows, options, report
+from bench.rows import Rows, in_turn, median_ratio, options, report
 
 RUNS = 2000
 PEER_RUNS_PER_SECOND = 19.0
@@ -23,7 +24,7 @@ def measure(work, runs):
     return runs / (time.perf_counter() - start), 1e6 * (time.process_time() - cpu) / runs
 
 
-def main(arguments):
+def main(arguments: list[str]) -> None:
     chosen = options("montecarlo", arguments, 7)
     rounds = chosen.runs
     rows = Rows()
@@ -38,26 +39,18 @@ def main(arguments):
             single.reset()
             single.run(campaign.dispersions.duration)
 
-    cases = {"single": (again, 300), "one thread": (lambda: campaign.fly(RUNS // n, threads=1), RUNS // n),
-             "campaign": (lambda: campaign.fly(RUNS), RUNS)}
-    samples = {name: [] for name in cases}
-    for i in range(rounds + 1):
-        for name, case in cases.items():
-            sample = measure(*case)
-            if i:  # the first warms up
-                samples[name].append(sample)
+    samples = in_turn({"single": lambda: measure(again, 300),
+                       "one thread": lambda: measure(lambda: campaign.fly(RUNS // n, threads=1), RUNS // n),
+                       "campaign": lambda: measure(lambda: campaign.fly(RUNS), RUNS)}, rounds)
     rates = {name: [r for r, _ in found] for name, found in samples.items()}
     cpu = {name: [c for _, c in found] for name, found in samples.items()}
-
-    def scaling(name, threads):
-        ratios = sorted(a / (threads * b) for a, b in zip(rates[name], rates["single"]))
-        return ratios[len(ratios) // 2]
 
     rows.add("single", "runs", rates["single"], "1/s")
     rows.add("one thread", "runs", rates["one thread"], "1/s", "single")
     rows.add("campaign", "runs", rates["campaign"], "1/s", "single",
              note=f"{n} threads; {sorted(rates['campaign'])[rounds // 2] / PEER_RUNS_PER_SECOND:.0f} times the peer")
-    rows.add("campaign", "scaling", scaling("campaign", n), "-", note=f"of {n} cores times the single rate")
+    rows.add("campaign", "scaling", median_ratio(
+        rates["campaign"], rates["single"]) / n, "-", note=f"of {n} cores times the single rate")
     rows.add("single", "cpu of a run", cpu["single"], "us")
     rows.add("campaign", "cpu of a run", cpu["campaign"], "us", "single",
              note="what sharing costs, also on a busy machine")

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How fast Python's objects on C memory are: what a user's own loop around a module pays."""
+from __future__ import annotations
 import gc
 import timeit
 
@@ -25,12 +26,13 @@ STATEMENTS = [
 ]
 
 
-def main(arguments, runs=9):
+def main(arguments: list[str], runs: int = 9) -> None:
     chosen = options("objects", arguments, runs)
     rows = Rows()
     sim = fledge.load("nadir_spin")
     sim.reset()
-    names = dict(c=fsw.MrpFeedback(K=2.5, P=45.0), MrpFeedback=fsw.MrpFeedback, x=3.0, three=[0.1, 0.2, 0.3],
+    MrpFeedback = getattr(fsw, "MrpFeedback")
+    names = dict(c=MrpFeedback(K=2.5, P=45.0), MrpFeedback=MrpFeedback, x=3.0, three=[0.1, 0.2, 0.3],
                  quantity=3 * N * m, K=2.5 * N * m, P=45 * N * m * s, sim=sim)
     gc.disable()
 

@@ -1,8 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every bench reports: a table for people, and the same as a list of rows for `--json`."""
+"""The report of a bench: a table for people, and the same figures as a list of rows for `--json`."""
+from __future__ import annotations
 import argparse
 import json
 import statistics
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from fledge.columns import columns
 
 
 class Rows:
@@ -12,15 +18,16 @@ class Rows:
     that it is compared with.
     """
 
-    def __init__(self):
-        self._rows = []
+    def __init__(self) -> None:
+        self._rows: list[dict] = []
 
-    def add(self, case, figure, samples, unit, ratio_to=None, note=""):
+    def add(self, case: str, figure: str, samples: float | Sequence[float], unit: str, ratio_to: str | None = None,
+            note: str = "") -> float:
         """Add a figure from its samples (or one number). `ratio_to` names a case with the same figure,
         added before."""
-        samples = samples if isinstance(samples, (list, tuple)) else [samples]
-        value = statistics.median(samples)
-        least = min(samples) if len(samples) > 1 else None
+        values = [samples] if isinstance(samples, (int, float)) else samples
+        value = statistics.median(values)
+        least = min(values) if len(values) > 1 else None
         ratio = None
         if ratio_to is not None:
             other = [r for r in self._rows if r["case"] == ratio_to and r["figure"] == figure]
@@ -31,7 +38,7 @@ class Rows:
                                ratio=ratio, least=least, note=note))
         return value
 
-    def print(self):
+    def print(self) -> None:
         table = [("case", "figure", "least", "median", "unit", "ratio", "")]
         for r in self._rows:
             table.append((
@@ -39,22 +46,34 @@ class Rows:
                 f"{r['value']:.4g}", r["unit"],
                 "" if r["ratio"] is None else f"{r['ratio']:.3g} x {r['ratio_to']}",
                 r["note"]))
-        widths = [max(len(row[i]) for row in table) for i in range(7)]
-        right = {2, 3}
-        for row in table:
-            cells = (c.rjust(w) if i in right else c.ljust(w)
-                     for i, (c, w) in enumerate(zip(row, widths)))
-            print("  ".join(cells).rstrip())
+        print(*columns(table, {2, 3}), sep="\n")
 
-    def write(self, path):
+    def write(self, path: Path | str) -> None:
         keys = ("case", "figure", "value", "least", "unit", "ratio_to", "ratio")
         with open(path, "w") as file:
             json.dump([{k: r[k] for k in keys} for r in self._rows], file, indent=1)
             file.write("\n")
 
 
-def options(name, arguments, runs):
-    """What every bench takes on the command line."""
+def in_turn(cases: dict[Any, Callable[[], Any]], runs: int) -> dict[Any, list]:
+    """Name -> samples of each case, a function that returns one. The cases take turns, so that a slow spell of the
+    machine affects all of them; the first turn warms up."""
+    turns = [{name: case() for name, case in cases.items()} for _ in range(runs + 1)][1:]
+    return {name: [turn[name] for turn in turns] for name in cases}
+
+
+def median_ratio(ours: Sequence[float], theirs: Sequence[float]) -> float:
+    """The median of the ratios within each turn, which a slow spell of the machine does not change."""
+    return statistics.median_high(a / b for a, b in zip(ours, theirs))
+
+
+def pair_by_pair(ours: Sequence[float], theirs: Sequence[float]) -> str:
+    """The same in words."""
+    return f"{median_ratio(ours, theirs):.3g} pair by pair"
+
+
+def options(name: str, arguments: list[str], runs: int) -> argparse.Namespace:
+    """Read the command line of a bench."""
     parser = argparse.ArgumentParser(prog=f"fledge bench {name}",
                                      epilog=f"example: ./fledge bench {name} --json {name}.json")
     parser.add_argument("--json", metavar="FILE", help="write the figures as a list of rows, too")
@@ -62,7 +81,7 @@ def options(name, arguments, runs):
     return parser.parse_args(arguments)
 
 
-def report(rows, chosen):
+def report(rows: Rows, chosen: argparse.Namespace) -> None:
     rows.print()
     if chosen.json:
         rows.write(chosen.json)

@@ -6,6 +6,7 @@ turn, in this process, with the same compiler flags; their end states must agree
 Best-known open peer on this kind of machine, measured once: 16.7 us per step, 1.6 s for the run,
 0.65 to 1.2 s to import, 125 to 230 MB.
 """
+from __future__ import annotations
 import ctypes
 import os
 import subprocess
@@ -16,7 +17,7 @@ import time
 import fledge
 from fledge.units import s
 
-from bench.rows import Rows, options, report
+from bench.rows import Rows, options, pair_by_pair, report
 
 SECONDS = 9600
 STEPS = 10 * SECONDS
@@ -79,7 +80,7 @@ def start_up(rows, runs):
         rows.add("nadir_spin", figure, values, unit)
 
 
-def main(arguments):
+def main(arguments: list[str]) -> None:
     chosen = options("sim", arguments, runs=15)
     runs = chosen.runs
     rows = Rows()
@@ -97,7 +98,7 @@ def main(arguments):
     alone.flight.start_in(alone.flight.mode("off", []))
 
     # In turn, so that a slow spell of the machine meets all alike.
-    times = {"hand": [], "sim": [], "recorded": [], "archived": [], "alone": []}
+    times: dict[str, list[float]] = {"hand": [], "sim": [], "recorded": [], "archived": [], "alone": []}
     with tempfile.TemporaryDirectory() as folder:
         for i in range(runs + 1):
             for one in (sim, recorded, archived, alone):
@@ -115,23 +116,21 @@ def main(arguments):
     if not difference < 1e-9:
         raise SystemExit(f"the end states differ by {difference:.3g} (relative): the comparison is void")
 
-    def pair_by_pair(name, other):
-        """In words, the median of the ratios within each round: what a slow spell cannot bend."""
-        ratios = sorted(a / b for a, b in zip(times[name], times[other]))
-        return f"{ratios[len(ratios) // 2]:.3g} pair by pair"
-
     per_step = {name: [1e9 * t / STEPS for t in values] for name, values in times.items()}
     rows.add("hand_written_loop", "wall", times["hand"], "s")
-    rows.add("nadir_spin", "wall", times["sim"], "s", "hand_written_loop", note=pair_by_pair("sim", "hand"))
+    rows.add("nadir_spin", "wall", times["sim"], "s", "hand_written_loop",
+             note=pair_by_pair(times["sim"], times["hand"]))
     rows.add("hand_written_loop", "step", per_step["hand"], "ns")
     rows.add("nadir_spin", "step", per_step["sim"], "ns", "hand_written_loop",
              note=f"{PEER_NS_PER_STEP / (1e9 * sorted(times['sim'])[runs // 2] / STEPS):.0f} times the peer")
-    rows.add("recorded every 10 s", "wall", times["recorded"], "s", "nadir_spin", note=pair_by_pair("recorded", "sim"))
-    rows.add("and archived", "wall", times["archived"], "s", "nadir_spin", note=pair_by_pair("archived", "sim"))
+    rows.add("recorded every 10 s", "wall", times["recorded"], "s",
+             "nadir_spin", note=pair_by_pair(times["recorded"], times["sim"]))
+    rows.add("and archived", "wall", times["archived"], "s", "nadir_spin",
+             note=pair_by_pair(times["archived"], times["sim"]))
     rows.add("end state", "difference", difference, "relative", note="simulator against hand-written loop")
 
-    # Where a step's time goes: schedule and wires take what neither the world nor the updates take. Least
-    # times are compared, in which a slow spell has no part.
+    # The shares of a step: schedule and wires are the rest after the world and the updates. Least times are
+    # compared, because a slow spell of the machine does not change them.
     flight = 0.0
     for module in UPDATES:
         samples = [1e9 * lib.time_flight_update(module.encode(), 200_000) for _ in range(7)]

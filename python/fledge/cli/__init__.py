@@ -4,6 +4,7 @@
 Exit codes: 0 all went well; 1 a check of the scenario failed, or the run did; 2 the command line or
 the mission is wrong; 130 Ctrl-C.
 """
+from __future__ import annotations
 
 import argparse
 import os
@@ -14,10 +15,14 @@ from fledge.cli.arguments import number, open_run, parse_duration
 from fledge.cli.console import Plots, say, size_of
 from fledge.errors import Failure
 
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from typing import NoReturn
+
 
 # --- run -------------------------------------------------------------------------------------------
 
-def run(options):
+def run(options: argparse.Namespace) -> int:
     import fledge
     from fledge import mission as missions
 
@@ -48,7 +53,7 @@ def run(options):
     except Exception as error:
         problem, code = missions.explain(error, sim.mission.folder), 2 if isinstance(error, fledge.SetupError) else 1
         _debug(options)
-    plots = sim.plots.saved if sim.plots else []
+    plots = sim.plots.saved if isinstance(sim.plots, Plots) else []
     say(f"  flown    {sim.time:g} s in {sim.wall:.3g} s"
         + (f", {sim.time / sim.wall:,.0f} times real time" if sim.wall > 0 else ""))
     if sim.pace and sim.pace_report["overruns"]:
@@ -85,13 +90,11 @@ def _scenario(sim, options):
             sim.run(duration)
 
         return "free", free
-    known = sim.mission.scenarios
-    if not known:
+    if not sim.mission.scenarios:
         raise Failure(f"the mission {sim.name} has no scenarios: write one in scenarios.py, or fly it with --for 10min")
-    name = options.scenario or next(iter(known))
-    if name not in known:
-        raise Failure(f"the mission {sim.name} has no scenario '{name}'; it has {', '.join(known)}")
-    return name, known[name]
+    from fledge.mission.scenario import chosen
+
+    return chosen(sim, options.scenario)
 
 
 def _report(sim, name):
@@ -118,7 +121,7 @@ def _write_report(report, folder, options, code, problem, record, plots):
 
 # --- show ------------------------------------------------------------------------------------------
 
-def show(options):
+def show(options: argparse.Namespace) -> int:
     import fledge
     from fledge import wiring_picture
     from fledge.mission.wiring import Wiring
@@ -137,7 +140,7 @@ def show(options):
 
 # --- list ------------------------------------------------------------------------------------------
 
-def list_(options):
+def list_(options: argparse.Namespace) -> int:
     from fledge import flight, mission, objects, world
     from fledge.objects.words import first_sentence
 
@@ -150,8 +153,9 @@ def list_(options):
             say(f"    {scenario:{width - 2}} {text}")
     if not found:
         say("  none")
-    for title, types, kind in (("flight modules (from fledge import flight as fsw)", flight.TYPES, "module"),
-                               ("world models (from fledge import world)", world.TYPES, "model")):
+    for title, types, kind in (
+            ("flight modules (from fledge import flight as fsw)", getattr(flight, "TYPES"), "module"),
+            ("world models (from fledge import world)", world.TYPES, "model")):
         say("\n" + title)
         for name in sorted(types):
             struct = objects.struct(types[name])
@@ -169,7 +173,7 @@ def list_(options):
 
 # --- plot, convert ---------------------------------------------------------------------------------
 
-def plot(options):
+def plot(options: argparse.Namespace) -> int:
     from fledge.plot import plot as draw, save
 
     archive = open_run(options.run)
@@ -190,7 +194,7 @@ def plot(options):
     return 0
 
 
-def convert(options):
+def convert(options: argparse.Namespace) -> int:
     archive = open_run(options.run)
     if not archive.topics:
         raise Failure(f"{archive.path}: there is nothing to convert", 1)
@@ -204,12 +208,11 @@ def convert(options):
 
 # --- bench -----------------------------------------------------------------------------------------
 
-def bench(options):
+def bench(options: argparse.Namespace) -> int:
     from importlib import import_module
 
-    folder = next((p / "bench" for p in Path(__file__).resolve().parents if (p / "bench").is_dir()), None)
-    known = sorted(p.stem for p in folder.glob("*.py")
-                   if "def main(" in p.read_text(encoding="utf-8")) if folder else []
+    folder = next((p / "bench" for p in Path(__file__).resolve().parents if (p / "bench").is_dir()), Path("bench"))
+    known = sorted(p.stem for p in folder.glob("*.py") if "def main(" in p.read_text(encoding="utf-8"))
     if not options.name:
         say("benches: " + (", ".join(known) or "none"))
         return 0
@@ -221,7 +224,7 @@ def bench(options):
 
 # --- new -------------------------------------------------------------------------------------------
 
-def new(options):
+def new(options: argparse.Namespace) -> int:
     from fledge import new as scaffold
 
     make = getattr(scaffold, options.kind)
@@ -240,11 +243,11 @@ def new(options):
 class Parser(argparse.ArgumentParser):
     """argparse with errors of one line that name the command."""
 
-    def error(self, message):
+    def error(self, message: str) -> NoReturn:
         self.exit(2, f"{self.prog}: {message}\n{self.format_usage()}")
 
 
-def parser():
+def parser() -> argparse.ArgumentParser:
     top = Parser(prog="fledge", description="Fly flight software in closed loop.",
                  epilog="example: ./fledge run nadir_spin")
     top.add_argument("--debug", action="store_true", help="show tracebacks")
@@ -314,7 +317,7 @@ def parser():
     one = command("bench", bench, "measure; without a name, list the benches", "bench sim --json sim.json")
     one.add_argument("name", nargs="?", metavar="NAME")
     one.add_argument("options", nargs=argparse.REMAINDER, metavar="OPTION",
-                     help="the bench's own, such as --json FILE; 'bench NAME --help' tells")
+                     help="the bench's own, such as --json FILE; 'bench NAME --help' lists them")
     return top
 
 
@@ -325,7 +328,7 @@ def _debug(options):
         traceback.print_exc()
 
 
-def main(arguments=None):
+def main(arguments: list[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     cut = arguments.index("--") if "--" in arguments else len(arguments)
     options = parser().parse_args(arguments[:cut])
@@ -340,7 +343,7 @@ def main(arguments=None):
     except KeyboardInterrupt:
         print("fledge: interrupted", file=sys.stderr)
         return 130
-    except BrokenPipeError:  # the reader of our output has gone
+    except BrokenPipeError:  # the reader of the output has ended
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         return 1
     except Exception as error:
@@ -356,7 +359,7 @@ def main(arguments=None):
 
 
 def _expected(error):
-    """Errors that are about what the user gave, or what is not installed; not about this program."""
+    """Whether an error is about the input of the user or a missing package, and no defect of this program."""
     if isinstance(error, (OSError, ImportError)):
         return True
     from fledge import RunError, SetupError
@@ -366,7 +369,7 @@ def _expected(error):
 
 
 def _in_words(error):
-    """Its text; of an operating system's error the file and the reason, without the number."""
+    """The text of an error; of an error of the operating system the file and the reason, without the number."""
     if isinstance(error, OSError) and error.strerror:
         return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
     return error

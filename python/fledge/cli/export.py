@@ -4,13 +4,20 @@ of the core Flight System.
 
 Exit codes as of all commands: 0 written; 2 the command line or the mission is wrong, and nothing is written.
 """
+from __future__ import annotations
 
 from pathlib import Path
 
 from fledge.cli.node import add_parameters, given_parameters
 
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from fledge.export.read import Mission
+    import argparse
 
-def add(command):
+
+def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
     one = command("export", export, "write what flies in a mission as C", "export c nadir_spin --out nadir_spin_c")
     one.add_argument("form", choices=["c", "cfs"], help="c: MISSION.h and MISSION.c, in C99; cfs: an app for the apps "
@@ -32,7 +39,7 @@ def add(command):
     add_parameters(one)
 
 
-def export(options):
+def export(options: argparse.Namespace) -> int:
     import fledge
     from fledge import export as exports
     from fledge.cli.console import say
@@ -69,7 +76,7 @@ def export(options):
     return 0
 
 
-def export_cfs(mission, options, folder):
+def export_cfs(mission: Mission, options: argparse.Namespace, folder: Path) -> list[Path]:
     """Write an app's folder; returns the paths."""
     from fledge.objects import project
     from fledge.errors import Failure
@@ -84,10 +91,10 @@ def export_cfs(mission, options, folder):
     return cfs.write(mission, app, folder, options.board or (), outputs_of(options.outputs), [ours] if ours else [])
 
 
-def outputs_of(text):
-    """What --outputs says, as emit_board takes it."""
+def outputs_of(text: str | None) -> list[str] | str:
+    """The value of --outputs, as emit_board takes it."""
     return "all" if text == "all" else listed(text)
 
 
-def listed(text):
+def listed(text: str | None) -> list[str]:
     return [path.strip() for path in (text or "").split(",") if path.strip()]

@@ -4,6 +4,7 @@
 Exit codes: 0 all outputs are the same; 1 a difference, or a flight that ended early; 2 the command line, the mission
 or a board is wrong; 130 Ctrl-C.
 """
+from __future__ import annotations
 
 import argparse
 import os
@@ -12,8 +13,12 @@ import sys
 
 from fledge.cli.node import add_parameters, given_parameters
 
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
-def add(command):
+
+def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
     one = command("fly", fly, "fly a mission on several targets, and compare the outputs of flight",
                   "fly nadir_spin --on desktop,linux,aarch64")
@@ -21,19 +26,18 @@ def add(command):
     one.add_argument("scenario", nargs="?", help="its set-up and duration count; default: the mission's first")
     one.add_argument("--free", action="store_true", help="without a scenario; with --for")
     one.add_argument("--on", default="desktop,linux", metavar="TARGETS", help="of desktop, linux, aarch64, sparc64, "
-                     "cfs; default: desktop,linux. Fledge always flies the desktop, because it compares the others "
-                     "with it")
+                     "cfs; default: desktop,linux. The desktop always flies, because the others are compared with it")
     one.add_argument("--for", dest="duration", metavar="DURATION", help="fly only so long (90s, 10min, 2h)")
     one.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
     one.add_argument("--board", nargs="+", default=[], metavar="FILE", help="boards that the messages pass, as "
-                     "docs/export.md describes; default: one that carries them whole")
+                     "in docs/export.md; default: one that carries them whole")
     one.add_argument("--within", action="append", default=[], type=_bound, metavar="FIELD=BOUND", help="with words "
                      "that round: the largest difference of a field from the desktop's, as in "
                      "tracking.error.sigma_BR=1e-4")
     one.add_argument("--settled", metavar="DURATION", help="the time from which --within holds; default: the beginning")
     one.add_argument("--cfs", metavar="DIR", help="with --on cfs: build and fly in a copy of this cFS tree, instead of "
                      "on the pocket cFE")
-    one.add_argument("--build", action="store_true", help="only build, and say where it is and how large")
+    one.add_argument("--build", action="store_true", help="only build, and print the path and the size")
     one.add_argument("--join", nargs="?", const="", metavar="ADDRESS", help="fly as the node `flight` of a run whose "
                      "controller is elsewhere, on one target; default: FLEDGE_ADDRESS, FLEDGE_SIMULATION, FLEDGE_NODE")
     one.add_argument("--keys", metavar="PATH", help="of this node, for --join (fledge keys); default: FLEDGE_KEYS")
@@ -41,7 +45,7 @@ def add(command):
     add_parameters(one)
 
 
-def fly(options):
+def fly(options: argparse.Namespace) -> int:
     from fledge.cli.arguments import parse_duration
     from fledge.errors import Failure
     from fledge.targets import TARGETS, Job, RealCfs
@@ -63,14 +67,14 @@ def fly(options):
     settled = parse_duration(options.settled) if options.settled else 0.0
     if not duration and options.duration:
         raise Failure("--for: fly longer than 0 s")
-    part = options.build or options.join is not None       # then it does not matter for how long
+    part = options.build or options.join is not None       # then the duration does not matter
     if options.free and (options.scenario or not (duration or part)):
-        raise Failure("fly: --free is without a scenario, and for as long as --for says")
+        raise Failure("fly: --free is without a scenario, and needs --for")
     job = Job(options.mission, options.scenario, duration or (1.0 if part else None), options.seed, options.board,
               options.out, options.free, given_parameters(options))
     others = [targets[name] for name in names if name != "desktop"]
     if options.join is not None and len(others) != 1:
-        raise Failure(f"--join: say with --on which target it is, one; found {len(others)}")
+        raise Failure(f"--join: name one target with --on; found {len(others)}")
     if options.within and not job.rounds:
         raise Failure("--within is for boards with words that round; messages that pass whole are the same bits")
     for field, _ in options.within:
@@ -105,20 +109,20 @@ def _fly(job, targets, bounds, settled):
             continue
         archive = archives[name] = Archive(flown.record)
         if name == "desktop":
-            said, ok = "", True
+            text, ok = "", True
         elif job.rounds:
-            said, ok = _rounded(archives["desktop"], archive, job, flown, bounds, settled)
+            text, ok = _rounded(archives["desktop"], archive, job, flown, bounds, settled)
             if first is None:
                 first = name
             else:
                 others = compare(archives[first], archive, job.outputs)
                 ok = ok and not others
-                said = f"from {first}: {others[0]}" if others else f"none from {first}; {said}"
+                text = f"from {first}: {others[0]}" if others else f"none from {first}; {text}"
         else:
             found = compare(archives["desktop"], archive, job.outputs, times=job.is_instant)
-            said, ok = str(found[0]) if found else "none", not found
+            text, ok = str(found[0]) if found else "none", not found
         same = same and ok
-        rows.append((name, flown, digest(archive, job.outputs, job.is_instant), said))
+        rows.append((name, flown, digest(archive, job.outputs, job.is_instant), text))
     for line in table.lines(rows):
         say("  " + line)
     say(f"  records  {', '.join(str(archive.path) for archive in archives.values())}")
@@ -151,7 +155,7 @@ def _join(job, target, address, keys):
 
 
 def _rounded(desktop, archive, job, flown, bounds, settled):
-    """(what the table says, whether all bounds hold) of a flight through words that round."""
+    """(the text for the table, whether all bounds hold) of a flight through words that round."""
     from fledge.archive.compare import compare
 
     def late(t):

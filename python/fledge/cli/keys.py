@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`./fledge keys new | list | allow | deny`: who may take part in a co-simulation beyond one machine.
+"""`./fledge keys new | list | allow | deny`: the keys that may take part in a co-simulation beyond one machine.
 
 Exit codes as of all commands: 0 done; 2 the command line or a key is wrong, and nothing is written.
 """
+from __future__ import annotations
 
 import argparse
 import os
@@ -10,12 +11,17 @@ import os
 from fledge.cli.console import say
 from fledge.errors import Failure
 
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from typing import Any
 
-def add(command):
+
+def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one = command("keys", lambda options: one.error("new, list, allow or deny?"),
-                  "make keys for a co-simulation beyond one machine, and say who may take part",
-                  "keys new controller world flight")
+    one: Any = command("keys", lambda options: one.error("new, list, allow or deny?"),
+                       "make keys for a co-simulation beyond one machine, and list the keys that may take part",
+                       "keys new controller world flight")
     kinds = one.add_subparsers(metavar="ACTION", parser_class=type(one))
 
     def action(name, function, text, example):
@@ -30,12 +36,12 @@ def add(command):
     a = action("new", new, "make a pair of keys each: for the controller, a node, or a machine of several nodes",
                "new controller world flight")
     a.add_argument("names", nargs="+", metavar="NAME")
-    action("list", list_, "show what keys there are, and who is allowed", "list")
-    a = action("allow", allow, "let somebody take part, by his public key", "allow lab1.public --as world flight")
+    action("list", list_, "list the keys, and those that are allowed", "list")
+    a = action("allow", allow, "let the owner of a public key take part", "allow lab1.public --as world flight")
     a.add_argument("keys_", nargs="+", metavar="KEY", help="a .public file, or the name of one in the folder")
     a.add_argument("--as", dest="nodes", nargs="+", metavar="NODE",
                    help="the nodes that it may speak as; '*': all. Default: the name of the key")
-    a = action("deny", deny, "let somebody take part no longer", "deny lab1")
+    a = action("deny", deny, "let the owner of a key take part no longer", "deny lab1")
     a.add_argument("names", nargs="+", metavar="NAME")
 
 
@@ -52,7 +58,7 @@ def _spoken(function):
     return spoken
 
 
-def new(options):
+def new(options: argparse.Namespace) -> None:
     from fledge.cosim import keys
 
     for path in keys.new(options.keys, options.names):
@@ -60,15 +66,15 @@ def new(options):
     others = [name for name in options.names if name != keys.CONTROLLER]
     if any(name == keys.CONTROLLER and secret for name, _, secret, _ in keys.pairs(options.keys)):
         if others:
-            say(f"./fledge keys allow {' '.join(others)}   lets them in at the controller of this folder")
+            say(f"./fledge keys allow {' '.join(others)}   admits them at the controller of this folder")
         else:
-            say("controller.public goes to all who take part; ./fledge keys allow NAME.public lets them in")
+            say("all nodes need controller.public; ./fledge keys allow NAME.public admits a node")
     else:
-        say(f"{' '.join(f'{name}.public' for name in others)} goes to whoever runs the controller, whose "
-            f"controller.public comes into {options.keys}")
+        say(f"{' '.join(f'{name}.public' for name in others)} goes to the machine of the controller, and the "
+            f"controller.public of that machine into {options.keys}")
 
 
-def list_(options):
+def list_(options: argparse.Namespace) -> None:
     from fledge.cosim import keys
 
     pairs, allowed = keys.pairs(options.keys), keys.allowed(options.keys)
@@ -76,27 +82,27 @@ def list_(options):
     say(f"keys in {options.keys}")
     for name, public, secret, problem in pairs:
         say(f"  {name:{width}} {public.public if public else '':40}  "
-            + ("with its secret" if secret else "of somebody else"))
+            + ("with its secret" if secret else "public only"))
         if problem:
             say(f"  {'':{width}} {problem}")
     if not pairs:
         say("  none: ./fledge keys new NAME makes a pair")
     say("allowed")
     for key in allowed:
-        say(f"  {key.path.stem:{width}} {key.public}  as " + (", ".join(key.nodes) or "nobody"))
+        say(f"  {key.path.stem:{width}} {key.public}  as " + (", ".join(key.nodes) or "no node"))
     if not allowed:
-        say("  nobody: ./fledge keys allow NAME lets somebody in")
+        say("  none: ./fledge keys allow NAME lets the owner of a key take part")
 
 
-def allow(options):
+def allow(options: argparse.Namespace) -> None:
     from fledge.cosim import keys
 
     for name, nodes in keys.allow(options.keys, options.keys_, options.nodes):
         say(f"  {name} may take part as " + ("any node" if "*" in nodes else ", ".join(nodes)))
 
 
-def deny(options):
+def deny(options: argparse.Namespace) -> None:
     from fledge.cosim import keys
 
     for path in keys.deny(options.keys, options.names):
-        say(f"  {path.stem} may take part no longer; what is connected stays until it goes")
+        say(f"  {path.stem} may take part no longer; its open connections stay")

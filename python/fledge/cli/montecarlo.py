@@ -22,7 +22,7 @@ FAILURES_SHOWN = 8
 def add(command: Callable) -> None:
     """Add the subcommand. command: the function of cli.parser() that adds one."""
     one = command("montecarlo", montecarlo, "fly dispersed runs of a mission", "montecarlo nadir_spin --runs 2000")
-    one.add_argument("mission", help="the name of a mission, or its folder; its dispersions.py says what differs")
+    one.add_argument("mission", help="the name of a mission, or its folder; its dispersions.py defines the dispersions")
     one.add_argument("campaign", nargs="?", help="a function of dispersions.py; default: the first")
     one.add_argument("--runs", type=int, metavar="N", help="how many")
     one.add_argument("--seed", type=int, default=0, metavar="S", help="of all draws and random streams; default: 0")

@@ -4,6 +4,7 @@
 Exit codes: 0 the run came to its regular end; 1 it ended early; 2 the command line or the mission is wrong,
 or the mission cannot be split; 130 Ctrl-C.
 """
+from __future__ import annotations
 
 import ast
 import contextlib
@@ -18,8 +19,15 @@ from fledge.cli.arguments import number, parse_duration
 from fledge.cli.console import counted, say, size_of
 from fledge.errors import Failure
 
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from typing import Any
+    from fledge.mission.simulation import Simulation
+    import argparse
 
-def add(command):
+
+def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
     one = command("node", node, "fly one process of a mission as a program of its own, under a controller",
                   "node nadir_spin flight --address tcp://127.0.0.1:7000")
@@ -41,13 +49,13 @@ def add(command):
     one.add_argument("--record", metavar="DIR", help="write the record of this process into DIR/NODE.mcap")
     one.add_argument("--keys", metavar="PATH", help="the keys of this node (fledge keys); default: FLEDGE_KEYS")
     seconds = number("a number of seconds")
-    one.add_argument("--patience", type=seconds, default=60.0, metavar="S", help="for the controller to be there; "
+    one.add_argument("--patience", type=seconds, default=60.0, metavar="S", help="how long to wait for the controller; "
                      "default: 60")
     one.add_argument("--delay", type=seconds, default=0.0, metavar="S", help="before each step wait so long, at "
-                     "random, at most: what must not change any result")
+                     "random, at most; no result may change")
 
 
-def node(options):
+def node(options: argparse.Namespace) -> int:
     import fledge
 
     sim = fledge.load(options.mission, **given_parameters(options))
@@ -56,7 +64,7 @@ def node(options):
     if names == ["all"] and "all" not in [process.name for process in sim.processes]:
         names = [process.name for process in sim.processes if process.tasks]
     for name in names:
-        sim.process(name)  # raises, with those that there are
+        sim.process(name)  # raises for an unknown name
     if len(names) > 1 and options.name:
         raise Failure("node: --name is for one process; several are called as they are")
     if options.record:
@@ -82,33 +90,33 @@ def _one(sim, scenario, process, options, address=None, quiet=False):
     if options.record:
         sim.archive(Path(options.record) / f"{name}.mcap", mission=sim.name, scenario=scenario,
                     fledge=fledge.__version__, process=process, **sim.mission.metadata())
-    tell = (lambda text: None) if quiet else say
-    tell(f"{sim.name}, {scenario}: {process} as the node {name}")
+    show = (lambda text: None) if quiet else say
+    show(f"{sim.name}, {scenario}: {process} as the node {name}")
     problem, reason, code = None, None, 1
     try:
         problem = reason = part.serve(address or options.address, simulation=options.simulation, name=name,
-                                      keys=options.keys, patience=options.patience, delay=options.delay)
+                                      keys=options.keys, timeout=options.patience, delay=options.delay)
     except KeyboardInterrupt:
         problem, code = "interrupted", 130
     except Exception as error:
         problem, code = str(error), 2 if isinstance(error, fledge.SetupError) else 1
-    if not problem or sim.time_ns >= 0:  # it has taken part
-        tell(f"  flown    {sim.time:g} s")
+    if not problem or sim.time_ns >= 0:  # it took part
+        show(f"  flown    {sim.time:g} s")
     with _undisturbed():
         path = sim.close_archive(outcome=problem or "passed", ended=f"{sim.time:g} s")
     if path:
-        tell(f"  record   {path} ({size_of(path)})")
+        show(f"  record   {path} ({size_of(path)})")
     elif options.record:
-        tell("  record   none" + ("" if problem else f": nothing of {process} is recorded"))
+        show("  record   none" + ("" if problem else f": nothing of {process} is recorded"))
     if problem and quiet and code == 1 and options.until is not None and problem == reason:
-        return 1  # the controller, which is here too, tells why
+        return 1  # the controller, which runs here too, reports the reason
     if problem:
         raise Failure(f"{sim.name}, {process}: {problem}", code)
     return 0
 
 
 def _several(sim, scenario, names, options):
-    """Fly each of several processes in a program of its own; with --until, this one is their controller."""
+    """Fly each of several processes in a program of its own; with --until, this program is their controller."""
     from fledge import cosim
 
     end = None if options.until is None else parse_duration(options.until, "--until")
@@ -145,13 +153,13 @@ def _several(sim, scenario, names, options):
     return 0
 
 
-STOPPED = "the user ended it"  # what the controller says where its poll ends the run
+STOPPED = "the user ended it"  # the controller's reason where its poll ends the run
 
 
 class _Programs:
     """Copies of this program, a process each, which all end with it."""
 
-    GRACE = 1.0  # [s] for the controller to see itself that one is gone, and to say why
+    GRACE = 1.0  # [s] for the controller to notice that a program ended, and to report the reason
 
     def __init__(self):
         self.running, self.failed, self.since = {}, [], None
@@ -181,33 +189,29 @@ class _Programs:
             os._exit(code)
 
     def look(self):
-        """Whether the run can go on: none has failed, or the controller has not had the time to see it."""
-        for pid in list(self.running):
-            self._reap(pid, os.WNOHANG)
+        """Whether the run can go on: none has failed, or the controller has had no time yet to notice it."""
+        self._reap()
         if self.failed and self.since is None:
             self.since = monotonic()
         return self.since is None or monotonic() - self.since < self.GRACE
 
-    def _reap(self, pid, how):
-        ended, status = os.waitpid(pid, how)
-        if ended:
-            name = self.running.pop(pid)
-            if status:
-                self.failed.append(f"{name} " + (f"was ended by signal {os.WTERMSIG(status)}" if os.WIFSIGNALED(status)
-                                                 else "ended early"))
+    def _reap(self):
+        for pid in list(self.running):
+            ended, status = os.waitpid(pid, os.WNOHANG)
+            if ended:
+                name = self.running.pop(pid)
+                if status:
+                    how = f"was ended by signal {os.WTERMSIG(status)}" if os.WIFSIGNALED(status) else "ended early"
+                    self.failed.append(f"{name} {how}")
 
-    def wait(self, patience=None):
-        """Until all have ended, or the patience has [s]; returns what became of those that did not end well.
+    def wait(self, timeout=None):
+        """Wait until all have ended, at most `timeout` [s]; returns how those ended that failed.
 
-        One that came when the controller had gone would wait for it.
+        A program that starts after the controller has ended waits for the controller, so there is a limit then.
         """
-        until = None if patience is None else monotonic() + patience
+        until = None if timeout is None else monotonic() + timeout
         while self.running and (until is None or monotonic() < until):
-            if until is None:
-                self._reap(next(iter(self.running)), 0)
-                continue
-            for pid in list(self.running):
-                self._reap(pid, os.WNOHANG)
+            self._reap()
             sleep(0.01)
         return self.failed
 
@@ -215,15 +219,11 @@ class _Programs:
         return self
 
     def __exit__(self, *_):
-        """Those that are left had no regular end: they are asked to end, then killed."""
-        for number, patience in ((signal.SIGTERM, 5.0), (signal.SIGKILL, None)):
+        """Ask the programs that are still running to end, then kill them."""
+        for number, timeout in ((signal.SIGTERM, 5.0), (signal.SIGKILL, None)):
             for pid in self.running:
                 os.kill(pid, number)
-            until = monotonic() + (patience or 0.0)
-            while self.running and (patience is None or monotonic() < until):
-                for pid in list(self.running):
-                    self._reap(pid, os.WNOHANG)
-                sleep(0.01)
+            self.wait(timeout)
 
 
 def _terminate(number, frame):
@@ -232,7 +232,7 @@ def _terminate(number, frame):
 
 @contextlib.contextmanager
 def _undisturbed():
-    """A second signal, from the terminal and from the command that has started this program, finds it ending."""
+    """Ignore further signals: the terminal and the command that started this program may each send one."""
     before = {number: signal.signal(number, signal.SIG_IGN) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield
@@ -243,13 +243,13 @@ def _undisturbed():
 
 # --- parameters of missions ------------------------------------------------------------------------
 
-def add_parameters(command):
+def add_parameters(command: argparse.ArgumentParser) -> None:
     """The option for a mission's parameters, of every command that loads one."""
     command.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", dest="parameters",
                          help="a parameter of the mission, as in --set spacecraft=8")
 
 
-def given_parameters(options):
+def given_parameters(options: argparse.Namespace) -> dict[str, Any]:
     """What --set gave: name -> a Python literal, or the text itself."""
     given = {}
     for text in options.parameters:
@@ -265,17 +265,14 @@ def given_parameters(options):
 
 # --- what comes before the run ---------------------------------------------------------------------
 
-class _Begins(BaseException):
-    """The scenario asks for its run."""
+def set_up(sim: Simulation, scenario: str | None = None, free: bool = False) -> str:
+    """Do what a scenario does before its run: change parameters, choose what to record. Returns its name.
 
-
-def set_up(sim, scenario=None, free=False):
-    """Do what a scenario does before its run: change parameters, say what to record. Returns its name.
-
-    What it does afterwards, its checks and plots, needs all processes and is left out. Raises SetupError
-    if it runs more than once, for what lies between would be left out too.
+    Its checks and plots after the run need all processes and are left out. Raises SetupError
+    if it runs more than once, because the steps between the runs would be left out too.
     """
     from fledge import SetupError
+    from fledge.mission import scenario as scenarios
 
     known = sim.mission.scenarios
     if free or not known:
@@ -284,10 +281,8 @@ def set_up(sim, scenario=None, free=False):
                           else f"the mission {sim.name} has no scenarios")
         sim.record(*(one for process in sim.processes for one in process), every=1.0)
         return "free"
-    name = scenario or next(iter(known))
-    if name not in known:
-        raise Failure(f"the mission {sim.name} has no scenario '{name}'; it has {', '.join(known)}")
-    again = _second_run(known[name])
+    name, function = scenarios.chosen(sim, scenario)
+    again = _second_run(function)
     if again:
         from fledge.files import shown
 
@@ -296,16 +291,7 @@ def set_up(sim, scenario=None, free=False):
                          "does between its runs cannot be done in programs of their own; fly it in one, by run"
                          + (f", take the scenario {' or '.join(others)}" if others else "") + ", or use --free")
 
-    def begins(*_, **__):
-        raise _Begins
-
-    sim.plots, sim.run, sim.step = False, begins, begins
-    try:
-        known[name](sim)
-    except _Begins:
-        pass
-    finally:
-        del sim.run, sim.step
+    scenarios.set_up(sim, function)
     return name
 
 

@@ -1,35 +1,42 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`fledge replay EXCHANGE NODE -- COMMAND`: one node again, against the record of the others.
+"""`fledge replay EXCHANGE NODE -- COMMAND`: one node again, with the record of the others.
 
 Exit codes: 0 it wrote the same bits; 1 it did not, or the run ended early; 2 the command line or the record is
 wrong; 130 Ctrl-C.
 """
+from __future__ import annotations
 
 from pathlib import Path
 
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    import argparse
 
-def add(command):
+
+def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one = command("replay", replay, "run one node of a co-simulation alone, against the record of the others",
+    one = command("replay", replay, "run one node of a co-simulation alone, with the record of the others",
                   "replay runs/nadir_spin/exchange.mcap flight -- ./fledge node nadir_spin flight")
     one.add_argument("exchange", metavar="EXCHANGE", help="an exchange.mcap, as fledge up and "
                      "fledge_controller --record write it, or its folder")
-    one.add_argument("node", metavar="NODE", help="whose part is taken anew")
-    one.add_argument("--until", metavar="DURATION", help="only so far (90s, 10min, 2h); default: as far as the "
-                     "record is good")
+    one.add_argument("node", metavar="NODE", help="the node that runs again")
+    one.add_argument("--until", metavar="DURATION", help="only until then (90s, 10min, 2h); default: the end "
+                     "of the complete part of the record")
     one.add_argument("--out", metavar="FILE", help="the archive of the replay; default: replay_NODE.mcap beside the "
                      "record")
     one.add_argument("--address", metavar="A", help="where the node greets; default: an abstract socket")
     one.add_argument("--keys", metavar="PATH", help="the controller's keys (fledge keys)")
-    one.add_argument("--patience", type=float, default=60.0, metavar="S", help="for the node to come; default: 60")
-    one.add_argument("--reply", type=float, default=60.0, metavar="S", help="for it to answer; 0: for ever, as a "
-                     "debugger needs it; default: 60")
-    one.description += " COMMAND starts it; without, the node is waited for, in a debugger for example."
+    one.add_argument("--patience", type=float, default=60.0, metavar="S",
+                     help="how long to wait for the node; default: 60")
+    one.add_argument("--reply", type=float, default=60.0, metavar="S", help="how long to wait for its replies; 0: for "
+                     "ever, as for a debugger; default: 60")
+    one.description += " COMMAND starts the node; without it, start the node by hand, for example in a debugger."
     one.usage = one.format_usage().removeprefix("usage: ").rstrip() + " [-- COMMAND ...]"
     one.set_defaults(starts_command=True)
 
 
-def replay(options):
+def replay(options: argparse.Namespace) -> int:
     from fledge.cli.console import say, size_of
     from fledge.errors import Failure
     from fledge.archive import ArchiveError
@@ -50,7 +57,7 @@ def replay(options):
     except ArchiveError as error:
         raise Failure(str(error)) from None
     others = [name for name in exchange.nodes if name != options.node]
-    say(f"{exchange.simulation}: {options.node} again, with the record of {', '.join(others) or 'nobody'}")
+    say(f"{exchange.simulation}: {options.node} again, with the record of {', '.join(others) or 'no other node'}")
     if exchange.limited:
         say(f"  until    {exchange.known / 1e9:g} s: {exchange.limited}")
 
@@ -61,7 +68,7 @@ def replay(options):
 
     try:
         again = run(exchange, options.node, command or None, out=out, address=options.address, keys=options.keys,
-                    until=None if until is None else round(until * 1e9), patience=options.patience,
+                    until=None if until is None else round(until * 1e9), timeout=options.patience,
                     reply=options.reply, listening=listening)
     except OSError as error:
         raise Failure(f"cannot start {command[0] if command else options.node}: {error.strerror or error}") from None

@@ -31,7 +31,7 @@ def add(command: Callable) -> None:
                      help="X simulated seconds per second; 0: as fast as possible")
     add_parameters(one)
     one.add_argument("--tcp", action="store_true", help="meet at a TCP port of this machine")
-    one.add_argument("--exchange", action="store_true", help="record all that passes between the nodes")
+    one.add_argument("--exchange", action="store_true", help="record all messages between the nodes")
     one.add_argument("--out", metavar="DIR", help="for logs and records; default: runs/NAME")
     one.add_argument("--logs", action="store_true", help="show the output of the programs instead of the table")
     one.add_argument("--check", action="store_true", help="only check the file")
@@ -50,7 +50,7 @@ def up(options: argparse.Namespace) -> int:
         if not (built / program).exists():
             raise Failure(f"{program} is not built; ./fledge setup builds it")
     if options.check:
-        say(f"{plan.file}: nothing is wrong with it: {_programs(plan)}, {plan.until:g} s")
+        say(f"{plan.file}: correct: {_programs(plan)}, {plan.until:g} s")
         return 0
     folder = Path(options.out) if options.out else Path("runs") / plan.simulation
     view = _view(options)
@@ -132,7 +132,7 @@ def _report(plan, folder, session, outcome):
     say(f"  logs     {folder / 'log'}")
     for name, what in outcome.failed:
         lines = session.last_lines(name)
-        say(f"\n{name} {what}" + ("; the end of its log:" if lines else "; it said nothing"))
+        say(f"\n{name} {what}" + ("; the end of its log:" if lines else "; its log is empty"))
         for line in lines:
             say(f"  | {line}")
     if outcome.reason:

@@ -8,15 +8,22 @@ A wire that crosses from one process to another is read as the run in one progra
 both give the same bits: along the order of the processes at the same instant, against it at the next
 one, with latency 1 after the next exchange. crossing_wires() has them all.
 """
+from __future__ import annotations
 
 import os
 from collections import namedtuple
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from time import perf_counter
+from typing import TYPE_CHECKING, Any
 
 from fledge import _core
 from fledge.errors import SetupError
 from fledge.mission.process import Process
 from fledge.objects.si import time_ns
+
+if TYPE_CHECKING:
+    from fledge.mission.simulation import Simulation
 
 DEFAULT_ADDRESS = "tcp://127.0.0.1:7000"
 
@@ -29,7 +36,7 @@ _core.struct() gives types; optional: whether the reader can do without.
 """
 
 
-def crossing_wires(simulation):
+def crossing_wires(simulation: Simulation) -> list[Crossing]:
     """All wires that go from one process to another, as Crossings."""
     order = [process.name for process in simulation.processes]
     run = {f"{p.name}.{one}" for p in simulation.processes for task in p.tasks for one in task.run}
@@ -43,25 +50,25 @@ def crossing_wires(simulation):
             "same_instant" if order.index(writer) < order.index(reader) else "next_instant")
         owner = source.rpartition(".")[0]
         if owner not in run and isinstance(_instance(simulation, owner), _core.Module):
-            # Configuration: said once, before the first step, and never old.
+            # Configuration: written once, before the first step, and never stale.
             name, stale_after = "next_instant", 0
         found.append(Crossing("/" + source.replace(".", "/"), source, port, name, stale_after, field.struct,
                               field.optional))
     return found
 
 
-def check(simulation):
-    """Raise SetupError, with file and line of each, if something besides wires joins its processes."""
-    faults = [*_ties(simulation), *_python_events(simulation), *_two_latencies(simulation)]
+def check(simulation: Simulation) -> None:
+    """Raise SetupError, with all faults, if something besides wires joins its processes."""
+    faults = [*_shared(simulation), *_python_events(simulation), *_two_latencies(simulation)]
     if faults:
         raise SetupError("\n".join(faults))
 
 
-def split(simulation, process):
-    """Make a simulation one of its processes; the others are elsewhere. Returns it as a Node.
+def split(simulation: Simulation, process: str) -> Node:
+    """Reduce a simulation to one of its processes; other programs run the others. Returns it as a Node.
 
-    It must not have run. Raises SetupError, and changes nothing, if the process is unknown, has nothing
-    to step, or is joined to another by more than wires.
+    It must not have run. Raises SetupError, and changes nothing, if the process is unknown, has no task, or shares
+    more than wires with another process.
     """
     kept = simulation.process(process)
     if simulation.time_ns >= 0:
@@ -79,24 +86,25 @@ def split(simulation, process):
 class Node:
     """A process of a mission, ready to take part in a run of many programs."""
 
-    def __init__(self, simulation, process, reads):
+    def __init__(self, simulation: Simulation, process: str, reads: list[Crossing]) -> None:
         self.simulation, self.process, self.reads = simulation, process, reads
         self._core = _core.ProcessNode(simulation.kernel, process)
         for wire in reads:
             self._core.read(wire.topic, wire.port, wire.latency, wire.stale_after)
 
-    def serve(self, address=None, *, simulation=None, name=None, keys=None, patience=60.0, delay=0.0):
+    def serve(self, address: str | None = None, *, simulation: str | None = None, name: str | None = None,
+              keys: Path | str | None = None, timeout: float = 60.0, delay: float = 0.0) -> str:
         """Take part in one run, from greeting the controller to its end. Returns the reason of the end, "" if
         it is the regular one.
 
         address: of the controller; simulation: what it calls the run; name: of this node. Not given, they
         are FLEDGE_ADDRESS, FLEDGE_SIMULATION and FLEDGE_NODE, and else tcp://127.0.0.1:7000, the mission's
-        name and the process'. keys: a folder or file of keys (fledge keys); else FLEDGE_KEYS. patience: for
-        the controller to be there [s]. delay: before each step wait
-        so long, at random, at most [s]; no result may depend on it.
+        name and the process'. keys: a folder or file of keys (fledge keys); else FLEDGE_KEYS. timeout:
+        how long to wait for the controller [s]. delay: the longest random wait before each step [s]; no result
+        may depend on it.
 
-        The seed is the controller's to give. Records and the archive begin with the run. Ctrl-C leaves it.
-        Raises RunError if the controller refuses the node, is not there, or goes.
+        The controller gives the seed. Records and the archive begin with the run. Ctrl-C ends the node.
+        Raises RunError if the controller refuses the node, does not answer, or ends.
         """
         begun = perf_counter()
         try:
@@ -104,46 +112,47 @@ class Node:
                 simulation or os.environ.get("FLEDGE_SIMULATION") or self.simulation.name,
                 name or os.environ.get("FLEDGE_NODE") or self.process,
                 address or os.environ.get("FLEDGE_ADDRESS") or DEFAULT_ADDRESS, str(keys or ""),
-                float(patience), float(delay), self._begin)
+                float(timeout), float(delay), self._begin)
         finally:
             self.simulation.wall += perf_counter() - begun
 
     def _begin(self):
-        """The run begins, or goes on from a snapshot of a program that was lost, whose record is kept."""
+        """The run begins, or continues from the snapshot of a lost program, whose record this program continues."""
         self.simulation.open_archive(resumed=self.simulation.time_ns >= 0)
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"<{self.process} of {self.simulation.name} as a node>"
 
 
 class Controller:
-    """What joins programs into one simulation, in this program. `address` is where nodes greet.
+    """Joins programs into one simulation; it runs in this program. Nodes connect to `address`.
 
-    nodes: names, or (name, what a loss means: "abort", "pause", "hold", "drop", "restart"); end: of the run, a
+    nodes: names, or (name, the policy for a loss: "abort", "pause", "hold", "drop", "restart"); end: of the run, a
     time; address: with "*" for a TCP port, any free one; keys: a folder of keys (fledge keys); else
-    FLEDGE_KEYS; unencrypted: without keys, allow an address that others can reach all the same; join,
-    reply: how long to wait for all nodes, and for an answer [s]; sharing: of memory with nodes on this
+    FLEDGE_KEYS; unencrypted: without keys, allow an address that other machines can reach; join,
+    reply: how long to wait for all nodes, and for a reply [s]; sharing: of memory with nodes on this
     machine, "allowed", "required" or "forbidden"; save_every: the time from one snapshot to the next, of nodes
-    that are restarted, 0: as there is need; report: what is called with a text that the user
-    should know.
+    with the policy restart, 0: as needed; report: a function that takes a text for the user.
     """
 
-    def __init__(self, simulation, nodes, end, *, seed=0, address=DEFAULT_ADDRESS, keys=None, unencrypted=False,
-                 join=60.0, reply=60.0, sharing="allowed", save_every=0, report=None):
-        nodes = [(one, "abort") if isinstance(one, str) else tuple(one) for one in nodes]
-        self._core = _core.Control(simulation, nodes, time_ns(end, "Controller: end"), seed, address, str(keys or ""),
+    def __init__(self, simulation: str, nodes: Sequence[str | Sequence[str]], end: Any, *, seed: int = 0,
+                 address: str = DEFAULT_ADDRESS, keys: Path | str | None = None, unencrypted: bool = False,
+                 join: float = 60.0, reply: float = 60.0, sharing: str = "allowed", save_every: Any = 0,
+                 report: Callable[[str], None] | None = None) -> None:
+        pairs = [(one, "abort") if isinstance(one, str) else tuple(one) for one in nodes]
+        self._core = _core.Control(simulation, pairs, time_ns(end, "Controller: end"), seed, address, str(keys or ""),
                                    unencrypted, float(join), float(reply), sharing,
                                    time_ns(save_every, "Controller: save_every"), report or (lambda text: None))
         self.address = self._core.address
-        self._nodes = [name for name, _ in nodes]
+        self._nodes = [name for name, *_ in pairs]
 
     @property
-    def times(self):
+    def times(self) -> dict[str, tuple]:
         """Of each node, by name: its ticks, and the wall time [s] computing, on the way, and waiting for others."""
         return {name: (ticks, *(ns / 1e9 for ns in spent))
                 for name, (ticks, *spent) in zip(self._nodes, self._core.times)}
 
-    def run(self, poll=None):
+    def run(self, poll: Callable[[], bool] | None = None) -> str:
         """From the first greeting to the end; returns its reason, "" if it is the regular one.
 
         poll: is called about ten times a second; a false value ends the run.
@@ -151,7 +160,7 @@ class Controller:
         return self._core.run(poll)
 
 
-# --- what cannot be split --------------------------------------------------------------------------
+# --- faults that prevent a split --------------------------------------------------------------------------
 
 def _at(place):
     from fledge.files import shown
@@ -159,15 +168,15 @@ def _at(place):
     return f"{shown(place[0])}, line {place[1]}: " if place else ""
 
 
-def _ties(simulation):
+def _shared(simulation):
     """Events and parts that belong to two processes."""
     for what, whose in simulation.kernel.cross_process_dependencies():
         owner, name = what.split(".", 1)
         process = simulation.process(owner)
         event = process.events.get(name)
         if event:
-            yield (f"{_at(event.declared_at)}event {what} looks at {whose}, which runs in another program; wire what "
-                   f"it looks at to a module or model of {owner} and watch that input, or give the event to "
+            yield (f"{_at(event.declared_at)}event {what} watches {whose}, which runs in another program; wire what "
+                   f"it watches to a module or model of {owner} and watch that input, or give the event to "
                    f"{whose.partition('.')[0]}")
         else:
             yield (f"{_at(process.declared_at(name))}{what} has {whose} as a part, which runs in another program; a "
@@ -228,7 +237,7 @@ class _Reach:
         for cell in function.__closure__ or ():
             try:
                 held.append(cell.cell_contents)
-            except ValueError:  # not filled yet
+            except ValueError:  # the cell is empty yet
                 pass
         names = _names(function.__code__)
         held += [function.__globals__[name] for name in names if name in function.__globals__]

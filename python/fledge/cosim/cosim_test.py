@@ -91,7 +91,7 @@ def fly_apart(make, until, seed, names):
 
         def serve(node=node):
             try:
-                node.serve(controller.address, simulation="pair", patience=20)
+                node.serve(controller.address, simulation="pair", timeout=20)
             except Exception as error:
                 failures.append(str(error))
 
@@ -150,7 +150,7 @@ def test_what_runs_elsewhere_answers_nothing(mission):
 
 @pytest.mark.parametrize("event, text", [
     ("w.event('e', when=w.watch(f.control.torque).torque_B.norm() > 1, do=print)",
-     r"world.py, line 15: event world.e looks at flight.control, .* watch that input"),
+     r"world.py, line 15: event world.e watches flight.control, .* watch that input"),
     ("w.event('e', when=lambda: f.control.K > 3, do=print)", "line 15: event world.e calls Python that reaches flight"),
     ("w.at(3, lambda: f.enter('work'))", r"line 15: event world.at_3000000000_ns calls Python that reaches flight"),
     ("g = f.control.torque; w.at(3, lambda: [print(x) for x in [g]])", "reaches flight.control.torque"),
@@ -217,6 +217,6 @@ def test_ctrl_c_leaves(running):
     assert all("flight" in reason for reason in outcomes), outcomes
 
 
-def test_nobody_there_is_an_error(mission):
+def test_a_node_without_a_controller_is_an_error(mission):
     with pytest.raises(fledge.RunError, match="no controller answers at"):
-        cosim.split(mission(), "flight").serve(f"ipc://@fledge-nobody-{os.getpid()}", patience=0.05)
+        cosim.split(mission(), "flight").serve(f"ipc://@fledge-nobody-{os.getpid()}", timeout=0.05)

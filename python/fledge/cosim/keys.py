@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Keys for co-simulations beyond one machine: pairs in files, and who is allowed as what.
+"""Keys for co-simulations beyond one machine: pairs in files, and the nodes that each key may take part as.
 
-The files are ZeroMQ's certificates; cosim/security/keys.h says where they lie and who reads them.
+The files are ZeroMQ's certificates; cosim/security/keys.h describes their folders and their readers.
 """
+from __future__ import annotations
 
 import os
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 from fledge.files import Part
@@ -22,7 +24,7 @@ class KeysError(RuntimeError):
 class Key:
     """A file of a key: name, public, secret (None in a file that goes to others), nodes (of an allowed one)."""
 
-    def __init__(self, path):
+    def __init__(self, path: Path | str) -> None:
         self.path = path = Path(path)
         values = {}
         try:
@@ -45,7 +47,7 @@ class Key:
         self.nodes = values.get("nodes", "").split()
 
 
-def new(folder, names):
+def new(folder: Path | str, names: Sequence[str]) -> list[Path]:
     """Make a pair of keys for each name; returns the files. Nothing is written if one cannot be made."""
     import zmq
 
@@ -55,8 +57,8 @@ def new(folder, names):
             raise KeysError(f"'{name}' cannot be a file's name: letters, digits, _ . - can")
         for path in (folder / f"{name}.secret", folder / f"{name}.public"):
             if path.exists():
-                raise KeysError(f"{path} is there already; whoever uses it would be shut out by a new one. "
-                                "Remove it first if it shall be replaced")
+                raise KeysError(f"{path} exists already; a new key would shut out its owner. "
+                                "Remove it first to replace it")
     folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     ignore = folder / ".gitignore"
     if not ignore.exists():
@@ -65,19 +67,20 @@ def new(folder, names):
     written = []
     for name in names:
         public, secret = (key.decode() for key in zmq.curve_keypair())
-        told = f'metadata\n    name = "{name}"\ncurve\n    public-key = "{public}"\n'
+        public_part = f'metadata\n    name = "{name}"\ncurve\n    public-key = "{public}"\n'
         with Part(folder / f"{name}.secret") as part:
-            _write_private(part, f"# The secret key of {name}: it stays where it is used, and nobody else reads it.\n"
-                                 f'{told}    secret-key = "{secret}"\n')
+            _write_private(part, f"# The secret key of {name}. Keep it on its machine, and let no other user read it.\n"
+                                 f'{public_part}    secret-key = "{secret}"\n')
         with Part(folder / f"{name}.public") as part:
-            part.write_text(f"# The public key of {name}. It is no secret.\n{told}", encoding="utf-8")
+            part.write_text(f"# The public key of {name}. It is no secret.\n{public_part}", encoding="utf-8")
         written += [folder / f"{name}.secret", folder / f"{name}.public"]
     return written
 
 
-def allow(folder, keys, nodes=None):
-    """Let in those who have the secret of these public keys (files, or names in the folder), to speak as
-    `nodes`; without them, as what the key is called. Returns what is allowed."""
+def allow(folder: Path | str, keys: Sequence[Path | str],
+          nodes: Sequence[str] | None = None) -> list[tuple[str, list[str]]]:
+    """Admit the owners of these public keys (files, or names in the folder) as `nodes`; default: as the name of the
+    key. Returns (name of the key, nodes) of each."""
     folder = Path(folder)
     found = []
     for given in keys:
@@ -89,7 +92,8 @@ def allow(folder, keys, nodes=None):
             raise KeysError(f"there is no public key {given}; in {folder} there are {', '.join(known) or 'none'}")
         key = Key(path)
         if key.secret:
-            raise KeysError(f"{path} holds a secret key, which nobody else needs: allow the file with the public one")
+            raise KeysError(f"{path} holds a secret key, which stays with its owner: allow the file with the public "
+                            "key")
         if not _NAME.fullmatch(key.name):
             raise KeysError(f"{path}: '{key.name}' cannot be a file's name: letters, digits, _ . - can")
         if any(re.search(r'[\s"]', node) or not node for node in nodes or []):
@@ -106,8 +110,8 @@ def allow(folder, keys, nodes=None):
     return [(key.name, names) for key, names in found]
 
 
-def deny(folder, names):
-    """Let them in no longer. Returns the files that are gone."""
+def deny(folder: Path | str, names: Sequence[str]) -> list[Path]:
+    """Admit these keys no longer. Returns the deleted files."""
     paths = [Path(folder) / "allowed" / f"{name}.public" for name in names]
     for name, path in zip(names, paths):
         if not path.is_file():
@@ -118,12 +122,12 @@ def deny(folder, names):
     return paths
 
 
-def allowed(folder):
-    """The keys of those that are let in."""
+def allowed(folder: Path | str) -> list[Key]:
+    """The admitted keys."""
     return [Key(path) for path in sorted((Path(folder) / "allowed").glob("*.public"))]
 
 
-def pairs(folder):
+def pairs(folder: Path | str) -> list[tuple[str, Key | None, bool, str | None]]:
     """(name, Key of its public file or None, whether its secret is here, what is wrong with it or None)"""
     folder = Path(folder)
     names = sorted({path.stem for end in ("public", "secret") for path in folder.glob(f"*.{end}")},

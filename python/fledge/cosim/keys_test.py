@@ -24,7 +24,7 @@ def test_a_team_makes_keys_and_lets_one_another_in(tmp_path, capsys):
     here, lab = tmp_path / "here", tmp_path / "lab"
     assert fledge(capsys, "new", "controller", "world", "--keys", here)[0] == 0
     code, told = fledge(capsys, "new", "lab1", "--keys", lab)
-    assert code == 0 and "lab1.public goes to whoever runs the controller" in told
+    assert code == 0 and "lab1.public goes to the machine of the controller" in told
     assert fledge(capsys, "allow", lab / "lab1.public", "--as", "flight", "viewer", "--keys", here)[0] == 0
     assert fledge(capsys, "allow", "world", "--keys", here)[0] == 0
     code, told = fledge(capsys, "list", "--keys", here)
@@ -68,10 +68,10 @@ def test_mistakes_change_nothing(tmp_path, capsys):
     (tmp_path / "cut.public").write_text('curve\n    public-key = "abc"\n')
     before[tmp_path / "cut.public"] = (tmp_path / "cut.public").read_bytes()
     for arguments, text in (
-            (("new", "flight", "world"), "world.secret is there already; whoever uses it would be shut out"),
+            (("new", "flight", "world"), "world.secret exists already; a new key would shut out its owner"),
             (("new", "../flight"), "'../flight' cannot be a file's name"),
             (("allow", "flight"), "there is no public key flight; in .* there are cut, world"),
-            (("allow", tmp_path / "world.secret"), "holds a secret key, which nobody else needs"),
+            (("allow", tmp_path / "world.secret"), "holds a secret key, which stays with its owner"),
             (("allow", "world", "cut"), "cut.public, line 2: a public-key is 40 characters of Z85"),
             (("allow", "world", "--as", "a b"), "holds neither spaces nor quotes"),
             (("deny", "world"), "world is not allowed in .*; allowed are none")):

@@ -1,18 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One node of a co-simulation again, alone, against the record of what the others said.
+"""One node of a co-simulation again, alone, with the record of the messages of the others.
 
     exchange = Exchange("runs/nadir_spin/exchange.mcap")    # as the controller records it
     again = replay(exchange, "flight", ["./fledge", "node", "nadir_spin", "flight"])
-    again.differences                                       # [] if it wrote what it wrote then
+    again.differences                                       # [] if it wrote the same again
 
-The others say the same messages at the same times, and step as they did, so the node meets the same
-inputs at the same instants: a fault is looked for in one program, with a debugger if need be, while
-the rest of the simulation is a file.
+The record gives the same messages at the same times, so the node has the same inputs at the same instants. A user
+searches a fault in one program, with a debugger if necessary, while the rest of the simulation is a file.
 """
+from __future__ import annotations
 
 import os
 import subprocess
 from collections import namedtuple
+from collections.abc import Callable
 from pathlib import Path
 
 from fledge import _core
@@ -29,17 +30,17 @@ present: it took part from the start; rates: (period, offset) [ns]; reads: topic
 """
 
 Replayed = namedtuple("Replayed", "record topics until messages differences outcome")
-Replayed.__doc__ = """What came of it.
+Replayed.__doc__ = """The result.
 
-record: path of the archive of all that was said; topics: what the node writes; until: the last instant
-compared [ns]; messages: how many were; differences: as compare() gives them, "a" the record, "b" now;
+record: path of the archive of all messages; topics: what the node writes; until: the last instant
+compared [ns]; messages: how many were compared; differences: as compare() gives them, "a" the record, "b" now;
 outcome: why the run ended early, "" if it did not.
 """
 
 
 class Exchange:
-    """The record of what nodes said to one another. Raises ArchiveError if it is none, or damaged before
-    anything was said.
+    """The record of the messages between nodes. Raises ArchiveError if it is no such record, or is damaged before the
+    first message.
 
     simulation, seed, end: of the run, end in [ns]
     nodes: name -> Member
@@ -48,29 +49,30 @@ class Exchange:
     limited: why `known` is not the end; "" if it is
     """
 
-    def __init__(self, path):
+    def __init__(self, path: Path | str) -> None:
         self.archive = Archive(path)
-        told = self.archive.metadata.get("exchange")
-        if told is None:
+        metadata = self.archive.metadata.get("exchange")
+        if metadata is None:
             raise ArchiveError(f"{path}: no record of an exchange: it lacks the metadata that a controller writes "
                                "(fledge_controller --record, fledge up)")
         try:
-            self.simulation, self.seed, self.end = told["simulation"], int(told["seed"]), int(told["end"])
-            self.nodes = {name: self._member(name, told) for name in told["nodes"].split()}
+            self.simulation, self.seed, self.end = metadata["simulation"], int(metadata["seed"]), int(metadata["end"])
+            self.nodes = {name: self._member(name, metadata) for name in metadata["nodes"].split()}
         except (KeyError, ValueError) as error:
             raise ArchiveError(f"{path}: the record of the exchange is damaged: {error}") from None
         self.known, self.limited = self._known()
 
     @staticmethod
-    def _member(name, told):
-        rates = [tuple(map(int, line.split("+"))) for line in told[f"{name}.rates"].split()]
+    def _member(name, metadata):
+        rates = [tuple(map(int, line.split("+"))) for line in metadata[f"{name}.rates"].split()]
         reads = {}
-        for line in told[f"{name}.reads"].splitlines():
+        for line in metadata[f"{name}.reads"].splitlines():
             topic, latency, *_ = line.split()
             reads[topic] = latency
-        return Member(name, told[f"{name}.present"] == "1", rates, told[f"{name}.any_time"] == "1" or not rates, reads)
+        any_time = metadata[f"{name}.any_time"] == "1" or not rates
+        return Member(name, metadata[f"{name}.present"] == "1", rates, any_time, reads)
 
-    def written_by(self, node):
+    def written_by(self, node: str) -> list[str]:
         """The topics that a node wrote, and others read."""
         return [c.topic for c in self.archive.topics.values() if c.metadata.get("writer") == node]
 
@@ -87,8 +89,8 @@ class Exchange:
             limits.append((min(last, default=-1), why))
         return min(limits)
 
-    def part(self, node, until):
-        """What a node said up to an instant, as _core.Replay takes it."""
+    def part(self, node: str, until: int) -> tuple:
+        """The messages of a node up to an instant, as _core.Replay takes them."""
         topics = []
         for name in self.written_by(node):
             channel = self.archive.topics[name]
@@ -101,38 +103,40 @@ class Exchange:
         return node, member.rates, member.any_time, topics
 
 
-def replay(exchange, node, command=None, *, out, until=None, address=None, keys=None, patience=60.0, reply=60.0,
-           listening=None):
-    """Run one node with the record of the others. Returns what came of it, Replayed.
+def replay(exchange: Exchange, node: str, command: list[str] | None = None, *, out: Path | str,
+           until: int | None = None, address: str | None = None, keys: Path | str | None = None, timeout: float = 60.0,
+           reply: float = 60.0,
+           listening: Callable[[str], None] | None = None) -> Replayed:
+    """Run one node with the record of the others. Returns a Replayed.
 
     exchange: an Exchange; node: a name of it
     command: what to start, a list; it finds FLEDGE_SIMULATION, FLEDGE_NODE and FLEDGE_ADDRESS, and is ended
-        with the run. None: somebody else starts it
+        with the run. None: the user starts it
     out: the archive to write; until: the last instant [ns], at most exchange.known
-    address: where the node greets; default: an abstract socket of this machine
-    patience: for the node to come, reply: for it to answer [s], 0: for ever
-    listening: what is called with the address once the node may come
+    address: where the node connects; default: an abstract socket of this machine
+    timeout: how long to wait for the node, reply: for each of its replies [s], 0: for ever
+    listening: a function of the address, called once the node can connect
     Raises SetupError for what cannot be replayed, OSError if the command cannot be started.
     """
     if node not in exchange.nodes:
         raise SetupError(f"{exchange.archive.path}: no node {node} took part; there are "
-                               f"{', '.join(exchange.nodes)}")
+                         f"{', '.join(exchange.nodes)}")
     topics = exchange.written_by(node)
     if not topics:
         raise SetupError(f"{exchange.archive.path}: {node} wrote nothing that others read, so there is nothing "
-                               "to compare")
-    until = exchange.known if until is None else min(until, exchange.known)
-    if until < 0:
+                         "to compare")
+    last: int = exchange.known if until is None else min(until, exchange.known)
+    if last < 0:
         raise SetupError(f"{exchange.archive.path}: nothing can be replayed: {exchange.limited}")
     if not exchange.nodes[node].rates and not exchange.nodes[node].present:
         raise SetupError(f"{exchange.archive.path}: {node} did not step with the others, so it cannot be "
-                               "replayed")
-    others = [exchange.part(other, until) for other, member in exchange.nodes.items()
+                         "replayed")
+    others = [exchange.part(other, last) for other, member in exchange.nodes.items()
               if other != node and (member.present or exchange.written_by(other))]
     Path(out).parent.mkdir(parents=True, exist_ok=True)
     Path(out).unlink(missing_ok=True)  # of an earlier replay: if this one fails at once, it is not its record
-    core = _core.Replay(exchange.simulation, node, exchange.seed, until, others, topics, str(out),
-                        address or f"ipc://@fledge-replay-{os.getpid()}", str(keys or ""), float(patience),
+    core = _core.Replay(exchange.simulation, node, exchange.seed, last, others, topics, str(out),
+                        address or f"ipc://@fledge-replay-{os.getpid()}", str(keys or ""), float(timeout),
                         float(reply))
     if listening:
         listening(core.address)
@@ -143,23 +147,23 @@ def replay(exchange, node, command=None, *, out, until=None, address=None, keys=
                                         "FLEDGE_ADDRESS": core.address})
     record = Path(out)
     if not record.is_file():
-        return Replayed(None, topics, until, 0, [], outcome or "nothing was said")
+        return Replayed(None, topics, last, 0, [], outcome or "there was no message")
     again = Archive(record)
 
     def compared(times):
-        return times <= until
+        return times <= last
 
     messages = sum(int(compared(exchange.archive.time_ns(topic)).sum()) for topic in topics)
-    return Replayed(record, topics, until, messages, compare(exchange.archive, again, topics, times=compared), outcome)
+    return Replayed(record, topics, last, messages, compare(exchange.archive, again, topics, times=compared), outcome)
 
 
 def _with(command, core, variables):
-    """Run beside a command, which does not outlive this."""
+    """Start a command, run beside it, and end it."""
     process = subprocess.Popen(command, env=os.environ | variables)
     ended = []
 
     def go_on():
-        # Its last words may still be on their way when it has ended: they are given a moment.
+        # Its last messages may arrive after it has ended, so the run continues for a moment.
         ended.append(process.poll() is not None)
         return ended[-20:].count(True) < 20
 

@@ -1,20 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where an exported mission meets the outside: the board that carries its messages whole, and the table by which
-flight and outside move messages through any board, targets/mission_io.h.
+"""The interface of an exported mission to the outside: the board that carries its messages whole, and the table of
+the messages and numbers in the lanes of any board, targets/mission_io.h.
 
-A board's file says what a snorkel or field carries by its path: `carries = "world.nav.attitude"` of a message
+In a board's file, a snorkel or field names what it carries by its path: `carries = "world.nav.attitude"` of a message
 snorkel, `carries = "world.nav.attitude.sigma_BN"` of a field of words, of which the i-th holds the i-th number.
 """
+from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from fledge.elements import ELEMENTS
 from fledge.export import names
 from fledge.export.c_source import extern, row, written
-from fledge.export.read import ExportError, Message
+from fledge.export.read import ExportError, Message, Mission, leaves
+
+if TYPE_CHECKING:
+    from registers.description import Board
 
 BASE, CLOCK, INTERRUPTS, FIRST = 0xA0000000, 0x0, 0x20, 0x40
 
@@ -41,9 +47,9 @@ class Block:
     fields: list
 
 
-def blocks(mission):
+def blocks(mission: Mission) -> dict[str, Message | None]:
     """Path -> Message of each module's parameters, as MISSION_parameters has them. Those of modules that publish them
-    are None: they take effect by another way."""
+    are None: they take effect when the module publishes them."""
     found = {}
     for module in mission.modules:
         fields = module.fields("par")
@@ -65,7 +71,7 @@ def _block(mission, path):
 
 # --- the board that carries messages whole ---------------------------------------------------------
 
-def toml(mission, outputs=(), parameters=()):
+def toml(mission: Mission, outputs: Sequence[str] | str = (), parameters: Sequence[str] = ()) -> str:
     """The file of the mission's own board: a message snorkel for every message that flight or the outside reads, and
     for further outputs by their paths; `outputs` "all": for every one. parameters: paths of modules whose parameters
     can be changed by it. Words are big-endian; it has the clock."""
@@ -111,7 +117,7 @@ lines   = ["tick"]
 ''' + "".join(parts)
 
 
-def board_name(mission):
+def board_name(mission: Mission) -> str:
     return _distinct([f"{mission.name}_board"])[0]
 
 
@@ -134,7 +140,7 @@ def _distinct(texts):
     return [name.strip("_") if name.rstrip("_") not in names.KEYWORDS else name + "2" for name in found.values()]
 
 
-def read(mission, texts):
+def read(mission: Mission, texts: Iterable[tuple[Path | str, str]]) -> list[Board]:
     """The boards of (path, text) pairs, registers.description.Board each. Raises ExportError with all that is wrong."""
     from registers.checked_toml import TomlError
     from registers.description import parse
@@ -158,9 +164,9 @@ def read(mission, texts):
     return boards
 
 
-# --- what passes through which lane ----------------------------------------------------------------
+# --- messages in lanes ----------------------------------------------------------------
 
-def lanes(mission, boards):
+def lanes(mission: Mission, boards: Sequence[Board]) -> list[Lane]:
     """The table of `boards`, in the order of the messages' ids. Raises ExportError with all that is wrong with it."""
     finder = _Finder(mission)
     for i, board in enumerate(boards):
@@ -202,7 +208,7 @@ class _Finder:
                 self.field(board, i, lane, place, k, field)
 
     def message(self, board, line, path, lane):
-        """(id, message) of a path, if it passes that way."""
+        """(id, message) of a path, if it passes in that direction."""
         if path in self.blocks:
             if not self.blocks[path]:
                 self.refuse(board, line, f"{path} publishes its parameters, which no snorkel can change")
@@ -262,7 +268,7 @@ class _Finder:
         files = ", ".join(board.file for board in boards)
         for message in (*self.mission.inputs, *self.mission.outputs):
             if message.path not in self.taken and message.direction != "inside" and not message.optional:
-                what = "is told" if message.direction == "in" else "puts out"
+                what = "reads" if message.direction == "in" else "puts out"
                 ends = ", ".join(message.ends)
                 self.wrong.append(f"{files}: flight {what} {message.path} ({ends}), which no snorkel carries; add one "
                                   f"with carries = \"{message.path}\", or words for its fields")
@@ -291,7 +297,7 @@ def _numbers(struct, parts, path):
                 raise ExportError(f"{path} is a struct; name one of its numbers: "
                                   f"{', '.join(f.name for f in field.struct.fields if not f.spare)}")
             if len(index) < len(field.shape):
-                raise ExportError(f"{path} is an array of structs; say which, as in {part}[0]")
+                raise ExportError(f"{path} is an array of structs; choose one, as in {part}[0]")
             struct = field.struct
         elif depth + 1 < len(parts):
             raise ExportError(f"{path} is a number or array, and has no {parts[depth + 1]}")
@@ -304,8 +310,9 @@ def _numbers(struct, parts, path):
 
 # --- in C ------------------------------------------------------------------------------------------
 
-def emit_board(mission, files=(), outputs=(), parameters=()):
-    """File name -> text: the boards' headers, tables and documentation, and the table of what passes where.
+def emit_board(mission: Mission, files: Sequence[Path | str] = (), outputs: Sequence[str] | str = (),
+               parameters: Sequence[str] = ()) -> dict[str, str]:
+    """File name -> text: the boards' headers, tables and documentation, and the table of messages in lanes.
 
     files: of boards of the user. Without any, the mission's own, whose file is among the results; `outputs`
     are paths of outputs that it carries besides what the world reads, or "all"; parameters: of modules whose
@@ -322,39 +329,32 @@ def emit_board(mission, files=(), outputs=(), parameters=()):
     return own | emit(mission, boards, found)
 
 
-def emit(mission, boards, found):
-    """The table of what passes where, of boards as `read` gives them and lanes as `lanes` does."""
+def emit(mission: Mission, boards: Sequence[Board], found: list[Lane]) -> dict[str, str]:
+    """The table of messages in lanes. boards: of `read`; found: of `lanes`."""
     return {f"{mission.name}_io.h": header(mission), f"{mission.name}_io.c": source(mission, boards, found)}
 
 
-def header(mission):
+def header(mission: Mission) -> str:
     name, guard = mission.name, f"{mission.name.upper()}_IO_H"
     return "\n".join([*written(mission), f"#ifndef {guard}\n#define {guard}\n",
                       f'#include "{name}.h"', '#include "targets/mission_io.h"\n',
                       "/** Which message passes through which lane. */", extern("MissionIo", f"{name}_io"), "#endif\n"])
 
 
-def source(mission, boards, found):
+def source(mission: Mission, boards: Sequence[Board], found: list[Lane]) -> str:
     name, upper = mission.name, mission.name.upper()
     lines = [*written(mission), f'#include "{name}_io.h"', "", *(f'#include "{b.name}.h"' for b in boards)]
     whole = {one.message.struct.name: one.message.struct for one in found if one.number is None
              and not isinstance(one.message.struct, Block)}
     loads = [one for one in found if isinstance(one.message.struct, Block)]
     for one in loads:
-        block = one.message.struct
-        runs = ", ".join(f"{{{width}u, {n}u}}" for width, n in byte_runs(block))
-        lines += ["", f"static const RegisterRun runs_{block.name}[] = {{{runs}}};",
-                  f'static const RegisterMessage {block.name} = {{"{block.name}", {block.size}u, '
-                  f"{len(byte_runs(block))}u,", f"    runs_{block.name}}};"]
+        lines += message(one.message.struct, f"static const RegisterMessage {one.message.struct.name}")
     if loads:
         largest = max(one.message.struct.size for one in loads)
         lines += ["", f"static uint64_t block[{-(-largest // 8)}];"]
     for struct in whole.values():
-        runs = ", ".join(f"{{{width}u, {n}u}}" for width, n in byte_runs(struct))
-        lines += ["", f"static const RegisterRun runs_{struct.name}[] = {{{runs}}};",
-                  f"extern const RegisterMessage fledge_message_{struct.name};",
-                  f'const RegisterMessage fledge_message_{struct.name} = {{"{struct.name}", {struct.size}u, '
-                  f"{len(byte_runs(struct))}u,", f"    runs_{struct.name}}};"]
+        declared = f"const RegisterMessage fledge_message_{struct.name}"
+        lines += message(struct, declared, [f"extern {declared};"])
     lines += ["", "static const RegisterBoard *const boards[] = {" + ", ".join(f"&{b.name}" for b in boards) + "};",
               "", "static const MissionLane lanes[] = {"]
     for one in found:
@@ -372,20 +372,21 @@ def source(mission, boards, found):
     return "\n".join(lines)
 
 
-def byte_runs(struct):
+def message(struct: Any, declared: str, before: Sequence[str] = ()) -> list[str]:
+    """Lines that define a RegisterMessage."""
+    found = byte_runs(struct)
+    runs = ", ".join(f"{{{width}u, {n}u}}" for width, n in found)
+    return ["", f"static const RegisterRun runs_{struct.name}[] = {{{runs}}};", *before,
+            f'{declared} = {{"{struct.name}", {struct.size}u, {len(found)}u,', f"    runs_{struct.name}}};"]
+
+
+def byte_runs(struct: Any) -> list[tuple[int, int]]:
     """(width in bytes, how many) of a message's numbers in the order of memory, as introspect/emit/orders.py."""
-    merged = []
-    for width, n in _widths(struct):
+    merged: list[tuple[int, int]] = []
+    for _, field, _ in leaves(struct.fields):
+        width = ELEMENTS[field.type].size
+        n = field.size // width
         if merged and merged[-1][0] == width:
             n += merged.pop()[1]
         merged.append((width, n))
     return merged
-
-
-def _widths(struct):
-    for field in struct.fields:
-        if field.type == "struct":
-            for _ in range(field.size // field.struct.size):
-                yield from _widths(field.struct)
-        else:
-            yield ELEMENTS[field.type].size, field.size // ELEMENTS[field.type].size

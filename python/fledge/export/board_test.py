@@ -251,7 +251,7 @@ def test_what_is_no_message_is_as_if_never_written(tmp_path):
     (('carries   = "world.nav.orbit"', 'carries   = "world.nav.orbits"'),
      "there is no message world.nav.orbits in nadir_spin; choose of world.nav.attitude"),
     (('carries   = "world.nav.orbit"', ''),
-     "converters.toml: flight is told world.nav.orbit (flight.guidance.orbit), which no snorkel carries; add one "
+     "converters.toml: flight reads world.nav.orbit (flight.guidance.orbit), which no snorkel carries; add one "
      'with carries = "world.nav.orbit"'),
     (('size      = 88', 'size      = 80'), "world.nav.orbit has 88 bytes; write size = 88"),
     (('carries = "flight.motor.command.u[1]"', 'carries = "flight.motor.command.u[6]"'),

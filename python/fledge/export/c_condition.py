@@ -1,10 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """A flight event's condition as an expression of C, computed as sim::Condition::holds() does."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 from fledge.export.c_values import indices
 
+if TYPE_CHECKING:
+    from fledge.export.read import Event
 
-def condition(event):
+
+def condition(event: Event) -> tuple[list[str], str]:
     """(statements before it, the expression that is 1 where the condition holds)."""
     c = event.condition
     start, field, first = locate(event.module.struct, c.offset, f"m->{event.module.name}")
@@ -23,7 +29,7 @@ def condition(event):
     return before, f"{value} {c.comparison} {float(c.constant)!r}"
 
 
-def indices_of(field):
+def indices_of(field: Any) -> list[str]:
     """The C behind a field's name that picks each element, in the order of memory."""
     if field.ctype == "Vec3":
         return [outer + ".v" + inner for outer in indices(field.shape[:-1]) for inner in indices(field.shape[-1:])]
@@ -32,12 +38,12 @@ def indices_of(field):
     return indices(field.shape)
 
 
-def number(field, expression):
+def number(field: Any, expression: str) -> str:
     """As a double, as all comparisons are made."""
     return expression if field.type == "f64" else f"(double){expression}"
 
 
-def locate(struct, offset, start):
+def locate(struct: Any, offset: int, start: str) -> tuple[str, Any, int]:
     """(expression, field, number of the element) of what lies at an offset in a struct."""
     field = next(f for f in struct.fields if f.offset <= offset < f.offset + f.size)
     path = f"{start}.{field.group}.{field.name}" if field.group else f"{start}.{field.name}"

@@ -3,28 +3,35 @@
 
 The rules of time are those of flight/exec, as on the desktop (sim/runtime.cpp).
 """
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from fledge.export.c_condition import condition
 from fledge.export.c_text import COLUMNS, broken, comment, doc, seconds, with_notes
 
+if TYPE_CHECKING:
+    from fledge.export.read import Mission, Task, Wire
 
-def rate(task):
+
+def rate(task: Task) -> str:
     """The name of a task's rate."""
     return f"{task.name}_rate"
 
 
-def rates(mission):
+def rates(mission: Mission) -> Iterator[str]:
     rows = [(f"static const ExecRate {rate(t)} = {{{t.period}, {t.offset}}};",
              f"every {seconds(t.period)}" + (f", from {seconds(t.offset)} on" if t.offset else ""))
             for t in mission.tasks]
     yield "\n".join([*with_notes(rows, ""), ""])
 
 
-def function(head, lines, about=""):
+def function(head: str, lines: list[str], about: str = "") -> str:
     return "\n".join([*(doc(about) if about else []), head, "{", *lines, "}", ""])
 
 
-def carry(wire):
+def carry(wire: Wire) -> list[str]:
     """The copy of one message, and its ageing."""
     lines = [f"    m->{wire.target} = m->{wire.source};"]
     if wire.stale_after:
@@ -35,7 +42,7 @@ def carry(wire):
 
 # --- modules that only publish their parameters ----------------------------------------------------
 
-def configuration(mission):
+def configuration(mission: Mission) -> Iterator[str]:
     for module in mission.configuration:
         lines = [f"    {module.function}_update(&m->{module.name}, (Tick){{t, 0}});"]
         for wire in mission.published[module.name]:
@@ -45,9 +52,9 @@ def configuration(mission):
 
 # --- tasks -----------------------------------------------------------------------------------------
 
-def tasks(mission):
+def tasks(mission: Mission) -> Iterator[str]:
     for task in mission.tasks:
-        lines = []
+        lines: list[str] = []
         for module in task.run:
             lines += [""] if lines else []
             for wire in mission.wires[module.name]:
@@ -58,7 +65,7 @@ def tasks(mission):
                        f"The task {task.title}, every {seconds(task.period)}{where}.")
 
 
-def reset(mission):
+def reset(mission: Mission) -> str:
     """Wires to zero, modules, events and tasks to their beginning, and the configuration published."""
     lines = ["    memset(&m->in, 0, sizeof m->in);"] if mission.inputs else []
     wired = {w.target for wires in (*mission.wires.values(), *mission.published.values()) for w in wires}
@@ -86,22 +93,22 @@ def reset(mission):
 
 # --- modes -----------------------------------------------------------------------------------------
 
-def mode(mission, name):
-    return f"{mission.name.upper()}_MODE_{name.upper()}"
+def mode(mission: Mission, name: str | None) -> str:
+    return f"{mission.name.upper()}_MODE_{str(name).upper()}"
 
 
-def switched(mission):
+def switched(mission: Mission) -> list[Task]:
     """The tasks that do not run in every mode."""
     return [t for t in mission.tasks if t.modes is not None and len(t.modes) < len(mission.modes)]
 
 
-def modes(mission):
+def modes(mission: Mission) -> Iterator[str]:
     """Which tasks run in which mode, entering one, and asking for one."""
     if not mission.modes:
         return
     struct = mission.struct()
     for task in switched(mission):
-        terms = [f"mode == {mode(mission, m)}" for m in task.modes]
+        terms = [f"mode == {mode(mission, m)}" for m in task.modes or ()]
         yield function(f"static int runs_{task.name}({struct}Mode mode)",
                        ["    return " + " ||\n           ".join(terms) + ";"])
     lines = ["    m->mode.current = m->mode.asked;"]
@@ -116,8 +123,8 @@ def modes(mission):
     yield function(f"void {mission.name}_enter({struct} *m, {struct}Mode mode)", ["    m->mode.asked = mode;"])
 
 
-def call_broken(line):
-    """A call that is too long goes on under its first argument."""
+def call_broken(line: str) -> list[str]:
+    """A long call continues below its first argument."""
     if len(line) <= COLUMNS:
         return [line]
     start = line.index("(", line.index("exec_")) + 1
@@ -127,10 +134,10 @@ def call_broken(line):
 
 # --- events ----------------------------------------------------------------------------------------
 
-def events(mission):
+def events(mission: Mission) -> Iterator[str]:
     if not mission.events:
         return
-    lines = []
+    lines: list[str] = []
     for event in mission.events:
         before, holds = condition(event)
         lines += [""] if lines else []
@@ -145,7 +152,7 @@ def events(mission):
 
 # --- the tick --------------------------------------------------------------------------------------
 
-def tick(mission):
+def tick(mission: Mission) -> str:
     lines = []
     if mission.modes:
         if switched(mission):
@@ -165,7 +172,7 @@ def tick(mission):
     return function(f"void {mission.name}_tick({mission.struct()} *m, int64_t t)", lines)
 
 
-def next_tick(mission):
+def next_tick(mission: Mission) -> str:
     """The earliest of the active tasks, and those of a mode that is asked for."""
     lines = ["    int64_t t = INT64_MAX;"]
     for task in mission.tasks:

@@ -4,20 +4,26 @@
 It runs by the rules of flight/exec, as the desktop's loop does (sim/runtime.cpp). The same mission gives the same
 bytes.
 """
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 from fledge.export import c_run
 from fledge.export.c_text import COLUMNS, broken, comment, doc, plain, seconds, with_notes, wrap
-from fledge.export.c_values import settings
+from fledge.export.c_values import Setting, settings
+
+if TYPE_CHECKING:
+    from fledge.export.read import Mission
 
 
-def emit(mission):
+def emit(mission: Mission) -> dict[str, str]:
     """File name -> text."""
     return {f"{mission.name}.h": header(mission), f"{mission.name}.c": source(mission)}
 
 
 # --- the header ------------------------------------------------------------------------------------
 
-def header(mission):
+def header(mission: Mission) -> str:
     """mission.h"""
     name, struct, guard = mission.name, mission.struct(), f"{mission.name.upper()}_H"
     includes = sorted({s.header for s in (*(m.struct for m in mission.modules), *(i.struct for i in mission.inputs))})
@@ -33,7 +39,7 @@ def header(mission):
     return "\n".join(part for part in parts if part)
 
 
-def head(mission):
+def head(mission: Mission) -> str:
     name = mission.name
     about = plain(mission.about) or f"The mission {mission.title}."
     left_out = f" Left out: {', '.join(mission.left_out)}." if mission.left_out else ""
@@ -48,12 +54,12 @@ def head(mission):
     return "\n".join([*lines, " *     }", " */", ""])
 
 
-def written(mission):
+def written(mission: Mission) -> list[str]:
     """The first line of both files."""
     return comment(f"{mission.name}: written by `fledge export c {mission.title}`; change flight.py instead.")
 
 
-def modes(mission):
+def modes(mission: Mission) -> str:
     if not mission.modes:
         return ""
     rows = []
@@ -66,7 +72,7 @@ def modes(mission):
                       f"}} {mission.struct()}Mode;", ""])
 
 
-def ids(mission):
+def ids(mission: Mission) -> str:
     """The messages' ids."""
     upper = mission.name.upper()
     rows, n = [], 0
@@ -84,7 +90,7 @@ def ids(mission):
                       f"}} {mission.struct()}Message;", ""])
 
 
-def inputs(mission):
+def inputs(mission: Mission) -> str:
     if not mission.inputs:
         return ""
     rows = [(f"{m.struct.name} {m.name};", f"{m.path} >> {', '.join(m.ends)}") for m in mission.inputs]
@@ -94,7 +100,7 @@ def inputs(mission):
                       f"}} {mission.struct()}In;", ""])
 
 
-def whole(mission):
+def whole(mission: Mission) -> str:
     """The struct of the mission."""
     name = mission.struct()
     rows = ["    struct {", *with_notes([(f"ExecTask {t.name};", f"every {seconds(t.period)}"
@@ -125,7 +131,7 @@ def whole(mission):
                       f"typedef struct {name} {{", *rows, f"}} {name};", ""])
 
 
-def functions(mission):
+def functions(mission: Mission) -> str:
     name, struct = mission.name, mission.struct()
     found = [("Set the parameters of flight.py, then reset.", f"void {name}_init({struct} *m);"),
              ("Back to the start; the parameters stay.", f"void {name}_reset({struct} *m);"),
@@ -142,7 +148,7 @@ def functions(mission):
     return "\n".join(line for text, declaration in found for line in (*doc(text), declaration, ""))
 
 
-def parameter_list(mission):
+def parameter_list(mission: Mission) -> str:
     n = sum(bool(m.fields("par")) for m in mission.modules)
     if not n:
         return ""
@@ -151,14 +157,14 @@ def parameter_list(mission):
             + extern("MissionParameters", f"{name}_parameters[{upper}_PARAMETERS]"))
 
 
-def extern(kind, name):
+def extern(kind: str, name: str) -> str:
     whole = f"extern const {kind} {name};\n"
     return whole if len(whole) <= COLUMNS + 1 else f"extern const {kind}\n    {name};\n"
 
 
 # --- the source ------------------------------------------------------------------------------------
 
-def source(mission):
+def source(mission: Mission) -> str:
     """mission.c"""
     parts = ["\n".join([*written(mission), f'#include "{mission.name}.h"', "", "#include <string.h>", ""]),
              *c_run.rates(mission), init(mission), *c_run.configuration(mission), *c_run.tasks(mission),
@@ -167,7 +173,7 @@ def source(mission):
     return "\n".join(part for part in parts if part)
 
 
-def init(mission):
+def init(mission: Mission) -> str:
     """What flight.py set, and nothing that is zero."""
     wired = {f"m->{w.target}" for wires in (*mission.wires.values(), *mission.published.values()) for w in wires}
     lines = ["    memset(m, 0, sizeof *m);"]
@@ -179,7 +185,7 @@ def init(mission):
                       f"    {mission.name}_reset(m);", "}", ""])
 
 
-def paragraph(title, found):
+def paragraph(title: str, found: list[Setting]) -> list[str]:
     """A module's settings. A note stands beside the first line that it is about, if there is room."""
     lines, rows = comment(title, "    "), []
     for one in found:
@@ -198,17 +204,17 @@ def paragraph(title, found):
     return lines + with_notes(rows, "    ")
 
 
-def beside(code, note):
+def beside(code: str, note: str) -> bool:
     return "\n" not in code and len(f"    {code} /* {plain(note)} */") <= COLUMNS
 
 
-def first_words(text):
+def first_words(text: str) -> str:
     """The first sentence of a header's comment, to go on after a colon."""
     text = " ".join(text.split()).split(". ")[0].rstrip(".")
     return text[:1].lower() + text[1:] if text[1:2].islower() or text[1:2] == " " else text
 
 
-def messages(mission):
+def messages(mission: Mission) -> str:
     name, struct = mission.name, mission.struct()
     rows = []
     for m in (*mission.inputs, *mission.outputs):
@@ -217,12 +223,12 @@ def messages(mission):
     return "\n".join([f"const MissionMessage {name}_messages[] = {{", *rows, "};", ""])
 
 
-def row(*items):
+def row(*items: str) -> list[str]:
     """One row of a table."""
     return wrap([f"{item}," for item in items[:-1]] + [items[-1]], "    {", "     ", "},")
 
 
-def parameters(mission):
+def parameters(mission: Mission) -> str:
     name, struct = mission.name, mission.struct()
     rows = [line for m in mission.modules if m.fields("par")
             for line in row(f'"{m.path}"', f'"{m.type}"', f"offsetof({struct}, {m.name}.par)",

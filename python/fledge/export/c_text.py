@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Text of C as a careful person lays it out: 100 columns, notes in line with one another."""
+"""The layout of exported C: at most COLUMNS columns, and the notes of successive lines below one another."""
+from __future__ import annotations
 
-COLUMNS = 120
+from collections.abc import Sequence
+
+COLUMNS = 120   # as in .clang-format
 
 
-def wrap(pieces, first, following, end=""):
-    """Pieces in lines of 100 columns; the first begins with `first`, the others with `following`."""
+def wrap(pieces: Sequence[str], first: str, following: str, end: str = "") -> list[str]:
+    """Pieces in lines that are full; the first begins with `first`, the others with `following`."""
     lines, line = [], first
     for i, piece in enumerate(pieces):
         gap = "" if line in (first, following) else " "
@@ -17,30 +20,30 @@ def wrap(pieces, first, following, end=""):
     return [*lines, line + end]
 
 
-def plain(text):
-    """Text that cannot end a comment early, nor go on with the next line."""
+def plain(text: str) -> str:
+    """Text that cannot end a comment early, and does not continue it on the next line."""
     text = " ".join(text.split()).replace("*/", "* /").replace("/*", "/ *")
     return text.replace("??/", "?? /").rstrip("\\")
 
 
-def comment(text, indent=""):
+def comment(text: str, indent: str = "") -> list[str]:
     """A comment on lines of its own."""
     return wrap(plain(text).split(), f"{indent}/* ", f"{indent} * ", " */")
 
 
-def doc(text, indent=""):
+def doc(text: str, indent: str = "") -> list[str]:
     """The same, before a declaration."""
     return wrap(plain(text).split(), f"{indent}/** ", f"{indent} *  ", " */")
 
 
-def string(raw):
+def string(raw: bytes) -> str:
     """A literal of bytes; what is not plain ASCII in octal, `?` escaped where two would begin a trigraph."""
     named = {10: "\\n", 9: "\\t", 34: '\\"', 92: "\\\\"}
     text = "".join(named.get(b) or (chr(b) if 32 <= b < 127 else f"\\{b:03o}") for b in raw)
     return '"' + text.replace("??", "?\\?") + '"'
 
 
-def declaration(start, items, indent="    "):
+def declaration(start: str, items: list[str], indent: str = "    ") -> str:
     """`start{a, b, c};`, on more lines where it is long, as many items in each."""
     text = f"{start}{{{', '.join(items)}}};"
     if len(indent + text) <= COLUMNS:
@@ -57,13 +60,13 @@ def declaration(start, items, indent="    "):
     return start + (",\n" + under).join(rows) + "};"
 
 
-def broken(line, indent="    "):
-    """An assignment that is too long for its line goes on after the =."""
+def broken(line: str, indent: str = "    ") -> str:
+    """A long assignment continues after the =."""
     whole = indent + line
     return whole if len(whole) <= COLUMNS else whole.replace(" = ", f" =\n{indent}    ", 1)
 
 
-def with_notes(rows, indent, begin="/*", end=" */"):
+def with_notes(rows: Sequence[tuple[str, str]], indent: str, begin: str = "/*", end: str = " */") -> list[str]:
     """(code, note) of each line -> lines with the notes behind the code, in a column where lines follow one another.
 
     A note that does not fit beside its code stands before it; of members, then all notes do.
@@ -75,7 +78,8 @@ def with_notes(rows, indent, begin="/*", end=" */"):
         width = max(len(code) for code, _ in block)
         return all(len(line(code, width, note)) <= COLUMNS for code, note in block)
 
-    lines, block = [], []
+    lines: list[str] = []
+    block: list[tuple[str, str]] = []
 
     def flush():
         width = max((len(code) for code, _ in block), default=0)
@@ -98,6 +102,6 @@ def with_notes(rows, indent, begin="/*", end=" */"):
     return lines
 
 
-def seconds(ns):
+def seconds(ns: int) -> str:
     """0.5 s"""
     return f"{ns / 1e9:.9g} s"

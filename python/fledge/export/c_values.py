@@ -4,8 +4,11 @@
 "Not zero" is a matter of bytes, or -0.0 would be lost. Doubles are written as Python's repr does: the
 shortest decimal that reads back as the same double, with every compiler.
 """
+from __future__ import annotations
 
 import struct as packing
+from collections.abc import Container, Iterator, Sequence
+from typing import Any
 
 from fledge.elements import ELEMENTS
 from fledge.export.c_text import COLUMNS, declaration, string
@@ -14,15 +17,15 @@ TABLE = 6       # from so many elements on, a plain array is set from a table
 
 
 class Setting:
-    """Lines of C that set one field, and what the header says of it."""
+    """Lines of C that set one field, and the note of the header on it."""
 
-    def __init__(self, field, lines):
+    def __init__(self, field: Any, lines: list[str]) -> None:
         self.name = field.name
         self.lines = lines
         self.note = " ".join(([f"[{field.unit}]"] if field.unit else []) + ([field.doc] if field.doc else []))
 
 
-def settings(struct, memory, start, stem, leave_out=()):
+def settings(struct: Any, memory: bytes, start: str, stem: str, leave_out: Container[str] = ()) -> Iterator[Setting]:
     """The Settings that make zeroed memory equal to `memory`.
 
     start: the C expression of the object; stem: what the names of tables begin with; leave_out:
@@ -48,7 +51,7 @@ def settings(struct, memory, start, stem, leave_out=()):
             yield Setting(field, list(numbers(field, raw, target, f"{stem}_{field.name}")))
 
 
-def indices(shape):
+def indices(shape: Sequence[int]) -> list[str]:
     """[""] of a scalar, "[0]", "[1]" ... of an array, "[0][0]", "[0][1]" ... in the order of memory."""
     found = [""]
     for n in shape:
@@ -58,7 +61,7 @@ def indices(shape):
 
 # --- a field each ----------------------------------------------------------------------------------
 
-def texts(field, raw, target):
+def texts(field: Any, raw: bytes, target: str) -> Iterator[str]:
     """memcpy, not strcpy: a text may fill its field, and then has no end."""
     length = field.shape[-1] if field.shape else 1
     for i, index in enumerate(indices(field.shape[:-1])):
@@ -67,8 +70,8 @@ def texts(field, raw, target):
             yield f"memcpy({target}{index}, {string(text)}, {len(text)});"
 
 
-def vectors(field, raw, target):
-    """Vec3 and Mat3: whole where that says more than their elements."""
+def vectors(field: Any, raw: bytes, target: str) -> Iterator[str]:
+    """Vec3 and Mat3: whole where several elements are given."""
     n, member, dims = (3, "v", 1) if field.ctype == "Vec3" else (9, "m", 2)
     for i, index in enumerate(indices(field.shape[:-dims])):
         row = raw[i * 8 * n:(i + 1) * 8 * n]
@@ -88,7 +91,7 @@ def vectors(field, raw, target):
             yield from (f"{target}{index}.{member}{elements[j]} = {values[j]};" for j in given)
 
 
-def numbers(field, raw, target, table):
+def numbers(field: Any, raw: bytes, target: str, table: str) -> Iterator[str]:
     """Scalars and plain arrays, the longer of them from a table."""
     size = len(raw) // max(1, len(indices(field.shape)))
     elements = [raw[i:i + size] for i in range(0, len(raw), size)]
@@ -105,7 +108,7 @@ def numbers(field, raw, target, table):
 
 # --- a number each ---------------------------------------------------------------------------------
 
-def literal(field, raw):
+def literal(field: Any, raw: bytes) -> str:
     """One element as C writes it."""
     if field.type == "f64":
         return double(packing.unpack("=d", raw)[0])
@@ -117,19 +120,19 @@ def literal(field, raw):
     return integer(value)
 
 
-def double(value):
+def double(value: float) -> str:
     """The shortest decimal that is this double. Infinities and NaN are refused before."""
     return repr(value)
 
 
-def single(value):
+def single(value: float) -> str:
     """The shortest decimal that is this float."""
     from numpy import float32
 
     return repr(float(str(float32(value)))) + "F"
 
 
-def integer(value):
+def integer(value: int) -> str:
     """Plain where every int holds it; wider ones name their width, and the least have no literal."""
     if value == -2**31:
         return "INT32_MIN"

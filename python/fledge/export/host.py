@@ -1,12 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A mission as data for a host that knows none, targets/mission_host.h: what to call, the topics of its messages,
-their definitions, and its rates."""
+"""A mission as data for a host that is made without it, targets/mission_host.h: its functions, the topics and
+definitions of its messages, and its rates."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 from fledge.export.c_source import row, written
 from fledge.export.c_text import string
 
+if TYPE_CHECKING:
+    from fledge.export.read import Mission
 
-def emit_host(mission):
+
+def emit_host(mission: Mission) -> dict[str, str]:
     """File name -> text."""
     name, struct = mission.name, mission.struct()
     messages = [*mission.inputs, *mission.outputs]
@@ -37,7 +43,7 @@ def emit_host(mission):
     return {f"{name}_host.c": "\n".join([*lines, "};", ""]), f"{name}_definitions.c": definitions(mission, types)}
 
 
-def definitions(mission, types):
+def definitions(mission: Mission, types: list[Any]) -> str:
     """What the messages look like, for records and the exchange."""
     name = f"{mission.name}_definitions"
     lines = [*written(mission), '#include "targets/mission_host.h"', "", f"extern const MissionDefinition {name}[];",
@@ -49,6 +55,6 @@ def definitions(mission, types):
     return "\n".join([*lines, "};", ""])
 
 
-def topic(path):
-    """As records and the exchange say it: flight.motor.command -> /flight/motor/command."""
+def topic(path: str) -> str:
+    """The name in records and in the exchange: flight.motor.command -> /flight/motor/command."""
     return "/" + path.replace(".", "/")

@@ -1,25 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
 """Names in C for what has a name in Python."""
+from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 
 KEYWORDS = frozenset("""auto break case char const continue default do double else enum extern float for goto if
     inline int long register restrict return short signed sizeof static struct switch typedef union unsigned void
     volatile while _Bool _Complex _Imaginary""".split())
 
 
-def snake(name):
+def snake(name: str) -> str:
     """MrpFeedback -> mrp_feedback, by introspect's rule for the names of a module's functions."""
     words = re.sub(r"([a-z0-9])([A-Z])", r"\1_\2", name)
     return re.sub(r"([A-Z])([A-Z][a-z])", r"\1_\2", words).lower()
 
 
-def camel(name):
+def camel(name: str) -> str:
     """nadir_spin -> NadirSpin"""
     return "".join(word[:1].upper() + word[1:] for word in name.split("_"))
 
 
-def identifier(text):
+def identifier(text: str) -> str:
     """An identifier of C: what is no letter or digit becomes one underscore, a keyword gets one behind it."""
     name = re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_") or "unnamed"
     if name[0].isdigit():
@@ -27,7 +29,7 @@ def identifier(text):
     return name + "_" if name in KEYWORDS else name
 
 
-def distinct(texts, taken=()):
+def distinct(texts: Iterable[str], taken: Iterable[str] = ()) -> dict[str, str]:
     """Text -> identifier for each. Where two would share one, or differ in case only, which enumerators do not
     show, the later has a number behind it."""
     names, used = {}, {name.lower() for name in taken}

@@ -3,11 +3,14 @@
 
 Names in it are C's already: flight.py's own, but for keywords of C and texts that are no identifiers.
 """
+from __future__ import annotations
 
 import ast
 import re
 import struct as packing
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from fledge import objects
@@ -28,14 +31,14 @@ class Module:
     memory: bytes                    # as flight.py left it, before any reset
 
     @property
-    def type(self):
+    def type(self) -> str:
         return self.struct.name
 
     @property
-    def function(self):
+    def function(self) -> str:
         return names.snake(self.type)
 
-    def fields(self, group):
+    def fields(self, group: str) -> list[Any]:
         return [f for f in self.struct.fields if f.group == group]
 
 
@@ -97,17 +100,17 @@ class Mission:
     published: dict                  # configuration module name -> wires carried when it is published
     left_out: list                   # titles of tasks and events that are not exported
 
-    def struct(self):
+    def struct(self) -> str:
         """The name of the struct that holds it all."""
         return names.camel(self.name)
 
-    def sources(self):
+    def sources(self) -> list[str]:
         """The C files of its modules, from the root that their headers are included from; flight/math is
         needed beside them."""
         return sorted({m.struct.header.removesuffix(".h") + ".c" for m in self.modules})
 
 
-def read(sim, tasks=None):
+def read(sim: Any, tasks: Sequence[str] | None = None) -> Mission:
     """The Mission that flies in a simulation which has not run, or of it the named tasks.
 
     A subset takes with it the configuration that is wired to it; what it reads of the rest of flight
@@ -283,7 +286,7 @@ class _Reader:
         return ExportError(f"{path}, line {line}: {text}" if line else f"{path}: {text}")
 
 
-def line_of(path, name):
+def line_of(path: Path, name: str | None) -> int | None:
     """The line of a mission's file where an instance or event gets its name, or None."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if (isinstance(node, ast.Attribute) and node.attr == name and isinstance(node.ctx, ast.Store)
@@ -292,18 +295,20 @@ def line_of(path, name):
     return None
 
 
-def floats(struct, memory, prefix=""):
-    """(path, value) of every floating-point number in an object of that struct."""
-    for f in struct.fields:
-        path = prefix + (f"{f.group}." if f.group else "") + f.name
-        count = 1
-        for n in f.shape:
-            count *= n
+def leaves(fields: Sequence[Any], path: str = "", base: int = 0) -> Iterator[tuple[str, Any, int]]:
+    """(path, field, offset) of every field that is no struct; of an array of structs, of each element."""
+    for f in fields:
         if f.type == "struct":
-            for i in range(count):
-                at = f.offset + i * f.struct.size
-                row = f"{path}[{i}]" if f.shape else path
-                yield from floats(f.struct, memory[at:at + f.struct.size], row + ".")
-        elif f.type in ("f64", "f32"):
-            values = packing.unpack_from(f"={count}{ELEMENTS[f.type].code}", memory, f.offset)
-            yield from ((path + (f"[{i}]" if f.shape else ""), v) for i, v in enumerate(values))
+            for i, at in enumerate(range(base + f.offset, base + f.offset + f.size, f.struct.size)):
+                yield from leaves(f.struct.fields, f"{path}{f.name}" + (f"[{i}]" if f.shape else "") + ".", at)
+        else:
+            yield path + f.name, f, base + f.offset
+
+
+def floats(struct: Any, memory: bytes) -> Iterator[tuple[str, float]]:
+    """(path, value) of every floating-point number in an object of that struct."""
+    for port in struct.fields:
+        for path, f, at in leaves([port], f"{port.group}." if port.group else ""):
+            if ELEMENTS[f.type].is_float:
+                values = packing.unpack_from(f"={f.size // ELEMENTS[f.type].size}{ELEMENTS[f.type].code}", memory, at)
+                yield from ((path + (f"[{i}]" if f.shape else ""), v) for i, v in enumerate(values))

@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Campaigns: the same bits however they are flown, failures that can be flown again, and reports."""
 
+import contextlib
 import csv
 import json
 import os
+import pty
 import re
 import shlex
 import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -248,13 +249,21 @@ def test_other_exceptions_end_it(campaign):
 def test_ctrl_c_on_the_command_line_leaves_a_report(tmp_path):
     text = RELEASE.replace("10 * s, 1 * s", "1e5 * s, 1e4 * s")
     mission(tmp_path, text)
+    terminal, theirs = pty.openpty()
     child = subprocess.Popen([sys.executable, "-m", "fledge.cli", "montecarlo", str(tmp_path), "--runs", "5000",
-                              "--out", str(tmp_path / "out"), "--threads", "1"], stderr=subprocess.PIPE,
+                              "--out", str(tmp_path / "out"), "--threads", "1"], stderr=theirs,
                              stdout=subprocess.PIPE, text=True,
                              env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))})
-    time.sleep(2.5)
-    child.send_signal(signal.SIGINT)
-    out, err = child.communicate(timeout=60)
+    os.close(theirs)
+    with open(terminal, encoding="utf-8", newline="") as shown:
+        err = ""
+        while not re.search(r"[1-9]\d* of 5000", err):  # the bar, which a terminal shows, counts finished runs
+            err += shown.read(1)
+        child.send_signal(signal.SIGINT)
+        out, _ = child.communicate(timeout=60)
+        with contextlib.suppress(OSError):  # a terminal has no end of file
+            while True:
+                err += shown.read(1)
     assert child.returncode == 130 and re.search(r"interrupted; the report is about the \d+ runs", err), err
     data = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert data["interrupted"] and data["flown"] < 5000 and data["runs"] == 5000

@@ -15,10 +15,11 @@ import csv
 import io
 import json
 import math
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fledge.columns import columns
 from fledge.files import Part
 from fledge.montecarlo.plots import PERCENTILES, figures, percentiles, summary_of
 
@@ -108,18 +109,19 @@ def text(data: dict, failures: int | None = None) -> str:
                  f"worst {one['worst']:.4g} {one['unit']}".rstrip() + f" in run {one['worst_run']}"
                  if "worst" in one else "")
                 for one in data["requirements"]]
-        lines += ["", "required", *_columns(rows)]
+        lines += ["", "required", *columns(rows, indent="  ")]
     if any(one["percentiles"] for one in data["final"]):
         shown = list(data["final"][0]["percentiles"])
         ends: list[tuple[str, ...]] = [("at the end", "", *(f"{p} %" for p in shown))]
         ends += [(one["measure"], one["unit"], *(f"{x:.3g}" for x in one["percentiles"].values()))
                  for one in data["final"]]
         left = [p for p in PERCENTILES if str(p) not in shown]
-        table = _columns(ends, right=range(2, 2 + len(shown)))
+        table = columns(ends, range(2, 2 + len(shown)), "  ")
         lines += ["", table[0][2:], *table[1:]]
         if left:
             lines.append(f"  too few runs for the percentiles {', '.join(map(str, left))}")
-    lines += ["", "dispersed", *_columns([(path, "= " + drawn) for path, drawn in data["declared"].items()])]
+    lines += ["", "dispersed", *columns([(path, "= " + drawn)
+                                        for path, drawn in data["declared"].items()], indent="  ")]
     if data["failures"]:
         shown = data["failures"][:failures]
         lines += ["", "failed"]
@@ -129,13 +131,6 @@ def text(data: dict, failures: int | None = None) -> str:
         if len(shown) < len(data["failures"]):
             lines.append(f"  and {len(data['failures']) - len(shown)} more")
     return "\n".join(lines)
-
-
-def _columns(rows: Sequence[Sequence[str]], right: Container[int] = ()) -> list[str]:
-    """Rows as lines with aligned columns. right: the columns to align at the right."""
-    widths = [max(map(len, column)) for column in zip(*rows)]
-    return ["  " + "  ".join(cell.rjust(width) if i in right else cell.ljust(width)
-                             for i, (cell, width) in enumerate(zip(row, widths))).rstrip() for row in rows]
 
 
 # --- files -----------------------------------------------------------------------------------------

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One mission on several targets, in the same closed loop: exported, built, flown, and compared with the
-desktop.
+"""One mission on several targets, in the same closed loop: exported, built, flown, and compared with the desktop.
 
     rehearsal.py  a scenario on the desktop: its set-up, its duration, and what it changes between its runs
     job.py        what is flown: a mission's scenario, exported, and for how long

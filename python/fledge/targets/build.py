@@ -1,14 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Builds C programs by ninja, which compiles only what has changed."""
+"""C to programs, by ninja, which compiles only changed files."""
+from __future__ import annotations
 
 import os
 import shutil
 import subprocess
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fledge.errors import Failure
 from fledge.export.write import write_files
 from fledge.files import build_folder
+
+if TYPE_CHECKING:
+    from fledge.export.read import Mission
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -22,12 +28,12 @@ RUNNER = ["targets/mission_io.c", "targets/mission_host.c", "targets/linux/main.
           "registers/clock.c", "registers/message.c", "registers/shared_file.c"]
 
 
-def math_sources():
-    """The C files of flight/math."""
+def math_sources() -> list[Path]:
+    """The sources of flight/math, which modules call."""
     return sorted(path for path in (ROOT / "flight/math").glob("*.c") if path.name != "elementary_hash.c")
 
 
-def module_sources(mission, roots):
+def module_sources(mission: Mission, roots: Sequence[Path]) -> list[Path]:
     """The files of a mission's modules, in the first root that has each."""
     found = []
     for name in mission.sources():
@@ -38,16 +44,18 @@ def module_sources(mission, roots):
     return found
 
 
-def program(folder, name, sources, includes, compiler="gcc", flags=(), link=(), entry="main"):
+def program(folder: Path | str, name: str, sources: Sequence[Path], includes: Sequence[Path], compiler: str = "gcc",
+            flags: Sequence[str] = (), link: Sequence[str] = (), entry: str = "main") -> Path:
     """Build an executable or shared object from C in a folder of its own; returns its path.
 
-    It also writes NAME.o beside it, the same linked without the C library, which `sizes` measures.
+    NAME.o beside it is the same without the C library, for `sizes`.
     """
     folder = Path(folder)
     if not shutil.which(compiler):
         raise Failure(f"{compiler} is not installed")
     flags = [*FLAGS, *flags, *(f"-I{path}" for path in includes)]
-    objects, lines = [], []
+    objects: list[str] = []
+    lines: list[str] = []
     for source in sources:
         stem = f"o/{len(objects):02}_{Path(source).stem}.o"
         objects.append(stem)
@@ -70,14 +78,14 @@ def program(folder, name, sources, includes, compiler="gcc", flags=(), link=(), 
     return folder / name
 
 
-def sizes(built, tool="size"):
+def sizes(built: Path, tool: str = "size") -> tuple[int, int]:
     """(bytes of code and constants, bytes of memory) of what `program` built, without the C library."""
     done = subprocess.run([tool, f"{built}.o"], capture_output=True, text=True, check=True)
     text, data, bss = map(int, done.stdout.splitlines()[1].split()[:3])
     return text, data + bss
 
 
-def native(name, part):
+def native(name: str, part: str) -> Path:
     """A program of Fledge's own build: native("fledge_guard", "cosim")."""
     path = build_folder() / part / name
     if not os.access(path, os.X_OK):

@@ -1,21 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
 """A mission as an app of the core Flight System: on the pocket cFE, or in a real tree.
 
-The app is that of `fledge export cfs`, with one thing more: after each tick it writes a record of its own
-(targets/cfs/watch.c). Fledge compares its outputs with the desktop's, like those of every target.
+The app is that of `fledge export cfs`, and also writes a record after each tick (targets/cfs/watch.c).
 """
+from __future__ import annotations
 
 import re
 import shutil
 import subprocess
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fledge.errors import Failure
 from fledge.export import cfs
-from fledge.export.cfs import around, hosted
+from fledge.export.cfs import around
 from fledge.export.write import write_files
 from fledge.targets import build
 from fledge.targets.target import Target
+
+if TYPE_CHECKING:
+    from fledge.targets.job import Job
 
 APP = cfs.App("fsw")
 
@@ -25,32 +29,32 @@ class Cfs(Target):
 
     name = "cfs"
     about = "an app of the core Flight System, on the pocket cFE or (--cfs DIR) in a real tree"
-    needs = ("gcc",)
+    needs: tuple[str, ...] = ("gcc",)
 
-    def app(self, job):
+    def app(self, job: Job) -> Path:
         """Write the app, and return its folder."""
         folder = job.folder / self.name / APP.name
         cfs.write(job.mission, APP, folder, job.board_files(), (), job.roots[:-1], watched=True)
         return folder.resolve()
 
-    def build(self, job):
+    def build(self, job: Job) -> Path:
         app, folder = self.app(job), (job.folder / self.name).resolve()
         (folder / "cf").mkdir(exist_ok=True)
-        write_files({"apps.c": hosted.app_list([APP]), "cf/cfe_es_startup.scr": around.startup(APP),
+        write_files({"apps.c": around.app_list([APP]), "cf/cfe_es_startup.scr": around.startup(APP),
                      **{f"cf/{file.name}": file.read_bytes() for file in sorted((app / "cf").iterdir())}}, folder)
-        sources = [*sorted((app / "fsw/src").rglob("*.c")), folder / "apps.c", *hosted.pocket_sources()]
+        sources = [*sorted((app / "fsw/src").rglob("*.c")), folder / "apps.c", *around.pocket_sources()]
         return build.program(folder, "core", sources, [app / "fsw/inc", app / "fsw/src", build.ROOT,
                                                        build.ROOT / "targets/cfs/inc"], link=["-lpthread", "-lm"])
 
-    def command(self, built, record):
+    def command(self, built: Path, record: str) -> list[str]:
         return ["env", "FLEDGE_REGISTERS={registers}", f"FLEDGE_RECORD={record}", str(built.resolve()), "--root",
                 str(built.resolve().parent), "--quiet"]
 
-    def sizes(self, built):
+    def sizes(self, built: Path) -> tuple[int, int]:
         return build.sizes(built)
 
-    def _flown(self, built, record, printed):
-        flown = super()._flown(built, record, printed)
+    def _flown(self, built, record, figures):
+        flown = super()._flown(built, record, figures)
         flown.cpu_of = "core and record too"
         return flown
 
@@ -60,7 +64,7 @@ class RealCfs(Cfs):
 
     needs = ("make", "cmake", "gcc")
 
-    def __init__(self, tree):
+    def __init__(self, tree: Path | str) -> None:
         if self.missing():
             raise Failure(f"--cfs: a cFS tree is built with {' and '.join(self.missing())}, not installed here")
         self.tree = Path(tree).resolve()
@@ -69,7 +73,7 @@ class RealCfs(Cfs):
             raise Failure(f"--cfs {tree}: this is no cFS tree, for it has no {', '.join(missing)}; give the folder "
                           "that cfe, osal and psp are in, with all its submodules")
 
-    def build(self, job):
+    def build(self, job: Job) -> Path:
         copy = (job.folder / "cfs_tree").resolve()
         shutil.copytree(self.tree, copy, ignore=shutil.ignore_patterns(".git", "build"), dirs_exist_ok=True,
                         symlinks=True)
@@ -93,18 +97,18 @@ class RealCfs(Cfs):
             raise Failure(f"{copy}: make install left no exe/cpu1/core-cpu1", 1)
         return found[0]
 
-    def command(self, built, record):
+    def command(self, built: Path, record: str) -> list[str]:
         folder = next(path for path in built.parents if path.name == "cfs_tree").parent   # the job's
         return ["env", "-C", str(built.parent), "FLEDGE_REGISTERS={registers}", "FLEDGE_END=1",
                 f"FLEDGE_RECORD={folder / record}", f"./{built.name}"]
 
-    def sizes(self, built):
+    def sizes(self, built: Path) -> tuple[int, int]:
         done = subprocess.run(["size", built], capture_output=True, text=True, check=True)
         text, data, bss = map(int, done.stdout.splitlines()[1].split()[:3])
         return text, data + bss
 
 
-def defined(tree):
+def defined(tree: Path) -> Path:
     """The folder of a tree's definitions; a fresh clone has them as a sample only, as its README says."""
     found = sorted(path.parent for path in tree.glob("*_defs/targets.cmake"))
     if not found and (tree / "cfe/cmake/sample_defs").is_dir():
@@ -117,7 +121,7 @@ def defined(tree):
     return next((path for path in found if path.name == "sample_defs"), found[0])
 
 
-def started(script):
+def started(script: str) -> str:
     """A start-up script with the app in it, before the end of what counts."""
     line = around.startup(APP)
     if line in script:

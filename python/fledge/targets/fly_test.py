@@ -154,11 +154,10 @@ def nothing(sim):
 
 
 @pytest.mark.parametrize("play, complaint", [
-    ("mode", "requests a mode between its runs; a target gets no such request"),
-    ("world", "changes world.nav between its runs; a target can only get parameters of flight"),
-    ("published", "changes flight.vehicle between its runs, which flight publishes; a target does not get the time of "
-                  "the change"),
-    ("both", "changes world.nav before it runs, and flight between its runs; the world's program can only take one"),
+    ("mode", "asks for a mode between its runs, which no target takes"),
+    ("world", "changes world.nav between its runs; a target can only be told parameters of flight"),
+    ("published", "changes flight.vehicle between its runs, which flight publishes: no target is told when"),
+    ("both", "changes world.nav before it runs, and flight between its runs: the world's program can have only one"),
     ("steps", "the scenario steps does more than run"),
     ("fails", "the scenario fails fails on the desktop: it was not good"),
     ("nothing", "the scenario nothing runs nothing"),

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The programs of one flight: a controller, the world of the mission, and the node of the board, which starts the
-target. fledge_guard starts each of them, and ends it and its children when this program ends, even by SIGKILL."""
+target. fledge_guard starts each of them, and ends it with all its children when this program ends in any way."""
+from __future__ import annotations
 
 import contextlib
 import itertools
@@ -10,34 +11,40 @@ import re
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO
 
 from fledge.errors import Failure
 from fledge.progress import Progress
 from fledge.targets import build
 
+if TYPE_CHECKING:
+    from fledge.targets.job import Job
+
 _numbers = itertools.count()
 
 
-def close(job, target, name, patience=60.0):
-    """Fly a job to its end, flight by the command `target`; returns what the target printed, key -> text.
+def close(job: Job, target: list[str], name: str, timeout: float = 60.0) -> dict[str, str]:
+    """Fly a job to its end, flight by the command `target`; returns the figures that the target printed, key -> text.
 
-    The output of the programs is in job.folder / NAME.log. Raises Failure with its last lines if the run ends early.
+    The output of the programs goes into job.folder / NAME.log. Raises Failure with its end if the run ends early.
     """
     simulation = f"{job.mission.name}_{os.getpid()}_{next(_numbers)}"
     options = ["--simulation", simulation, "--address", f"ipc://@fledge-{simulation}"]
     return _run(job, name, {
         "controller": [build.native("fledge_controller", "cosim"), *options, "--until", repr(job.duration), "--seed",
-                       job.seed, "--node", "world", "--node", "flight", "--join", patience, "--reply", patience],
+                       job.seed, "--node", "world", "--node", "flight", "--join", timeout, "--reply", timeout],
         "world": [sys.executable, "-m", "fledge.cli", "node", job.asked, "world",
                   *(["--free"] if job.scenario == "free" or job.loads else [job.scenario]), *options,
                   *(word for name, value in job.parameters.items() for word in ("--set", f"{name}={value!r}"))],
-        "flight": [*_board(job, options), "--reply", patience, "--", *target]})
+        "flight": [*_board(job, options), "--reply", timeout, "--", *target]})
 
 
-def join(job, target, name, address, simulation, node, keys=None):
-    """The same for a run whose controller is at `address`, with its world: only flight is here."""
-    options = ["--address", address, "--simulation", simulation, "--node", node]
+def join(job: Job, target: list[str], name: str, address: str, simulation: str, node: str,
+         keys: Path | str | None = None) -> dict[str, str]:
+    """The same for a run whose controller and world are elsewhere, the controller at `address`."""
+    options: list[object] = ["--address", address, "--simulation", simulation, "--node", node]
     if keys:
         options += ["--keys", Path(keys).resolve()]
     return _run(job, name, {"flight": [*_board(job, options), "--", *target]})
@@ -57,11 +64,11 @@ def _run(job, name, commands):
         bar = stack.enter_context(Progress(name, 0, round(job.duration * 1e9)))
         how_far = stack.enter_context(HowFar()) if bar.wanted and "controller" in commands else None
         if how_far:
-            commands["controller"] += ["--status", how_far.told]
+            commands["controller"] += ["--status", how_far.write]
         # Python looks for missions from here; a target writes its record into the folder.
         programs = {which: stack.enter_context(Program(
             which, command, text, folder if which == "flight" else None,
-            [how_far.told] if how_far and which == "controller" else [])) for which, command in commands.items()}
+            [how_far.write] if how_far and which == "controller" else [])) for which, command in commands.items()}
         results, ends = {}, None
         while ends is None or time.monotonic() < ends:
             if how_far:
@@ -72,13 +79,13 @@ def _run(job, name, commands):
             if ends is None and any(code is not None for code in results.values()):
                 ends = time.monotonic() + 20.0
             time.sleep(0.01)
-        said = programs["flight"].said()
+        figures = programs["flight"].figures()
     if any(code != 0 for code in results.values()):
         raise Failure(_what_failed(results, log, job.mission.title), 1)
-    return said
+    return figures
 
 
-COUNTED = re.compile(r"\w+: \w+ -?\d+")  # "flight: ticks 0", a line that does not say why a run ended
+COUNTED = re.compile(r"\w+: \w+ -?\d+")  # "flight: ticks 0", which gives no reason for a failure
 
 
 def _what_failed(results, log, title):
@@ -89,8 +96,8 @@ def _what_failed(results, log, title):
     return f"the flight of {title} ended early: {codes}; {log} ends with\n    " + "\n    ".join(lines[-12:])
 
 
-def environment():
-    """The environment of programs that start in another folder: paths of Python's modules and of keys are absolute."""
+def environment() -> dict[str, str]:
+    """The environment for programs that start in another folder: the same module path, and absolute paths of keys."""
     found = {**os.environ, "PYTHONUNBUFFERED": "1",
              "PYTHONPATH": os.pathsep.join(os.path.abspath(path) for path in sys.path if path)}
     if found.get("FLEDGE_KEYS"):
@@ -99,19 +106,19 @@ def environment():
 
 
 class HowFar:
-    """The simulated time that the controller reports, for the progress bar."""
+    """The progress that the controller reports, for the bar."""
 
-    def __enter__(self):
-        self.read, self.told = os.pipe()
+    def __enter__(self) -> HowFar:
+        self.read, self.write = os.pipe()
         os.set_blocking(self.read, False)
         self.rest, self.t = b"", 0
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_) -> None:
         os.close(self.read)
-        os.close(self.told)
+        os.close(self.write)
 
-    def now(self):
+    def now(self) -> int:
         """[ns]"""
         with contextlib.suppress(BlockingIOError):
             self.rest += os.read(self.read, 65536)
@@ -124,7 +131,8 @@ class HowFar:
 class Program:
     """A program under the guard; leaving the context ends it."""
 
-    def __init__(self, name, command, log, folder, descriptors=()):
+    def __init__(self, name: str, command: Sequence[object], log: TextIO, folder: Path | None,
+                 descriptors: Sequence[int] = ()) -> None:
         self.name = name
         self.out = open(f"{log.name}.{name}", "w+", encoding="utf-8", errors="replace")
         Path(self.out.name).unlink()
@@ -133,15 +141,16 @@ class Program:
             self.process = subprocess.Popen([build.native("fledge_guard", "cosim"), "--", *map(str, command)],
                                             stdin=subprocess.PIPE, stdout=self.out, stderr=subprocess.STDOUT,
                                             cwd=folder, env=environment(), pass_fds=descriptors)
+            self._lifeline: Any = self.process.stdin
         except BaseException:
             self.out.close()
             raise
 
-    def __enter__(self):
+    def __enter__(self) -> Program:
         return self
 
-    def __exit__(self, *_):
-        self.process.stdin.close()               # then the guard ends what it started
+    def __exit__(self, *_) -> None:
+        self._lifeline.close()               # its lifeline: the guard ends what it started
         try:
             self.process.wait(timeout=15)
         except subprocess.TimeoutExpired:
@@ -152,11 +161,11 @@ class Program:
         self.log.flush()
         self.out.close()
 
-    def poll(self):
+    def poll(self) -> int | None:
         return self.process.poll()
 
-    def said(self):
-        """Lines of a key and a value."""
+    def figures(self) -> dict[str, str]:
+        """The lines of a key and a value in its output."""
         self.out.seek(0)
         pairs = (line.split(maxsplit=1) for line in self.out)
         return {pair[0]: pair[1].strip() for pair in pairs if len(pair) == 2}

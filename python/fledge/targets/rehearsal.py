@@ -1,11 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs a scenario on the desktop to find its set-up, its duration, and what it changes between its runs. It makes no
-plots; its checks must hold, as far as the scenario is flown."""
+"""A scenario on the desktop, to find its set-up, its duration and its changes between its runs. Its plots are left
+out; its checks must hold, as far as it is flown."""
+from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any, NoReturn
 
 from fledge import export, mission as missions, objects
 from fledge.errors import Failure, SetupError
+from fledge.mission.scenario import chosen
 from fledge.objects.si import time_ns
 
 
@@ -19,10 +23,11 @@ class Load:
 
 
 class _Ends(BaseException):
-    """The duration to be flown has been run."""
+    """The duration of the flight is over."""
 
 
-def rehearse(mission, scenario=None, duration=None, seed=0, free=False, parameters=None):
+def rehearse(mission: str, scenario: str | None = None, duration: float | None = None, seed: int = 0,
+             free: bool = False, parameters: dict[str, Any] | None = None) -> Rehearsal:
     """Returns a Rehearsal. duration: [s], of what is to be flown; None: all that the scenario runs."""
     def load():
         return missions.load(mission, **(parameters or {}))
@@ -33,17 +38,15 @@ def rehearse(mission, scenario=None, duration=None, seed=0, free=False, paramete
     known = sim.mission.scenarios
     if free or scenario is None and not known:
         if duration is None:
-            raise Failure(f"the mission {sim.name} has no scenarios, so say with --for how long to fly")
+            raise Failure(f"the mission {sim.name} has no scenarios, so give a duration with --for")
         play.name = "free"
         play.begin()
         return play
-    play.name = scenario or next(iter(known))
-    if play.name not in known:
-        raise Failure(f"the mission {sim.name} has no scenario '{play.name}'; it has {', '.join(known)}")
+    play.name, function = chosen(sim, scenario)
     sim.plots, sim.run = False, play.run
     sim.step = sim.reset = sim.restore = play.refused
     try:
-        known[play.name](sim)
+        function(sim)
     except _Ends:
         pass
     except (SetupError, Failure):
@@ -59,15 +62,18 @@ def rehearse(mission, scenario=None, duration=None, seed=0, free=False, paramete
 class Rehearsal:
     """name; duration [s]; start: the simulation as it stood before its first run, and mission: that exported; loads."""
 
-    def __init__(self, sim, duration):
+    def __init__(self, sim: Any, duration: float | None) -> None:
         self.sim, self.duration = sim, duration
-        self.name, self.start, self.mission, self.loads = "", None, None, []
+        self.name = ""
+        self.start: Any = None
+        self.mission: Any = None
+        self.loads: list[Load] = []
 
-    def begin(self):
+    def begin(self) -> None:
         self.mission = export.read(self.sim)
         self.start = self.sim.clone()
 
-    def run(self, duration=None, *, until=None, **_):
+    def run(self, duration: Any = None, *, until: Any = None, **_) -> None:
         """In place of the simulation's run()."""
         sim = self.sim
         now = max(sim.time_ns, 0)
@@ -82,8 +88,8 @@ class Rehearsal:
         type(sim).run(sim, until=end / 1e9, progress=False)
         self.before = sim.snapshot(), _memory(sim)
 
-    def compare(self, now):
-        """What the scenario has changed since the last run."""
+    def compare(self, now: int) -> None:
+        """Add the changes of the scenario since the last run to `loads`."""
         sim, (snapshot, before) = self.sim, self.before
         after, changed = _memory(sim), []
         for path, memory in after.items():
@@ -93,26 +99,26 @@ class Rehearsal:
             same = memory[:low] == before[path][:low] and memory[high:] == before[path][high:]
             if not path.startswith("flight.") or not same:
                 what = "" if same else ", and not only parameters,"
-                raise Failure(f"the scenario {self.name} changes {path}{what} between its runs; a target can only "
-                              "get parameters of flight")
+                raise Failure(f"the scenario {self.name} changes {path}{what} between its runs; a target "
+                              "takes only parameters of flight")
             if any(m.path == path for m in self.mission.configuration):
-                raise Failure(f"the scenario {self.name} changes {path} between its runs, which flight publishes; a "
-                              "target does not get the time of the change")
+                raise Failure(f"the scenario {self.name} changes {path} between its runs, which flight publishes: "
+                              "targets do not take these")
             changed.append((path, memory[low:high]))
         if not changed and sim.snapshot() != snapshot:
-            raise Failure(f"the scenario {self.name} requests a mode between its runs; a target gets no such request")
+            raise Failure(f"the scenario {self.name} asks for a mode between its runs, which no target takes")
         now_so = sim.snapshot() if changed else b""
         self.loads += [Load(now, path, block, now_so) for path, block in changed]
 
-    def refused(self, *_, **__):
-        raise SetupError(f"the scenario {self.name} does more than run: a target cannot step once, reset or restore "
-                         "a state")
+    def refused(self, *_, **__) -> NoReturn:
+        raise SetupError(f"the scenario {self.name} does more than run: steps, resets and restored states cannot be "
+                         "had on a target")
 
-    def finish(self, load, seed):
+    def finish(self, load: Callable[[], Any], seed: int) -> None:
         if self.duration is None:
             self.duration = self.sim.time
         if self.loads:
-            # Then the world's program does not run the scenario, so its state must be that of world.py.
+            # The world's program flies without the scenario then, so it must be as its file makes it.
             fresh = load()
             fresh.seed = seed
             fresh.prepare()
@@ -120,7 +126,7 @@ class Rehearsal:
             for path in theirs:
                 if not path.startswith("flight.") and ours[path] != theirs[path]:
                     raise Failure(f"the scenario {self.name} changes {path} before it runs, and flight between its "
-                                  "runs; the world's program can only take one of these changes")
+                                  "runs: the world's program can have only one of them")
 
 
 def _memory(sim):

@@ -1,11 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The table of flights on targets."""
+"""The one table of what was flown where."""
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from fledge.columns import columns
+
+if TYPE_CHECKING:
+    from fledge.targets.target import Flown
 
 HEADS = ("target", "steps", "flight outputs", "first difference", "CPU per step", "code", "memory")
 
 
-def lines(rows):
-    """The lines of the table. rows: (target, Flown or None, hash of the outputs, first difference)"""
+def lines(rows: Iterable[tuple[str, Flown | None, str, str]]) -> list[str]:
+    """Lines of a table: of each row a Flown or None, its target's name, hash, and what its first difference is."""
     cells = [HEADS]
     for name, flown, digest, difference in rows:
         if flown is None:
@@ -14,16 +23,14 @@ def lines(rows):
         cells.append((name, str(flown.steps), digest, difference,
                       cpu(flown.cpu) + (f", {flown.cpu_of}" if flown.cpu_of else ""), size(flown.code),
                       size(flown.memory)))
-    widths = [max(len(row[i]) for row in cells) for i in range(len(HEADS))]
-    for row in cells:
-        yield "  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip()
+    return columns(cells)
 
 
-def cpu(seconds):
+def cpu(seconds: float | None) -> str:
     if seconds is None:
         return "-"
     return f"{seconds * 1e6:.3g} us" if seconds >= 1e-6 else f"{seconds * 1e9:.3g} ns"
 
 
-def size(n):
+def size(n: int | None) -> str:
     return "-" if n is None else f"{n / 1024:.1f} KiB"

@@ -1,26 +1,31 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Targets: where an exported mission flies. A target builds the mission, gives the command that starts it, and measures
-its size. All else is the same for all targets. To add one: docs/targets.md."""
+"""The places where a mission flies. A target builds the exported C, and gives the command that starts it, and its
+size; all else is the same for all targets. To add one: a Target, and a line in TARGETS."""
+from __future__ import annotations
 
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from time import process_time
+from typing import TYPE_CHECKING
 
 from fledge.archive import Archive
 from fledge.targets import build, loop
 
+if TYPE_CHECKING:
+    from fledge.targets.job import Job
+
 
 @dataclass
 class Flown:
-    """The result of a flight on a target."""
+    """The results of a flight."""
     record: Path            # of all flight outputs
     steps: int              # of flight
-    cpu: float | None       # [s] of processor time, per step of flight
-    cpu_of: str = ""        # what else this time includes, or where it was measured: "world too", "emulated"
+    cpu: float | None       # [s] of a processor, per step of flight
+    cpu_of: str = ""        # what it includes, or its processor: "world too", "emulated"
     code: int | None = None  # [bytes] without the C library
     memory: int | None = None
-    saturated: int = 0      # numbers beyond the range of their words, from flight or from the world
+    saturated: int = 0      # numbers that were limited to the range of their words, on either side
 
 
 class Target:
@@ -29,59 +34,59 @@ class Target:
     name = ""
     about = ""
     emulated = False
-    needs = ()              # programs that may not be installed
+    needs: tuple[str, ...] = ()     # programs that are not always there
 
-    def missing(self):
+    def missing(self) -> list[str]:
         """The programs that are not installed."""
         return [one for one in self.needs if not shutil.which(one)]
 
-    def build(self, job):
-        """Build the job for this target in job.folder / name, only what has changed. Returns what `command` starts."""
+    def build(self, job: Job) -> Path:
+        """Build the job for this target, in job.folder / name; only what changed. Returns what `command` starts."""
         raise NotImplementedError
 
-    def command(self, built, record):
-        """The arguments that start the built program, with "{registers}" in place of the register file's path. The
-        program writes all outputs of flight into `record`, a file in its working directory. At its end it prints
-        lines of a key and a value, with at least the keys ticks and cpu_ns."""
+    def command(self, built: Path, record: str) -> list[str]:
+        """The arguments that start it: {registers} stands for the register file; it writes all outputs of flight into
+        `record`, a file in its working directory, and at its end prints lines of a key and a value, at least ticks and
+        cpu_ns."""
         raise NotImplementedError
 
-    def sizes(self, built):
-        """(bytes of code and constants, bytes of memory), without the C library; None: unknown."""
+    def sizes(self, built: Path) -> tuple[int | None, int | None]:
+        """(bytes of code and constants, bytes of memory), without the C library; None: not known."""
         return None, None
 
-    def record(self, job):
-        """The path of its record. Deletes the record of an earlier flight."""
+    def record(self, job: Job) -> Path:
+        """The path of its record; the record of an earlier flight is deleted."""
         job.folder.mkdir(parents=True, exist_ok=True)
         path = job.folder / f"{self.name}.mcap"
         for old in (path, path.with_name(path.name + ".part")):
             old.unlink(missing_ok=True)
         return path
 
-    def fly(self, job, patience=60.0):
+    def fly(self, job: Job, timeout: float = 60.0) -> Flown:
         """Build and fly a job in the closed loop; returns a Flown."""
         built, record = self.build(job), self.record(job)
-        return self._flown(built, record, loop.close(job, self.command(built, record.name), self.name, patience))
+        return self._flown(built, record, loop.close(job, self.command(built, record.name), self.name, timeout))
 
-    def join(self, job, address, simulation, node="flight", keys=None):
-        """Build and fly a job as a node of a run whose controller is at `address`; keys: of the node, else
-        FLEDGE_KEYS."""
+    def join(self, job: Job, address: str, simulation: str, node: str = "flight",
+             keys: Path | str | None = None) -> Flown:
+        """The same as a node of a run whose controller is at `address`; keys: of the node, else FLEDGE_KEYS."""
         built, record = self.build(job), self.record(job)
         return self._flown(built, record, loop.join(job, self.command(built, record.name), self.name, address,
                                                     simulation, node, keys))
 
-    def _flown(self, built, record, printed):
+    def _flown(self, built, record, figures):
         code, memory = self.sizes(built)
-        return Flown(record, int(printed["ticks"]), float(printed["cpu_ns"]) / 1e9, "emulated" if self.emulated else "",
-                     code, memory, sum(int(printed.get(k, 0)) for k in ("saturated", "outside_saturated")))
+        return Flown(record, int(figures["ticks"]), float(figures["cpu_ns"]) / 1e9, "emulated" if self.emulated else "",
+                     code, memory, sum(int(figures.get(k, 0)) for k in ("saturated", "outside_saturated")))
 
 
 class Desktop(Target):
-    """The run in one program, with which the other targets are compared."""
+    """The run in one program; the other targets are compared with it."""
 
     name = "desktop"
     about = "the run in one program, under Python"
 
-    def fly(self, job, patience=60.0):
+    def fly(self, job: Job, timeout: float = 60.0) -> Flown:
         sim = job.start.clone()
         sim.record(*(getattr(getattr(sim.flight, one), port) for one, port in
                      (m.path.split(".")[1:] for m in job.mission.outputs)), every=job.step() / 1e9)
@@ -106,22 +111,20 @@ class Linux(Target):
 
     name = "linux"
     about = "a process of its own on this machine"
-    compiler, size, runner = "gcc", "size", ()
+    compiler, size = "gcc", "size"
+    runner: tuple[str, ...] = ()
+    needs: tuple[str, ...] = ("gcc",)
 
-    @property
-    def needs(self):
-        return (self.compiler, *self.runner)
-
-    def build(self, job):
+    def build(self, job: Job) -> Path:
         sources = [*job.sources(), *(build.ROOT / path for path in build.RUNNER)]
         # Static: one file, which can be copied to a board, and for which an emulator needs no libraries.
         return build.program(job.folder / self.name, job.mission.name, sources, job.includes(), self.compiler,
                              flags=["-fno-pie"], link=["-static", "-no-pie"])
 
-    def command(self, built, record):
+    def command(self, built: Path, record: str) -> list[str]:
         return [*self.runner, str(built.resolve()), "--record", record, "{registers}"]
 
-    def sizes(self, built):
+    def sizes(self, built: Path) -> tuple[int, int]:
         return build.sizes(built, self.size)
 
 
@@ -132,6 +135,7 @@ class Aarch64(Linux):
     about = "the same for a Raspberry Pi, under qemu-user"
     emulated = True
     compiler, size, runner = "aarch64-linux-gnu-gcc", "aarch64-linux-gnu-size", ("qemu-aarch64",)
+    needs = (compiler, *runner)
 
 
 class Sparc64(Aarch64):
@@ -140,6 +144,7 @@ class Sparc64(Aarch64):
     name = "sparc64"
     about = "the same for a big-endian machine, under qemu-user"
     compiler, size, runner = "sparc64-linux-gnu-gcc", "sparc64-linux-gnu-size", ("qemu-sparc64",)
+    needs = (compiler, *runner)
 
 
 TARGETS = {one.name: one for one in (Desktop(), Linux(), Aarch64(), Sparc64())}

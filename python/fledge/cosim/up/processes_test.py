@@ -131,8 +131,10 @@ print("no strays", flush=True)
 def owner(mark):
     process = subprocess.Popen([sys.executable, "-c", OWNER, GUARD, *FAMILY], env=mark.env, stdout=subprocess.PIPE,
                                text=True)
-    process.guard = int(process.stdout.readline())
-    assert process.stdout.readline() == "there\n"
+    # The owner writes the process id of the guard and the family writes "there", in either order.
+    there, pid = sorted((process.stdout.readline() for _ in range(2)), reverse=True)
+    assert there == "there\n"
+    process.guard = int(pid)
     all_there(mark)
     yield process
     process.kill()

@@ -137,9 +137,9 @@ class Session:
         if self._ended is None and self._controller.look():
             self._receive()
             if self._ended is None:
-                said = self.logs.last("controller", 1)
-                if (self._controller.code or 0) < 128 and said:
-                    self._ended = said[-1].removeprefix("fledge_controller: ")
+                last = self.logs.last("controller", 1)
+                if (self._controller.code or 0) < 128 and last:
+                    self._ended = last[-1].removeprefix("fledge_controller: ")
                 else:
                     self._ended = f"the controller {in_words(self._controller.code)}"
                     self._failed["controller"] = in_words(self._controller.code)
@@ -346,7 +346,7 @@ class Session:
                        | {self._controller.pid})
 
     def _lost(self, r: _Running, now: float) -> None:
-        """A program has ended while the run goes on."""
+        """A program has ended during the run."""
         p, name = r.program, r.program.name
         r.handled = True
         if p.asynchronous:

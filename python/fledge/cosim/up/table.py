@@ -113,7 +113,7 @@ def headline(now: Progress, speed: float, width: int) -> str:
 
 @dataclass(frozen=True)
 class _Column:
-    """Where there is no room, the column with the highest `dropped` goes first."""
+    """In a narrow terminal, the column with the highest `dropped` is left out first."""
     title: str
     width: int
     dropped: int

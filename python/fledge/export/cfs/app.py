@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """What an app is called, and which message ids it has."""
+from __future__ import annotations
 
 import re
 from dataclasses import dataclass
 from pathlib import Path
 
 from fledge.export.names import KEYWORDS
-from fledge.export.read import ExportError
+from fledge.export.read import ExportError, Mission
 
 CMD, TLM, HIGHEST = 0x1800, 0x0800, 0x7FF
 ORDERS = ("little", "big")
@@ -27,7 +28,7 @@ class App:
     topic: int = 0xC0
     order: str = "little"            # of the target's processor, for .tbl files
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not re.fullmatch(r"[a-z][a-z0-9]*(_[a-z0-9]+)*", self.name) or len(self.name) > LONGEST:
             raise ExportError(f"--app {self.name}: an app's name has 1 to {LONGEST} letters, digits and underscores, "
                               "in lower case, and begins with a letter")
@@ -37,17 +38,17 @@ class App:
             raise ExportError(f"--order {self.order}: must be one of {', '.join(ORDERS)}")
 
     @property
-    def prefix(self):
+    def prefix(self) -> str:
         return self.name.upper()
 
-    def ids(self, mission):
+    def ids(self, mission: Mission) -> dict[str, int]:
         """Macro -> message id, of commands and requests, then of telemetry."""
         commands = {"CMD_MID": CMD, "SEND_HK_MID": CMD + 1, "WAKEUP_MID": CMD + 2}
         telemetry = {"HK_TLM_MID": TLM} | {f"{m.name.upper()}_TLM_MID": TLM + 1 + i
                                            for i, m in enumerate(mission.outputs)}
         return {f"{self.prefix}_{name}": value + self.topic for name, value in (commands | telemetry).items()}
 
-    def check_topics(self, mission):
+    def check_topics(self, mission: Mission) -> None:
         last = self.topic + max(2, len(mission.outputs))
         if self.topic < 0 or last > HIGHEST:
             raise ExportError(f"--topic {self.topic:#x}: {mission.title} needs topics up to {last:#x}; the highest is "
@@ -58,7 +59,7 @@ class App:
                                   f"{last:#x}, and {low:#x} to {high:#x} are of {what}; choose from 0xa0 or 0xc0 on")
 
 
-def check_taken(mission, app, folder):
+def check_taken(mission: Mission, app: App, folder: Path | str) -> None:
     """Refuse message ids that another app beside `folder` has, by the ids in its headers."""
     ours = {value: name for name, value in app.ids(mission).items()}
     folder = Path(folder)

@@ -1,13 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """The files around an app's C: its build, what a tree needs to know of it, and how to get it there."""
+from __future__ import annotations
 
-from fledge.export.cfs.app import CMD
-from fledge.export.cfs.tables import HEAD_SIZE
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fledge.export.cfs.app import CMD, App
+from fledge.export.cfs.tables import HEAD_SIZE, Table
+
+if TYPE_CHECKING:
+    from fledge.export.read import Mission
 
 STACK, PRIORITY = 16384, 55
+ROOT = Path(__file__).resolve().parents[4]
 
 
-def cmake(app, sources, tables):
+def cmake(app: App, sources: Sequence[str], tables: Sequence[Table]) -> str:
     """CMakeLists.txt"""
     listed = "\n".join(f"    fsw/src/{path}" for path in sources)
     lines = ["# SPDX-License-Identifier: Apache-2.0", f"project(CFE_{app.prefix} C)", "",
@@ -26,16 +35,16 @@ def cmake(app, sources, tables):
     return "\n".join([*lines, ""])
 
 
-def startup(app):
+def startup(app: App) -> str:
     return f"CFE_APP, {app.name}, {app.prefix}_AppMain, {app.prefix}, {PRIORITY}, {STACK}, 0x0, 0;\n"
 
 
-def targets(app):
+def targets(app: App) -> str:
     return f"list(APPEND cpu1_APPLIST {app.name})\n"
 
 
-def schedule(app):
-    """Entries for sch_lab's table. The wake-ups are the app's own affair."""
+def schedule(app: App) -> str:
+    """Entries for sch_lab's table. The app makes its wake-ups itself."""
     mid = f"{app.prefix}_SEND_HK_MID"
     return "\n".join(["/* SPDX-License-Identifier: Apache-2.0 */",
                       f"/* For fsw/tables/sch_lab_table.c: {app.prefix}'s housekeeping every second (TickRate 100).",
@@ -46,7 +55,22 @@ def schedule(app):
                       f" *     {{CFE_SB_MSGID_WRAP_VALUE({mid}), 1}},", " */", ""])
 
 
-def readme(mission, app, found):
+def pocket_sources() -> list[Path]:
+    """The pocket cFE and its host, to compile beside an app."""
+    return sorted(file for file in (ROOT / "targets/cfs").glob("*.c") if file.name != "watch.c")
+
+
+def app_list(apps: Sequence[App]) -> str:
+    """The C file with the table of the apps that the host can start."""
+    return "\n".join(["/* SPDX-License-Identifier: Apache-2.0 */", '#include "targets/cfs/pocket.h"', "",
+                      *(f"void {app.prefix}_AppMain(void);" for app in apps), "",
+                      "extern const PocketApp fledge_apps[];", "extern const uint32 fledge_apps_n;",
+                      "const PocketApp fledge_apps[] = {",
+                      *(f'    {{"{app.prefix}_AppMain", {app.prefix}_AppMain}},' for app in apps), "};",
+                      f"const uint32 fledge_apps_n = {len(apps)};", ""])
+
+
+def readme(mission: Mission, app: App, found: Sequence[Table]) -> str:
     prefix, name = app.prefix, app.name
     ids = app.ids(mission)
     tables = "\n".join(f"| `{prefix}.{t.name}` | {t.module.path}: {t.module.type} | {HEAD_SIZE + len(t.content)} | "

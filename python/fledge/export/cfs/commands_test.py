@@ -8,8 +8,8 @@ import pytest
 import fledge
 from fledge import export
 from fledge.export import cfs
-from fledge.export.cfs import hosted, tables
-from fledge.export.cfs.testing import Core, Outside, command
+from fledge.export.cfs import tables
+from fledge.export.cfs.testing import Core, Outside, command, linked
 from fledge.export.run_test import FLIGHT, WORLD
 
 CMD, SEND_HK, WAKEUP, HK = 0x18C0, 0x18C1, 0x18C2, 0x08C0
@@ -28,7 +28,7 @@ def built(tmp_path_factory):
     mission = export.read(fledge.load(modes))
     app = cfs.App("nav")
     cfs.write(mission, app, folder / "nav", outputs="all")
-    program = hosted.build([(app, folder / "nav")], folder / "run", options=["-O1"])
+    program = linked.build([(app, folder / "nav")], folder / "run", options=["-O1"])
     outside = Outside(mission, folder / "outside")
     outside.close()
     return mission, app, folder, program, outside

@@ -9,9 +9,9 @@ import pytest
 import fledge
 from fledge import export
 from fledge.export import cfs
-from fledge.export.cfs import hosted
+from fledge.export.cfs import around
 from fledge.export.cfs.folder import flown_by
-from fledge.export.cfs.testing import HERE, ROOT, Core, Outside
+from fledge.export.cfs.testing import HERE, ROOT, Core, Outside, linked
 from fledge.export.testing import Recorded, fly
 from fledge.export.write import write_files
 
@@ -24,7 +24,7 @@ def flown(name, folder, duration, compiler="gcc", order="little", runner=(), **m
     mission = export.read(sim)
     app = cfs.App("fsw", order=order)
     cfs.write(mission, app, folder / "fsw", outputs="all")
-    program = hosted.build([(app, folder / "fsw")], folder / "run", compiler, **more)
+    program = linked.build([(app, folder / "fsw")], folder / "run", compiler, **more)
     inputs, outputs = [m.path for m in mission.inputs], [m.path for m in mission.outputs]
     recorded = Recorded(sim, [*inputs, *outputs], sim.flight.tasks[0].period / NS)
     sim.run(duration)
@@ -89,11 +89,11 @@ def test_on_a_board_without_an_operating_system(tmp_path):
     mission = export.read(sim)
     app = cfs.App("fsw")
     cfs.write(mission, app, tmp_path / "fsw", outputs="all")
-    flags = [*hosted.FLAGS, *hosted.EXACT, "-O1", *hosted.included()]
-    objects = hosted.compiled(app, tmp_path / "fsw", tmp_path / "o", options=["-O1", "-DFSW_REGISTERS_IN_MEMORY"])
+    flags = [*linked.FLAGS, *linked.EXACT, "-O1", *linked.included()]
+    objects = linked.compiled(app, tmp_path / "fsw", tmp_path / "o", options=["-O1", "-DFSW_REGISTERS_IN_MEMORY"])
     flown_, _ = flown_by(mission, (), "all")
-    write_files(flown_ | {"apps.c": hosted.app_list([app])}, tmp_path / "outside")
-    pocket = [f for f in hosted.pocket_sources() if f.name not in ("host.c", "port_posix.c")]
+    write_files(flown_ | {"apps.c": around.app_list([app])}, tmp_path / "outside")
+    pocket = [f for f in around.pocket_sources() if f.name not in ("host.c", "port_posix.c")]
     registers = [ROOT / "registers" / f"{name}.c" for name in ("lane", "field", "clock", "message")]
     ours = sorted((tmp_path / "outside").glob("*.c"))
     subprocess.run(list(map(str, ["gcc", *flags, f"-Dfledge_io={mission.name}_io", "-I", tmp_path / "outside", *pocket,

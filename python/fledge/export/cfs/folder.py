@@ -1,21 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
 """The whole folder of an app."""
+from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from fledge.export import board as boards_of
 from fledge.export import c_source
 from fledge.export.cfs import around, joint, packets, sources, tables
-from fledge.export.cfs.app import check_taken
+from fledge.export.cfs.app import App, check_taken
 from fledge.export.host import emit_host
-from fledge.export.read import ExportError
+from fledge.export.read import ExportError, Mission
 from fledge.export.write import write_files
+
+if TYPE_CHECKING:
+    from registers.description import Board
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[3]
 
 
-def emit(mission, app, files=(), outputs=(), roots=(), watched=False):
+def emit(mission: Mission, app: App, files: Sequence[Path | str] = (), outputs: Sequence[str] | str = (),
+         roots: Sequence[Path | str] = (), watched: bool = False) -> dict[str, str | bytes]:
     """Path in the folder -> text or bytes. files, outputs: of boards, as export.emit_board; roots: folders of
     modules that are not Fledge's own; watched: with a record of its own, for `fledge fly`."""
     app.check_topics(mission)
@@ -24,7 +31,8 @@ def emit(mission, app, files=(), outputs=(), roots=(), watched=False):
     flown |= emit_host(mission) if watched else {}
     prefix, name = app.prefix, app.name
 
-    src, inc = {}, {}
+    src: dict[str, str] = {}
+    inc: dict[str, str] = {}
     for template in sorted((HERE / "templates").glob("*.in")):
         text = template.read_text(encoding="utf-8").replace("@APP@", prefix).replace("@app@", name)
         text = text.replace("@mission@", mission.name).replace("@title@", mission.title)
@@ -44,7 +52,8 @@ def emit(mission, app, files=(), outputs=(), roots=(), watched=False):
     src |= {file: sources.renamed(app, text) for file, text in code.items()}
     src[f"{name}_names.h"] = sources.names_header(app, code.values())
 
-    out = {f"fsw/inc/{file}": text for file, text in inc.items()} | {f"fsw/src/{f}": t for f, t in src.items()}
+    out: dict[str, Any] = {f"fsw/inc/{file}": text for file, text in inc.items()}
+    out |= {f"fsw/src/{file}": text for file, text in src.items()}
     out |= {f"fsw/tables/{t.stem}.c": tables.source(app, t) for t in found}
     out |= {f"cf/{t.stem}.tbl": tables.tbl(app, t) for t in found}
     out |= {f"board/{file}": text for file, text in flown.items() if not file.endswith((".c", ".h"))}
@@ -54,15 +63,17 @@ def emit(mission, app, files=(), outputs=(), roots=(), watched=False):
     return dict(sorted(out.items()))
 
 
-def flown_by(mission, files, outputs):
+def flown_by(mission: Mission, files: Sequence[Path | str], outputs: Sequence[str] | str) -> tuple[dict[str, str],
+                                                                                                   list[Board]]:
     """The mission's C with its boards', and the boards."""
-    texts = [(Path(file), Path(file).read_text(encoding="utf-8")) for file in files]
+    texts: list[tuple[Path | str, str]] = [(Path(file), Path(file).read_text(encoding="utf-8")) for file in files]
     own = f"{boards_of.board_name(mission)}.toml"
     boards = boards_of.read(mission, texts or [(own, boards_of.toml(mission, outputs))])
     return c_source.emit(mission) | boards_of.emit_board(mission, files, outputs), boards
 
 
-def write(mission, app, folder, files=(), outputs=(), roots=(), watched=False):
+def write(mission: Mission, app: App, folder: Path | str, files: Sequence[Path | str] = (),
+          outputs: Sequence[str] | str = (), roots: Sequence[Path | str] = (), watched: bool = False) -> list[Path]:
     """Write the folder, whole or not at all; returns the paths."""
     texts = emit(mission, app, files, outputs, roots, watched)
     check_taken(mission, app, folder)

@@ -1,13 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where an app's C, the same for all missions, meets the one that it flies."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from fledge.export import c_run
-from fledge.export.c_text import wrap
+from fledge.export.c_source import row
+from fledge.export.c_text import comment
 from fledge.export.cfs.packets import guarded
-from fledge.export.cfs.tables import HEAD_SIZE, layout_checks, rules
+from fledge.export.cfs.tables import HEAD_SIZE, Table, layout_checks, rules
+
+if TYPE_CHECKING:
+    from fledge.export.cfs.app import App
+    from fledge.export.read import Mission
+    from registers.description import Board
 
 
-def header(mission, app, found, boards, watched=False):
+def header(mission: Mission, app: App, found: Sequence[Table], boards: Sequence[Board], watched: bool = False) -> str:
     prefix, upper = app.prefix, mission.name.upper()
     longest = max(m.struct.size for m in mission.outputs)
     longest_table = HEAD_SIZE + max((len(t.content) for t in found), default=0)
@@ -38,11 +48,10 @@ def header(mission, app, found, boards, watched=False):
         "/** Flight's time [ns] as cFE's. */", f"CFE_TIME_SysTime_t {prefix}_SysTime(int64 t);", ""])
 
 
-def source(mission, app, found):
+def source(mission: Mission, app: App, found: Sequence[Table]) -> str:
     prefix, name = app.prefix, mission.name
     lines = ["/* SPDX-License-Identifier: Apache-2.0 */",
-             *wrap(f"What is {mission.title}'s own in {prefix}: the rules of its parameters, and its calls.".split(),
-                   "/* ", " * ", " */"),
+             *comment(f"What is {mission.title}'s own in {prefix}: the rules of its parameters, and its calls."),
              f'#include "{app.name}_mission.h"', f'#include "{app.name}_tbl.h"', "", "#include <stddef.h>", "",
              "/* A table is the bytes of its module's parameters: a compiler refuses another layout. */",
              "#define SAME(a, b, name) typedef char same_##name[(a) == (b) ? 1 : -1]",
@@ -53,10 +62,9 @@ def source(mission, app, found):
                   f"    return {prefix}_ValidateTable({i}, Content);", "}", ""]
     lines += [f"const {prefix}_Table_t {prefix}_Tables[{prefix}_TABLES + 1] = {{"]
     for table in found:
-        lines += wrap([f'"{table.name}",', f'"{table.file}",', f"{prefix}_{table.name.upper()}_LAYOUT,",
-                       f"Rules{table.name},",
-                       f"sizeof Rules{table.name} / sizeof Rules{table.name}[0],", f"Validate{table.name}"],
-                      "    {", "     ", "},")
+        lines += row(f'"{table.name}"', f'"{table.file}"', f"{prefix}_{table.name.upper()}_LAYOUT",
+                     f"Rules{table.name}", f"sizeof Rules{table.name} / sizeof Rules{table.name}[0]",
+                     f"Validate{table.name}")
     lines += ["    {NULL, NULL, 0, NULL, 0, NULL},", "};", "",
               f"void {prefix}_Publish({prefix}_Mission_t *Mission, uint32 Index, int64 t)", "{"]
     configuration = [(i, t.module) for i, t in enumerate(found) if t.module in mission.configuration]

@@ -1,13 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """Packets and tables as C structs that need nothing of Fledge: for the app, for its tables, for the ground."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 from fledge.elements import ELEMENTS
-from fledge.export.c_text import doc, plain, with_notes, wrap
+from fledge.export import names
+from fledge.export.c_text import comment, doc, plain, with_notes, wrap
+
+if TYPE_CHECKING:
+    from fledge.export.cfs.app import App
+    from fledge.export.read import Mission
 
 
-def members(fields, indent="    "):
+def members(fields: Sequence[Any], indent: str = "    ") -> list[str]:
     """Lines that declare fields, with units and meanings; nested structs in full."""
-    lines, rows = [], []
+    lines: list[str] = []
+    rows: list[tuple[str, str]] = []
 
     def flush():
         lines.extend(with_notes(rows, indent, "/*", " */"))
@@ -30,21 +40,20 @@ def members(fields, indent="    "):
     return lines
 
 
-def struct(name, fields, about, first=()):
+def struct(name: str, fields: Sequence[Any], about: str, first: Sequence[str] = ()) -> str:
     """A typedef; `first` are lines of members in front."""
     return "\n".join([*doc(about), f"typedef struct {name} {{", *(f"    {line}" for line in first), *members(fields),
                       f"}} {name}_t;", ""])
 
 
-def guarded(app, file, about, parts):
+def guarded(app: App, file: str, about: str, parts: Sequence[str]) -> str:
     """A header of the app."""
     guard = f"{app.prefix}_{file.upper()}_H"
-    text = " ".join(about.split())
-    return "\n".join(["/* SPDX-License-Identifier: Apache-2.0 */", *wrap(text.split(), "/* ", " * ", " */"),
+    return "\n".join(["/* SPDX-License-Identifier: Apache-2.0 */", *comment(about),
                       f"#ifndef {guard}", f"#define {guard}", "", *parts, "#endif", ""])
 
 
-def msgids(mission, app):
+def msgids(mission: Mission, app: App) -> str:
     ids = app.ids(mission)
     width = max(map(len, ids))
     lines = [f"#define {name.ljust(width)} 0x{value:04X}" for name, value in ids.items()]
@@ -53,16 +62,7 @@ def msgids(mission, app):
                     "/* telemetry: housekeeping, and a packet for each output of flight */", *lines[3:], ""])
 
 
-def camel(name):
-    return "".join(word[:1].upper() + word[1:] for word in name.split("_"))
-
-
-def outputs(mission):
-    """(message, name of its packet) of each output."""
-    return [(m, camel(m.name)) for m in mission.outputs]
-
-
-def msg(mission, app):
+def msg(mission: Mission, app: App) -> str:
     prefix = app.prefix
     codes = ["NOOP", "RESET_COUNTERS", "ENTER_MODE", "LOAD_PARAMETERS", "RESET_FLIGHT"]
     modes = [f"{i} {mission.mode_titles[m]}" for i, m in enumerate(mission.modes)] or ["this mission has none"]
@@ -97,7 +97,8 @@ def msg(mission, app):
              f"    {prefix}_HkTlm_Payload_t Payload;", f"}} {prefix}_HkTlm_t;", "",
              "/* The outputs of flight: host byte order, without padding. */", ""]
     done = {}
-    for message, name in outputs(mission):
+    for message in mission.outputs:
+        name = names.camel(message.name)
         payload = f"{prefix}_{message.struct.name}"
         if message.struct.name not in done:
             parts.append(struct(payload, message.struct.fields, message.struct.doc or message.struct.name))

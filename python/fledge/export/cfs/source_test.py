@@ -10,8 +10,8 @@ import pytest
 import fledge
 from fledge import cli, export
 from fledge.export import cfs
-from fledge.export.cfs import hosted, sources, tables
-from fledge.export.cfs.testing import HERE, ROOT, Core, command, read_tbl
+from fledge.export.cfs import sources, tables
+from fledge.export.cfs.testing import HERE, ROOT, Core, command, linked, read_tbl
 from fledge.export.run_test import FLIGHT, WORLD
 from fledge.export.source_test import MISSIONS, mission_of
 from fledge.export.testing import COMPILERS
@@ -38,7 +38,7 @@ def test_it_compiles_under_the_flags_and_headers_of_every_version(written, versi
     app = sorted((written / "fsw/src").rglob("*.c"))
     only = [file for file in app if file.name.startswith("nadir_") and "spin" not in file.name]
     assert {file.name for file in only} == {f"nadir_{n}.c" for n in ("app", "cmds", "params", "child", "mission")}
-    flags = [*hosted.FLAGS, *STRICTER, *(["-Wcast-align=strict"] if compiler == "gcc" else [])]
+    flags = [*linked.FLAGS, *STRICTER, *(["-Wcast-align=strict"] if compiler == "gcc" else [])]
     subprocess.run(list(map(str, [compiler, *flags, "-fsyntax-only", *included, "-I", written / "fsw/src",
                                   *(only if version == "caelum" else app)])), check=True, cwd=tmp_path)
     subprocess.run(list(map(str, [compiler, *flags, "-fsyntax-only", *included,
@@ -69,7 +69,7 @@ def test_two_apps_are_linked_into_one_core_and_both_run(nadir, tmp_path):
     apps = [(cfs.App("nav", 0xC0), nadir), (cfs.App("point", 0xE0), other)]
     for app, mission in apps:
         cfs.write(mission, app, tmp_path / "apps" / app.name)
-    program = hosted.build([(app, tmp_path / "apps" / app.name) for app, _ in apps], tmp_path / "run", options=["-O0"])
+    program = linked.build([(app, tmp_path / "apps" / app.name) for app, _ in apps], tmp_path / "run", options=["-O0"])
     core = Core(program)
     try:
         ready = set()
@@ -111,7 +111,7 @@ def test_what_a_file_defines_for_others_is_found(text, names):
 
 def test_an_app_may_be_called_as_its_mission(nadir, tmp_path):
     cfs.write(nadir, cfs.App("nadir_spin"), tmp_path / "nadir_spin")
-    hosted.build([(cfs.App("nadir_spin"), tmp_path / "nadir_spin")], tmp_path / "run", options=["-O0"])
+    linked.build([(cfs.App("nadir_spin"), tmp_path / "nadir_spin")], tmp_path / "run", options=["-O0"])
 
 
 class Stub:
@@ -174,7 +174,7 @@ def test_the_sources_of_tables_hold_the_same_bytes(written, nadir, tmp_path):
     app = cfs.App("nadir")
     for table in tables.tables(nadir, app):
         obj = tmp_path / f"{table.stem}.o"
-        subprocess.run(list(map(str, ["gcc", *hosted.FLAGS, "-Wcast-align=strict", "-I", HERE / "caelum", "-I",
+        subprocess.run(list(map(str, ["gcc", *linked.FLAGS, "-Wcast-align=strict", "-I", HERE / "caelum", "-I",
                                       written / "fsw/inc", "-c", written / f"fsw/tables/{table.stem}.c", "-o", obj])),
                        check=True)
         subprocess.run(["objcopy", "-O", "binary", "-j", ".data", obj, obj.with_suffix(".bin")], check=True)
@@ -249,5 +249,5 @@ def test_rasters_words_modes_and_subsets_compile_as_well(what, tmp_path):
     if what == "subset":
         assert "0 wait, 1 point, 2 rest" in (folder / "fsw/inc/part_msg.h").read_text()
     sources_ = [*(folder / "fsw/src").glob("*.c"), *(folder / "fsw/tables").glob("*.c")]
-    subprocess.run(list(map(str, ["gcc", *hosted.FLAGS, *STRICTER, "-fsyntax-only", "-I", HERE / "draco", "-I",
+    subprocess.run(list(map(str, ["gcc", *linked.FLAGS, *STRICTER, "-fsyntax-only", "-I", HERE / "draco", "-I",
                                   folder / "fsw/inc", "-I", folder / "fsw/src", *sources_])), check=True)

@@ -2,13 +2,19 @@
 """The source that an app takes along: every file that it needs, and a name of its own for every function and table
 in them, so that two apps can be linked into one core.
 
-The names are changed by a header of #defines, which each file includes first; else a copy is the file as it is.
+The names are changed by a header of #defines, which each file includes first; otherwise a copy equals the file.
 """
+from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from fledge.export.read import ExportError
+from fledge.export.read import ExportError, Mission
+
+if TYPE_CHECKING:
+    from fledge.export.cfs.app import App
 
 # Of Fledge's own, what every app needs besides its modules.
 ALWAYS = ["registers/lane.c", "registers/field.c", "registers/clock.c", "registers/message.c",
@@ -19,7 +25,8 @@ WORD = re.compile(r"[A-Za-z_]\w*")
 NO_NAMES = frozenset(["if", "for", "while", "switch", "return", "sizeof", "do", "else"])
 
 
-def collect(mission, roots, generated, more=()):
+def collect(mission: Mission, roots: Sequence[Path], generated: dict[str, str], more: Sequence[str] = ()) -> dict[str,
+                                                                                                                  str]:
     """Path -> text of the C files and headers that the mission's modules, the registers and `generated` (name ->
     text) include and call, from the folders `roots`."""
     found = {}
@@ -40,7 +47,7 @@ def collect(mission, roots, generated, more=()):
                 take(other, name)
     for path in [*mission.sources(), *ALWAYS, *more]:
         take(path, mission.title)
-    # What is called and not there: of the C files beside the headers, those that have it.
+    # Functions that are called and not defined yet: take the C files beside the headers that define them.
     beside = candidates(found, roots)
     while True:
         words = set(WORD.findall("\n".join(found.values())))
@@ -51,13 +58,13 @@ def collect(mission, roots, generated, more=()):
             take(path, mission.title)
 
 
-def relative(include, path, roots):
+def relative(include: str, path: str, roots: Sequence[Path]) -> str:
     """What a file includes, from a root: beside itself, or from there."""
     beside = (Path(path).parent / include).as_posix()
     return beside if any((root / beside).is_file() for root in roots) else include
 
 
-def candidates(found, roots):
+def candidates(found: Iterable[str], roots: Sequence[Path]) -> dict[str, set[str]]:
     """Path -> what it defines, of the C files in the folders of those found, without tests and tools."""
     folders = {Path(path).parent for path in found}
     result = {}
@@ -72,7 +79,7 @@ def candidates(found, roots):
     return result
 
 
-def external(text):
+def external(text: str) -> set[str]:
     """The functions and objects that a C file defines for others."""
     text = re.sub(r"/\*.*?\*/", " ", text, flags=re.DOTALL)
     text = re.sub(r'"(?:\\.|[^"\\\n])*"|\'(?:\\.|[^\'\\\n])*\'', '""', text)
@@ -98,7 +105,7 @@ def external(text):
     return names
 
 
-def declarations(text):
+def declarations(text: str) -> Iterator[tuple[str, bool]]:
     """(text, whether a body follows) of what stands outside of all braces."""
     depth, start, i = 0, 0, 0
     head = ""
@@ -122,18 +129,18 @@ def declarations(text):
         i += 1
 
 
-def names_header(app, texts):
+def names_header(app: App, texts: Iterable[str]) -> str:
     """The header of #defines for all that is external in these C files; the entry point stays."""
     names = sorted(set().union(*(external(text) for text in texts)) - {f"{app.prefix}_AppMain"})
     names = [name for name in names if not name.startswith(f"{app.prefix}_")]
     guard = f"{app.prefix}_NAMES_H"
     return "\n".join(["/* SPDX-License-Identifier: Apache-2.0 */",
-                      f"/* Whatever {app.prefix} links with others is called {app.prefix}_...: other apps may bring",
-                      " * the same source along, and one core may be linked with all of them. */",
+                      f"/* All external names of {app.prefix} begin with {app.prefix}_: other apps may contain the",
+                      " * same source, and one core may be linked with all of them. */",
                       f"#ifndef {guard}", f"#define {guard}", "",
                       *(f"#define {name} {app.prefix}_{name}" for name in names), "", "#endif", ""])
 
 
-def renamed(app, text):
+def renamed(app: App, text: str) -> str:
     """A C file with the header of names in front."""
     return f'#include "{app.name}_names.h"\n' + text

@@ -6,17 +6,23 @@ A table is a word that identifies its layout, a spare one, and the module's `par
 recognises a file of another byte order, or of an export before a header changed. `.tbl` files are written here, in
 either byte order: cFE's file header and the table's, big-endian, then the table in the target's order.
 """
+from __future__ import annotations
 
 import struct as packing
 import zlib
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
-from fledge.export import names
+from fledge.export import c_source, names
 from fledge.elements import ELEMENTS
 from fledge.export.c_text import plain, string, wrap
 from fledge.export.c_values import literal
-from fledge.export.cfs.packets import camel, guarded, struct
-from fledge.export.read import Module
+from fledge.export.cfs.packets import guarded, struct
+from fledge.export.read import Mission, Module, leaves
+
+if TYPE_CHECKING:
+    from fledge.export.cfs.app import App
 
 NAME_MAX, FILE_MAX = 15, 19          # CFE_MISSION_TBL_MAX_NAME_LENGTH, OS_MAX_FILE_NAME, less the end of a text
 HEAD_SIZE = 8
@@ -33,34 +39,36 @@ class Table:
     start: int                       # [bytes] where par begins in the module
 
     @property
-    def layout(self):
+    def layout(self) -> int:
         """A number that changes with the names, types, places and units of what is in it."""
         return zlib.crc32(repr(described(self.fields, self.start)).encode())
 
     @property
-    def file(self):
+    def file(self) -> str:
         return f"/cf/{self.stem}.tbl"
 
 
-def described(fields, start=0):
+def described(fields: Sequence[Any], start: int = 0) -> list[tuple]:
     return [(f.name, f.type, tuple(f.shape), f.offset - start, f.unit,
              described(f.struct.fields) if f.type == "struct" else ()) for f in fields]
 
 
-def tables(mission, app):
+def tables(mission: Mission, app: App) -> list[Table]:
     """Those of all modules with parameters, in the order of the mission's list of parameters."""
-    found, taken_names, taken_stems = [], set(), set()
+    found: list[Table] = []
+    taken_names: set[str] = set()
+    taken_stems: set[str] = set()
     for module in mission.modules:
         fields = module.fields("par")
         if fields:
             start, end = fields[0].offset, fields[-1].offset + fields[-1].size
-            name = shortened(camel(names.identifier(module.name)), NAME_MAX, taken_names)
+            name = shortened(names.camel(names.identifier(module.name)), NAME_MAX, taken_names)
             stem = shortened(f"{app.name}_{module.name.lower()}", FILE_MAX - len(".tbl"), taken_stems)
             found.append(Table(module, name, stem, fields, module.memory[start:end], start))
     return found
 
 
-def shortened(text, longest, taken):
+def shortened(text: str, longest: int, taken: set[str]) -> str:
     """A text that is short enough, and not taken: the later of two has a number at its end."""
     name, n = text[:longest].rstrip("_"), 2
     while name.lower() in taken:
@@ -71,30 +79,25 @@ def shortened(text, longest, taken):
 
 # --- files -----------------------------------------------------------------------------------------
 
-def tbl(app, table):
-    """The bytes of a .tbl file. It says no time, so that the same parameters give the same bytes."""
+def tbl(app: App, table: Table) -> bytes:
+    """The bytes of a .tbl file. It holds no time, so that the same parameters give the same bytes."""
     content = packing.pack({"little": "<II", "big": ">II"}[app.order], table.layout, 0)
     content += table.content if app.order == "little" else swapped(table.fields, table.content, table.start)
     header = packing.pack(">4s7I32s", b"cFE1", 8, 64, 0, 0, 0, 0, 0, f"{table.module.path} parameters".encode()[:31])
     return header + packing.pack(">3I40s", 0, 0, len(content), f"{app.prefix}.{table.name}".encode()) + content
 
 
-def swapped(fields, content, start=0):
+def swapped(fields: Sequence[Any], content: bytes, start: int = 0) -> bytes:
     """The same numbers in the other byte order."""
     out = bytearray(content)
-    for field in fields:
-        at = field.offset - start
-        if field.type == "struct":
-            for i in range(at, at + field.size, field.struct.size):
-                out[i:i + field.struct.size] = swapped(field.struct.fields, content[i:i + field.struct.size])
-        else:
-            width = ELEMENTS[field.type].size
-            for i in range(at, at + field.size, width):
-                out[i:i + width] = content[i:i + width][::-1]
+    for _, field, at in leaves(fields, base=-start):
+        width = ELEMENTS[field.type].size
+        for i in range(at, at + field.size, width):
+            out[i:i + width] = content[i:i + width][::-1]
     return bytes(out)
 
 
-def header(app, found):
+def header(app: App, found: list[Table]) -> str:
     """app_tbl.h"""
     parts = ['#include "common_types.h"', ""]
     for table in found:
@@ -104,7 +107,7 @@ def header(app, found):
     return guarded(app, "tbl", f"The tables of {app.prefix}: the parameters of its modules.", parts)
 
 
-def source(app, table):
+def source(app: App, table: Table) -> str:
     """The source of one table, for the build of a cFS tree."""
     name = f"{app.prefix}_{table.name}"
     return "\n".join(["/* SPDX-License-Identifier: Apache-2.0 */",
@@ -118,7 +121,7 @@ def source(app, table):
                       f"{table.stem}.tbl)", ""])
 
 
-def values(fields, content, start=0, indent="    "):
+def values(fields: Sequence[Any], content: bytes, start: int = 0, indent: str = "    ") -> Iterator[str]:
     """Designated initialisers of everything, exactly."""
     for field in fields:
         raw = content[field.offset - start:field.offset - start + field.size]
@@ -126,7 +129,7 @@ def values(fields, content, start=0, indent="    "):
         yield from wrap(f".{field.name} = {text},".split(" "), indent, indent + "    ")
 
 
-def nested(field, raw, shape):
+def nested(field: Any, raw: bytes, shape: list[int]) -> str:
     if shape and not (field.type == "char" and len(shape) == 1):
         size = len(raw) // shape[0]
         return "{" + ", ".join(nested(field, raw[i:i + size], shape[1:])
@@ -142,15 +145,15 @@ def nested(field, raw, shape):
 
 # --- rules -----------------------------------------------------------------------------------------
 
-def rules(app, table):
+def rules(app: App, table: Table) -> list[str]:
     """The MissionRules of a table, as C."""
     lines = [f"static const MissionRule Rules{table.name}[] = {{"]
     for row in rule_rows(table.fields, table.start):
-        lines += wrap([f"{item}," for item in row[:-1]] + [row[-1]], "    {", "     ", "},")
+        lines += c_source.row(*row)
     return [*lines, "};", ""]
 
 
-def rule_rows(fields, start, prefix="", base=0):
+def rule_rows(fields: Sequence[Any], start: int, prefix: str = "", base: int = 0) -> Iterator[list[str]]:
     places = {f.name: f.offset - start + base for f in fields}
     for f in fields:
         at = f.offset - start + base
@@ -178,7 +181,7 @@ def rule_rows(fields, start, prefix="", base=0):
                repr(low or 0.0), repr(high or 0.0)]
 
 
-def layout_checks(app, found):
+def layout_checks(app: App, found: Sequence[Table]) -> list[str]:
     """Lines that a compiler refuses where a table is not its module's parameters."""
     lines = []
     for table in found:

@@ -9,12 +9,11 @@ import subprocess
 import threading
 from pathlib import Path
 
-from fledge.export.cfs import hosted
+from fledge.export.cfs.around import ROOT
 from fledge.export.cfs.folder import flown_by
 from fledge.export.testing import STRICT, fly
 from fledge.export.write import write_files
 
-ROOT = hosted.ROOT
 HERE = ROOT / "targets/cfs/testing"
 LONG_NS = 60_000_000_000
 PATIENCE = 60        # s
@@ -70,7 +69,7 @@ class Outside:
 
 
 class Core:
-    """The program of hosted.build: packets to it, and its lines."""
+    """The program of linked.build: packets to it, and its lines."""
 
     def __init__(self, program, outside=None, listen="", hold=False, runner=()):
         environment = dict(os.environ)
@@ -80,6 +79,7 @@ class Core:
             [*runner, str(program), "--root", str(Path(program).parent), "--ground",
              *(["--listen", listen] if listen else []),
              *(["--hold"] if hold else [])], env=environment, pass_fds=[outside.fd] if outside else [],
+            cwd=Path(program).parent,           # without an outside, an app waits for a register file there
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         self.lines = queue.Queue()
         self.seen = []

@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Exported apps on the pocket cFE: one program, and the folder that it runs in."""
+"""Exported apps, compiled and linked with the pocket cFE into one program, and the folder that it runs in."""
 
 import functools
 import subprocess
 import tempfile
 from pathlib import Path
 
-from fledge.export.cfs.around import startup
+from fledge.export.cfs.around import ROOT, app_list, pocket_sources, startup
 
-ROOT = Path(__file__).resolve().parents[4]
 FLAGS = ["-std=c99", "-pedantic", "-Wall", "-Wstrict-prototypes", "-Wwrite-strings", "-Wpointer-arith", "-Werror",
          "-fno-common"]
 EXACT = ["-ffp-contract=off", "-fno-math-errno"]
@@ -91,17 +90,3 @@ def pocket(compiler="gcc", options=("-O2",)):
 
 
 kept = []
-
-
-def pocket_sources():
-    return sorted(file for file in (ROOT / "targets/cfs").glob("*.c") if file.name != "watch.c")
-
-
-def app_list(apps):
-    """The table that the host starts from."""
-    return "\n".join(["/* SPDX-License-Identifier: Apache-2.0 */", '#include "targets/cfs/pocket.h"', "",
-                      *(f"void {app.prefix}_AppMain(void);" for app in apps), "",
-                      "extern const PocketApp fledge_apps[];", "extern const uint32 fledge_apps_n;",
-                      "const PocketApp fledge_apps[] = {",
-                      *(f'    {{"{app.prefix}_AppMain", {app.prefix}_AppMain}},' for app in apps), "};",
-                      f"const uint32 fledge_apps_n = {len(apps)};", ""])
