@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How far rotation, orbits and wheels are from their closed forms, by step and over time."""
-from math import cos, degrees, pi, radians, sqrt
+from math import cos, degrees, sqrt
 
 import numpy as np
 from mpmath import mp, mpf

@@ -8,7 +8,6 @@ import shutil
 import subprocess
 import sys
 from itertools import count
-from pathlib import Path
 
 import pytest
 

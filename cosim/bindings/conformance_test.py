@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from fledge.files import build_folder
+import _core
 
 HERE = Path(__file__).resolve().parent
-FRAMES = build_folder() / "cosim/cosim_frames"
+FRAMES = Path(_core.__file__).resolve().parents[1] / "cosim/cosim_frames"
 pytestmark = pytest.mark.skipif(not FRAMES.exists(), reason="cosim_frames is not built")
 
 sys.path.insert(0, str(HERE / "python"))

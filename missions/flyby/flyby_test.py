@@ -6,7 +6,7 @@ import pytest
 
 import fledge
 from fledge import Orbit, attitude, world
-from fledge.units import km, minute, s
+from fledge.units import km, s
 
 
 @pytest.fixture(scope="module")

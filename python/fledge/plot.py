@@ -221,12 +221,12 @@ def _file_name(groups: list[list[Series]]) -> str:
 
 # --- delivery --------------------------------------------------------------------------------------
 
-def silent(source: Log | Archive) -> bool:
+def silent(source: Records) -> bool:
     """Whether the simulation of a Log draws nothing."""
     return getattr(source, "plots", None) is False
 
 
-def deliver(figure: Figure, source: Log | Archive) -> Figure:
+def deliver(figure: Figure, source: Records) -> Figure:
     """Add the figure of a Log to the plots of its simulation; if it has none, give it to pyplot, which shows it."""
     if not hasattr(source, "plots"):
         return figure

@@ -29,8 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
-    from fledge.archive import Archive
-    from fledge.mission.log import Log
+    from fledge.series import Records
 
 # The colours of curves, in the order in which they are drawn.
 DARK, MAGENTA, LIGHT = "#1b2f6e", "#d0248f", "#62b6e8"
@@ -89,7 +88,7 @@ class Path:
         return f"<path of {len(self)} samples{span}>"
 
 
-def path(source: Log | Archive, attitude: str, base: str | None = None, boresight: int | ArrayLike = 1) -> Path:
+def path(source: Records, attitude: str, base: str | None = None, boresight: int | ArrayLike = 1) -> Path:
     """The Path of a boresight.
 
     source: a Log or an Archive
@@ -132,7 +131,7 @@ def _vector(boresight):
 
 # --- in the plane ----------------------------------------------------------------------------------
 
-def plane(source: Log | Archive, paths: dict[str, Path | list[Path]], *, centre: int = 1,
+def plane(source: Records, paths: dict[str, Path | list[Path]], *, centre: int = 1,
           colors: Sequence[str] = (DARK, MAGENTA, LIGHT), numbered: str | None = None,
           marks: dict[str, ArrayLike] | None = None, title: str | None = None, name: str = "scan_plane",
           size: tuple[float, float] | None = None) -> Figure | None:
@@ -235,7 +234,7 @@ def _size(extent):
 
 # --- on the sphere ---------------------------------------------------------------------------------
 
-def sphere(source: Log | Archive, paths: dict[str, Path | list[Path]], *, centre: int = 1,
+def sphere(source: Records, paths: dict[str, Path | list[Path]], *, centre: int = 1,
            colors: Sequence[str] = (DARK, MAGENTA, LIGHT), rays: str | None = None,
            marks: dict[str, ArrayLike] | None = None, view: tuple[float, float] | None = None,
            title: str | None = None, name: str = "scan_sphere", size: tuple[float, float] = (6.4, 6.1)) -> Figure | None:

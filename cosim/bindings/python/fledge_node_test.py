@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from fledge.files import build_folder
+import _core
 
 HERE = Path(__file__).resolve().parent
-CONTROLLER = build_folder() / "cosim" / "fledge_controller"
+CONTROLLER = Path(_core.__file__).resolve().parents[1] / "cosim/fledge_controller"
 SPRING_IN_C = CONTROLLER.with_name("fledge_spring")
 pytestmark = pytest.mark.skipif(not CONTROLLER.exists(), reason="the controller is not built")
 

@@ -6,7 +6,7 @@ bytes.
 """
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fledge.export import c_run
 from fledge.export.c_text import COLUMNS, broken, comment, doc, plain, seconds, with_notes, wrap
@@ -25,7 +25,7 @@ def emit(mission: Mission) -> dict[str, str]:
 
 def header(mission: Mission) -> str:
     """mission.h"""
-    name, struct, guard = mission.name, mission.struct(), f"{mission.name.upper()}_H"
+    name, guard = mission.name, f"{mission.name.upper()}_H"
     includes = sorted({s.header for s in (*(m.struct for m in mission.modules), *(i.struct for i in mission.inputs))})
     parts = [
         head(mission),
