@@ -23,7 +23,8 @@ function(fledge_registers target)
         list(APPEND files ${file})
         list(APPEND written ${out}/${name}.c ${out}/${name}.h ${out}/${name}.md)
     endforeach()
-    file(GLOB program CONFIGURE_DEPENDS ${root}/registers/*.py ${root}/introspect/files.py ${root}/introspect/emit/ctext.py)
+    file(GLOB program CONFIGURE_DEPENDS
+        ${root}/registers/*.py ${root}/introspect/files.py ${root}/introspect/emit/ctext.py)
     list(FILTER program EXCLUDE REGEX "_test[.]py$")
     # All are read together: boards do not overlap. What is unchanged is not written: so the stamp.
     add_custom_command(

@@ -17,15 +17,14 @@ from fledge.units import nanoseconds
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from fledge.archive import Archive
-    from fledge.mission.log import Log
+    from fledge.series import Records
     from fledge.world import Body
 
 COLORS = ("#d0248f", "#1b2f6e", "#3d8b57")
 SOFT, PALE, GROUND = "#6f7780", "#aab4bf", "#d9835f"
 
 
-def plot(source: Log | Archive, state: str, body: Body, axes: dict[str, int], *, every: Any,
+def plot(source: Records, state: str, body: Body, axes: dict[str, int], *, every: Any,
          colors: Sequence[str] = COLORS, title: str | None = None, name: str = "trajectory",
          size: tuple[float, float] = (9.4, 4.4)) -> Figure | None:
     """Draw the trajectory; returns a matplotlib Figure, or None if the simulation draws nothing.
