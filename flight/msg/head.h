@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What every message begins with, the time that a module is given, and the rules that all modules
  * follow where data are missing, old or not finite:
- * - an output is as good as the worst input it was made from (quality_through, quality_optional);
- * - where a required input was never written, or no finite result exists, the output is not written
- *   again: what it held stays, lowered to QUALITY_DEGRADED, with its old time and sequence
- *   (head_held). An output that was never written stays all zero;
- * - a NaN or an infinity in an input is not looked for: it reaches the result, which is looked at;
- * - a module changes what it remembers only together with what it writes. */
+ * - An output has the quality of its worst input (quality_through, quality_optional).
+ * - If a required input was never written, or the result is not finite, the module does not write its
+ *   output. The output keeps its content, time and sequence; its quality falls to QUALITY_DEGRADED
+ *   (head_held). An output that was never written stays all zero.
+ * - A module does not test its inputs for NaN and infinity. It tests its result.
+ * - A module changes its memory only when it writes its output. */
 #ifndef FLIGHT_MSG_HEAD_H
 #define FLIGHT_MSG_HEAD_H
 

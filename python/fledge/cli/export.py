@@ -23,18 +23,18 @@ def add(command: Callable) -> None:
     one.add_argument("form", choices=["c", "cfs"], help="c: MISSION.h and MISSION.c, in C99; cfs: an app for the apps "
                      "folder of a cFS tree")
     one.add_argument("mission", help="the name of a mission, or its folder")
-    one.add_argument("--tasks", metavar="NAMES", help="only these, as in gnc,telemetry; default: all")
-    one.add_argument("--board", nargs="*", metavar="FILE", help="with the board that its messages pass and the tables "
-                     "of how; default: a board of its own, which carries them whole")
-    one.add_argument("--outputs", metavar="PATHS", help="which that board carries besides what the world reads, as in "
-                     "flight.tracking.error,flight.spin.euler; all: every one")
+    one.add_argument("--tasks", metavar="NAMES", help="export only these tasks, as in gnc,telemetry; default: all")
+    one.add_argument("--board", nargs="*", metavar="FILE", help="also write the board through which "
+                     "the messages pass, and its tables; without FILE: a board that carries each message whole")
+    one.add_argument("--outputs", metavar="PATHS", help="further outputs that the board carries, besides "
+                     "those that the world reads, as in flight.tracking.error,flight.spin.euler; all: every output")
     one.add_argument("--app", metavar="NAME", help="cfs: the app's name, as in nav; its C is called NAV_...")
-    one.add_argument("--topic", metavar="N", default=None, help="cfs: the first of its message ids, less 0x1800 for "
-                     "commands and 0x0800 for telemetry; default: 0xC0")
+    one.add_argument("--topic", metavar="N", default=None, help="cfs: the number of the app's first message "
+                     "id, which is 0x1800 + N for commands and 0x0800 + N for telemetry; default: 0xC0")
     one.add_argument("--order", choices=["little", "big"], default=None, help="cfs: byte order of the target, for .tbl "
                      "files; default: little")
-    one.add_argument("--ground", metavar="MODULES", help="of which the ground can change the parameters by that "
-                     "board, as in flight.control,flight.spin")
+    one.add_argument("--ground", metavar="MODULES", help="modules whose parameters the ground can change through "
+                     "the board, as in flight.control,flight.spin")
     one.add_argument("--out", metavar="DIR", help="default: runs/MISSION/c, or runs/MISSION/cfs/APP")
     add_parameters(one)
 

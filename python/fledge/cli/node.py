@@ -246,7 +246,7 @@ def _undisturbed():
 def add_parameters(command: argparse.ArgumentParser) -> None:
     """The option for a mission's parameters, of every command that loads one."""
     command.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", dest="parameters",
-                         help="a parameter of the mission, as in --set spacecraft=8")
+                         help="a parameter of the mission, without a unit, as in --set spacecraft=8")
 
 
 def given_parameters(options: argparse.Namespace) -> dict[str, Any]:
