@@ -5,4 +5,5 @@
     reader.py   headers -> model, by libclang.py    rules.py    what a header may not do
     comment.py  the grammar of field comments       units.py    the grammar of units
     emit/       model -> text                       errors.py   how a header is refused
+    files.py    writing and hashing of generated text
 """

@@ -672,7 +672,7 @@ TEST(Mcap, RefusedCallsLeaveTheFileUntouched)
     }
 }
 
-TEST(Mcap, TablesThatAreFullSaySo)
+TEST(Mcap, AFullTableIsAnError)
 {
     Archive a(0);
     a.schemas.resize(1);
@@ -823,7 +823,7 @@ TEST_F(FileSinkTest, KeepsThePartWhenTheDiskIsFull)
     EXPECT_EQ(content(name + ".part"), std::string(4096, 'x'));
 }
 
-TEST_F(FileSinkTest, SaysWhyAFileCannotBeMade)
+TEST_F(FileSinkTest, AFileThatCannotBeCreatedGivesItsErrno)
 {
     EXPECT_EQ(file_sink_open(&sink, (folder / "none" / "run.mcap").c_str()), ENOENT);
     EXPECT_EQ(file_sink_write(&sink, "abc", 3), ENOENT);

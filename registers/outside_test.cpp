@@ -185,7 +185,7 @@ TEST_F(OutsideTest, AnExchangeIsOneTickAndTakesNothingFromTheHeap)
     EXPECT_TRUE(register_clock_stopped(window(SBC)));
 }
 
-TEST_F(OutsideTest, AWrongNameIsToldTheRightOnes)
+TEST_F(OutsideTest, AnErrorForAWrongNameListsTheRightOnes)
 {
     const auto message = [](auto run) {
         try {

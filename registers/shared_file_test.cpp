@@ -154,7 +154,7 @@ TEST_F(SharedFile, TwoProcessesGoInStep)
     for (std::int64_t t = 1; t <= 500; t++) {
         ASSERT_TRUE(exchange(&file_, &window_, t)) << t;
     }
-    // Nobody sleeps until his next look, which would be 1000 times 50 ms: he is woken.
+    // Without the wake-up, each side would sleep until its next look: 1000 times 50 ms.
     EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(25));
     EXPECT_EQ(register_handle(&window_, 1), 500u);
     EXPECT_FALSE(std::filesystem::exists(path_)); // once both have it, it has no name

@@ -38,5 +38,5 @@ def test_two_threads_race_nowhere(tmp_path):
     plain = text.replace("register_store_bytes(w, address + i, v);",
                          "*(uint32_t *)(uintptr_t)&w->words[(address + i) / 4u] = v;")
     assert plain != text
-    told = build(tmp_path, plain)
-    assert "data race" in told.stderr
+    result = build(tmp_path, plain)
+    assert "data race" in result.stderr

@@ -118,7 +118,7 @@ TEST(Campaign, OneDispersionMoreChangesNoOthersDraws)
     EXPECT_EQ(disperse(fresh.sim, fresh.sim, nominal.plan, 3)[0], both[1]);
 }
 
-TEST(Campaign, AFailedRunIsNoneOfTheOthersBusiness)
+TEST(Campaign, AFailedRunDoesNotChangeTheOtherRuns)
 {
     Nominal nominal;
     nominal.plan.dispersions[0].distribution.a = -1.0; // a level below 0 is refused by the model

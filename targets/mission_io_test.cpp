@@ -156,23 +156,23 @@ TEST_P(MissionIoTest, NumbersOfEveryTypePassInWordsBothWays)
 {
     Mission mission{};
     for (std::uint32_t k = 1; k <= 200; k++) {
-        const Numbers told = random();
-        mission_io_put(&io_, &window_, 0, &told, &counts_);
+        const Numbers input = random();
+        mission_io_put(&io_, &window_, 0, &input, &counts_);
         mission_io_read(&io_, &window_, &mission, 10 * k, &counts_);
         EXPECT_EQ(mission.in.head.t, 10 * k);
         EXPECT_EQ(mission.in.head.quality, QUALITY_GOOD);
         EXPECT_EQ(mission.in.head.sequence, k);
-        EXPECT_EQ(std::memcmp(mission.in.f64, told.f64, sizeof told - sizeof told.head), 0);
+        EXPECT_EQ(std::memcmp(mission.in.f64, input.f64, sizeof input - sizeof input.head), 0);
 
         mission.out = random();
         mission.whole = random();
         mission.whole.head = {-7, QUALITY_STALE, k};
         mission_io_write(&io_, &window_, &mission, &counts_);
-        Numbers said{}, whole{};
-        mission_io_take(&io_, &window_, 1, &said, 10 * k, &counts_);
+        Numbers output{}, whole{};
+        mission_io_take(&io_, &window_, 1, &output, 10 * k, &counts_);
         mission_io_take(&io_, &window_, 2, &whole, 10 * k, &counts_);
-        EXPECT_EQ(said.head.t, 10 * k);
-        EXPECT_EQ(std::memcmp(said.f64, mission.out.f64, sizeof said - sizeof said.head), 0);
+        EXPECT_EQ(output.head.t, 10 * k);
+        EXPECT_EQ(std::memcmp(output.f64, mission.out.f64, sizeof output - sizeof output.head), 0);
         EXPECT_EQ(std::memcmp(&whole, &mission.whole, sizeof whole), 0);
     }
     EXPECT_EQ(mission.before, 0);
@@ -204,19 +204,19 @@ TEST_P(MissionIoTest, WhatAWordHoldsAndATypeDoesNotIsHeldAtItsEnd)
 
 TEST_P(MissionIoTest, BeforeTheBeginningWordsAreAsIfNeverWritten)
 {
-    Numbers said{};
-    mission_io_take(&io_, &window_, 1, &said, -1, &counts_);
-    EXPECT_EQ(said.head.quality, QUALITY_NONE);
-    EXPECT_EQ(said.head.sequence, 0u);
+    Numbers output{};
+    mission_io_take(&io_, &window_, 1, &output, -1, &counts_);
+    EXPECT_EQ(output.head.quality, QUALITY_NONE);
+    EXPECT_EQ(output.head.sequence, 0u);
 }
 
 TEST_P(MissionIoTest, BeyondAFieldANumberIsHeldAndCounted)
 {
-    Numbers told{};
-    told.f64[0] = std::numeric_limits<double>::infinity();
-    told.f64[1] = std::numeric_limits<double>::quiet_NaN();
-    told.u32[1] = 4294967295u;
-    mission_io_put(&io_, &window_, 0, &told, &counts_);
+    Numbers input{};
+    input.f64[0] = std::numeric_limits<double>::infinity();
+    input.f64[1] = std::numeric_limits<double>::quiet_NaN();
+    input.u32[1] = 4294967295u;
+    mission_io_put(&io_, &window_, 0, &input, &counts_);
     EXPECT_EQ(counts_.saturated, 3u);
     Mission mission{};
     mission_io_read(&io_, &window_, &mission, 0, &counts_);
@@ -225,7 +225,7 @@ TEST_P(MissionIoTest, BeyondAFieldANumberIsHeldAndCounted)
     EXPECT_EQ(mission.in.u32[1], 2147483647u);
 }
 
-TEST_P(MissionIoTest, WhatTheTableSays)
+TEST_P(MissionIoTest, NumbersPassAsTheTableStates)
 {
     EXPECT_EQ(mission_io_clock(&io_), 0u);
     board_.clock = REGISTER_NOWHERE;

@@ -6,7 +6,7 @@
 
 namespace {
 
-// What an app did; read by the test after the app has told it by an event.
+// What an app did. The test reads it after the app has sent an event.
 std::atomic<int> starts, children, last_status;
 
 extern "C" void child(void)

@@ -88,7 +88,7 @@ TEST_F(Bus, TelemetryCarriesItsTime)
     EXPECT_EQ(t.Subseconds, 0xa5b60000u);
 }
 
-TEST_F(Bus, MessagesComeInOrderToWhoeverSubscribed)
+TEST_F(Bus, EverySubscriberGetsTheMessagesInOrder)
 {
     const auto a = pipe(16, "a"), b = pipe(16, "b");
     ASSERT_EQ(CFE_SB_Subscribe(id(0x1801), a), 0);
@@ -174,7 +174,7 @@ TEST_F(Bus, DeliversWhatAPlainModelDoes)
     EXPECT_EQ(pocket_counts().no_buffer, 0u);
 }
 
-TEST_F(Bus, MoreThanTheLimitOfOneIdIsLostAndTold)
+TEST_F(Bus, MessagesBeyondTheLimitOfAnIdAreLostWithAnEvent)
 {
     const auto p = pipe(10, "narrow");
     ASSERT_EQ(CFE_SB_Subscribe(id(0x18c0), p), 0);
@@ -196,7 +196,7 @@ TEST_F(Bus, MoreThanTheLimitOfOneIdIsLostAndTold)
     EXPECT_EQ(CFE_SB_ReceiveBuffer(&m, p, CFE_SB_POLL), CFE_SB_NO_MESSAGE);
 }
 
-TEST_F(Bus, WhatTheRealOnePassesInSilenceIsTold)
+TEST_F(Bus, ABadCommandIsDeliveredWithAnEvent)
 {
     const auto p = pipe(10);
     ASSERT_EQ(CFE_SB_Subscribe(id(0x18c0), p), 0);
@@ -263,7 +263,7 @@ TEST_F(Bus, NoBytesFromOutsideDoHarm)
         while (CFE_SB_ReceiveBuffer(&m, p, CFE_SB_POLL) == CFE_SUCCESS) {
             (void)bytes_of(m);
         }
-        while (event("nobody", 0).id != 0) {
+        while (event("NO_APP", 0).id != 0) {
         }
         (void)CFE_TBL_Manage(table);
     }
@@ -294,7 +294,7 @@ TEST_F(Bus, SequencesCountPerIdAndWrap)
     }
 }
 
-TEST_F(Bus, MessagesThatNobodyReadsRunOutOfRoomAndComeBack)
+TEST_F(Bus, UnreadMessagesExhaustTheBuffersUntilTheyAreRead)
 {
     std::vector<CFE_SB_PipeId_t> pipes;
     for (int i = 0; i < 3; i++) {
@@ -320,7 +320,7 @@ TEST_F(Bus, MessagesThatNobodyReadsRunOutOfRoomAndComeBack)
     }
 }
 
-TEST_F(Bus, AFilterPassesAsItsMaskSays)
+TEST_F(Bus, AFilterPassesEventsByItsMask)
 {
     const CFE_EVS_BinFilter_t filters[] = {{1, CFE_EVS_FIRST_TWO_STOP}, {2, CFE_EVS_EVERY_OTHER_ONE}};
     ASSERT_EQ(CFE_EVS_Register(filters, 2, CFE_EVS_EventFilter_BINARY), 0);

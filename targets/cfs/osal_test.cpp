@@ -16,7 +16,7 @@ extern "C" void adder(void)
 {
     for (int i = 0; i < 500; i++) {
         OS_MutSemTake(mutex_id);
-        OS_MutSemTake(mutex_id); // again, by whoever has it
+        OS_MutSemTake(mutex_id); // its owner may take it again
         most = std::max(most.load(), ++inside);
         shared++;
         inside--;
@@ -41,7 +41,7 @@ TEST_F(Osal, AMutexLetsInOneTask)
     }
     EXPECT_EQ(shared, 2000);
     EXPECT_EQ(most, 1);
-    EXPECT_EQ(OS_MutSemGive(mutex_id), OS_SEM_FAILURE); // nobody has it
+    EXPECT_EQ(OS_MutSemGive(mutex_id), OS_SEM_FAILURE); // no task holds it
 }
 
 extern "C" void producer(void)

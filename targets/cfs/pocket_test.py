@@ -53,14 +53,14 @@ def test_its_tasks_race_nowhere(tmp_path):
     compiled(tmp_path, "-O1", "-fsanitize=thread")
     done = linked(tmp_path, program)
     assert done.returncode == 0 and "data race" not in done.stderr, done.stdout[-3000:] + done.stderr[-3000:]
-    # And it would tell: a queue that is filled without the lock.
+    # The sanitizer finds a race: a queue that a task fills without the lock.
     osal = (ROOT / "targets/cfs/osal.c").read_text()
     put = osal[osal.index("int32 OS_QueuePut"):osal.index("int32 OS_QueueDelete")]
     (tmp_path / "osal.c").write_text(osal.replace(put, put.replace("    pocket_lock();\n", "", 1)
                                                   .replace("    pocket_unlock();\n", "", 1)))
     subprocess.run(["gcc", *STRICT, "-O1", "-fsanitize=thread", "-c", "osal.c"], check=True, cwd=tmp_path)
-    told = linked(tmp_path, program, "--gtest_filter=Osal.AQueue*")
-    assert "data race" in told.stderr
+    result = linked(tmp_path, program, "--gtest_filter=Osal.AQueue*")
+    assert "data race" in result.stderr
 
 
 def linked(folder, program, *arguments):

@@ -148,7 +148,7 @@ TEST_F(Tables, NoFileDoesHarm)
         ASSERT_GE(CFE_TBL_GetAddress(&p, handle), 0);
         ASSERT_GT(static_cast<Gains *>(p)->K, 0.0);
         ASSERT_EQ(CFE_TBL_ReleaseAddress(handle), 0);
-        while (event("nobody", 0).id != 0) {
+        while (event("NO_APP", 0).id != 0) {
         }
     }
     EXPECT_GT(taken, 100);
