@@ -17,7 +17,7 @@ namespace fledge::cosim {
 class BoardNode final : public Node {
 public:
     /// The tables of the mission, as both sides of its boards have them; the node does not call flight's functions.
-    /// Both live as long as the node. `patience`: for flight to answer a tick.
+    /// Both live as long as the node. `reply_timeout`: for flight to answer a tick.
     BoardNode(const MissionHost &mission, registers::Backend &backend, std::chrono::nanoseconds reply_timeout);
 
     /// Parameters from the ground: the node puts them into their lane before flight's first instant after `after`.

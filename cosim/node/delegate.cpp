@@ -68,7 +68,7 @@ std::unique_ptr<SharedChannel> Delegate::shared_with(const Welcome &welcome) con
     }
 }
 
-/// A tock without news: the controller need not wake for it if it waits for other nodes.
+/// A complete tock. It need not wake a controller that waits for other nodes.
 static bool is_whole(const Message &request, const Message &reply)
 {
     const auto *tick = std::get_if<Tick>(&request);

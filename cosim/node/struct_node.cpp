@@ -91,14 +91,14 @@ Initialized StructNode::initialize(const Initialize &m)
     if (!m.snapshot.empty()) {
         go_on_from(m.snapshot);
     }
-    return {rates_, false, !kept_.empty() || hooks_.save};
+    return {rates_, false, !saved_.empty() || hooks_.save};
 }
 
 /// The content of a snapshot.
 std::vector<StructNode::Memory *> StructNode::memory()
 {
     std::vector<Memory *> all;
-    for (Memory &state : kept_) {
+    for (Memory &state : saved_) {
         all.push_back(&state);
     }
     for (Input &input : inputs_) {
@@ -113,7 +113,7 @@ std::vector<StructNode::Memory *> StructNode::memory()
 /// The byte order, then each piece of memory with its size before it, then what the program saves.
 Bytes StructNode::save()
 {
-    if (kept_.empty() && !hooks_.save) {
+    if (saved_.empty() && !hooks_.save) {
         return {};
     }
     Bytes snapshot{static_cast<std::byte>(native_order())};

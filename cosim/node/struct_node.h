@@ -74,12 +74,12 @@ public:
     /// Save this memory in snapshots. Together with the messages and what the hooks save it has to hold all that the
     /// steps depend on, without pointers. It lives as long as the node. With snapshots, a restarted node need not
     /// repeat all its steps.
-    void keep(std::span<std::byte> state) { kept_.emplace_back(state); }
+    void save_in_snapshots(std::span<std::byte> state) { saved_.emplace_back(state); }
     template <class T>
-    requires(!std::is_convertible_v<T &, std::span<const std::byte>>) void keep(T &state)
+    requires(!std::is_convertible_v<T &, std::span<const std::byte>>) void save_in_snapshots(T &state)
     {
         static_assert(std::is_trivially_copyable_v<T>);
-        keep(std::as_writable_bytes(std::span(&state, 1)));
+        save_in_snapshots(std::as_writable_bytes(std::span(&state, 1)));
     }
 
     /// The message of a topic without a struct that the node reads; empty before the first one has come.
@@ -142,7 +142,7 @@ private:
     std::vector<Input> inputs_;
     std::vector<Output> outputs_;
     std::map<std::uint32_t, Wired> wired_; ///< by channel
-    std::vector<Memory> kept_;
+    std::vector<Memory> saved_;            ///< of the program
     Inbox inbox_;
     Outbox outbox_;
     Ns next_ = 0, end_ = 0;

@@ -62,7 +62,7 @@ Outcome fly(Ns dies, bool keeps)
         a.read("/b/position", Latency::next_instant, drifter.there, position_schema);
         a.write("/a/position", drifter.here, position_schema);
         if (keeps) {
-            a.keep(drifter.drift);
+            a.save_in_snapshots(drifter.drift);
         }
         bool first = true;
         try {

@@ -65,15 +65,15 @@ static pid_t parent_of(pid_t pid)
     return (pid_t)parent;
 }
 
-/* Send a signal to all living descendants. Returns how many there are. */
-static int signal_descendants(int number)
+/* Send a signal to all living descendants. */
+static void signal_descendants(int number)
 {
     static Process all[MOST_PROCESSES];
     const pid_t self = getpid();
     size_t n = 0;
     DIR *proc = opendir("/proc");
     if (!proc) {
-        return 0;
+        return;
     }
     for (const struct dirent *entry; (entry = readdir(proc)) && n < MOST_PROCESSES;) {
         if (isdigit((unsigned char)entry->d_name[0])) {
@@ -85,7 +85,6 @@ static int signal_descendants(int number)
         }
     }
     closedir(proc);
-    int count = 0;
     for (bool more = true; more;) {
         more = false;
         for (size_t i = 0; i < n; i++) {
@@ -95,46 +94,41 @@ static int signal_descendants(int number)
             }
             if (ours && !all[i].ours) {
                 all[i].ours = more = true;
-                count++;
                 kill(all[i].pid, number);
             }
         }
     }
-    return count;
 }
 
-/* End all descendants: ask them to, wait, kill. `result` is set if the command is among those reaped. */
+/* Reap all children that have ended. `result` is set if the command is among them. False: there are no children. */
+static bool reap(pid_t command, int *result, bool *ended)
+{
+    int status = 0;
+    pid_t pid;
+    while ((pid = waitpid(-1, &status, WNOHANG)) > 0) {
+        if (pid == command) {
+            *result = status;
+            *ended = true;
+        }
+    }
+    return pid == 0 || errno != ECHILD;
+}
+
+/* End all descendants: ask them to, wait, kill. */
 static void end_all(pid_t command, int *result, bool *ended)
 {
     const long long begun = now_ms();
-    long long asked = -1;
-    bool killing = false;
-    for (;;) {
-        int status = 0;
-        pid_t pid;
-        while ((pid = waitpid(-1, &status, WNOHANG)) > 0) {
-            if (pid == command) {
-                *result = status;
-                *ended = true;
-            }
-        }
-        if (pid < 0 && errno == ECHILD) {
-            return;
-        }
+    for (bool asked = false; reap(command, result, ended); asked = true) {
         const long long spent = now_ms() - begun;
         if (spent > GRACE_MS + KILLED_MS) {
-            fprintf(stderr, "fledge_guard: some of what was started cannot be killed\n");
+            fprintf(stderr, "fledge_guard: some descendants of the command cannot be killed\n");
             return;
         }
         if (spent >= GRACE_MS) {
-            killing = true;
-        }
-        if (killing) {
             signal_descendants(SIGKILL); /* again and again: they may fork meanwhile */
-        } else if (asked < 0) {
-            asked = spent;
+        } else if (!asked) {
             signal_descendants(SIGTERM);
-            signal_descendants(SIGCONT); /* one that is stopped would not hear of it */
+            signal_descendants(SIGCONT); /* a stopped process does not handle SIGTERM */
         }
         poll(NULL, 0, LOOK_MS);
     }
@@ -196,14 +190,7 @@ int main(int argc, char **argv)
         while (read(signals, &signal, sizeof signal) == (ssize_t)sizeof signal) {
             asked = asked || signal.ssi_signo != SIGCHLD;
         }
-        int status = 0;
-        pid_t pid;
-        while ((pid = waitpid(-1, &status, WNOHANG)) > 0) {
-            if (pid == command) {
-                result = status;
-                ended = true;
-            }
-        }
+        reap(command, &result, &ended);
     }
     end_all(command, &result, &ended);
     return !ended ? 128 + SIGKILL : WIFSIGNALED(result) ? 128 + WTERMSIG(result) : WEXITSTATUS(result);

@@ -202,7 +202,7 @@ Memory replay(const Memory &run, const std::string &name, const std::string &fil
     return again;
 }
 
-TEST(Replay, EachNodeAloneSaysWhatItSaid)
+TEST(Replay, EachNodeAloneWritesTheSameAsBefore)
 {
     Folder folder;
     Memory run;
@@ -222,7 +222,7 @@ TEST(Replay, EachNodeAloneSaysWhatItSaid)
     }
 }
 
-TEST(Replay, ANodeThatDoesOtherwiseIsSeen)
+TEST(Replay, ANodeThatWritesSomethingElseIsReported)
 {
     Folder folder;
     Memory run;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where a node's time goes, with nodes that sleep; and the lines that tell of it.
+// How the router measures a node's time, with nodes that sleep; and the lines of the status stream.
 #include "cosim/tools/status.h"
 
 #include <gtest/gtest.h>
@@ -15,7 +15,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// Says one word after a sleep, and waits for that of another.
+/// Writes a word after a sleep, and reads the word of another node.
 class Sleeper : public Node {
 public:
     Sleeper(std::string reads, std::string writes, Latency latency, std::chrono::milliseconds nap)
@@ -138,7 +138,7 @@ TEST(Status, TimeIsSpentComputingOnTheWayOrWaiting)
     }
 }
 
-/// Of a run of 20 instants at a pace: how many steps there were, how long it took, how it kept up.
+/// A run of 20 instants at a pace: the number of its steps, its duration and its delays.
 struct Paced {
     Paced(double speed, std::chrono::milliseconds nap)
     {
@@ -171,7 +171,7 @@ TEST(Pace, InstantsBeginWhenTheirTimeHasCome)
     EXPECT_GE(paced.took, 190ms);
 }
 
-TEST(Pace, WhoCannotKeepUpIsLateAndLosesNothing)
+TEST(Pace, ASlowNodeIsLateAndLosesNoStep)
 {
     const Paced paced(1e-5, 5ms); // an instant each 1 ms, which takes 10 ms
     EXPECT_EQ(paced.steps, 40);
@@ -180,14 +180,14 @@ TEST(Pace, WhoCannotKeepUpIsLateAndLosesNothing)
     EXPECT_GE(paced.report.worst, 8'000'000);
 }
 
-TEST(Pace, WithoutOneNothingIsWaitedFor)
+TEST(Pace, WithoutAPaceTheRunDoesNotWait)
 {
     const Paced paced(0.0, 0ms);
     EXPECT_EQ(paced.steps, 40);
     EXPECT_EQ(paced.report.overruns, 0u);
 }
 
-TEST(Status, HowLongOneMayBeAwayCountsFromItsLoss)
+TEST(Status, TheTimeToComeBackBeginsWithTheLoss)
 {
     zmq::context_t context;
     ControllerConfig config = two(890);
@@ -213,7 +213,7 @@ TEST(Status, HowLongOneMayBeAwayCountsFromItsLoss)
     EXPECT_EQ(b.get(), "");
 }
 
-TEST(Status, ItIsToldInLines)
+TEST(Status, TheStateIsWrittenAsLinesOfJson)
 {
     zmq::context_t context;
     const ControllerConfig config = two(0);
@@ -237,7 +237,7 @@ TEST(Status, ItIsToldInLines)
     EXPECT_EQ(pair.heard(), "") << "not so often";
 }
 
-TEST(Status, WhoListensMayAskForTheEnd)
+TEST(Status, TheReaderCanEndTheRun)
 {
     Ends pair;
     StatusStream status(pair.ends[1]);
@@ -248,7 +248,7 @@ TEST(Status, WhoListensMayAskForTheEnd)
     EXPECT_EQ(status.asked_to_stop(), "mass did not start");
 }
 
-TEST(Status, ItsEndIsHeardAndOneThatIsSlowHoldsNothingUp)
+TEST(Status, TheEndOfTheReaderEndsTheRunAndASlowReaderDoesNotBlockIt)
 {
     Ends pair;
     StatusStream status(pair.ends[1]);
@@ -261,7 +261,7 @@ TEST(Status, ItsEndIsHeardAndOneThatIsSlowHoldsNothingUp)
     status.report("without a reader");
 }
 
-TEST(Status, WithoutAnybodyNothingIsDone)
+TEST(Status, WithoutADescriptorItDoesNothing)
 {
     StatusStream status(-1);
     status.listening("x");

@@ -89,21 +89,11 @@ WakeUp::WakeUp() : memory_(SharedMemory::create(sizeof(Memory))), nonce_(draw_no
 WakeUp::WakeUp(const std::string &memory, const std::string &pipe, std::uint64_t nonce)
     : memory_(SharedMemory::open(memory, sizeof(Memory))), nonce_(nonce)
 {
-    const int looked = open(pipe.c_str(), O_PATH | O_CLOEXEC);
-    struct stat found {};
-    if (looked >= 0 && !fstat(looked, &found) && S_ISFIFO(found.st_mode)) {
-        // Also for reading: else writing to a lost controller would raise SIGPIPE.
-        pipe_[1] = open(("/proc/self/fd/" + std::to_string(looked)).c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC);
-    }
-    if (looked >= 0) {
-        close(looked);
-    }
-    if (pipe_[1] < 0 || words().nonce != nonce) {
-        if (pipe_[1] >= 0) {
-            close(pipe_[1]);
-        }
+    if (words().nonce != nonce) {
         throw LinkError("no shared memory: the wake-up memory is another one");
     }
+    // Also for reading: else writing to a lost controller would raise SIGPIPE.
+    pipe_[1] = open_checked(pipe, S_IFIFO, O_RDWR | O_NONBLOCK);
 }
 
 WakeUp::~WakeUp()
@@ -234,7 +224,7 @@ void SharedChannel::expect(bool expected)
 {
     if (expected != expected_) {
         expected_ = expected;
-        words().ignored.store(!expected, std::memory_order_relaxed); // Bell::arm() follows
+        words().ignored.store(!expected, std::memory_order_relaxed); // WakeUp::arm() follows
     }
 }
 

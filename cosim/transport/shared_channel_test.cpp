@@ -96,7 +96,7 @@ TEST(SharedChannel, FramesOfAnyLengthArriveInOrder)
     }
 }
 
-TEST(SharedChannel, WhoSleepsIsWokenBetweenPrograms)
+TEST(SharedChannel, ASleepingProgramIsWokenByTheOther)
 {
     WakeUp wake_up;
     SharedChannel channel(wake_up, 300, 0ns, {});
@@ -143,16 +143,15 @@ std::string refusal(const std::string &path, std::uint64_t nonce)
     }
 }
 
-TEST(SharedChannel, WhatIsNotTheControllersMemoryIsRefused)
+TEST(SharedChannel, MemoryOfAnotherOwnerIsRefused)
 {
     WakeUp wake_up;
     SharedChannel channel(wake_up, 300, 0ns, {});
     const std::string path = channel.path();
     EXPECT_EQ(refusal(path, channel.nonce()), "");
     EXPECT_EQ(refusal(path, channel.nonce() + 1), "no shared memory: " + path + " is another one");
-    EXPECT_EQ(refusal("/dev/null", 1), "no shared memory: /dev/null is no shared memory of this size");
-    EXPECT_EQ(refusal(wake_up.pipe_path(), 1),
-              "no shared memory: " + wake_up.pipe_path() + " is no shared memory of this size");
+    EXPECT_EQ(refusal("/dev/null", 1), "no shared memory: /dev/null is no shared memory");
+    EXPECT_EQ(refusal(wake_up.pipe_path(), 1), "no shared memory: " + wake_up.pipe_path() + " is no shared memory");
     EXPECT_EQ(refusal(wake_up.memory_path(), wake_up.nonce()),
               "no shared memory: " + wake_up.memory_path() + " is no shared memory of this size");
     EXPECT_EQ(refusal("", 1), "no shared memory: : No such file or directory");
@@ -172,7 +171,7 @@ TEST(SharedChannel, WhatIsNotTheControllersMemoryIsRefused)
     EXPECT_NE(refusal(path, channel.nonce()), "");
 }
 
-TEST(SharedChannel, LimitsHold)
+TEST(SharedChannel, ALongerFrameThanTheLimitIsRefused)
 {
     Ends ends(Limits{1000, 255, 1000, 100});
     EXPECT_THROW(ends.node.send(Bytes(1001)), ProtocolError);
@@ -187,7 +186,7 @@ TEST(SharedChannel, LimitsHold)
     EXPECT_THROW(controller.receive(frame), ProtocolError);
 }
 
-TEST(SharedChannel, NonsenseInTheMemoryIsAnErrorAndNothingWorse)
+TEST(SharedChannel, NonsenseInTheMemoryIsAProtocolError)
 {
     std::mt19937_64 random(7);
     int errors = 0, frames = 0;

@@ -40,27 +40,30 @@ SharedMemory SharedMemory::create(std::size_t size)
     return memory;
 }
 
-SharedMemory SharedMemory::open(const std::string &path, std::size_t size)
+int open_checked(const std::string &path, unsigned type, int flags)
 {
-    // Look at the file before opening it: opening a device may have effects.
-    SharedMemory memory;
     const int looked = ::open(path.c_str(), O_PATH | O_CLOEXEC);
     if (looked < 0) {
         fail(path + ": " + std::strerror(errno));
     }
     struct stat found {};
-    const bool fits =
-        !fstat(looked, &found) && S_ISREG(found.st_mode) && static_cast<std::size_t>(found.st_size) == size;
-    if (fits) {
-        memory.fd_ = ::open(("/proc/self/fd/" + std::to_string(looked)).c_str(), O_RDWR | O_CLOEXEC);
-    }
+    const bool fits = !fstat(looked, &found) && (found.st_mode & S_IFMT) == type;
+    const int fd = fits ? ::open(("/proc/self/fd/" + std::to_string(looked)).c_str(), flags | O_CLOEXEC) : -1;
     const int why = errno;
     close(looked);
-    if (!fits) {
-        fail(path + " is no shared memory of this size");
+    if (fd < 0) {
+        fail(fits ? path + ": " + std::strerror(why) : path + " is no shared memory");
     }
-    if (memory.fd_ < 0) {
-        fail(path + ": " + std::strerror(why));
+    return fd;
+}
+
+SharedMemory SharedMemory::open(const std::string &path, std::size_t size)
+{
+    SharedMemory memory;
+    memory.fd_ = open_checked(path, S_IFREG, O_RDWR);
+    struct stat found {};
+    if (fstat(memory.fd_, &found) || static_cast<std::size_t>(found.st_size) != size) {
+        fail(path + " is no shared memory of this size");
     }
     if ((fcntl(memory.fd_, F_GET_SEALS) & seals) != seals) {
         fail(path + " may change its size");

@@ -38,6 +38,10 @@ private:
     std::span<std::byte> bytes_;
 };
 
+/// Open a file of another program if it is of this type, such as S_IFREG. It looks at the file before it opens it,
+/// because opening a device may have effects. Throws LinkError.
+int open_checked(const std::string &path, unsigned type, int flags);
+
 /// "/proc/PID/fd/N" of a descriptor of this program.
 std::string path_of(int fd);
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The radio of a spacecraft at Mars, a node in C#: it sends to Earth while the antenna, b1, looks there,
-// Mars is not between, and the battery has enough.
+// The radio of a spacecraft at Mars, a node in C#: it sends to Earth while the antenna, b1, points there,
+// Mars does not hide Earth, and the battery is full enough.
 using System;
 using Fledge;
 using static Fledge.Units;

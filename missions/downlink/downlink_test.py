@@ -34,7 +34,7 @@ RADIO = ("mode", "P", "off_earth", "rate", "sent")
 
 @pytest.fixture(scope="module")
 def programs(tmp_path_factory):
-    """A folder with all that is flown."""
+    """A folder with the description and the programs."""
     folder = tmp_path_factory.mktemp("downlink")
     subprocess.run(["mcs", "-warn:4", "-warnaserror", f"-out:{folder / 'Radio.exe'}", HERE / "Radio.cs",
                     ROOT / "cosim/bindings/csharp/FledgeNode.cs"], check=True)
@@ -95,7 +95,7 @@ def alone():
 
 
 class Radio:
-    """Radio.cs, once more, by matrices where those give the same bits."""
+    """The model of Radio.cs in Python."""
 
     def __init__(self):
         self.mode = self.warm = 0
@@ -131,7 +131,7 @@ def test_many_programs_give_the_bits_of_one(flown, alone, transport):
             assert found.shape == values.shape and np.array_equal(found, values), f"{topic}.{field}"
 
 
-def test_transports_differ_in_nothing(flown):
+def test_ipc_and_tcp_give_the_same_exchange(flown):
     ipc, tcp = flown["ipc"], flown["tcp"]
     topics = {"/flight/motor/command", "/world/nav/attitude", "/power/state", "/radio/state"}
     for topic in topics:
@@ -139,7 +139,7 @@ def test_transports_differ_in_nothing(flown):
     assert np.array_equal(ipc["/flight/motor/command.u"], tcp["/flight/motor/command.u"])
 
 
-def test_the_radio_does_what_it_is_for(flown):
+def test_the_radio_sends_while_the_antenna_points_to_earth(flown):
     file = flown["ipc"]
     mode, t = file["/radio/state.mode"], file.time_ns("/radio/state") / 1e9
     changes = [(t[i + 1], int(mode[i + 1])) for i in np.flatnonzero(np.diff(mode))]
@@ -156,7 +156,7 @@ def test_the_radio_does_what_it_is_for(flown):
     assert aside[0] >= power.MARS_RADIUS > aside[1]
 
 
-def test_energy_is_kept(flown):
+def test_the_battery_stores_what_the_panels_give_less_the_load(flown):
     file = flown["ipc"]
     E, solar, load = (file[f"/power/state.{f}"] for f in ("E", "P_solar", "P_load"))
     assert np.allclose(E, 0.5 * power.BATTERY + np.cumsum(solar - load), rtol=1e-12)

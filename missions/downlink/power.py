@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Power of a spacecraft at Mars, a node in Python: panels along b2, a battery, the bus and its radio.
 
-It reads where the spacecraft and the Sun are, and what the radio takes; the radio reads how full the
-battery is. Only arithmetic and square roots, so that the bits are the same in any language.
+It reads the positions of the spacecraft and the Sun, and the power of the radio; the radio reads how full the
+battery is. The model uses only arithmetic and square roots, so that its bits are the same in any language.
 """
 from math import sqrt
 
 AU = 149597870700.0         # [m]
 MARS_RADIUS = 3396.2e3      # [m]
 PANELS = 2400.0             # [W] at 1 AU, face on
-BUS = 200.0                 # [W] that all but the radio takes
+BUS = 200.0                 # [W] of all but the radio
 BATTERY = 1.2e6             # [J] when full
 H = 1.0                     # [s]
 
@@ -43,7 +43,7 @@ class Power:
         self.energy = 0.5 * BATTERY
 
     def step(self, craft, sun, radio):
-        """The state at an instant, from the messages that are seen at it."""
+        """The state at an instant, from the messages that the node sees at it."""
         r, to_sun = craft["r_BN_N"], [s - b for s, b in zip(sun["r_PN_N"], craft["r_BN_N"])]
         distance = sqrt(along(to_sun, to_sun))
         sun_N = [x / distance for x in to_sun]

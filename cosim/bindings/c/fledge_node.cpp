@@ -33,7 +33,7 @@ namespace {
 thread_local std::string last_error;
 
 /// Call a function. What it throws becomes the error, and the result is `otherwise`.
-template <class F> auto attempt(F function, decltype(function()) otherwise)
+template <class F> auto attempt(F function, decltype(function()) otherwise = {})
 {
     try {
         last_error.clear();
@@ -61,6 +61,16 @@ template <class T, class F> int attempt_with(T *object, F function)
 std::string text(const char *given)
 {
     return given ? given : "";
+}
+
+MemberConfig member(const char *simulation, const char *name, const char *address)
+{
+    MemberConfig config;
+    config.simulation = text(simulation);
+    config.node = text(name);
+    config.address = text(address);
+    ask_environment(config);
+    return config;
 }
 
 Schema schema(const char *type, const char *definition)
@@ -96,8 +106,8 @@ void check(int code, const char *what)
     }
 }
 
-/// A text that lives until the next call of the same function in this thread.
-template <class Tag> const char *kept(Tag, std::string value)
+/// A text that lives until the next call from the same place in this thread: each lambda has its own `Tag`.
+template <class Tag> const char *lasting(Tag, std::string value)
 {
     thread_local std::string text;
     text = std::move(value);
@@ -120,17 +130,11 @@ int fledge_fail(const char *why)
 FledgeNode *fledge_node_create(const char *simulation, const char *node, const char *address, int64_t every,
                                int64_t offset)
 {
-    return attempt(
-        [&] {
-            MemberConfig config;
-            config.simulation = text(simulation);
-            config.node = text(node);
-            config.address = text(address);
-            ask_environment(config);
-            const Rate steps = rate(config.node, every, offset);
-            return new FledgeNode(std::move(config), steps);
-        },
-        static_cast<FledgeNode *>(nullptr));
+    return attempt([&] {
+        MemberConfig config = member(simulation, node, address);
+        const Rate steps = rate(config.node, every, offset);
+        return new FledgeNode(std::move(config), steps);
+    });
 }
 
 void fledge_node_destroy(FledgeNode *node)
@@ -177,9 +181,9 @@ int fledge_node_writes(FledgeNode *node, const char *topic, const char *type, co
                         [&](FledgeNode &n) { n.node.write(topic, bytes(message, size), schema(type, definition)); });
 }
 
-int fledge_node_keeps(FledgeNode *node, void *state, size_t size)
+int fledge_node_save_in_snapshots(FledgeNode *node, void *state, size_t size)
 {
-    return attempt_with(node, [&](FledgeNode &n) { n.node.keep(bytes(state, size)); });
+    return attempt_with(node, [&](FledgeNode &n) { n.node.save_in_snapshots(bytes(state, size)); });
 }
 
 int fledge_node_run(FledgeNode *node, FledgeStep step, void *user)
@@ -260,32 +264,25 @@ int fledge_node_put(FledgeNode *node, const char *topic, const void *message, si
 
 const char *fledge_fields(const char *definition)
 {
-    return attempt(
-        [&] {
-            std::string lines;
-            for (const SchemaField &field : parse_schema(definition)) {
-                lines += field.name + "\t" + field.type + "\t" + field.shape + "\t" + std::to_string(field.offset) +
-                         "\t" + std::to_string(field.count) + "\t" + field.choices + "\n";
-            }
-            return kept([] {}, lines);
-        },
-        static_cast<const char *>(nullptr));
+    return attempt([&] {
+        std::string lines;
+        for (const SchemaField &field : parse_schema(definition)) {
+            lines += field.name + "\t" + field.type + "\t" + field.shape + "\t" + std::to_string(field.offset) + "\t" +
+                     std::to_string(field.count) + "\t" + field.choices + "\n";
+        }
+        return lasting([] {}, lines);
+    });
 }
 
 FledgeObserver *fledge_observer_create(const char *simulation, const char *name, const char *address, const char *keys,
                                        double timeout)
 {
-    return attempt(
-        [&] {
-            MemberConfig config;
-            config.simulation = text(simulation);
-            config.node = text(name);
-            config.address = text(address);
-            config.keys = text(keys);
-            config.connect_timeout = milliseconds(timeout);
-            return new FledgeObserver(std::move(config));
-        },
-        static_cast<FledgeObserver *>(nullptr));
+    return attempt([&] {
+        MemberConfig config = member(simulation, name, address);
+        config.keys = text(keys);
+        config.connect_timeout = milliseconds(timeout);
+        return new FledgeObserver(std::move(config));
+    });
 }
 
 void fledge_observer_destroy(FledgeObserver *observer)
@@ -334,21 +331,19 @@ const char *fledge_observer_topics(FledgeObserver *observer)
     for (const auto &[topic, schema] : observer->observer.topics()) {
         names += topic + "\n";
     }
-    return kept([] {}, names);
+    return lasting([] {}, names);
 }
 
 const char *fledge_observer_type(FledgeObserver *observer, const char *topic)
 {
     const std::lock_guard lock(observer->schemas);
-    return attempt([&] { return kept([] {}, observer->observer.schema(topic).name); },
-                   static_cast<const char *>(nullptr));
+    return attempt([&] { return lasting([] {}, observer->observer.schema(topic).name); });
 }
 
 const char *fledge_observer_definition(FledgeObserver *observer, const char *topic)
 {
     const std::lock_guard lock(observer->schemas);
-    return attempt([&] { return kept([] {}, observer->observer.schema(topic).text); },
-                   static_cast<const char *>(nullptr));
+    return attempt([&] { return lasting([] {}, observer->observer.schema(topic).text); });
 }
 
 const char *fledge_observer_reason(const FledgeObserver *observer)

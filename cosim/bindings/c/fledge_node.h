@@ -77,10 +77,10 @@ FLEDGE_API int fledge_node_reads(FledgeNode *node, const char *topic, FledgeLate
 FLEDGE_API int fledge_node_writes(FledgeNode *node, const char *topic, const char *type, const char *definition,
                                   void *message, size_t size);
 
-/** This memory holds all that the next steps depend on, besides the messages. It lives as long as the node
- *  and has no pointers; several calls add up. With it, a node that was lost goes on from a snapshot;
+/** Save this memory in snapshots. With the messages, it holds all that the next steps depend on; several calls add
+ *  up. It lives as long as the node and has no pointers. With it, a node that was lost goes on from a snapshot;
  *  without it, from the beginning. */
-FLEDGE_API int fledge_node_keeps(FledgeNode *node, void *state, size_t size);
+FLEDGE_API int fledge_node_save_in_snapshots(FledgeNode *node, void *state, size_t size);
 
 /** Take part in a run, to its regular end. */
 FLEDGE_API int fledge_node_run(FledgeNode *node, FledgeStep step, void *user);
@@ -135,7 +135,7 @@ FLEDGE_API FledgeObserver *fledge_observer_create(const char *simulation, const 
                                                   const char *keys, double timeout);
 FLEDGE_API void fledge_observer_destroy(FledgeObserver *observer);
 
-/** See all topics that begin with `prefix`; "": all. The last message of each comes at once. */
+/** Subscribe to all topics that begin with `prefix`; "": all. The last message of each comes at once. */
 FLEDGE_API int fledge_observer_subscribe(FledgeObserver *observer, const char *prefix);
 
 /** A message as a node wrote it. The pointers are valid until the next call of fledge_observer_next(). */

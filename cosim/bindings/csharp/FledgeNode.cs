@@ -181,8 +181,7 @@ public sealed class Message : Dictionary<string, Value>
     {
         get
         {
-            Value value;
-            if (!TryGetValue(name, out value))
+            if (!TryGetValue(name, out Value value))
             {
                 throw new NodeError(type + " has no field " + name + "; it has " + string.Join(", ", Keys));
             }
@@ -208,11 +207,10 @@ public sealed class Field
 
     public bool IsArray { get { return Shape != ""; } }
 
-    /// Where the field's numbers go to and come from.
+    /// An array for the numbers of the field: of bytes, unless `types` has its type.
     internal Array Numbers()
     {
-        Type type; // else a byte, under one of its names
-        return Array.CreateInstance(types.TryGetValue(Type, out type) ? type : typeof(byte), Count);
+        return Array.CreateInstance(types.TryGetValue(Type, out Type type) ? type : typeof(byte), Count);
     }
 }
 
@@ -323,8 +321,7 @@ public sealed class Schema
     {
         if (field.Choices != null && !field.IsArray)
         {
-            long choice;
-            if (!field.Choices.TryGetValue(text, out choice))
+            if (!field.Choices.TryGetValue(text, out long choice))
             {
                 throw new NodeError(where + " has no value " + text + "; it has " +
                                     string.Join(", ", field.Choices.Keys));
@@ -362,7 +359,7 @@ public sealed class Schema
         return message;
     }
 
-    /// The struct, with its head filled in where it begins with one; the head that the message gives stays.
+    /// The struct. Where it begins with a head, this fills in the fields of the head that the message does not give.
     internal byte[] PackWithHead(Message message, long t, uint sequence)
     {
         if (Fields[0].Name == "head.t")
@@ -435,19 +432,16 @@ public sealed class Node
     {
         get
         {
-            Schema schema;
-            if (!inputs.TryGetValue(topic, out schema))
+            if (!inputs.TryGetValue(topic, out Schema schema))
             {
                 throw new NodeError(Name + " does not read " + topic + "; it reads " + List(inputs.Keys));
             }
-            UIntPtr size;
-            IntPtr message = Native.fledge_node_message(node, topic, out size);
+            IntPtr message = Native.fledge_node_message(node, topic, out UIntPtr size);
             return message == IntPtr.Zero ? null : schema.Unpack(Native.Bytes(message, size));
         }
         set
         {
-            Output output;
-            if (!outputs.TryGetValue(topic, out output))
+            if (!outputs.TryGetValue(topic, out Output output))
             {
                 throw new NodeError(Name + " does not write " + topic + "; it writes " + List(outputs.Keys));
             }
@@ -462,8 +456,8 @@ public sealed class Node
     public void Leave() { Native.fledge_node_leave(node); }
 
     /// From any thread: end the part in the run with an error, instead of the next step. Ctrl-C ends a program
-    /// that does not handle it at once, which the controller notices. (Under Mono, Console.CancelKeyPress takes
-    /// hold of the terminal, and stops programs that run in the background.)
+    /// that does not handle it at once, which the controller notices. (Under Mono, Console.CancelKeyPress changes
+    /// the settings of the terminal, which stops programs that run in the background.)
     public void Stop() { Native.fledge_node_stop(node); }
 
     /// Take part in a run, to its end. Returns its reason, "" at the regular one. Throws NodeError, and
@@ -498,7 +492,7 @@ public sealed class Node
     sealed class Output
     {
         public Schema schema;
-        public Message latest; // as last written, at t, or the initial value; null: from a snapshot
+        public Message latest; // the last one, written at t; the initial value; or null: it is in a snapshot
         public long t;
         public uint sequence;
     }
@@ -546,12 +540,11 @@ public sealed class Node
 
     void Define(string topic, Schema schema)
     {
-        Output output;
         if (inputs.ContainsKey(topic))
         {
             inputs[topic] = schema;
         }
-        if (outputs.TryGetValue(topic, out output))
+        if (outputs.TryGetValue(topic, out Output output))
         {
             output.schema = schema;
             Put(topic, output);
@@ -633,7 +626,7 @@ public sealed class Observer : IEnumerable<Seen>, IDisposable
     public string Reason { get { return Native.Text(Native.fledge_observer_reason(observer)); } }
     public long T { get; private set; } ///< [ns] of the newest message
 
-    /// See all topics that begin like one of these; "": all. The last message of each comes at once.
+    /// Subscribe to all topics with one of these prefixes; "": all. The last message of each comes at once.
     public void Subscribe(params string[] topics)
     {
         foreach (string topic in topics)
@@ -646,8 +639,7 @@ public sealed class Observer : IEnumerable<Seen>, IDisposable
     /// if the controller is gone.
     public Seen Next(double most = -1)
     {
-        Native.Seen seen;
-        int found = Native.fledge_observer_next(observer, most, out seen);
+        int found = Native.fledge_observer_next(observer, most, out Native.Seen seen);
         Node.Check(found);
         if (found == 0)
         {
@@ -673,14 +665,13 @@ public sealed class Observer : IEnumerable<Seen>, IDisposable
     }
     IEnumerator IEnumerable.GetEnumerator() { return GetEnumerator(); }
 
-    /// Write a message. Where it begins with a Fledge head, that is filled in unless it is given.
+    /// Write a message. Where it begins with a Fledge head, the observer fills in what the program does not give.
     public void Write(string topic, Message message)
     {
         lock (counts)
         {
             Schema schema = SchemaOf(topic);
-            uint count;
-            counts.TryGetValue(topic, out count);
+            counts.TryGetValue(topic, out uint count);
             byte[] bytes = schema.PackWithHead(message, T, ++count);
             Node.Check(Native.fledge_observer_write(observer, topic, bytes, (UIntPtr)bytes.Length));
             counts[topic] = count;
@@ -708,12 +699,11 @@ public sealed class Observer : IEnumerable<Seen>, IDisposable
 
     Schema SchemaOf(string topic)
     {
-        Schema schema;
         if (!Topics.ContainsKey(topic) && Native.fledge_observer_definition(observer, topic) != IntPtr.Zero)
         {
             FindTopics(); // nodes have joined
         }
-        if (!Topics.TryGetValue(topic, out schema))
+        if (!Topics.TryGetValue(topic, out Schema schema))
         {
             throw new NodeError("there is no topic " + topic + "; there are " +
                                 (Topics.Count == 0 ? "none" : string.Join(", ", Topics.Keys)));

@@ -78,7 +78,7 @@ def seen(program):
 
 
 @pytest.mark.parametrize("transport", ["tcp", "ipc"])
-def test_beside_python_it_gives_what_one_program_would(programs, spring, transport):
+def test_a_node_beside_python_gives_the_bits_of_one_program(programs, spring, transport):
     address = "tcp://127.0.0.1:*" if transport == "tcp" else f"ipc://@fledge-csharp-{os.getpid()}"
     controller = Controller("--node", "mass", "--node", "spring", address=address)
     mass, force = pair(programs, spring, controller)
@@ -89,7 +89,7 @@ def test_beside_python_it_gives_what_one_program_would(programs, spring, transpo
     assert seen(force) == ("", [[t, t, k + 1, x] for k, (t, _, x) in enumerate(mass["seen"])])
 
 
-def test_with_exchanges_each_sees_what_the_other_had_before(programs, spring):
+def test_at_exchanges_each_node_sees_the_message_of_the_step_before(programs, spring):
     controller = Controller("--node", "mass", "--node", "spring")
     mass, force = pair(programs, spring, controller, ("next_exchange", "next_exchange"))
     assert controller.end() == (0, "")
@@ -120,7 +120,7 @@ def test_a_killed_program_ends_the_run_for_all(programs, spring, victim):
         assert "spring: its connection is gone" in result(both[0])["reason"]
 
 
-def test_one_that_is_killed_before_the_run_is_named(programs, spring):
+def test_the_controller_names_a_node_that_is_killed_before_the_run(programs, spring):
     controller = Controller("--node", "mass", "--node", "spring")
     programs += [start_spring(spring, controller), controller.process]
     controller.wait_for(spring="joining")
@@ -128,7 +128,7 @@ def test_one_that_is_killed_before_the_run_is_named(programs, spring):
     assert controller.end() == (1, "the run ended early: spring: its connection is gone")
 
 
-def test_ctrl_c_of_the_controller_ends_it(programs, spring):
+def test_ctrl_c_of_the_controller_ends_the_node(programs, spring):
     controller = Controller("--node", "mass", "--node", "spring", until="1e6")
     both = pair(programs, spring, controller)
     controller.wait_for(mass="running", spring="running")
@@ -138,7 +138,7 @@ def test_ctrl_c_of_the_controller_ends_it(programs, spring):
     both[0].communicate(timeout=60)
 
 
-def test_its_own_ctrl_c_is_noticed_at_once(programs, spring):
+def test_the_controller_notices_ctrl_c_of_the_node_at_once(programs, spring):
     controller = Controller("--node", "mass", "--node", "spring", until="1e6")
     both = pair(programs, spring, controller)
     controller.wait_for(mass="running", spring="running")
@@ -149,7 +149,7 @@ def test_its_own_ctrl_c_is_noticed_at_once(programs, spring):
     assert both[1].communicate(timeout=60) == ("", "") and both[1].returncode == -signal.SIGINT
 
 
-def test_another_thread_may_end_it(programs, spring):
+def test_another_thread_ends_the_node(programs, spring):
     controller = Controller("--node", "mass", "--node", "spring", until="1e6")
     both = pair(programs, spring, controller, how="stops")
     both[0].communicate(timeout=60)
@@ -158,7 +158,7 @@ def test_another_thread_may_end_it(programs, spring):
     assert both[1].communicate(timeout=60) == ("", "spring: the program ended it\n")
 
 
-def test_it_says_that_the_controller_is_gone(programs, spring):
+def test_a_node_reports_that_the_controller_is_gone(programs, spring):
     controller = Controller("--node", "mass", "--node", "spring", until="1e6")
     both = pair(programs, spring, controller)
     controller.wait_for(mass="running", spring="running")
@@ -168,7 +168,7 @@ def test_it_says_that_the_controller_is_gone(programs, spring):
     both[0].communicate(timeout=60)
 
 
-def test_an_error_of_its_step_reaches_the_user(programs, spring):
+def test_an_error_of_a_step_reaches_the_user(programs, spring):
     controller = Controller("--node", "mass", "--node", "spring")
     both = pair(programs, spring, controller, how="broken")
     why = "spring: it failed: DivideByZeroException: a pole (it had reached 0.29 s)"
@@ -177,7 +177,7 @@ def test_an_error_of_its_step_reaches_the_user(programs, spring):
     assert "DivideByZeroException: a pole" in both[1].communicate(timeout=60)[1] and both[1].returncode != 0
 
 
-def test_a_step_that_hangs_is_ended_by_the_limit(programs, spring):
+def test_the_reply_timeout_ends_a_step_that_hangs(programs, spring):
     controller = Controller("--node", "mass", "--node", "spring", "--reply", "4")
     both = pair(programs, spring, controller, how="hangs")
     code, errors = controller.end()
@@ -204,7 +204,7 @@ def test_a_program_that_is_not_expected_gets_the_reason(programs, spring):
     controller.end()
 
 
-def test_with_keys_it_takes_part(programs, spring, tmp_path, monkeypatch):
+def test_a_node_with_keys_takes_part(programs, spring, tmp_path, monkeypatch):
     fledge_keys(tmp_path, "new", "controller", "mass", "spring")
     fledge_keys(tmp_path, "allow", "mass", "spring")
     monkeypatch.setenv("FLEDGE_KEYS", str(tmp_path))
@@ -214,7 +214,7 @@ def test_with_keys_it_takes_part(programs, spring, tmp_path, monkeypatch):
     assert result(both[0])["seen"] == alone(101) and seen(both[1])[0] == ""
 
 
-def test_without_the_right_key_it_gets_the_reason_at_once(programs, spring, tmp_path):
+def test_a_node_without_the_right_key_gets_the_reason_at_once(programs, spring, tmp_path):
     fledge_keys(tmp_path, "new", "controller", "mass", "stranger")
     fledge_keys(tmp_path / "else", "new", "controller", "mass")
     fledge_keys(tmp_path, "allow", "mass")
@@ -242,7 +242,7 @@ def test_without_the_right_key_it_gets_the_reason_at_once(programs, spring, tmp_
     controller.end()
 
 
-def test_one_that_leaves_is_done(programs, spring):
+def test_a_node_that_leaves_ends(programs, spring):
     controller = Controller("--node", "mass", "--node", "spring")
     both = pair(programs, spring, controller, how="leaves")
     mass = result(both[0])["seen"]
@@ -252,7 +252,7 @@ def test_one_that_leaves_is_done(programs, spring):
     assert mass[:32] == alone(32) and {force for _, force, _ in mass[31:]} == {mass[31][1]}
 
 
-def test_it_may_join_late(programs, spring):
+def test_a_node_joins_late(programs, spring):
     controller = Controller("--node", "mass", "--node", "spring:abort,joins=0.5")
     free = MASS.replace('sys.argv[2])', 'sys.argv[2], optional=True)')
     free = free.replace('node["/spring/force"]["F"]', '(node["/spring/force"] or {"F": [0, 0]})["F"]')
@@ -266,7 +266,7 @@ def test_it_may_join_late(programs, spring):
 
 
 @pytest.mark.parametrize("how", ["integral", "saves"])
-def test_another_goes_on_where_one_was_killed(programs, spring, how):
+def test_a_new_program_goes_on_for_a_killed_one(programs, spring, how):
     def fly(policy, ways):
         controller = Controller("--node", "mass", "--node", f"spring:{policy}", until="20")
         mass = start(MASS, controller.address, "next_instant")
@@ -355,7 +355,7 @@ def test_an_observer_gets_the_reason_why_it_sees_nothing(programs, built):
     controller.process.communicate()
 
 
-def test_an_observer_says_that_the_controller_is_gone(programs, built):
+def test_an_observer_reports_that_the_controller_is_gone(programs, built):
     controller = Controller("--node", "mass", "--node", "spring", "--asynchronous", "ground", until="1e6")
     programs += [start(MASS, controller.address, "next_instant"),
                  start(COMMANDED, controller.address, "same_instant"), controller.process]

@@ -33,7 +33,7 @@ Only one side needs to give a definition: a topic without one here takes that of
 so a node knows all messages of a mission. Where a message begins with a Fledge head, the node fills in its time,
 quality and sequence unless the program gives them. Times are integers in nanoseconds.
 
-The format is described in cosim/protocol/protocol.h; names here follow it.
+cosim/protocol/protocol.h describes the format; names here follow it.
 """
 import os
 import pathlib
@@ -168,7 +168,7 @@ class Schema:
         return values
 
     def _numbers(self, name, n, array, text):
-        """Of a text, or of the name of a value."""
+        """The numbers for a text, or for the name of a value."""
         if not array:
             if text not in self.choices.get(name, {}):
                 raise NodeError(f"{self.name}.{name} has no value {text}; it has "
@@ -196,7 +196,7 @@ class Schema:
 # ---- frames
 
 class _Writer:
-    """Numbers at multiples of their size, from the start of the body."""
+    """Writes a body: numbers at multiples of their size, from its start."""
 
     def __init__(self, order="<"):
         self.body, self.order = bytearray(), order
@@ -227,7 +227,7 @@ class _Writer:
 
 
 class _Reader:
-    """A frame is read whole or refused, with the byte and the reason."""
+    """Reads a frame. Raises NodeError, with the byte and the reason, if any part of it is wrong."""
 
     def __init__(self, frame):
         if len(frame) > LARGEST:
@@ -253,7 +253,7 @@ class _Reader:
 
     @classmethod
     def of(cls, snapshot):
-        """Reads what a _Writer of this file has in its body."""
+        """A reader of a snapshot, which is the body of a _Writer."""
         self = cls.__new__(cls)
         self.kind, self.order, self.body, self.at = "snapshot", "<", snapshot, 0
         return self
@@ -290,7 +290,7 @@ class _Reader:
         return name, text
 
     def list(self, item, least):
-        """Of what `item` reads, each of which takes so many bytes at least."""
+        """A list of what `item` reads. An item takes at least `least` bytes."""
         n = self.number("I")
         if n > 65536:
             self._fail(f"a list of {n} items; 65536 are the most")
@@ -302,7 +302,7 @@ class _Reader:
         return self.list(lambda: (self.number("I"), self.name(), self.schema()), 28)
 
     def record(self):
-        """(from when on it is seen, channel, count, payload)"""
+        """(time from which the node sees it, channel, count, payload)"""
         return self.number("q"), self.number("I"), self.number("I"), self.bytes()
 
     def records(self):
@@ -385,8 +385,8 @@ class _Publication:
 
     def __init__(self, schema, initial):
         self.schema = schema
-        self.message = initial          # as last written, at t; a dict, or bytes from a snapshot
-        self.t = self.sequence = 0      # of its head; sequence 0: the initial value
+        self.message = initial          # the last one, written at t; a dict, or bytes from a snapshot
+        self.t = self.sequence = 0      # in its head; sequence 0: the initial value
         self.channel, self.count = None, 0  # of the last matching; messages since then
 
     def packed(self):
@@ -704,7 +704,7 @@ class Observer(_Member):
             self._context.term()
 
     def subscribe(self, *topics):
-        """See all topics that begin like one of these; "": all. The last message of each comes at once."""
+        """Subscribe to all topics with one of these prefixes; "": all. The last message of each comes at once."""
         for topic in topics:
             self._socket.subscribe(topic)
 
@@ -719,7 +719,7 @@ class Observer(_Member):
                 if seen is not None:
                     return seen
             elif self._handshake.lost and time.monotonic() - self._handshake.lost > 2:
-                raise NodeError("the controller is gone")  # a controller that was only stopped is back earlier
+                raise NodeError("the controller is gone")  # a stopped controller that goes on connects again earlier
             elif end is not None and time.monotonic() >= end:
                 break
         return None
@@ -731,7 +731,7 @@ class Observer(_Member):
                 yield seen
 
     def write(self, topic, values):
-        """Write a message. Where it begins with a Fledge head, that is filled in unless it is given."""
+        """Write a message. Where it begins with a Fledge head, the observer fills in what the program does not give."""
         with self._lock:
             schema = self._schema(topic)
             count = self._counts.get(topic, 0) + 1
@@ -762,13 +762,13 @@ class Observer(_Member):
         return self.topics[topic]
 
     def _read(self, parts):
-        """A Seen; None for a message that comes again, and at the end."""
+        """A Seen; None for a message that came before, and at the end of the run."""
         if len(parts) != 2:
             raise NodeError("the broker sends a message that is not of two parts")
         topic, r = parts[0].decode(), _Reader(parts[1])
         if r.kind == "Finish":
             self.reason = r.text()
-            self._socket.unsubscribe("finish")  # tells the broker that it has come
+            self._socket.unsubscribe("finish")  # confirms to the broker that this program got it
             return None
         if r.kind != "Published":
             raise NodeError(f"the broker sends {r.kind}")
@@ -787,7 +787,7 @@ class Observer(_Member):
         return Seen(topic, node, t, count, missed, schema.unpack(payload))
 
     def _prepare_writing(self):
-        """Wait until the broker listens: it would lose a message that came before."""
+        """Wait until the broker listens: libzmq drops messages before."""
         socket = self._context.socket(zmq.XPUB)
         _set_up(socket, 1000, self._keys)
         socket.xpub_nodrop = True
@@ -812,7 +812,7 @@ def _given(what, value, variable):
 
 
 def _read_keys(place, name):
-    """(public, secret, the controller's public), by the rules of cosim/security/keys.h; None without a place."""
+    """(public, secret, the controller's public), by the rules in cosim/security/keys.h; None without a place."""
     if not place:
         return None
     place = pathlib.Path(place)
@@ -842,7 +842,7 @@ def _read_keys(place, name):
 
 
 class _Handshake:
-    """Watches a socket that connects: libzmq itself would try for ever, and not say why it fails."""
+    """Watches a socket that connects: libzmq itself tries for ever, and does not report why it fails."""
 
     def __init__(self, socket, keys):
         self.socket, self.keys, self.made, self.lost, self._broken_off = socket, keys, False, None, 0
@@ -872,7 +872,7 @@ class _Handshake:
                     "(./fledge keys new makes them)")
         else:
             self._broken_off += 1
-            if self._broken_off >= 5:  # once, it may have been killed just now
+            if self._broken_off >= 5:  # a killed controller breaks off once; one with other keys, at each attempt
                 return ("what listens there breaks off when it sees these keys: controller.public here is not that "
                         "of this controller, or it uses no keys" if self.keys else
                         "what listens there breaks off: it is no controller, or it asks for keys")

@@ -143,7 +143,7 @@ def alone(n):
 
 
 @pytest.mark.parametrize("transport", ["tcp", "ipc"])
-def test_two_programs_give_what_one_would(programs, transport):
+def test_two_programs_give_the_bits_of_one(programs, transport):
     address = "tcp://127.0.0.1:*" if transport == "tcp" else f"ipc://@fledge-python-{os.getpid()}"
     controller = Controller("--node", "mass", "--node", "spring", address=address)
     mass, force = spring(programs, controller)
@@ -165,7 +165,7 @@ def test_a_program_in_c_takes_the_place_of_one_in_python(programs):
     assert programs[1].communicate(timeout=60) == (None, b"") and programs[1].returncode == 0
 
 
-def test_a_program_in_c_says_what_is_wrong(programs):
+def test_a_program_in_c_reports_its_errors(programs):
     controller = Controller("--node", "mass", "--node", "spring")
     short = MASS.replace("float64[2] v  # v [m/s] (2) velocity", "").replace(', "v": v}', "}")
     programs += [start(short, controller.address, "next_instant"),
@@ -190,7 +190,7 @@ def test_a_definition_is_needed_on_one_side_only(programs):
     assert result(programs[0])["seen"] == alone(101)
 
 
-def test_with_exchanges_each_sees_what_the_other_had_before(programs):
+def test_at_exchanges_each_node_sees_the_message_of_the_step_before(programs):
     controller = Controller("--node", "mass", "--node", "spring")
     mass, force = spring(programs, controller, ("next_exchange", "next_exchange"))
     assert controller.end() == (0, "")
@@ -211,7 +211,7 @@ def test_a_killed_program_ends_the_run_for_all(programs, victim):
     assert name + ": its connection is gone" in json.loads(out)["reason"]
 
 
-def test_a_program_that_is_killed_before_the_run_is_named(programs):
+def test_the_controller_names_a_node_that_is_killed_before_the_run(programs):
     controller = Controller("--node", "mass", "--node", "spring")
     programs += [start(MASS, controller.address, "next_instant"), controller.process]
     controller.wait_for(mass="joining")
@@ -228,7 +228,7 @@ def test_ctrl_c_of_the_controller_ends_all(programs):
     assert [result(program)["reason"] for program in pair] == ["the user ended it"] * 2
 
 
-def test_a_program_whose_controller_is_killed_says_so(programs):
+def test_a_node_reports_that_the_controller_was_killed(programs):
     controller = Controller("--node", "mass", "--node", "spring", until="1e6")
     pair = spring(programs, controller)
     controller.wait_for(mass="running", spring="running")
@@ -239,7 +239,7 @@ def test_a_program_whose_controller_is_killed_says_so(programs):
         assert program.returncode == 1 and "NodeError: the controller is gone" in errors
 
 
-def test_a_run_goes_on_without_a_program_where_its_policy_says_so(programs):
+def test_a_run_goes_on_without_a_node_if_the_policy_allows_it(programs):
     controller = Controller("--node", "mass", "--node", "spring:hold", until="200")
     mass, force = spring(programs, controller)
     controller.wait_for(mass="running", spring="running")
@@ -253,7 +253,7 @@ def test_a_run_goes_on_without_a_program_where_its_policy_says_so(programs):
 
 
 @pytest.mark.parametrize("way", ["from the beginning", "from a snapshot"])
-def test_another_goes_on_where_one_was_killed(programs, way):
+def test_a_new_program_goes_on_for_a_killed_one(programs, way):
     saving = MASS.replace("@node.step\n", """
 import os, struct
 @node.saves
@@ -511,7 +511,7 @@ def test_an_observer_on_a_second_thread_beside_a_node():
     assert [(m.t, m.count, m["x"]) for m in seen] == [(-1, 0, 0)] + [(k * ms, k + 1, k * ms) for k in range(501)]
 
 
-def test_an_observer_whose_controller_is_killed_says_so(programs):
+def test_an_observer_reports_that_the_controller_was_killed(programs):
     controller = Controller("--node", "mass", "--node", "spring", until="1e6")
     programs += spring(programs, controller)
     with Observer("spring", "viewer", controller.address) as viewer:
