@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Listeners see all messages between nodes, and take no part in the run: records, and the broker.
+// Listeners, such as records and the broker, see all messages between nodes without taking part in the run.
 #pragma once
 
 #include "cosim/protocol/protocol.h"
@@ -19,7 +19,7 @@ struct Exchange {
         std::string name;
         Schema schema;
         std::string writer; ///< a node's name; "" if there is none
-        Payload initial;    ///< what it holds at the beginning
+        Payload initial;    ///< its value at the beginning
     };
     Ns after = -1; ///< valid after this instant; -1: from the reset on
     std::vector<Member> members;
@@ -33,7 +33,7 @@ public:
 
     /// The nodes are matched and step from here on; again at each boundary where nodes join.
     virtual void began(const Exchange &exchange) = 0;
-    /// What a node wrote: checked, in order, with the times of writing.
+    /// Messages that a node wrote: checked, in order, with the times of writing.
     virtual void wrote(const std::string &node, const std::vector<Record> &records) = 0;
     /// No node will write up to this instant any more, except a node that joins after a loss.
     virtual void settled(Ns) {}

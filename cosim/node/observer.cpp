@@ -123,16 +123,14 @@ std::optional<Observed> Observer::next(std::chrono::milliseconds most)
 /// False if nothing has come. A repeated message, or the end, leaves `observed` empty.
 bool Observer::receive(std::optional<Observed> &observed)
 {
-    zmq::message_t topic, bytes;
-    if (!seen_.recv(topic, zmq::recv_flags::dontwait)) {
+    zmq::message_t parts[2];
+    auto &[topic, bytes] = parts;
+    const std::size_t n = receive_parts(seen_, parts);
+    if (!n) {
         return false;
     }
-    bool more = topic.more();
-    for (int parts = 1; more; parts++) {
-        if (parts > 1 || !seen_.recv(bytes, zmq::recv_flags::dontwait)) {
-            throw ProtocolError("the broker sends a message that is not of two parts");
-        }
-        more = bytes.more();
+    if (n != 2) {
+        throw ProtocolError("the broker sends a message that is not of two parts");
     }
     Frame frame = decode({bytes.data<std::byte>(), bytes.size()}, config_.limits);
     if (auto *finish = std::get_if<Finish>(&frame.message)) {
