@@ -169,7 +169,7 @@ TEST(Fault, ANewProgramGoesOnFromASnapshotUnnoticed)
         if (die) {
             EXPECT_EQ(again.initialized.start, 1200);
             EXPECT_EQ(again.initialized.snapshot.size(), 8u);
-            EXPECT_EQ(run.reports, "b: its connection is gone (it had reached 0.00000149 s); started again, it goes on "
+            EXPECT_EQ(run.reports, "b: its connection is gone (it had reached 0.00000149 s); restarted, it goes on "
                                    "from 0.0000012 s\nb is back at 0.00000149 s\n");
         }
         return a.all;

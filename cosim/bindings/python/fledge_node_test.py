@@ -328,7 +328,7 @@ def test_a_killed_program_starts_again_and_gets_all_messages_again(programs):
     again = start(SPRING, controller.address, "same_instant")
     programs.append(again)
     code, errors = controller.end()
-    assert code == 0 and re.search(r"spring: its connection is gone \(it had reached .*\); started again, it goes on "
+    assert code == 0 and re.search(r"spring: its connection is gone \(it had reached .*\); restarted, it goes on "
                                    r"from the start\nspring is back at ", errors), errors
     assert result(mass)["seen"] == alone(201)
     assert [t for t, *_ in result(again)["seen"]] == [k * 10 * ms for k in range(201)]
