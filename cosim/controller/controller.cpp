@@ -9,7 +9,7 @@ namespace fledge::cosim {
 namespace {
 
 constexpr int most_tries = 3;
-constexpr Ns fine = 10'000'000; // step of the horizon for nodes without instants of their own
+constexpr Ns fine = 10'000'000; // step of the horizon for nodes without rates
 
 } // namespace
 
@@ -30,15 +30,15 @@ void ControllerConfig::check() const
         }
         if (node.save_every < 0) {
             throw std::invalid_argument(node.name + " saves every " + std::to_string(node.save_every) +
-                                        " ns; expected a time > 0, or 0 for where there is need");
+                                        " ns; expected a time > 0, or 0 to save when the log is full");
         }
     }
     if (std::none_of(nodes.begin(), nodes.end(), [](const NodeConfig &n) { return n.joins == Join::at_start; })) {
-        throw std::invalid_argument("no node is there at the start; at least one has to be");
+        throw std::invalid_argument("no node joins at the start; at least one has to");
     }
     for (const AsynchronousConfig &program : asynchronous) {
         if (!names.insert(program.name).second) {
-            throw std::invalid_argument("an asynchronous program is called " + program.name + ", as another is");
+            throw std::invalid_argument("two programs are called " + program.name);
         }
     }
 }
@@ -72,7 +72,7 @@ void Controller::received(NodeId id, Frame frame)
         return lost(id, "it failed: " + failed->reason);
     }
     if ((finishing() || node.stage == Stage::dismissed) && !std::holds_alternative<Finished>(frame.message)) {
-        return; // the reply to a request before the end
+        return; // the reply to an earlier request
     }
     const auto found = [&] { return std::string(kind_name(frame.message)) + " " + std::to_string(frame.number); };
     if (!node.awaited) {
@@ -89,7 +89,7 @@ void Controller::received(NodeId id, Frame frame)
 /// Any message that is no reply.
 template <class M> void Controller::reply(NodeId id, M &)
 {
-    lost(id, "it sent what only a controller sends");
+    lost(id, "it sent a message that only a controller sends");
 }
 
 // ---- steps
@@ -140,14 +140,7 @@ void Controller::grant(NodeId id)
     ask<Tock>(id, std::move(tick));
 }
 
-void Controller::grant_all()
-{
-    for (NodeId id = 0; id < nodes_.size(); id++) {
-        grant(id);
-    }
-}
-
-/// A node has gone on, or is gone: it may step further, and so may those that wait for it.
+/// A node has stepped or is gone: it may step again, and so may the nodes that waited for it.
 void Controller::go_on(NodeId id)
 {
     grant(id);
@@ -163,8 +156,13 @@ void Controller::go_on(NodeId id)
 
 void Controller::go_on_all()
 {
-    grant_all();
+    if (phase_ == Phase::running) {
+        admission_.call_joiners(nodes_, wiring_, matching_outdated_);
+    }
     look_at_boundary();
+    for (NodeId id = 0; id < nodes_.size(); id++) {
+        grant(id);
+    }
     finish_if_complete();
 }
 
@@ -177,8 +175,8 @@ bool Controller::unblocking_nodes(std::vector<char> &marked) const
 void Controller::set_horizon(Ns horizon)
 {
     admission_.set_horizon(horizon, nodes_);
-    if (phase_ == Phase::running) {
-        grant_all();
+    for (NodeId id = 0; id < nodes_.size(); id++) {
+        grant(id);
     }
 }
 
@@ -208,7 +206,7 @@ std::string Controller::inject(const std::string &program, const std::string &na
     }
     Topic &topic = wiring_.topic(*channel);
     if (!topic.writer || !nodes_[*topic.writer].program || nodes_[*topic.writer].name() != program) {
-        return name + " does not come from " + program;
+        return name + " is not written by " + program;
     }
     if (!is_payload(payload, topic.schema.size)) {
         return "a message of " + name + " has " + std::to_string(payload.size()) +
@@ -247,11 +245,11 @@ bool Controller::save_if_due(NodeId id)
     return due;
 }
 
-/// A node that makes no snapshots has a log without bound.
+/// Without snapshots, the log of a node grows until it is full.
 void Controller::drop_log_if_full(NodeState &node)
 {
     if (node.log.bytes() > config_.log && !node.saves) {
-        report(node.name() + " cannot be started again from now on: its messages since " + when(node.log.saved()) +
+        report(node.name() + " cannot be restarted from now on: its messages since " + when(node.log.saved()) +
                " exceed " + std::to_string(config_.log) + " bytes" +
                (node.log.saved() < 0 ? ", and it makes no snapshots" : ""));
         node.log.drop();
@@ -272,7 +270,7 @@ void Controller::reply(NodeId id, Saved &m)
     go_on(id);
 }
 
-/// Send the next of the old ticks, or, after these, go on with new ones.
+/// Send the next tick of the replay; after the last one, the node steps with the others again.
 void Controller::repeat_tick(NodeId id)
 {
     NodeState &node = nodes_[id];
@@ -293,8 +291,8 @@ void Controller::repeat_tock(NodeId id, const Tock &m)
 {
     NodeState &node = nodes_[id];
     if (m.reached <= node.log.replayed() || m.reached > node.until) {
-        return lost(id, "it says that it reached " + when(m.reached) + "; it may go from " + when(node.log.replayed()) +
-                            " to " + when(node.until));
+        return lost(id, "it reports that it reached " + when(m.reached) + "; its tick goes from " +
+                            when(node.log.replayed()) + " to " + when(node.until));
     }
     std::string difference;
     for (const Record &record : m.records) {
@@ -302,7 +300,7 @@ void Controller::repeat_tock(NodeId id, const Tock &m)
             return lost(id, fault);
         }
         const Topic &topic = wiring_.topics()[record.channel];
-        if (record.t > topic.since) { // the lost program was asked for it, too
+        if (record.t > topic.since) { // the lost program wrote this topic, too
             difference = node.log.repeat_output(record, topic.name);
         }
         if (!difference.empty()) {
@@ -314,8 +312,8 @@ void Controller::repeat_tock(NodeId id, const Tock &m)
             node.log.finish_tick(m.reached, [&](std::uint32_t channel) { return wiring_.topics()[channel].name; });
     }
     if (!difference.empty()) {
-        return finish(node.name() + ": started again from " + when(node.log.saved()) +
-                      ", it does not do the same again: " + difference);
+        return finish(node.name() + ": restarted from " + when(node.log.saved()) +
+                      ", it does not repeat its messages: " + difference);
     }
     node.stage = Stage::idle;
     repeat_tick(id);
@@ -345,7 +343,7 @@ void Controller::lost(NodeId id, const std::string &why)
     }
     text += " (it had reached " + when(node.reached) + ")";
     if (phase_ == Phase::matching) {
-        restart_matching(); // first: what follows changes the wiring
+        restart_matching(); // before the calls below, which change the wiring
         node.matching = false;
     }
     const Policy policy = node.config.on_loss;
@@ -363,13 +361,13 @@ void Controller::lost(NodeId id, const std::string &why)
     } else if (policy == Policy::drop) {
         report(text + "; its messages are never written from now on");
     } else if (!kept && (policy == Policy::restart || node.saves)) {
-        return finish(text + "; its log is too large, so it cannot be started again");
+        return finish(text + "; its log is too large, so it cannot be restarted");
     } else if (kept && ++node.tries > most_tries) {
-        return finish(text + "; it was started again " + std::to_string(most_tries) + " times and came no further");
+        return finish(text + "; it was restarted " + std::to_string(most_tries) + " times without progress");
     } else if (policy == Policy::pause) {
         report(text + "; the run waits for it");
     } else {
-        report(text + "; started again, it goes on from " + when(node.log.saved()));
+        report(text + "; restarted, it goes on from " + when(node.log.saved()));
     }
     if (all_over()) {
         return finish("all nodes were lost; the last was " + text);
@@ -380,7 +378,7 @@ void Controller::lost(NodeId id, const std::string &why)
     go_on(id);
 }
 
-/// It goes before it has taken part; the others go on.
+/// A node was lost before it joined: the others go on.
 void Controller::lose_joiner(NodeId id, const std::string &why)
 {
     NodeState &node = nodes_[id];
@@ -389,27 +387,23 @@ void Controller::lose_joiner(NodeId id, const std::string &why)
     if (dismissed) {
         return;
     }
-    report(node.name() + ": " + why + ", before it took part" + (node.scheduled() ? "; it is awaited again" : ""));
+    report(node.name() + ": " + why + ", before it took part" +
+           (node.scheduled() ? "; the controller waits for it again" : ""));
     node.joining = false;
     if (std::exchange(node.matching, false)) {
         restart_matching();
         return look_at_matching();
     }
-    if (phase_ == Phase::running) {
-        look_for_joiners();
-        look_at_boundary();
-        grant_all();
-        finish_if_complete();
-    }
+    go_on_all();
 }
 
-/// From here on it writes nothing more, and no node waits for it.
+/// The node writes nothing more, and no other node waits for it.
 void Controller::give_up(NodeId id, Change::What what)
 {
     NodeState &node = nodes_[id];
     const Ns next = node.first_write();
     node.member = false;
-    changes_.push_back({what, id, std::max(node.reached, met_)}); // it was there when the nodes met
+    changes_.push_back({what, id, std::max(node.reached, met_)});
     for (std::uint32_t channel = 0; channel < wiring_.topics().size() && node.config.on_loss == Policy::drop;
          channel++) {
         const Topic &topic = wiring_.topics()[channel];
@@ -440,7 +434,7 @@ void Controller::leave(NodeId id)
     go_on(id);
 }
 
-/// Ask it to finish, while the run goes on.
+/// Ask the node to finish, while the run goes on.
 void Controller::dismiss(NodeId id, const std::string &why)
 {
     NodeState &node = nodes_[id];
@@ -539,7 +533,7 @@ void Controller::finish_if_complete()
     }
 }
 
-/// No node takes part or is still to come.
+/// Whether no node takes part any more or joins later.
 bool Controller::all_over() const
 {
     return all([](const NodeState &n) { return n.over() && !n.scheduled(); });

@@ -2,10 +2,10 @@
 // The decisions of the controller: it turns events into actions. It has no socket and no clock, so that a test can
 // try every order of events.
 //
-// - Wiring: topics, who writes and who reads them, messages on their way
-// - Grants: who may step how far
+// - Wiring: the topics, their writers and readers, and the messages on their way
+// - Grants: how far each node may step
 // - Admission: where the run stops so that nodes join
-// - RestartLog: what a new program needs to take the place of a lost one
+// - RestartLog: the data with which a new program takes the place of a lost one
 #pragma once
 
 #include "cosim/controller/grants.h"
@@ -15,8 +15,8 @@
 
 namespace fledge::cosim {
 
-/// A node came or went, after an instant. What the other nodes see follows from these times alone: with
-/// Join::at_time and a node that leaves at the same instants, the run is the same again.
+/// A node came or went after an instant. The messages that the other nodes see depend on these times alone: if nodes
+/// join (Join::at_time) and leave at the same instants, the next run has the same results.
 struct Change {
     enum What { joined, left, given_up, back };
     What what;
@@ -26,7 +26,7 @@ struct Change {
 
 namespace action {
 
-/// Let a program in as this node: open its socket, welcome it there.
+/// Accept a program as this node: open a socket for it and send its address.
 struct Accept {
     std::uint64_t peer;
     NodeId node;
@@ -39,7 +39,7 @@ struct Send {
     NodeId node;
     Frame frame;
 };
-/// Close the socket of a node, which was lost or broke the rules.
+/// Close the socket of a node that was lost or broke the protocol.
 struct ShutOut {
     NodeId node;
     std::string reason;
@@ -48,11 +48,11 @@ struct ShutOut {
 struct Report {
     std::string text;
 };
-/// All nodes have been matched, and step from here on; it comes again where nodes have joined.
+/// All nodes are matched and step from now on. It comes again at each boundary where nodes joined.
 struct Began {
     Exchange exchange;
 };
-/// What a node wrote, in order and checked. The times are those of writing.
+/// Messages that a node wrote: checked, in order, with the times of writing.
 struct Wrote {
     NodeId node;
     std::vector<Record> records;
@@ -73,41 +73,43 @@ public:
     /// Throws std::invalid_argument if the configuration makes no sense.
     explicit Controller(ControllerConfig config);
 
-    // Events. Each may leave actions.
+    // Events. Each may add actions to the list.
 
-    /// A program asks to be let in. `peer` is the caller's own name for it.
+    /// A program greets. The caller chooses `peer`; the answer repeats it.
     void hello(std::uint64_t peer, const Hello &hello);
+    /// Why this simulation refuses any program with this greeting; "" if it accepts it.
+    std::string refusal(const Hello &hello) const;
     /// A node's frame.
     void received(NodeId node, Frame frame);
-    /// A node is gone, is late, or sent what is no frame.
+    /// A node's connection is gone, its reply is late, or it sent an invalid frame.
     void lost(NodeId node, const std::string &why);
-    /// An asynchronous program writes. Returns why it may not; "" if it may. All readers see the message as of the
-    /// first time that none of them was granted yet, and before the next message of the topic.
+    /// An asynchronous program writes. Returns why the controller refuses the message; "" if it accepts it. The message
+    /// gets the first time that no reader was granted yet. Each reader sees it before the topic's next message.
     std::string inject(const std::string &program, const std::string &topic, const Payload &payload);
     /// The user asks for the end.
     void stop(const std::string &why) { finish(why); }
 
-    /// What to do now, in this order. Empties the list.
+    /// The list of actions, to be done in this order. Empties it.
     std::vector<Action> take_actions() { return std::exchange(actions_, {}); }
 
-    /// For pacing: let the nodes go on, up to and including this instant.
+    /// For pacing: nodes may step up to and including this instant.
     void set_horizon(Ns horizon);
-    /// The first instant after the horizon at which a node steps, or the end; for_ever if it is behind.
+    /// The first instant after the horizon at which a node steps, or the end; for_ever if the horizon has passed the end.
     Ns next_due() const;
-    /// Whether all nodes wait for one that was lost or joins.
+    /// Whether all nodes wait for a node that was lost or that joins.
     bool waiting() const;
 
     /// Whether the node owes a reply.
     bool waiting_for(NodeId node) const { return nodes_[node].awaited; }
-    /// Marks nodes: the controller has nothing to do until one of these answers with a whole tick. False: any
-    /// reply may give it something to do.
+    /// Marks nodes: the controller has nothing to do until one of these has finished its tick. False: the controller
+    /// may have to react to any reply.
     bool unblocking_nodes(std::vector<char> &marked) const;
-    /// The names of the nodes that are missing, and without which the run cannot begin or go on.
+    /// The names of the missing nodes without which the run cannot begin or go on.
     std::vector<std::string> absent() const;
     /// All changes after the start, in their order.
     const std::vector<Change> &changes() const { return changes_; }
 
-    /// Whether the nodes know one another's messages.
+    /// Whether the first matching is complete.
     bool matched() const { return begun_; }
     /// All topics, by channel number.
     std::vector<Channel> channels() const { return wiring_.channels(); }
@@ -140,7 +142,6 @@ private:
 
     // Joining and matching: controller_matching.cpp.
     void initialize(NodeId id);
-    void look_for_joiners();
     void look_at_boundary();
     void begin_matching();
     void look_at_matching();
@@ -152,14 +153,13 @@ private:
 
     // Steps.
     void grant(NodeId id);
-    void grant_all();
     void go_on(NodeId id);
     void go_on_all();
     bool save_if_due(NodeId id);
     void drop_log_if_full(NodeState &node);
     bool paused() const;
 
-    // A new program repeats what the lost one did.
+    // A new program repeats the ticks of the lost one.
     void repeat_tick(NodeId id);
     void repeat_tock(NodeId id, const Tock &m);
 
@@ -174,26 +174,26 @@ private:
     bool all_over() const;
 
     ControllerConfig config_;
-    Nodes nodes_; ///< and behind them the asynchronous programs
+    Nodes nodes_; ///< followed by the asynchronous programs
     Wiring wiring_;
-    Wiring wiring_before_; ///< the current matching
+    Wiring wiring_before_; ///< the wiring before the current matching
     Admission admission_;
     Phase phase_ = Phase::gathering;
     bool begun_ = false;
-    bool matching_outdated_ = false; ///< a node was lost: the matching has to be done again
-    Ns boundary_ = -1;               ///< of the current matching, or the last one
-    Ns met_ = -1;                    ///< the last boundary where a matching came to its end
+    bool matching_outdated_ = false; ///< a node was lost: the matching has to begin again
+    Ns boundary_ = -1;               ///< of the current or last matching
+    Ns met_ = -1;                    ///< the boundary of the last completed matching
     struct Injection {
         std::string program, topic;
         Payload payload;
     };
-    std::vector<Injection> injected_; ///< during a matching
+    std::vector<Injection> injected_; ///< received during a matching
     std::string reason_;
     std::vector<Action> actions_;
     std::vector<Change> changes_;
 };
 
-/// The place of a kind in Message.
+/// The index of a kind in Message.
 template <class M, std::size_t I = 0> constexpr std::size_t kind_of()
 {
     if constexpr (std::is_same_v<M, std::variant_alternative_t<I, Message>>) {

@@ -1,21 +1,28 @@
 // SPDX-License-Identifier: Apache-2.0
-// How nodes come, and how they are matched: before the run, and at each boundary where nodes join.
+// How nodes join and are matched: before the run, and at each boundary where nodes join.
 #include "cosim/controller/controller.h"
 
 #include <algorithm>
 
 namespace fledge::cosim {
 
+std::string Controller::refusal(const Hello &hello) const
+{
+    if (hello.oldest > protocol_version || hello.newest < protocol_version) {
+        return "this controller speaks version " + std::to_string(protocol_version) +
+               " of the format, the node versions " + std::to_string(hello.oldest) + " to " +
+               std::to_string(hello.newest);
+    }
+    return hello.simulation == config_.simulation
+               ? ""
+               : "this is the simulation " + config_.simulation + ", not " + hello.simulation;
+}
+
 void Controller::hello(std::uint64_t peer, const Hello &hello)
 {
     const auto refuse = [&](const std::string &reason) { act(action::Refuse{peer, reason}); };
-    if (hello.oldest > protocol_version || hello.newest < protocol_version) {
-        return refuse("this controller speaks version " + std::to_string(protocol_version) +
-                      " of the format, the node versions " + std::to_string(hello.oldest) + " to " +
-                      std::to_string(hello.newest));
-    }
-    if (hello.simulation != config_.simulation) {
-        return refuse("this is the simulation " + config_.simulation + ", not " + hello.simulation);
+    if (const std::string reason = refusal(hello); !reason.empty()) {
+        return refuse(reason);
     }
     std::vector<std::string> names;
     for (const NodeConfig &node : config_.nodes) {
@@ -30,7 +37,7 @@ void Controller::hello(std::uint64_t peer, const Hello &hello)
         return refuse("the run is over" + (reason_.empty() ? "" : ": " + reason_));
     }
     if (node.connected()) {
-        return refuse("there is a node " + hello.node + " already");
+        return refuse(hello.node + " is already connected");
     }
     if (node.been && !node.member && !node.config.rejoins) {
         return refuse(hello.node + (node.stage == Stage::lost ? " was lost at " : " left at ") + when(node.reached) +
@@ -42,11 +49,10 @@ void Controller::hello(std::uint64_t peer, const Hello &hello)
     node.number = 0;
     act(action::Accept{peer, id});
     if (node.scheduled()) {
-        node.reached = node.config.joins_after; // so it can prepare while the others run
+        node.reached = node.config.joins_after; // it prepares while the others run
         initialize(id);
     } else if (node.joining) {
-        look_for_joiners();
-        look_at_boundary();
+        go_on_all();
     } else if (phase_ != Phase::matching) {
         initialize(id);
     }
@@ -105,13 +111,6 @@ void Controller::reply(NodeId id, Desired &m)
 }
 
 // ---- boundaries
-
-void Controller::look_for_joiners()
-{
-    if (phase_ == Phase::running) {
-        admission_.call_joiners(nodes_, wiring_, matching_outdated_);
-    }
-}
 
 /// If all nodes have met at the boundary and the joiners are ready, match them.
 void Controller::look_at_boundary()
@@ -181,7 +180,7 @@ void Controller::look_at_matching()
         return;
     }
     if (matching_outdated_) {
-        // The nodes know channels that no longer exist: all are matched again, at the same boundary.
+        // Channels have changed: match all nodes again, at the same boundary.
         admission_.call_again(boundary_);
         for (NodeState &node : nodes_) {
             if (std::exchange(node.matching, false)) {
@@ -196,7 +195,7 @@ void Controller::look_at_matching()
     }
 }
 
-/// All nodes have said what they write.
+/// All nodes have sent their publications.
 void Controller::connect()
 {
     std::vector<std::string> notes;
@@ -277,13 +276,10 @@ void Controller::resume()
     for (const Injection &injection : std::exchange(injected_, {})) {
         inject(injection.program, injection.topic, injection.payload);
     }
-    look_for_joiners();
-    look_at_boundary();
-    grant_all();
-    finish_if_complete();
+    go_on_all();
 }
 
-/// Counts begin at 1, and the node gets again what it was sent but has not seen.
+/// Counts begin at 1. The controller sends again the messages that the node has not yet seen.
 void Controller::start(NodeId id)
 {
     NodeState &node = nodes_[id];

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Runs from the first greeting to the end, in every order of replies, and what the controller refuses. Nodes that
-// join and leave are in life_test.cpp.
+// Runs from the first greeting to the end, in every order of replies, and the faults that the controller refuses.
+// life_test.cpp has nodes that join and leave.
 #include "cosim/controller/testing/network.h"
 
 #include <array>
@@ -8,7 +8,7 @@
 namespace fledge::cosim {
 namespace {
 
-TEST(Controller, WhatNodesSeeFollowsFromTheLatenciesInEveryOrderOfReplies)
+TEST(Controller, InputsDependOnlyOnTheLatenciesInEveryOrderOfReplies)
 {
     for (unsigned network = 0; network < 400; network++) {
         Random random(network);
@@ -33,7 +33,7 @@ Spec spec_of(const std::string &name, std::vector<Subscription> subscriptions, s
     return {name, {{10, 0}}, false, std::move(subscriptions), std::move(writes)};
 }
 
-TEST(Controller, AnAsynchronousMessageIsSeenAsIfANodeHadWrittenItAtTheReportedTime)
+TEST(Controller, NodesSeeAnAsynchronousMessageFromItsReportedTimeOn)
 {
     std::size_t seen = 0, written = 0;
     for (unsigned network = 0; network < 300; network++) {
@@ -68,7 +68,7 @@ TEST(Controller, AnAsynchronousMessageIsSeenAsIfANodeHadWrittenItAtTheReportedTi
             ASSERT_EQ(bench.history()[spec.name],
                       wanted.contains(spec.name) ? wanted.at(spec.name) : History::mapped_type{})
                 << spec.name << " in network " << network;
-            // No reader misses one, unless the end comes first.
+            // Each reader sees each message, unless the run ends first.
             for (const Subscription &subscription : spec.subscriptions) {
                 if (subscription.topic != "/ground/command" || spec.any_time) {
                     continue;
@@ -105,8 +105,8 @@ TEST(Controller, AnAsynchronousMessageIsRefusedWithTheReason)
         return bench.controller.inject(program, topic, payload);
     };
     EXPECT_EQ(inject("ground", "/ground/command", word(5)), "");
-    EXPECT_EQ(inject("ground", "/a/x", word(5)), "/a/x does not come from ground");
-    EXPECT_EQ(inject("viewer", "/ground/command", word(5)), "/ground/command does not come from viewer");
+    EXPECT_EQ(inject("ground", "/a/x", word(5)), "/a/x is not written by ground");
+    EXPECT_EQ(inject("viewer", "/ground/command", word(5)), "/ground/command is not written by viewer");
     EXPECT_EQ(inject("ground", "/ground/other", word(5)), "no node reads /ground/other");
     EXPECT_EQ(inject("ground", "/ground/command", Bytes(7)),
               "a message of /ground/command has 7 bytes; expected a CDR header and 8");
@@ -155,7 +155,7 @@ std::vector<Spec> pair(Latency there = Latency::same_instant, Latency back = Lat
             spec("flight", 500, {subscription("/world/x", there)}, {"/flight/u"})};
 }
 
-TEST(Controller, ListenersGetAllThatNodesWroteInOrder)
+TEST(Controller, ListenersGetAllMessagesInOrder)
 {
     for (unsigned network = 0; network < 40; network++) {
         Random random(network);
@@ -186,9 +186,9 @@ TEST(Controller, ListenersGetAllThatNodesWroteInOrder)
     }
 }
 
-TEST(Controller, FastNodesStepOftenInOneTickOfASlowOne)
+TEST(Controller, AFastNodeStepsManyTimesPerTickOfASlowNode)
 {
-    // Ten milliseconds and a second meet once a second: two ticks each, not a hundred.
+    // Steps of 10 ms and of 1 s coincide once a second: two ticks each, not a hundred.
     const std::vector<Spec> specs = {
         spec("control", 10, {subscription("/thermal/t", Latency::next_instant)}, {"/control/u"}),
         spec("thermal", 1000, {subscription("/control/u", Latency::same_instant)}, {"/thermal/t"})};
@@ -201,11 +201,11 @@ TEST(Controller, FastNodesStepOftenInOneTickOfASlowOne)
     EXPECT_EQ(instants, 1001u + 11u);
     // Without early returns it would be one tick per second and node, and one for the instant 0.
     EXPECT_LT(bench.ticks, 200u);
-    // And the slow node gets only what it sees.
+    // And the slow node gets only the messages that it sees.
     EXPECT_EQ(bench.nodes[1].counts.begin()->second, 11u);
 }
 
-TEST(Controller, NodesJoinedByExchangesStepSideBySide)
+TEST(Controller, NodesConnectedByExchangesStepAtTheSameTime)
 {
     Bench bench(pair(Latency::next_exchange, Latency::next_exchange), 2000, 1);
     bench.begin();
@@ -231,33 +231,35 @@ TEST(Controller, AllFaultsOfANetworkAreReportedBeforeTheFirstTick)
 {
     auto specs = pair(Latency::same_instant, Latency::same_instant);
     const auto outcome = [&] { return Bench(specs, 1000, 5).run(); };
-    EXPECT_EQ(outcome(), "these wait for one another without end: flight for /world/x of world, world for /flight/u "
-                         "of flight; one of these messages has to be read later, at the next instant or exchange");
+    EXPECT_EQ(outcome(),
+              "these nodes wait for each other in a cycle: flight for /world/x of world, world for /flight/u "
+              "of flight; one of these messages has to be read later, at the next instant or exchange");
     specs = pair();
     specs[0].subscriptions.push_back(subscription("/flight/v", Latency::next_instant));
     specs[0].subscriptions.push_back(subscription("/world/x", Latency::next_instant));
     specs[0].subscriptions.push_back(specs[0].subscriptions[0]);
-    EXPECT_EQ(outcome(), "world wants /flight/v, which no other node writes\n"
-                         "world wants /world/x, which no other node writes\n"
-                         "world wants /flight/u twice");
+    EXPECT_EQ(outcome(), "world subscribes to /flight/v, which no other node writes\n"
+                         "world subscribes to /world/x, which no other node writes\n"
+                         "world subscribes to /flight/u twice");
     specs[0].subscriptions.resize(2);
     specs[0].subscriptions[1].optional = true;
     Bench without(specs, 1000, 5);
     EXPECT_EQ(without.run(), "");
-    ASSERT_EQ(without.reports.size(), 1u); // it flies, and the user knows
-    EXPECT_EQ(without.reports[0], "world wants /flight/v, which no other node writes; it can do without");
+    ASSERT_EQ(without.reports.size(), 1u); // the run goes on, and the user gets a note
+    EXPECT_EQ(without.reports[0],
+              "world subscribes to /flight/v, which no other node writes; the subscription is optional");
     specs = pair();
     specs.push_back(spec("other", 100, {}, {"/world/x"}));
-    const std::string why = outcome(); // the one that matches first is named first
-    EXPECT_TRUE(why.starts_with("/world/x is written by world and by other; one of them has to leave it") ||
-                why.starts_with("/world/x is written by other and by world; one of them has to leave it"))
+    const std::string why = outcome(); // in the order of matching
+    EXPECT_TRUE(why.starts_with("/world/x is written by world and by other; one of them has to rename it") ||
+                why.starts_with("/world/x is written by other and by world; one of them has to rename it"))
         << why;
     specs = pair();
     specs[1].subscriptions[0].schema = make_schema("Word", "uint64 x  # x [m] a word\n");
-    EXPECT_EQ(outcome(), "flight wants /world/x of world, but field x is uint64 [-] where it is offered and "
-                         "uint64 [m] where it is wanted");
+    EXPECT_EQ(outcome(), "flight subscribes to /world/x of world, but field x is uint64 [-] in the publication and "
+                         "uint64 [m] in the subscription");
     specs[1].subscriptions[0].schema.hash++;
-    EXPECT_EQ(outcome(), "flight wants /world/x with a bad definition: its hash is not that of its text");
+    EXPECT_EQ(outcome(), "flight subscribes to /world/x with a bad definition: its hash is not that of its text");
     specs = pair();
     specs[1].rates[0].period = 0;
     EXPECT_EQ(outcome().substr(0, 42), "flight: a step of 0 ns from 0 ns on; a per");
@@ -281,7 +283,7 @@ TEST(Controller, AGreetingIsRefusedWithTheReason)
                                   "this controller speaks version 1 of the format, the node versions 2 to 3",
                                   "this is the simulation bench, not other",
                                   "bench has no node wrold; it has world and flight",
-                                  "there is a node world already",
+                                  "world is already connected",
                                   "the run is over: enough",
                               }));
     EXPECT_EQ(bench.go_on(), "enough");
@@ -309,7 +311,7 @@ template <class Change> std::string outcome_of(Change change)
     return bench.outcome.value_or("the run hangs");
 }
 
-TEST(Controller, ATockThatBreaksTheRulesIsNamed)
+TEST(Controller, AnInvalidTockIsReportedWithItsFault)
 {
     const auto starts = [](const std::string &outcome, const std::string &start) {
         EXPECT_TRUE(outcome.starts_with("world: " + start)) << outcome;
@@ -318,7 +320,7 @@ TEST(Controller, ATockThatBreaksTheRulesIsNamed)
            "duplicate: message 0 of /world/x came before");
     starts(outcome_of([](Frame &, Tock &m) { m.records[0].count++; }), "gap: message 2 of /world/x follows message 0");
     starts(outcome_of([](Frame &, Tock &m) { m.records[0].t = -1; }),
-           "late: message 1 of /world/x is of the start, and others have passed it");
+           "late: message 1 of /world/x was written at the start, which other nodes have passed");
     starts(outcome_of([](Frame &, Tock &m) { m.records[0].t = m.reached + 1; }), "early: message 1 of /world/x");
     starts(outcome_of([](Frame &, Tock &m) {
                m.reached = std::max<Ns>(m.reached, 0);
@@ -329,19 +331,19 @@ TEST(Controller, ATockThatBreaksTheRulesIsNamed)
     starts(outcome_of([](Frame &, Tock &m) { m.records[0].payload = Bytes(11); }),
            "incomplete: message 1 of /world/x has 11 bytes");
     starts(outcome_of([](Frame &, Tock &m) { m.records[0].channel = 0; }),
-           "it wrote on channel 0, which is not its own");
+           "it wrote on channel 0, which it does not publish");
     starts(outcome_of([](Frame &, Tock &m) { m.records[0].channel = 77; }),
-           "it wrote on channel 77, which is not its own");
+           "it wrote on channel 77, which it does not publish");
     starts(outcome_of([](Frame &, Tock &m) { m.reached = -1; }),
-           "it says that it reached the start; it may go from the start to 0 s");
-    starts(outcome_of([](Frame &, Tock &m) { m.reached += 1000; }), "it says that it reached ");
+           "it reports that it reached the start; its tick goes from the start to 0 s");
+    starts(outcome_of([](Frame &, Tock &m) { m.reached += 1000; }), "it reports that it reached ");
     starts(outcome_of([](Frame &f, Tock &) { f.number++; }), "it sent Tock ");
     starts(outcome_of([](Frame &f, Tock &) { f.message = Ready{}; }), "it sent Ready ");
     starts(outcome_of([](Frame &f, Tock &) { f.message = Failed{"a pole"}; }), "it failed: a pole");
     EXPECT_EQ(outcome_of([](Frame &, Tock &) {}), "");
 }
 
-TEST(Controller, ALaterStepOutOfTheGridIsRefused)
+TEST(Controller, AMessageBetweenTheStepsOfItsNodeIsRefused)
 {
     Bench bench(pair(), 1000, 3);
     bench.begin();
@@ -350,11 +352,12 @@ TEST(Controller, ALaterStepOutOfTheGridIsRefused)
     ASSERT_EQ(bench.tick_of(world), 500);
     const auto channel = bench.nodes[world].written.at("/world/x").first;
     bench.tock(world, {500, 0, {{channel, 1, 150, word(1)}}});
-    EXPECT_EQ(bench.go_on(), "world: out of step: message 1 of /world/x is of 0.00000015 s, when it does not step "
-                             "(it had reached 0 s)");
+    EXPECT_EQ(bench.go_on(),
+              "world: out of step: message 1 of /world/x was written at 0.00000015 s, when the node does not step "
+              "(it had reached 0 s)");
 }
 
-/// Run until the node owes a reply to a tick later than `t`, and lose it then.
+/// Run until the node has an unfinished tick beyond `t`, and lose it then.
 bool lose(Bench &bench, NodeId id, Ns t)
 {
     for (;;) {
@@ -371,7 +374,7 @@ bool lose(Bench &bench, NodeId id, Ns t)
     }
 }
 
-TEST(Controller, ALostNodeEndsTheRunOrNotAsItsPolicySays)
+TEST(Controller, ThePolicyDecidesWhetherALostNodeEndsTheRun)
 {
     for (const Policy policy : {Policy::abort, Policy::hold, Policy::drop}) {
         auto specs = pair(Latency::next_exchange, Latency::next_exchange);
@@ -393,7 +396,7 @@ TEST(Controller, ALostNodeEndsTheRunOrNotAsItsPolicySays)
     }
 }
 
-TEST(Controller, ARunThatWaitedForANodeGivesTheSame)
+TEST(Controller, APauseDoesNotChangeTheResults)
 {
     std::size_t losses = 0;
     for (unsigned network = 0; network < 100; network++) {
@@ -414,7 +417,7 @@ TEST(Controller, ARunThatWaitedForANodeGivesTheSame)
             while (bench.reply_somewhere()) {
             }
             ASSERT_FALSE(bench.outcome) << "all nodes wait for the lost one";
-            // It comes back as it was at the end of its last tick, but remembers no message.
+            // It comes back with its state at the end of its last tick, but without its inputs.
             FakeNode &node = bench.nodes[id];
             node.counts.clear();
             node.seen.clear();
@@ -433,7 +436,7 @@ TEST(Controller, ARunThatWaitedForANodeGivesTheSame)
     EXPECT_GT(losses, 100u);
 }
 
-TEST(Controller, ANodeThatComesBackOtherwiseIsRefused)
+TEST(Controller, ARestartedNodeWithOtherStepsOrTopicsIsRefused)
 {
     auto specs = pair();
     specs[1].on_loss = Policy::pause;
@@ -453,7 +456,7 @@ TEST(Controller, ANodeThatComesBackOtherwiseIsRefused)
 
 TEST(Controller, TheRunEndsWheneverANodeDies)
 {
-    // Some node dies after any number of replies, others while they finish: the run still ends.
+    // A node dies after any number of replies, others while they finish: the run still ends.
     for (unsigned seed = 0; seed < 2000; seed++) {
         Random random(seed);
         auto specs = random_network(random);
@@ -484,7 +487,7 @@ TEST(Controller, TheRunEndsWheneverANodeDies)
     }
 }
 
-TEST(Controller, AConfigurationThatMakesNoSenseIsRefused)
+TEST(Controller, AnInvalidConfigurationIsRefused)
 {
     const auto configured = [](const std::vector<Spec> &specs, Ns end) {
         return Controller(Bench::configured(specs, end, 1000, 4096));

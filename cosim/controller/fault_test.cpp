@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The table of faults, as in README.md: who is lost in which phase under which policy, and what comes of
-// it; and what a node may do wrong.
+// The table of faults in README.md: each node is lost in each phase under each policy; and each wrong action of a
+// node.
 #include "cosim/controller/testing/network.h"
 #include "cosim/protocol/words.h"
 
@@ -9,7 +9,7 @@
 namespace fledge::cosim {
 namespace {
 
-/// Two that exchange words, and one that comes after 300 ns.
+/// Two nodes that exchange words, and one that joins after 300 ns.
 std::vector<Spec> three(Policy policy)
 {
     std::vector<Spec> specs(3);
@@ -31,7 +31,7 @@ struct Case {
     std::function<bool(const Bench &)> reached;
 };
 
-/// Go on until then, with the late one at its time. False if the run ends before.
+/// Run until the condition holds; the late node joins at its time. False if the run ends before.
 bool until(Bench &bench, const std::function<bool(const Bench &)> &reached)
 {
     for (bool some = true; some; some = bench.reply_somewhere()) {
@@ -47,7 +47,7 @@ bool until(Bench &bench, const std::function<bool(const Bench &)> &reached)
     return false;
 }
 
-/// To the end; those that the run waits for come (again).
+/// Run to the end; the nodes for which the run waits connect (again).
 std::string to_the_end(Bench &bench)
 {
     for (int comings = 0; comings < 20; comings++) {
@@ -96,8 +96,8 @@ TEST(Faults, ANodeIsKilledInEveryPhase)
                 bench.controller.lost(victim, "it was killed");
                 EXPECT_EQ(to_the_end(bench), who + ": it was killed") << name << kind;
             }
-            // While it ticks; while it stands at the boundary where the late one joins; while it is matched
-            // there; and while it saves.
+            // The node dies during a tick; at the boundary where the late node joins; during the matching there;
+            // and while it makes a snapshot.
             for (const char *kind : {"Tick", "boundary", "Match", "Start", "Save"}) {
                 if (std::string(kind) == "Save" && policy != Policy::restart) {
                     continue;
@@ -133,7 +133,7 @@ TEST(Faults, ANodeIsKilledInEveryPhase)
                 ASSERT_FALSE(bench.reports.empty()) << what;
                 EXPECT_TRUE(bench.reports[0].starts_with(who + ": it was killed (it had reached ")) << bench.reports[0];
             }
-            // While all finish, it is a loss no more.
+            // While all nodes finish, it does not count as a loss.
             Bench bench(three(policy), 600, 4);
             bench.arrive(0);
             bench.arrive(1);
@@ -156,12 +156,12 @@ TEST(Faults, AJoinerThatIsKilledDoesNotStopTheOthers)
         bench.controller.lost(2, "it was killed");
         bench.nodes[2].start_anew(false);
         EXPECT_EQ(to_the_end(bench), "") << kind;
-        EXPECT_EQ(bench.reports[0], "late: it was killed, before it took part; it is awaited again");
+        EXPECT_EQ(bench.reports[0], "late: it was killed, before it took part; the controller waits for it again");
         EXPECT_EQ(bench.history().at("late").size(), 15u);
     }
 }
 
-TEST(Faults, AJoinerThatDoesNotFitStaysOutsideAndTheRunGoesOn)
+TEST(Faults, AnIncompatibleJoinerIsRefusedAndTheRunGoesOn)
 {
     auto specs = three(Policy::abort);
     specs[2].joins = Join::when_it_comes;
@@ -173,8 +173,9 @@ TEST(Faults, AJoinerThatDoesNotFitStaysOutsideAndTheRunGoesOn)
     bench.arrive(2);
     EXPECT_EQ(to_the_end(bench), "");
     ASSERT_EQ(bench.reports.size(), 1u);
-    EXPECT_EQ(bench.reports[0], "late cannot join: late wants /world/x of world, but field x is uint64 [-] where it is "
-                                "offered and uint64 [m] where it is wanted");
+    EXPECT_EQ(bench.reports[0],
+              "late cannot join: late subscribes to /world/x of world, but field x is uint64 [-] in the "
+              "publication and uint64 [m] in the subscription");
     EXPECT_TRUE(bench.controller.changes().empty());
     Bench undisturbed(three(Policy::abort), 600, 7);
     undisturbed.arrive(0);
@@ -182,18 +183,20 @@ TEST(Faults, AJoinerThatDoesNotFitStaysOutsideAndTheRunGoesOn)
     EXPECT_EQ(to_the_end(undisturbed), "");
     EXPECT_EQ(bench.history().at("flight"), undisturbed.history().at("flight"));
 
-    // One that was to come at a time is missed instead.
+    // Without a node that has to join at a time, the run ends.
     specs[2].joins = Join::at_time;
     Bench awaited(specs, 600, 8);
     awaited.arrive(0);
     awaited.arrive(1);
-    EXPECT_TRUE(to_the_end(awaited).starts_with("late wants /world/x of world, but field x is "));
+    EXPECT_TRUE(to_the_end(awaited).starts_with("late subscribes to /world/x of world, but field x is "));
 }
 
-TEST(Faults, AProgramThatDoesNotDoTheSameAgainEndsTheRun)
+TEST(Faults, ARestartedProgramWithOtherOutputsEndsTheRun)
 {
-    for (const auto &[mischief, complaint] : std::map<std::string, std::string>{
-             {"value", " has another value"}, {"more", ", which it did not"}, {"less", ", as it did"}}) {
+    for (const auto &[mischief, complaint] :
+         std::map<std::string, std::string>{{"value", " differs from the lost program's value"},
+                                            {"more", ", which the lost program did not"},
+                                            {"less", ", but the lost program did"}}) {
         Bench bench(three(Policy::restart), 600, 9);
         bench.arrive(0);
         bench.arrive(1);
@@ -226,13 +229,13 @@ TEST(Faults, AProgramThatDoesNotDoTheSameAgainEndsTheRun)
         }
         EXPECT_TRUE(changed);
         const std::string outcome = bench.outcome.value_or("none");
-        EXPECT_TRUE(outcome.starts_with("world: started again from 0.0000001 s")) << outcome;
-        EXPECT_TRUE(outcome.find("it does not do the same again: ") != std::string::npos) << outcome;
+        EXPECT_TRUE(outcome.starts_with("world: restarted from 0.0000001 s")) << outcome;
+        EXPECT_TRUE(outcome.find("it does not repeat its messages: ") != std::string::npos) << outcome;
         EXPECT_TRUE(outcome.ends_with(complaint)) << outcome;
     }
 }
 
-TEST(Faults, AProgramThatDiesAgainAndAgainEndsTheRun)
+TEST(Faults, AProgramThatDiesRepeatedlyEndsTheRun)
 {
     Bench bench(three(Policy::restart), 600, 10);
     bench.arrive(0);
@@ -244,7 +247,7 @@ TEST(Faults, AProgramThatDiesAgainAndAgainEndsTheRun)
         bench.arrive(0);
         bench.act();
     }
-    EXPECT_TRUE(to_the_end(bench).ends_with("; it was started again 3 times and came no further"));
+    EXPECT_TRUE(to_the_end(bench).ends_with("; it was restarted 3 times without progress"));
 }
 
 TEST(Faults, ARestartLogIsBounded)
@@ -264,15 +267,15 @@ TEST(Faults, ARestartLogIsBounded)
         bench.controller.lost(0, "it was killed");
         const std::string outcome = to_the_end(bench);
         if (saves) {
-            EXPECT_EQ(outcome, ""); // it was asked for a snapshot in time
+            EXPECT_EQ(outcome, ""); // it made a snapshot in time
         } else {
-            EXPECT_TRUE(outcome.ends_with("; its log is too large, so it cannot be started again")) << outcome;
-            EXPECT_NE(bench.reports[0].find(" cannot be started again from now on"), std::string::npos);
+            EXPECT_TRUE(outcome.ends_with("; its log is too large, so it cannot be restarted")) << outcome;
+            EXPECT_NE(bench.reports[0].find(" cannot be restarted from now on"), std::string::npos);
         }
     }
 }
 
-TEST(Faults, StepsThatAreNotAsConfiguredAreRefusedBeforeTheFirstTick)
+TEST(Faults, StepsOtherThanConfiguredAreRefusedBeforeTheFirstTick)
 {
     const auto specs = three(Policy::abort);
     auto config = Bench::configured(specs, 600, 1000, 4096);
@@ -284,7 +287,7 @@ TEST(Faults, StepsThatAreNotAsConfiguredAreRefusedBeforeTheFirstTick)
                                  "has to be changed");
 }
 
-TEST(Faults, AConfigurationOfLivesThatMakesNoSenseIsRefused)
+TEST(Faults, AnInvalidConfigurationOfJoinsAndRestartsIsRefused)
 {
     const auto refusal = [](const auto &change) -> std::string {
         auto config = Bench::configured(three(Policy::abort), 600, 1000, 4096);
@@ -300,12 +303,12 @@ TEST(Faults, AConfigurationOfLivesThatMakesNoSenseIsRefused)
     EXPECT_EQ(refusal([](auto &c) { c.nodes[2].joins_after = 600; }),
               "late joins after 0.0000006 s; expected a time from 0 to before the end at 0.0000006 s");
     EXPECT_EQ(refusal([](auto &c) { c.nodes[0].save_every = -1; }),
-              "world saves every -1 ns; expected a time > 0, or 0 for where there is need");
+              "world saves every -1 ns; expected a time > 0, or 0 to save when the log is full");
     EXPECT_EQ(refusal([](auto &c) {
                   c.nodes.resize(1);
                   c.nodes[0].joins = Join::when_it_comes;
               }),
-              "no node is there at the start; at least one has to be");
+              "no node joins at the start; at least one has to");
 }
 
 } // namespace

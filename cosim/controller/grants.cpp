@@ -54,8 +54,8 @@ Ns Grants::known_until(NodeId id) const
     return last;
 }
 
-/// Whether some input of the node's next instant is not known yet. The input that blocked it last is tried first:
-/// in a large exchange, this is asked often.
+/// Whether some input of the node's next instant is not known yet. It tries the input first that blocked the node
+/// last, because large exchanges call this function often.
 bool Grants::blocked(NodeId id) const
 {
     const NodeState &node = nodes_[id];
@@ -95,8 +95,8 @@ Ns Grants::settled() const
     return std::min(last, furthest);
 }
 
-/// Before the controller can grant a node anything, the node's own tock has to come, and the tocks of all that
-/// block it then: to watch one of these is enough. An idle node blocks it only until another tock comes.
+/// Before the controller can grant a node its next tick, it needs the node's own tock and those of all nodes that block
+/// it: to watch one of these is enough. If one of them is idle, it waits for another ticking node, which is watched.
 bool Grants::unblocking_nodes(std::vector<char> &marked) const
 {
     marked.assign(nodes_.size(), false);
@@ -131,14 +131,14 @@ bool Grants::unblocking_nodes(std::vector<char> &marked) const
             }
         }
         if (watched == none) {
-            return false; // something else holds it
+            return false; // the node waits for something else than tocks
         }
         if (!enough) {
             marked[watched] = true;
         }
     }
     if (ticking != none && std::find(marked.begin(), marked.end(), true) == marked.end()) {
-        marked[ticking] = true; // the end comes with the last tock
+        marked[ticking] = true; // the run ends with the last tock
     }
     return ticking != none;
 }
@@ -152,7 +152,7 @@ void Admission::call_joiners(const Nodes &nodes, const Wiring &wiring, bool rema
     if (some && !called_) {
         Ns t = -1;
         for (const NodeState &node : nodes) {
-            t = node.been ? std::max(t, node.granted()) : t; // also of nodes that left: they have written
+            t = node.been ? std::max(t, node.granted()) : t; // also nodes that left: their messages count
         }
         for (const Topic &topic : wiring.topics()) {
             t = topic.ahead.empty() ? t : std::max(t, topic.ahead.back().t);

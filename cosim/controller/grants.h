@@ -5,7 +5,7 @@
 
 namespace fledge::cosim {
 
-/// Who may step how far.
+/// How far each node may step.
 ///
 /// A node may step through all instants for which its inputs are known. With s the first instant at which a
 /// producer may still write, a consumer may go, by the latency of the wire,
@@ -14,10 +14,10 @@ namespace fledge::cosim {
 ///     next_instant    until s
 ///     next_exchange   until E + X, with E the last multiple of X before s,
 ///
-/// where X is the longest period of the two. The least of these is its grant. From that follows all the rest:
-/// producers step before their consumers, nodes joined by exchanges side by side, fast nodes many times in one
-/// tick while a slow one has nothing to say. The order of replies changes how instants are grouped into ticks, but
-/// never what a node sees at an instant.
+/// where X is the longest period of the two. The least of these is its grant. Therefore producers step before their
+/// consumers, nodes joined by exchanges step side by side, and a fast node takes many steps in one tick between two
+/// messages of a slow one. The order of replies changes how instants are grouped into ticks, but never the messages
+/// that a node sees at an instant.
 class Grants {
 public:
     /// A view of these. No node steps beyond `last`.
@@ -26,12 +26,12 @@ public:
     {
     }
 
-    /// Until when an idle node may step in its next tick; its `reached` if it has to wait.
+    /// The last instant of an idle node's next tick; its `reached` if it has to wait.
     Ns grant(NodeId id) const;
-    /// The last instant at which no node will write any more. Nodes that join begin after all grants.
+    /// No node will write up to this instant any more. Nodes that join begin after all grants.
     Ns settled() const;
-    /// Marks some of the nodes that owe a tock, so that the controller has nothing to do until one of these has
-    /// answered with a whole tick. False if it may have to act on any other tock, too.
+    /// Marks some of the ticking nodes, so that the controller has nothing to do until one of these has finished its
+    /// tick. False if the controller may have to react to any other tock, too.
     bool unblocking_nodes(std::vector<char> &marked) const;
 
 private:
@@ -47,18 +47,18 @@ private:
     Ns last_;
 };
 
-/// How far the run goes before something else has to happen: its end, the horizon of a paced run, or a boundary,
-/// an instant at which all nodes meet so that others join.
+/// Where the run has to stop next: at its end, at the horizon of a paced run, or at a boundary, an instant that all
+/// nodes reach and none passes so that others join.
 class Admission {
 public:
     explicit Admission(const ControllerConfig &config) : end_(config.end), horizon_(config.horizon) {}
 
-    /// Choose the boundary for nodes that came by themselves: the first instant that no node was granted beyond.
-    /// `rematch`: the last matching has to be done again there, even if the joiner has gone.
+    /// Choose the boundary for unscheduled joiners: the first instant beyond which no node was granted. `rematch`:
+    /// keep it for a new matching, even if the joiner has gone.
     void call_joiners(const Nodes &nodes, const Wiring &wiring, bool rematch);
-    /// The nodes have to meet at t once more.
+    /// The nodes have to be matched again at t.
     void call_again(Ns t) { called_ = t; }
-    /// The nodes have met.
+    /// The nodes are matched at the boundary.
     void met() { called_.reset(); }
     void set_horizon(Ns horizon, const Nodes &nodes);
     /// Choose the next boundary, after nodes or the horizon have changed.
@@ -68,7 +68,7 @@ public:
     /// No node steps beyond it.
     Ns last() const { return last_; }
     std::optional<Ns> boundary() const { return boundary_; }
-    /// Whether nodes meet at some time to come.
+    /// Whether there is a boundary ahead.
     bool calls() const { return boundary_ || called_; }
     /// Whether the node joins at the next boundary.
     bool joins_next(const NodeState &node) const;
@@ -77,7 +77,7 @@ public:
 
 private:
     Ns end_, horizon_, last_ = 0;
-    std::optional<Ns> called_;   ///< the boundary for nodes that came by themselves
+    std::optional<Ns> called_;   ///< the boundary for unscheduled joiners
     std::optional<Ns> boundary_; ///< the next one
 };
 

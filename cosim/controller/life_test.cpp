@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Random networks of nodes that join, leave, die, come back and are started again, while the horizon moves. What
-// each node sees is compared with a look-up in the history of all writes, which knows only the times of these changes.
+// Nodes join, leave, die, come back and restart, while the horizon moves. The tests compare random networks with a
+// look-up in the history of all writes, which knows only the times at which each node took part.
 #include "cosim/controller/testing/network.h"
 
 #include <array>
@@ -11,7 +11,7 @@ namespace {
 
 constexpr Ns the_end = 400;
 
-/// A random network in which some come late, and all may go.
+/// A random network in which some nodes join late and all may leave.
 std::vector<Spec> random_lives(Random &random)
 {
     auto specs = random_network(random);
@@ -57,7 +57,7 @@ void come(Bench &bench, NodeId id)
     bench.arrive(id);
 }
 
-/// Those without whom the run cannot go on come; false if there are none.
+/// Connect the nodes for which the run waits; false if there are none.
 bool who_is_missed_comes(Bench &bench)
 {
     bool some = false;
@@ -73,7 +73,7 @@ bool who_is_missed_comes(Bench &bench)
     return some;
 }
 
-/// From the start to the end. Losses are at most so many; with horizons, the nodes are held back.
+/// From the start to the end, with at most so many losses; a horizon delays the nodes.
 std::string live(Bench &bench, int losses, bool comers)
 {
     Random &random = bench.random;
@@ -117,7 +117,7 @@ unsigned networks()
     return campaign && std::string(campaign) == "1" ? 200'000 : 2'000;
 }
 
-TEST(Life, WhatNodesSeeFollowsFromWhoWasThereWhen)
+TEST(Life, InputsDependOnlyOnTheTimesAtWhichNodesJoinAndLeave)
 {
     std::map<Change::What, std::size_t> changes;
     std::size_t again = 0, refused = 0, commanded = 0;
@@ -129,9 +129,9 @@ TEST(Life, WhatNodesSeeFollowsFromWhoWasThereWhen)
         Bench bench(specs, config, network);
         SCOPED_TRACE("network " + std::to_string(network));
         const std::string outcome = live(bench, 6, true);
-        if (outcome.find("times and came no further") != std::string::npos || outcome == "all nodes have left" ||
+        if (outcome.find("times without progress") != std::string::npos || outcome == "all nodes have left" ||
             outcome.starts_with("all nodes were lost")) {
-            continue; // as it should be, but there is nothing to compare
+            continue; // a correct end, with nothing to compare
         }
         ASSERT_EQ(outcome, "");
         ASSERT_FALSE(HasFailure());
@@ -151,7 +151,7 @@ TEST(Life, WhatNodesSeeFollowsFromWhoWasThereWhen)
         }
         refused += bench.refusals.size();
 
-        // The same once more, by the times that were told, without any loss.
+        // The same run again, with the reported times and without any loss.
         auto planned = specs;
         bool possible = commands.size() == 1;
         for (Spec &spec : planned) {
@@ -165,7 +165,7 @@ TEST(Life, WhatNodesSeeFollowsFromWhoWasThereWhen)
                 spec.joins_after = from;
                 spec.leaves_at = to;
                 const auto instants = spec.instants(the_end);
-                // One that was lost just after others had joined would leave just before.
+                // A node that was lost just after others had joined would now leave just before.
                 possible = possible && std::none_of(specs.begin(), specs.end(), [&, last = to](const Spec &other) {
                                const auto part = lives.parts.find(other.name);
                                return part != lives.parts.end() && part->second.front().first == last;

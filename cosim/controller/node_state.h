@@ -8,7 +8,7 @@
 
 namespace fledge::cosim {
 
-/// How far the conversation with a node is. From `entered` to `matched` nodes wait for one another.
+/// The last step of the protocol that a node has completed. From `entered` to `matched` nodes wait for each other.
 enum class Stage {
     absent,
     entered,
@@ -30,24 +30,24 @@ struct NodeState {
     Stage stage = Stage::absent;
     bool member = false;    ///< it takes part
     bool been = false;      ///< it took part, now or before
-    bool joining = false;   ///< it came during the run, and waits for the next boundary
+    bool joining = false;   ///< it came during the run and waits for the next boundary
     bool matching = false;  ///< it takes part in the current matching
-    bool returning = false; ///< its program was lost; a new one must repeat what it did
+    bool returning = false; ///< its program was lost; a new one repeats its ticks
 
     std::uint32_t number = 0; ///< of the last request
-    bool awaited = false;     ///< it owes the reply
+    bool awaited = false;     ///< the controller waits for its reply
     std::size_t expected = 0; ///< the kind of the reply
 
     Schedule schedule;
     bool saves = false; ///< it makes snapshots
     std::vector<Subscription> subscriptions;
     std::vector<Publication> publications;
-    Ns reached = -1, until = -1; ///< what it has stepped through, and what it was granted last
+    Ns reached = -1, until = -1; ///< the last instant it stepped through, and the last granted
     RestartLog log;
-    int tries = 0; ///< restarts since it last went further
+    int tries = 0; ///< restarts since its last progress
 
     const std::string &name() const { return config.name; }
-    /// A program is there.
+    /// Whether a program is connected.
     bool connected() const { return stage != Stage::absent && stage != Stage::finished && stage != Stage::lost; }
     /// It writes nothing more.
     bool over() const { return !member || stage == Stage::finished; }
@@ -56,7 +56,7 @@ struct NodeState {
     Ns granted() const { return stage == Stage::ticking ? until : reached; }
     /// The first instant at which it may still write.
     Ns first_write() const { return over() ? for_ever : schedule.first_write_after(reached); }
-    /// It has nothing more to do up to t.
+    /// It will not write up to t.
     bool complete(Ns t) const { return first_write() > t; }
 };
 

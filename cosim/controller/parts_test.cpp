@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The controller's parts, each alone.
+// Each class of the controller on its own.
 #include "cosim/controller/grants.h"
 #include "cosim/protocol/testing/words.h"
 
@@ -26,7 +26,7 @@ TEST(Schedule, ANodeThatStepsAtAnyTimeMayWriteAtTheNextNanosecond)
     EXPECT_EQ((Schedule{{{10, 0}}, true}).first_write_after(3), 4);
 }
 
-TEST(Schedule, ItsFaultIsNamed)
+TEST(Schedule, AnInvalidScheduleIsReported)
 {
     EXPECT_EQ(every_10.fault(), "");
     EXPECT_EQ(Schedule{}.fault(), "it never steps");
@@ -54,7 +54,7 @@ std::vector<std::pair<Ns, std::uint64_t>> delivered(Wire &w, Ns until)
 
 using Words = std::vector<std::pair<Ns, std::uint64_t>>;
 
-TEST(Wire, ItsLatencySaysWhenTheReaderSeesAMessage)
+TEST(Wire, TheLatencyDecidesWhenTheReaderSeesAMessage)
 {
     EXPECT_EQ(wire(Latency::same_instant).first_seen(30), 30);
     EXPECT_EQ(wire(Latency::next_instant).first_seen(30), 31);
@@ -81,7 +81,7 @@ TEST(Wire, AMessageIsDeliveredOnceAndInOrder)
     EXPECT_EQ(delivered(w, 20), (Words{{20, 3}}));
 }
 
-TEST(Wire, AMessageThatNoInstantSeesIsReplaced)
+TEST(Wire, AMessageThatTheReaderNeverSeesIsReplaced)
 {
     Wire w = wire(Latency::same_instant);
     w.push(11, word(2), every_10);
@@ -89,7 +89,7 @@ TEST(Wire, AMessageThatNoInstantSeesIsReplaced)
     EXPECT_EQ(delivered(w, 20), (Words{{0, 1}, {13, 3}}));
 }
 
-TEST(Wire, AfterARestartTheReaderGetsAgainWhatItHasNotPassed)
+TEST(Wire, ARestartedReaderGetsItsUnreadMessagesAgain)
 {
     Wire w = wire(Latency::same_instant);
     w.push(10, word(2), every_10);
@@ -99,11 +99,11 @@ TEST(Wire, AfterARestartTheReaderGetsAgainWhatItHasNotPassed)
     w.restart();
     EXPECT_EQ(delivered(w, 20), (Words{{20, 3}}));
     w.restart();
-    w.resend_last(10); // to a program that remembers nothing
+    w.resend_last(10); // to a program without a snapshot
     EXPECT_EQ(delivered(w, 20), (Words{{10, 2}, {20, 3}}));
 }
 
-TEST(Wire, AnAsynchronousMessageIsSeenAfterAllThatTheReaderWasGranted)
+TEST(Wire, AnAsynchronousMessageIsSeenAfterTheReadersGrant)
 {
     Wire w = wire(Latency::same_instant);
     delivered(w, 40);
@@ -137,7 +137,7 @@ public:
 
     static std::string name(NodeId id) { return std::string(1, static_cast<char>('a' + id)); }
     Ns grant(NodeId id, Ns last = 1000) const { return Grants(config, nodes, wiring, last).grant(id); }
-    /// The node steps up to t, and writes then.
+    /// The node steps up to t and writes at t.
     void step(NodeId id, Ns t, std::uint32_t count)
     {
         nodes[id].reached = t;
@@ -150,15 +150,16 @@ public:
     const Schema schema = make_schema("Word", word_text);
 };
 
-TEST(Wiring, NodesThatWaitForOneAnotherAreNamed)
+TEST(Wiring, ACycleOfNodesIsReported)
 {
     const Ring ring({Latency::same_instant, Latency::same_instant});
-    EXPECT_EQ(ring.wiring.faults(), "these wait for one another without end: b for /a/x of a, a for /b/x of b; one of "
-                                    "these messages has to be read later, at the next instant or exchange");
+    EXPECT_EQ(ring.wiring.faults(),
+              "these nodes wait for each other in a cycle: b for /a/x of a, a for /b/x of b; one of "
+              "these messages has to be read later, at the next instant or exchange");
     EXPECT_EQ(Ring({Latency::next_instant, Latency::same_instant}).wiring.faults(), "");
 }
 
-TEST(Wiring, ATockThatBreaksTheRulesIsNamed)
+TEST(Wiring, AnInvalidTockIsReportedWithItsFault)
 {
     Ring ring({Latency::next_instant, Latency::same_instant});
     ring.nodes[0].until = 20;
@@ -166,7 +167,7 @@ TEST(Wiring, ATockThatBreaksTheRulesIsNamed)
         return ring.wiring.fault_of(0, ring.nodes[0], {20, 0, {record}, false});
     };
     EXPECT_EQ(fault({0, 1, 10, word(1)}), "");
-    EXPECT_EQ(fault({1, 1, 10, word(1)}), "it wrote on channel 1, which is not its own");
+    EXPECT_EQ(fault({1, 1, 10, word(1)}), "it wrote on channel 1, which it does not publish");
     EXPECT_EQ(fault({0, 2, 10, word(1)}), "gap: message 2 of /a/x follows message 0");
     EXPECT_EQ(fault({0, 1, 15, word(1)}).substr(0, 12), "out of step:");
     EXPECT_EQ(fault({0, 1, 30, word(1)}).substr(0, 6), "early:");
@@ -184,7 +185,7 @@ TEST(Grants, AProducerStepsBeforeItsConsumer)
     EXPECT_EQ(ring.grant(0), 10);
 }
 
-TEST(Grants, NodesJoinedByExchangesStepSideBySide)
+TEST(Grants, NodesConnectedByExchangesStepAtTheSameTime)
 {
     Ring ring({Latency::next_exchange, Latency::next_exchange});
     EXPECT_EQ(ring.grant(0), 0);
@@ -208,7 +209,7 @@ TEST(Grants, ATockThatNoNodeWaitsForIsNotUnblocking)
     EXPECT_EQ(marked, (std::vector<char>{true, false}));
 }
 
-TEST(Admission, AJoinerIsCalledWhereNoNodeWasGrantedFurther)
+TEST(Admission, TheBoundaryIsTheFirstInstantBeyondWhichNoNodeWasGranted)
 {
     Ring ring({Latency::next_instant, Latency::same_instant});
     Admission admission(ring.config);
@@ -226,7 +227,7 @@ TEST(Admission, AJoinerIsCalledWhereNoNodeWasGrantedFurther)
     EXPECT_FALSE(admission.all_met(ring.nodes));
     ring.nodes[1].reached = 20;
     EXPECT_TRUE(admission.all_met(ring.nodes));
-    joiner.joining = false; // it has gone
+    joiner.joining = false; // it has left
     admission.call_joiners(ring.nodes, ring.wiring, false);
     EXPECT_FALSE(admission.boundary());
 }
@@ -243,7 +244,7 @@ TEST(Admission, ANodeThatJoinsAtATimeStopsTheRunThere)
     EXPECT_TRUE(admission.joins_next(late));
 }
 
-TEST(RestartLog, ANewProgramReadsAgainAndHasToWriteAgain)
+TEST(RestartLog, ANewProgramRepeatsItsInputsAndOutputs)
 {
     RestartLog log;
     log.begin(-1);
@@ -255,15 +256,17 @@ TEST(RestartLog, ANewProgramReadsAgainAndHasToWriteAgain)
     EXPECT_EQ(tick.records.size(), 2u);
     const auto name = [](std::uint32_t) { return "/a/x"; };
     EXPECT_EQ(log.repeat_output({1, 1, 5, word(7)}, "/a/x"), "");
-    EXPECT_EQ(log.repeat_output({1, 2, 15, word(9)}, "/a/x"), "/a/x at 0.000000015 s has another value");
-    EXPECT_EQ(log.finish_tick(20, name), "it does not write /a/x at 0.000000015 s, as it did");
+    EXPECT_EQ(log.repeat_output({1, 2, 15, word(9)}, "/a/x"),
+              "/a/x at 0.000000015 s differs from the lost program's value");
+    EXPECT_EQ(log.finish_tick(20, name), "it does not write /a/x at 0.000000015 s, but the lost program did");
     EXPECT_EQ(log.repeat_output({1, 2, 15, word(8)}, "/a/x"), "");
     EXPECT_EQ(log.finish_tick(20, name), "");
     EXPECT_EQ(log.replayed(), 20);
-    EXPECT_EQ(log.repeat_output({1, 3, 16, word(8)}, "/a/x"), "it writes /a/x at 0.000000016 s, which it did not");
+    EXPECT_EQ(log.repeat_output({1, 3, 16, word(8)}, "/a/x"),
+              "it writes /a/x at 0.000000016 s, which the lost program did not");
 }
 
-TEST(RestartLog, ASnapshotReplacesAllBefore)
+TEST(RestartLog, ASnapshotReplacesOlderMessages)
 {
     RestartLog log;
     log.begin(-1);
@@ -275,7 +278,8 @@ TEST(RestartLog, ASnapshotReplacesAllBefore)
     EXPECT_EQ(log.bytes(), before / 3);
     log.begin_replay(log.saved());
     EXPECT_EQ(log.next_tick(20).records.size(), 1u);
-    EXPECT_EQ(log.repeat_output({1, 1, 5, word(7)}, "/a/x"), "it writes /a/x at 0.000000005 s, which it did not");
+    EXPECT_EQ(log.repeat_output({1, 1, 5, word(7)}, "/a/x"),
+              "it writes /a/x at 0.000000005 s, which the lost program did not");
 }
 
 } // namespace

@@ -86,13 +86,13 @@ std::string RestartLog::repeat_output(const Record &record, const std::string &t
     const auto &before = output_log_[record.channel];
     std::size_t &n = repeated_[record.channel];
     if (n == before.size() || before[n].t > record.t) {
-        return "it writes " + topic + " at " + when(record.t) + ", which it did not";
+        return "it writes " + topic + " at " + when(record.t) + ", which the lost program did not";
     }
     if (before[n].t < record.t) {
         return missing(topic, before[n].t);
     }
     if (before[n].payload != record.payload) {
-        return topic + " at " + when(record.t) + " has another value";
+        return topic + " at " + when(record.t) + " differs from the lost program's value";
     }
     n++;
     return "";
@@ -100,7 +100,7 @@ std::string RestartLog::repeat_output(const Record &record, const std::string &t
 
 std::string RestartLog::missing(const std::string &topic, Ns t)
 {
-    return "it does not write " + topic + " at " + when(t) + ", as it did";
+    return "it does not write " + topic + " at " + when(t) + ", but the lost program did";
 }
 
 } // namespace fledge::cosim

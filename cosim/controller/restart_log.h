@@ -7,22 +7,23 @@
 
 namespace fledge::cosim {
 
-/// What a new program needs to take the place of a lost one: the last snapshot, and all messages that the node
-/// read and wrote since. The new program reads the first again and has to write the second again.
+/// The data with which a new program takes the place of a lost one: the last snapshot, and all messages that the node
+/// has read (the input log) and written (the output log) since. The new program gets the inputs again and has to write
+/// the same outputs again.
 class RestartLog {
 public:
-    /// Keep all from t on.
+    /// Log all messages after t.
     void begin(Ns t);
-    /// Give up: no program can take the node's place.
+    /// Log no more: no program can take the node's place.
     void drop() { *this = {}; }
     bool kept() const { return kept_; }
     std::size_t bytes() const { return bytes_; }
 
     void log_input(const std::vector<Record> &records);
     void log_output(const std::vector<Record> &records);
-    /// Forget inputs that the node sees after t: it gets them anew.
+    /// Delete the inputs that the node sees after t: the controller delivers them again.
     void forget_inputs_after(Ns t);
-    /// The node saved at t: forget what came before.
+    /// The node made a snapshot at t: delete all older messages.
     void take_snapshot(Ns t, Bytes snapshot);
     Ns saved() const { return saved_; }
     const Bytes &snapshot() const { return snapshot_; }
@@ -34,9 +35,9 @@ public:
     Ns replayed() const { return replayed_; }
     /// The next tick towards `reached`, which the lost program had reached.
     Tick next_tick(Ns reached);
-    /// How a message differs from the one that the lost program wrote; "" if it does not.
+    /// The difference between a message and the one that the lost program wrote; "" if they are equal.
     std::string repeat_output(const Record &record, const std::string &topic);
-    /// The new program has reached t: which message is missing; "" if none is.
+    /// The new program has reached t. Returns which message is missing; "" if none is.
     template <class TopicName> std::string finish_tick(Ns t, TopicName name)
     {
         for (const auto &[channel, before] : output_log_) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Listeners see all messages between nodes, and take no part in the run: records, and the broker.
+// Listeners, such as records and the broker, see all messages between nodes without taking part in the run.
 #pragma once
 
 #include "cosim/protocol/protocol.h"
@@ -33,7 +33,7 @@ public:
 
     /// The nodes are matched and step from here on; again at each boundary where nodes join.
     virtual void began(const Exchange &exchange) = 0;
-    /// What a node wrote: checked, in order, with the times of writing.
+    /// Messages that a node wrote: checked, in order, with the times of writing.
     virtual void wrote(const std::string &node, const std::vector<Record> &records) = 0;
     /// No node will write up to this instant any more, except a node that joins after a loss.
     virtual void settled(Ns) {}

@@ -31,7 +31,7 @@ struct Schedule {
     Ns first_write_after(Ns t) const { return any_time ? t + 1 : next_after(t); }
     Ns longest_period() const;
 
-    /// Why a node cannot step like this; "" if it can.
+    /// Why no node can step like this; "" if it can.
     std::string fault() const;
 
     bool operator==(const Schedule &) const = default;

@@ -13,7 +13,7 @@ struct TimedPayload {
     Payload payload;
 };
 
-/// From a topic to one reader: a queue of the messages that the reader has not passed.
+/// The queue of a topic's messages for one reader, which has not yet stepped past them.
 class Wire {
 public:
     Wire(std::uint32_t of_channel, NodeId reader) : channel(of_channel), to(reader) {}
@@ -23,7 +23,7 @@ public:
 
     Latency latency() const { return latency_; }
 
-    /// Lay the wire anew: the reader sees `first` after `boundary`. `exchange`: the longest period of both nodes.
+    /// Connect writer and reader: the reader sees `first` after `boundary`. `exchange`: the longest period of both.
     void lay(NodeId writer, Latency latency, Ns exchange, Ns boundary, Payload first);
 
     /// The first instant at which the reader sees a message written at t.
@@ -34,22 +34,22 @@ public:
     /// well as all messages before.
     Ns earliest_write(Ns granted, const Schedule &reader) const;
 
-    /// Add a message. It replaces those that no instant of the reader would see.
+    /// Add a message. It replaces the messages that the reader would see at no instant.
     void push(Ns written, const Payload &payload, const Schedule &reader);
     /// Send the messages that the reader sees up to `until`.
     void deliver(Ns until, std::vector<Record> &records);
     std::size_t count_deliverable(Ns until) const;
-    /// The reader has reached t: forget what no later instant sees.
+    /// The reader has reached t: remove the messages that it has seen, except the last.
     void pass(Ns t);
 
-    /// Send again all that the reader has not passed; counts begin at 1.
+    /// Deliver again all messages that the reader has not passed; counts begin at 1.
     void restart();
-    /// The reader remembers nothing: it sees its last message again, too.
+    /// The reader is a new program without a snapshot: deliver its last message again, too.
     void resend_last(Ns reached);
     /// The next count, for a message that is sent once more.
     std::uint32_t next_count() { return ++count_; }
 
-    /// Without a reader, only the last message counts, for a reader that joins.
+    /// While the reader is away, only the last message is stored, for the reader that joins.
     void set_last(const Payload &payload) { last_ = payload; }
     void empty();
     const Payload &latest() const { return pending_.empty() ? last_ : pending_.back().payload; }
@@ -59,7 +59,7 @@ private:
     Latency latency_ = Latency::same_instant;
     Ns exchange_ = 0;
     std::deque<TimedPayload> pending_; ///< in order of time
-    std::size_t delivered_ = 0;        ///< the first of these were sent
+    std::size_t delivered_ = 0;        ///< so many of these are sent
     std::uint32_t count_ = 0;          ///< sent since the last Start
     Payload last_;                     ///< the last message that the reader has passed
 };

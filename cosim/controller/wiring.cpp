@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// At a boundary, an instant through which all nodes have stepped and none further, nodes join:
+// Nodes join at a boundary, an instant that all nodes have reached and none has passed:
 //
-// - A joiner begins after the boundary, and readers see its first messages after it, too. To its wires the
-//   boundary is an exchange: it sees the last of all that was written until then.
+// - A joiner begins after the boundary and sees the last message of each topic written until then. Readers see its
+//   first messages after the boundary.
 // - All other wires stay as they are, with the messages on their way.
 //
-// So what a node sees follows from the boundary's time alone.
+// So the messages that a node sees depend on the boundary's time alone.
 #include "cosim/controller/wiring.h"
 
 #include <algorithm>
@@ -74,10 +74,10 @@ void Wiring::begin_matching(const Nodes &nodes, const std::vector<std::string> &
                 topic.readers.push_back(id);
             }
             if (!topic.schema.given()) {
-                topic.schema = subscription.schema; // for a writer that has no definition of its own
+                topic.schema = subscription.schema; // for a writer without a definition
             }
             if (const std::string why = bad_definition(subscription.schema); !why.empty()) {
-                fault(node.name() + " wants " + topic.name + " with a bad definition: " + why);
+                fault(node.name() + " subscribes to " + topic.name + " with a bad definition: " + why);
             }
         }
     }
@@ -115,7 +115,7 @@ void Wiring::connect(Nodes &nodes, std::vector<std::string> &notes)
     for (Wire &wire : wires_) {
         const Topic &topic = topics_[wire.channel];
         if (!topic.vacant && topic.since == boundary_ && !nodes[wire.to].matching) {
-            wire.from = *topic.writer; // the reader has gone, and may come again
+            wire.from = *topic.writer; // the reader is away and may come again
             wire.empty();
             wire.set_last(topic.initial);
         }
@@ -132,41 +132,41 @@ void Wiring::take_publications(NodeId id, NodeState &node, const Nodes &nodes)
     std::vector<bool> published(topics_.size());
     for (Publication &publication : node.publications) {
         if (publication.channel >= topics_.size()) {
-            fault(name + " offers a channel " + std::to_string(publication.channel) + " that no node asked for");
+            fault(name + " publishes channel " + std::to_string(publication.channel) + ", which no node subscribes to");
             continue;
         }
         Topic &topic = topics_[publication.channel];
         published[publication.channel] = true;
         if (topic.writer == id && !topic.vacant && node.member && !first_) {
             if (publication.schema.given() && publication.schema != topic.schema) {
-                fault(name + " offers " + topic.name + " with another definition than before");
+                fault(name + " publishes " + topic.name + " with another definition than before");
             }
             continue;
         }
         if (topic.writer && !topic.vacant) {
             fault(topic.name + " is written by " + nodes[*topic.writer].name() + " and by " + name +
-                  "; one of them has to leave it or call it otherwise");
+                  "; one of them has to rename it");
             continue;
         }
         topic.take(id, boundary_);
         if (const std::string why = bad_definition(publication.schema); !why.empty()) {
-            fault(name + " offers " + topic.name + " with a bad definition: " + why);
+            fault(name + " publishes " + topic.name + " with a bad definition: " + why);
             continue;
         }
         if (publication.schema.given()) {
             topic.schema = publication.schema;
         }
         if (!topic.schema.given()) {
-            fault(name + " offers " + topic.name + ", which neither it nor a reader defines");
+            fault(name + " publishes " + topic.name + ", which neither it nor a reader defines");
         } else if (!is_payload(publication.initial, topic.schema.size)) {
-            fault(name + " offers " + topic.name + " with an initial value of " +
+            fault(name + " publishes " + topic.name + " with an initial value of " +
                   size_fault(publication.initial, topic.schema));
         }
         topic.initial = std::move(publication.initial);
     }
     for (std::size_t channel = 0; channel < topics_.size(); channel++) {
         if (topics_[channel].writer == id && node.member && !published[channel]) {
-            fault(name + " no longer offers " + topics_[channel].name);
+            fault(name + " no longer publishes " + topics_[channel].name);
         }
     }
 }
@@ -204,7 +204,7 @@ void Wiring::lay_wires(NodeId id, const Nodes &nodes, std::vector<std::string> &
     const bool joins = !node.member;
     std::set<std::string> seen;
     for (const Subscription &subscription : node.subscriptions) {
-        const std::string what = node.name() + " wants " + subscription.topic;
+        const std::string what = node.name() + " subscribes to " + subscription.topic;
         if (!seen.insert(subscription.topic).second) {
             fault(what + " twice");
             continue;
@@ -216,13 +216,13 @@ void Wiring::lay_wires(NodeId id, const Nodes &nodes, std::vector<std::string> &
                 fault(what + ", which no other node writes" +
                       (late ? "; if one that joins later does, the subscription has to be optional" : ""));
             } else if ((first_ || joins) && !late) {
-                notes.push_back(what + ", which no other node writes; it can do without");
+                notes.push_back(what + ", which no other node writes; the subscription is optional");
             }
             continue;
         }
         const NodeState &writer = nodes[*topic.writer];
         if (!bad_definition(topic.schema).empty() || !bad_definition(subscription.schema).empty()) {
-            continue; // a fault already
+            continue; // reported above
         }
         if (const std::string why = schema_difference(topic.schema, subscription.schema); !why.empty()) {
             fault(what + " of " + writer.name() + ", but " + why);
@@ -230,7 +230,7 @@ void Wiring::lay_wires(NodeId id, const Nodes &nodes, std::vector<std::string> &
         }
         const Ns exchange = std::max(node.schedule.longest_period(), writer.schedule.longest_period());
         if (subscription.latency == Latency::next_exchange && !exchange) {
-            fault(what + " at exchanges, but neither it nor " + writer.name() + " says how often it steps");
+            fault(what + " at exchanges, but neither it nor " + writer.name() + " has a period");
             continue;
         }
         const bool fresh = !topic.vacant && topic.since == boundary_; // its writer is new
@@ -275,8 +275,8 @@ void Wiring::list_wires(const Nodes &nodes)
     }
 }
 
-/// Nodes that wait for one another at the same instant could not step at all. Two that may write at any time and
-/// wait for one another's next instant would go on by a nanosecond at a time.
+/// Nodes that wait for each other at the same instant could never step. Two nodes that may write at any time and wait
+/// for each other's next instant would step one nanosecond per tick.
 std::string Wiring::find_cycle(const Nodes &nodes) const
 {
     const auto waits = [&](const Wire &wire) {
@@ -317,7 +317,7 @@ std::string Wiring::find_cycle(const Nodes &nodes) const
         }
     }
     return found.empty() ? ""
-                         : "these wait for one another without end: " + found +
+                         : "these nodes wait for each other in a cycle: " + found +
                                "; one of these messages has to be read later, at the next instant "
                                "or exchange";
 }
@@ -358,8 +358,8 @@ bool Wiring::same_publications(NodeId id, const std::vector<Publication> &public
 std::string Wiring::fault_of(NodeId id, const NodeState &node, const Tock &tock) const
 {
     if (tock.reached <= node.reached || tock.reached > node.until) {
-        return "it says that it reached " + when(tock.reached) + "; it may go from " + when(node.reached) + " to " +
-               when(node.until);
+        return "it reports that it reached " + when(tock.reached) + "; its tick goes from " + when(node.reached) +
+               " to " + when(node.until);
     }
     std::vector<std::pair<std::uint32_t, Ns>> ends; // the last count and time of each topic
     ends.reserve(topics_.size());
@@ -368,7 +368,7 @@ std::string Wiring::fault_of(NodeId id, const NodeState &node, const Tock &tock)
     }
     for (const Record &record : tock.records) {
         if (record.channel >= topics_.size() || topics_[record.channel].writer != id) {
-            return "it wrote on channel " + std::to_string(record.channel) + ", which is not its own";
+            return "it wrote on channel " + std::to_string(record.channel) + ", which it does not publish";
         }
         const Topic &topic = topics_[record.channel];
         auto &[count, last] = ends[record.channel];
@@ -378,16 +378,17 @@ std::string Wiring::fault_of(NodeId id, const NodeState &node, const Tock &tock)
                                          : "gap: " + what() + " follows message " + std::to_string(count);
         }
         if (record.t <= node.reached) {
-            return "late: " + what() + " is of " + when(record.t) + ", and others have passed it";
+            return "late: " + what() + " was written at " + when(record.t) + ", which other nodes have passed";
         }
         if (record.t > tock.reached) {
-            return "early: " + what() + " is of " + when(record.t) + ", which it has not reached";
+            return "early: " + what() + " was written at " + when(record.t) + ", which the node has not reached";
         }
         if (record.t <= last) {
-            return "out of order: " + what() + " is of " + when(record.t) + ", the one before of " + when(last);
+            return "out of order: " + what() + " was written at " + when(record.t) + ", the one before at " +
+                   when(last);
         }
         if (!node.schedule.any_time && node.schedule.next_after(record.t - 1) != record.t) {
-            return "out of step: " + what() + " is of " + when(record.t) + ", when it does not step";
+            return "out of step: " + what() + " was written at " + when(record.t) + ", when the node does not step";
         }
         if (!is_payload(record.payload, topic.schema.size)) {
             return "incomplete: " + what() + " has " + size_fault(record.payload, topic.schema);
@@ -498,7 +499,7 @@ void Wiring::resend(NodeId id, std::vector<Record> &records)
 std::string Wiring::repeat_count(NodeId id, const Record &record)
 {
     if (record.channel >= topics_.size() || topics_[record.channel].writer != id) {
-        return "it wrote on channel " + std::to_string(record.channel) + ", which is not its own";
+        return "it wrote on channel " + std::to_string(record.channel) + ", which it does not publish";
     }
     Topic &topic = topics_[record.channel];
     if (record.count != ++topic.count) {

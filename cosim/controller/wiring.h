@@ -18,8 +18,8 @@ struct Topic {
     Ns since = -1;                  ///< the boundary at which the writer took the topic
     std::uint32_t count = 0;        ///< messages written since the last Start
     Ns last = -1;                   ///< when the last one was written
-    std::deque<TimedPayload> ahead; ///< written at times that some nodes have not reached, by no node's step
-    Payload held;                   ///< its value before those
+    std::deque<TimedPayload> ahead; ///< asynchronous messages at times that some nodes have not reached
+    Payload held;                   ///< the value before those
     std::vector<std::size_t> wires;
     std::vector<NodeId> readers;
 
@@ -32,7 +32,7 @@ struct Topic {
     }
 };
 
-/// Which topics there are, who writes and who reads them, and the messages on their way.
+/// The topics, their writers and readers, and the messages on their way.
 class Wiring {
 public:
     explicit Wiring(std::size_t nodes) : links_(nodes) {}
@@ -41,31 +41,31 @@ public:
 
     /// `boundary`: the instant at which nodes join; `first`: the matching before the run.
     void begin_matching(const Nodes &nodes, const std::vector<std::string> &watched, Ns boundary, bool first);
-    /// What other nodes read: the node is asked which of these it writes.
+    /// The topics that other nodes read; the node answers which of these it writes.
     Match request_for(NodeId id) const;
-    /// All nodes have answered: take their publications, and lay the wires. Notes are for the user.
+    /// All nodes have answered: take their publications and connect the wires. Notes are for the user.
     void connect(Nodes &nodes, std::vector<std::string> &notes);
     const std::string &faults() const { return faults_; }
-    /// What the node will read. Its counts begin at 1.
+    /// The topics that the node will read. Its counts begin at 1.
     Start start(NodeId id, const NodeState &node);
     void end_matching() { matching_ = false; }
-    /// Whether a node that was lost writes the same as before.
+    /// Whether a restarted node publishes the same topics as before.
     bool same_publications(NodeId id, const std::vector<Publication> &publications) const;
 
     // During the run.
 
-    /// What is wrong with a tock; "" if nothing is.
+    /// Which rule a tock breaks; "" if none.
     std::string fault_of(NodeId id, const NodeState &node, const Tock &tock) const;
-    /// A node has stepped: pass on what it wrote, and forget what it has seen.
+    /// A node has stepped: queue its messages for their readers, and remove those that it has seen.
     void write(NodeId id, const Nodes &nodes, const std::vector<Record> &records);
-    /// A message that comes from no node's step may be of a time that not all nodes have reached.
+    /// Queue a message that no step of a node wrote. Some nodes may not have reached its time.
     void write_ahead(std::uint32_t channel, Ns t, const Payload &payload, const Nodes &nodes);
     /// The first time after `earliest` at which an asynchronous message can be written. If a reader has too many
     /// messages waiting, `why` says so.
     Ns time_to_write(const Topic &topic, const Nodes &nodes, Ns earliest, std::size_t most, std::string &why) const;
-    /// What the node sees up to `until`.
+    /// The messages that the node sees up to `until`.
     std::vector<Record> deliver(NodeId id, Ns until);
-    /// A returning node reads old messages again, and writes old messages again.
+    /// A new program reads the messages of the lost one again, and writes them again.
     void resend(NodeId id, std::vector<Record> &records);
     std::string repeat_count(NodeId id, const Record &record);
     /// The node reads nothing more.
@@ -78,10 +78,10 @@ public:
     Exchange exchange(const Nodes &nodes) const;
 
     const std::vector<Wire> &wires() const { return wires_; }
-    /// Places in wires(), in the order of the subscriptions.
+    /// Indices into wires(), in the order of the subscriptions.
     const std::vector<std::size_t> &inputs(NodeId id) const { return links_[id].in; }
     const std::vector<std::size_t> &outputs(NodeId id) const { return links_[id].out; }
-    /// The place in inputs() that kept the node waiting last: a hint for Grants.
+    /// The index into inputs() of the wire that blocked the node last: a hint for Grants.
     std::size_t &last_blocker(NodeId id) const { return links_[id].blocker; }
 
 private:

@@ -17,7 +17,7 @@ namespace {
 
 constexpr char magic[4] = {'F', 'L', 'C', 'S'};
 
-/// As mcap_crc_init() makes them, but at compile time: programs of one machine then share them in the cache.
+/// The tables of mcap_crc_init(), made at compile time: the programs of one machine then share them in the cache.
 constexpr McapCrc make_crc_tables()
 {
     McapCrc c{};
@@ -400,11 +400,11 @@ Frame decode(std::span<const std::byte> bytes, const Limits &limits, Sum sum)
     return frame;
 }
 
-Payload::Payload(std::span<const std::byte> bytes) : size_(bytes.size())
+Payload::Payload(std::span<const std::byte> bytes, std::span<const std::byte> head) : size_(head.size() + bytes.size())
 {
     if (size_) {
         auto room = std::make_shared_for_overwrite<std::byte[]>(size_);
-        std::memcpy(room.get(), bytes.data(), size_);
+        std::copy(bytes.begin(), bytes.end(), std::copy(head.begin(), head.end(), room.get()));
         bytes_ = std::move(room);
     }
 }
@@ -416,14 +416,8 @@ bool Payload::operator==(const Payload &other) const
 
 Payload make_payload(std::span<const std::byte> message)
 {
-    Payload payload;
-    payload.size_ = cdr_header + message.size();
-    auto room = std::make_shared_for_overwrite<std::byte[]>(payload.size_);
     const std::byte head[cdr_header] = {{}, static_cast<std::byte>(native_order()), {}, {}};
-    std::memcpy(room.get(), head, cdr_header);
-    std::copy(message.begin(), message.end(), room.get() + cdr_header);
-    payload.bytes_ = std::move(room);
-    return payload;
+    return Payload(message, head);
 }
 
 Payload zero_payload(std::size_t size)

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The wire format between controller and nodes: the five requests of the thesis' appendix C and
-// their replies, a greeting before, and a start after the matching.
+// The wire format between controller and nodes: the five requests of the thesis' appendix C and their replies, a
+// greeting before them, and a start after the matching.
 //
 //     node                                controller
 //     Hello                          -->                     on the one static address
@@ -42,8 +42,8 @@
 //     16  4  number of the request; a reply repeats it
 //     20  4  0
 //
-// In the body, numbers stand at multiples of their size from its start, and gaps are zero. A text or a list begins
-// with its length (uint32). decode() refuses a frame if anything is missing, left over or out of bounds.
+// In the body, each number is aligned to its size, counted from the body's start, and gaps are zero. A text or a list
+// begins with its length (uint32). decode() refuses a frame if bytes are missing, left over or out of bounds.
 #pragma once
 
 #include "cosim/protocol/schema.h"
@@ -62,11 +62,11 @@ namespace fledge::cosim {
 using Ns = std::int64_t;
 using Bytes = std::vector<std::byte>;
 
-/// Bytes that do not change any more. Copies share them.
+/// Immutable bytes, shared by all copies.
 class Payload {
 public:
     Payload() = default;
-    Payload(std::span<const std::byte> bytes);
+    Payload(std::span<const std::byte> bytes, std::span<const std::byte> head = {}); ///< head, then bytes
     Payload(const Bytes &bytes) : Payload(std::span(bytes)) {}
 
     const std::byte *data() const { return bytes_.get(); }
@@ -79,8 +79,6 @@ public:
     bool operator==(const Payload &other) const;
 
 private:
-    friend Payload make_payload(std::span<const std::byte> message);
-
     std::shared_ptr<const std::byte[]> bytes_;
     std::size_t size_ = 0;
 };
@@ -89,24 +87,24 @@ inline constexpr std::uint8_t protocol_version = 1;
 inline constexpr std::size_t frame_header_size = 24;
 inline constexpr std::size_t cdr_header = 4; ///< bytes of a payload before its struct
 
-/// What a reader accepts. The defaults are generous for a mission, and far below what a machine can bear.
+/// The largest frame and lists that a reader accepts. Missions need less than the defaults, and machines bear more.
 struct Limits {
     std::size_t frame = std::size_t{64} << 20; ///< bytes
     std::size_t name = 255;                    ///< bytes of a name
-    std::size_t text = std::size_t{1} << 20;   ///< bytes of a definition, reason or address
+    std::size_t text = std::size_t{1} << 20;   ///< bytes of a definition, a reason or an address
     std::size_t items = 65536;                 ///< of a list
 };
 
-/// A frame that breaks the format. The text says where and how.
+/// A frame that breaks the format. The message names the byte and the reason.
 class ProtocolError : public std::runtime_error {
     using runtime_error::runtime_error;
 };
 
-/// When a consumer sees what a producer wrote at t.
+/// When a consumer sees a message that its producer wrote at t.
 enum class Latency : std::uint8_t {
     same_instant = 0,  ///< at t: the producer steps first
     next_instant = 1,  ///< at the consumer's first instant after t
-    next_exchange = 2, ///< after the next exchange: both step side by side, for a whole period
+    next_exchange = 2, ///< after the next exchange: both step at the same time, for a whole period
 };
 
 /// A message on its way.
@@ -124,7 +122,7 @@ struct Rate {
     bool operator==(const Rate &) const = default;
 };
 
-/// What a node reads.
+/// A topic that a node reads.
 struct Subscription {
     std::string topic; ///< "/world/nav/attitude"
     Latency latency = Latency::same_instant;
@@ -149,23 +147,23 @@ struct Publication {
     bool operator==(const Publication &) const = default;
 };
 
-/// What a greeting program is.
+/// The kind of a program that greets.
 enum class Role : std::uint8_t {
     node = 0,         ///< it steps with the others
-    asynchronous = 1, ///< it observes, and no node waits for it
+    asynchronous = 1, ///< it does not step, and no node waits for it
 };
 
 struct Hello {
     std::uint8_t oldest = protocol_version, newest = protocol_version; ///< versions that it understands
     std::string simulation, node;
     Role role = Role::node;
-    bool shared = false; ///< on the node's own socket: later frames go through shared memory
+    bool shared = false; ///< on the node's own socket: all further frames go through shared memory
     bool operator==(const Hello &) const = default;
 };
 struct Welcome {
     std::string address;     ///< of the socket that the controller opened for this node
     std::string shared = {}; ///< path of shared memory: "/proc/123/fd/7"; "" if there is none
-    std::uint64_t nonce = 0; ///< also stands in that memory
+    std::uint64_t nonce = 0; ///< the same number stands in that memory
     bool operator==(const Welcome &) const = default;
 };
 struct Refused {
@@ -175,9 +173,9 @@ struct Refused {
 struct Initialize {
     std::uint64_t seed = 0;        ///< of the run
     Ns end = 0;                    ///< of the run
-    Ns start = -1;                 ///< it begins after this instant; -1: with its reset
+    Ns start = -1;                 ///< the node begins after this instant; -1: with its reset
     std::string frontend, backend; ///< of the broker; "" if there is none
-    Bytes snapshot = {};           ///< saved at `start`, to go on from; empty: none
+    Bytes snapshot = {};           ///< made at `start`; the node goes on from it; empty: none
     bool operator==(const Initialize &) const = default;
 };
 struct Initialized {
@@ -198,7 +196,7 @@ struct Match {
     bool operator==(const Match &) const = default;
 };
 struct Matched {
-    std::vector<Publication> publications; ///< the ones of these that this node writes
+    std::vector<Publication> publications; ///< the asked topics that this node writes
     bool operator==(const Matched &) const = default;
 };
 struct Start {
@@ -215,10 +213,10 @@ struct Tick {
     bool operator==(const Tick &) const = default;
 };
 struct Tock {
-    Ns reached = 0;    ///< it has stepped through all instants up to this one; may be before `until`
+    Ns reached = 0;    ///< the node has stepped through all instants up to this one; may be before `until`
     Ns compute_ns = 0; ///< of wall time, spent in stepping
     std::vector<Record> records;
-    bool leaving = false; ///< it leaves the run
+    bool leaving = false; ///< the node leaves the run
     bool operator==(const Tock &) const = default;
 };
 struct Finish {
@@ -239,18 +237,18 @@ struct Attached {
     std::vector<Channel> channels; ///< all topics
     bool operator==(const Attached &) const = default;
 };
-/// What the broker carries.
+/// A message that the broker carries.
 struct Published {
     Record record;    ///< t: when it was written
     std::string node; ///< that wrote it
     bool operator==(const Published &) const = default;
 };
 struct Save {
-    Ns time = 0; ///< that it has reached
+    Ns time = 0; ///< that the node has reached
     bool operator==(const Save &) const = default;
 };
 struct Saved {
-    Bytes snapshot; ///< from which another program can go on; empty: it cannot
+    Bytes snapshot; ///< from which another program can go on; empty: the node makes none
     bool operator==(const Saved &) const = default;
 };
 
@@ -258,7 +256,7 @@ struct Saved {
 using Message = std::variant<Hello, Welcome, Refused, Initialize, Initialized, ProvideDesired, Desired, Match, Matched,
                              Start, Ready, Tick, Tock, Finish, Finished, Failed, Attached, Published, Save, Saved>;
 
-/// "Tock", by the place in Message.
+/// "Tock", by the index in Message.
 const char *kind_name(std::size_t index);
 inline const char *kind_name(const Message &message)
 {
@@ -277,8 +275,8 @@ Order native_order();
 /// The checksum of a frame: zero in shared memory.
 enum class Sum { zero, crc };
 
-/// Write a frame into `out`, and reuse its memory. Another byte order than the machine's serves tests. Throws
-/// ProtocolError if the body exceeds 4 GiB.
+/// Write a frame into `out`, and reuse its memory. Only tests use the other byte order. Throws ProtocolError if the
+/// body exceeds 4 GiB.
 void encode(const Frame &frame, Bytes &out, Order order = native_order(), Sum sum = Sum::crc);
 Bytes encode(const Frame &frame, Order order = native_order());
 
@@ -293,7 +291,7 @@ Payload zero_payload(std::size_t size);
 bool is_payload(std::span<const std::byte> payload, std::size_t size);
 
 /// Copy the struct of a payload into `message`, in the machine's byte order.
-/// Throws ProtocolError if the sizes differ or the CDR header is none.
+/// Throws ProtocolError if the sizes differ or the CDR header is invalid.
 void read_payload(std::span<const std::byte> payload, std::span<const SchemaField> fields,
                   std::span<std::byte> message);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The decoders under libFuzzer, for hours instead of the unit test's second:
+// Fuzzes the decoders with libFuzzer, for hours instead of the unit test's second:
 //     cmake --preset debug -DCMAKE_C_COMPILER=clang-14 -DCMAKE_CXX_COMPILER=clang++-14 -DFLEDGE_FUZZ=ON
 //     cmake --build --preset debug --target cosim_protocol_fuzz
 // Frames are given without their header, whose checksum no fuzzer would guess.

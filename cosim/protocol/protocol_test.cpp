@@ -30,7 +30,7 @@ TEST(Protocol, EveryMessageIsReadAsItWasWrittenInBothByteOrders)
     }
 }
 
-TEST(Protocol, AFrameLiesInMemoryAsTheHeaderSays)
+TEST(Protocol, AFrameHasTheDocumentedLayout)
 {
     const Bytes b = encode({258, Tock{1, 2, {{5, 6, 3, make_payload(filled(8))}}, true}}, Order::big);
     const unsigned char expected[] = {
@@ -48,7 +48,7 @@ TEST(Protocol, AFrameLiesInMemoryAsTheHeaderSays)
     EXPECT_EQ(std::to_integer<int>(b[frame_header_size + 48]), 1);
 }
 
-TEST(Protocol, EveryTruncationAndEveryTurnedBitIsRefused)
+TEST(Protocol, DecodeRefusesEveryTruncationAndEveryFlippedBit)
 {
     for (const Frame &frame : one_of_each()) {
         const Bytes whole = encode(frame);
@@ -61,7 +61,7 @@ TEST(Protocol, EveryTruncationAndEveryTurnedBitIsRefused)
             }
             Bytes turned = whole;
             turned[bit / 8] ^= static_cast<std::byte>(1 << bit % 8);
-            // A turned kind may be that of a message with the same body; nothing else passes.
+            // A changed kind may be that of a message with the same body; decode() refuses all else.
             if (bit / 8 != 6 && bit / 8 != 7) {
                 EXPECT_NE(why(turned), "") << kind_name(frame.message) << " bit " << bit;
             }
@@ -69,9 +69,9 @@ TEST(Protocol, EveryTruncationAndEveryTurnedBitIsRefused)
     }
 }
 
-TEST(Protocol, WhatIsWrittenIsTheOnlyWayToWriteIt)
+TEST(Protocol, EachMessageHasOneEncoding)
 {
-    // Bodies are changed at random and sealed anew: whatever is still read is written as the same bytes.
+    // Change bodies at random: each frame that decode() accepts is encoded as the same bytes.
     std::mt19937 random(4);
     std::size_t read = 0, refused = 0;
     const auto frames = one_of_each();
@@ -90,7 +90,7 @@ TEST(Protocol, WhatIsWrittenIsTheOnlyWayToWriteIt)
     EXPECT_GT(refused, 10'000u);
 }
 
-TEST(Protocol, ARefusalSaysWhereAndWhy)
+TEST(Protocol, AnErrorNamesTheByteAndTheReason)
 {
     Bytes b = encode({1, Hello{1, 1, "spin", "flight"}});
     EXPECT_EQ(why({}), "this is no frame of a co-simulation");
@@ -119,7 +119,7 @@ TEST(Protocol, ARefusalSaysWhereAndWhy)
     EXPECT_EQ(why(wrong), "Hello: byte 3 of the body: there is no role 2");
 }
 
-TEST(Protocol, AListMakesNoMoreRoomThanWasSent)
+TEST(Protocol, AListAllocatesNoMoreMemoryThanItsFrameHas)
 {
     Bytes b = encode({1, Match{}});
     const std::uint32_t many = 65536;
@@ -128,7 +128,7 @@ TEST(Protocol, AListMakesNoMoreRoomThanWasSent)
     EXPECT_EQ(why(b), "Match: byte 4 of the body: a list of 65536 items does not fit into what is left");
 }
 
-TEST(Protocol, APayloadOfTheOtherByteOrderIsTurnedRound)
+TEST(Protocol, APayloadOfTheOtherByteOrderIsConverted)
 {
     struct {
         std::int64_t t = -7;
@@ -166,7 +166,7 @@ TEST(Protocol, APayloadOfTheOtherByteOrderIsTurnedRound)
     EXPECT_THROW(read_payload(payload, fields, bytes_of(got)), ProtocolError);
 }
 
-TEST(Schema, IsReadWithTrueNamesUnitsAndShapes)
+TEST(Schema, ItsTextGivesNamesUnitsAndShapes)
 {
     const auto fields = parse_schema(error_text);
     ASSERT_EQ(fields.size(), 7u);
@@ -190,22 +190,22 @@ TEST(Schema, ADifferenceNamesTheField)
     EXPECT_EQ(schema_difference(offered, offered), "");
     EXPECT_EQ(schema_difference(offered, {}), "");
     EXPECT_EQ(changed("attitude error", "the same in other words"), "");
-    EXPECT_EQ(changed("[m]", "[km]"), "field x is float32 [m] where it is offered and float32 [km] where it is wanted");
+    EXPECT_EQ(changed("[m]", "[km]"), "field x is float32 [m] in the publication and float32 [km] in the subscription");
     EXPECT_EQ(changed("float32 x", "uint32 x"),
-              "field x is float32 [m] where it is offered and uint32 [m] where it is wanted");
+              "field x is float32 [m] in the publication and uint32 [m] in the subscription");
     EXPECT_EQ(changed("(3, 3)", "(9)"),
-              "field P is float64 (3, 3) [N m s] where it is offered and float64 (9) [N m s] where it is wanted");
-    EXPECT_EQ(changed("float32 x  # x [m]\n", ""), "field x is not there where it is wanted");
+              "field P is float64 (3, 3) [N m s] in the publication and float64 (9) [N m s] in the subscription");
+    EXPECT_EQ(changed("float32 x  # x [m]\n", ""), "field x is missing in the subscription");
     EXPECT_EQ(changed("float32 x  # x [m]\n", "float32 x  # x [m]\nfloat64 y\n"),
-              "field y is not there where it is offered");
+              "field y is missing in the publication");
     EXPECT_EQ(
         changed("int32 mode  # mode {OFF=0, ON=1}\nfloat32 x  # x [m]\n", "float32 x  # x [m]\nint32 mode  # mode\n"),
-        "field x is at another place where it is offered");
+        "field x is at another place in the publication");
     EXPECT_EQ(schema_difference(offered, make_schema("Other", error_text)),
-              "it is a AttError where it is offered and a Other where it is wanted");
+              "it is a AttError in the publication and a Other in the subscription");
 }
 
-TEST(Schema, ABadDefinitionIsRefusedWithItsLine)
+TEST(Schema, AnErrorNamesTheLine)
 {
     const auto refusal = [](const std::string &text) -> std::string {
         try {
@@ -232,7 +232,7 @@ TEST(Schema, ABadDefinitionIsRefusedWithItsLine)
     EXPECT_EQ(refusal(rule + "\nnonsense\n"), "line 2: expected \"MSG: <a new type>\", found \"nonsense\"");
 }
 
-TEST(Schema, NoTextBreaksTheReader)
+TEST(Schema, AnyTextIsParsedOrRefused)
 {
     std::mt19937 random(6);
     std::size_t read = 0;

@@ -5,6 +5,7 @@
 #include <charconv>
 #include <map>
 #include <optional>
+#include <strings.h>
 
 namespace fledge::cosim {
 
@@ -20,49 +21,38 @@ constexpr Primitive primitives[] = {
     {"uint16", 2},  {"int8", 1},    {"uint8", 1}, {"bool", 1},   {"byte", 1},  {"char", 1},
 };
 
-bool is_space(char c)
-{
-    return c == ' ' || c == '\t' || c == '\r';
-}
+constexpr std::string_view blanks = " \t\r";
+constexpr std::string_view word_characters = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz_0123456789";
 
 std::string_view trim(std::string_view s)
 {
-    while (!s.empty() && is_space(s.front())) {
-        s.remove_prefix(1);
-    }
-    while (!s.empty() && is_space(s.back())) {
-        s.remove_suffix(1);
-    }
-    return s;
+    s.remove_prefix(std::min(s.find_first_not_of(blanks), s.size()));
+    return s.substr(0, s.find_last_not_of(blanks) + 1);
 }
 
-/// The leading word of s, which is taken off it.
+/// Remove the first word from s and return it.
 std::string_view take_word(std::string_view &s)
 {
     s = trim(s);
-    const auto end = std::find_if(s.begin(), s.end(), is_space);
-    const std::string_view word = s.substr(0, static_cast<std::size_t>(end - s.begin()));
+    const std::string_view word = s.substr(0, s.find_first_of(blanks));
     s.remove_prefix(word.size());
     return word;
 }
 
 bool is_identifier(std::string_view s)
 {
-    const auto letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_'; };
-    return !s.empty() && letter(s[0]) &&
-           std::all_of(s.begin(), s.end(), [&](char c) { return letter(c) || (c >= '0' && c <= '9'); });
+    return !s.empty() && s.find_first_not_of(word_characters) == std::string_view::npos &&
+           !(s[0] >= '0' && s[0] <= '9');
 }
 
 std::string_view short_name(std::string_view type)
 {
-    const auto slash = type.rfind('/');
-    return slash == std::string_view::npos ? type : type.substr(slash + 1);
+    return type.substr(type.rfind('/') + 1); // all of it without a slash
 }
 
 bool same_but_for_case(std::string_view a, std::string_view b)
 {
-    const auto lower = [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; };
-    return std::equal(a.begin(), a.end(), b.begin(), b.end(), [&](char x, char y) { return lower(x) == lower(y); });
+    return a.size() == b.size() && !strncasecmp(a.data(), b.data(), a.size());
 }
 
 std::optional<std::uint32_t> number(std::string_view s)
@@ -80,7 +70,7 @@ struct Line {
     std::string_view text;
 };
 
-/// One walk from the message down; sections are the nested types.
+/// Collects the fields of a message, depth first. Each section of the text defines a nested type.
 class Parser {
 public:
     explicit Parser(std::string_view text)
@@ -125,12 +115,8 @@ private:
 
     void walk(std::string_view section, const std::string &prefix, int depth)
     {
-        const auto lines = sections.find(section);
-        if (lines == sections.end()) {
-            return;
-        }
         std::vector<std::string_view> names;
-        for (const Line &line : lines->second) {
+        for (const Line &line : sections[section]) {
             const auto hash = std::min(line.text.find('#'), line.text.size());
             std::string_view code = line.text.substr(0, hash);
             if (!trim(code).empty()) {
@@ -205,7 +191,7 @@ private:
         }
     }
 
-    /// "(3, 3)" tells the dimensions of what ROS has as one, if their product is the same.
+    /// "(3, 3)" in a comment gives the dimensions of an array, which ROS stores with one. Their product has to agree.
     static void take_shape(std::string_view comment, std::uint32_t count, std::string &shape)
     {
         std::string found;
@@ -274,27 +260,27 @@ Schema make_schema(std::string name, std::string text)
     return {std::move(name), std::move(text), last.offset + last.item * last.count, hash};
 }
 
-std::string schema_difference(const Schema &offered, const Schema &wanted)
+std::string schema_difference(const Schema &published, const Schema &subscribed)
 {
-    if (offered.name != wanted.name && !offered.name.empty() && !wanted.name.empty()) {
-        return "it is a " + offered.name + " where it is offered and a " + wanted.name + " where it is wanted";
+    if (published.name != subscribed.name && !published.name.empty() && !subscribed.name.empty()) {
+        return "it is a " + published.name + " in the publication and a " + subscribed.name + " in the subscription";
     }
-    if (!offered.given() || !wanted.given() || (offered.hash == wanted.hash && offered.text == wanted.text)) {
+    if (!published.given() || !subscribed.given() ||
+        (published.hash == subscribed.hash && published.text == subscribed.text)) {
         return "";
     }
-    const auto a = parse_schema(offered.text), b = parse_schema(wanted.text);
+    const auto a = parse_schema(published.text), b = parse_schema(subscribed.text);
     for (std::size_t i = 0; i < std::max(a.size(), b.size()); i++) {
         if (i >= a.size() || (i < b.size() && a[i].name != b[i].name)) {
             const bool elsewhere = std::any_of(a.begin(), a.end(), [&](const auto &f) { return f.name == b[i].name; });
-            return "field " + b[i].name + (elsewhere ? " is at another place" : " is not there") +
-                   " where it is offered";
+            return "field " + b[i].name + (elsewhere ? " is at another place" : " is missing") + " in the publication";
         }
         if (i >= b.size()) {
-            return "field " + a[i].name + " is not there where it is wanted";
+            return "field " + a[i].name + " is missing in the subscription";
         }
         if (described(a[i]) != described(b[i])) {
-            return "field " + a[i].name + " is " + described(a[i]) + " where it is offered and " + described(b[i]) +
-                   " where it is wanted";
+            return "field " + a[i].name + " is " + described(a[i]) + " in the publication and " + described(b[i]) +
+                   " in the subscription";
         }
     }
     return "";

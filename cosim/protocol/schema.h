@@ -13,7 +13,7 @@
 
 namespace fledge::cosim {
 
-/// An unusable definition. The text says which line and why.
+/// An invalid definition. The message names the line and the reason.
 class SchemaError : public std::runtime_error {
     using runtime_error::runtime_error;
 };
@@ -21,7 +21,7 @@ class SchemaError : public std::runtime_error {
 /// As frames carry it.
 struct Schema {
     std::string name;       ///< "AttError"; "": any
-    std::string text;       ///< "": the node takes its partner's definition
+    std::string text;       ///< "": the node uses the definition of its partner
     std::uint32_t size = 0; ///< bytes of the struct; 0 without text
     std::uint64_t hash = 0; ///< schema_hash(text); equal texts need no comparison
 
@@ -49,16 +49,16 @@ struct SchemaField {
     bool operator==(const SchemaField &) const = default;
 };
 
-/// Limits of a definition, which comes from other programs.
+/// Limits of a definition, which comes from another program.
 inline constexpr std::uint32_t schema_size_max = 1u << 24;
 inline constexpr std::size_t schema_fields_max = 1u << 16;
 
 /// The fields that a text defines. Throws SchemaError, also if the struct would need padding.
 std::vector<SchemaField> parse_schema(std::string_view text);
 
-/// Why a message of `offered` cannot be read as `wanted`, naming the first field that differs;
-/// "" if it can. Meanings (the prose in comments) may differ; names, types, shapes and units may not.
-std::string schema_difference(const Schema &offered, const Schema &wanted);
+/// Why a subscription cannot read a publication: the first field that differs; "" if it can. Names, types, shapes and
+/// units have to be equal; the prose in comments may differ.
+std::string schema_difference(const Schema &published, const Schema &subscribed);
 
 /// Convert the numbers of a struct from one byte order to the other.
 void swap_bytes(std::span<const SchemaField> fields, std::span<std::byte> bytes);

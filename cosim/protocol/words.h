@@ -15,7 +15,6 @@ inline constexpr std::pair<std::string_view, Latency> latency_words[] = {{"same_
                                                                          {"next_instant", Latency::next_instant},
                                                                          {"next_exchange", Latency::next_exchange}};
 
-/// The enumerator with this name.
 template <class T, std::size_t N>
 std::optional<T> meant_by(const std::pair<std::string_view, T> (&words)[N], std::string_view word)
 {

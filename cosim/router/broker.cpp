@@ -43,12 +43,12 @@ Broker::Broker(zmq::context_t &context, BrokerConfig config, Authenticator *auth
             authenticator_->guard(*socket);
         }
     }
-    backend_.set(zmq::sockopt::maxmsgsize, longest_subscription); // it receives nothing but subscriptions
+    backend_.set(zmq::sockopt::maxmsgsize, longest_subscription); // it receives only subscriptions
     backend_.set(zmq::sockopt::sndhwm, config_.waiting);
     backend_.set(zmq::sockopt::xpub_verbose, true);
     frontend_address_ = bind(frontend_, config_.frontend, "what asynchronous programs publish");
     backend_address_ = bind(backend_, config_.backend, "observers");
-    frontend_.send(zmq::buffer("\1", 1), zmq::send_flags::none); // all topics, also of those who come later
+    frontend_.send(zmq::buffer("\1", 1), zmq::send_flags::none); // subscribe to all topics of all programs
     thread_ = std::thread([this] { serve(); });
 }
 
@@ -56,7 +56,7 @@ Broker::~Broker()
 {
     for (int n = 0; (end_is_late_ || !late_.empty()) && n < 200; n++) {
         std::this_thread::sleep_for(shortest);
-        hand_on_late();
+        send_late();
     }
     stop_ = true;
     thread_.join();
@@ -71,7 +71,7 @@ void Broker::began(const Exchange &exchange)
         const Exchange::Topic &topic = exchange.topics[channel];
         topics_.push_back(topic.name);
         if (!topic.initial.empty()) {
-            hand_on_or_keep(topic.name, topic.writer, {channel, 0, exchange.after, topic.initial});
+            put_now_or_later(topic.name, topic.writer, {channel, 0, exchange.after, topic.initial});
         }
     }
 }
@@ -79,10 +79,10 @@ void Broker::began(const Exchange &exchange)
 void Broker::wrote(const std::string &node, const std::vector<Record> &records)
 {
     if (!late_.empty()) {
-        hand_on_late();
+        send_late();
     }
     for (const Record &record : records) {
-        hand_on_or_keep(topics_[record.channel], node, record);
+        put_now_or_later(topics_[record.channel], node, record);
     }
     published_.fetch_add(records.size(), std::memory_order_relaxed);
 }
@@ -91,35 +91,35 @@ void Broker::ended(const std::string &reason)
 {
     end_ = reason;
     end_is_late_ = true;
-    hand_on_late();
+    send_late();
 }
 
-void Broker::hand_on_or_keep(const std::string &topic, const std::string &node, const Record &record)
+void Broker::put_now_or_later(const std::string &topic, const std::string &node, const Record &record)
 {
-    if ((late_.empty() || !late_.contains(topic)) && hand_on(Kind::record, topic, node, record)) {
+    if ((late_.empty() || !late_.contains(topic)) && put(Kind::record, topic, node, record)) {
         return;
     }
     if (sizeof(Head) + topic.size() + node.size() + record.payload.size() > ring_.largest()) {
-        dropped_.fetch_add(1, std::memory_order_relaxed); // it never fits
+        dropped_.fetch_add(1, std::memory_order_relaxed); // it is too large for the ring
         return;
     }
     const bool first = late_.insert_or_assign(topic, Published{record, node}).second;
     dropped_.fetch_add(!first, std::memory_order_relaxed);
 }
 
-void Broker::hand_on_late()
+void Broker::send_late()
 {
     for (auto it = late_.begin(); it != late_.end(); it = late_.erase(it)) {
-        if (!hand_on(Kind::record, it->first, it->second.node, it->second.record)) {
+        if (!put(Kind::record, it->first, it->second.node, it->second.record)) {
             return;
         }
     }
     if (end_is_late_) {
-        end_is_late_ = !hand_on(Kind::finish, end_.substr(0, config_.limits.text), "", {});
+        end_is_late_ = !put(Kind::finish, end_.substr(0, config_.limits.text), "", {});
     }
 }
 
-bool Broker::hand_on(Kind kind, const std::string &topic, const std::string &node, const Record &record)
+bool Broker::put(Kind kind, const std::string &topic, const std::string &node, const Record &record)
 {
     std::byte *at = ring_.claim(sizeof(Head) + topic.size() + node.size() + record.payload.size());
     if (!at) {
@@ -133,16 +133,16 @@ bool Broker::hand_on(Kind kind, const std::string &topic, const std::string &nod
                     0,
                     record.payload.size(),
                     record.t};
-    const auto put = [&](const void *from, std::size_t n) {
+    const auto append = [&](const void *from, std::size_t n) {
         if (n) {
             std::memcpy(at, from, n);
             at += n;
         }
     };
-    put(&head, sizeof head);
-    put(topic.data(), topic.size());
-    put(node.data(), node.size());
-    put(record.payload.data(), record.payload.size());
+    append(&head, sizeof head);
+    append(topic.data(), topic.size());
+    append(node.data(), node.size());
+    append(record.payload.data(), record.payload.size());
     ring_.commit();
     return true;
 }
@@ -150,7 +150,7 @@ bool Broker::hand_on(Kind kind, const std::string &topic, const std::string &nod
 std::vector<Broker::Written> Broker::take()
 {
     const std::lock_guard lock(mutex_);
-    heard_ = false;
+    received_any_ = false;
     inbox_bytes_ = 0;
     return std::exchange(inbox_, {});
 }
@@ -176,11 +176,11 @@ void Broker::serve()
     std::optional<std::chrono::steady_clock::time_point> stopped_at;
     for (auto pause = shortest;;) {
         try {
-            const bool stop = stop_; // read it first: then the ring holds all that was written before
-            hear_subscriptions();
-            bool busy = hear_programs();
+            const bool stop = stop_; // read before the ring, so that no entry is missed
+            receive_subscriptions();
+            bool busy = receive_messages();
             busy = drain() || busy;
-            const bool delivered = tell_end();
+            const bool delivered = send_end();
             if (stop && !stopped_at) {
                 stopped_at = std::chrono::steady_clock::now();
             }
@@ -190,7 +190,7 @@ void Broker::serve()
             pause = busy ? shortest : std::min(2 * pause, std::chrono::milliseconds(longest));
             poll(items, busy ? 0ms : pause);
             if (busy) {
-                std::this_thread::sleep_for(shortest); // in batches, to leave the processor to the run
+                std::this_thread::sleep_for(shortest); // work in batches: the run needs the processor
             }
         } catch (const zmq::error_t &error) {
             if (error.num() == ETERM) {
@@ -221,8 +221,8 @@ void Broker::publish(std::span<const std::byte> entry)
     const char *text = reinterpret_cast<const char *>(entry.data()) + sizeof head;
     const std::string topic(text, head.topic);
     if (head.kind == Kind::finish) {
-        over_ = Finish{topic};
-        return send(finish_topic, *over_);
+        finish_ = Finish{topic};
+        return send(finish_topic, *finish_);
     }
     Last &last = last_[topic];
     last.published.node.assign(text + head.topic, head.node);
@@ -232,7 +232,7 @@ void Broker::publish(std::span<const std::byte> entry)
     record.t = head.t;
     const auto payload = entry.subspan(sizeof head + head.topic + head.node);
     record.payload = payload;
-    if (wanted(topic, last)) {
+    if (subscribed(topic, last)) {
         send(topic, last.published);
     }
 }
@@ -240,38 +240,38 @@ void Broker::publish(std::span<const std::byte> entry)
 void Broker::send(const std::string &topic, const Message &message)
 {
     encode({0, message}, frame_);
-    // libzmq drops the whole message for observers that take no more.
+    // libzmq drops the whole message for observers whose queue is full.
     (void)backend_.send(zmq::buffer(topic), zmq::send_flags::sndmore | zmq::send_flags::dontwait);
     (void)backend_.send(zmq::buffer(frame_), zmq::send_flags::dontwait);
 }
 
-/// Whether all observers know that the run is over.
-bool Broker::tell_end()
+/// Whether all observers have received the end of the run.
+bool Broker::send_end()
 {
-    if (over_ && subscribed_.contains(finish_topic)) {
-        send(finish_topic, *over_);
+    if (finish_ && subscribed_.contains(finish_topic)) {
+        send(finish_topic, *finish_);
         return false;
     }
     return true;
 }
 
-bool Broker::wanted(const std::string &topic, Last &last)
+bool Broker::subscribed(const std::string &topic, Last &last)
 {
     if (last.looked != subscriptions_) {
         last.looked = subscriptions_;
-        last.wanted = std::any_of(subscribed_.begin(), subscribed_.end(),
-                                  [&](const std::string &prefix) { return topic.starts_with(prefix); });
+        last.subscribed = std::any_of(subscribed_.begin(), subscribed_.end(),
+                                      [&](const std::string &prefix) { return topic.starts_with(prefix); });
     }
-    return last.wanted;
+    return last.subscribed;
 }
 
-void Broker::hear_subscriptions()
+void Broker::receive_subscriptions()
 {
     zmq::message_t message;
     for (int n = 0; n < most_messages && backend_.recv(message, zmq::recv_flags::dontwait); n++) {
         const std::string_view text = message.to_string_view();
         if (text.empty() || text[0] > 1 || text[0] < 0) {
-            refused_++; // no subscription
+            refused_++; // it is not a subscription
             continue;
         }
         const std::string prefix(text.substr(1));
@@ -289,19 +289,13 @@ void Broker::hear_subscriptions()
     }
 }
 
-bool Broker::hear_programs()
+bool Broker::receive_messages()
 {
     int n = 0;
-    for (zmq::message_t part; n < most_messages && frontend_.recv(part, zmq::recv_flags::dontwait); n++) {
-        std::vector<zmq::message_t> parts;
-        std::size_t count = 1;
-        bool more = part.more();
-        parts.push_back(std::move(part));
-        for (part.rebuild(); more && frontend_.recv(part, zmq::recv_flags::dontwait); part.rebuild()) {
-            more = part.more();
-            if (++count <= 2) {
-                parts.push_back(std::move(part));
-            }
+    for (zmq::message_t parts[2]; n < most_messages; n++) {
+        const std::size_t count = receive_parts(frontend_, parts);
+        if (!count) {
+            break;
         }
         Written written;
         const std::string why =
@@ -314,13 +308,13 @@ bool Broker::hear_programs()
         const std::lock_guard lock(mutex_);
         inbox_bytes_ += written.payload.size();
         inbox_.push_back(std::move(written));
-        heard_ = true;
+        received_any_ = true;
     }
     return n > 0;
 }
 
-/// Why it is refused; "" if it is not.
-std::string Broker::read(std::vector<zmq::message_t> &parts, Written &written)
+/// Why the broker refuses a message; "" if it accepts it.
+std::string Broker::read(std::span<zmq::message_t, 2> parts, Written &written)
 {
     if (parts[0].size() > config_.limits.name) {
         return "a topic's name of " + std::to_string(parts[0].size()) + " bytes";

@@ -2,7 +2,7 @@
 // The broker of the thesis' appendix C: a frontend where asynchronous programs publish, and a backend where they
 // subscribe. Nodes exchange messages inside ticks and tocks; the broker shows these messages to observers.
 //
-// It has a thread of its own, and the run never waits for it:
+// It runs on its own thread, and the run never waits for it:
 //
 // - The Router copies records into a ring. If the ring is full, the newest record of each topic waits for room;
 //   the broker drops and counts older ones.
@@ -10,9 +10,9 @@
 //   Record::count, which counts from 1 since the last Start.
 //
 // On the backend a message has two parts: the topic's name, and a frame Published. An initial value has the count 0.
-// A new subscriber gets the last message of each topic at once. As subscribers share a topic, the others see that
-// message again, with the same count. At the end the broker sends "finish" with a frame Finish, again and again, and
-// an observer that has got it unsubscribes from "finish". The frontend takes messages of the same form.
+// A new subscriber gets the last message of each topic at once. The other subscribers of the topic get it again, too,
+// with the same count. At the end the broker sends "finish" with a frame Finish repeatedly, until all observers have
+// received it and unsubscribed from "finish". The frontend takes messages of the same form.
 #pragma once
 
 #include "cosim/controller/run_listener.h"
@@ -34,7 +34,7 @@ namespace fledge::cosim {
 struct BrokerConfig {
     std::string frontend, backend;            ///< addresses; TCP port "*": any free one
     std::size_t room = std::size_t{16} << 20; ///< bytes of the ring; a record may take half
-    int waiting = 1000;                       ///< most messages in the queue of an observer
+    int waiting = 1000;                       ///< the most messages in the queue of an observer
     Limits limits = {};
 };
 
@@ -53,8 +53,8 @@ public:
         Payload payload;
     };
 
-    /// With an authenticator, only programs with an allowed key connect, and write under the names of that key; it
-    /// outlives the broker. Throws LinkError.
+    /// With an authenticator, which outlives the broker, only programs with an allowed key can connect, and they can
+    /// write only under the names of that key. Throws LinkError.
     Broker(zmq::context_t &context, BrokerConfig config, Authenticator *authenticator = nullptr);
     ~Broker() override;
 
@@ -66,13 +66,13 @@ public:
     void began(const Exchange &exchange) override;
     void wrote(const std::string &node, const std::vector<Record> &records) override;
     void ended(const std::string &reason) override;
-    /// To be called from time to time: send records that found no room.
-    void tend() { hand_on_late(); }
+    /// Send records for which the ring had no room. To be called from time to time.
+    void send_late();
 
-    bool heard() const { return heard_.load(std::memory_order_relaxed); }
+    bool received() const { return received_any_.load(std::memory_order_relaxed); }
     /// The messages of asynchronous programs since the last call, in order.
     std::vector<Written> take();
-    /// Refuse a message: count it, and report each reason once.
+    /// Count a refused message, and report each reason once.
     void refuse(const std::string &why);
     /// Reasons of refusals.
     std::vector<std::string> take_reports();
@@ -89,23 +89,22 @@ private:
     };
     struct Last {
         Published published;
-        bool wanted = true; ///< an observer subscribed to it; as of `looked`
+        bool subscribed = true; ///< an observer subscribes to it; valid while looked == subscriptions_
         std::uint64_t looked = 0;
     };
 
-    bool hand_on(Kind kind, const std::string &topic, const std::string &node, const Record &record);
-    void hand_on_or_keep(const std::string &topic, const std::string &node, const Record &record);
-    void hand_on_late();
+    bool put(Kind kind, const std::string &topic, const std::string &node, const Record &record);
+    void put_now_or_later(const std::string &topic, const std::string &node, const Record &record);
 
     void serve();
     bool drain();
     void publish(std::span<const std::byte> entry);
     void send(const std::string &topic, const Message &message);
-    bool tell_end();
-    bool wanted(const std::string &topic, Last &last);
-    void hear_subscriptions();
-    bool hear_programs();
-    std::string read(std::vector<zmq::message_t> &parts, Written &written);
+    bool send_end();
+    bool subscribed(const std::string &topic, Last &last);
+    void receive_subscriptions();
+    bool receive_messages();
+    std::string read(std::span<zmq::message_t, 2> parts, Written &written);
 
     BrokerConfig config_;
     Authenticator *authenticator_;
@@ -114,23 +113,23 @@ private:
 
     ByteRing ring_; ///< from the Router's thread to the broker's
 
-    // The Router's.
+    // Used by the Router's thread.
     std::vector<std::string> topics_;       ///< by channel
-    std::map<std::string, Published> late_; ///< by topic: the newest record that found no room
+    std::map<std::string, Published> late_; ///< by topic: the newest record for which the ring had no room
     std::string end_;
     bool end_is_late_ = false;
 
-    // The broker's.
+    // Used by the broker's thread.
     std::map<std::string, Last> last_; ///< by topic
     std::set<std::string> subscribed_; ///< prefixes
-    std::optional<Finish> over_;       ///< the run is
-    std::uint64_t subscriptions_ = 1;  ///< changes of that
+    std::optional<Finish> finish_;     ///< set when the run is over
+    std::uint64_t subscriptions_ = 1;  ///< counts changes of subscribed_
     Bytes frame_;
 
-    // Between the two.
-    std::atomic<bool> heard_{false}, stop_{false};
+    // Used by both threads.
+    std::atomic<bool> received_any_{false}, stop_{false};
     std::atomic<std::uint64_t> published_{0}, dropped_{0}, received_{0}, refused_{0};
-    std::mutex mutex_; ///< of what follows
+    std::mutex mutex_; ///< of all members below
     std::vector<Written> inbox_;
     std::size_t inbox_bytes_ = 0;
     std::set<std::string> reported_;

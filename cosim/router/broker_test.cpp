@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Those who watch and those who write from outside, on real sockets around a real run.
+// Observers and asynchronous programs, on real sockets around a real run.
 #include "cosim/node/observer.h"
 #include "cosim/router/testing/nodes.h"
 
@@ -15,7 +15,7 @@ namespace {
 using namespace std::chrono_literals;
 using namespace testing_nodes;
 
-TEST(ByteRing, WhatGoesInComesOutInOrderAndWholeOnTwoThreads)
+TEST(ByteRing, EntriesPassBetweenTwoThreadsCompleteAndInOrder)
 {
     ByteRing ring(4096);
     EXPECT_EQ(ring.claim(ring.largest() + 1), nullptr);
@@ -59,7 +59,7 @@ Bytes published_by(const std::string &node, const Payload &payload)
     return encode(frame);
 }
 
-/// A run of a and b, which count together, that goes on only as far as it is let.
+/// A run of a and b, which count together, up to the horizon that the test sets.
 class Watched {
 public:
     explicit Watched(const std::string &transport, Ns end = 1000, const std::string &keys = "",
@@ -196,7 +196,7 @@ public:
 
 class Broadcast : public testing::TestWithParam<const char *> {};
 
-TEST_P(Broadcast, WhoWatchesFromTheBeginningSeesAllInOrder)
+TEST_P(Broadcast, AnObserverFromTheBeginningSeesAllMessagesInOrder)
 {
     Watched run(GetParam());
     zmq::context_t context;
@@ -227,7 +227,7 @@ TEST_P(Broadcast, WhoWatchesFromTheBeginningSeesAllInOrder)
     EXPECT_EQ(run.run.get(), "");
 }
 
-TEST_P(Broadcast, WhoComesLateGetsTheLastOfEachTopicAtOnce)
+TEST_P(Broadcast, ALateObserverGetsTheLastMessageOfEachTopicAtOnce)
 {
     Watched run(GetParam());
     zmq::context_t context;
@@ -251,9 +251,9 @@ TEST_P(Broadcast, WhoComesLateGetsTheLastOfEachTopicAtOnce)
     }
     EXPECT_EQ(got.at("/a/n").t, 500);
     EXPECT_EQ(got.at("/a/n").count, 51u);
-    EXPECT_EQ(got.at("/a/n").missed, 0u); // what was before it came is not missed
+    EXPECT_EQ(got.at("/a/n").missed, 0u); // earlier messages do not count as missed
     EXPECT_EQ(got.at("/b/n").t, 500);
-    // The first one is not told the same again, and sees no gap.
+    // The first observer does not get the message again, and sees no gap.
     run.let(510);
     for (const char *topic : {"/a/n", "/b/n"}) {
         const auto seen = first.next(20s);
@@ -269,7 +269,7 @@ TEST_P(Broadcast, WhoComesLateGetsTheLastOfEachTopicAtOnce)
 
 INSTANTIATE_TEST_SUITE_P(All, Broadcast, testing::Values("tcp", "ipc"));
 
-TEST(Broker, WhoComesBeforeTheNodesHaveMetWaitsForThem)
+TEST(Broker, AnEarlyObserverWaitsForTheMatching)
 {
     zmq::context_t context, other;
     RouterConfig config;
@@ -297,7 +297,7 @@ TEST(Broker, WhoComesBeforeTheNodesHaveMetWaitsForThem)
     EXPECT_EQ(watch.get(), 1u);
 }
 
-TEST(Broker, WhatAnAsynchronousProgramWritesIsSeenByNodesAndByThoseWhoWatch)
+TEST(Broker, NodesAndObserversSeeAsynchronousMessages)
 {
     Watched run("tcp", 1000, "", {"/ground/command"});
     zmq::context_t context;
@@ -320,8 +320,8 @@ TEST(Broker, WhatAnAsynchronousProgramWritesIsSeenByNodesAndByThoseWhoWatch)
     EXPECT_THROW(ground.write("/ground/command", Bytes(7)), LinkError);
     ground.write("/a/n", word(1)); // that the controller refuses
     viewer.write("/ground/command", word(1));
-    EXPECT_TRUE(run.reported("ground writes /a/n: /a/n does not come from ground"));
-    EXPECT_TRUE(run.reported("viewer writes /ground/command: /ground/command does not come from viewer"));
+    EXPECT_TRUE(run.reported("ground writes /a/n: /a/n is not written by ground"));
+    EXPECT_TRUE(run.reported("viewer writes /ground/command: /ground/command is not written by viewer"));
     run.let(for_ever);
     EXPECT_EQ(run.run.get(), "");
     run.serve_a.wait();
@@ -329,7 +329,7 @@ TEST(Broker, WhatAnAsynchronousProgramWritesIsSeenByNodesAndByThoseWhoWatch)
     ASSERT_EQ(commands.size(), 21u);
     EXPECT_EQ(commands[0].second, 0u); // the initial value
     commands.erase(commands.begin());
-    EXPECT_EQ(commands, seen_by_reader); // a reader of the same instant sees it at the time of which it is
+    EXPECT_EQ(commands, seen_by_reader); // a reader of the same instant sees it at the time of writing
     for (std::size_t k = 1; k < commands.size(); k++) {
         EXPECT_EQ(commands[k].first - commands[k - 1].first, k == 1 ? commands[1].first - commands[0].first : 10);
     }
@@ -337,7 +337,7 @@ TEST(Broker, WhatAnAsynchronousProgramWritesIsSeenByNodesAndByThoseWhoWatch)
     EXPECT_EQ(run.router.broker()->counts().refused, 2u);
 }
 
-TEST(Broker, GarbageIsCountedAndDisturbsNobody)
+TEST(Broker, InvalidMessagesAreCountedAndHarmless)
 {
     Watched run("tcp", 1000, "", {"/ground/command"});
     run.let(0);
@@ -381,7 +381,7 @@ TEST(Broker, GarbageIsCountedAndDisturbsNobody)
         std::this_thread::sleep_for(1ms);
     }
     send(back, {std::string(1, 1) + std::string(100'000, 'x')}); // a subscription that is too long
-    ground.write("/ground/command", word(42));                   // the good one still comes through
+    ground.write("/ground/command", word(42));                   // the valid message still arrives
     Observer viewer(context, run.observer("viewer"));
     viewer.subscribe("/ground/command");
     for (std::uint64_t x = 0; x != 42;) {
@@ -397,9 +397,9 @@ TEST(Broker, GarbageIsCountedAndDisturbsNobody)
     EXPECT_EQ(run.run.get(), "");
 }
 
-TEST(Broker, OneThatDoesNotKeepUpSeesTheGapByTheCountAndSlowsNobody)
+TEST(Broker, ASlowObserverSeesTheGapByTheCountAndSlowsNoNode)
 {
-    // One that never reads: the run goes to its end with far more messages than wait for it.
+    // One observer never reads: the run ends regularly, with far more messages than its queue holds.
     zmq::context_t context, other;
     RouterConfig config;
     config.broker = true;
@@ -445,9 +445,9 @@ TEST(Broker, OneThatDoesNotKeepUpSeesTheGapByTheCountAndSlowsNobody)
     EXPECT_GT(seen, 0u);
 }
 
-TEST(Broker, WithoutRoomTheNewestOfEachTopicStillComes)
+TEST(Broker, TheNewestMessageOfEachTopicSurvivesAFullRing)
 {
-    // No thread of the run: records are handed over faster than the ring has room.
+    // Without a run: the test writes records faster than the ring has room.
     zmq::context_t context;
     BrokerConfig config;
     config.frontend = "inproc://broker-front";
@@ -463,16 +463,16 @@ TEST(Broker, WithoutRoomTheNewestOfEachTopicStillComes)
     exchange.topics = {{"/a", {}, "n", word(0)}, {"/b", {}, "n", word(0)}};
     broker.began(exchange);
     constexpr std::uint32_t n = 50'000;
-    broker.wrote("n", {{1, 1, 0, word(77)}}); // once only: it must not be lost among the others
+    broker.wrote("n", {{1, 1, 0, word(77)}}); // written once: it must not get lost among the others
     for (std::uint32_t k = 1; k <= n; k++) {
         broker.wrote("n", {{0, k, k, word(k)}});
     }
-    broker.wrote("n", {{0, n + 1, n + 1, Bytes(5000)}}); // for which there never is room
+    broker.wrote("n", {{0, n + 1, n + 1, Bytes(5000)}}); // too large for the ring
     broker.ended("over");
     std::uint32_t last = 0, gaps = 0;
     bool rare = false, over = false;
     while (!over) {
-        broker.tend();
+        broker.send_late();
         zmq::message_t topic, bytes;
         ASSERT_TRUE(seen.recv(topic) && seen.recv(bytes));
         const Message message = decode({bytes.data<std::byte>(), bytes.size()}).message;
@@ -497,7 +497,7 @@ TEST(Broker, WithoutRoomTheNewestOfEachTopicStillComes)
     EXPECT_EQ(broker.counts().dropped, gaps + 1);
 }
 
-TEST(Broker, WithKeysOnlyWhoIsAllowedWatchesOrWrites)
+TEST(Broker, OnlyAllowedKeysObserveOrWrite)
 {
     Keys keys;
     keys.allow("a", "a");
@@ -516,7 +516,7 @@ TEST(Broker, WithKeysOnlyWhoIsAllowedWatchesOrWrites)
         ASSERT_TRUE(seen);
         x = word_of(seen->payload);
     }
-    // Another name than that of its key, at the greeting and in what it writes.
+    // A program uses another name than that of its key, in its greeting and in its messages.
     EXPECT_THROW(Observer(context, run.observer("ground", keys.of("viewer"))), LinkError);
     EXPECT_THROW(Observer(context, run.observer("ground", keys.of("stranger"))), LinkError);
     zmq::socket_t front(context, zmq::socket_type::xpub);
@@ -529,7 +529,7 @@ TEST(Broker, WithKeysOnlyWhoIsAllowedWatchesOrWrites)
     front.send(zmq::str_buffer("/ground/command"), zmq::send_flags::sndmore);
     front.send(zmq::buffer(published_by("ground", word(6))), zmq::send_flags::none);
     EXPECT_TRUE(run.reported("the key viewer is not allowed to speak as ground"));
-    // Without a key, and with a stranger's, nothing is heard at the backend.
+    // Without a key or with an unknown one, an observer gets nothing from the backend.
     zmq::context_t others;
     zmq::socket_t bare(others, zmq::socket_type::sub), stranger(others, zmq::socket_type::sub);
     for (zmq::socket_t *socket : {&bare, &stranger}) {
@@ -548,7 +548,7 @@ TEST(Broker, WithKeysOnlyWhoIsAllowedWatchesOrWrites)
     EXPECT_EQ(run.run.get(), "");
 }
 
-TEST(Broker, WhatCannotBeIsSaid)
+TEST(Broker, ImpossibleConfigurationsAreRefused)
 {
     zmq::context_t context;
     RouterConfig config;

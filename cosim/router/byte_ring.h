@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A queue of byte entries from one thread to another, of fixed size, without locks or waiting. It touches its memory
-// only as far as it uses it.
+// A lock-free queue of byte entries from one thread to another, of fixed size. It touches only the memory that it uses.
 #pragma once
 
 #include <atomic>
@@ -81,7 +80,7 @@ private:
     std::size_t size_;
     std::unique_ptr<std::byte[]> bytes_;
     alignas(64) std::atomic<std::size_t> head_{0}; ///< bytes ever written
-    std::size_t claimed_ = 0, seen_tail_ = 0;      ///< the writer's
+    std::size_t claimed_ = 0, seen_tail_ = 0;      ///< used by the writer
     alignas(64) std::atomic<std::size_t> tail_{0}; ///< bytes ever read
 };
 

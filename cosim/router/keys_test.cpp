@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Who is let in, who is not, and what each side then says.
+// Which programs the controller accepts, and the reports of both sides.
 #include "cosim/router/testing/nodes.h"
 
 #include <gtest/gtest.h>
@@ -58,7 +58,7 @@ struct Guarded {
         return false;
     }
 
-    /// How a node ends that comes with these keys, in a context of its own, as another program would.
+    /// The outcome of a node with these keys, in a separate context, as in another program.
     std::string try_as(const std::string &node, const std::string &keys)
     {
         zmq::context_t other;
@@ -85,7 +85,7 @@ protected:
     }
 };
 
-TEST_P(Keyed, WhoIsAllowedTakesPart)
+TEST_P(Keyed, AProgramWithAnAllowedKeyTakesPart)
 {
     Keys keys;
     keys.allow("a", "a");
@@ -104,7 +104,7 @@ TEST_P(Keyed, WhoIsAllowedTakesPart)
     EXPECT_EQ(guarded.reports, "");
 }
 
-TEST_P(Keyed, WhoIsNotIsToldAtOnceAndSoIsTheUser)
+TEST_P(Keyed, AProgramWithoutAnAllowedKeyIsReportedToItselfAndTheUser)
 {
     Keys keys, others;
     keys.allow("a", "a");
@@ -128,12 +128,12 @@ TEST_P(Keyed, WhoIsNotIsToldAtOnceAndSoIsTheUser)
     EXPECT_EQ(guarded.end(), "the user ended it");
 }
 
-TEST_P(Keyed, AControllerWithoutKeysIsToldApart)
+TEST_P(Keyed, AControllerWithoutKeysIsRecognized)
 {
     Keys keys;
     keys.allow("a", "a");
     Guarded guarded("", address());
-    // Who notices first goes, so the other side may see no more than that.
+    // The side that notices first disconnects, so the other side may see only the lost connection.
     const std::string found = guarded.try_as("a", keys.of("a"));
     EXPECT_TRUE(found.starts_with("threw: the controller at " + guarded.router.address() + " does not let a in: ") &&
                 found.find("it uses no keys") != found.npos)
@@ -142,7 +142,7 @@ TEST_P(Keyed, AControllerWithoutKeysIsToldApart)
 
 INSTANTIATE_TEST_SUITE_P(All, Keyed, testing::Values("tcp", "ipc"));
 
-TEST(Authenticator, AKeyThatIsAllowedMeanwhileIsLetIn)
+TEST(Authenticator, AKeyAllowedWhileTheControllerWaitsIsAccepted)
 {
     Keys keys;
     keys.allow("a", "a");
@@ -164,7 +164,7 @@ TEST(Authenticator, AKeyThatIsAllowedMeanwhileIsLetIn)
 
 TEST(Authenticator, ANodesOwnSocketIsForItsKeyOnly)
 {
-    // A stranger, and another node, that know the address of a's socket gain nothing by it.
+    // The address of a's socket is of no use to an unknown program, nor to another node.
     Keys keys;
     keys.allow("a", "a");
     keys.allow("b", "b");
@@ -189,7 +189,7 @@ TEST(Authenticator, ANodesOwnSocketIsForItsKeyOnly)
     bare.socket().connect(own);
     bare.send({1, Hello{1, 1, "test", "a"}});
     EXPECT_THROW(bare.wait(500ms), LinkError);
-    // Nor do they keep a out.
+    // Nor do they prevent a from connecting.
     Link link(context, {});
     use_keys(link.socket(), right);
     link.socket().connect(own);
@@ -197,7 +197,7 @@ TEST(Authenticator, ANodesOwnSocketIsForItsKeyOnly)
     EXPECT_TRUE(std::holds_alternative<Initialize>(link.wait(20s).message));
 }
 
-/// Passes bytes on between two TCP sockets, and keeps all of them.
+/// Forwards bytes between two TCP sockets, and stores a copy.
 class Relay {
 public:
     explicit Relay(const std::string &to) : to_(static_cast<std::uint16_t>(std::stoi(to.substr(to.rfind(':') + 1))))
@@ -283,8 +283,8 @@ private:
 
 TEST(Authenticator, NothingIsReadableOnTheWire)
 {
-    // A Hello whose name stands for any payload. Without keys the relay sees it, with keys it does not.
-    const std::string name = "a-name-that-nobody-else-should-see";
+    // The name in the Hello represents any payload. Without keys the relay sees it, with keys it does not.
+    const std::string name = "a-name-that-no-one-else-should-see";
     for (const bool keyed : {false, true}) {
         Keys keys;
         keys.allow("a", "*");
@@ -302,7 +302,7 @@ TEST(Authenticator, NothingIsReadableOnTheWire)
     }
 }
 
-TEST(Router, BeyondTheMachineOnlyWithKeys)
+TEST(Router, OtherMachinesNeedKeys)
 {
     zmq::context_t context;
     RouterConfig config;
@@ -324,7 +324,7 @@ TEST(Router, BeyondTheMachineOnlyWithKeys)
     EXPECT_NO_THROW(Router(context, nodes, config));
 }
 
-TEST(Keys, WhatIsWrongWithAFileIsSaid)
+TEST(Keys, AnInvalidFileIsReportedWithItsFault)
 {
     Keys keys;
     const auto fault = [](const auto &read) -> std::string {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Nodes that come late, leave, die, hang and send nonsense, and the pace, on real sockets. All cases are in
-// controller_fault_test.cpp, without any.
+// Nodes that join late, leave, die, hang and send nonsense, and the pace, on real sockets. fault_test.cpp of the
+// controller has all cases, without sockets.
 #include "cosim/router/testing/nodes.h"
 
 #include <gtest/gtest.h>
@@ -35,7 +35,7 @@ public:
     }
 };
 
-/// It says at an instant that it goes.
+/// It leaves at an instant.
 class Leaver : public Counter {
 public:
     Leaver(Ns when, std::string reads, std::string writes)
@@ -63,7 +63,7 @@ RouterConfig listening()
     return config;
 }
 
-/// As a delegate does, by hand, until the tick that passes `t`: `mischief` has the link then.
+/// Act as a delegate until the tick that passes `t`, then call `mischief` with the link.
 template <class Mischief>
 void play(const std::string &address, const std::string &name, Node &node, Ns t, Mischief mischief)
 {
@@ -134,7 +134,7 @@ TEST(Fault, ANodeComesLateAndOneLeaves)
     EXPECT_EQ(run.reports, "c joins after 0.0000004 s\nb leaves at 0.0000007 s; its messages keep their last values\n");
 }
 
-TEST(Fault, ANodeThatIsMissedAtItsTimeIsNamed)
+TEST(Fault, AMissingJoinerIsNamed)
 {
     ControllerConfig config = config_of({{"a"}, {"c"}}, 1000);
     config.nodes[1].joins = Join::at_time;
@@ -148,7 +148,7 @@ TEST(Fault, ANodeThatIsMissedAtItsTimeIsNamed)
     EXPECT_EQ(run.router.controller().reached(0), 400);
 }
 
-TEST(Fault, AnotherProgramGoesOnFromASnapshotAndNobodySeesIt)
+TEST(Fault, ANewProgramGoesOnFromASnapshotUnnoticed)
 {
     const auto flown = [](bool die) {
         ControllerConfig config = config_of({{"a"}, {"b", Policy::restart}}, 2000);
@@ -169,7 +169,7 @@ TEST(Fault, AnotherProgramGoesOnFromASnapshotAndNobodySeesIt)
         if (die) {
             EXPECT_EQ(again.initialized.start, 1200);
             EXPECT_EQ(again.initialized.snapshot.size(), 8u);
-            EXPECT_EQ(run.reports, "b: its connection is gone (it had reached 0.00000149 s); started again, it goes on "
+            EXPECT_EQ(run.reports, "b: its connection is gone (it had reached 0.00000149 s); restarted, it goes on "
                                    "from 0.0000012 s\nb is back at 0.00000149 s\n");
         }
         return a.all;
@@ -179,7 +179,7 @@ TEST(Fault, AnotherProgramGoesOnFromASnapshotAndNobodySeesIt)
     EXPECT_EQ(flown(true), undisturbed);
 }
 
-TEST(Fault, NonsenseInTheRunIsNamedAndThePolicyHolds)
+TEST(Fault, AnInvalidFrameInTheRunIsReportedAndThePolicyDecides)
 {
     const auto reported = [](const auto &mischief, std::chrono::milliseconds reply_timeout = 20s) {
         ControllerConfig config = config_of({{"a"}, {"b", Policy::hold}}, 1000);
@@ -228,7 +228,7 @@ TEST(Fault, NonsenseInTheRunIsNamedAndThePolicyHolds)
                   std::get<Tock>(reply.message).records[0].t -= 10;
                   link.send(reply);
               }),
-              "b: late: message 51 of /b/n is of 0.00000049 s, and others have passed it" + rest);
+              "b: late: message 51 of /b/n was written at 0.00000049 s, which other nodes have passed" + rest);
 }
 
 TEST(Fault, ANodeThatWasGivenUpMayComeAgain)
@@ -250,7 +250,7 @@ TEST(Fault, ANodeThatWasGivenUpMayComeAgain)
     auto served_a = run.serve("a", a);
     Counter b("/a/n", "/b/n", Latency::same_instant);
     play(run.router.address(), "b", b, 500, [](Link &, const Frame &) {});
-    // Another greets while the run goes on without it.
+    // Another program greets while the run goes on without the lost node.
     zmq::socket_t greetings(run.context, zmq::socket_type::dealer);
     greetings.set(zmq::sockopt::rcvtimeo, 10'000);
     greetings.connect(run.router.address());
@@ -258,7 +258,7 @@ TEST(Fault, ANodeThatWasGivenUpMayComeAgain)
     Frame reply{1, Refused{}};
     for (int tries = 0; tries < 1000 && !std::holds_alternative<Welcome>(reply.message); tries++) {
         greetings.send(zmq::buffer(encode({1, Hello{1, 1, "test", "b"}})), zmq::send_flags::none);
-        ASSERT_TRUE(greetings.recv(message)); // it may not be missed yet
+        ASSERT_TRUE(greetings.recv(message)); // the controller may not have noticed the loss yet
         reply = decode({message.data<std::byte>(), message.size()});
         std::this_thread::sleep_for(1ms);
     }
@@ -282,7 +282,7 @@ TEST(Fault, ANodeThatWasGivenUpMayComeAgain)
     EXPECT_EQ(again.next, 1010);
 }
 
-TEST(Fault, ThePaceIsKeptByAbsoluteTimesAndOverrunsAreCounted)
+TEST(Fault, ThePaceFollowsAbsoluteTimesAndCountsOverruns)
 {
     struct Slow : Counter {
         using Counter::Counter;

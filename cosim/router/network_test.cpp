@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Controllers and nodes on real sockets, with nodes that count. The mission is flown this way in
-// tests/cosim_identity_test.cpp.
+// Controllers and nodes on real sockets, with nodes that count. tests/cosim_identity_test.cpp
+// flies the mission this way.
 #include "cosim/node/simulation_node.h"
 #include "cosim/router/router.h"
 #include "cosim/router/testing/nodes.h"
@@ -47,7 +47,7 @@ class Transport : public testing::TestWithParam<const char *> {};
 
 TEST_P(Transport, TwoNodesCountTogether)
 {
-    // a hears what b said before and b hears a at once: each step of either adds one.
+    // a sees the previous message of b, and b sees that of a at once: each step adds one.
     zmq::context_t context;
     Router router(context, two_nodes(1000), listening(GetParam()));
     Counter a("/b/n", "/a/n", Latency::next_instant), b("/a/n", "/b/n", Latency::same_instant);
@@ -117,7 +117,7 @@ TEST(Router, ItMayHostAllNodes)
 
 INSTANTIATE_TEST_SUITE_P(All, Transport, testing::Values("tcp", "ipc", "inproc", "shm"));
 
-/// A program that greets and then sends whatever the test wants.
+/// A program that greets and then sends the frames of the test.
 struct Rogue {
     Rogue(zmq::context_t &context, const std::string &address, const Bytes &greeting)
         : greetings(context, zmq::socket_type::dealer)
@@ -145,7 +145,7 @@ Bytes hello_of(const std::string &node)
     return encode({1, Hello{1, 1, "test", node}});
 }
 
-TEST(Router, AProgramThatBreaksTheFormatGetsTheReasonAndTheRunGoesOn)
+TEST(Router, AnInvalidGreetingIsRefusedAndTheRunGoesOn)
 {
     zmq::context_t context;
     Router router(context, two_nodes(1000), listening("tcp"));
@@ -164,7 +164,7 @@ TEST(Router, AProgramThatBreaksTheFormatGetsTheReasonAndTheRunGoesOn)
     EXPECT_EQ(serve_a.get() + serve_b.get(), "");
 }
 
-TEST(Router, ANodeThatGoesOrHangsOrSendsGarbageEndsTheRunWithItsName)
+TEST(Router, ADeadHangingOrInvalidNodeEndsTheRunWithItsName)
 {
     const auto outcome = [](const auto &mischief) {
         zmq::context_t context;
@@ -196,7 +196,7 @@ TEST(Router, ANodeThatGoesOrHangsOrSendsGarbageEndsTheRunWithItsName)
               "b: its connection is gone");
 }
 
-TEST(Router, WhatCannotBeIsSaidAtOnce)
+TEST(Router, ImpossibleConfigurationsAreRefusedAtOnce)
 {
     zmq::context_t context;
     const auto refusal = [&](const std::string &address) -> std::string {
@@ -217,7 +217,7 @@ TEST(Router, WhatCannotBeIsSaidAtOnce)
     EXPECT_TRUE(is_local("tcp://127.0.0.1:7") && is_local("ipc://@x") && !is_local("tcp://10.0.0.1:7"));
 }
 
-TEST(Router, NodesThatDoNotComeAreNamed)
+TEST(Router, MissingNodesAreNamed)
 {
     zmq::context_t context;
     RouterConfig config = listening("tcp");
@@ -233,11 +233,11 @@ TEST(Delegate, WithoutAControllerItGivesUp)
 {
     zmq::context_t context;
     Counter a("/b/n", "/a/n", Latency::next_instant);
-    EXPECT_EQ(serve(context, "ipc://@fledge-nobody", "a", a, "", 100ms),
-              "threw: no controller answers at ipc://@fledge-nobody");
+    EXPECT_EQ(serve(context, "ipc://@fledge-unused", "a", a, "", 100ms),
+              "threw: no controller answers at ipc://@fledge-unused");
 }
 
-TEST(Delegate, WithoutItsControllerItEnds)
+TEST(Delegate, ItEndsWhenItsControllerIsGone)
 {
     zmq::context_t context;
     Counter a("/b/n", "/a/n", Latency::next_instant);
@@ -258,7 +258,7 @@ TEST(Delegate, WithoutItsControllerItEnds)
     EXPECT_EQ(serve_a.get(), "threw: the controller is gone");
 }
 
-/// A program of its own that does this, and is killed at the end of the test at the latest.
+/// Another process that runs this function; the end of the test kills it at the latest.
 class Program {
 public:
     explicit Program(const std::function<void()> &work) : pid_(fork())
@@ -279,7 +279,7 @@ private:
     pid_t pid_;
 };
 
-TEST(SharedMemory, AControllerThatIsKilledIsMissedByANodeThatSleeps)
+TEST(SharedMemory, ASleepingNodeNoticesThatTheControllerWasKilled)
 {
     const RouterConfig config = listening("shm");
     const Program controller([&] {
@@ -291,7 +291,7 @@ TEST(SharedMemory, AControllerThatIsKilledIsMissedByANodeThatSleeps)
         std::vector<Publication> match(const std::vector<Channel> &asked) override
         {
             std::thread([this] {
-                std::this_thread::sleep_for(100ms); // it waits for Start by then, which never comes
+                std::this_thread::sleep_for(100ms); // by then it waits for Start, which never comes
                 victim->kill();
             }).detach();
             return Counter::match(asked);
@@ -314,7 +314,7 @@ TEST(SharedMemory, AControllerThatIsKilledIsMissedByANodeThatSleeps)
     EXPECT_EQ(serve_b.get(), "threw: the controller is gone");
 }
 
-TEST(SharedMemory, ANodeThatIsKilledIsMissed)
+TEST(SharedMemory, TheControllerNoticesThatANodeWasKilled)
 {
     struct Suicide : Counter {
         using Counter::Counter;
@@ -338,7 +338,7 @@ TEST(SharedMemory, ANodeThatIsKilledIsMissed)
     EXPECT_EQ(router.run(), "b: its connection is gone (it had reached 0.00000049 s)");
 }
 
-TEST(SharedMemory, ANodeThatScribblesInItIsShutOut)
+TEST(SharedMemory, ANodeThatWritesNonsenseIntoItIsShutOut)
 {
     struct Scribbler : Counter {
         using Counter::Counter;
@@ -368,10 +368,10 @@ TEST(SharedMemory, ANodeThatScribblesInItIsShutOut)
     Counter a("/b/n", "/a/n", Latency::next_instant);
     router.host("a", a);
     EXPECT_TRUE(router.run().starts_with("b: it sent no frame: the shared memory counts "));
-    EXPECT_EQ(a.heard, 100u); // all that came before
+    EXPECT_EQ(a.heard, 100u); // all messages before
 }
 
-TEST(SharedMemory, IsUsedWhereBothSidesHaveIt)
+TEST(SharedMemory, ItIsUsedWhereBothSidesHaveIt)
 {
     const auto reason = [](Sharing controllers, Sharing nodes) {
         zmq::context_t context;
@@ -411,14 +411,14 @@ TEST(SharedMemory, IsUsedWhereBothSidesHaveIt)
               "another machine");
 }
 
-TEST(Delegate, WhenItsContextIsClosedItEnds)
+TEST(Delegate, ItEndsWhenItsContextCloses)
 {
     for (const char *transport : {"ipc", "shm"}) {
         zmq::context_t context, other;
         Router router(context, two_nodes(1000), listening(transport));
         Counter a("/b/n", "/a/n", Latency::next_instant);
         auto serve_a = std::async(std::launch::async, [&] { return serve(other, router.address(), "a", a); });
-        bool there = false; // and waits for what comes next, without a time to wake
+        bool there = false; // then it waits for the next frame, without a timeout
         const std::string reason = router.run([&] {
             there = router.controller().absent().size() == 1 && !router.controller().waiting_for(0);
             if (there) {
@@ -432,7 +432,7 @@ TEST(Delegate, WhenItsContextIsClosedItEnds)
     }
 }
 
-TEST(Delegate, ARunThatIsLeftEndsForItToo)
+TEST(Delegate, ItEndsWhenTheControllersProgramLeavesTheRun)
 {
     for (const char *transport : {"tcp", "inproc"}) {
         zmq::context_t context;

@@ -15,7 +15,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// Whether all nodes have done all instants up to the horizon.
+/// Whether all nodes have finished all instants up to the horizon.
 bool all_done(const Controller &c, std::size_t nodes)
 {
     for (NodeId id = 0; id < nodes; id++) {
@@ -41,11 +41,11 @@ Pace::~Pace()
     close(fd_);
 }
 
-void Pace::tend(Controller &controller, std::size_t nodes, Clock::time_point now)
+void Pace::update(Controller &controller, std::size_t nodes, Clock::time_point now)
 {
     if (armed_ != Clock::time_point{} && now >= armed_) {
         std::uint64_t times;
-        if (read(fd_, &times, sizeof times) > 0) { // else it stays readable
+        if (read(fd_, &times, sizeof times) > 0) { // else the descriptor stays readable
             armed_ = {};
         }
     }

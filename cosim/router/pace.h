@@ -24,11 +24,11 @@ public:
     Pace(const Pace &) = delete;
     Pace &operator=(const Pace &) = delete;
 
-    /// Readable when tend() has something to do.
+    /// Readable when update() has something to do.
     int fd() const { return fd_; }
-    /// Move the horizon to the present time. To be called after each event. An instant does not begin before all
-    /// nodes have done the one before; a late run catches up.
-    void tend(Controller &controller, std::size_t nodes, Clock::time_point now);
+    /// Move the horizon to the present time. To be called after each event. An instant begins only after all nodes have
+    /// finished the previous one; a late run catches up.
+    void update(Controller &controller, std::size_t nodes, Clock::time_point now);
 
     const PaceReport &report() const { return report_; }
 
@@ -37,8 +37,8 @@ private:
 
     int fd_;
     double speed_;
-    bool stopped_ = true;            ///< simulated time stands still, and real time does not count
-    Clock::time_point zero_, armed_; ///< when t = 0 was, or would have been
+    bool stopped_ = true;            ///< simulated time stands still
+    Clock::time_point zero_, armed_; ///< the wall time of t = 0; the time for which the timer is set
     PaceReport report_;
 };
 

@@ -17,7 +17,7 @@ constexpr std::size_t most_attaching = 1000;
 constexpr auto rest = 20ms; ///< between two looks at the sockets, if all nodes share memory
 constexpr auto spin = 20us; ///< busy waiting, if there is a processor for each program
 
-/// What the poller watches.
+/// What a descriptor in the poller belongs to.
 enum Kind : std::uint64_t { greetings, wake_up, timer, frames, events, kinds };
 
 std::uint64_t key(Kind kind, NodeId id = 0)
@@ -80,7 +80,7 @@ Router::~Router()
         controller_.stop("the controller was ended");
         act();
     } catch (const std::exception &) {
-        // The nodes notice that their connection is gone.
+        // The nodes notice that the connection is closed.
     }
 }
 
@@ -91,7 +91,7 @@ void Router::host(const std::string &name, Node &node)
     act();
 }
 
-/// One after another: a reply may lead to the next request.
+/// A reply may lead to the next request.
 void Router::call_hosted()
 {
     while (!calls_.empty() && Clock::now() - looked_ < look) {
@@ -103,7 +103,7 @@ void Router::call_hosted()
         } catch (const std::exception &error) {
             reply.message = Failed{error.what()};
         }
-        heard(id, std::move(reply));
+        received(id, std::move(reply));
     }
 }
 
@@ -114,8 +114,8 @@ std::string Router::run(const std::function<bool()> &poll)
     spin_ = Spin(spins_);
     auto waited = looked_;
     while (!controller_.done()) {
-        if (broker_ && broker_->heard()) {
-            hear_programs();
+        if (broker_ && broker_->received()) {
+            inject_messages();
         }
         call_hosted();
         const bool busy = listen_to_shared();
@@ -125,10 +125,10 @@ std::string Router::run(const std::function<bool()> &poll)
             look_at_clock(poll);
         }
         if (pace_) {
-            pace_->tend(controller_, nodes_.size(), now);
+            pace_->update(controller_, nodes_.size(), now);
             act();
         }
-        // A router that is busy with some nodes still listens to the others.
+        // While the router is busy with some nodes, it still looks at all sockets every millisecond.
         const bool more = busy || !calls_.empty() || controller_.done();
         if (!more || now - waited >= 1ms) {
             waited = now;
@@ -138,7 +138,7 @@ std::string Router::run(const std::function<bool()> &poll)
     return outcome_;
 }
 
-/// Wait for something to happen, and listen.
+/// Sleep until an event or for the time `most`, then handle all events.
 void Router::wait(std::chrono::milliseconds most)
 {
     const bool sleeps = most.count() && !sharing_.empty();
@@ -159,7 +159,7 @@ void Router::wait(std::chrono::milliseconds most)
             if (anything_shared()) {
                 return;
             }
-            most = 0ms; // no node woke the controller for a while
+            most = 0ms; // look at the sockets, too
         }
     }
     const auto &ready = poller_.wait(most);
@@ -172,7 +172,7 @@ void Router::wait(std::chrono::milliseconds most)
         case Kind::greetings: greet(); break;
         case Kind::frames: listen(id); break;
         case Kind::events: {
-            // In this order: the last frame of a lost node counts.
+            // In this order, because the last frame of a lost node counts.
             const bool gone = nodes_[id].link && nodes_[id].link->gone();
             listen(id);
             if (gone) {
@@ -186,7 +186,7 @@ void Router::wait(std::chrono::milliseconds most)
     }
 }
 
-/// Let only nodes wake the controller whose replies can unblock a node. True if these all share memory.
+/// Let only those nodes wake the controller whose replies can unblock a node. True if all of them share memory.
 bool Router::expect()
 {
     const bool some = controller_.unblocking_nodes(unblocking_);
@@ -236,22 +236,14 @@ void Router::listen_again()
 
 void Router::greet()
 {
-    zmq::message_t peer, hello;
+    zmq::message_t parts[2];
+    auto &[peer, hello] = parts;
     greetings_unsure_ = false;
-    while (greetings_.recv(peer, zmq::recv_flags::dontwait)) {
-        std::size_t parts = 0;
-        bool more = peer.more();
-        while (more) {
-            if (!greetings_.recv(hello, zmq::recv_flags::dontwait)) {
-                break;
-            }
-            parts++;
-            more = hello.more();
-        }
+    while (const std::size_t n = receive_parts(greetings_, parts)) {
         greeting_peer_.assign(peer.data<std::byte>(), peer.data<std::byte>() + peer.size());
         try {
-            if (parts != 1) {
-                throw ProtocolError("a frame is one part, not " + std::to_string(parts));
+            if (n != 2) {
+                throw ProtocolError("a frame is one part, not " + std::to_string(n - 1));
             }
             const Frame frame = decode({hello.data<std::byte>(), hello.size()}, config_.limits);
             const auto *m = std::get_if<Hello>(&frame.message);
@@ -276,7 +268,7 @@ void Router::greet()
     }
 }
 
-/// The broker comes before the controller, which sends its addresses to the nodes.
+/// Make the broker before the controller, which sends the broker's addresses to the nodes.
 ControllerConfig Router::with_broker(ControllerConfig controller)
 {
     if (!config_.keys.empty()) {
@@ -311,15 +303,12 @@ void Router::check_address(const std::string &address) const
     }
 }
 
-/// An asynchronous program greets. The answer needs the topics, which are known after the matching.
+/// Answer the greeting of an asynchronous program, or store it until the matching, which determines the topics.
 void Router::attach(const Hello &hello)
 {
     const auto refuse = [&](const std::string &why) { reply(greeting_peer_, Refused{why}); };
-    if (hello.oldest > protocol_version || hello.newest < protocol_version) {
-        return refuse("this controller speaks version " + std::to_string(protocol_version) + " of the format");
-    }
-    if (hello.simulation != simulation_) {
-        return refuse("this is the simulation " + simulation_ + ", not " + hello.simulation);
+    if (const std::string reason = controller_.refusal(hello); !reason.empty()) {
+        return refuse(reason);
     }
     if (!broker_) {
         return refuse("this controller has no broker, so there can be no observers");
@@ -331,7 +320,7 @@ void Router::attach(const Hello &hello)
         return reply(greeting_peer_, attached());
     }
     if (attaching_.size() >= most_attaching) {
-        return refuse("too many wait for the run to begin");
+        return refuse("too many programs wait for the run to begin");
     }
     attaching_.push_back(greeting_peer_);
 }
@@ -348,8 +337,8 @@ void Router::answer_attaching()
     }
 }
 
-/// The messages of asynchronous programs enter before the next tick.
-void Router::hear_programs()
+/// Pass the messages of asynchronous programs to the controller.
+void Router::inject_messages()
 {
     for (const Broker::Written &written : broker_->take()) {
         if (const std::string why = controller_.inject(written.program, written.topic, written.payload); !why.empty()) {
@@ -359,7 +348,7 @@ void Router::hear_programs()
     act();
 }
 
-/// Within one program, at inproc://, libzmq uses no keys.
+/// libzmq uses no keys within one program (inproc://).
 bool Router::keyed() const
 {
     return authenticator_ && !config_.address.starts_with("inproc://");
@@ -375,7 +364,7 @@ void Router::report(const std::string &text)
 void Router::reply(std::span<const std::byte> peer, const Message &message)
 {
     const Bytes bytes = encode({1, message});
-    // libzmq drops messages to a program that is gone.
+    // libzmq drops messages to a disconnected program.
     (void)greetings_.send(zmq::buffer(peer.data(), peer.size()), zmq::send_flags::sndmore | zmq::send_flags::dontwait);
     (void)greetings_.send(zmq::buffer(bytes), zmq::send_flags::dontwait);
     greetings_unsure_ = true;
@@ -391,7 +380,7 @@ void Router::listen(NodeId id)
                 join(id, frame);
                 continue;
             }
-            heard(id, std::move(frame));
+            received(id, std::move(frame));
         }
         slot.unsure = false;
     } catch (const ProtocolError &error) {
@@ -403,7 +392,7 @@ void Router::listen(NodeId id)
     }
 }
 
-void Router::heard(NodeId id, Frame frame)
+void Router::received(NodeId id, Frame frame)
 {
     NodeSlot &slot = nodes_[id];
     slot.answered = Clock::now();
@@ -430,7 +419,7 @@ NodeTimes Router::times(NodeId id) const
     return times;
 }
 
-/// The node has to speak first: a socket without a peer takes no frame.
+/// Handle the node's first frame on its own socket. Before it, the socket has no peer to send to.
 void Router::join(NodeId id, const Frame &frame)
 {
     NodeSlot &slot = nodes_[id];
@@ -456,7 +445,7 @@ void Router::join(NodeId id, const Frame &frame)
     }
 }
 
-/// The socket of a node, and memory to share.
+/// Open the socket of a node, and propose shared memory.
 Welcome Router::open(NodeId id)
 {
     NodeSlot &slot = nodes_[id];
@@ -474,7 +463,7 @@ Welcome Router::open(NodeId id)
             welcome.shared = slot.proposed->path();
             welcome.nonce = slot.proposed->nonce();
         } catch (const LinkError &) {
-            // The system has no more memory to share: the socket stays.
+            // The system has no more memory to share: frames go through the socket.
         }
     }
     welcome.address = address_.starts_with("tcp://")
@@ -538,22 +527,22 @@ void Router::act()
             } else if (const auto *report = std::get_if<action::Report>(&a)) {
                 this->report(report->text);
             } else if (const auto *began = std::get_if<action::Began>(&a)) {
-                tell([&](RunListener &listener) { listener.began(began->exchange); });
+                notify([&](RunListener &listener) { listener.began(began->exchange); });
                 answer_attaching();
             } else if (const auto *wrote = std::get_if<action::Wrote>(&a)) {
-                tell([&](RunListener &listener) { listener.wrote(names_[wrote->node], wrote->records); });
-                tell([&](RunListener &listener) { listener.settled(wrote->settled); });
+                notify([&](RunListener &listener) { listener.wrote(names_[wrote->node], wrote->records); });
+                notify([&](RunListener &listener) { listener.settled(wrote->settled); });
             } else if (const auto *done = std::get_if<action::Done>(&a)) {
                 outcome_ = done->reason;
-                tell([&](RunListener &listener) { listener.ended(done->reason); });
+                notify([&](RunListener &listener) { listener.ended(done->reason); });
                 answer_attaching();
             }
         }
     }
 }
 
-/// A listener that throws ends the run, and is not called again.
-template <class Call> void Router::tell(Call call)
+/// If a listener throws, the run ends, and the router does not call the listener again.
+template <class Call> void Router::notify(Call call)
 {
     for (auto it = config_.listeners.begin(); it != config_.listeners.end();) {
         try {
@@ -576,7 +565,7 @@ void Router::look_at_clock(const std::function<bool()> &poll)
         }
     }
     if (broker_) {
-        broker_->tend();
+        broker_->send_late();
         for (const std::string &text : broker_->take_reports()) {
             report(text);
         }

@@ -29,9 +29,9 @@ struct RouterConfig {
     bool unencrypted_beyond_machine = false;        ///< without keys, allow an address that other machines can reach
     bool broker = false;                            ///< for observers and asynchronous programs (broker.h)
     std::string frontend, backend;                  ///< its addresses; "": free ones beside `address`
-    std::chrono::milliseconds join{60'000};         ///< limit for all nodes to greet
-    std::chrono::milliseconds reply{60'000};        ///< limit for a reply, computing included; 0: none
-    std::vector<std::chrono::milliseconds> replies; ///< the same, node by node; empty: `reply` for all
+    std::chrono::milliseconds join{60'000};         ///< limit for all nodes to greet the controller
+    std::chrono::milliseconds reply{60'000};        ///< limit for a reply, computing time included; 0: none
+    std::vector<std::chrono::milliseconds> replies; ///< the same for each node; empty: `reply` for all
     double pace = 0.0;                              ///< simulated seconds per second; 0: as fast as possible
     std::chrono::milliseconds finish{5'000};        ///< limit for the reply to the last request
     Limits limits;
@@ -43,44 +43,44 @@ struct RouterConfig {
 /// How a node spent its time [ns of wall time].
 struct NodeTimes {
     std::uint64_t ticks = 0;
-    Ns compute = 0;   ///< stepping, as its tocks say
-    Ns transport = 0; ///< from request to reply, less that
-    Ns wait = 0;      ///< from reply to request: for other nodes, and for the pace
-    Ns asked = 0;     ///< since a request without a reply; in none of the above
+    Ns compute = 0;   ///< spent in steps, as reported in its tocks
+    Ns transport = 0; ///< from request to reply, without `compute`
+    Ns wait = 0;      ///< from reply to the next request: for other nodes, and for the pace
+    Ns asked = 0;     ///< since a request without a reply yet; not part of the above
 };
 
 class Router {
 public:
-    /// Throws KeyError, and LinkError if the address is in use, or other machines can reach it without keys.
+    /// Throws KeyError. Throws LinkError if the address is in use, or if other machines can reach it without keys.
     Router(zmq::context_t &context, ControllerConfig controller, RouterConfig config);
     /// Ends the run, if it is not over.
     ~Router();
 
     const std::string &address() const { return address_; }
 
-    /// This program is the node itself: the router calls it, without a socket. It lives until the run is over.
-    /// Throws LinkError if there is no such node, or it is hosted already.
+    /// Run a node in this program: the router calls it without a socket. `node` has to live until the run is over.
+    /// Throws LinkError if there is no node of this name, or if it is hosted already.
     void host(const std::string &name, Node &node);
 
     /// From the first greeting to the end. `poll` is called about ten times a second; false ends the run. Returns the
     /// reason of the end, "" for the regular end.
     std::string run(const std::function<bool()> &poll = {});
 
-    /// Until now. All of them together are the time since the node was ready.
+    /// The times until now. Their sum is the time since the node was ready.
     NodeTimes times(NodeId node) const;
     const Controller &controller() const { return controller_; }
-    /// Delays of a paced run; null: it is not paced.
+    /// Delays of a paced run; null without a pace.
     const PaceReport *pace() const { return pace_ ? &pace_->report() : nullptr; }
-    /// Null if there is none.
+    /// Null without a broker.
     const Broker *broker() const { return broker_.get(); }
 
 private:
     using Clock = std::chrono::steady_clock;
     struct NodeSlot {
         std::unique_ptr<Link> link;
-        std::unique_ptr<SharedChannel> proposed; ///< memory until the node accepts it
+        std::unique_ptr<SharedChannel> proposed; ///< shared memory that the node has not accepted yet
         Node *hosted = nullptr;
-        std::optional<Frame> first; ///< the first request, until the node speaks on its socket
+        std::optional<Frame> first; ///< the first request, until the node's first frame on its socket
         bool joined = false;
         Clock::time_point asked, answered;
         bool unsure = false; ///< its descriptor may miss a frame: see descriptor()
@@ -91,7 +91,7 @@ private:
     void listen(NodeId id);
     void join(NodeId id, const Frame &frame);
     void act();
-    template <class Call> void tell(Call call);
+    template <class Call> void notify(Call call);
     Welcome open(NodeId id);
     void close(NodeId id);
     void wait(std::chrono::milliseconds most);
@@ -100,14 +100,14 @@ private:
     bool anything_shared() const;
     bool expect();
     void call_hosted();
-    void heard(NodeId id, Frame frame);
+    void received(NodeId id, Frame frame);
     bool keyed() const;
     ControllerConfig with_broker(ControllerConfig controller);
     void check_address(const std::string &address) const;
     void attach(const Hello &hello);
     Message attached() const;
     void answer_attaching();
-    void hear_programs();
+    void inject_messages();
     void report(const std::string &text);
     void reply(std::span<const std::byte> peer, const Message &message);
     void look_at_clock(const std::function<bool()> &poll);
@@ -118,7 +118,7 @@ private:
     std::vector<std::string> names_;
     std::unique_ptr<Authenticator> authenticator_; ///< null without keys; outlives all sockets
     std::unique_ptr<Broker> broker_;
-    std::vector<Bytes> attaching_; ///< asynchronous programs that wait for the matching, by libzmq's names
+    std::vector<Bytes> attaching_; ///< libzmq's names of asynchronous programs that wait for the matching
     Controller controller_;
     zmq::socket_t greetings_;
     std::string address_;
@@ -126,7 +126,7 @@ private:
     std::vector<NodeSlot> nodes_;
     std::optional<Pace> pace_; ///< none: as fast as possible
     Poller poller_;
-    std::chrono::nanoseconds spins_{0}; ///< busy waiting before a sleep
+    std::chrono::nanoseconds spins_{0}; ///< duration of busy waiting before a sleep
     Spin spin_;
     std::vector<NodeId> sharing_; ///< nodes with shared memory
     std::vector<NodeId> unsure_;
@@ -137,7 +137,7 @@ private:
     Bytes greeting_peer_;                        ///< libzmq's name of the greeting program
     unsigned opened_ = 0;
     Clock::time_point looked_;
-    Clock::time_point complete_; ///< when no node was missing last
+    Clock::time_point complete_; ///< the last time at which no node was missing
     std::string outcome_;
 };
 

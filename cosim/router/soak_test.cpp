@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Many ticks, over shared memory: every message arrives, in its turn and with its bytes, and no program
-// grows. A hundred thousand by default; a night's is
+// Many ticks over shared memory: every message arrives in order and unchanged, and the memory of the programs does not
+// grow. A hundred thousand ticks by default; for a night:
 //
 //     FLEDGE_SOAK_TICKS=10000000 cosim_soak_test        also FLEDGE_SOAK_TRANSPORT=ipc, tcp
 #include "cosim/router/router.h"
@@ -19,7 +19,7 @@
 #include <unistd.h>
 
 #ifdef __SANITIZE_ADDRESS__
-constexpr bool grows = true; // what is freed is kept for a while, to find who still uses it
+constexpr bool grows = true; // the sanitizer delays the reuse of freed memory
 #else
 constexpr bool grows = false;
 #endif
@@ -33,7 +33,7 @@ constexpr Ns period = 1000;
 constexpr std::size_t small = 64, large = 40'000; ///< bytes; the large one exceeds the ring of a channel
 constexpr std::uint32_t seldom = 500;             ///< instants from one large message to the next
 
-/// What a message holds follows from its writer and its number.
+/// The content of a message depends on its writer and its number.
 Bytes content(std::uint32_t writer, std::uint32_t number, std::size_t size)
 {
     std::mt19937_64 random(std::uint64_t{writer} << 32 | number);
@@ -45,7 +45,7 @@ Bytes content(std::uint32_t writer, std::uint32_t number, std::size_t size)
     return bytes;
 }
 
-/// Writes a small message at each instant and seldom a large one, and reads the same of its partner.
+/// Writes a small message at each instant and seldom a large one, and reads the same from its partner.
 class Soaked final : public Node {
 public:
     Soaked(std::uint32_t self, std::uint32_t other) : self_(self), other_(other) {}
@@ -129,7 +129,7 @@ std::string setting(const char *name, const char *otherwise)
     return value ? value : otherwise;
 }
 
-TEST(Soak, ManyTicksAllArriveAndNobodyGrows)
+TEST(Soak, ManyTicksArriveWithoutMemoryGrowth)
 {
     const std::uint64_t ticks = std::stoull(setting("FLEDGE_SOAK_TICKS", grows ? "20000" : "100000"));
     const std::string transport = setting("FLEDGE_SOAK_TRANSPORT", "shm");
@@ -138,7 +138,7 @@ TEST(Soak, ManyTicksAllArriveAndNobodyGrows)
     ASSERT_EQ(pipe(go.data()), 0);
     std::vector<pid_t> pids{getpid()};
     for (const std::uint32_t self : {0u, 1u}) {
-        const pid_t pid = fork(); // before there is any thread here
+        const pid_t pid = fork(); // before this program starts a thread
         if (pid == 0) {
             prctl(PR_SET_PDEATHSIG, SIGKILL);
             close(go[1]);
@@ -173,7 +173,7 @@ TEST(Soak, ManyTicksAllArriveAndNobodyGrows)
     RouterConfig router_config;
     router_config.address = transport == "tcp" ? "tcp://127.0.0.1:*" : "ipc://@" + name;
     router_config.sharing = transport == "shm" ? Sharing::required : Sharing::forbidden;
-    // The largest that each program was in the second fifth of the run, and from then on.
+    // The peak memory of each program in the second fifth of the run, and after it.
     std::array<std::size_t, 3> before{}, after{};
     {
         zmq::context_t context;

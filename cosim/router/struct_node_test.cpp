@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Programs whose messages are their own structs: what they exchange, how they leave, and how another goes on.
+// Programs whose messages are their own structs: they exchange messages, leave, and restart from snapshots.
 #include "cosim/node/struct_node.h"
 
 #include "cosim/router/router.h"
@@ -21,7 +21,7 @@ struct Position {
 
 const Schema position_schema = make_schema("Position", "float64 x  # x [m]\nfloat64 y  # y [m]\n");
 
-/// Says where it is, and drifts with what it hears; `drift` is its own.
+/// Publishes its position, and drifts with its input; `drift` is an internal state.
 struct Drifter {
     Position here{1, 0}, there{};
     double drift = 0;
@@ -41,7 +41,7 @@ struct Outcome {
     Ns began_again = -1;
 };
 
-/// Two drifters; one is lost at the instant `dies`, and another takes its place.
+/// Two drifters; one is lost at the instant `dies`, and a new program takes its place.
 Outcome fly(Ns dies, bool keeps)
 {
     static int runs = 0;
@@ -103,7 +103,7 @@ Outcome fly(Ns dies, bool keeps)
     return outcome;
 }
 
-TEST(StructNode, AnotherGoesOnFromASnapshotOrFromTheBeginning)
+TEST(StructNode, ANewProgramGoesOnFromASnapshotOrFromTheBeginning)
 {
     const Outcome whole = fly(-1, false);
     ASSERT_EQ(whole.seen.size(), 101u);

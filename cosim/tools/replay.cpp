@@ -8,7 +8,7 @@ namespace fledge::cosim {
 
 namespace {
 
-constexpr const char *listener = "the record"; // as a fault names it: "the record wants ..."
+constexpr const char *listener = "the record"; // as a fault names it: "the record subscribes to ..."
 
 ControllerConfig controller_of(const ReplayConfig &config)
 {

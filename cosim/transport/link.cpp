@@ -52,6 +52,20 @@ void poll(std::span<zmq::pollitem_t> items, std::chrono::milliseconds most)
     }
 }
 
+std::size_t receive_parts(zmq::socket_t &socket, std::span<zmq::message_t> parts)
+{
+    std::size_t n = 0;
+    zmq::message_t rest;
+    for (bool more = true; more; n++) {
+        zmq::message_t &part = n < parts.size() ? parts[n] : rest;
+        if (!socket.recv(part, zmq::recv_flags::dontwait)) {
+            break;
+        }
+        more = part.more();
+    }
+    return n;
+}
+
 int descriptor(zmq::socket_t &socket)
 {
     return socket.get(zmq::sockopt::fd);
@@ -172,14 +186,11 @@ bool Link::receive(Frame &frame)
         frame = decode(received_, limits_, Sum::zero);
         return true;
     }
-    if (!socket_.recv(message_, zmq::recv_flags::dontwait)) {
+    const std::size_t parts = receive_parts(socket_, {&message_, 1});
+    if (!parts) {
         return false;
     }
-    if (message_.more()) {
-        int parts = 1;
-        while (message_.more() && socket_.recv(message_, zmq::recv_flags::dontwait)) {
-            parts++;
-        }
+    if (parts > 1) {
         throw ProtocolError("a frame is one part, not " + std::to_string(parts));
     }
     frame = decode({message_.data<std::byte>(), message_.size()}, limits_);

@@ -39,6 +39,10 @@ void set_up(zmq::socket_t &socket, const Limits &limits);
 /// Wait for an event on one of these sockets, or a signal. A negative time: for ever.
 void poll(std::span<zmq::pollitem_t> items, std::chrono::milliseconds most);
 
+/// Receive the next message, if one has come, without waiting. Returns the number of its parts, which may exceed
+/// that of `parts`; 0 if no message has come.
+std::size_t receive_parts(zmq::socket_t &socket, std::span<zmq::message_t> parts);
+
 /// The descriptor that becomes readable when a socket has an event. It is edge-triggered: before the caller waits
 /// for it, it has to receive all messages, also after each sending.
 int descriptor(zmq::socket_t &socket);

@@ -190,7 +190,7 @@ def test_definitions_that_differ_are_refused_with_the_field(programs, spring):
     controller = Controller("--node", "mass", "--node", "spring")
     both = pair(programs, spring, controller, how="other")
     code, errors = controller.end()
-    assert code == 1 and "spring wants /mass/state of mass, but field " in errors
+    assert code == 1 and "spring subscribes to /mass/state of mass, but field " in errors
     assert errors.endswith(seen(both[1])[0])
     both[0].communicate(timeout=60)
 

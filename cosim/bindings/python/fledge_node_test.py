@@ -328,7 +328,7 @@ def test_a_killed_program_starts_again_and_gets_all_messages_again(programs):
     again = start(SPRING, controller.address, "same_instant")
     programs.append(again)
     code, errors = controller.end()
-    assert code == 0 and re.search(r"spring: its connection is gone \(it had reached .*\); started again, it goes on "
+    assert code == 0 and re.search(r"spring: its connection is gone \(it had reached .*\); restarted, it goes on "
                                    r"from the start\nspring is back at ", errors), errors
     assert result(mass)["seen"] == alone(201)
     assert [t for t, *_ in result(again)["seen"]] == [k * 10 * ms for k in range(201)]
@@ -354,7 +354,7 @@ def test_definitions_that_differ_are_refused_with_the_field(programs):
     programs += [start(MASS, controller.address, "next_instant"), start(other, controller.address, "same_instant")]
     code, errors = controller.end()
     assert code == 1 and "field head.t is at another place" not in errors
-    assert "spring wants /mass/state of mass, but field " in errors
+    assert "spring subscribes to /mass/state of mass, but field " in errors
     for program in programs[:2]:
         program.communicate(timeout=60)
 
@@ -476,7 +476,7 @@ def test_an_observer_sees_what_nodes_write_and_a_ground_system_writes(programs):
         viewer.write("/ground/stiffness", {"k": 3.0})
         controller.process.send_signal(signal.SIGINT)
         code, errors = controller.end()
-        assert "viewer writes /ground/stiffness: /ground/stiffness does not come from viewer" in errors
+        assert "viewer writes /ground/stiffness: /ground/stiffness is not written by viewer" in errors
         for message in viewer:
             pass
         assert viewer.reason == "the user ended it"

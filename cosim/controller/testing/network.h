@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// For tests: a controller with nodes that answer in every order, come, go and die. The tests compare what each node
-// sees with a plain look-up in the history of all writes, which knows nothing of grants.
+// For tests: a controller with nodes that answer in every order, join, leave and die. The tests compare the inputs of
+// each node with a look-up in the history of all writes, which does not use grants.
 #pragma once
 
 #include "cosim/controller/controller.h"
@@ -26,7 +26,7 @@ inline std::uint64_t mix(std::uint64_t a, std::uint64_t b)
     return (a ^ a >> 29) * 0xbf58476d1ce4e5b9u;
 }
 
-/// What a node is: how it steps, what it reads and writes.
+/// The steps, subscriptions and outputs of a node.
 struct Spec {
     std::string name;
     std::vector<Rate> rates;
@@ -38,9 +38,9 @@ struct Spec {
     Ns joins_after = -1;
     bool rejoins = false, saves = false;
     Ns save_every = 0;
-    Ns leaves_at = for_ever; ///< at its first instant from then on
+    Ns leaves_at = for_ever; ///< at its first instant after this
 
-    /// Its instants up to `end`. One that steps at any time has moments of its own, unknown to others.
+    /// Its instants up to `end`. A node that steps at any time has instants that the controller does not know.
     std::vector<Ns> instants(Ns end) const
     {
         std::vector<Ns> all;
@@ -69,7 +69,7 @@ struct Spec {
     static std::uint64_t output(std::uint64_t state, std::size_t output) { return mix(state, output); }
 };
 
-/// By name of the node: its state at each of its instants, which depends on all that it has seen.
+/// By name of the node: its state at each of its instants, which depends on all its inputs.
 using History = std::map<std::string, std::vector<std::pair<Ns, std::uint64_t>>>;
 
 struct Write {
@@ -77,7 +77,7 @@ struct Write {
     std::uint64_t x;
 };
 
-/// Until when a node that reads from these sees what was written, at its instant t. Written before: -1.
+/// At its instant t, a reader sees the messages written up to the returned time; -1 is that of the initial value.
 /// The last exchange was at `since` at the latest.
 inline Ns latest_seen(Latency latency, Ns t, const std::vector<Rate> &reader, const std::vector<Rate> &writer = {},
                       Ns since = -1)
@@ -93,7 +93,7 @@ inline Ns latest_seen(Latency latency, Ns t, const std::vector<Rate> &reader, co
                                               : std::max(t == 0 ? -1 : (t - 1) / longest * longest, since);
 }
 
-/// Who took part when.
+/// When each node took part.
 struct Lives {
     /// At the instants after the first time, up to and including the second; by node.
     std::map<std::string, std::vector<std::pair<Ns, Ns>>> parts;
@@ -101,7 +101,7 @@ struct Lives {
     std::map<std::string, Ns> known;
 };
 
-/// As it follows from what a controller says that happened.
+/// From the changes that a controller reports.
 inline Lives lives_of(const std::vector<Spec> &specs, const std::vector<Change> &changes)
 {
     Lives lives;
@@ -152,7 +152,7 @@ inline History expected(const std::vector<Spec> &specs, Ns end, const Lives &liv
     enum Kind { step, ghost, join };
     struct Event {
         Ns t;
-        int after; // those that join come after all else at this time
+        int after; // at the same time, joiners come last
         std::size_t i;
         Kind kind;
         auto operator<=>(const Event &) const = default;
@@ -212,7 +212,7 @@ inline History expected(const std::vector<Spec> &specs, Ns end, const Lives &liv
         for (const Subscription &subscription : spec.subscriptions) {
             const auto known = lives.known.find(subscription.topic);
             if (!given.contains(subscription.topic) && (known == lives.known.end() || known->second >= t)) {
-                state[i] = mix(state[i], 0); // no writer was there yet
+                state[i] = mix(state[i], 0); // no writer took part yet
                 continue;
             }
             const Source &source = topics.at(subscription.topic);
@@ -238,7 +238,7 @@ inline History expected(const std::vector<Spec> &specs, Ns end)
     return expected(specs, end, lives_of(specs, {}));
 }
 
-/// A node as a delegate would be.
+/// A node that answers like a delegate.
 struct FakeNode {
     const Spec *spec = nullptr;
     Ns reached = -1, start = -1;
@@ -250,11 +250,11 @@ struct FakeNode {
     std::map<std::string, std::pair<std::uint32_t, std::uint32_t>> written; ///< channel and count
     std::vector<Ns> instants;
     std::vector<std::pair<Ns, std::uint64_t>> history;
-    std::vector<std::pair<Ns, std::uint64_t>> past; ///< of the one whose place it took, to be done again
+    std::vector<std::pair<Ns, std::uint64_t>> past; ///< steps of the lost program, which this one repeats
     std::vector<std::uint64_t> latest;              ///< of each output
 
-    /// Another program in place of the last. It remembers no message, and nothing of what it was unless a
-    /// run that pauses for it relies on that.
+    /// A new program takes the place of the lost one, without its messages. It has the state of the lost one only if
+    /// the run pauses for it.
     void start_anew(bool itself)
     {
         if (!itself) {
@@ -334,7 +334,7 @@ struct FakeNode {
         }
         if (const auto *m = std::get_if<Start>(&request)) {
             counts.clear();
-            std::erase_if(coming, [&](const auto &c) { return c.first > reached; }); // that comes again
+            std::erase_if(coming, [&](const auto &c) { return c.first > reached; }); // the controller sends them again
             wired.clear();
             for (const Channel &channel : m->wired) {
                 EXPECT_EQ(channel.schema, schema);
@@ -461,7 +461,7 @@ struct Bench {
     {
         for (Action &a : controller.take_actions()) {
             if (auto *send = std::get_if<action::Send>(&a)) {
-                sent += !std::holds_alternative<Save>(send->frame.message); // that may wait
+                sent += !std::holds_alternative<Save>(send->frame.message); // a snapshot may come later
                 EXPECT_TRUE(!requests[send->node] || std::holds_alternative<Finish>(send->frame.message));
                 if (std::holds_alternative<Tick>(send->frame.message)) {
                     ticks++;
@@ -496,7 +496,7 @@ struct Bench {
         }
     }
 
-    /// A random node answers. False if no node owes a reply.
+    /// A random node answers. False if the controller waits for no reply.
     bool reply_somewhere()
     {
         const auto before = sent;
@@ -553,7 +553,7 @@ struct Bench {
         return outcome.value_or("the run hangs");
     }
 
-    /// All nodes come, and are matched.
+    /// All nodes connect and are matched.
     void begin()
     {
         arrive_all();
@@ -562,14 +562,14 @@ struct Bench {
         act();
     }
 
-    /// Until when the node is to step; none if it has no tick.
+    /// The end of the node's tick; none without a tick.
     std::optional<Ns> tick_of(NodeId id) const
     {
         const auto *tick = requests[id] ? std::get_if<Tick>(&requests[id]->message) : nullptr;
         return tick ? std::optional(tick->until) : std::nullopt;
     }
 
-    /// The node answers its tick like this.
+    /// Let the node answer its tick with this tock.
     void tock(NodeId id, Tock answer)
     {
         const Frame request = *std::exchange(requests[id], std::nullopt);
@@ -598,7 +598,7 @@ struct Bench {
     std::size_t ticks = 0;
     std::size_t sent = 0;
     std::vector<char> unblocking_nodes; ///< see Controller; valid while `sleeping`
-    bool sleeping = false;              ///< a test sets it to false after each event that is no reply
+    bool sleeping = false;              ///< a test sets it to false after each event except replies
     Exchange exchange;
     std::map<std::string, std::vector<std::pair<Ns, std::uint64_t>>> written; ///< writes, by topic
     Ns settled = -1;
@@ -609,7 +609,7 @@ inline Subscription subscription(const std::string &topic, Latency latency)
     return {topic, latency, false, make_schema("Word", word_text)};
 }
 
-/// Nodes with random steps, wires and latencies, that do not wait for one another.
+/// Nodes with random steps, wires and latencies, without cycles.
 inline std::vector<Spec> random_network(Random &random)
 {
     const Ns periods[] = {7, 10, 20, 30, 50, 100};

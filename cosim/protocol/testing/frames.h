@@ -22,7 +22,7 @@ inline constexpr const char *error_text =
     "uint32 quality  # quality [-] trust\n"
     "uint32 sequence  # sequence [-] counts\n";
 
-/// All that a definition may hold.
+/// A definition with everything that the format allows.
 inline constexpr const char *rich_text =
     "fledge/Wheel[3] wheels  # wheels each of them\n"
     "fledge/Nest nest  # nest\n"
@@ -88,10 +88,10 @@ inline std::vector<Frame> one_of_each()
             {20, Saved{filled(77)}}};
 }
 
-/// Put a right checksum and size on a frame whose body was changed.
+/// Correct the checksum and size of a frame after a change of its body.
 inline void seal(Bytes &bytes)
 {
-    std::uint32_t crc = 0xffffffff; // bit by bit, for its own sake
+    std::uint32_t crc = 0xffffffff; // bit by bit, independent of the tables
     for (std::size_t i = frame_header_size; i < bytes.size(); i++) {
         crc ^= std::to_integer<std::uint32_t>(bytes[i]);
         for (int k = 0; k < 8; k++) {
@@ -107,7 +107,7 @@ inline void seal(Bytes &bytes)
     put(12, ~crc);
 }
 
-/// Change a body at random, and now and then the kind, and seal it anew.
+/// Change a body at random, sometimes the kind, too, and correct the checksum.
 inline void change(Bytes &b, std::mt19937 &random)
 {
     for (auto changes = 1 + random() % 3; changes && b.size() > frame_header_size; changes--) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The one-word message that tests pass around.
+// A message of one word, for tests.
 #pragma once
 
 #include "cosim/protocol/protocol.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What tests of the network share: nodes that count, folders of keys.
+// Shared by the tests of the network: nodes that count, folders of keys.
 #pragma once
 
 #include "cosim/router/router.h"
@@ -17,7 +17,7 @@
 
 namespace fledge::cosim::testing_nodes {
 
-/// Says one more than it heard, at each multiple of 10.
+/// Writes its input plus one, at each multiple of 10.
 class Counter : public Node {
 public:
     Counter(std::string reads, std::string writes, Latency latency)
@@ -66,7 +66,7 @@ public:
     virtual void before_step(Ns) {}
 
     std::uint64_t heard = 0;
-    std::vector<std::pair<Ns, std::uint64_t>> all; ///< that was heard, and when
+    std::vector<std::pair<Ns, std::uint64_t>> all; ///< all inputs with their times
     Ns next = 0;
     Initialize initialized;
     std::string reason = "(no end)";
@@ -88,7 +88,7 @@ inline ControllerConfig config_of(std::vector<NodeConfig> nodes, Ns end)
     return config;
 }
 
-/// Takes part; returns the reason of the end, or "threw: ...".
+/// Run a node; returns the reason of the end, or "threw: ...".
 inline std::string serve(zmq::context_t &context, const std::string &address, const std::string &name, Node &node,
                          const std::string &keys = "",
                          std::chrono::milliseconds connect_timeout = std::chrono::seconds(20))
@@ -106,7 +106,7 @@ inline std::string serve(zmq::context_t &context, const std::string &address, co
     }
 }
 
-/// A folder of keys that is gone after the test.
+/// A folder of keys, removed after the test.
 class Keys {
 public:
     Keys()
@@ -123,7 +123,7 @@ public:
     std::filesystem::path folder() const { return folder_; }
     std::string of(const std::string &name) const { return folder_ / (name + ".secret"); }
 
-    /// A pair, in the controller's own folder.
+    /// Make a pair in the controller's folder.
     KeyPair make(const std::string &name)
     {
         char open[41], secret[41];
@@ -134,7 +134,7 @@ public:
         return {open, secret};
     }
 
-    /// A pair that is let in.
+    /// Make a pair that the controller accepts.
     KeyPair allow(const std::string &name, const std::string &nodes)
     {
         const KeyPair pair = make(name);
