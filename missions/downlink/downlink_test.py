@@ -19,7 +19,7 @@ from fledge.units import s
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
-BUILT = Path(_core.__file__).resolve().parents[1]
+BUILT = build_folder()
 UNTIL = 1000    # [s]: tumble, warm up, send, and Mars before Earth
 sys.path.insert(0, str(HERE))
 import power  # noqa: E402
@@ -53,7 +53,7 @@ def programs(tmp_path_factory):
 def flown(programs):
     """The records of an exchange, by transport."""
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(
-        [str(ROOT / "python"), str(ROOT), str(build_folder() / "python")])}
+        [str(ROOT / "python"), str(ROOT), str(BUILT / "python")])}
 
     def fly(*options):
         out = programs / "-".join(["run", *options])

@@ -20,7 +20,7 @@ from fledge.files import Part
 from fledge.objects.words import first_sentence
 
 if TYPE_CHECKING:
-    from fledge.wiring import Link, Node, Wiring, _Process
+    from fledge.mission.wiring import Link, Node, Wiring, _Process
 
 FORMATS = ("svg", "png", "pdf", "dot")
 
