@@ -24,7 +24,8 @@ FLIGHT_LIBRARY = {"float.h", "limits.h", "math.h", "stdbool.h", "stddef.h", "std
 # The rooms of python/fledge: its sub-packages and the modules beside them, from the bottom up. A room may
 # import itself and the rooms of the layers below it; the command line is on top of all.
 LAYERS = [
-    {"units", "elements", "errors", "files", "series", "interruption", "progress"},
+    {"units", "elements", "errors", "files", "interruption", "progress"},
+    {"series"},
     {"objects", "archive", "attitude", "plot"},
     {"flight", "scan", "trajectory"},
     {"world"},
@@ -162,9 +163,13 @@ PACKAGE = Path("python/fledge")
 
 def imports_of(path: Path, text: str, modules: set[str]) -> list[tuple[int, str]]:
     """(line, module) of each import of the package by a file in it: "mission.process"; "" of what
-    only its __init__.py knows. modules: all there are."""
-    found = []
-    for node in ast.walk(ast.parse(text)):
+    only its __init__.py knows. modules: all there are. Imports for type checkers alone never run, and do not count."""
+    found, tree = [], ast.parse(text)
+    unused = {inner for node in ast.walk(tree) if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+              for branch in node.body for inner in ast.walk(branch)}
+    for node in ast.walk(tree):
+        if node in unused:
+            continue
         if isinstance(node, ast.Import):
             names = [(alias.name, "") for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module:
