@@ -162,19 +162,14 @@ def test_every_quoted_include_is_found_from_the_root():
 PACKAGE = Path("python/fledge")
 
 
-def _for_types(test: ast.expr) -> bool:
-    return isinstance(test, ast.Name) and test.id == "TYPE_CHECKING"
-
-
-def imports_of(path: Path, text: str, modules: set[str], with_types: bool = True) -> list[tuple[int, str]]:
-    """(line, module) of each import of the package by a file in it: "mission.process"; "" for a name
-    that only its __init__.py knows. modules: all there are; with_types: also the imports that only type checkers do."""
-    found = []
-    tree = ast.parse(text)
-    types = {id(one) for block in ast.walk(tree) if isinstance(block, ast.If) and _for_types(block.test)
-             for one in block.body}
+def imports_of(path: Path, text: str, modules: set[str]) -> list[tuple[int, str]]:
+    """(line, module) of each import of the package by a file in it: "mission.process"; "" of what
+    only its __init__.py knows. modules: all there are. Imports for type checkers alone never run, and do not count."""
+    found, tree = [], ast.parse(text)
+    unused = {inner for node in ast.walk(tree) if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+              for branch in node.body for inner in ast.walk(branch)}
     for node in ast.walk(tree):
-        if id(node) in types and not with_types:
+        if node in unused:
             continue
         if isinstance(node, ast.Import):
             names = [(alias.name, "") for alias in node.names]
@@ -192,12 +187,12 @@ def imports_of(path: Path, text: str, modules: set[str], with_types: bool = True
     return found
 
 
-def library_imports(with_types: bool = True) -> dict[str, list[tuple[int, str]]]:
+def library_imports() -> dict[str, list[tuple[int, str]]]:
     """The imports of each module of python/fledge, tests apart."""
     paths = {".".join(path.relative_to(PACKAGE).with_suffix("").parts).removesuffix(".__init__"): path
              for path in files() if path.suffix == ".py" and path.is_relative_to(PACKAGE) and not is_test(path)
              and "templates" not in path.parts and path.parent / path.name != PACKAGE / "__init__.py"}
-    return {module: imports_of(path, (ROOT / path).read_text(encoding="utf-8"), set(paths), with_types)
+    return {module: imports_of(path, (ROOT / path).read_text(encoding="utf-8"), set(paths))
             for module, path in paths.items()}
 
 
@@ -250,7 +245,7 @@ def test_the_parts_of_the_library_import_downwards():
 
 
 def test_no_modules_of_the_library_import_one_another_in_a_circle():
-    assert circle(library_imports(with_types=False)) == []
+    assert circle(library_imports()) == []
 
 
 @pytest.mark.parametrize("module, other, complaint", [

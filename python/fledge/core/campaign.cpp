@@ -83,7 +83,6 @@ void bind_campaign(py::module_ &m)
     py::class_<Plan>(m, "CampaignPlan")
         .def(py::init<>())
         .def_readwrite("seed", &Plan::seed)
-        .def_readwrite("first", &Plan::first)
         .def_readwrite("runs", &Plan::runs)
         .def_readwrite("duration", &Plan::duration)
         .def_readwrite("every", &Plan::every)
@@ -94,7 +93,6 @@ void bind_campaign(py::module_ &m)
         .def("check", [](const Plan &plan, const sim::Simulation &nominal) { sim::check_plan(nominal, plan); });
 
     py::class_<sim::CampaignResult>(m, "CampaignResult")
-        .def_readonly("samples", &sim::CampaignResult::samples)
         .def_readonly("failures", &sim::CampaignResult::failures)
         .def_property_readonly("flown",
                                [](const sim::CampaignResult &r) {

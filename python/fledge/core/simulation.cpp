@@ -254,21 +254,13 @@ void bind_simulation(py::module_ &m)
                 });
             },
             "(from, to, latency, stale_after) of each")
-        .def_property_readonly(
-            "processes",
-            [](const sim::Simulation &s) {
-                return list_of(s.processes(), [](const auto &process) { return process->name; });
-            },
-            "their names, in the order in which they run")
         .def("cross_process_dependencies", [](const sim::Simulation &s) { return s.cross_process_dependencies(); })
         .def("isolate", &sim::Simulation::isolate)
         .def_property("seed", &sim::Simulation::seed, &sim::Simulation::set_seed)
         .def("prepare", &sim::Simulation::prepare)
         .def("ready_for", &sim::Simulation::ready_for)
-        .def_property_readonly("prepared", &sim::Simulation::prepared)
         .def("reset", &sim::Simulation::reset)
         .def_property_readonly("now", &sim::Simulation::now)
-        .def_property_readonly("next", &sim::Simulation::next)
         .def("run_until", run_until)
         .def("step", step)
         .def_property_readonly(

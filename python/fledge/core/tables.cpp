@@ -214,7 +214,6 @@ void bind_tables(py::module_ &m)
         .def_property_readonly("non_zero", flag(FLEDGE_NON_ZERO))
         .def_property_readonly("inertia", flag(FLEDGE_INERTIA))
         .def_property_readonly("optional", flag(FLEDGE_OPTIONAL))
-        .def_property_readonly("assumed", flag(FLEDGE_ASSUMED))
         .def_property_readonly("spare", flag(FLEDGE_SPARE));
 
     py::class_<FledgeStruct>(m, "Struct", "A module, model, message or plain struct, as declared in its header.")
@@ -270,13 +269,6 @@ void bind_tables(py::module_ &m)
         },
         py::return_value_policy::reference, "The field of its owner that is this message, or None.");
     m.def(
-        "offset",
-        [](py::handle view) {
-            PyObject *root = need(root_of(view.ptr()), "a part of a module or model", view);
-            return as_object(view.ptr())->memory - as_object(root)->memory;
-        },
-        "Of a message, [bytes] from the start of its module or model.");
-    m.def(
         "given",
         [](py::handle object) {
             const auto instance = instance_of(object);
@@ -289,9 +281,6 @@ void bind_tables(py::module_ &m)
             return names;
         },
         "The names of the parameters that the user gave.");
-    m.def(
-        "check", [](py::handle object) { sim::check_parameters(*instance_of(object)); },
-        "Check all parameters; SetupError lists every fault.");
     m.def(
         "memory",
         [](py::handle object) {
