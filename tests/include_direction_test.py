@@ -24,7 +24,7 @@ FLIGHT_LIBRARY = {"float.h", "limits.h", "math.h", "stdbool.h", "stddef.h", "std
 # The rooms of python/fledge: its sub-packages and the modules beside them, from the bottom up. A room may
 # import itself and the rooms of the layers below it; the command line is on top of all.
 LAYERS = [
-    {"units", "elements", "errors", "files", "series", "interruption", "progress"},
+    {"units", "elements", "errors", "columns", "files", "series", "interruption", "progress"},
     {"objects", "archive", "attitude", "plot"},
     {"flight", "scan", "trajectory"},
     {"world"},
