@@ -155,14 +155,14 @@ def nothing(sim):
 
 @pytest.mark.parametrize("play, complaint", [
     ("mode", "asks for a mode between its runs, which no target takes"),
-    ("world", "changes world.nav between its runs; a target can only be told parameters of flight"),
-    ("published", "changes flight.vehicle between its runs, which flight publishes: no target is told when"),
+    ("world", "changes world.nav between its runs; a target takes only parameters of flight"),
+    ("published", "changes flight.vehicle between its runs, which flight publishes: targets do not take these"),
     ("both", "changes world.nav before it runs, and flight between its runs: the world's program can have only one"),
     ("steps", "the scenario steps does more than run"),
     ("fails", "the scenario fails fails on the desktop: it was not good"),
     ("nothing", "the scenario nothing runs nothing"),
 ])
-def test_a_change_that_no_target_can_get_is_refused(play, complaint, tmp_path, capsys):
+def test_changes_that_no_target_takes_are_refused(play, complaint, tmp_path, capsys):
     from fledge.export.run_test import FLIGHT, WORLD
 
     mission = tmp_path / "plays"
@@ -178,7 +178,7 @@ def test_a_change_that_no_target_can_get_is_refused(play, complaint, tmp_path, c
 def test_without_a_scenario(folder, capsys):
     out = str(folder / "single_spiral")
     assert cli.main(["fly", "single_spiral", "--free", "--out", out]) == 2
-    assert "--free is without a scenario, and for as long as --for says" in capsys.readouterr().err
+    assert "--free is without a scenario, and needs --for" in capsys.readouterr().err
     assert cli.main(["fly", "single_spiral", "--free", "--for", "1min", "--on", "linux", "--out", out]) == 0
 
 
@@ -470,7 +470,7 @@ def test_on_a_terminal_it_shows_how_far_it_is(folder, monkeypatch):
     (["nadir_spin", "--board", "no_such.toml"], "no_such.toml"),
     (["nadir_spin", "--board", "registers/boards/io_board_a.toml"], "no board has a clock"),
     (["nadir_spin", "--for", "soon"], "expected a duration"),
-    (["nadir_spin", "--join", "--on", "linux,aarch64"], "say with --on which target it is, one; found 2"),
+    (["nadir_spin", "--join", "--on", "linux,aarch64"], "--join: name one target with --on; found 2"),
 ])
 def test_what_cannot_be_flown_is_refused_before_anything_is_written(arguments, complaint, tmp_path, capsys):
     if "linux,aarch64" in arguments and TARGETS["aarch64"].missing():

@@ -90,7 +90,7 @@ def test_mistakes_are_reported_before_anything_starts(mark, tmp_path):
     done = up(tmp_path / "nothing.toml", mark=mark)
     assert done.returncode == 2 and done.stderr == f"fledge: up: there is no file {tmp_path / 'nothing.toml'}\n"
     file = write_pair(tmp_path)
-    assert up(file, "--check", mark=mark).stdout == f"{file}: nothing is wrong with it: 2 nodes, 2 s\n"
+    assert up(file, "--check", mark=mark).stdout == f"{file}: correct: 2 nodes, 2 s\n"
     assert not (tmp_path / "runs").exists()
     file.write_text(file.read_text().replace("until", "#"))
     done = up(file, mark=mark)
@@ -270,7 +270,7 @@ def test_a_mission_without_a_file(mark, tmp_path):
     assert re.search(r"\nworld +finished +60\.00 s .*\nflight +finished +60\.00 s ", done.stdout)
     assert "  record   runs/nadir_spin/flight.mcap (" in done.stdout
     whole = up("nadir_spin", "--check", mark=mark, folder=tmp_path)
-    assert whole.stdout == "nadir_spin: nothing is wrong with it: 2 nodes, 9600 s\n"
+    assert whole.stdout == "nadir_spin: correct: 2 nodes, 9600 s\n"
     wrong = up("nadir_spin", "spun", mark=mark, folder=tmp_path)
     assert wrong.returncode == 2 and "has no scenario 'spun'; it has spin" in wrong.stderr
 
