@@ -184,8 +184,8 @@ static bool chunked(const McapWriter *w)
     return w->config.chunk_size > 0u;
 }
 
-/* The index entry of message k of the open chunk: {log time u64, offset u32, next entry u32}. The entries of one channel
- * form a list. */
+/* The index entry of message k of the open chunk: {log time u64, offset u32, next entry u32}. The entries of one
+ * channel form a list. */
 static uint8_t *entry_at(const McapWriter *w, uint32_t k)
 {
     return w->config.chunk + (w->config.chunk_size - ENTRY * ((size_t)k + 1u));
@@ -212,9 +212,9 @@ static void begin_chunk(McapWriter *w)
     }
 }
 
-/* Serialize the MessageIndex records into the chunk buffer, whose records the sink has already taken, and the ChunkIndex
- * record into the index. A message record takes at least 35 bytes and its index at most 16 + 15, so this never
- * overwrites the entries at the end of the buffer. */
+/* Serialize the MessageIndex records into the chunk buffer, whose records the sink has already taken, and the
+ * ChunkIndex record into the index. A message record takes at least 35 bytes and its index at most 16 + 15, so this
+ * never overwrites the entries at the end of the buffer. */
 static void index_chunk(McapWriter *w, uint64_t start)
 {
     uint32_t present = 0;

@@ -8,7 +8,8 @@
  *      Schema* Channel* Statistics ChunkIndex* MetadataIndex*               summary
  *      SummaryOffset*  Footer  magic
  *
- *  - With a chunk buffer, the writer collects schemas, channels and messages in chunks, each with its own CRC and index.
+ *  - With a chunk buffer, the writer collects schemas, channels and messages in chunks, each with its own CRC and
+ *    index.
  *    Readers can seek, and a damaged or truncated file is readable up to its last whole chunk. Without a chunk buffer
  *    (small targets), the writer writes each record at once, and a truncated file is readable up to its last record.
  *  - A message is its C struct's bytes behind a 4-byte CDR header with the byte order. That
@@ -21,8 +22,8 @@
  *
  *  Memory:  schemas, channels: one entry each.  chunk: 0, or MCAP_CHUNK_MIN bytes to 1 GiB; a
  *  record must fit in.  index: 73 + 10 x channels bytes per chunk, 29 + name per metadata record.
- *  When `index` is full, the file stays valid and complete, but its summary has no chunk index at all, because a partial
- *  index would hide the other chunks: readers scan the file. `index_full` is then true.
+ *  When `index` is full, the file stays valid and complete, but its summary has no chunk index at all, because a
+ *  partial index would hide the other chunks: readers scan the file. `index_full` is then true.
  */
 #ifndef RECORD_MCAP_H
 #define RECORD_MCAP_H

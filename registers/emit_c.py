@@ -123,8 +123,8 @@ def _lane_accessors(board: Board, snorkel: Snorkel, lane: Lane) -> str:
 
 
 def _word_accessors(name: str, table: str, snorkel: Snorkel, lane: Lane, doc: str) -> str:
-    """For words that are not queued: the word, and each field in its unit. A setter of a field keeps the other fields of
-    the word that flight has written last."""
+    """For words that are not queued: the word, and each field in its unit. A setter of a field keeps the other fields
+    of the word that flight has written last."""
     index, i = (", uint32_t index", "index") if lane.count > 1 else ("", "0u")
     load = f"    uint32_t word = 0u;\n    (void)register_take_word(w, {table}, {i}, &word);\n"
     parts = []

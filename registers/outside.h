@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The models' side of a register space: the ends of its lanes, with their units and byte order, and the tick. The set-up
-// may throw. An exchange neither allocates nor throws.
+// The models' side of a register space: the ends of its lanes, with their units and byte order, and the tick. The
+// set-up may throw. An exchange neither allocates nor throws.
 #pragma once
 
 #include <chrono>
@@ -88,8 +88,8 @@ public:
     LaneWriter writer(std::string_view board, std::string_view lane) const;
     LaneReader reader(std::string_view board, std::string_view lane) const;
 
-    /// One exchange: set the clocks of all boards, and wait for flight. The first board with a clock is the master: flight
-    /// answers its tick. The clocks of other boards only show the time.
+    /// One exchange: set the clocks of all boards, and wait for flight. The first board with a clock is the master:
+    /// flight answers its tick. The clocks of other boards only show the time.
     Wait tick(Tick tick, std::chrono::nanoseconds timeout);
 
     /// Tell flight that the run has ended.

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Boards in a file that two processes map: the models' side creates it, flight's side attaches. It needs POSIX. On Linux a
- * futex wakes the other side; elsewhere the waiting side polls every 50 microseconds. A lock shows whether the other
- * side lives. No heap.
+/* Boards in a file that two processes map: the models' side creates it, flight's side attaches. It needs POSIX. On
+ * Linux a futex wakes the other side; elsewhere the waiting side polls every 50 microseconds. A lock shows whether the
+ * other side lives. No heap.
  *
  * No file stays behind: the peer that attaches removes the name once it has mapped the file, and the
  * kernel drops map and locks of a process that ends, after kill -9 too. If a creator is killed before

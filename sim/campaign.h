@@ -84,8 +84,8 @@ void check_retained(const Simulation &nominal, const Retained &variable);
 /// Both for all of a plan, which must have runs and disperse no element twice.
 void check_plan(const Simulation &nominal, const CampaignPlan &plan);
 
-/// Set the parameters and the seed of one run in a simulation that has not run yet. `nominal` has the nominal values and
-/// does not change. Returns the draws.
+/// Set the parameters and the seed of one run in a simulation that has not run yet. `nominal` has the nominal values
+/// and does not change. Returns the draws.
 std::vector<double> disperse(const Simulation &nominal, Simulation &simulation, const CampaignPlan &plan,
                              std::size_t index);
 
@@ -94,8 +94,8 @@ std::vector<double> disperse(const Simulation &nominal, Simulation &simulation, 
 CampaignResult fly_one(Simulation &simulation, CampaignPlan plan, std::size_t index);
 
 /// Fly all runs on this many threads. The calling thread calls `progress` about ten times a second; it must not
-/// throw. If it returns false, the campaign stops and keeps the finished runs. An exception in a run makes only that run
-/// fail.
+/// throw. If it returns false, the campaign stops and keeps the finished runs. An exception in a run makes only that
+/// run fail.
 CampaignResult fly(const Simulation &nominal, const CampaignPlan &plan, unsigned threads,
                    const std::function<bool(CampaignProgress)> &progress = {});
 

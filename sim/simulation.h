@@ -120,8 +120,8 @@ public:
 private:
     friend class Process;
 
-    /// Call it before a change of the structure. Throws SetupError if the simulation has run; else the next run prepares
-    /// again.
+    /// Call it before a change of the structure. Throws SetupError if the simulation has run; else the next run
+    /// prepares again.
     void set_up_again();
 
     Structure structure_;

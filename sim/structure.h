@@ -74,9 +74,9 @@ struct Condition {
     bool holds() const;
 };
 
-/// A process checks its events at the instants at which one of its tasks ran. An event fires when its condition has held
-/// for `hold`. It is then disarmed, and arms itself again when the condition no longer holds (unless `once`). If its
-/// action arms it while the condition still holds, it would fire again at the same instant: that is a RunError.
+/// A process checks its events at the instants at which one of its tasks ran. An event fires when its condition has
+/// held for `hold`. It is then disarmed, and arms itself again when the condition no longer holds (unless `once`). If
+/// its action arms it while the condition still holds, it would fire again at the same instant: that is a RunError.
 struct Event {
     std::string name;
     std::optional<Condition> condition; ///< either this or the predicate

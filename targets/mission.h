@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Every exported mission includes this header: the rules of time, and the types of its lists of messages and parameters. */
+/* Every exported mission includes this header: the rules of time, and the types of its lists of messages and
+ * parameters. */
 #ifndef TARGETS_MISSION_H
 #define TARGETS_MISSION_H
 

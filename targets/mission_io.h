@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Transfers the messages of an exported mission through the lanes of its boards. `fledge export` writes the table of the
- * transfers from the mission and the files of the boards. Both sides use the same table: flight for the whole mission
- * at once, the outside for one message at a time.
+/* Transfers the messages of an exported mission through the lanes of its boards. `fledge export` writes the table of
+ * the transfers from the mission and the files of the boards. Both sides use the same table: flight for the whole
+ * mission at once, the outside for one message at a time.
  *
  * A message lane carries a whole message. A lane of words carries numbers of a message in the fields of its words: word
  * i holds the i-th number. The lane does not carry the head of such a message, so the reader writes a new one at each

@@ -94,7 +94,8 @@ public:
 
     /// For pacing: nodes may step up to and including this instant.
     void set_horizon(Ns horizon);
-    /// The first instant after the horizon at which a node steps, or the end; for_ever if the horizon has passed the end.
+    /// The first instant after the horizon at which a node steps, or the end; for_ever if the horizon has passed the
+    /// end.
     Ns next_due() const;
     /// Whether all nodes wait for a node that was lost or that joins.
     bool waiting() const;

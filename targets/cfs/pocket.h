@@ -9,7 +9,8 @@
  *     while (pocket_running()) { ... pocket_ingest(packet, n) ... }
  *     pocket_stop(1000);
  *
- * The thread that calls pocket_boot may use the bus, the tables and the semaphores as an app does. Its name is "HOST". */
+ * The thread that calls pocket_boot may use the bus, the tables and the semaphores as an app does. Its name is "HOST".
+  */
 #ifndef TARGETS_CFS_POCKET_H
 #define TARGETS_CFS_POCKET_H
 

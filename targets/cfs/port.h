@@ -6,7 +6,8 @@
 
 #include "common_types.h"
 
-/** The first call, by task 0, which boots the pocket. root: the folder that holds cf and ram, if the port has folders. */
+/** The first call, by task 0, which boots the pocket. root: the folder that holds cf and ram, if the port has folders.
+ */
 void port_start(const char *root);
 
 /** One lock guards the state of the pocket. A task never takes it twice, and holds it for a short time. */
