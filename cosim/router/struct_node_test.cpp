@@ -168,18 +168,18 @@ TEST(StructNode, AProgramStepsAtSeveralRatesAndReadsMessagesWithoutAStruct)
     EXPECT_EQ(defined, "/a/positionPosition");
 }
 
-TEST(Outbox, AnUnchangedMessageIsSentOnlyIfItIsToBeSentAgain)
+TEST(Outbox, AnUnchangedMessageIsSentOnlyAfterResend)
 {
     Position position{1, 2};
     const auto bytes = std::as_bytes(std::span(&position, 1));
     Outbox outbox;
     outbox.add(3, bytes);
     std::vector<Record> records;
-    outbox.say(10, records);
+    outbox.collect(10, records);
     EXPECT_TRUE(records.empty());
     outbox.resend(bytes);
-    outbox.say(20, records);
-    outbox.say(30, records);
+    outbox.collect(20, records);
+    outbox.collect(30, records);
     ASSERT_EQ(records.size(), 1u);
     EXPECT_EQ(records[0].t, 20);
     EXPECT_EQ(records[0].count, 1u);
