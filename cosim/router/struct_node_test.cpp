@@ -168,7 +168,7 @@ TEST(StructNode, AProgramStepsAtSeveralRatesAndReadsMessagesWithoutAStruct)
     EXPECT_EQ(defined, "/a/positionPosition");
 }
 
-TEST(Outbox, AnUnchangedMessageIsSentOnlyIfItIsToBeSentAgain)
+TEST(Outbox, AnUnchangedMessageIsSentOnlyAfterResend)
 {
     Position position{1, 2};
     const auto bytes = std::as_bytes(std::span(&position, 1));
