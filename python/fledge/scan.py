@@ -237,8 +237,8 @@ def _size(extent):
 def sphere(source: Records, paths: dict[str, Path | list[Path]], *, centre: int = 1,
            colors: Sequence[str] = (DARK, MAGENTA, LIGHT), rays: str | None = None,
            marks: dict[str, ArrayLike] | None = None, view: tuple[float, float] | None = None,
-           title: str | None = None, name: str = "scan_sphere", size: tuple[float, float] = (6.4, 6.1)
-           ) -> Figure | None:
+           title: str | None = None, name: str = "scan_sphere",
+           size: tuple[float, float] = (6.4, 6.1)) -> Figure | None:
     """Draw paths on the unit sphere about the spacecraft, seen from afar; returns a matplotlib Figure.
 
     rays: the label whose paths' ends are joined with the spacecraft

@@ -12,7 +12,7 @@ from fledge.objects.si import to_si
 
 
 class Measured:
-    """A field. `.norm()`, `.max_abs()` and `[i]` make a number of an array; `_compare` says what a comparison makes."""
+    """A field. `.norm()`, `.max_abs()` and `[i]` make a number of an array. Subclasses define comparisons."""
 
     _path: str                              # of the field
     _field: Any                             # its Field

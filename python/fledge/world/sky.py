@@ -49,8 +49,8 @@ class Sky:
     """
 
     def __init__(self, epoch: str, center: Body | str | int,
-                 kernels: str | PathLike[str] | Sequence[str | PathLike[str]] = (),
-                 *, leap_seconds: str | PathLike[str] | None = None, pck: str | PathLike[str] | None = None) -> None:
+                 kernels: str | PathLike[str] | Sequence[str | PathLike[str]] = (), *,
+                 leap_seconds: str | PathLike[str] | None = None, pck: str | PathLike[str] | None = None) -> None:
         if not isinstance(epoch, str):
             raise SetupError(f'Sky: epoch: expected a text like "2015-03-02T12:00:00"; found {epoch!r}')
         listed = kernels if isinstance(kernels, (list, tuple)) else [kernels]
