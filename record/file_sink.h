@@ -2,8 +2,8 @@
 /** A sink for mcap.h on POSIX: a file that gets its name only when it is complete.
  *
  *  The sink writes NAME.part, and renames it to NAME when the caller closes it as whole; this replaces an old file NAME
- *  in one step. After a failure or a crash, NAME.part stays, and is readable up to its last whole chunk. The writer does
- *  not include this header, because small targets have no files. */
+ *  in one step. After a failure or a crash, NAME.part stays, and is readable up to its last whole chunk. The writer
+ *  does not include this header, because small targets have no files. */
 #ifndef RECORD_FILE_SINK_H
 #define RECORD_FILE_SINK_H
 
