@@ -147,7 +147,7 @@ def be_node(folder, process, address, wait, delay):
     def work():
         time.sleep(wait)
         sim = prepared(folder)
-        assert cosim.split(sim, process).serve(address, simulation="identity", patience=60, delay=delay) == ""
+        assert cosim.split(sim, process).serve(address, simulation="identity", timeout=60, delay=delay) == ""
         return hashes(sim)
     return Fork(work)
 

@@ -13,10 +13,10 @@ class _Runs(BaseException):
     """The scenario starts its first run; the argument is the duration [s]."""
 
 
-def chosen(sim: Any, name: str | None) -> tuple[str, Callable]:
+def chosen(sim: Any, wanted: str | None) -> tuple[str, Callable]:
     """The scenario of that name, or the first: (name, function). Raises SetupError if there is none."""
     known = sim.mission.scenarios
-    name = name or next(iter(known), "")
+    name: str = wanted or next(iter(known), "")
     if name not in known:
         raise SetupError(f"the mission {sim.name} has no scenario '{name}'; it has {', '.join(known) or 'none'}")
     return name, known[name]
