@@ -16,7 +16,7 @@ class _Runs(BaseException):
 def chosen(sim: Any, wanted: str | None) -> tuple[str, Callable]:
     """The scenario of that name, or the first: (name, function). Raises SetupError if there is none."""
     known = sim.mission.scenarios
-    name: str = wanted or next(iter(known), "")
+    name = wanted if wanted else next(iter(known), "")
     if name not in known:
         raise SetupError(f"the mission {sim.name} has no scenario '{name}'; it has {', '.join(known) or 'none'}")
     return name, known[name]
