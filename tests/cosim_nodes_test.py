@@ -125,9 +125,9 @@ def test_the_masses_move_as_the_closed_form_says(flown):
 @pytest.mark.parametrize("right", LANGUAGES)
 @pytest.mark.parametrize("left", LANGUAGES)
 def test_any_pair_of_languages_gives_the_same_bits(flown, left, right):
-    record, said = flown(left, right)
-    expected, told = flown("python", "python")
-    assert said == told
+    record, printed = flown(left, right)
+    expected, expected_print = flown("python", "python")
+    assert printed == expected_print
     assert messages(record) == messages(expected)
 
 

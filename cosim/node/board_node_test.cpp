@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The node of a board, with flight in this process: what flight saw at each of its instants, and what
-// others were told, against a look-up in what was written.
+// The node of a board, with flight in this process: the inputs of flight at each of its instants,
+// and its messages to others, against a look-up in all that was written.
 #include "cosim/node/board_node.h"
 
 #include <cstring>

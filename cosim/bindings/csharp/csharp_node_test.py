@@ -300,22 +300,22 @@ def test_a_new_program_goes_on_for_a_killed_one(programs, spring, how):
 @pytest.mark.parametrize("language", ["python", "csharp"])
 def test_garbage_from_a_controller_is_refused(programs, spring, language, frame, why):
     """A controller that welcomes the program, and then says this."""
-    with zmq.Context() as context, context.socket(zmq.ROUTER) as lobby, context.socket(zmq.PAIR) as link:
-        for socket in (lobby, link):
+    with zmq.Context() as context, context.socket(zmq.ROUTER) as admission, context.socket(zmq.PAIR) as link:
+        for socket in (admission, link):
             socket.linger, socket.rcvtimeo = 0, 20_000
-        lobby.bind("tcp://127.0.0.1:*")
+        admission.bind("tcp://127.0.0.1:*")
         link.bind("tcp://127.0.0.1:*")
-        address = lobby.last_endpoint.decode()
+        address = admission.last_endpoint.decode()
         fake = SimpleNamespace(address=address)
         programs.append(start_spring(spring, fake) if language == "csharp" else start(MASS, address, "same_instant"))
-        peer, hello = lobby.recv_multipart()
+        peer, hello = admission.recv_multipart()
         r = _Reader(hello)
         assert r.kind == "Hello"
         w = _Writer()
         w.text(link.last_endpoint.decode())
         w.text("")
         w.number("Q", 0)
-        lobby.send_multipart([peer, w.frame("Welcome", 1)])
+        admission.send_multipart([peer, w.frame("Welcome", 1)])
         assert _Reader(link.recv()).kind == "Hello"
         link.send_multipart(frame if isinstance(frame, list) else [frame])
         failed = _Reader(link.recv())

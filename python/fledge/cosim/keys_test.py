@@ -16,24 +16,24 @@ from fledge.cosim import keys
 def fledge(capsys, *arguments):
     """(exit code, what it said)"""
     code = cli.main(["keys", *map(str, arguments)])
-    told = capsys.readouterr()
-    return code, told.out + told.err
+    printed = capsys.readouterr()
+    return code, printed.out + printed.err
 
 
 def test_a_team_makes_keys_and_lets_one_another_in(tmp_path, capsys):
     here, lab = tmp_path / "here", tmp_path / "lab"
     assert fledge(capsys, "new", "controller", "world", "--keys", here)[0] == 0
-    code, told = fledge(capsys, "new", "lab1", "--keys", lab)
-    assert code == 0 and "lab1.public goes to the machine of the controller" in told
+    code, printed = fledge(capsys, "new", "lab1", "--keys", lab)
+    assert code == 0 and "lab1.public goes to the machine of the controller" in printed
     assert fledge(capsys, "allow", lab / "lab1.public", "--as", "flight", "viewer", "--keys", here)[0] == 0
     assert fledge(capsys, "allow", "world", "--keys", here)[0] == 0
-    code, told = fledge(capsys, "list", "--keys", here)
-    lines = told.splitlines()
+    code, printed = fledge(capsys, "list", "--keys", here)
+    lines = printed.splitlines()
     lab1 = keys.Key(lab / "lab1.public").public
     assert ["lab1", lab1, "as", "flight,", "viewer"] in [line.split() for line in lines]
     assert any(line.startswith("  world ") and line.endswith("with its secret") for line in lines)
     assert any(line.endswith("  as world") for line in lines)
-    code, told = fledge(capsys, "deny", "lab1", "--keys", here)
+    code, printed = fledge(capsys, "deny", "lab1", "--keys", here)
     assert code == 0 and [key.name for key in keys.allowed(here)] == ["world"]
 
 
@@ -75,8 +75,8 @@ def test_mistakes_change_nothing(tmp_path, capsys):
             (("allow", "world", "cut"), "cut.public, line 2: a public-key is 40 characters of Z85"),
             (("allow", "world", "--as", "a b"), "holds neither spaces nor quotes"),
             (("deny", "world"), "world is not allowed in .*; allowed are none")):
-        code, told = fledge(capsys, *arguments, "--keys", tmp_path)
-        assert code == 2 and re.search(text, told), told
+        code, printed = fledge(capsys, *arguments, "--keys", tmp_path)
+        assert code == 2 and re.search(text, printed), printed
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
 
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An exchange is recorded by the controller's program; each node alone does again what it did, and one
-that does otherwise is told by message, field and time."""
+"""The controller's program records an exchange. Each node alone repeats its run against this record; the first
+difference is reported with its message, field and time."""
 
 import os
 import subprocess
@@ -100,8 +100,8 @@ def test_a_node_alone_does_what_it_did(flown, tmp_path, node):
 def test_what_a_node_does_otherwise_is_named(flown, tmp_path, capsys):
     out = tmp_path / "again.mcap"
     assert main(["replay", str(flown), "flight", "--out", str(out), "--", sys.executable, "-c", CHANGED]) == 1
-    told = capsys.readouterr().out
-    assert "differs  t = 0 s  flight.motor.command.u[0]:" in told and "N m" in told
+    printed = capsys.readouterr().out
+    assert "differs  t = 0 s  flight.motor.command.u[0]:" in printed and "N m" in printed
     assert out.is_file()
 
 

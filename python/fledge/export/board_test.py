@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Through the lanes of a board, flight is told and says the same as without; through words, to within their counts.
+"""Through the lanes of a board, flight has the same inputs and outputs; through words, to within their counts.
 The outside's end here is the C of flight's end, called the other way round."""
 
 import ctypes
@@ -111,11 +111,11 @@ def test_messages_pass_whole(name, tmp_path):
     c.tick(-1)
     assert [c.take(p, 0) for p in outputs] == [c.get(p) for p in outputs]
     sim.run(600.0)
-    told = {p: recorded.samples(p) for p in inputs}
+    input_log = {p: recorded.samples(p) for p in inputs}
     said = {p: recorded.samples(p) for p in outputs}
     for i, t in enumerate(recorded.times()):
         for path in inputs:
-            c.put(path, told[path][i])
+            c.put(path, input_log[path][i])
         c.tick(t)
         for path in outputs:
             assert c.take(path, t) == said[path][i], (path, t)

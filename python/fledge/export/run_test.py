@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The exported C computes the desktop's bits: its ports are fed with what the desktop's flight was told, and all its
+"""The exported C computes the desktop's bits: its ports get the inputs of the desktop's flight, and all its
 outputs are compared at every tick."""
 
 import pytest
@@ -21,7 +21,7 @@ def first_difference(sim, mission, c, run, every=0, all_instants=False, request=
     recorded = Recorded(sim, [*inputs, *outputs], every)
     run(sim)
     times = recorded.times()
-    told = {p: recorded.samples(p) for p in inputs}
+    input_log = {p: recorded.samples(p) for p in inputs}
     said = {p: recorded.samples(p) for p in outputs}
     assert len(times) == len(next(iter(said.values())))
     ticks = 0
@@ -32,7 +32,7 @@ def first_difference(sim, mission, c, run, every=0, all_instants=False, request=
         assert due >= t or all_instants, f"the C asks for {due}, the desktop is at {t}"
         if not all_instants and due != t:
             continue
-        for path, samples in told.items():
+        for path, samples in input_log.items():
             c.put(path, samples[i])
         c("tick", t)
         ticks += 1

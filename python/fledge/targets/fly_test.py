@@ -432,11 +432,11 @@ def test_a_target_that_dies_is_reported_and_leaves_nothing_behind(folder):
     process = started(out)
     try:
         os.kill(target_of(out), signal.SIGKILL)
-        told, complaint = process.communicate(timeout=60)
+        printed, complaint = process.communicate(timeout=60)
     finally:
         process.kill()
         process.wait()
-    assert process.returncode == 1 and "did not fly" in told
+    assert process.returncode == 1 and "did not fly" in printed
     assert "linux: the flight of nadir_spin ended early: " in complaint
     assert "flight: fledge_board_node: flight on the board ended in the tick at " in complaint
     assert nothing_is_left(out)
@@ -452,7 +452,7 @@ def test_two_do_not_build_in_one_folder(folder, capsys):
 
 
 def test_on_a_terminal_it_shows_how_far_it_is(folder, monkeypatch):
-    """What the bar is told: times that rise to the end."""
+    """The times that the bar gets rise to the end."""
     seen = []
     monkeypatch.setattr(loop.Progress, "at", lambda self, t: seen.append(t))
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)

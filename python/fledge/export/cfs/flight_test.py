@@ -19,7 +19,7 @@ NS = 1_000_000_000
 
 
 def flown(name, folder, duration, compiler="gcc", order="little", runner=(), **more):
-    """Fly an app with what the desktop's flight is told; (ticks, where it differs or None, the core's report)."""
+    """Fly an app with the inputs of the desktop's flight; (ticks, where it differs or None, the core's report)."""
     sim = fledge.load(name)
     mission = export.read(sim)
     app = cfs.App("fsw", order=order)
@@ -28,14 +28,14 @@ def flown(name, folder, duration, compiler="gcc", order="little", runner=(), **m
     inputs, outputs = [m.path for m in mission.inputs], [m.path for m in mission.outputs]
     recorded = Recorded(sim, [*inputs, *outputs], sim.flight.tasks[0].period / NS)
     sim.run(duration)
-    told = {p: recorded.samples(p) for p in inputs}
+    input_log = {p: recorded.samples(p) for p in inputs}
     said = {p: recorded.samples(p) for p in outputs}
     outside = Outside(mission, folder / "outside")
     core = Core(program, outside, runner=runner)
     try:
         outside.tick(-1)
         for i, t in enumerate(recorded.times()):
-            for path, samples in told.items():
+            for path, samples in input_log.items():
                 outside.put(path, samples[i])
             outside.tick(t, 0)
             for path, samples in said.items():
@@ -105,8 +105,8 @@ def test_on_a_board_without_an_operating_system(tmp_path):
     sim.run(120.0)
     samples = {p: recorded.samples(p) for p in (*inputs, *outputs)}
     times = recorded.times()
-    told = b"".join(t.to_bytes(8, "little") + b"".join(samples[p][i] for p in inputs) for i, t in enumerate(times))
-    done = subprocess.run([tmp_path / "bare"], input=told, capture_output=True, timeout=60)
+    input_log = b"".join(t.to_bytes(8, "little") + b"".join(samples[p][i] for p in inputs) for i, t in enumerate(times))
+    done = subprocess.run([tmp_path / "bare"], input=input_log, capture_output=True, timeout=60)
     assert done.returncode == 0, done.stderr.decode()
     assert done.stdout == b"".join(samples[p][i] for i in range(len(times)) for p in outputs)
     said = done.stderr.decode()

@@ -36,7 +36,7 @@ def step(t):
     node["/mass/state"] = {"x": x}
     if t % 10**8 == 0:
         print("the mass is at", x[0])
-    if t == int(os.environ.get("STAYS_AT", -1)) * 10**9:  # until it is told to go on
+    if t == int(os.environ.get("STAYS_AT", -1)) * 10**9:  # until the test lets it go on
         while not os.path.exists("go"):
             time.sleep(0.01)
 
