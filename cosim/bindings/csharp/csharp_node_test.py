@@ -20,7 +20,9 @@ from fledge_node_test import (COMMANDED, CONTROLLER, MASS, Controller, alone, fl
                               programs, result, start)
 
 pytestmark = [pytest.mark.skipif(not CONTROLLER.exists(), reason="the controller is not built"),
-              pytest.mark.skipif(not shutil.which("mcs"), reason="mono-mcs is not installed")]
+              pytest.mark.skipif(not shutil.which("mcs"), reason="mono-mcs is not installed"),
+              pytest.mark.skipif(os.environ.get("FLEDGE_PRESET") == "asan",
+                                 reason="Mono takes no sanitizer in its memory")]
 
 LATENCIES = {"same_instant": "0", "next_instant": "1", "next_exchange": "2"}
 
