@@ -60,7 +60,7 @@ Bytes published_by(const std::string &node, const Payload &payload)
 }
 
 /// A run of a and b, which count together, up to the horizon that the test sets.
-class Watched {
+class Watched : public Reports {
 public:
     explicit Watched(const std::string &transport, Ns end = 1000, const std::string &keys = "",
                      std::vector<std::string> more_wants = {})
@@ -124,20 +124,6 @@ public:
         return config;
     }
 
-    bool reported(const std::string &text)
-    {
-        for (int i = 0; i < 1000; i++) {
-            {
-                const std::lock_guard lock(mutex);
-                if (reports.find(text) != reports.npos) {
-                    return true;
-                }
-            }
-            std::this_thread::sleep_for(10ms);
-        }
-        return false;
-    }
-
     /// The counter of the other tests, which waits, and may read more.
     struct Waiting : Counter {
         Waiting(std::string reads, std::string writes, Latency latency, Watched *its_owner)
@@ -184,10 +170,8 @@ public:
     };
 
     zmq::context_t context, nodes;
-    std::mutex mutex;
     std::condition_variable moved;
     Ns limit = -1;
-    std::string reports;
     std::atomic<bool> stop{false};
     Router router;
     Waiting a, b;

@@ -5,7 +5,6 @@
 #include <gtest/gtest.h>
 
 #include <future>
-#include <mutex>
 #include <netinet/in.h>
 #include <poll.h>
 #include <sys/socket.h>
@@ -17,7 +16,7 @@ using namespace std::chrono_literals;
 using namespace testing_nodes;
 
 /// A controller with keys, and what it reports.
-struct Guarded {
+struct Guarded : Reports {
     explicit Guarded(const std::string &keys, const std::string &address = "tcp://127.0.0.1:*")
         : router(context, config_of({{"a", Policy::abort}, {"b", Policy::abort}}, 1000), router_config(keys, address))
     {
@@ -43,21 +42,6 @@ struct Guarded {
         return config;
     }
 
-    /// Waits until something like this is reported.
-    bool reported(const std::string &text)
-    {
-        for (int i = 0; i < 1000; i++) {
-            {
-                const std::lock_guard lock(mutex);
-                if (reports.find(text) != reports.npos) {
-                    return true;
-                }
-            }
-            std::this_thread::sleep_for(10ms);
-        }
-        return false;
-    }
-
     /// The outcome of a node with these keys, in a separate context, as in another program.
     std::string try_as(const std::string &node, const std::string &keys)
     {
@@ -67,8 +51,6 @@ struct Guarded {
     }
 
     zmq::context_t context;
-    std::mutex mutex;
-    std::string reports;
     std::atomic<bool> stop{false};
     Router router;
     std::future<std::string> run;

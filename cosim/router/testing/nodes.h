@@ -12,7 +12,9 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <mutex>
 #include <string>
+#include <thread>
 #include <unistd.h>
 
 namespace fledge::cosim::testing_nodes {
@@ -155,6 +157,27 @@ public:
 
 private:
     std::filesystem::path folder_;
+};
+
+/// What a controller in another thread reports.
+struct Reports {
+    /// Wait up to 10 s for a report with this text.
+    bool reported(const std::string &text)
+    {
+        for (int i = 0; i < 1000; i++) {
+            {
+                const std::lock_guard lock(mutex);
+                if (reports.find(text) != reports.npos) {
+                    return true;
+                }
+            }
+            std::this_thread::sleep_for(std::chrono::milliseconds(10));
+        }
+        return false;
+    }
+
+    std::mutex mutex;
+    std::string reports;
 };
 
 } // namespace fledge::cosim::testing_nodes
