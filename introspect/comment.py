@@ -2,7 +2,7 @@
 """The comment beside a field: what the C type cannot say.
 
     comment = "///<" [ "[" unit "]" ] [ clause { "," clause } ":" ] meaning
-    clause  = "required" | "optional" | "assumed" | "non-zero" | "inertia"
+    clause  = "required" | "optional" | "assumed" | "initial" | "non-zero" | "inertia"
             | (">" | ">=" | "<" | "<=") number | "in [" number "," number "]" | "count" field
             | "distinct" port
 
@@ -19,7 +19,7 @@ from introspect import units
 from introspect.errors import Refusal
 from introspect.model import Bounds, Unit
 
-WORDS = ("required", "optional", "assumed", "non-zero", "inertia")
+WORDS = ("required", "optional", "assumed", "initial", "non-zero", "inertia")
 CLAUSES = ", ".join(WORDS) + ", > x, >= x, < x, <= x, in [a, b], count FIELD, distinct PORT"
 
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")

@@ -124,7 +124,7 @@ class Field:
     line: int
     group: Group = Group.NONE
     unit: Unit | None = None    # None where the header gives none
-    clauses: frozenset[str] = frozenset()  # of required, optional, assumed, non-zero, inertia
+    clauses: frozenset[str] = frozenset()  # of comment.WORDS
     bounds: Bounds | None = None
     count: str | None = None    # the field that says how many leading rows count
     distinct: str | None = None  # the other input whose content this one's must differ from

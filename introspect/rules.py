@@ -145,7 +145,7 @@ def clauses(struct: Struct) -> Iterator[Finding]:
     """A clause means something only in its group, and on its type."""
     for f in struct.fields:
         for clause, group in (("required", Group.PAR), ("optional", Group.IN),
-                              ("assumed", Group.PAR)):
+                              ("assumed", Group.PAR), ("initial", Group.PAR)):
             if clause in f.clauses and f.group is not group:
                 yield f.line, Refusal(f"only a member of `{group.value}` is {clause}",
                                       f"`{f.path}` {_in_group(f)}", f"leave out `{clause}`")

@@ -181,6 +181,7 @@ public:
             result.failures[run] = error.what();
         }
         result.flown[run] = 1;
+        result.health[run] = own_.health();
         std::copy(draws.begin(), draws.end(), result.draws.begin() + static_cast<std::ptrdiff_t>(run * draws.size()));
         for (std::size_t i = 0; i < logs_.size(); i++) {
             keep(*logs_[i], plan_.retained[i], result.samples, result.failures[run].empty(),
@@ -229,6 +230,7 @@ CampaignResult room_for(const CampaignPlan &plan)
     result.samples = static_cast<std::size_t>(plan.duration / plan.every) + 1;
     result.flown.resize(plan.runs);
     result.failures.resize(plan.runs);
+    result.health.resize(plan.runs);
     result.draws.assign(plan.runs * dispersed_elements(plan), none);
     for (const Retained &variable : plan.retained) {
         result.retained.emplace_back(plan.runs * result.samples * variable.elements, none);

@@ -55,10 +55,11 @@ struct CampaignPlan {
 };
 
 struct CampaignResult {
-    std::size_t samples = 0;           ///< at 0, every, 2 every, ...
-    std::vector<std::uint8_t> flown;   ///< by run: 0 if the campaign was stopped before its end
-    std::vector<std::string> failures; ///< by run; "" if it flew to its end
-    std::vector<double> draws;         ///< by run, then by dispersed element; NaN if not flown
+    std::size_t samples = 0;                  ///< at 0, every, 2 every, ...
+    std::vector<std::uint8_t> flown;          ///< by run: 0 if the campaign was stopped before its end
+    std::vector<std::string> failures;        ///< by run; "" if it flew to its end
+    std::vector<std::vector<Finding>> health; ///< by run: Simulation::health() at its end
+    std::vector<double> draws;                ///< by run, then by dispersed element; NaN if not flown
     /// By variable: run, sample, element; NaN if not flown, or after a failure. Between two instants a
     /// sample is that of the first.
     std::vector<std::vector<double>> retained;

@@ -28,15 +28,19 @@ inline void copy_words(const Word *from, Word *to, std::uint32_t n)
     }
 }
 
-inline void carry(const Copy &copy, Ns t)
+/// Returns whether the message became stale.
+inline bool carry(const Copy &copy, Ns t)
 {
     copy_words(copy.from, copy.to, copy.words);
     if (copy.stale_after) {
         Head head;
         std::memcpy(&head, copy.to, sizeof head);
+        const Quality before = head.quality;
         exec_age(&head, t, copy.stale_after);
         std::memcpy(copy.to, &head, sizeof head);
+        return head.quality != before;
     }
+    return false;
 }
 
 void update_model(void *model, Tick tick)
@@ -65,7 +69,7 @@ void reset_instance(const Instance &instance, Ns t)
 
 Copy copy_of(const Wire &wire, const Word *from)
 {
-    return {from, words(wire.to.bytes()), wire.to.field->size / 8, wire.options.stale_after};
+    return {from, words(wire.to.bytes()), wire.to.field->size / 8, wire.options.stale_after, 0};
 }
 
 /// The bytes of an instance's parameters.
@@ -80,18 +84,25 @@ std::vector<std::byte> parameters(const Instance &instance)
     return bytes;
 }
 
-bool unchanged(const Instance &instance, const std::vector<std::byte> &seen)
+/// The parameters that differ from those seen before.
+std::vector<const FledgeField *> changed_fields(const Instance &instance, const std::vector<std::byte> &seen)
 {
+    std::vector<const FledgeField *> changed;
     std::size_t at = 0;
     for (const FledgeField &field : fields(instance.type())) {
         if (field.group == FLEDGE_PAR) {
             if (std::memcmp(instance.memory() + field.offset, seen.data() + at, field.size)) {
-                return false;
+                changed.push_back(&field);
             }
             at += field.size;
         }
     }
-    return true;
+    return changed;
+}
+
+bool unchanged(const Instance &instance, const std::vector<std::byte> &seen)
+{
+    return changed_fields(instance, seen).empty();
 }
 
 Ns longest_period(const Process &process)
@@ -116,13 +127,7 @@ Runtime::Runtime(const Structure &built, Roles roles, Recorder &recorder)
         run.process = process.get();
         run.events.resize(process->events().size());
         has_events_ |= !run.events.empty();
-        std::vector<const Task *> order;
-        for (const Task &task : process->tasks()) {
-            order.push_back(&task);
-        }
-        std::stable_sort(order.begin(), order.end(),
-                         [](const Task *a, const Task *b) { return a->priority > b->priority; });
-        for (const Task *task : order) {
+        for (const Task *task : in_order(*process)) {
             RunTask entry{{}, {task->period, task->offset}, &run, static_cast<std::uint32_t>(steps_.size()), 0, task,
                           {}};
             for (int mode = 0; mode < static_cast<int>(process->modes().size()); mode++) {
@@ -130,12 +135,16 @@ Runtime::Runtime(const Structure &built, Roles roles, Recorder &recorder)
             }
             for (const auto &instance : task->run) {
                 const auto first = static_cast<std::uint32_t>(copies_.size());
-                lay_out_wires(*instance);
+                for (const Instance *one : with_parts(*process, *instance)) {
+                    lay_out_wires(*one);
+                    health.watch(*one, *task, structure);
+                }
                 const auto last = static_cast<std::uint32_t>(copies_.size());
+                const std::uint32_t watched = health.end_step();
                 if (Model *model = instance->model()) {
-                    steps_.push_back({update_model, model, first, last});
+                    steps_.push_back({update_model, model, first, last, watched});
                 } else {
-                    steps_.push_back({update_of(*instance), instance->memory(), first, last});
+                    steps_.push_back({update_of(*instance), instance->memory(), first, last, watched});
                 }
             }
             entry.last_step = static_cast<std::uint32_t>(steps_.size());
@@ -157,7 +166,7 @@ Runtime::Runtime(const Structure &built, Roles roles, Recorder &recorder)
     }
 }
 
-/// The wires into an instance, then those into the parts that it advances.
+/// The wires into an instance.
 void Runtime::lay_out_wires(const Instance &consumer)
 {
     for (const Wire &wire : structure.wires) {
@@ -173,14 +182,8 @@ void Runtime::lay_out_wires(const Instance &consumer)
             from = exchanges_.back().held.data();
         }
         copies_.push_back(copy_of(wire, from));
-    }
-    if (consumer.model()) {
-        for (const Model *part : consumer.model()->parts()) {
-            for (const auto &instance : roles_.at(&consumer).process->instances()) {
-                if (instance->model() == part) {
-                    lay_out_wires(*instance);
-                }
-            }
+        if (wire.options.stale_after) {
+            copies_.back().age = health.watch_age(wire.to);
         }
     }
 }
@@ -188,9 +191,10 @@ void Runtime::lay_out_wires(const Instance &consumer)
 void Runtime::reset(Ns after)
 {
     const Ns start = std::max<Ns>(after, 0);
-    now = after;
+    now = reached = after;
     failure_.clear();
     pace = {};
+    health.reset();
     mode_asked_ = false;
     for (const Wire &wire : structure.wires) {
         std::memset(wire.to.bytes(), 0, wire.to.field->size);
@@ -237,9 +241,17 @@ void Runtime::take_parameters()
     Faults faults;
     std::vector<Instance *> changed;
     for (const auto &[instance, seen] : known_) {
-        if (!unchanged(*instance, seen)) {
-            changed.push_back(instance);
-            faults.collect([&, &one = *instance] { check_parameters(one); });
+        const auto differing = changed_fields(*instance, seen);
+        if (differing.empty()) {
+            continue;
+        }
+        changed.push_back(instance);
+        faults.collect([&, &one = *instance] { check_parameters(one); });
+        for (const FledgeField *field : differing) {
+            if (field->flags & FLEDGE_INITIAL && now >= 0) {
+                faults.add(instance->path + "." + field->name + " is an initial value, and the run has come to " +
+                           format_time(time()) + ": a change has no effect; reset the simulation first");
+            }
         }
     }
     faults.raise();
@@ -249,7 +261,7 @@ void Runtime::take_parameters()
         }
         for (const Configuration &module : configuration_) {
             if (module.instance == instance) {
-                publish(module, std::max<Ns>(now, 0));
+                publish(module, std::max<Ns>(time(), 0));
             }
         }
         for (auto &[other, seen] : known_) {
@@ -303,6 +315,7 @@ void Runtime::enter(const Process &process, int mode)
 {
     of(process).asked = mode;
     mode_asked_ = true;
+    next = next_instant(); // a task of that mode may come sooner than what was next
 }
 
 void Runtime::event_added(const Process &process)
@@ -317,7 +330,7 @@ inline Ns Runtime::next_of(const RunTask &task) const
 {
     const RunProcess &process = *task.process;
     const bool asked = process.asked != process.mode && task.runs_in[static_cast<std::size_t>(process.asked)];
-    return exec_next(&task.state, task.rate, asked, now);
+    return exec_next(&task.state, task.rate, asked, time());
 }
 
 Ns Runtime::next_instant() const
@@ -355,9 +368,12 @@ inline void Runtime::run_task(RunTask &task, Ns t)
     for (std::uint32_t i = task.first_step; i < task.last_step; i++) {
         const Step &step = steps_[i];
         for (std::uint32_t k = step.first_copy; k < step.last_copy; k++) {
-            carry(copies_[k], t);
+            if (carry(copies_[k], t)) {
+                health.was_stale(copies_[k].age, t);
+            }
         }
         step.update(step.self, tick);
+        health.step_ran(step.watched, t);
     }
     task.process->ran = t;
 }
@@ -438,7 +454,7 @@ bool Runtime::run_until(Ns t, const RunControl &control)
     using Clock = std::chrono::steady_clock;
     using namespace std::chrono_literals;
     const auto start = Clock::now();
-    const Ns simulated_start = std::max<Ns>(now, 0);
+    const Ns simulated_start = std::max<Ns>(time(), 0);
     auto polled = start;
     int until_look = 1; // read the clock only sometimes: it takes as long as a small update
     const auto polite = [&](Clock::time_point at) {
@@ -448,28 +464,39 @@ bool Runtime::run_until(Ns t, const RunControl &control)
         }
         return true;
     };
+    // Sleep until the simulated time's place on the wall clock; false if the control stopped the run.
+    const auto sleep_until = [&](Ns simulated) {
+        const auto due = start + std::chrono::nanoseconds(
+                                     static_cast<Ns>(static_cast<double>(simulated - simulated_start) / control.pace));
+        auto at = Clock::now();
+        pace.worst = std::max<Ns>(pace.worst, (at - due) / 1ns);
+        pace.overruns += at - due > 1ms;
+        while (at < due) {
+            const auto until = std::min(due, at + 50ms).time_since_epoch();
+            const timespec wake{until / 1s, (until % 1s) / 1ns};
+            clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &wake, nullptr);
+            at = Clock::now();
+            if (!polite(at)) {
+                return false;
+            }
+        }
+        return true;
+    };
+    const auto stopped = [&] {
+        reached = time();
+        return false;
+    };
     try {
         while (next <= t) {
             if (control.pace > 0.0) {
-                const auto due = start + std::chrono::nanoseconds(static_cast<Ns>(
-                                             static_cast<double>(next - simulated_start) / control.pace));
-                auto at = Clock::now();
                 pace.instants++;
-                pace.overruns += at - due > 1ms;
-                pace.worst = std::max<Ns>(pace.worst, (at - due) / 1ns);
-                while (at < due) {
-                    const auto until = std::min(due, at + 50ms).time_since_epoch();
-                    const timespec wake{until / 1s, (until % 1s) / 1ns};
-                    clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &wake, nullptr);
-                    at = Clock::now();
-                    if (!polite(at)) {
-                        return false;
-                    }
+                if (!sleep_until(next)) {
+                    return stopped();
                 }
             } else if (--until_look == 0) {
                 until_look = 256;
                 if (!polite(Clock::now())) {
-                    return false;
+                    return stopped();
                 }
             }
             instant();
@@ -479,6 +506,10 @@ bool Runtime::run_until(Ns t, const RunControl &control)
         failure_.resize(std::min(failure_.size(), failure_.find('\n'))); // Python adds a traceback
         throw;
     }
+    if (control.pace > 0.0 && now < t && !sleep_until(t)) {
+        return stopped();
+    }
+    reached = std::max(reached, t);
     return true;
 }
 
@@ -486,6 +517,7 @@ void Runtime::visit_state(const std::function<void(void *, std::size_t)> &block)
 {
     const auto value = [&](auto &x) { block(&x, sizeof x); };
     value(now);
+    value(reached);
     value(next);
     for (RunTask &task : tasks_) {
         value(task.state);
@@ -494,6 +526,7 @@ void Runtime::visit_state(const std::function<void(void *, std::size_t)> &block)
         value(exchange.done);
         block(exchange.held.data(), exchange.words * sizeof(Word));
     }
+    health.visit_state(block);
     for (RunProcess &process : processes_) {
         value(process.mode);
         value(process.asked);

@@ -6,8 +6,10 @@
 
 #include "flight/exec/event.h"
 #include "flight/exec/task.h"
+#include "sim/health.h"
 #include "sim/simulation.h"
 
+#include <algorithm>
 #include <limits>
 
 namespace fledge::sim {
@@ -19,13 +21,15 @@ struct Copy {
     const Word *from;
     Word *to;
     std::uint32_t words;
-    Ns stale_after; ///< 0: never
+    Ns stale_after;    ///< 0: never
+    std::uint32_t age; ///< its number in Health, if it ages
 };
 
 struct Step {
     void (*update)(void *, Tick);
     void *self;
     std::uint32_t first_copy, last_copy; ///< the wires into it, in Runtime::copies
+    std::uint32_t watched;               ///< its number in Health
 };
 
 struct RunEvent {
@@ -72,6 +76,7 @@ public:
 
     void reset(Ns after = -1); ///< the first instant comes after this time
     bool run_until(Ns t, const RunControl &control);
+    Ns time() const { return std::max(now, reached); } ///< see Simulation::time()
     Ns shortest_period() const;
 
     /// The check before a run until t: takes over the changed parameters, and asks the models whether they
@@ -91,8 +96,10 @@ public:
 
     const Structure &structure;
     Ns now = -1;
+    Ns reached = -1; ///< the end of the last run that was not stopped
     Ns next = 0;
     PaceReport pace;
+    Health health;
 
 private:
     void lay_out_wires(const Instance &consumer);

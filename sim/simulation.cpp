@@ -18,8 +18,8 @@ Simulation::~Simulation() = default;
 
 void Simulation::set_up_again()
 {
-    if (now() >= 0) {
-        throw SetupError("the simulation has run until " + format_time(now()) +
+    if (time() >= 0) {
+        throw SetupError("the simulation has run until " + format_time(time()) +
                          "; reset it before its structure or seed changes");
     }
     runtime_.reset();
@@ -131,10 +131,25 @@ Ns Simulation::next() const
     return runtime_ ? runtime_->next : 0;
 }
 
+Ns Simulation::time() const
+{
+    return runtime_ ? runtime_->time() : -1;
+}
+
+void Simulation::reach(Ns t)
+{
+    if (next() <= t) {
+        throw RunError("the instant " + format_time(next()) + " has not run; " + format_time(t) + " comes after it");
+    }
+    runtime_->reached = std::max(runtime_->reached, t);
+}
+
 void Simulation::ready_for(Ns t)
 {
     if (runtime_ && runtime_->now < 0 && runtime_->parameters_changed()) {
+        const Ns reached = runtime_->reached;
         reset(); // initial states are parameters too
+        runtime_->reached = reached;
     }
     prepare();
     runtime_->ready_for(t);
@@ -159,6 +174,17 @@ void Simulation::step()
 PaceReport Simulation::pace_report() const
 {
     return runtime_ ? runtime_->pace : PaceReport{};
+}
+
+std::vector<Finding> Simulation::health() const
+{
+    std::vector<Finding> found = structural_findings(structure_);
+    if (runtime_) {
+        const std::vector<Finding> seen = runtime_->health.findings();
+        found.insert(found.end(), seen.begin(), seen.end());
+    }
+    std::stable_sort(found.begin(), found.end(), [](const Finding &a, const Finding &b) { return a.first < b.first; });
+    return found;
 }
 
 // ---- copy and divide

@@ -7,6 +7,7 @@
 // process, then priority (higher first), then declaration.
 #pragma once
 
+#include "sim/health.h"
 #include "sim/recorder.h"
 #include "sim/structure.h"
 
@@ -84,6 +85,11 @@ public:
 
     Ns now() const;  ///< the last instant that has run; -1 before the first
     Ns next() const; ///< the next instant
+    /// The time up to which all instants have run: the end of the last run, or the instant at which it was stopped. The
+    /// state is that of now(), which comes before if no task runs at the end. -1 before the first run.
+    Ns time() const;
+    /// A run to t has no further instant; t is the time from now on. Throws RunError if an instant is due until t.
+    void reach(Ns t);
 
     /// Run all instants up to and including t. Returns false if the control stopped it.
     /// The first call runs the instant 0. Throws as ready_for() does, before the first instant.
@@ -92,6 +98,9 @@ public:
     void step();
 
     PaceReport pace_report() const;
+
+    /// What a user should know of the run so far, what follows from the structure first, then by time.
+    std::vector<Finding> health() const;
 
     /// Record an output or input. See Recorder.
     Recorder &recorder() { return recorder_; }

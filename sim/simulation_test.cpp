@@ -170,10 +170,82 @@ TEST(Parameters, OfTheInitialStateCountUntilTheFirstInstant)
     loop.sim.step();
     EXPECT_EQ(loop.level(), 3.0);
     interface<Tank>(loop.tank).par.initial = 5.0; // too late for this run
-    loop.sim.step();
-    EXPECT_LT(loop.level(), 3.0);
+    EXPECT_EQ(error_of([&] { loop.sim.step(); }),
+              "world.tank.initial is an initial value, and the run has come to 0 s: a change has no effect; reset the "
+              "simulation first");
     loop.sim.reset();
     EXPECT_EQ(loop.level(), 5.0);
+    loop.sim.step();
+}
+
+TEST(Runs, AddUpWhateverThePeriods)
+{
+    for (const Ns part : {1 * ms, 50 * ms, 99 * ms, 130 * ms, 333 * ms, 1700 * ms}) {
+        Loop whole, parts;
+        Ns end = 0;
+        while (end < 20'000 * ms) {
+            end += part;
+            parts.sim.run_until(parts.sim.time() < 0 ? part : parts.sim.time() + part);
+            ASSERT_EQ(parts.sim.time(), end);
+            ASSERT_EQ(parts.sim.now(), end / (100 * ms) * (100 * ms));
+        }
+        whole.sim.run_until(end);
+        EXPECT_EQ(whole.level(), parts.level()) << part;
+        EXPECT_EQ(whole.sim.now(), parts.sim.now());
+    }
+}
+
+TEST(Runs, ThatAreStoppedGoOnFromTheLastInstant)
+{
+    Loop loop;
+    loop.sim.run_until(130 * ms);
+    EXPECT_EQ(loop.sim.time(), 130 * ms);
+    EXPECT_FALSE(loop.sim.run_until(3600'000 * ms, {.pace = 1000.0, .poll = [](Ns now) { return now < 0; }}));
+    EXPECT_EQ(loop.sim.time(), loop.sim.now());
+    const auto saved = loop.sim.snapshot();
+    const Ns stopped = loop.sim.time();
+    loop.sim.run_until(stopped + 30 * ms);
+    EXPECT_EQ(loop.sim.time(), stopped + 30 * ms);
+    loop.sim.restore(saved);
+    EXPECT_EQ(loop.sim.time(), stopped);
+}
+
+TEST(Runs, ReachATimeOnlyIfNoInstantIsDue)
+{
+    Loop loop;
+    EXPECT_THROW(loop.sim.reach(0), RunError);
+    loop.sim.run_until(0);
+    loop.sim.reach(99 * ms);
+    EXPECT_EQ(loop.sim.time(), 99 * ms);
+    EXPECT_EQ(loop.sim.now(), 0);
+    EXPECT_THROW(loop.sim.reach(100 * ms), RunError);
+}
+
+TEST(Runs, AModeThatIsRequestedBetweenThemBeginsAtTheNextInstantOfItsTasks)
+{
+    // Alone, or beside a process that has more instants: the same times.
+    for (const bool beside : {false, true}) {
+        Simulation sim;
+        if (beside) {
+            Process &world = sim.add_process("world");
+            const auto other = make(world, "other", source_type);
+            interface<Source>(other).par.value = 1.0;
+            world.add_task({"fast", 100 * ms, 0, 0, {other}});
+        }
+        Process &flight = sim.add_process("flight");
+        const auto slow = make(flight, "slow", source_type), fast = make(flight, "fast", source_type);
+        interface<Source>(slow).par.value = interface<Source>(fast).par.value = 1.0;
+        flight.add_task({"slow", 1000 * ms, 0, 0, {slow}});
+        flight.add_task({"fast", 300 * ms, 0, 0, {fast}});
+        flight.add_mode({"rest", {"slow"}});
+        flight.add_mode({"work", {"fast"}});
+        sim.run_until(1250 * ms);
+        flight.enter("work");
+        sim.run_until(2000 * ms);
+        EXPECT_EQ(interface<Source>(fast).out.number.head.sequence, 2u) << beside; // 1.5 s and 1.8 s, not 1.2 s
+        EXPECT_EQ(interface<Source>(fast).out.number.head.t, 1800 * ms) << beside;
+        EXPECT_EQ(interface<Source>(slow).out.number.head.sequence, 2u) << beside; // 0 s and 1 s
+    }
 }
 
 TEST(Wires, WithLatencyCarryThePreviousExchange)

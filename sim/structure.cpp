@@ -104,6 +104,33 @@ Roles decide_roles(const Structure &structure)
     return roles;
 }
 
+std::vector<const Task *> in_order(const Process &process)
+{
+    std::vector<const Task *> order;
+    for (const Task &task : process.tasks()) {
+        order.push_back(&task);
+    }
+    std::stable_sort(order.begin(), order.end(),
+                     [](const Task *a, const Task *b) { return a->priority > b->priority; });
+    return order;
+}
+
+std::vector<const Instance *> with_parts(const Process &process, const Instance &instance)
+{
+    std::vector<const Instance *> all{&instance};
+    if (instance.model()) {
+        for (const Model *part : instance.model()->parts()) {
+            for (const auto &other : process.instances()) {
+                if (other->model() == part) {
+                    const auto more = with_parts(process, *other);
+                    all.insert(all.end(), more.begin(), more.end());
+                }
+            }
+        }
+    }
+    return all;
+}
+
 void check(const Structure &structure, const Roles &roles)
 {
     Faults faults;

@@ -164,6 +164,12 @@ using Roles = std::map<const Instance *, Role>;
 
 Roles decide_roles(const Structure &structure);
 
+/// The tasks of a process in the order in which they run at equal times.
+std::vector<const Task *> in_order(const Process &process);
+
+/// An instance, then the parts that it advances, and theirs.
+std::vector<const Instance *> with_parts(const Process &process, const Instance &instance);
+
 /// Throws SetupError that lists all inputs without a wire, instances without a task and bad parameters.
 void check(const Structure &structure, const Roles &roles);
 

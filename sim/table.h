@@ -34,7 +34,8 @@ enum {
     FLEDGE_ASSUMED = 1 << 2,  /* zero is an assumption worth stating at the end of a run */
     FLEDGE_NON_ZERO = 1 << 3, /* a scalar that is not 0; of a vector, or of each row: norm not 0 */
     FLEDGE_INERTIA = 1 << 4,  /* symmetric, positive definite, triangle inequality of its moments */
-    FLEDGE_SPARE = 1 << 5     /* fills a gap; no tool shows it */
+    FLEDGE_SPARE = 1 << 5,    /* fills a gap; no tool shows it */
+    FLEDGE_INITIAL = 1 << 6   /* without effect after the first instant */
 };
 
 struct FledgeStruct;

@@ -168,6 +168,7 @@ Tock SimulationNode::tick(const Tick &tick)
         simulation_.step();
         outbox_.collect(t, tock.records);
     }
+    simulation_.reach(tick.until);
     return tock;
 }
 

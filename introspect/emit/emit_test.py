@@ -75,7 +75,7 @@ class CLibrary(ctypes.Structure):
 KINDS = ["plain", "message", "module", "model"]
 GROUPS = ["", "in", "out", "par", "mem"]
 TYPES = "F64 F32 I8 U8 I16 U16 I32 U32 I64 U64 CHAR ENUM STRUCT".split()
-FLAGS = ["required", "optional", "assumed", "non-zero", "inertia", "spare"]
+FLAGS = ["required", "optional", "assumed", "non-zero", "inertia", "spare", "initial"]
 
 
 def link(model, folder, includes):

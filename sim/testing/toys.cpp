@@ -3,6 +3,7 @@
 
 #include "sim/error.h"
 
+#include <cmath>
 #include <cstddef>
 
 namespace fledge::sim::toys {
@@ -39,9 +40,13 @@ void scale_reset(Scale *m)
 void scale_update(Scale *m, Tick t)
 {
     note(m, t.t);
-    m->out.number.x = m->par.gain * m->in.number.x + m->in.offset.x;
-    m->out.number.head = head_next(m->out.number.head, t.t, m->in.number.head.quality);
-    m->mem = {t.t, t.dt, m->mem.updates + 1};
+    m->mem = {t.t, t.dt, m->mem.updates + 1, m->mem.saturated};
+    double x = m->par.gain * m->in.number.x + m->in.offset.x;
+    if (m->par.limit > 0.0 && std::abs(x) > m->par.limit) {
+        x = std::copysign(m->par.limit, x);
+        m->mem.saturated++;
+    }
+    m->out.number = {head_next(m->out.number.head, t.t, m->in.number.head.quality), x};
 }
 
 class LeakModel final : public Model {
@@ -155,13 +160,15 @@ const FledgeField scale_fields[] = {
                      FLEDGE_OPTIONAL)),
     field("product", offsetof(Scale, out.number), sizeof(Number), FLEDGE_STRUCT, FLEDGE_OUT, "the product"),
     field("gain", offsetof(Scale, par.gain), 8, FLEDGE_F64, FLEDGE_PAR, "the factor"),
+    field("limit", offsetof(Scale, par.limit), 8, FLEDGE_F64, FLEDGE_PAR, "of the product"),
+    field("saturated", offsetof(Scale, mem.saturated), 8, FLEDGE_U64, FLEDGE_MEM, "updates at the limit"),
 };
 const FledgeField tank_fields[] = {
     flagged(field("flow", offsetof(Tank, in.flow), sizeof(Number), FLEDGE_STRUCT, FLEDGE_IN, "into it"),
             FLEDGE_OPTIONAL),
     field("level", offsetof(Tank, out.level), sizeof(Number), FLEDGE_STRUCT, FLEDGE_OUT, "its level"),
     flagged(field("initial", offsetof(Tank, par.initial), 8, FLEDGE_F64, FLEDGE_PAR, "level at the start"),
-            FLEDGE_ASSUMED),
+            FLEDGE_ASSUMED | FLEDGE_INITIAL),
 };
 const FledgeField leak_fields[] = {
     flagged(field("command", offsetof(Leak, in.command), sizeof(Number), FLEDGE_STRUCT, FLEDGE_IN, "wanted"),

@@ -27,7 +27,7 @@ struct Source {
     } par;
 };
 
-/// Puts out its input times `gain`, and remembers when it ran.
+/// Puts out its input times `gain`, and remembers when it ran and how often it was at its limit.
 struct Scale {
     struct {
         Number number;
@@ -38,10 +38,12 @@ struct Scale {
     } out;
     struct {
         double gain;
+        double limit; // of the product's magnitude; 0: none
     } par;
     struct {
         std::int64_t t, dt;
         std::int64_t updates;
+        std::uint64_t saturated;
     } mem;
 };
 
@@ -54,7 +56,7 @@ struct Tank {
         Number level;
     } out;
     struct {
-        double initial; // assumed
+        double initial; // assumed, initial
     } par;
 };
 

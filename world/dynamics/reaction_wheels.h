@@ -26,7 +26,7 @@ typedef struct ReactionWheels {
         double Omega_max[WHEELS_MAX]; ///< [rad/s]  count n, >= 0, assumed: speed limit; 0: none
         double friction[WHEELS_MAX];  ///< [N m]    count n, >= 0, assumed: Coulomb friction
         double viscosity[WHEELS_MAX]; ///< [N m s]  count n, >= 0: viscous friction per rad/s
-        double Omega[WHEELS_MAX];     ///< [rad/s]  count n: initial speeds
+        double Omega[WHEELS_MAX];     ///< [rad/s]  count n, initial: speeds
     } par;
 } ReactionWheels;
 

@@ -19,10 +19,10 @@ typedef struct Spacecraft {
     struct {
         double mass;     ///< [kg]     >= 0: mass; needed where forces act; 0: forces are refused
         Mat3 I_B;        ///< [kg m^2] required, inertia: inertia about the centre of mass
-        Vec3 r_BN_N;     ///< [m]      initial position relative to the origin of N
-        Vec3 v_BN_N;     ///< [m/s]    initial velocity
-        Vec3 sigma_BN;   ///< [-]      initial attitude
-        Vec3 omega_BN_B; ///< [rad/s]  initial angular rate, B components
+        Vec3 r_BN_N;     ///< [m]      initial: position relative to the origin of N
+        Vec3 v_BN_N;     ///< [m/s]    initial: velocity
+        Vec3 sigma_BN;   ///< [-]      initial: attitude
+        Vec3 omega_BN_B; ///< [rad/s]  initial: angular rate, B components
     } par;
 } Spacecraft;
 

@@ -1,0 +1,273 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sim/health.h"
+
+#include "sim/text.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <numeric>
+#include <set>
+
+namespace fledge::sim {
+
+namespace {
+
+/// Call with (field, offset in the message, name) of every double in a message, its elements included.
+template <class Visit>
+void each_double(const FledgeStruct &type, std::uint32_t base, const std::string &prefix, const Visit &visit)
+{
+    for (const FledgeField &field : fields(type)) {
+        const std::size_t n = field_elements(field);
+        for (std::size_t i = 0; i < n; i++) {
+            const auto at = base + field.offset + static_cast<std::uint32_t>(i * (field.size / n));
+            const std::string name = prefix + field.name + (field.ndim ? index_text(field, i) : "");
+            if (field.sub) {
+                each_double(*field.sub, at, name + ".", visit);
+            } else if (field.type == FLEDGE_F64) {
+                visit(at, name);
+            }
+        }
+    }
+}
+
+std::string often(const Health::Tally &tally, std::uint64_t updates)
+{
+    return " at " + std::to_string(tally.count) + " of " + std::to_string(updates) + " updates, first at " +
+           format_time(tally.first);
+}
+
+/// Where in its process an instance runs.
+struct Place {
+    const Process *process;
+    const Task *task;
+    std::size_t task_order; ///< among the tasks of the process, at equal times
+    std::size_t order;      ///< in the task
+};
+
+std::map<const Instance *, Place> places_of(const Structure &structure)
+{
+    std::map<const Instance *, Place> places;
+    for (const auto &process : structure.processes) {
+        const std::vector<const Task *> tasks = in_order(*process);
+        for (std::size_t k = 0; k < tasks.size(); k++) {
+            for (std::size_t i = 0; i < tasks[k]->run.size(); i++) {
+                const Instance &instance = *tasks[k]->run[i];
+                for (const Instance *one : with_parts(*process, instance)) {
+                    places[one] = {process.get(), tasks[k], k, i};
+                }
+            }
+        }
+    }
+    return places;
+}
+
+/// Whether both run in some mode, and at some equal times.
+bool coincide(const Place &a, const Place &b)
+{
+    bool together = a.process->modes().empty();
+    for (int mode = 0; mode < static_cast<int>(a.process->modes().size()); mode++) {
+        together |= a.process->runs_in(*a.task, mode) && a.process->runs_in(*b.task, mode);
+    }
+    return together && (a.task->offset - b.task->offset) % std::gcd(a.task->period, b.task->period) == 0;
+}
+
+std::string every(const Place &place)
+{
+    return place.process->name + "." + place.task->name + " (every " + format_time(place.task->period) + ")";
+}
+
+} // namespace
+
+const char *kind_name(Finding::Kind kind)
+{
+    static const char *const names[] = {"unwritten", "held",       "degraded", "stale",
+                                        "saturated", "not finite", "late",     "uneven"};
+    return names[static_cast<std::size_t>(kind)];
+}
+
+std::vector<Finding> structural_findings(const Structure &structure)
+{
+    std::vector<Finding> found;
+    const auto places = places_of(structure);
+    const auto place_of = [&](const Port &port) {
+        const auto it = places.find(port.instance.get());
+        return it == places.end() ? nullptr : &it->second;
+    };
+    // The wires that order the steps of a process: whoever reads needs what the other one writes at the same instant.
+    std::map<std::pair<const Task *, std::size_t>, std::set<std::pair<const Task *, std::size_t>>> readers;
+    for (const Wire &wire : structure.wires) {
+        const Place *from = place_of(wire.from), *to = place_of(wire.to);
+        if (from && to && from->process == to->process && !wire.options.latency) {
+            readers[{from->task, from->order}].insert({to->task, to->order});
+        }
+    }
+    const auto leads_to = [&](const Place &from, const Place &to) {
+        std::set<std::pair<const Task *, std::size_t>> seen;
+        std::vector<std::pair<const Task *, std::size_t>> next{{from.task, from.order}};
+        while (!next.empty()) {
+            const auto one = next.back();
+            next.pop_back();
+            if (one == std::pair{to.task, to.order}) {
+                return true;
+            }
+            if (seen.insert(one).second) {
+                next.insert(next.end(), readers[one].begin(), readers[one].end());
+            }
+        }
+        return false;
+    };
+    std::set<std::pair<const Task *, const Task *>> uneven;
+    for (const Wire &wire : structure.wires) {
+        const Place *from = place_of(wire.from), *to = place_of(wire.to);
+        if (!from || !to) {
+            continue;
+        }
+        const auto before = [](const Place &a, const Place &b) {
+            return std::pair{a.task_order, a.order} < std::pair{b.task_order, b.order};
+        };
+        if (from->process == to->process && !wire.options.latency && before(*to, *from) && coincide(*from, *to) &&
+            !leads_to(*to, *from)) {
+            const std::string reader = wire.to.instance->path, writer = wire.from.instance->path;
+            found.push_back(
+                {Finding::Kind::late, wire.to.path(), -1, 0,
+                 wire.to.path() + " reads " + wire.from.path() + " a step late: " +
+                     (from->task == to->task
+                          ? "task " + to->process->name + "." + to->task->name + " runs " + reader + " before " +
+                                writer + "; let it run " + writer + " first"
+                          : "task " + to->process->name + "." + to->task->name + " runs before " + from->process->name +
+                                "." + from->task->name + "; declare that one first, or give it a higher priority")});
+        }
+        const Ns one = from->task->period, other = to->task->period;
+        if (one % other && other % one && uneven.insert(std::minmax(from->task, to->task)).second) {
+            found.push_back({Finding::Kind::uneven, wire.to.path(), -1, 0,
+                             wire.to.path() + " of task " + every(*to) + " reads " + wire.from.path() + " of task " +
+                                 every(*from) +
+                                 ": neither period divides the other, so the age of what it reads changes"});
+        }
+    }
+    return found;
+}
+
+void Health::watch(const Instance &instance, const Task &task, const Structure &structure)
+{
+    Ns exchange = 0;
+    for (const Wire &wire : structure.wires) {
+        if (wire.options.latency) {
+            for (const auto &process : structure.processes) {
+                for (const Task &other : process->tasks()) {
+                    exchange = std::max(exchange, other.period);
+                }
+            }
+        }
+    }
+    const auto step = static_cast<std::uint32_t>(steps_.size());
+    for (const FledgeField &field : fields(instance.type())) {
+        if (field.group == FLEDGE_OUT && field.sub) {
+            Output output{};
+            output.message = instance.memory() + field.offset;
+            output.first = static_cast<std::uint32_t>(offsets_.size());
+            each_double(*field.sub, 0, "", [&](std::uint32_t at, const std::string &) { offsets_.push_back(at); });
+            output.last = static_cast<std::uint32_t>(offsets_.size());
+            output.step = step;
+            output.grace = static_cast<std::uint64_t>(exchange / task.period);
+            output.instance = &instance;
+            output.field = &field;
+            for (const Wire &wire : structure.wires) {
+                if (wire.from.instance.get() == &instance && wire.from.field == &field && output.reader.empty()) {
+                    output.reader = wire.to.path();
+                }
+            }
+            outputs_.push_back(std::move(output));
+        } else if (field.group == FLEDGE_MEM && field.type == FLEDGE_U64 && !field.ndim &&
+                   !std::strcmp(field.name, "saturated")) {
+            limits_.push_back(
+                {reinterpret_cast<const std::uint64_t *>(instance.memory() + field.offset), 0, {}, &instance, step});
+        }
+    }
+}
+
+std::uint32_t Health::end_step()
+{
+    const auto outputs = static_cast<std::uint32_t>(outputs_.size());
+    const auto limits = static_cast<std::uint32_t>(limits_.size());
+    steps_.push_back({steps_.empty() ? 0 : steps_.back().last_output, outputs,
+                      steps_.empty() ? 0 : steps_.back().last_limit, limits, 0});
+    return static_cast<std::uint32_t>(steps_.size() - 1);
+}
+
+std::uint32_t Health::watch_age(const Port &input)
+{
+    ages_.push_back({input.path(), {}});
+    return static_cast<std::uint32_t>(ages_.size() - 1);
+}
+
+void Health::reset()
+{
+    visit_state([](void *state, std::size_t n) { std::memset(state, 0, n); });
+}
+
+void Health::note(Output &output, const Head &head, bool written, Ns t)
+{
+    auto &tallies = output.tallies;
+    if (head.quality == QUALITY_NONE) {
+        tallies.unwritten.add(t);
+    } else if (!written) {
+        tallies.held.add(t);
+    } else if (head.quality != QUALITY_GOOD) {
+        tallies.degraded.add(t);
+    }
+    if (!written || finite(output)) {
+        return;
+    }
+    tallies.not_finite.add(t);
+    if (!output.instance->model() && head.quality == QUALITY_GOOD) {
+        std::string which;
+        each_double(*output.field->sub, 0, "", [&](std::uint32_t at, const std::string &name) {
+            double x;
+            std::memcpy(&x, output.message + at, sizeof x);
+            if (!std::isfinite(x) && which.empty()) {
+                which = name + " is " + format_number(x);
+            }
+        });
+        throw RunError(output.instance->path + "." + output.field->name + " says GOOD at " + format_time(t) +
+                       ", but its " + which);
+    }
+}
+
+std::vector<Finding> Health::findings() const
+{
+    std::vector<Finding> found;
+    const auto add = [&](Finding::Kind kind, const std::string &path, const Tally &tally, const std::string &text) {
+        if (tally.count) {
+            found.push_back({kind, path, tally.first, tally.count, path + text});
+        }
+    };
+    for (const Output &output : outputs_) {
+        const std::string path = output.instance->path + "." + output.field->name;
+        const std::uint64_t updates = steps_[output.step].updates;
+        const Tally &unwritten = output.tallies.unwritten;
+        if (!output.reader.empty() && unwritten.count > output.grace) {
+            add(Finding::Kind::unwritten, path, unwritten,
+                (unwritten.count == updates ? " was never written" : " was not written" + often(unwritten, updates)) +
+                    "; " + output.reader + " reads it");
+        }
+        add(Finding::Kind::held, path, output.tallies.held,
+            " held its last value" + often(output.tallies.held, updates));
+        add(Finding::Kind::degraded, path, output.tallies.degraded,
+            " was degraded" + often(output.tallies.degraded, updates));
+        add(Finding::Kind::not_finite, path, output.tallies.not_finite,
+            " was not finite" + often(output.tallies.not_finite, updates));
+    }
+    for (const Limit &limit : limits_) {
+        add(Finding::Kind::saturated, limit.instance->path, limit.saturated,
+            " was at its limits" + often(limit.saturated, steps_[limit.step].updates));
+    }
+    for (const Age &age : ages_) {
+        add(Finding::Kind::stale, age.input, age.stale,
+            " was stale at " + std::to_string(age.stale.count) + " updates, first at " + format_time(age.stale.first));
+    }
+    return found;
+}
+
+} // namespace fledge::sim

@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: Apache-2.0
+// The health of a run: what a user should know although the run went on. The kernel watches each output when its module
+// has run, and each input that can become stale; the order of the modules and their periods follow from the structure.
+#pragma once
+
+#include "sim/structure.h"
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace fledge::sim {
+
+/// Something that a user should know. `path` is that of the output, input or instance.
+struct Finding {
+    enum class Kind {
+        unwritten,  ///< a wired output that its module did not write, although the module ran
+        held,       ///< an output that kept its last value, because an input was missing or the result not finite
+        degraded,   ///< an output made from stale, missing or incomplete data
+        stale,      ///< an input older than its wire allows
+        saturated,  ///< a module at its limits
+        not_finite, ///< an output with an infinity or NaN
+        late,       ///< an input that is read a step late, where another order of the modules would not
+        uneven,     ///< a wire between tasks whose periods do not divide
+    };
+    Kind kind;
+    std::string path;
+    Ns first = -1;           ///< when first; -1: it follows from the structure
+    std::uint64_t count = 0; ///< updates
+    std::string text;        ///< all of it in words
+};
+
+/// "unwritten", "held", ...
+const char *kind_name(Finding::Kind kind);
+
+/// Wires that read a step late or with a changing age, from the structure alone.
+std::vector<Finding> structural_findings(const Structure &structure);
+
+/// Counts what happens during a run. Does not allocate after the structure is laid out.
+class Health {
+public:
+    /// How often, and when first.
+    struct Tally {
+        std::uint64_t count = 0;
+        Ns first = -1;
+
+        void add(Ns t) { first = count++ ? first : t; }
+    };
+
+    /// Lay out: watch the outputs of an instance that the next step advances, and its counter `saturated`.
+    void watch(const Instance &instance, const Task &task, const Structure &structure);
+    /// All instances of a step are watched; returns the number of the step.
+    std::uint32_t end_step();
+    /// Lay out: watch the age of an input; returns its number.
+    std::uint32_t watch_age(const Port &input);
+
+    void reset();
+
+    /// A step has run at t. Throws RunError if a module of flight has put out a number that is not finite as GOOD.
+    void step_ran(std::uint32_t number, Ns t)
+    {
+        Step &step = steps_[number];
+        step.updates++;
+        for (std::uint32_t i = step.first_output; i < step.last_output; i++) {
+            Output &output = outputs_[i];
+            Head head;
+            __builtin_memcpy(&head, output.message, sizeof head);
+            const bool written = head.sequence != output.sequence;
+            output.sequence = head.sequence;
+            if (head.quality != QUALITY_GOOD || (written && !finite(output))) {
+                note(output, head, written, t);
+            }
+        }
+        for (std::uint32_t i = step.first_limit; i < step.last_limit; i++) {
+            Limit &limit = limits_[i];
+            if (*limit.counter != limit.seen) {
+                limit.seen = *limit.counter;
+                limit.saturated.add(t);
+            }
+        }
+    }
+    void was_stale(std::uint32_t input, Ns t) { ages_[input].stale.add(t); }
+
+    std::vector<Finding> findings() const;
+
+    /// As Runtime::visit_state.
+    template <class Visit> void visit_state(const Visit &block)
+    {
+        for (Step &step : steps_) {
+            block(&step.updates, sizeof step.updates);
+        }
+        for (Output &output : outputs_) {
+            block(&output.sequence, sizeof output.sequence);
+            block(&output.tallies, sizeof output.tallies);
+        }
+        for (Limit &limit : limits_) {
+            block(&limit.seen, sizeof limit.seen);
+            block(&limit.saturated, sizeof limit.saturated);
+        }
+        for (Age &age : ages_) {
+            block(&age.stale, sizeof age.stale);
+        }
+    }
+
+private:
+    struct Step {
+        std::uint32_t first_output, last_output;
+        std::uint32_t first_limit, last_limit;
+        std::uint64_t updates;
+    };
+    struct Output {
+        const std::byte *message;
+        std::uint32_t first, last; ///< its doubles, in offsets_
+        std::uint32_t sequence;    ///< of its last writing
+        std::uint32_t step;
+        std::uint64_t grace; ///< updates without a writing until the first exchange of wires with latency
+        struct {
+            Tally unwritten, held, degraded, not_finite;
+        } tallies;
+        const Instance *instance;
+        const FledgeField *field;
+        std::string reader; ///< the first input that it is wired to; "" if there is none
+    };
+    struct Limit {
+        const std::uint64_t *counter; ///< in the instance's memory
+        std::uint64_t seen;
+        Tally saturated;
+        const Instance *instance;
+        std::uint32_t step;
+    };
+    struct Age {
+        std::string input;
+        Tally stale;
+    };
+
+    /// Whether all doubles of a message are finite. The exponent of one that is not has no bit that is 0, so that
+    /// adding 1 to it carries into the sign.
+    bool finite(const Output &output) const
+    {
+        constexpr std::uint64_t exponent = 0x7ff0'0000'0000'0000u, one = 0x0010'0000'0000'0000u;
+        std::uint64_t carry = 0;
+        for (std::uint32_t i = output.first; i < output.last; i++) {
+            std::uint64_t bits;
+            __builtin_memcpy(&bits, output.message + offsets_[i], sizeof bits);
+            carry |= (bits & exponent) + one;
+        }
+        return !(carry >> 63);
+    }
+    void note(Output &output, const Head &head, bool written, Ns t);
+
+    std::vector<Step> steps_;
+    std::vector<Output> outputs_;
+    std::vector<std::uint32_t> offsets_;
+    std::vector<Limit> limits_;
+    std::vector<Age> ages_;
+};
+
+} // namespace fledge::sim
