@@ -26,6 +26,7 @@ def run(options: argparse.Namespace) -> int:
     import fledge
     from fledge import mission as missions
 
+    from fledge.cli import health
     from fledge.cli.node import given_parameters
 
     sim = fledge.load(options.mission, options.seed, **given_parameters(options))
@@ -53,9 +54,13 @@ def run(options: argparse.Namespace) -> int:
     except Exception as error:
         problem, code = missions.explain(error, sim.mission.folder), 2 if isinstance(error, fledge.SetupError) else 1
         _debug(options)
+    findings = sim.health
+    if options.strict and findings and not problem:
+        problem, code = health.refusal(findings), 1
     plots = sim.plots.saved if isinstance(sim.plots, Plots) else []
     say(f"  flown    {sim.time:g} s in {sim.wall:.3g} s"
-        + (f", {sim.time / sim.wall:,.0f} times real time" if sim.wall > 0 else ""))
+        + (f", {sim.time / sim.wall:,.0f} times real time" if sim.wall > 0 else "")
+        + (f"; no task runs at the end, the state is that of {sim.state_time:g} s" if sim.state_time < sim.time else ""))
     if sim.pace and sim.pace_report["overruns"]:
         late = sim.pace_report
         say(f"  pace     {late['overruns']} of {late['instants']} instants were late, by up to "
@@ -69,6 +74,8 @@ def run(options: argparse.Namespace) -> int:
         say(f"  plot     {plot}")
     for line in sim.assumptions:
         say(f"  assumed  {line}")
+    health.show(findings)
+    say(f"  summary  {health.write(folder / 'summary.json', sim, name, problem)}")
     if report:
         say(f"  report   {_write_report(report, folder, options, code, problem, path, plots)}")
     if problem:
@@ -267,6 +274,7 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
     one.add_argument("--pace", type=number(), default=0.0, metavar="X",
                      help="X simulated seconds per second; default: as fast as possible")
+    one.add_argument("--strict", action="store_true", help="a run with a finding about its health has failed")
     one.add_argument("--no-plots", action="store_true", help="leave out the scenario's plots")
     one.add_argument("--report", action="store_true", help="write all about the run into one page, report.html")
     one.add_argument("--for", dest="duration", metavar="DURATION",

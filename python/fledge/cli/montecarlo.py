@@ -30,6 +30,7 @@ def add(command: Callable) -> None:
     one.add_argument("--only", type=int, metavar="INDEX",
                      help="fly this one run, as an ordinary simulation with a record and plots")
     one.add_argument("--out", metavar="DIR", help="default: runs/MISSION/montecarlo/CAMPAIGN, with /INDEX for --only")
+    one.add_argument("--strict", action="store_true", help="a run with a finding about its health has failed")
     one.add_argument("--json", action="store_true", help="print the summary as JSON, and nothing else")
 
 
@@ -71,7 +72,7 @@ def _all(campaign, options, folder):
               "run in a mission loaded afresh", file=sys.stderr)
     begun = time.perf_counter()
     with _Live(f"{campaign.nominal.name}, {campaign.name}", options.runs) as line:
-        result = campaign.fly(options.runs, options.seed, options.threads, progress=line.at)
+        result = campaign.fly(options.runs, options.seed, options.threads, progress=line.at, strict=options.strict)
     wall = time.perf_counter() - begun
     data, paths = report.write(result, folder, _command(campaign, options))
     if options.json:
@@ -114,6 +115,8 @@ class _Live(Bar):
 def _one(campaign, options, folder):
     import fledge
 
+    from fledge.cli import health
+
     index, d = options.only, campaign.dispersions
     sim = campaign.simulation(index, options.seed)
     title = f"{sim.name}, {campaign.name}, run {index} of seed {options.seed}"
@@ -150,6 +153,9 @@ def _one(campaign, options, folder):
             say(f"  {'holds' if holds[0] else 'FAILS':8} {requirement!r}: {values[0]:.4g}{unit} at {times[0]:g} s")
         if result.failures:
             problem, code = next(iter(result.failures.values())), 1
+    findings = health.show(sim.health)
+    if options.strict and findings and not problem:
+        problem, code = health.refusal(findings), 1
     if d.retained and len(log):
         log.plot(*d.retained, columns=1 if len(d.retained) < 4 else 2, name="retained", title=title)
     path = sim.close_archive(outcome=problem or "passed", ended=f"{sim.time:g} s")

@@ -85,6 +85,8 @@ def _one(sim, scenario, process, options, address=None, quiet=False):
     import fledge
     from fledge import cosim
 
+    from fledge.cli import health
+
     part = cosim.split(sim, process)
     name = options.name or (not quiet and os.environ.get("FLEDGE_NODE")) or process
     if options.record:
@@ -102,6 +104,9 @@ def _one(sim, scenario, process, options, address=None, quiet=False):
         problem, code = str(error), 2 if isinstance(error, fledge.SetupError) else 1
     if not problem or sim.time_ns >= 0:  # it took part
         show(f"  flown    {sim.time:g} s")
+    findings = sim.health
+    if not quiet or findings:
+        health.show(findings, process)
     with _undisturbed():
         path = sim.close_archive(outcome=problem or "passed", ended=f"{sim.time:g} s")
     if path:

@@ -94,6 +94,7 @@ void bind_campaign(py::module_ &m)
 
     py::class_<sim::CampaignResult>(m, "CampaignResult")
         .def_readonly("failures", &sim::CampaignResult::failures)
+        .def_property_readonly("health", [](const sim::CampaignResult &r) { return list_of(r.health, health_rows); })
         .def_property_readonly("flown",
                                [](const sim::CampaignResult &r) {
                                    return list_of(r.flown, [](std::uint8_t flown) { return flown != 0; });

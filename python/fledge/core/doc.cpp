@@ -93,6 +93,9 @@ std::string rule_text(const FledgeField &field)
     if (field.flags & FLEDGE_OPTIONAL) {
         add("optional");
     }
+    if (field.flags & FLEDGE_INITIAL) {
+        add("initial");
+    }
     if (field.distinct) {
         add(std::string("distinct from ") + field.distinct);
     }

@@ -3,10 +3,14 @@
 #pragma once
 
 #include "core/object.h"
+#include "sim/health.h"
 
 #include <pybind11/pybind11.h>
 
 namespace fledge::core {
+
+/// (kind, path, first [s] or None, count, text) of each finding.
+pybind11::list health_rows(const std::vector<sim::Finding> &findings);
 
 void bind_tables(pybind11::module_ &m);     ///< libraries, types and fields, as Python sees them
 void bind_simulation(pybind11::module_ &m); ///< the kernel

@@ -352,6 +352,15 @@ PyObject *root_of(PyObject *object)
     return object;
 }
 
+bool is_written_by_its_module(PyObject *object, const Member &member)
+{
+    const Member *outer = &member;
+    for (; object && is_view(object); object = as_view(object)->owner) {
+        outer = as_view(object)->member;
+    }
+    return object && outer->field->group == FLEDGE_OUT && !as_root(object)->instance->name.empty();
+}
+
 PyObject *wrap(std::shared_ptr<sim::Instance> instance)
 {
     const Type *type = find_type(instance->type());

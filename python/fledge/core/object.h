@@ -90,6 +90,9 @@ std::string path_of(PyObject *object);
 /// The module or model that a view is a part of; itself for a root; null for a view by itself.
 PyObject *root_of(PyObject *object);
 
+/// Whether a field is in an output of a module or model that has a process: an assignment would have no effect.
+bool is_written_by_its_module(PyObject *object, const Member &member);
+
 /// A new object for an instance. A new reference, or null with an exception set.
 PyObject *wrap(std::shared_ptr<sim::Instance> instance);
 

@@ -137,6 +137,14 @@ py::dict wrap_instances(const sim::Process &process)
 
 } // namespace
 
+py::list health_rows(const std::vector<sim::Finding> &findings)
+{
+    return list_of(findings, [](const sim::Finding &f) {
+        const py::object first = f.first < 0 ? py::none() : py::object(py::float_(static_cast<double>(f.first) / 1e9));
+        return py::make_tuple(sim::kind_name(f.kind), f.path, first, f.count, f.text);
+    });
+}
+
 void bind_simulation(py::module_ &m)
 {
     py::class_<sim::Integrator, std::shared_ptr<sim::Integrator>>(m, "Integrator", "A method of integration.")
@@ -261,6 +269,7 @@ void bind_simulation(py::module_ &m)
         .def("ready_for", &sim::Simulation::ready_for)
         .def("reset", &sim::Simulation::reset)
         .def_property_readonly("now", &sim::Simulation::now)
+        .def_property_readonly("time", &sim::Simulation::time)
         .def("run_until", run_until)
         .def("step", step)
         .def_property_readonly(
@@ -289,6 +298,7 @@ void bind_simulation(py::module_ &m)
                  s.restore({reinterpret_cast<const std::byte *>(view.data()), view.size()});
              })
         .def("clone", &sim::Simulation::clone)
+        .def_property_readonly("health", [](const sim::Simulation &s) { return health_rows(s.health()); })
         .def_property_readonly("assumptions", &sim::Simulation::assumptions);
 }
 

@@ -399,6 +399,13 @@ int set_any(PyObject *self, PyObject *value, void *closure)
         PyErr_Format(PyExc_AttributeError, "%s.%s cannot be deleted", path_of(self).c_str(), member.field->name);
         return -1;
     }
+    if (is_written_by_its_module(self, member)) {
+        PyErr_Format(setup_error(),
+                     "%s.%s is in an output of %s, which writes it at each update: an assignment has no "
+                     "effect. Assign to a parameter, or to an input that is not wired",
+                     path_of(self).c_str(), member.field->name, as_root(root_of(self))->instance->path.c_str());
+        return -1;
+    }
     const Stored stored = store(self, member, value);
     if (stored == Stored::needs_count) {
         complain_of_count(self, member);
@@ -417,7 +424,7 @@ int set_f64(PyObject *self, PyObject *value, void *closure)
         const bool below = field.bounds & FLEDGE_HI_OPEN ? x < field.hi : x <= field.hi;
         const bool plain = std::isfinite(x) && !(field.flags & FLEDGE_NON_ZERO) &&
                            (above || !(field.bounds & FLEDGE_HAS_LO)) && (below || !(field.bounds & FLEDGE_HAS_HI));
-        if (plain || !member.checked) {
+        if ((plain || !member.checked) && !is_written_by_its_module(self, member)) {
             save(as_object(self)->memory + field.offset, x);
             if (member.checked) {
                 mark_given(self, member);

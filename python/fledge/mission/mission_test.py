@@ -154,7 +154,7 @@ def test_run_leaves_a_record_and_plots(here, tmp_path):
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("looker, orbit: Once around.\n  flown    120 s in ")
     folder = tmp_path / "runs" / "looker" / "orbit"
-    assert sorted(p.name for p in folder.iterdir()) == ["run.mcap", "sigma_RN.png"]
+    assert sorted(p.name for p in folder.iterdir()) == ["run.mcap", "sigma_RN.png", "summary.json"]
     archive = fledge.Archive(folder / "run.mcap")
     run = archive.metadata["run"]
     assert run["mission"] == "looker" and run["scenario"] == "orbit" and run["seed"] == "0"
@@ -164,7 +164,7 @@ def test_run_leaves_a_record_and_plots(here, tmp_path):
     first = (folder / "run.mcap").read_bytes()
     assert cli("run", "looker", "--no-plots", "--out", "again", cwd=tmp_path).returncode == 0
     assert (tmp_path / "again" / "run.mcap").read_bytes() == first
-    assert [p.name for p in (tmp_path / "again").iterdir()] == ["run.mcap"]
+    assert sorted(p.name for p in (tmp_path / "again").iterdir()) == ["run.mcap", "summary.json"]
 
 
 def test_a_failed_check_is_honest_and_leaves_its_record(here, tmp_path):

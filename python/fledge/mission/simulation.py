@@ -14,7 +14,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fledge import _core
 from fledge.errors import SetupError
@@ -24,6 +24,20 @@ from fledge.objects.si import time_ns
 if TYPE_CHECKING:
     from fledge.mission.folder import Mission
     from fledge.mission.log import Log
+
+
+class Finding(NamedTuple):
+    """Something that a user should know although the run went on: what was late, missing, old, limited or not finite.
+
+    kind: "unwritten", "held", "degraded", "stale", "saturated", "not finite", "late" (read a step late, where another
+    order of the modules would not) or "uneven" (periods that do not divide); path: of the output, input or module;
+    first: [s], None if it follows from the structure; count: of updates; text: all of it in words
+    """
+    kind: str
+    path: str
+    first: float | None
+    count: int
+    text: str
 
 
 class Simulation:
@@ -129,13 +143,19 @@ class Simulation:
 
     @property
     def time(self) -> float:
-        """The last instant that ran [s]; 0 before the first."""
-        return max(self._core.now, 0) / 1e9
+        """The time up to which the simulation has run [s]: the sum of its runs; 0 before the first."""
+        return max(self._core.time, 0) / 1e9
 
     @property
     def time_ns(self) -> int:
-        """The last instant that ran [ns]; -1 before the first."""
-        return self._core.now
+        """The same [ns]; -1 before the first run."""
+        return self._core.time
+
+    @property
+    def state_time(self) -> float:
+        """The last instant that ran [s]: the time of the state. It is less than `time` if no task runs at the end of
+        the run."""
+        return max(self._core.now, 0) / 1e9
 
     @property
     def wires(self) -> list[tuple[str, str, int, int]]:
@@ -164,11 +184,21 @@ class Simulation:
         """One line for each important parameter that has its default."""
         return self._core.assumptions
 
+    @property
+    def health(self) -> list[Finding]:
+        """What a user should know of the run so far; empty if all is well."""
+        return [Finding(*row) for row in self._core.health]
+
     # --- running ---
 
     def run(self, duration: Any = None, *, until: Any = None, pace: float | None = None,
             progress: bool | None = None) -> None:
         """Run for a duration, or until a time, both included; the first run begins with the instant 0.
+
+        Runs add up: run(a) and run(b) end with the same bits as run(a + b). A task runs at the multiples of its
+        period; where none falls on the end of a run, `time` is the end, the state stays that of the last instant,
+        `state_time`, and the remainder counts for the next run. A mode that is requested between two runs begins
+        at its process' first instant after `time`. Processes in programs of their own do the same.
 
         pace: simulated seconds per second, 1 for real time; 0 or not given: as fast as possible.
         progress: show a bar on stderr; not given: on a terminal, for runs of more than about 2 s.
@@ -180,7 +210,7 @@ class Simulation:
         """
         if (duration is None) == (until is None):
             raise TypeError("run() takes a duration, or until=a time")
-        start = max(self._core.now, 0)
+        start = max(self._core.time, 0)
         end = start + time_ns(duration, "run") if until is None else time_ns(until, "run: until")
         if end < start:
             raise SetupError(f"run: {end / 1e9:g} s lies before the present, {start / 1e9:g} s")

@@ -57,6 +57,77 @@ def test_time_goes_on_where_it_stood():
     assert state(whole) == state(sim)
 
 
+@pytest.mark.parametrize("part, count", [(0.33, 60), (0.05, 100), (1.7, 10), (2.5, 4)])
+def test_runs_add_up_whatever_the_periods(part, count):
+    parts, whole = spinner(), spinner()
+    for i in range(count):
+        parts.run(part * s)
+        assert parts.time == pytest.approx(part * (i + 1), rel=1e-15)
+    whole.run(until=parts.time * s)
+    assert parts.time_ns == whole.time_ns == round(part * count * 1e9)
+    assert state(parts) == state(whole)
+
+
+def test_the_time_is_the_end_of_the_run_and_the_state_that_of_the_last_instant():
+    sim = spinner()
+    sim.run(0.25 * s)
+    assert (sim.time, sim.state_time) == (0.25, 0.2) and sim.world.craft.state.head.t == 200_000_000
+    sim.run(0.05 * s)
+    assert (sim.time, sim.state_time) == (0.3, 0.3)
+    sim.step()
+    assert (sim.time, sim.state_time) == (0.4, 0.4)
+
+
+def test_a_slow_task_runs_at_its_times_though_every_run_is_shorter():
+    sim = fledge.Simulation()
+    sim.flight.vehicle = fsw.VehicleConfig(I_B=[1, 1, 1])
+    sim.flight.beacon = fsw.InertialPointing()
+    sim.flight.task("slow", every=60 * s, run=[sim.flight.beacon])
+    for _ in range(10):
+        sim.run(50 * s)
+    assert sim.time == 500 and sim.flight.beacon.reference.head.sequence == 9 and sim.state_time == 480
+
+
+def test_what_has_no_effect_is_refused():
+    sim = spinner()
+    f, w = sim.flight, sim.world
+    sim.run(1 * s)
+    with pytest.raises(SetupError, match="flight.tracking.error.omega_BR_B is in an output of flight.tracking"):
+        f.tracking.error.omega_BR_B = [1, 2, 3]
+    with pytest.raises(SetupError, match="world.craft.state is in an output of world.craft"):
+        w.craft.state = w.craft.state
+    with pytest.raises(SetupError, match="flight.tracking.error.head.t is in an output"):
+        f.tracking.error.head.t = 5
+    with pytest.raises(ValueError, match="read-only"):
+        f.tracking.error.omega_BR_B[0] = 1.0
+    before = w.craft.omega_BN_B.copy()
+    w.craft.omega_BN_B = [1, 2, 3]
+    with pytest.raises(SetupError, match="world.craft.omega_BN_B is an initial value, and the run has come to 1 s"):
+        sim.run(1 * s)
+    w.craft.omega_BN_B[:] = before
+    sim.run(1 * s)
+    assert sim.time == 2
+    w.craft.omega_BN_B = [0, 0, 0.2]
+    sim.reset()
+    sim.run(1 * s)
+
+
+def test_the_health_of_a_run_names_what_was_missing():
+    sim = spinner()
+    sim.run(1 * s)
+    assert sim.health == []
+    late = fledge.Simulation("late")
+    f = late.flight
+    f.target = fsw.InertialPointing()
+    f.spin, f.turn = fsw.EulerRotation(rates=[0, 0, 1] * rad / s), fsw.EulerRotation(angles=[0, 0, 1])
+    f.connect(f.target.reference >> f.spin.base, f.spin.reference >> f.turn.base)
+    f.task("gnc", every=1 * s, run=[f.spin, f.turn, f.target])
+    late.run(3 * s)
+    order, missing = late.health
+    assert order.kind == "late" and order.path == "flight.spin.base" and order.first is None
+    assert missing.text.startswith("flight.spin.reference was ") and missing.count == 1 and missing.first == 0
+
+
 def test_the_first_step_is_the_instant_zero():
     sim = spinner()
     sim.step()

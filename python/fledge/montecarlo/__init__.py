@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 from fledge import _core, mission as missions
 from fledge.errors import SetupError
 from fledge.mission.folder import MissionFiles, first_line, functions_of
+from fledge.mission.simulation import Finding
 from fledge.montecarlo.dispersions import Dispersions
 
 if TYPE_CHECKING:
@@ -67,11 +68,12 @@ class Campaign:
         return sim
 
     def fly(self, runs: int, seed: int = 0, threads: int | None = None, processes: bool = False,
-            progress: Callable[[int, int], Any] | None = None) -> Result:
+            progress: Callable[[int, int], Any] | None = None, strict: bool = False) -> Result:
         """Fly the runs 0 to runs - 1; returns a Result.
 
         threads: default: all cores; processes: fly by processes even where threads would do;
-        progress(finished, failed) is called about ten times a second. Ctrl-C stops the campaign: the
+        progress(finished, failed) is called about ten times a second; strict: a run with a finding about its
+        health has failed. Ctrl-C stops the campaign: the
         result has the runs that were finished, and `interrupted` is set.
         Raises SetupError before the first run if something is wrong with all of them.
         """
@@ -86,9 +88,10 @@ class Campaign:
         self._check_room(runs)
         self.nominal.kernel.ready_for(plan.duration)  # an error of the nominal run is one of all runs
         if processes or self.has_callables:
-            return _fly_in_processes(self, runs, seed, min(threads, runs), progress)
+            return _fly_in_processes(self, runs, seed, min(threads, runs), progress, strict)
         flown, interrupted = _core.fly(self.nominal.kernel, plan, threads, progress)
-        return Result(self, seed, flown.flown, flown.failures, flown.draws, flown.retained, interrupted)
+        return Result(self, seed, flown.flown, flown.failures, flown.draws, flown.retained, interrupted,
+                      flown.health, strict)
 
     def drawn(self, simulation: Simulation) -> dict[str, float]:
         """The values of the dispersed parameters in a simulation of this mission: path -> number."""
@@ -112,7 +115,7 @@ class Campaign:
             taken = np.rint(log.time_of(path) * 1e9).astype(np.int64) // every
             at = np.searchsorted(taken, np.arange(len(d.ns)), "right") - 1
             retained.append(log[path][np.maximum(at, 0)][None])
-        return Result(self, seed, [True], [""], np.full((1, len(d.columns)), np.nan), retained, False)
+        return Result(self, seed, [True], [""], np.full((1, len(d.columns)), np.nan), retained, False, [[]])
 
     def _check_room(self, runs):
         numbers = sum(len(s.field_path.elements) for s in self.dispersions.retained.values())
@@ -171,13 +174,15 @@ class Result:
     flown: (runs,) whether a run came to its end, or failed; False after Ctrl-C for those not finished
     passed: (runs,) flown without an error and with every requirement fulfilled
     failures: index -> text of each run that failed
+    health: (runs,) lists of Findings, as of Simulation.health
     draws: path of each dispersed element -> (runs,), NaN where not flown
     retained: path -> (runs, samples, ...), NaN where not flown or after an error; read-only
     ns: (samples,) times of the samples [ns]; time: the same [s]
     """
 
     def __init__(self, campaign: Campaign, seed: int, flown: Sequence[bool], errors: Sequence[str], draws: np.ndarray,
-                 retained: Sequence[np.ndarray], interrupted: bool) -> None:
+                 retained: Sequence[np.ndarray], interrupted: bool, health: Sequence[Sequence[tuple]],
+                 strict: bool = False) -> None:
         import numpy as np
 
         d = campaign.dispersions
@@ -190,6 +195,7 @@ class Result:
         for (path, variable), values in zip(d.retained.items(), retained):
             self.retained[path] = values.reshape(*values.shape[:2], *variable.field_path.shape)
             self.retained[path].flags.writeable = False
+        self.health = [[Finding(*row) for row in rows] for rows in health]
         self.errors = {i: text for i, text in enumerate(errors) if text}
         self.complete = self.flown.copy()
         self.complete[list(self.errors)] = False
@@ -199,9 +205,21 @@ class Result:
             for i in np.flatnonzero(self.complete & ~holds):
                 text = requirement.failure(values[i], times[i])
                 self.failures[int(i)] = f"{self.failures[i]}; {text}" if i in self.failures else text
+        if strict:
+            for run, found in enumerate(self.health):
+                if found:
+                    self.failures.setdefault(run, "health: " + found[0].text)
         self.failures = dict(sorted(self.failures.items()))
         self.passed = self.flown.copy()
         self.passed[list(self.failures)] = False
+
+    def unhealthy(self) -> list[tuple[Finding, list[int]]]:
+        """Each kind of finding at each path, as of its first run, with all runs that have it; the most frequent first."""
+        runs: dict[tuple[str, str], tuple[Finding, list[int]]] = {}
+        for run, found in enumerate(self.health):
+            for one in found:
+                runs.setdefault((one.kind, one.path), (one, []))[1].append(run)
+        return sorted(runs.values(), key=lambda entry: -len(entry[1]))
 
     def __len__(self):
         return len(self.flown)
@@ -214,7 +232,7 @@ class Result:
 
 # --- processes -------------------------------------------------------------------------------------
 
-def _fly_in_processes(campaign, runs, seed, n, progress):
+def _fly_in_processes(campaign, runs, seed, n, progress, strict):
     """The same as threads give, by processes, each run in a mission loaded afresh."""
     import multiprocessing
     from multiprocessing import connection
@@ -224,7 +242,7 @@ def _fly_in_processes(campaign, runs, seed, n, progress):
     d = campaign.dispersions
     draws = np.full((runs, len(d.columns)), np.nan)
     retained = [np.full((runs, len(d.ns), len(s.field_path.elements)), np.nan) for s in d.retained.values()]
-    flown, errors = [False] * runs, [""] * runs
+    flown, errors, health = [False] * runs, [""] * runs, [[]] * runs
     fork = multiprocessing.get_context("fork")
     following = fork.Value("q", 0)
     children: dict[Any, Any] = {}       # pipe -> process
@@ -258,7 +276,7 @@ def _fly_in_processes(campaign, runs, seed, n, progress):
                     continue
                 del flying[pipe]
                 flown[index] = True
-                errors[index], draws[index], own_retained = results
+                errors[index], draws[index], own_retained, health[index] = results
                 for to, values in zip(retained, own_retained):
                     to[index] = values
             if progress:
@@ -269,7 +287,7 @@ def _fly_in_processes(campaign, runs, seed, n, progress):
         for child in children.values():
             child.terminate()
             child.join()
-    return Result(campaign, seed, flown, errors, draws, retained, interrupted)
+    return Result(campaign, seed, flown, errors, draws, retained, interrupted, health, strict)
 
 
 def _fly_share(campaign, runs, seed, following, pipe):
@@ -288,7 +306,8 @@ def _fly_share(campaign, runs, seed, following, pipe):
         plan = dispersions._finished()
         plan.seed = seed
         result = _core.fly_one(sim.kernel, plan, index)
-        pipe.send((index, result.failures[0], result.draws[0], [values[0] for values in result.retained]))
+        pipe.send((index, result.failures[0], result.draws[0], [values[0] for values in result.retained],
+                   result.health[0]))
 
 
 def _death(code):

@@ -90,6 +90,8 @@ def summary(result: Result, command: Callable[[int], str]) -> dict:
         "final": [{"measure": one.measure_text, "unit": one.unit, "percentiles": describe(one.values(result)[:, -1])}
                   for one in measures(result)],
         "declared": {path: repr(draw) for path, draw in d.draws.items()}, "draws": draws,
+        "health": [{"kind": one.kind, "path": one.path, "runs": len(runs), "run": runs[0], "text": one.text}
+                   for one, runs in result.unhealthy()],
         "failures": [{"run": i, "text": text, "command": command(i)} for i, text in result.failures.items()],
     }
 
@@ -122,6 +124,9 @@ def text(data: dict, failures: int | None = None) -> str:
             lines.append(f"  too few runs for the percentiles {', '.join(map(str, left))}")
     lines += ["", "dispersed", *columns([(path, "= " + drawn)
                                         for path, drawn in data["declared"].items()], indent="  ")]
+    if data["health"]:
+        lines += ["", "health"]
+        lines += [f"  in {one['runs']} of {flown} runs, as in run {one['run']}: {one['text']}" for one in data["health"]]
     if data["failures"]:
         shown = data["failures"][:failures]
         lines += ["", "failed"]

@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The health of a run, on the terminal and as JSON."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from fledge.cli.console import counted, say
+
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from fledge.mission.simulation import Finding, Simulation
+
+SHOWN = 6
+
+
+def show(findings: Sequence[Finding], process: str = "") -> Sequence[Finding]:
+    """Print the first findings, a line each; returns all. process: of a program that prints beside others."""
+    title = f"  health   {process + ': ' if process else ''}"
+    groups: dict[tuple, list[Finding]] = {}     # a fault passes from module to module: at the same updates
+    for one in findings:
+        groups.setdefault((one.kind, one.first, one.count) if one.count else (one.text,), []).append(one)
+    for group in list(groups.values())[:SHOWN]:
+        say(title + group[0].text + (f"; and so {counted(len(group) - 1, 'other')}" if len(group) > 1 else ""))
+    if len(groups) > SHOWN:
+        say(f"{title}and {len(groups) - SHOWN} more kinds")
+    if not findings:
+        say(title + "no output was missing, held, degraded, stale, limited or not finite")
+    return findings
+
+
+def refusal(findings: Sequence[Finding]) -> str:
+    """Why --strict fails a run."""
+    return f"failed: --strict, and its health has {counted(len(findings), 'finding')}: {findings[0].text}"
+
+
+def write(path: Path, sim: Simulation, scenario: str, problem: str | None) -> Path:
+    """Write the facts of a run as JSON, the same bytes for the same run; returns the path."""
+    import json
+
+    from fledge.files import Part
+
+    data = {"mission": sim.name, "scenario": scenario, "seed": sim.seed, "outcome": problem or "passed",
+            "time": sim.time, "state_time": sim.state_time, "health": [one._asdict() for one in sim.health],
+            "assumptions": sim.assumptions}
+    with Part(path) as part:
+        part.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+    return path
