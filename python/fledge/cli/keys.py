@@ -41,8 +41,8 @@ def add(command: Callable) -> None:
     a = action("allow", allow, "let the owner of a public key take part", "allow lab1.public --as world flight")
     a.add_argument("keys_", nargs="+", metavar="KEY", help="a .public file, or the name of one in the folder")
     a.add_argument("--as", dest="nodes", nargs="+", metavar="NODE",
-                   help="the nodes that it may speak as; '*': all. Default: the name of a key in the folder; for a file, "
-                   "a terminal asks")
+                   help="the nodes that it may speak as; '*': all. Default: the name of a key in the folder; for a "
+                   "file, a terminal asks")
     a = action("deny", deny, "let the owner of a key take part no longer", "deny lab1")
     a.add_argument("names", nargs="+", metavar="NAME")
 
@@ -112,8 +112,8 @@ def _confirm(key):
     name = key.path.stem
     called = f", which calls itself {key.name}" if key.name != name else ""
     if not sys.stdin.isatty():
-        raise Failure(f"keys: {key.path} holds the key {key.fingerprint}{called}; say as which nodes its owner may take "
-                      f"part: --as {name}")
+        raise Failure(f"keys: {key.path} holds the key {key.fingerprint}{called}; say as which nodes its owner may "
+                      f"take part: --as {name}")
     if input(f"{key.path} holds the key {key.fingerprint}{called}. Its owner has the same digits (./fledge keys list). "
              f"Admit it as the node {name}? [y/N] ").strip().lower() not in ("y", "yes"):
         raise Failure("keys: nothing was allowed")

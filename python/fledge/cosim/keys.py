@@ -23,7 +23,8 @@ class KeysError(RuntimeError):
 
 
 class Key:
-    """A file of a key: name (that its writer gave it), public, secret (None in a file that goes to others), nodes (of an allowed one)."""
+    """A file of a key: name (that its writer gave it), public, secret (None in a file that goes to others), nodes (of
+    an allowed one)."""
 
     def __init__(self, path: Path | str) -> None:
         self.path = path = Path(path)
@@ -85,8 +86,8 @@ def new(folder: Path | str, names: Sequence[str]) -> list[Path]:
 
 
 def find(folder: Path | str, given: Path | str) -> tuple[Key, bool]:
-    """The public key in a file, or of a name in the folder, and whether it is a file. The key has the name that the user
-    gave, by the name of the file or in the folder, not the one that its writer put into it."""
+    """The public key in a file, or of a name in the folder, and whether it is a file. The key has the name that the
+    user gave, by the name of the file or in the folder, not the one that its writer put into it."""
     folder, path = Path(folder), Path(given)
     is_file = path.is_file()
     if not is_file:
@@ -117,8 +118,8 @@ def allow(folder: Path | str, keys: Sequence[Path | str],
             if other.public == key.public and other.path.stem != key.path.stem:
                 raise KeysError(f"{key.path}: this key is allowed already, as {other.path.stem}")
             if other.public != key.public and other.path.stem == key.path.stem:
-                raise KeysError(f"{key.path}: {key.path.stem} is another key already, {other.fingerprint}; ./fledge keys "
-                                f"deny {key.path.stem} removes that, or rename the file")
+                raise KeysError(f"{key.path}: {key.path.stem} is another key already, {other.fingerprint}; ./fledge "
+                                f"keys deny {key.path.stem} removes that, or rename the file")
     (folder / "allowed").mkdir(parents=True, exist_ok=True, mode=0o700)
     for key, names in found:
         with Part(folder / "allowed" / f"{key.path.stem}.public") as part:

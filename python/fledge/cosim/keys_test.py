@@ -117,7 +117,8 @@ def test_a_mailed_file_does_not_choose_its_name(tmp_path, capsys, monkeypatch):
         monkeypatch.setattr("builtins.input", lambda question, answer=answer: asked.append(question) or answer)
         fledge(capsys, "allow", path, "--keys", here)
         assert [node for key in keys.allowed(here) for node in key.nodes] == expected
-        assert f"holds the key {fingerprint}, which calls itself flight. " in asked[0] and "as the node lab1?" in asked[0]
+        assert f"holds the key {fingerprint}, which calls itself flight. " in asked[0]
+        assert "as the node lab1?" in asked[0]
     monkeypatch.setattr("builtins.input", lambda question: pytest.fail("it asked"))
     code, printed = fledge(capsys, "allow", path, "--as", "nav", "--keys", here)
     assert code == 0 and f"lab1 ({fingerprint}) may take part as nav\n" in printed
