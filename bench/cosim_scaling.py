@@ -21,10 +21,11 @@ def fly(mission, span, sharing="allowed", **parameters):
 
     sim = fledge.load(mission, **parameters)
     names = [process.name for process in sim.processes]
+    crossing = cosim.checked_wires(sim)
     address = f"ipc://@fledge-scaling-{os.getpid()}-{len(names)}"
     with _Programs() as programs:
         for name in names:
-            programs.start(name, lambda name=name: cosim.split(sim, name).serve(address) != "")
+            programs.start(name, lambda name=name: cosim.split(sim, name, crossing).serve(address) != "")
         controller = cosim.Controller(mission, names, span, address=address, sharing=sharing)
         ended = controller.run()
         failed = programs.wait()

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cosim/controller/controller.h"
 
+#include "cosim/protocol/text.h"
+
 #include <algorithm>
 #include <set>
 
@@ -19,8 +21,22 @@ void ControllerConfig::check() const
         throw std::invalid_argument("a co-simulation has nodes, an end from 0 to 31 years, batches of at least 1 "
                                     "instant, and readers that may lag by at least 4 messages");
     }
+    const auto check_name = [](const char *what, const std::string &name) {
+        if (name.size() > Limits{}.name) {
+            throw std::invalid_argument(std::string(what) + " of " + std::to_string(name.size()) + " bytes; " +
+                                        std::to_string(Limits{}.name) + " are the most");
+        }
+        if (const std::string fault = text_fault(name, TextKind::name); !fault.empty()) {
+            throw std::invalid_argument(std::string(what) + " " + fault);
+        }
+    };
+    check_name("the simulation's name", simulation);
+    for (const std::string &topic : watched) {
+        check_name("a watched topic's name", topic);
+    }
     std::set<std::string> names;
     for (const NodeConfig &node : nodes) {
+        check_name("a node's name", node.name);
         if (!names.insert(node.name).second) {
             throw std::invalid_argument("two nodes are called " + node.name);
         }
@@ -37,6 +53,7 @@ void ControllerConfig::check() const
         throw std::invalid_argument("no node joins at the start; at least one has to");
     }
     for (const AsynchronousConfig &program : asynchronous) {
+        check_name("a program's name", program.name);
         if (!names.insert(program.name).second) {
             throw std::invalid_argument("two programs are called " + program.name);
         }

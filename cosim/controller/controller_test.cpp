@@ -496,6 +496,26 @@ TEST(Controller, AnInvalidConfigurationIsRefused)
     EXPECT_THROW(configured({}, 1), std::invalid_argument);
     EXPECT_THROW(configured({one, one}, 1), std::invalid_argument);
     EXPECT_THROW(configured({one}, -1), std::invalid_argument);
+    const auto why = [](ControllerConfig config) -> std::string {
+        try {
+            config.check();
+            return "";
+        } catch (const std::invalid_argument &error) {
+            return error.what();
+        }
+    };
+    ControllerConfig config;
+    config.nodes = {{"one", Policy::abort}};
+    EXPECT_EQ(why(config), "");
+    for (std::string *name : {&config.simulation, &config.nodes[0].name, &config.watched.emplace_back(),
+                              &config.asynchronous.emplace_back(AsynchronousConfig{"two", {}}).name}) {
+        const std::string good = *name;
+        *name = "a\x1b[2J";
+        EXPECT_TRUE(why(config).ends_with("'s name holds the control character U+001B")) << why(config);
+        *name = std::string(256, 'a');
+        EXPECT_TRUE(why(config).ends_with("'s name of 256 bytes; 255 are the most")) << why(config);
+        *name = good;
+    }
     EXPECT_NO_THROW(configured({one}, 0));
 }
 

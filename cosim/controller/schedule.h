@@ -12,7 +12,6 @@ using sim::format_list;
 using sim::format_time;
 
 inline constexpr Ns for_ever = std::numeric_limits<Ns>::max();
-inline constexpr Ns longest_time = 1'000'000'000'000'000'000; // 31 years; sums of a few do not overflow
 
 /// "0.5 s"; before the first instant, "the start".
 inline std::string when(Ns t)

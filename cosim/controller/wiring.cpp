@@ -15,23 +15,6 @@ namespace fledge::cosim {
 
 namespace {
 
-/// Why a definition cannot be used; "" if it can.
-std::string bad_definition(const Schema &schema)
-{
-    if (!schema.given()) {
-        return schema.size || schema.hash ? "it has a size or hash, but no text" : "";
-    }
-    try {
-        const Schema made = make_schema(schema.name, schema.text);
-        return made.size != schema.size
-                   ? "its text makes " + std::to_string(made.size) + " bytes, not " + std::to_string(schema.size)
-               : made.hash != schema.hash ? "its hash is not that of its text"
-                                          : "";
-    } catch (const SchemaError &error) {
-        return error.what();
-    }
-}
-
 template <class List, class T> bool contains(const List &list, const T &item)
 {
     return std::find(list.begin(), list.end(), item) != list.end();
@@ -76,7 +59,7 @@ void Wiring::begin_matching(const Nodes &nodes, const std::vector<std::string> &
             if (!topic.schema.given()) {
                 topic.schema = subscription.schema; // for a writer without a definition
             }
-            if (const std::string why = bad_definition(subscription.schema); !why.empty()) {
+            if (const std::string why = schema_fault(subscription.schema); !why.empty()) {
                 fault(node.name() + " subscribes to " + topic.name + " with a bad definition: " + why);
             }
         }
@@ -149,7 +132,7 @@ void Wiring::take_publications(NodeId id, NodeState &node, const Nodes &nodes)
             continue;
         }
         topic.take(id, boundary_);
-        if (const std::string why = bad_definition(publication.schema); !why.empty()) {
+        if (const std::string why = schema_fault(publication.schema); !why.empty()) {
             fault(name + " publishes " + topic.name + " with a bad definition: " + why);
             continue;
         }
@@ -221,7 +204,7 @@ void Wiring::lay_wires(NodeId id, const Nodes &nodes, std::vector<std::string> &
             continue;
         }
         const NodeState &writer = nodes[*topic.writer];
-        if (!bad_definition(topic.schema).empty() || !bad_definition(subscription.schema).empty()) {
+        if (!schema_fault(topic.schema).empty() || !schema_fault(subscription.schema).empty()) {
             continue; // reported above
         }
         if (const std::string why = schema_difference(topic.schema, subscription.schema); !why.empty()) {

@@ -101,6 +101,9 @@ void BoardNode::start(const std::vector<Channel> &wired)
     for (const Channel &channel : wired) {
         const auto found = std::find_if(messages_.begin(), messages_.end(),
                                         [&](const Message &m) { return m.topic == channel.topic; });
+        if (found == messages_.end()) {
+            throw ProtocolError("the controller sends " + channel.topic + ", which flight does not read");
+        }
         inputs_[channel.channel] = static_cast<std::uint32_t>(found - messages_.begin());
     }
 }

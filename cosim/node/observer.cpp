@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cosim/node/observer.h"
 
+#include "cosim/protocol/text.h"
+
 #include <algorithm>
 
 namespace fledge::cosim {
@@ -83,6 +85,9 @@ std::optional<Observed> Observer::read(zmq::message_t topic)
             throw ProtocolError("the broker sends a message that is not of two parts");
         }
         more = bytes.more();
+    }
+    if (const std::string fault = text_fault(topic.to_string_view(), TextKind::name); !fault.empty()) {
+        throw ProtocolError("the broker sends a topic whose name " + fault);
     }
     Frame frame = decode({bytes.data<std::byte>(), bytes.size()}, member_.config.limits);
     if (auto *finish = std::get_if<Finish>(&frame.message)) {

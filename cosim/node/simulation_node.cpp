@@ -148,9 +148,13 @@ void SimulationNode::start(const std::vector<Channel> &wired)
     inbox_.open(wired);
     inputs_.clear();
     for (const Channel &channel : wired) {
-        const StandIn &stand_in = *stand_ins_.at(channel.topic);
-        inputs_[channel.channel] = {{stand_in.instance->memory(), stand_in.field.size},
-                                    parse_schema(channel.schema.text)};
+        const auto found = stand_ins_.find(channel.topic);
+        if (found == stand_ins_.end() || found->second->field.size != channel.schema.size) {
+            throw ProtocolError("the controller sends " + channel.topic + " of " + std::to_string(channel.schema.size) +
+                                " bytes, which this node did not ask for");
+        }
+        const StandIn &stand_in = *found->second;
+        inputs_[channel.channel] = {{stand_in.instance->memory(), stand_in.field.size}, fields_of(channel.schema)};
     }
 }
 

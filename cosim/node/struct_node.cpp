@@ -25,6 +25,18 @@ void StructNode::Memory::resize(std::size_t size)
     bytes = own;
 }
 
+void StructNode::also_step(Rate steps)
+{
+    const auto [period, offset] = steps;
+    if (period <= 0 || period > longest_time || offset < 0 || offset > longest_time) {
+        throw std::invalid_argument(config_.node +
+                                    ": it steps at offset + k every, with every > 0 and offset >= 0, "
+                                    "both up to 31 years; found " +
+                                    std::to_string(offset) + " and " + std::to_string(period) + " ns");
+    }
+    rates_.push_back(steps);
+}
+
 void StructNode::read(const std::string &topic, Latency latency, std::span<std::byte> message, Schema schema,
                       bool optional)
 {
@@ -185,6 +197,7 @@ std::vector<Publication> StructNode::match(const std::vector<Channel> &asked)
                 const Schema &schema = output.schema.given() ? output.schema : channel.schema;
                 Memory &memory = output.memory;
                 if (memory.owned && !output.schema.given() && schema.given()) {
+                    (void)fields_of(schema); // it throws, if the definition is a bad one
                     output.schema = channel.schema;
                     memory.resize(schema.size);
                     if (hooks_.define) {
@@ -218,7 +231,7 @@ void StructNode::start(const std::vector<Channel> &channels)
         if (input->memory.owned && !input->subscription.schema.given() && hooks_.define) {
             hooks_.define(channel.topic, channel.schema);
         }
-        wired_[channel.channel] = {&input->memory, channel.schema.size, parse_schema(channel.schema.text)};
+        wired_[channel.channel] = {&input->memory, channel.schema.size, fields_of(channel.schema)};
     }
 }
 

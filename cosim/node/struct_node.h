@@ -37,15 +37,16 @@ struct StructNodeHooks {
 
 class StructNode final : private Node {
 public:
-    /// The environment gives what the config leaves out. The node steps at offset + k period.
-    StructNode(MemberConfig config, Rate steps) : config_(std::move(config)), rates_{steps} {}
+    /// The environment gives what the config leaves out. The node steps at offset + k period. Throws
+    /// std::invalid_argument if the period is not > 0, the offset negative, or one of them longer than longest_time.
+    StructNode(MemberConfig config, Rate steps) : config_(std::move(config)) { also_step(steps); }
 
     MemberConfig &config() { return config_; } ///< before run()
     const MemberConfig &config() const { return config_; }
     StructNodeHooks &hooks() { return hooks_; } ///< before run()
 
-    /// Step at these instants, too.
-    void also_step(Rate steps) { rates_.push_back(steps); }
+    /// Step at these instants, too. Throws as the constructor does.
+    void also_step(Rate steps);
 
     /// Read a topic into `message`, which lives as long as the node. Throws SchemaError. The run begins
     /// without a writer of an optional topic.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cosim/protocol/protocol.h"
 
+#include "cosim/protocol/text.h"
 #include "record/mcap_crc.h"
 
 #include <algorithm>
@@ -47,45 +48,81 @@ template <class T> T turned(T x)
 
 // ---- the members of each message, in the order of the wire
 
-/// A text with the limit of a name.
-template <class M> struct Name {
-    std::string M::*text;
+/// A member that takes only some values. An error names it.
+template <class M, class T> struct Checked {
+    constexpr Checked(T M::*its_member, const char *its_label) : member(its_member), label(its_label) {}
+    T M::*member;
+    const char *label;
 };
+template <class M> struct Name : Checked<M, std::string> { // text.h
+    using Checked<M, std::string>::Checked;
+};
+template <class M> struct Lines : Checked<M, std::string> {
+    using Checked<M, std::string>::Checked;
+};
+/// Lines for people: the writer cleans them, so that a bad character does not hide the reason.
+template <class M> struct Reason : Lines<M> {
+    using Lines<M>::Lines;
+};
+template <class M> struct Time : Checked<M, Ns> { ///< of an instant; -1: before the first one
+    using Checked<M, Ns>::Checked;
+    static constexpr Ns least = -1;
+};
+template <class M> struct Duration : Checked<M, Ns> {
+    using Checked<M, Ns>::Checked;
+    static constexpr Ns least = 0;
+};
+template <class M> Name(std::string M::*, const char *) -> Name<M>;
+template <class M> Lines(std::string M::*, const char *) -> Lines<M>;
+template <class M> Reason(std::string M::*, const char *) -> Reason<M>;
+template <class M> Time(Ns M::*, const char *) -> Time<M>;
+template <class M> Duration(Ns M::*, const char *) -> Duration<M>;
 
 template <class M> constexpr std::tuple<> members;
 template <>
-constexpr auto members<Schema> = std::tuple(Name(&Schema::name), &Schema::text, &Schema::size, &Schema::hash);
-template <> constexpr auto members<Rate> = std::tuple(&Rate::period, &Rate::offset);
-/// The payload's struct begins at a multiple of 8, behind the CDR header.
-template <> constexpr auto members<Record> = std::tuple(&Record::t, &Record::channel, &Record::count, &Record::payload);
+constexpr auto members<Schema> = std::tuple(Name(&Schema::name, "type"), Lines(&Schema::text, "definition"),
+                                            &Schema::size, &Schema::hash);
 template <>
-constexpr auto members<Subscription> = std::tuple(Name(&Subscription::topic), &Subscription::latency,
+constexpr auto members<Rate> = std::tuple(Duration(&Rate::period, "period"), Duration(&Rate::offset, "offset"));
+/// The payload's struct begins at a multiple of 8, behind the CDR header.
+template <>
+constexpr auto members<Record> = std::tuple(Time(&Record::t, "t"), &Record::channel, &Record::count, &Record::payload);
+template <>
+constexpr auto members<Subscription> = std::tuple(Name(&Subscription::topic, "topic"), &Subscription::latency,
                                                   &Subscription::optional, &Subscription::schema);
-template <> constexpr auto members<Channel> = std::tuple(&Channel::channel, Name(&Channel::topic), &Channel::schema);
+template <>
+constexpr auto members<Channel> = std::tuple(&Channel::channel, Name(&Channel::topic, "topic"), &Channel::schema);
 template <>
 constexpr auto members<Publication> = std::tuple(&Publication::channel, &Publication::schema, &Publication::initial);
 template <>
 constexpr auto members<Hello> = std::tuple(&Hello::oldest, &Hello::newest, &Hello::role, &Hello::shared,
-                                           Name(&Hello::simulation), Name(&Hello::node));
-template <> constexpr auto members<Welcome> = std::tuple(&Welcome::address, &Welcome::shared, &Welcome::nonce);
-template <> constexpr auto members<Refused> = std::tuple(&Refused::reason);
+                                           Name(&Hello::simulation, "simulation"), Name(&Hello::node, "node"));
 template <>
-constexpr auto members<Initialize> = std::tuple(&Initialize::seed, &Initialize::end, &Initialize::start,
-                                                &Initialize::frontend, &Initialize::backend, &Initialize::snapshot);
+constexpr auto members<Welcome> = std::tuple(Name(&Welcome::address, "address"), Name(&Welcome::shared, "shared"),
+                                             &Welcome::nonce);
+template <> constexpr auto members<Refused> = std::tuple(Reason(&Refused::reason, "reason"));
+template <>
+constexpr auto members<Initialize> = std::tuple(&Initialize::seed, Duration(&Initialize::end, "end"),
+                                                Time(&Initialize::start, "start"),
+                                                Name(&Initialize::frontend, "frontend"),
+                                                Name(&Initialize::backend, "backend"), &Initialize::snapshot);
 template <>
 constexpr auto members<Initialized> = std::tuple(&Initialized::rates, &Initialized::any_time, &Initialized::saves);
 template <> constexpr auto members<Desired> = std::tuple(&Desired::subscriptions);
 template <> constexpr auto members<Match> = std::tuple(&Match::asked);
 template <> constexpr auto members<Matched> = std::tuple(&Matched::publications);
 template <> constexpr auto members<Start> = std::tuple(&Start::wired);
-template <> constexpr auto members<Tick> = std::tuple(&Tick::until, &Tick::records);
+template <> constexpr auto members<Tick> = std::tuple(Time(&Tick::until, "until"), &Tick::records);
 template <>
-constexpr auto members<Tock> = std::tuple(&Tock::reached, &Tock::compute_ns, &Tock::leaving, &Tock::records);
-template <> constexpr auto members<Finish> = std::tuple(&Finish::reason);
-template <> constexpr auto members<Failed> = std::tuple(&Failed::reason);
-template <> constexpr auto members<Attached> = std::tuple(&Attached::frontend, &Attached::backend, &Attached::channels);
-template <> constexpr auto members<Published> = std::tuple(&Published::record, Name(&Published::node));
-template <> constexpr auto members<Save> = std::tuple(&Save::time);
+constexpr auto members<Tock> = std::tuple(Time(&Tock::reached, "reached"), Duration(&Tock::compute_ns, "compute_ns"),
+                                          &Tock::leaving, &Tock::records);
+template <> constexpr auto members<Finish> = std::tuple(Reason(&Finish::reason, "reason"));
+template <> constexpr auto members<Failed> = std::tuple(Reason(&Failed::reason, "reason"));
+template <>
+constexpr auto members<Attached> = std::tuple(Name(&Attached::frontend, "frontend"),
+                                              Name(&Attached::backend, "backend"), &Attached::channels);
+template <> constexpr auto members<Published> = std::tuple(&Published::record, Name(&Published::node, "node"));
+template <> constexpr auto members<Save> = std::tuple(Time(&Save::time, "time"));
 template <> constexpr auto members<Saved> = std::tuple(&Saved::snapshot);
 
 /// Pass each member to a Writer, with a const message, or to a Reader.
@@ -94,8 +131,8 @@ template <class M> void walk(auto &archive, M &m)
     constexpr auto list = members<std::remove_const_t<M>>;
     static_assert((std::tuple_size_v<decltype(list)> == 0) == std::is_empty_v<M>, "its members are not listed above");
     const auto visit = [&](auto member) {
-        if constexpr (requires { member.text; }) {
-            archive.name(m.*member.text);
+        if constexpr (requires { member.label; }) {
+            archive(m.*member.member, member);
         } else if constexpr (std::tuple_size_v<decltype(members<std::remove_cvref_t<decltype(m.*member)>>)> > 0) {
             walk(archive, m.*member);
         } else {
@@ -117,8 +154,8 @@ template <class T> constexpr std::size_t least_size()
         return sizeof(T);
     } else {
         constexpr auto least_of = [](auto member) {
-            if constexpr (requires { member.text; }) {
-                return sizeof(std::uint32_t);
+            if constexpr (requires { member.label; }) {
+                return least_size<std::remove_cvref_t<decltype(std::declval<T>().*member.member)>>();
             } else {
                 return least_size<std::remove_cvref_t<decltype(std::declval<T>().*member)>>();
             }
@@ -142,10 +179,11 @@ public:
         append(&x, sizeof x);
     }
     void operator()(Enum auto x) { (*this)(static_cast<std::uint8_t>(x)); }
-    void operator()(const std::string &s) { counted(s); }
     void operator()(const Bytes &b) { counted(b); }
     void operator()(const Payload &b) { counted(b); }
-    void name(const std::string &s) { counted(s); }
+    void operator()(const std::string &s, const auto &) { counted(s); }
+    template <class M> void operator()(const std::string &s, const Reason<M> &) { counted(cleaned(s, Limits{}.text)); }
+    void operator()(Ns t, const auto &) { (*this)(t); }
     template <class T> void operator()(const std::vector<T> &list)
     {
         length(list.size());
@@ -217,8 +255,22 @@ public:
         }
     }
 
-    void operator()(std::string &s) { text(s, limits_.text); }
-    void name(std::string &s) { text(s, limits_.name); }
+    template <class M> void operator()(std::string &s, const Name<M> &name)
+    {
+        text(s, limits_.name, TextKind::name, name.label);
+    }
+    template <class M> void operator()(std::string &s, const Lines<M> &lines)
+    {
+        text(s, limits_.text, TextKind::lines, lines.label);
+    }
+    template <class Checked> void operator()(Ns &t, const Checked &checked)
+    {
+        (*this)(t);
+        if (t < checked.least || t > longest_time) {
+            fail(std::string(checked.label) + " is " + std::to_string(t) + " ns; expected " +
+                 std::to_string(checked.least) + " to " + std::to_string(longest_time));
+        }
+    }
     void operator()(Bytes &b)
     {
         const auto bytes = counted(limits_.frame);
@@ -279,12 +331,17 @@ private:
         return take(n);
     }
 
-    void text(std::string &s, std::size_t most)
+    void text(std::string &s, std::size_t most, TextKind kind, const char *label)
     {
-        const auto bytes = counted(most);
+        const std::size_t n = number<std::uint32_t>();
+        if (n > most) {
+            fail(std::string(label) + " has " + std::to_string(n) + " bytes; " + std::to_string(most) +
+                 " are the most");
+        }
+        const auto bytes = take(n);
         s.assign(reinterpret_cast<const char *>(bytes.data()), bytes.size());
-        if (s.find('\0') != std::string::npos) {
-            fail("a text holds a zero byte");
+        if (const std::string fault = text_fault(s, kind); !fault.empty()) {
+            fail(std::string(label) + " " + fault);
         }
     }
 

@@ -43,7 +43,9 @@
 //     20  4  0
 //
 // In the body, each number is aligned to its size, counted from the body's start, and gaps are zero. A text or a list
-// begins with its length (uint32). decode() refuses a frame if bytes are missing, left over or out of bounds.
+// begins with its length (uint32). decode() refuses a frame if bytes are missing, left over or out of bounds, if a text
+// is not as text.h says, and if a time is not from -1 (before the first instant) or a duration not from 0 to
+// longest_time.
 #pragma once
 
 #include "cosim/protocol/schema.h"
@@ -84,14 +86,15 @@ private:
 };
 
 inline constexpr std::uint8_t protocol_version = 1;
+inline constexpr Ns longest_time = 1'000'000'000'000'000'000; ///< 31 years; sums of a few do not overflow
 inline constexpr std::size_t frame_header_size = 24;
 inline constexpr std::size_t cdr_header = 4; ///< bytes of a payload before its struct
 
 /// The largest frame and lists that a reader accepts. Missions need less than the defaults, and machines bear more.
 struct Limits {
     std::size_t frame = std::size_t{64} << 20; ///< bytes
-    std::size_t name = 255;                    ///< bytes of a name
-    std::size_t text = std::size_t{1} << 20;   ///< bytes of a definition, a reason or an address
+    std::size_t name = 255;                    ///< bytes of a name or an address
+    std::size_t text = std::size_t{1} << 20;   ///< bytes of a definition or a reason
     std::size_t items = 65536;                 ///< of a list
 };
 
@@ -214,7 +217,7 @@ struct Tick {
 };
 struct Tock {
     Ns reached = 0;    ///< the node has stepped through all instants up to this one; may be before `until`
-    Ns compute_ns = 0; ///< of wall time, spent in stepping
+    Ns compute_ns = 0; ///< of wall time, spent in stepping; the controller counts at most the time since the tick
     std::vector<Record> records;
     bool leaving = false; ///< the node leaves the run
     bool operator==(const Tock &) const = default;

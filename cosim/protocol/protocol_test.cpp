@@ -100,13 +100,13 @@ TEST(Protocol, AnErrorNamesTheByteAndTheReason)
     b.back() = std::byte{0};
     EXPECT_EQ(why(b), "the checksum of the body is wrong");
     seal(b);
-    EXPECT_EQ(why(b), "Hello: byte 22 of the body: a text holds a zero byte");
+    EXPECT_EQ(why(b), "Hello: byte 22 of the body: node holds the control character U+0000");
     b.push_back(std::byte{1});
     EXPECT_EQ(why(b), "a body of 23 bytes, while the header says 22");
     Limits limits;
     limits.name = 5;
     EXPECT_EQ(why(encode({1, Hello{1, 1, "spin", "flight"}}), limits),
-              "Hello: byte 16 of the body: a length of 6; 5 is the most");
+              "Hello: byte 16 of the body: node has 6 bytes; 5 are the most");
     limits.frame = 40;
     EXPECT_EQ(why(encode({1, Hello{1, 1, "spin", "flight"}}), limits), "a frame of 46 bytes; 40 are the most");
     Bytes wrong = encode({1, Desired{{{"/a", Latency::same_instant, false, {}}}}});
@@ -117,6 +117,109 @@ TEST(Protocol, AnErrorNamesTheByteAndTheReason)
     wrong[frame_header_size + 2] = std::byte{2};
     seal(wrong);
     EXPECT_EQ(why(wrong), "Hello: byte 3 of the body: there is no role 2");
+}
+
+/// Each text that a frame may carry, by the name of its field: one frame of each kind with `text` in that field.
+std::vector<std::pair<std::string, Frame>> frames_with(const std::string &text)
+{
+    const Schema plain = error_schema(), named{text, plain.text, plain.size, plain.hash};
+    const Schema defined{"A", text, plain.size, plain.hash};
+    const Record record{1, 1, 1, {}};
+    return {{"simulation", {1, Hello{1, 1, text, "a"}}},
+            {"node", {1, Hello{1, 1, "a", text}}},
+            {"address", {1, Welcome{text, "", 0}}},
+            {"shared", {1, Welcome{"", text, 0}}},
+            {"frontend", {1, Initialize{0, 0, -1, text, "", {}}}},
+            {"backend", {1, Initialize{0, 0, -1, "", text, {}}}},
+            {"topic", {1, Desired{{{text, Latency::same_instant, false, {}}}}}},
+            {"type", {1, Desired{{{"/a", Latency::same_instant, false, named}}}}},
+            {"definition", {1, Desired{{{"/a", Latency::same_instant, false, defined}}}}},
+            {"topic", {1, Match{{{0, text, plain}}}}},
+            {"type", {1, Matched{{{0, named, {}}}}}},
+            {"topic", {1, Start{{{0, text, plain}}}}},
+            {"frontend", {1, Attached{text, "", {}}}},
+            {"backend", {1, Attached{"", text, {}}}},
+            {"node", {1, Published{record, text}}}};
+}
+
+TEST(Protocol, ATextIsUtf8WithoutControlCharactersInEveryField)
+{
+    const std::pair<std::string, std::string> bad[] = {
+        {"a\xff", "is not UTF-8"},
+        {"\x1b[2J\xc3", "is not UTF-8"},
+        {"\xc0\xaf", "is not UTF-8"},         // a slash in two bytes
+        {"\xed\xa0\x80", "is not UTF-8"},     // half of a pair of UTF-16
+        {"\xf4\x90\x80\x80", "is not UTF-8"}, // beyond the last character
+        {std::string("a\0b", 3), "holds the control character U+0000"},
+        {"a\rb", "holds the control character U+000D"},
+        {"\x1b]0;title\x07", "holds the control character U+001B"},
+        {"\x7f", "holds the control character U+007F"},
+        {"\xc2\x9b"
+         "2J",
+         "holds the control character U+009B"}, // CSI in one character
+        {"\xe2\x80\xae"
+         "cba",
+         "holds the control character U+202E"}};
+    for (const auto &[text, fault] : bad) {
+        for (const auto &[field, frame] : frames_with(text)) {
+            const std::string found = why(encode(frame));
+            EXPECT_TRUE(found.ends_with("of the body: " + field + " " + fault)) << found;
+        }
+    }
+    for (const auto &[field, frame] : frames_with("two\n\tlines")) {
+        EXPECT_EQ(why(encode(frame)).empty(), field == "definition") << field;
+    }
+    for (const auto &[field, frame] : frames_with("sat\xc3\xa9lite \xf0\x9f\x9b\xb0")) {
+        EXPECT_EQ(why(encode(frame)), "") << field;
+    }
+    for (const auto &[field, frame] : frames_with(std::string(256, 'a'))) {
+        EXPECT_EQ(why(encode(frame)).find(field + " has 256 bytes; 255 are the most") != std::string::npos,
+                  field != "definition");
+    }
+}
+
+TEST(Protocol, AReasonIsCleanedWhereItIsWritten)
+{
+    const std::string text = "\x1b[2Ja\xff"
+                             "b\n\tc\xc2\x9b",
+                      clean = "?[2Ja?b\n\tc?";
+    EXPECT_EQ(std::get<Failed>(decode(encode({1, Failed{text}})).message).reason, clean);
+    EXPECT_EQ(std::get<Refused>(decode(encode({1, Refused{text}})).message).reason, clean);
+    EXPECT_EQ(std::get<Finish>(decode(encode({1, Finish{text}})).message).reason, clean);
+    const std::string longest =
+        std::get<Failed>(decode(encode({1, Failed{std::string(2'000'001, 'a')}})).message).reason;
+    EXPECT_EQ(longest.size(), Limits{}.text);
+    Bytes raw = encode({1, Failed{"abc"}}); // as another program may write it
+    raw[frame_header_size + 5] = std::byte{0x1b};
+    seal(raw);
+    EXPECT_EQ(why(raw), "Failed: byte 7 of the body: reason holds the control character U+001B");
+}
+
+TEST(Protocol, TimesAndDurationsHaveTheirRange)
+{
+    constexpr Ns first = std::numeric_limits<Ns>::min(), last = std::numeric_limits<Ns>::max();
+    const auto refused = [](const Message &message, const std::string &field) {
+        const std::string found = why(encode({1, message}));
+        EXPECT_NE(found.find("of the body: " + field + " is "), std::string::npos) << field << ": " << found;
+    };
+    for (const Ns t : {first, Ns{-2}, longest_time + 1, last}) {
+        refused(Initialize{0, 0, t, "", "", {}}, "start");
+        refused(Tick{t, {}}, "until");
+        refused(Tick{1, {{0, 1, t, {}}}}, "t");
+        refused(Tock{t, 0, {}, false}, "reached");
+        refused(Tock{1, 0, {{0, 1, t, {}}}, false}, "t");
+        refused(Published{{0, 1, t, {}}, "a"}, "t");
+        refused(Save{t}, "time");
+    }
+    for (const Ns t : {first, Ns{-1}, longest_time + 1, last}) {
+        refused(Initialize{0, t, -1, "", "", {}}, "end");
+        refused(Initialized{{{t, 0}}, false, false}, "period");
+        refused(Initialized{{{1, t}}, false, false}, "offset");
+        refused(Tock{1, t, {}, false}, "compute_ns");
+    }
+    EXPECT_EQ(why(encode({1, Tock{-1, longest_time, {{0, 1, -1, {}}}, false}})), "");
+    EXPECT_EQ(why(encode({1, Tock{1, -7, {}, false}})),
+              "Tock: byte 16 of the body: compute_ns is -7 ns; expected 0 to 1000000000000000000");
 }
 
 TEST(Protocol, AListAllocatesNoMoreMemoryThanItsFrameHas)
@@ -205,6 +308,21 @@ TEST(Schema, ADifferenceNamesTheField)
               "it is a AttError in the publication and a Other in the subscription");
 }
 
+TEST(Schema, ItsSizeAndHashAreThoseOfItsText)
+{
+    Schema schema = error_schema();
+    EXPECT_EQ(schema_fault(schema), "");
+    EXPECT_EQ(fields_of(schema).size(), 7u);
+    schema.size = 4'000'000'000;
+    EXPECT_EQ(schema_fault(schema), "its text makes 120 bytes, not 4000000000");
+    EXPECT_THROW(fields_of(schema), SchemaError);
+    schema = error_schema();
+    schema.hash++;
+    EXPECT_EQ(schema_fault(schema), "its hash is not that of its text");
+    EXPECT_EQ(schema_fault({"A", "", 8, 0}), "it has a size or hash, but no text");
+    EXPECT_EQ(schema_fault({"A", "", 0, 0}), "");
+}
+
 TEST(Schema, AnErrorNamesTheLine)
 {
     const auto refusal = [](const std::string &text) -> std::string {
@@ -229,6 +347,14 @@ TEST(Schema, AnErrorNamesTheLine)
     EXPECT_EQ(refusal("p/A[4000000000] a\n" + rule + "\nMSG: p/A\n"), "line 1: this type has no fields, found \"p/A\"");
     EXPECT_EQ(refusal("p/A[4000000000] a\n" + rule + "\nMSG: p/A\nint8 x\n"),
               "line 4: the message is too large, found \"a[65536].x\"");
+    const std::string nested = "p/A[60000] a\n" + rule + "\nMSG: p/A\n";
+    EXPECT_TRUE(
+        refusal(nested + "int8 " + std::string(5000, 'x') + "\n").starts_with("line 4: the message is too large"));
+    EXPECT_TRUE(refusal(nested + "int8 x  # x [" + std::string(5000, 'm') + "]\n")
+                    .starts_with("line 4: the message is too large"));
+    EXPECT_TRUE(refusal(nested + "int8 x  # x {" + std::string(5000, 'm') + "}\n")
+                    .starts_with("line 4: the message is too large"));
+    EXPECT_EQ(refusal(nested + std::string(500'000, '\n') + "int8 x\n"), ""); // blank lines cost nothing
     EXPECT_EQ(refusal(rule + "\nnonsense\n"), "line 2: expected \"MSG: <a new type>\", found \"nonsense\"");
 }
 

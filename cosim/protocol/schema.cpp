@@ -5,6 +5,7 @@
 #include <charconv>
 #include <map>
 #include <optional>
+#include <set>
 #include <strings.h>
 
 namespace fledge::cosim {
@@ -91,7 +92,7 @@ public:
                 after_rule = false;
             } else if (line.size() == 80 && line.find_first_not_of('=') == std::string_view::npos) {
                 after_rule = true;
-            } else {
+            } else if (sections[section]; !trim(line.substr(0, line.find('#'))).empty()) {
                 sections[section].push_back({n, line});
             }
         }
@@ -115,19 +116,16 @@ private:
 
     void walk(std::string_view section, const std::string &prefix, int depth)
     {
-        std::vector<std::string_view> names;
+        std::set<std::string_view> names;
         for (const Line &line : sections[section]) {
             const auto hash = std::min(line.text.find('#'), line.text.size());
-            std::string_view code = line.text.substr(0, hash);
-            if (!trim(code).empty()) {
-                const std::string_view comment = line.text.substr(std::min(hash + 1, line.text.size()));
-                member(line, code, comment, prefix, depth, names);
-            }
+            const std::string_view comment = line.text.substr(std::min(hash + 1, line.text.size()));
+            member(line, line.text.substr(0, hash), comment, prefix, depth, names);
         }
     }
 
     void member(const Line &line, std::string_view code, std::string_view comment, const std::string &prefix, int depth,
-                std::vector<std::string_view> &names)
+                std::set<std::string_view> &names)
     {
         std::string_view type = take_word(code);
         const std::string_view name = take_word(code);
@@ -146,10 +144,9 @@ private:
         if (!is_identifier(name) || !trim(code).empty()) {
             fail(line.number, "expected \"<type> <name>\" of fixed size", line.text);
         }
-        if (std::find(names.begin(), names.end(), name) != names.end()) {
+        if (!names.insert(name).second) {
             fail(line.number, "this name is there twice", name);
         }
-        names.push_back(name);
 
         if (const auto open = comment.rfind('{'); open != std::string_view::npos && trim(comment).back() == '}') {
             field.choices = comment.substr(open + 1, comment.rfind('}') - open - 1);
@@ -215,7 +212,8 @@ private:
     void add(const Line &line, SchemaField field)
     {
         const std::uint64_t size = std::uint64_t{field.item} * field.count;
-        if (at + size > schema_size_max || result.size() >= schema_fields_max) {
+        text += field.name.size() + field.unit.size() + field.choices.size();
+        if (at + size > schema_size_max || result.size() >= schema_fields_max || text > schema_text_max) {
             fail(line.number, "the message is too large", field.name);
         }
         if (at % field.item) {
@@ -229,6 +227,7 @@ private:
     std::map<std::string_view, std::vector<Line>> sections;
     std::vector<SchemaField> result;
     std::uint32_t at = 0;
+    std::size_t text = 0; ///< bytes of names, units and choices
 };
 
 std::string described(const SchemaField &field)
@@ -258,6 +257,30 @@ Schema make_schema(std::string name, std::string text)
     const SchemaField last = parse_schema(text).back();
     const std::uint64_t hash = schema_hash(text);
     return {std::move(name), std::move(text), last.offset + last.item * last.count, hash};
+}
+
+std::string schema_fault(const Schema &schema)
+{
+    if (!schema.given()) {
+        return schema.size || schema.hash ? "it has a size or hash, but no text" : "";
+    }
+    try {
+        const Schema made = make_schema(schema.name, schema.text);
+        return made.size != schema.size
+                   ? "its text makes " + std::to_string(made.size) + " bytes, not " + std::to_string(schema.size)
+               : made.hash != schema.hash ? "its hash is not that of its text"
+                                          : "";
+    } catch (const SchemaError &error) {
+        return error.what();
+    }
+}
+
+std::vector<SchemaField> fields_of(const Schema &schema)
+{
+    if (const std::string fault = schema_fault(schema); !fault.empty()) {
+        throw SchemaError("a bad definition of " + schema.name + ": " + fault);
+    }
+    return parse_schema(schema.text);
 }
 
 std::string schema_difference(const Schema &published, const Schema &subscribed)

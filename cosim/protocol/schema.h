@@ -52,9 +52,16 @@ struct SchemaField {
 /// Limits of a definition, which comes from another program.
 inline constexpr std::uint32_t schema_size_max = 1u << 24;
 inline constexpr std::size_t schema_fields_max = 1u << 16;
+inline constexpr std::size_t schema_text_max = 1u << 24; ///< bytes of all names, units and choices
 
 /// The fields that a text defines. Throws SchemaError, also if the struct would need padding.
 std::vector<SchemaField> parse_schema(std::string_view text);
+
+/// Why a definition cannot be used: its text, or a size or hash that is not that of the text; "" if it can.
+std::string schema_fault(const Schema &schema);
+
+/// The fields of a definition. Throws SchemaError, also if its size is not that of its text.
+std::vector<SchemaField> fields_of(const Schema &schema);
 
 /// Why a subscription cannot read a publication: the first field that differs; "" if it can. Names, types, shapes and
 /// units have to be equal; the prose in comments may differ.

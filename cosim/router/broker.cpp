@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cosim/router/broker.h"
 
+#include "cosim/protocol/text.h"
+
 #include <algorithm>
 #include <cstring>
 #include <sys/resource.h>
@@ -320,6 +322,9 @@ std::string Broker::read(std::span<zmq::message_t, 2> parts, Written &written)
         return "a topic's name of " + std::to_string(parts[0].size()) + " bytes";
     }
     written.topic = parts[0].to_string();
+    if (const std::string fault = text_fault(written.topic, TextKind::name); !fault.empty()) {
+        return "a topic's name " + fault;
+    }
     try {
         Frame frame = decode({parts[1].data<std::byte>(), parts[1].size()}, config_.limits);
         auto *published = std::get_if<Published>(&frame.message);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cosim/router/router.h"
 
+#include "cosim/router/capacity.h"
 #include "sim/text.h"
 
 #include <algorithm>
@@ -13,7 +14,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto look = 100ms;
-constexpr std::size_t most_attaching = 1000;
+constexpr int most_attaching = 1000;
 constexpr auto rest = 20ms; ///< between two looks at the sockets, if all nodes share memory
 constexpr auto spin = 20us; ///< busy waiting, if there is a processor for each program
 
@@ -46,6 +47,7 @@ Router::Router(zmq::context_t &context, ControllerConfig controller, RouterConfi
         names_.push_back(program.name);
     }
     set_up(greetings_, config_.limits);
+    greetings_.set(zmq::sockopt::backlog, most_attaching); // many programs may greet at once
     if (authenticator_) {
         authenticator_->guard(greetings_);
     }
@@ -271,6 +273,7 @@ void Router::greet()
 /// Make the broker before the controller, which sends the broker's addresses to the nodes.
 ControllerConfig Router::with_broker(ControllerConfig controller)
 {
+    make_room(context_, controller.nodes.size());
     if (!config_.keys.empty()) {
         authenticator_ = std::make_unique<Authenticator>(context_, config_.keys);
     }
@@ -319,7 +322,7 @@ void Router::attach(const Hello &hello)
     if (controller_.matched()) {
         return reply(greeting_peer_, attached());
     }
-    if (attaching_.size() >= most_attaching) {
+    if (std::cmp_greater_equal(attaching_.size(), most_attaching)) {
         return refuse("too many programs wait for the run to begin");
     }
     attaching_.push_back(greeting_peer_);
@@ -398,9 +401,11 @@ void Router::received(NodeId id, Frame frame)
     slot.answered = Clock::now();
     if (const auto *tock = std::get_if<Tock>(&frame.message)) {
         NodeTimes &times = slot.times;
+        const Ns whole = std::chrono::nanoseconds(slot.answered - slot.asked).count();
+        const Ns compute = std::clamp(tock->compute_ns, Ns{0}, whole); // whatever the node reports
         times.ticks++;
-        times.compute += tock->compute_ns;
-        times.transport += std::chrono::nanoseconds(slot.answered - slot.asked).count() - tock->compute_ns;
+        times.compute += compute;
+        times.transport += whole - compute;
     }
     controller_.received(id, std::move(frame));
     act();

@@ -43,7 +43,7 @@ struct RouterConfig {
 /// How a node spent its time [ns of wall time].
 struct NodeTimes {
     std::uint64_t ticks = 0;
-    Ns compute = 0;   ///< spent in steps, as reported in its tocks
+    Ns compute = 0;   ///< spent in steps, as its tocks report; of each tock at most the time since its request
     Ns transport = 0; ///< from request to reply, without `compute`
     Ns wait = 0;      ///< from reply to the next request: for other nodes, and for the pace
     Ns asked = 0;     ///< since a request without a reply yet; not part of the above

@@ -168,6 +168,16 @@ TEST(StructNode, AProgramStepsAtSeveralRatesAndReadsMessagesWithoutAStruct)
     EXPECT_EQ(defined, "/a/positionPosition");
 }
 
+TEST(StructNode, ARateThatMakesNoSenseIsRefusedAtOnce)
+{
+    for (const Rate rate : {Rate{0, 0}, {-1, 0}, {10, -1}, {longest_time + 1, 0}, {1, longest_time + 1}}) {
+        EXPECT_THROW(StructNode({"drift", "a", "ipc://@x"}, rate), std::invalid_argument);
+        StructNode node({"drift", "a", "ipc://@x"}, {10, 0});
+        EXPECT_THROW(node.also_step(rate), std::invalid_argument);
+    }
+    EXPECT_NO_THROW(StructNode({"drift", "a", "ipc://@x"}, {longest_time, longest_time}));
+}
+
 TEST(Outbox, AnUnchangedMessageIsSentOnlyAfterResend)
 {
     Position position{1, 2};

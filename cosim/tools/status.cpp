@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cosim/tools/status.h"
 
+#include "cosim/protocol/text.h"
+
 #include <algorithm>
 #include <cerrno>
 #include <cstdio>
@@ -16,13 +18,15 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto often = 200ms;
+constexpr std::size_t longest_text = 16'384;
 constexpr std::size_t longest_line = 4096; ///< of a command
 constexpr std::size_t most_unread = 1 << 20;
 
+/// A reason may come from a library or the system, in any bytes.
 std::string quoted(const std::string &text)
 {
     std::string s = "\"";
-    for (const char c : text) {
+    for (const char c : cleaned(text, longest_text)) {
         if (c == '"' || c == '\\') {
             s += '\\';
             s += c;

@@ -52,10 +52,12 @@ public:
             tock.records.push_back({channel_, ++count_, next_, word()});
             steps++;
         }
+        tock.compute_ns = claims;
         return tock;
     }
 
     int steps = 0;
+    Ns claims = 0; ///< the time that it reports; 0: the measured one
     Ns quits_at = -1;
 
 private:
@@ -135,6 +137,30 @@ TEST(Status, TimeIsSpentComputingOnTheWayOrWaiting)
     for (const NodeTimes &t : {s, q}) {
         EXPECT_EQ(t.asked, 0);
         EXPECT_LE(t.compute + t.transport + t.wait, all);
+    }
+}
+
+TEST(Status, ANodeReportsNoMoreTimeThanHasPassed)
+{
+    for (const Ns claimed : {longest_time, std::numeric_limits<Ns>::max(), std::numeric_limits<Ns>::min(), Ns{-1}}) {
+        zmq::context_t context;
+        RouterConfig at;
+        at.address = "inproc://status-claims";
+        Router router(context, two(190), at);
+        Sleeper slow("/quick/n", "/slow/n", Latency::next_instant, 0ms);
+        Sleeper quick("/slow/n", "/quick/n", Latency::same_instant, 0ms);
+        slow.claims = claimed;
+        router.host("slow", slow); // without frames, so that nothing has checked the number before
+        router.host("quick", quick);
+        const auto begun = std::chrono::steady_clock::now();
+        EXPECT_EQ(router.run(), "");
+        const Ns all = std::chrono::nanoseconds(std::chrono::steady_clock::now() - begun).count();
+        const NodeTimes times = router.times(0);
+        EXPECT_EQ(times.ticks, 20u);
+        for (const Ns part : {times.compute, times.transport, times.compute + times.transport + times.wait}) {
+            EXPECT_GE(part, 0);
+            EXPECT_LE(part, all);
+        }
     }
 }
 
@@ -226,6 +252,8 @@ TEST(Status, TheStateIsWrittenAsLinesOfJson)
     EXPECT_EQ(pair.heard(), "{\"listening\":\"inproc://status-lines\"}\n");
     status.report("a \"quote\", a \\ and\na line");
     EXPECT_EQ(pair.heard(), "{\"report\":\"a \\\"quote\\\", a \\\\ and\\u000aa line\"}\n");
+    status.report("\x1b[2J\xff\xc2\x9b");
+    EXPECT_EQ(pair.heard(), "{\"report\":\"?[2J??\"}\n");
     status.progress(router, config);
     const std::string line = pair.heard();
     EXPECT_TRUE(line.starts_with("{\"phase\":\"gathering\",\"wall\":")) << line;

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The library's errors, and helpers for their texts."""
 
+import re
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -11,6 +12,16 @@ class Failure(Exception):
     def __init__(self, text: str, code: int = 2) -> None:
         super().__init__(text)
         self.code = code
+
+
+# Escape sequences; then the characters that cosim/protocol/text.h forbids, and halves of pairs of UTF-16.
+_CONTROL = re.compile("\x1b\\[[0-?]*[ -/]*[@-~]|\x1b\\][^\x07\x1b]*(?:\x07|\x1b\\\\)|[\0-\x08\x0b-\x1f\x7f-\x9f"
+                      "\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+
+
+def printable(text: str) -> str:
+    """A text of a file or another program, without what drives a terminal; line feeds and tabs stay."""
+    return _CONTROL.sub("", text)
 
 
 def nearest(name: str, known: Iterable[str], cutoff: float = 0.6) -> str:

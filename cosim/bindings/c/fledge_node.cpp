@@ -83,15 +83,6 @@ template <class Byte = std::byte, class Void> std::span<Byte> bytes(Void *memory
     return {static_cast<Byte *>(memory), size};
 }
 
-Rate rate(const std::string &node, std::int64_t every, std::int64_t offset)
-{
-    if (every <= 0 || offset < 0) {
-        throw std::runtime_error(node + ": it steps at offset + k every, with every > 0 and offset >= 0, found " +
-                                 std::to_string(offset) + " and " + std::to_string(every));
-    }
-    return {every, offset};
-}
-
 std::chrono::milliseconds milliseconds(double seconds)
 {
     return std::chrono::milliseconds(std::llround(1000 * std::min(seconds, 1e9)));
@@ -130,11 +121,7 @@ int fledge_fail(const char *why)
 FledgeNode *fledge_node_create(const char *simulation, const char *node, const char *address, int64_t every,
                                int64_t offset)
 {
-    return attempt([&] {
-        MemberConfig config = member(simulation, node, address);
-        const Rate steps = rate(config.node, every, offset);
-        return new FledgeNode(std::move(config), steps);
-    });
+    return attempt([&] { return new FledgeNode(member(simulation, node, address), {every, offset}); });
 }
 
 void fledge_node_destroy(FledgeNode *node)
@@ -162,7 +149,7 @@ int fledge_node_set(FledgeNode *node, const char *keys, double timeout)
 
 int fledge_node_also_steps(FledgeNode *node, int64_t every, int64_t offset)
 {
-    return attempt_with(node, [&](FledgeNode &n) { n.node.also_step(rate(n.node.config().node, every, offset)); });
+    return attempt_with(node, [&](FledgeNode &n) { n.node.also_step({every, offset}); });
 }
 
 int fledge_node_reads(FledgeNode *node, const char *topic, FledgeLatency latency, const char *type,
@@ -309,7 +296,7 @@ int fledge_observer_next(FledgeObserver *observer, double timeout, FledgeSeen *s
             const std::lock_guard lock(o.schemas);
             const Schema &schema = o.observer.schema(o.seen.topic);
             o.message.resize(schema.size);
-            read_payload(o.seen.payload, parse_schema(schema.text), o.message);
+            read_payload(o.seen.payload, fields_of(schema), o.message);
             *seen = {o.seen.topic.c_str(), o.seen.node.c_str(), o.message.data(), o.message.size(), o.seen.t,
                      o.seen.count,         o.seen.missed};
         }

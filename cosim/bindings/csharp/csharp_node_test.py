@@ -290,6 +290,16 @@ def test_a_new_program_goes_on_for_a_killed_one(programs, spring, how):
     assert ("goes on" in said) == (how == "saves")  # from a snapshot, else from the beginning
 
 
+def request(start=-2**63, end=0, backend=""):
+    """An Initialize."""
+    w = _Writer()
+    w.numbers("Qqq", 0, end, start)
+    w.text("")
+    w.text(backend)
+    w.bytes(b"")
+    return w.frame("Initialize", 1)
+
+
 @pytest.mark.parametrize("frame, why", [
     (b"", "this is no frame of a co-simulation"),
     (b"FLCS\1\x09" + bytes(18), "version 9 of the format, while this program speaks version 1"),
@@ -298,6 +308,11 @@ def test_a_new_program_goes_on_for_a_killed_one(programs, spring, how):
     (b"FLCS\1\1\x0a\0" + bytes(16), "Start: byte 0 of the body: it ends here, 4 bytes too early"),
     (b"FLCS\1\1\x0b\0" + bytes(16), "the controller sent Ready, which is no request"),
     ([b"FLCS", b"more"], "a frame is one part, not 2"),
+    (request(), "Initialize: byte 24 of the body: start is -9223372036854775808 ns; expected -1 to"),
+    (request(start=10**18 + 1), "Initialize: byte 24 of the body: start is 1000000000000000001 ns; expected -1 to"),
+    (request(start=0, end=-1), "Initialize: byte 16 of the body: end is -1 ns; expected 0 to 1000000000000000000"),
+    (request(start=0, backend="\x1b[2J"),
+     "Initialize: byte 36 of the body: backend holds the control character U+001B"),
 ])
 @pytest.mark.parametrize("language", ["python", "csharp"])
 def test_garbage_from_a_controller_is_refused(programs, spring, language, frame, why):
@@ -322,7 +337,7 @@ def test_garbage_from_a_controller_is_refused(programs, spring, language, frame,
         link.send_multipart(frame if isinstance(frame, list) else [frame])
         failed = _Reader(link.recv())
         assert failed.kind == "Failed"
-        assert why in failed.text()
+        assert why in failed.lines("reason")
         assert why in programs[0].communicate(timeout=60)[1] and programs[0].returncode == 1
 
 

@@ -56,6 +56,11 @@ KINDS = ["Hello", "Welcome", "Refused", "Initialize", "Initialized", "ProvideDes
 VERSION = 1
 CDR_LITTLE = b"\0\1\0\0"  # before a payload's struct
 LARGEST = 64 << 20  # bytes of a frame
+LONGEST = 10**18    # [ns] of a time
+NAME, LINES = 255, 1 << 20  # bytes of a name, and of a reason or definition
+# What drives a terminal (cosim/protocol/text.h); reasons and definitions may hold tabs and line feeds.
+_CONTROL = re.compile("[\0-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
+_CONTROL_IN_LINES = re.compile("[\0-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 
 
 class NodeError(RuntimeError):
@@ -64,6 +69,7 @@ class NodeError(RuntimeError):
 
 # ---- definitions
 
+MOST_FIELDS, MOST_BYTES = 1 << 16, 1 << 24  # of a message
 PRIMITIVES = {"float64": "d", "float32": "f", "int64": "q", "uint64": "Q", "int32": "i", "uint32": "I",
               "int16": "h", "uint16": "H", "int8": "b", "uint8": "B", "bool": "B", "byte": "B", "char": "B"}
 _MEMBER = re.compile(r"([^\s\[#]+)(?:\[(\d+)\])?\s+([A-Za-z_]\w*)\s*(?:#\s*(\S*)(.*))?", re.ASCII)
@@ -100,6 +106,8 @@ class Schema:
                 if self.size % item:
                     raise NodeError(f"{name}: padding would be needed before a {code} at byte {self.size}")
                 self.size += item * n
+                if self.size > MOST_BYTES:
+                    raise NodeError(f"{name}: the message is too large")
             form = "".join(f"{n}{code}" for code, n in codes)
             self._packers = {order: struct.Struct(order + form) for order in "<>"}
             self.hash = 0xcbf29ce484222325
@@ -126,6 +134,8 @@ class Schema:
             kind, count, name, true_name, comment = match.groups()
             name = prefix + (true_name if true_name and true_name.lower() == name.lower() else name)
             n = int(count or 1)
+            if len(self.fields) >= MOST_FIELDS or n > MOST_BYTES:
+                raise NodeError(f"{self.name}: the message is too large")
             if kind in PRIMITIVES:
                 choices = _CHOICES.search(comment or "")
                 if choices and count is None and not kind.startswith("float"):
@@ -216,6 +226,11 @@ class _Writer:
     def text(self, text):
         self.bytes(text.encode())
 
+    def reason(self, text):
+        """Lines for people: '?' for each character that is not allowed."""
+        clean = _CONTROL_IN_LINES.sub("?", text).encode("utf-8", "replace")
+        self.bytes(clean[:LINES].decode("utf-8", "ignore").encode())
+
     def schema(self, schema):
         self.text(schema.name)
         self.text(schema.text)
@@ -271,20 +286,35 @@ class _Reader:
             self._fail(f"a length of {n}; {most} is the most")
         return self._take(n)
 
-    def text(self, most=1 << 20):
-        data = self.bytes(most)
-        if b"\0" in data:
-            self._fail("a text holds a zero byte")
-        try:
-            return data.decode()
-        except UnicodeDecodeError:
-            self._fail("a text is not UTF-8")
+    def time(self, field, least=-1):
+        """A time [ns]; -1: before the first instant."""
+        t = self.number("q")
+        if not least <= t <= LONGEST:
+            self._fail(f"{field} is {t} ns; expected {least} to {LONGEST}")
+        return t
 
-    def name(self):
-        return self.text(255)
+    def name(self, field):
+        return self._text(field, NAME, _CONTROL)
+
+    def lines(self, field):
+        """A reason or a definition."""
+        return self._text(field, LINES, _CONTROL_IN_LINES)
+
+    def _text(self, field, most, control):
+        n = self.number("I")
+        if n > most:
+            self._fail(f"{field} has {n} bytes; {most} are the most")
+        try:
+            text = self._take(n).decode()
+        except UnicodeDecodeError:
+            self._fail(f"{field} is not UTF-8")
+        found = control.search(text)
+        if found:
+            self._fail(f"{field} holds the control character U+{ord(found[0]):04X}")
+        return text
 
     def schema(self):
-        name, text = self.name(), self.text()
+        name, text = self.name("type"), self.lines("definition")
         self.number("I")
         self.number("Q")
         return name, text
@@ -299,11 +329,11 @@ class _Reader:
         return [item() for _ in range(n)]
 
     def channels(self):
-        return self.list(lambda: (self.number("I"), self.name(), self.schema()), 28)
+        return self.list(lambda: (self.number("I"), self.name("topic"), self.schema()), 28)
 
     def record(self):
         """(time from which the node sees it, channel, count, payload)"""
-        return self.number("q"), self.number("I"), self.number("I"), self.bytes()
+        return self.time("t"), self.number("I"), self.number("I"), self.bytes()
 
     def records(self):
         return self.list(self.record, 20)
@@ -358,7 +388,7 @@ class _Member:
             finally:
                 handshake.close()
         if r.kind == "Refused":
-            raise NodeError(f"the controller refuses {self.name}: {r.text()}")
+            raise NodeError(f"the controller refuses {self.name}: {r.lines('reason')}")
         if r.kind != expected:
             raise NodeError(f"the controller answers a Hello with {r.kind}")
         return r
@@ -410,9 +440,10 @@ class Node(_Member):
 
     def __init__(self, simulation=None, name=None, address=None, *, every, offset=0, timeout=60, keys=None):
         super().__init__(simulation, name, address, timeout, keys)
-        if every <= 0 or offset < 0:
-            raise NodeError(f"every has to be > 0 ns and offset >= 0 ns; found {every} and {offset}")
-        self.every, self.offset = every, offset
+        if every % 1 or offset % 1 or not 0 < every <= LONGEST or not 0 <= offset <= LONGEST:
+            raise NodeError("every has to be a whole number of nanoseconds > 0 and offset one >= 0, both up to 31 "
+                            f"years; found {every} and {offset}")
+        self.every, self.offset = int(every), int(offset)
         self.seed = self.end = None  #: of the run, once it has begun
         self._subscriptions = {}     # by topic
         self._publications = {}      # by topic
@@ -480,8 +511,8 @@ class Node(_Member):
         and what the step raises."""
         with zmq.Context() as context:
             welcome = self._greet(context, "Welcome")
-            address = self._reachable(welcome.text())
-            welcome.text(), welcome.number("Q")  # of shared memory, which Python does not use
+            address = self._reachable(welcome.name("address"))
+            welcome.name("shared"), welcome.number("Q")  # of shared memory, which Python does not use
             welcome.end()
             with context.socket(zmq.PAIR) as link:
                 _set_up(link, 1000, self._keys)
@@ -518,14 +549,14 @@ class Node(_Member):
                 kind = answer(r, w)
             except BaseException as error:
                 w = _Writer()
-                w.text(f"{type(error).__name__}: {error}".replace("\0", ""))
+                w.reason(f"{type(error).__name__}: {error}")
                 link.send(w.frame("Failed", number))
                 raise
             link.send(w.frame(kind, r.request))
 
     def _on_Initialize(self, r, w):
-        self.seed, self.end, start = r.number("Q"), r.number("q"), r.number("q")
-        r.text(), r.text()
+        self.seed, self.end, start = r.number("Q"), r.time("end", 0), r.time("start")
+        r.name("frontend"), r.name("backend")
         snapshot = r.bytes()
         r.end()
         if self._step is None:
@@ -574,7 +605,7 @@ class Node(_Member):
         return "Ready"
 
     def _on_Tick(self, r, w):
-        until = r.number("q")
+        until = r.time("until")
         records = r.records()
         r.end()
         for t, channel, count, payload in records:
@@ -606,7 +637,7 @@ class Node(_Member):
         return "Tock"
 
     def _on_Save(self, r, w):
-        r.number("q")
+        r.time("time")
         r.end()
         snapshot = _Writer()  # empty: the node cannot make one
         written = {topic: p for topic, p in self._publications.items() if p.sequence}
@@ -628,10 +659,11 @@ class Node(_Member):
     def _go_on_from(self, r):
         if not self._restore:
             raise NodeError("there is a snapshot to go on from, but no restores()")
-        for topic, payload in r.list(lambda: (r.text(), r.bytes()), 8):
+        for topic, payload in r.list(lambda: (r.name("topic"), r.bytes()), 8):
             if topic in self._subscriptions:
                 self._subscriptions[topic].payload = payload
-        for topic, t, sequence, message in r.list(lambda: (r.text(), r.number("q"), r.number("I"), r.bytes()), 20):
+        written = r.list(lambda: (r.name("topic"), r.time("t"), r.number("I"), r.bytes()), 20)
+        for topic, t, sequence, message in written:
             if topic in self._publications:
                 p = self._publications[topic]
                 p.t, p.sequence, p.message = t, sequence, message
@@ -639,7 +671,7 @@ class Node(_Member):
         r.end()
 
     def _on_Finish(self, r, w):
-        self.reason = r.text()
+        self.reason = r.lines("reason")
         r.end()
         return "Finished"
 
@@ -748,7 +780,7 @@ class Observer(_Member):
 
     def _attach(self):
         r = self._greet(self._context, "Attached")
-        self._frontend, self._backend = self._reachable(r.text()), self._reachable(r.text())
+        self._frontend, self._backend = self._reachable(r.name("frontend")), self._reachable(r.name("backend"))
         for _, topic, (name, text) in r.channels():
             if topic not in self.topics or self.topics[topic].text != text:
                 self.topics[topic] = Schema(name, text)
@@ -765,15 +797,20 @@ class Observer(_Member):
         """A Seen; None for a message that came before, and at the end of the run."""
         if len(parts) != 2:
             raise NodeError("the broker sends a message that is not of two parts")
-        topic, r = parts[0].decode(), _Reader(parts[1])
+        try:
+            topic, r = parts[0].decode(), _Reader(parts[1])
+        except UnicodeDecodeError:
+            raise NodeError("the broker sends a topic whose name is not UTF-8") from None
+        if _CONTROL.search(topic):
+            raise NodeError("the broker sends a topic whose name holds a control character")
         if r.kind == "Finish":
-            self.reason = r.text()
+            self.reason = r.lines("reason")
             self._socket.unsubscribe("finish")  # confirms to the broker that this program got it
             return None
         if r.kind != "Published":
             raise NodeError(f"the broker sends {r.kind}")
         t, _, count, payload = r.record()
-        node = r.name()
+        node = r.name("node")
         r.end()
         before, at = self._positions.get(topic, (None, None))
         if (before, at) == (count, t):

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Python programs as nodes: real processes around the real controller, and what happens when one dies."""
+import ctypes
+import functools
 import json
 import os
 import re
@@ -359,10 +361,28 @@ def test_definitions_that_differ_are_refused_with_the_field(programs):
         program.communicate(timeout=60)
 
 
-@pytest.mark.parametrize("rate", [{"every": 0}, {"every": -1}, {"every": 10, "offset": -1}])
-def test_a_rate_that_makes_no_sense_is_refused_at_once(rate):
-    with pytest.raises(NodeError, match="every has to be > 0 ns and offset >= 0 ns"):
-        Node("spring", "mass", "ipc://@nowhere", **rate)
+RATES = [(0, 0), (-1, 0), (10, -1), (10**18 + 1, 0), (1, 10**18 + 1), (2**63, 0)]
+
+
+@pytest.mark.parametrize(("every", "offset"), [*RATES, (0.5, 0), (1e300, 0), (float("nan"), 0), (float("inf"), 0)])
+def test_a_rate_that_makes_no_sense_is_refused_at_once(every, offset):
+    with pytest.raises(NodeError, match="every has to be a whole number of nanoseconds > 0 and offset one >= 0"):
+        Node("spring", "mass", "ipc://@nowhere", every=every, offset=offset)
+    assert Node("spring", "mass", "ipc://@nowhere", every=0.25 * 10**9).every == 250 * ms
+
+
+@pytest.mark.parametrize(("every", "offset"), [rate for rate in RATES if rate[0] < 2**63])
+def test_the_c_library_refuses_the_same_rates(every, offset):
+    library = ctypes.CDLL(str(CONTROLLER.with_name("bindings") / "libfledge_node.so"))
+    library.fledge_node_create.restype, library.fledge_error.restype = ctypes.c_void_p, ctypes.c_char_p
+    create = functools.partial(library.fledge_node_create, b"spring", b"mass", b"ipc://@nowhere")
+    why = ("mass: it steps at offset + k every, with every > 0 and offset >= 0, both up to 31 years; found "
+           f"{offset} and {every} ns").encode()
+    assert create(ctypes.c_int64(every), ctypes.c_int64(offset)) is None and library.fledge_error() == why
+    node = ctypes.c_void_p(create(ctypes.c_int64(5), ctypes.c_int64(0)))
+    assert library.fledge_node_also_steps(node, ctypes.c_int64(every), ctypes.c_int64(offset)) == -1
+    assert library.fledge_error() == why
+    library.fledge_node_destroy(node)
 
 
 def test_a_program_that_is_not_expected_gets_the_reason():
@@ -569,6 +589,10 @@ def test_messages_are_packed_and_read_in_both_byte_orders():
         schema.unpack(b"\0\1\0\0x")
     with pytest.raises(NodeError, match="padding"):
         Schema("M", "int32 a\nfloat64 b\n")
+    nested = "p/A[60000] a\n" + "=" * 80 + "\nMSG: p/A\nint8 x\nint8 y\n"
+    for large in ("float64[4000000000] a\n", nested, nested.replace("60000", "4000000000"), "int8[16777217] a\n"):
+        with pytest.raises(NodeError, match="M: the message is too large"):
+            Schema("M", large)
     with pytest.raises(NodeError, match="string is not of fixed size"):
         Schema("M", "string a\n")
 

@@ -65,7 +65,7 @@ inline Bytes filled(std::size_t n)
 inline std::vector<Frame> one_of_each()
 {
     const Schema schema = error_schema();
-    const Record record{3, 7, -5, make_payload(filled(120))};
+    const Record record{3, 7, 95, make_payload(filled(120))};
     return {{1, Hello{1, 2, "spin", "flight", Role::asynchronous, true}},
             {2, Welcome{"tcp://127.0.0.1:7000", "/proc/12/fd/7", 0x0123456789abcdef}},
             {3, Refused{"there is a flight already"}},

@@ -7,13 +7,14 @@ the mission is wrong; 130 Ctrl-C.
 from __future__ import annotations
 
 import argparse
+import io
 import os
 import sys
 from pathlib import Path
 
 from fledge.cli.arguments import number, open_run, parse_duration
 from fledge.cli.console import Plots, say, size_of
-from fledge.errors import Failure
+from fledge.errors import Failure, printable
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
@@ -341,12 +342,14 @@ def main(arguments: list[str] | None = None) -> int:
     cut = arguments.index("--") if "--" in arguments else len(arguments)
     options = parser().parse_args(arguments[:cut])
     options.after_dashes = arguments[cut + 1:]
+    if isinstance(sys.stdout, io.TextIOWrapper):    # a character that the user's encoding lacks is no error
+        sys.stdout.reconfigure(errors="backslashreplace")
     try:
         if options.after_dashes and not getattr(options, "starts_command", False):
             raise Failure(f"nothing may follow --; found {' '.join(options.after_dashes)}")
         return options.function(options)
     except Failure as error:
-        print(f"fledge: {error}", file=sys.stderr)
+        print(f"fledge: {printable(str(error))}", file=sys.stderr)
         return error.code
     except KeyboardInterrupt:
         print("fledge: interrupted", file=sys.stderr)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
 
 from fledge.cli.console import say
 from fledge.errors import Failure
@@ -40,7 +41,8 @@ def add(command: Callable) -> None:
     a = action("allow", allow, "let the owner of a public key take part", "allow lab1.public --as world flight")
     a.add_argument("keys_", nargs="+", metavar="KEY", help="a .public file, or the name of one in the folder")
     a.add_argument("--as", dest="nodes", nargs="+", metavar="NODE",
-                   help="the nodes that it may speak as; '*': all. Default: the name of the key")
+                   help="the nodes that it may speak as; '*': all. Default: the name of a key in the folder; for a "
+                   "file, a terminal asks")
     a = action("deny", deny, "let the owner of a key take part no longer", "deny lab1")
     a.add_argument("names", nargs="+", metavar="NAME")
 
@@ -81,7 +83,7 @@ def list_(options: argparse.Namespace) -> None:
     width = max([len(name) for name, *_ in pairs] + [len(key.path.stem) for key in allowed] + [0]) + 2
     say(f"keys in {options.keys}")
     for name, public, secret, problem in pairs:
-        say(f"  {name:{width}} {public.public if public else '':40}  "
+        say(f"  {name:{width}} {public.public if public else '':40}  {public.fingerprint if public else '':24}  "
             + ("with its secret" if secret else "public only"))
         if problem:
             say(f"  {'':{width}} {problem}")
@@ -89,7 +91,7 @@ def list_(options: argparse.Namespace) -> None:
         say("  none: ./fledge keys new NAME makes a pair")
     say("allowed")
     for key in allowed:
-        say(f"  {key.path.stem:{width}} {key.public}  as " + (", ".join(key.nodes) or "no node"))
+        say(f"  {key.path.stem:{width}} {key.public}  {key.fingerprint}  as " + (", ".join(key.nodes) or "no node"))
     if not allowed:
         say("  none: ./fledge keys allow NAME lets the owner of a key take part")
 
@@ -97,8 +99,24 @@ def list_(options: argparse.Namespace) -> None:
 def allow(options: argparse.Namespace) -> None:
     from fledge.cosim import keys
 
-    for name, nodes in keys.allow(options.keys, options.keys_, options.nodes):
-        say(f"  {name} may take part as " + ("any node" if "*" in nodes else ", ".join(nodes)))
+    for key, is_file in [keys.find(options.keys, given) for given in options.keys_]:
+        if is_file and not options.nodes:
+            _confirm(key)
+    for key, nodes in keys.allow(options.keys, options.keys_, options.nodes):
+        say(f"  {key.path.stem} ({key.fingerprint}) may take part as "
+            + ("any node" if "*" in nodes else ", ".join(nodes)))
+
+
+def _confirm(key):
+    """Ask whether the owner of a key that somebody sent may take part under the file's name."""
+    name = key.path.stem
+    called = f", which calls itself {key.name}" if key.name != name else ""
+    if not sys.stdin.isatty():
+        raise Failure(f"keys: {key.path} holds the key {key.fingerprint}{called}; say as which nodes its owner may "
+                      f"take part: --as {name}")
+    if input(f"{key.path} holds the key {key.fingerprint}{called}. Its owner has the same digits (./fledge keys list). "
+             f"Admit it as the node {name}? [y/N] ").strip().lower() not in ("y", "yes"):
+        raise Failure("keys: nothing was allowed")
 
 
 def deny(options: argparse.Namespace) -> None:

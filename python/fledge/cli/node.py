@@ -75,19 +75,20 @@ def node(options: argparse.Namespace) -> int:
     if len(names) > 1 or options.until is not None:
         from fledge import cosim
 
-        cosim.check(sim)
-        return _several(sim, scenario, names, options)
+        return _several(sim, scenario, names, options, cosim.checked_wires(sim))
     return _one(sim, scenario, names[0], options)
 
 
-def _one(sim, scenario, process, options, address=None, quiet=False):
+def _one(sim, scenario, process, options, crossing=None, address=None, quiet=False):
     """Fly one process in this program, until the end of the run."""
     import fledge
     from fledge import cosim
 
     from fledge.cli import health
 
-    part = cosim.split(sim, process)
+    part = cosim.split(sim, process, crossing)
+    for log in sim.records:
+        log.keep = False    # it goes into the file; this program may run for weeks
     name = options.name or (not quiet and os.environ.get("FLEDGE_NODE")) or process
     if options.record:
         sim.archive(Path(options.record) / f"{name}.mcap", mission=sim.name, scenario=scenario,
@@ -120,7 +121,7 @@ def _one(sim, scenario, process, options, address=None, quiet=False):
     return 0
 
 
-def _several(sim, scenario, names, options):
+def _several(sim, scenario, names, options, crossing):
     """Fly each of several processes in a program of its own; with --until, this program is their controller."""
     from fledge import cosim
 
@@ -134,7 +135,7 @@ def _several(sim, scenario, names, options):
     begun, problem = perf_counter(), ""
     with _Programs() as programs:
         for name in names:
-            programs.start(name, lambda name=name: _one(sim, scenario, name, options, address, quiet=True))
+            programs.start(name, lambda name=name: _one(sim, scenario, name, options, crossing, address, True))
         if end is not None:  # made after the forks, for sockets belong to one program
             controller = cosim.Controller(options.simulation, names, end, seed=options.seed or 0, address=address,
                                           keys=options.keys, join=options.patience, report=say)

@@ -64,11 +64,18 @@ def check(simulation: Simulation) -> None:
         raise SetupError("\n".join(faults))
 
 
-def split(simulation: Simulation, process: str) -> Node:
+def checked_wires(simulation: Simulation) -> list[Crossing]:
+    """check(), then crossing_wires()."""
+    check(simulation)
+    return crossing_wires(simulation)
+
+
+def split(simulation: Simulation, process: str, crossing: list[Crossing] | None = None) -> Node:
     """Reduce a simulation to one of its processes; other programs run the others. Returns it as a Node.
 
-    It must not have run. Raises SetupError, and changes nothing, if the process is unknown, has no task, or shares
-    more than wires with another process.
+    crossing: what checked_wires() gives, if the caller has it already: with n processes in n programs, each need not
+    look at all wires again. It must not have run. Raises SetupError, and changes nothing, if the process is unknown,
+    has no task, or shares more than wires with another process.
     """
     kept = simulation.process(process)
     if simulation.time_ns >= 0:
@@ -77,8 +84,9 @@ def split(simulation: Simulation, process: str) -> Node:
     if not kept.tasks:
         raise SetupError(f"{process} has no task, so it can be no node: there is nothing to step"
                          + ("" if kept.instances else "; it is empty"))
-    check(simulation)
-    reads = [wire for wire in crossing_wires(simulation) if wire.port.startswith(process + ".")]
+    if crossing is None:
+        crossing = checked_wires(simulation)
+    reads = [wire for wire in crossing if wire.port.startswith(process + ".")]
     simulation.isolate(process)
     return Node(simulation, process, reads)
 

@@ -5,6 +5,7 @@ The files are ZeroMQ's certificates; cosim/security/keys.h describes their folde
 """
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 from collections.abc import Sequence
@@ -22,7 +23,8 @@ class KeysError(RuntimeError):
 
 
 class Key:
-    """A file of a key: name, public, secret (None in a file that goes to others), nodes (of an allowed one)."""
+    """A file of a key: name (that its writer gave it), public, secret (None in a file that goes to others), nodes (of
+    an allowed one)."""
 
     def __init__(self, path: Path | str) -> None:
         self.path = path = Path(path)
@@ -45,6 +47,12 @@ class Key:
         self.name = values.get("name") or path.stem
         self.public, self.secret = values["public-key"], values.get("secret-key")
         self.nodes = values.get("nodes", "").split()
+
+    @property
+    def fingerprint(self) -> str:
+        """Twenty digits by which two people compare a key."""
+        digits = hashlib.sha256(self.public.encode()).hexdigest()
+        return "-".join(digits[i:i + 4] for i in range(0, 20, 4))
 
 
 def new(folder: Path | str, names: Sequence[str]) -> list[Path]:
@@ -77,37 +85,47 @@ def new(folder: Path | str, names: Sequence[str]) -> list[Path]:
     return written
 
 
+def find(folder: Path | str, given: Path | str) -> tuple[Key, bool]:
+    """The public key in a file, or of a name in the folder, and whether it is a file. The key has the name that the
+    user gave, by the name of the file or in the folder, not the one that its writer put into it."""
+    folder, path = Path(folder), Path(given)
+    is_file = path.is_file()
+    if not is_file:
+        path = folder / f"{given}.public"
+    if not path.is_file():
+        known = sorted(p.stem for p in folder.glob("*.public") if p.stem != CONTROLLER)
+        raise KeysError(f"there is no public key {given}; in {folder} there are {', '.join(known) or 'none'}")
+    key = Key(path)
+    if key.secret:
+        raise KeysError(f"{path} holds a secret key, which stays with its owner: allow the file with the public key")
+    if not key.name.isprintable():
+        raise KeysError(f"{path}: the name in it, {ascii(key.name)}, holds control characters")
+    if not _NAME.fullmatch(path.stem):
+        raise KeysError(f"{path}: a key is called as its file, by letters, digits, _ . -; rename it")
+    return key, is_file
+
+
 def allow(folder: Path | str, keys: Sequence[Path | str],
-          nodes: Sequence[str] | None = None) -> list[tuple[str, list[str]]]:
+          nodes: Sequence[str] | None = None) -> list[tuple[Key, list[str]]]:
     """Admit the owners of these public keys (files, or names in the folder) as `nodes`; default: as the name of the
-    key. Returns (name of the key, nodes) of each."""
+    file. Returns (key, nodes) of each."""
     folder = Path(folder)
-    found = []
-    for given in keys:
-        path = Path(given)
-        if not path.is_file():
-            path = folder / f"{given}.public"
-        if not path.is_file():
-            known = sorted(p.stem for p in folder.glob("*.public") if p.stem != CONTROLLER)
-            raise KeysError(f"there is no public key {given}; in {folder} there are {', '.join(known) or 'none'}")
-        key = Key(path)
-        if key.secret:
-            raise KeysError(f"{path} holds a secret key, which stays with its owner: allow the file with the public "
-                            "key")
-        if not _NAME.fullmatch(key.name):
-            raise KeysError(f"{path}: '{key.name}' cannot be a file's name: letters, digits, _ . - can")
-        if any(re.search(r'[\s"]', node) or not node for node in nodes or []):
-            raise KeysError("the name of a node that has a key holds neither spaces nor quotes")
-        for other in allowed(folder):
-            if other.public == key.public and other.path.stem != key.name:
-                raise KeysError(f"{path}: this key is allowed already, as {other.path.stem}")
-        found.append((key, list(nodes or [key.name])))
+    found = [(key, list(nodes or [key.path.stem])) for key in (find(folder, given)[0] for given in keys)]
+    if any(re.search(r'[\s"]', node) or not node.isprintable() or not node for node in nodes or []):
+        raise KeysError("the name of a node that has a key holds neither spaces nor quotes nor control characters")
+    for i, (key, _) in enumerate(found):
+        for other in [*allowed(folder), *(key for key, _ in found[:i])]:
+            if other.public == key.public and other.path.stem != key.path.stem:
+                raise KeysError(f"{key.path}: this key is allowed already, as {other.path.stem}")
+            if other.public != key.public and other.path.stem == key.path.stem:
+                raise KeysError(f"{key.path}: {key.path.stem} is another key already, {other.fingerprint}; ./fledge "
+                                f"keys deny {key.path.stem} removes that, or rename the file")
     (folder / "allowed").mkdir(parents=True, exist_ok=True, mode=0o700)
     for key, names in found:
-        with Part(folder / "allowed" / f"{key.name}.public") as part:
-            part.write_text(f'metadata\n    name = "{key.name}"\n    nodes = "{" ".join(names)}"\n'
+        with Part(folder / "allowed" / f"{key.path.stem}.public") as part:
+            part.write_text(f'metadata\n    name = "{key.path.stem}"\n    nodes = "{" ".join(names)}"\n'
                             f'curve\n    public-key = "{key.public}"\n', encoding="utf-8")
-    return [(key.name, names) for key, names in found]
+    return found
 
 
 def deny(folder: Path | str, names: Sequence[str]) -> list[Path]:

@@ -4,6 +4,7 @@
 import os
 import re
 import stat
+from types import SimpleNamespace
 
 import pytest
 import zmq
@@ -30,7 +31,9 @@ def test_a_team_makes_keys_and_lets_one_another_in(tmp_path, capsys):
     code, printed = fledge(capsys, "list", "--keys", here)
     lines = printed.splitlines()
     lab1 = keys.Key(lab / "lab1.public").public
-    assert ["lab1", lab1, "as", "flight,", "viewer"] in [line.split() for line in lines]
+    digits = keys.Key(lab / "lab1.public").fingerprint
+    assert re.fullmatch(r"([0-9a-f]{4}-){4}[0-9a-f]{4}", digits)
+    assert ["lab1", lab1, digits, "as", "flight,", "viewer"] in [line.split() for line in lines]
     assert any(line.startswith("  world ") and line.endswith("with its secret") for line in lines)
     assert any(line.endswith("  as world") for line in lines)
     code, printed = fledge(capsys, "deny", "lab1", "--keys", here)
@@ -74,6 +77,9 @@ def test_mistakes_change_nothing(tmp_path, capsys):
             (("allow", tmp_path / "world.secret"), "holds a secret key, which stays with its owner"),
             (("allow", "world", "cut"), "cut.public, line 2: a public-key is 40 characters of Z85"),
             (("allow", "world", "--as", "a b"), "holds neither spaces nor quotes"),
+            (("allow", "world", "--as", "a\x1b[2J"), "holds neither spaces nor quotes nor control characters"),
+            (("allow", tmp_path / "world.public"), r"world.public holds the key ([0-9a-f]{4}-){4}[0-9a-f]{4}; say as "
+             "which nodes its owner may take part: --as world"),
             (("deny", "world"), "world is not allowed in .*; allowed are none")):
         code, printed = fledge(capsys, *arguments, "--keys", tmp_path)
         assert code == 2 and re.search(text, printed), printed
@@ -89,3 +95,54 @@ def test_one_key_has_one_name(tmp_path):
         keys.allow(tmp_path, [other])
     keys.allow(tmp_path, [tmp_path / "a" / "world.public"], ["*"])  # the same one anew, for more
     assert [key.nodes for key in keys.allowed(tmp_path)] == [["*"]]
+
+
+def mailed(folder, file, name):
+    """A public key in a file that calls itself `name`."""
+    keys.new(folder / "theirs", ["own"])
+    path = folder / file
+    path.write_text((folder / "theirs/own.public").read_text().replace('"own"', f'"{name}"'))
+    return path
+
+
+def test_a_mailed_file_does_not_choose_its_name(tmp_path, capsys, monkeypatch):
+    path = mailed(tmp_path, "lab1.public", "flight")
+    here, fingerprint = tmp_path / "here", keys.Key(path).fingerprint
+    code, printed = fledge(capsys, "allow", path, "--keys", here)
+    assert code == 2 and not here.exists()
+    assert f"holds the key {fingerprint}, which calls itself flight; say as which nodes" in printed
+    monkeypatch.setattr("sys.stdin", SimpleNamespace(isatty=lambda: True))
+    for answer, expected in (("", []), ("n", []), ("y", ["lab1"])):
+        asked = []
+        monkeypatch.setattr("builtins.input", lambda question, answer=answer: asked.append(question) or answer)
+        fledge(capsys, "allow", path, "--keys", here)
+        assert [node for key in keys.allowed(here) for node in key.nodes] == expected
+        assert f"holds the key {fingerprint}, which calls itself flight. " in asked[0]
+        assert "as the node lab1?" in asked[0]
+    monkeypatch.setattr("builtins.input", lambda question: pytest.fail("it asked"))
+    code, printed = fledge(capsys, "allow", path, "--as", "nav", "--keys", here)
+    assert code == 0 and f"lab1 ({fingerprint}) may take part as nav\n" in printed
+    assert [key.path.stem for key in keys.allowed(here)] == ["lab1"]
+
+
+def test_the_name_in_a_file_does_not_drive_the_terminal(tmp_path, capsys):
+    path = mailed(tmp_path, "lab1.public", "\x1b[2Jflight")
+    code, printed = fledge(capsys, "allow", path, "--as", "lab1", "--keys", tmp_path / "here")
+    assert code == 2 and "the name in it, '\\x1b[2Jflight', holds control characters" in printed
+    assert not (tmp_path / "here").exists()
+
+
+def test_a_name_that_is_allowed_is_not_replaced(tmp_path, capsys):
+    keys.new(tmp_path, ["controller", "lab1"])
+    keys.allow(tmp_path, ["lab1"])
+    first = keys.allowed(tmp_path)[0]
+    path = mailed(tmp_path / "mail", "lab1.public", "lab1")
+    code, printed = fledge(capsys, "allow", path, "--as", "lab1", "--keys", tmp_path)
+    assert code == 2 and f"lab1 is another key already, {first.fingerprint}; ./fledge keys deny lab1 removes" in printed
+    assert [key.public for key in keys.allowed(tmp_path)] == [first.public]
+    other = tmp_path / "other/lab1.public"
+    other.parent.mkdir()
+    other.write_text((tmp_path / "lab1.public").read_text())
+    with pytest.raises(keys.KeysError, match="lab1 is another key already"):    # two of one name at once
+        keys.allow(tmp_path / "new", [other, path])
+    assert not (tmp_path / "new").exists()

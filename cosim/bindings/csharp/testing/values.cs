@@ -89,7 +89,11 @@ static class Values
         Refused("mass does not read /b; it reads /a", () => node["/b"].ToString());
         Refused("mass does not write /a; it writes nothing", () => node["/a"] = new Message());
         Refused("a node needs its address, given here or by FLEDGE_ADDRESS", () => new Node("s", "n", "", every: 1));
-        Refused("mass: it steps at offset + k every, with every > 0 and offset >= 0, found 0 and 0",
-                () => new Node("spring", "mass", "ipc://@x"));
+        const string steps = "mass: it steps at offset + k every, with every > 0 and offset >= 0, both up to 31 years"
+                             + "; ";
+        Refused(steps + "found 0 and 0 ns", () => new Node("spring", "mass", "ipc://@x"));
+        Refused(steps + "found -1 and 5 ns", () => new Node("spring", "mass", "ipc://@x", every: 5, offset: -1));
+        Refused(steps + "found 0 and " + long.MaxValue + " ns", () => node.AlsoSteps(long.MaxValue));
+        Refused(steps + "found 0 and -1 ns", () => node.AlsoSteps(-1));
     }
 }

@@ -134,13 +134,35 @@ def read(path: Path) -> Plan:
         data, lines = parse(path.read_text(encoding="utf-8"), path)
     except UnicodeDecodeError:
         raise SimError(f"{path}:1: the file must be TOML; it is no text in UTF-8") from None
+    except RecursionError:
+        raise SimError(f"{path}:1: the file must be TOML; its arrays or tables are nested too deeply") from None
     except TomlError as error:
         raise SimError(str(error)) from None
+    except ValueError as error:     # a number of thousands of digits
+        raise SimError(f"{path}:1: the file must be TOML; {error}") from None
     reader = _Reader(path, lines)
+    for place, text in _texts(data, ()):
+        if "\0" in text:   # no program, file or variable takes it
+            reader.refuse(place, "no text holds the character U+0000", f"it is {shown(text)}", "leave it out")
+    if reader.problems:
+        raise SimError(reader.complaints())
     plan = reader.plan(data)
     if reader.problems:
         raise SimError(reader.complaints())
     return plan
+
+
+def _texts(value, path: tuple) -> Iterator[tuple[tuple, str]]:
+    """All texts of a file with their places, those of its keys included."""
+    if isinstance(value, str):
+        yield path, value
+    elif isinstance(value, dict):
+        for key, inner in value.items():
+            yield (*path, key), key
+            yield from _texts(inner, (*path, key))
+    elif isinstance(value, list):
+        for i, inner in enumerate(value):
+            yield from _texts(inner, (*path, i))
 
 
 class _Reader(Tables):
@@ -378,7 +400,8 @@ class _Reader(Tables):
 
     def topics(self, table: dict, path: tuple, key: str) -> list[str] | None:
         value = table[key]
-        if not isinstance(value, list) or not all(isinstance(t, str) and re.fullmatch(r"/[^,\s]+", t) for t in value):
+        if not isinstance(value, list) or not all(isinstance(t, str) and re.fullmatch(r"/[^,\s]{1,254}", t)
+                                                  and t.isprintable() for t in value):
             self.refuse((*path, key), f"`{key}` is a list of topics", f"it is {shown(value)}",
                         'write for example ["/ground/command"]')
             return None

@@ -185,6 +185,22 @@ def test_what_is_no_toml(folder):
         read(folder / "sim.toml")
 
 
+@pytest.mark.parametrize("text, complaint", [
+    ("x = " + "[" * 20_000 + "]" * 20_000, ":1: the file must be TOML; its arrays or tables are nested too deeply"),
+    ("until = " + "9" * 5000, ":1: the file must be TOML; Exceeds the limit"),
+    ('[[node]]\nname = "a"\ncommand = ["true", "a\\u0000b"]',
+     ':3: no text holds the character U+0000; it is "a\\u0000b"'),
+    ('[[node]]\nname = "a"\ncommand = ["true"]\ndirectory = "a\\u0000"', ":4: no text holds the character U+0000; "),
+    ('[[node]]\nname = "a"\ncommand = ["true"]\nenv = { A = "\\u0000" }', ":4: no text holds the character U+0000; "),
+    ('watch = ["/a\\u001b[2J"]', ':1: `watch` is a list of topics; it is ["/a\\u001b[2J"]'),
+    ('simulation = "a\\u009b2J"', ":1: a simulation's name is of letters, digits"),
+])
+def test_a_text_that_no_program_takes_is_a_mistake_with_its_line(folder, text, complaint):
+    with pytest.raises(SimError) as error:
+        read(write(folder, text))
+    assert complaint in str(error.value)
+
+
 def test_an_address_in_use(folder):
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))

@@ -6,14 +6,15 @@ gathers all.log from the files some times a second.
 """
 from __future__ import annotations
 
-import re
 import time
 from collections import deque
 from pathlib import Path
 from typing import BinaryIO
 
+from fledge.errors import printable
+
 _MOST = 1 << 20     # bytes that are read of one file at a time
-_CONTROL = re.compile(r"\x1b\[[0-?]*[ -/]*[@-~]|\x1b\][^\x07\x1b]*(?:\x07|\x1b\\)|[\x00-\x08\x0b-\x1f\x7f-\x9f]")
+_LONGEST = 1000     # characters of a line that is kept for the table
 
 
 class Logs:
@@ -59,7 +60,7 @@ class Logs:
             when = time.monotonic() - self._begun
             self._all.writelines(f"{when:9.3f} {name:{self._width}} | {line}\n" for name, line in lines)
             self._all.flush()
-            self.recent.extend(lines)
+            self.recent.extend((name, line[:_LONGEST]) for name, line in lines)
         return lines
 
     def last(self, name: str, count: int) -> list[str]:
@@ -83,4 +84,4 @@ class Logs:
 
 def shown(line: str) -> str:
     """A line without the characters that move the cursor or change colours."""
-    return _CONTROL.sub("", line.rstrip("\r").rsplit("\r", 1)[-1]).expandtabs()
+    return printable(line.rstrip("\r").rsplit("\r", 1)[-1]).expandtabs()

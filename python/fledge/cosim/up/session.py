@@ -6,6 +6,7 @@ import fcntl
 import json
 import os
 import re
+import resource
 import select
 import signal
 import socket
@@ -27,6 +28,7 @@ _GIVE_UP = 15.0     # [s] for guards to kill the others
 _HUNG = 1.0         # [s] for a program to end by itself when its node is lost, or when it is asynchronous
 _SILENT = 3.0       # [s] without a report of the controller, after which the session decides alone
 _BUSY = 2.0         # [s] after which the table shows an unanswered request
+_FILES_PER_PROGRAM, _OTHER_FILES = 3, 100    # its log and standard input, one more while it starts; our own
 _LAST_LINES = 12    # of the log of a program that failed
 
 FLEDGE = Path(__file__).resolve().parents[4]
@@ -94,6 +96,7 @@ class Session:
                 old.unlink()
             self.logs = Logs(self.folder / "log", max(len(name) for name in [*self._running, "controller"]))
             adopt_strays()
+            make_room(len(self._running))
             with _Signals(self._interrupt):
                 return self._run()
         finally:
@@ -408,6 +411,17 @@ class Session:
 
     def last_lines(self, name: str) -> list[str]:
         return self.logs.last(name, _LAST_LINES)
+
+
+def make_room(programs: int) -> None:
+    """Let this program have the open files that so many programs need. Raises StartError if the system allows fewer."""
+    needed = _FILES_PER_PROGRAM * programs + _OTHER_FILES
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if hard != resource.RLIM_INFINITY and hard < needed:
+        raise StartError(f"{programs} programs need {needed} open files; this system allows {hard} (ulimit -Hn; nofile "
+                         "in /etc/security/limits.conf raises it)")
+    if soft != resource.RLIM_INFINITY and soft < needed:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))
 
 
 class _Signals:

@@ -107,6 +107,28 @@ def test_a_program_that_fails_is_shown_with_its_last_lines(mark, tmp_path):
                            "(it had reached 0.99 s)\n")
 
 
+BAD = "\\x1b[2J\\x1b]0;title\\x07\\x9b31m\\ud800\\u202e\\u885b"     # what would drive a terminal, in Python's escapes
+
+
+@pytest.mark.parametrize("options", [[], ["--logs"]])
+def test_no_text_of_a_program_drives_the_terminal_or_ends_the_command(mark, tmp_path, options):
+    file = write_pair(tmp_path, until=0.2)
+    mass, spring = (tmp_path / "mass.py").read_text(), (tmp_path / "spring.py").read_text()
+    (tmp_path / "mass.py").write_text(mass.replace("node = Node", f"""
+sys.stdout.reconfigure(encoding="utf-8", errors="surrogatepass")
+print("{BAD}", flush=True)
+sys.stdout.buffer.write(b"\\xff\\xfe\\x00 raw\\r\\n" + b"x" * 100_000 + b"\\n")
+node = Node""", 1))
+    (tmp_path / "spring.py").write_text(spring.replace("node[", f"raise ValueError('a {BAD} pole')\n    node[", 1))
+    done = up(file, *options, mark=mark, env={"PYTHONIOENCODING": "ascii"})
+    assert done.returncode == 1
+    assert "spring: it failed: ValueError: a ?[2J?]0;title??31m??\\u885b pole" in done.stderr
+    said = (done.stdout + done.stderr).replace("\n", "")
+    assert all(character.isprintable() for character in said), ascii(said)
+    assert "Traceback" not in done.stderr.replace("  | ", "") and "defect" not in done.stderr
+    assert b"\x1b[2J" in (tmp_path / "runs/pair/log/mass.log").read_bytes()     # the file has what the program wrote
+
+
 def test_one_that_fails_at_once_ends_the_run_at_once(mark, tmp_path):
     file = write_pair(tmp_path)
     (tmp_path / "spring.py").write_text("import nothing_of_that_name")

@@ -6,11 +6,13 @@ import os
 import shutil
 import sys
 import time
+import unicodedata
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TextIO
 
 from fledge.cosim.up.logs import shown
+from fledge.errors import printable
 from fledge.progress import bar, clock
 
 _SHARES = 16        # columns of the bar that divides a node's time
@@ -138,6 +140,16 @@ _COLUMNS = (
 )
 
 
+def cut(text: str, width: int) -> str:
+    """As much of a text as takes no more columns of a terminal than `width`."""
+    columns = 0
+    for i, character in enumerate(text):
+        columns += 0 if unicodedata.combining(character) else 1 + (unicodedata.east_asian_width(character) in "WF")
+        if columns > width:
+            return text[:i]
+    return text
+
+
 def _chosen(now: Progress, rates: list[Row], most: int) -> list[int]:
     """The rows to show, in their own order: those with a problem and the busiest."""
     order = list(range(len(now.rows)))
@@ -185,7 +197,7 @@ class Watch:
 
     def take(self, now: Progress) -> tuple[list[Row], float]:
         """Add the newest state; returns (the rates of each node, simulated seconds per second)."""
-        self._past = [p for p in self._past if now.wall - p.wall <= _LATELY]
+        self._past = [p for p in self._past if now.wall - _LATELY <= p.wall < now.wall]
         self._past.append(replace(now, rows=[replace(row) for row in now.rows]))
         return between(self._past[0], now)
 
@@ -216,7 +228,7 @@ class Lines:
 
     def happens(self, text: str) -> None:
         """Show an event of the run."""
-        self._write([text])
+        self._write([printable(text)])
 
     def logged(self, new: list[tuple[str, str]], width: int) -> None:
         """Show new lines of logs: (name, line)."""
@@ -271,7 +283,7 @@ class Screen(Lines):
         names = min(max(len(row.name) for row in now.rows), _NAME)
         text = [f"\x1b[{_BOLD}m{head}\x1b[0m" if self._colour else head,
                 *lines(now, rates, width, max(room - len(logged), 2), self._colour), *[""] * bool(logged),
-                *(f"{name[:_NAME]:{names}} | {shown(line)}"[:width] for name, line in logged)]
+                *(cut(f"{name[:_NAME]:{names}} | {shown(line)}", width) for name, line in logged)]
         up = f"\x1b[{self._drawn}A\r" if self._drawn else "\r"
         self._out.write(up + "".join(line + "\x1b[K\n" for line in text) + "\x1b[J")
         self._out.flush()

@@ -4,7 +4,7 @@ import io
 
 from fledge.cosim.up import table
 from fledge.cosim.up.logs import Logs, shown
-from fledge.cosim.up.table import Lines, Progress, Row, Screen, Watch, between, headline, lines, slowest
+from fledge.cosim.up.table import Lines, Progress, Row, Screen, Watch, between, cut, headline, lines, slowest
 
 
 def at(wall, t, ticks, compute, transport, **row):
@@ -43,6 +43,15 @@ def test_only_lately_counts():
         now.rows[0].wait += 0.1
         rates, _ = watch.take(now)
     assert rates[0].ticks == 0 and rates[0].shares() == (0.0, 0.0, 1.0)
+
+
+def test_a_run_that_waits_for_days_takes_no_memory():
+    watch = Watch()
+    for wall in (0.0, 3.0):
+        now = at(wall, 1.0, 10, 0.1, 0.1)
+        for _ in range(1000):   # the wall time stands still while nodes are missing
+            watch.take(now)
+        assert len(watch._past) == 1
 
 
 def test_the_table():
@@ -144,3 +153,25 @@ def test_control_characters_are_not_shown():
     assert shown("a\x1b[31mred\x1b[0m\tb\x07") == "ared    b"
     assert shown("10%\r20%\r100%") == "100%" and shown("done\r") == "done"
     assert shown("\x1b]0;title\x07text") == "text"
+    assert shown("\x9b2Jone\u202eowt\u2028\x85\ud800") == "2Joneowt"
+
+
+def test_an_event_does_not_drive_the_terminal():
+    out = io.StringIO()
+    Lines(out).happens("  mass: it failed: \x1b[2J\x1b]0;title\x07a\rb\x9bc\nsecond line")
+    assert out.getvalue() == "  mass: it failed: abc\nsecond line\n"
+
+
+def test_a_line_of_wide_characters_takes_one_line_of_the_terminal():
+    assert cut("abcdef", 4) == "abcd" and cut("abc", 4) == "abc"
+    assert cut("\u885b\u661f\u885b", 5) == "\u885b\u661f"       # two columns each
+    assert cut("e\u0301e\u0301e", 2) == "e\u0301e\u0301"         # accents take none
+
+
+def test_the_table_keeps_little_of_a_long_line(tmp_path):
+    logs = Logs(tmp_path, 4)
+    logs.open("mass").write(b"x" * 3_000_000 + b"\n")
+    while not logs.gather():
+        pass
+    logs.close()
+    assert max(len(line) for _, line in logs.recent) == 1000
