@@ -55,6 +55,10 @@ def test_what_fails_to_build_is_shown_without_the_build(tmp_path):
                     shown("flight/spin.h", "///< [N m / s]", "///"))
     assert re.match(rf"{sat}/flight/spin.c:\d+:\d+: error: expected .;. before",
                     shown("flight/spin.c", "memset(&m->out, 0, sizeof m->out);", "memset(&m->out, 0, sizeof m->out)"))
+    assert re.match(rf"{sat}/flight/spin.c:12: spin_reset calls sin of libm, whose last bits differ between machines; "
+                    "use fm_sin of flight/math/elementary.h; C that never flies stands below NOT_FLOWN",
+                    shown("flight/spin.c", "    memset(&m->mem, 0, sizeof m->mem);",
+                          "    double sin(double);\n    m->mem.torque_B.v[0] = sin(m->par.rate);"))
     assert re.match(rf"{sat}/world/leak_model.cpp:\d+:\d+: error: .nothing. ",
                     shown("world/leak_model.cpp", "namespace sat {", "namespace sat {\nint x = nothing;"))
     assert re.match("CMake Error at CMakeLists.txt:8: +Parse error",
