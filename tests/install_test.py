@@ -2,6 +2,7 @@
 """An installed Fledge needs nothing of this tree: not for flights, exports and projects, and not in a virtual
 environment."""
 
+import importlib.util
 import os
 import shutil
 import subprocess
@@ -86,7 +87,12 @@ def own():
     user = ["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"] if os.getuid() == 0 else []
     if user:
         os.chown(folder, 65534, 65534)
-    yield folder, user
+    here = folder / "Größe 1/a folder"
+    here.mkdir(parents=True)
+    if user:
+        for one in (here, here.parent):
+            os.chown(one, 65534, 65534)
+    yield here, user
     shutil.rmtree(folder)
 
 
@@ -96,14 +102,21 @@ def state(tree):
 
 def uses(fledge_, cwd, user=()):
     """What a user does who has only this command: everything goes into the folder where the user stands."""
-    def do(*arguments, code=0):
-        return run(*user, fledge_, *arguments, cwd=cwd, code=code, HOME=str(cwd))
+    (cwd / "link").symlink_to(fledge_)
+
+    def do(*arguments, code=0, cwd=cwd):
+        return run(*user, cwd / "link", *arguments, cwd=cwd, code=code, HOME=str(cwd))
 
     assert "flown    10 s" in do("run", "nadir_spin", "--for", "10s")
     assert (cwd / "runs/nadir_spin/free/run.mcap").exists()
     assert "nadir_spin" in do("list")
     assert "error_sigma_BR.png" in do("plot", "nadir_spin", "error.sigma_BR")
     assert "wiring.svg" in do("show", "nadir_spin")
+    do("run", "nadir_spin", "--for", "10s", "--out", "my runs/ö")
+    assert "identical" in do("compare", "nadir_spin", "my runs/ö")
+    do("convert", "my runs/ö", "--csv", "--out", "tables")
+    assert list((cwd / "tables").glob("*.csv"))
+    do("montecarlo", "nadir_spin", "--runs", "2", "--out", "campaign")
     do("export", "c", "nadir_spin", "--out", "c")
     assert "none" in do("fly", "nadir_spin", "--for", "10s", "--on", "linux")
     do("new", "project", "sat")
@@ -116,7 +129,7 @@ def uses(fledge_, cwd, user=()):
 def test_a_user_who_may_only_read_it_flies(prefix, own):
     """The installation is as it was, also where other users run it."""
     folder, user = own
-    shared = folder.with_name(folder.name + "-prefix")
+    shared = folder.parent.with_name(folder.parent.parent.name + "-prefix")
     shutil.copytree(prefix, shared, symlinks=True)
     try:
         subprocess.run(["chmod", "-R", "a-w,a+rX", shared], check=True)
@@ -152,6 +165,24 @@ def environment(tmp_path_factory):
     folder = tmp_path_factory.mktemp("environment") / "venv"
     subprocess.run(["/usr/bin/python3", "-m", "venv", "--system-site-packages", folder], check=True)
     return folder
+
+
+@pytest.mark.parametrize("home, anew", [("{}", False), ("/another/place", True), (None, True)])
+def test_pip_builds_a_copied_tree_anew(tmp_path, monkeypatch, home, anew):
+    spec = importlib.util.spec_from_file_location("fledge_wheel", ROOT / "cmake/fledge_wheel.py")
+    wheel = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(wheel)
+    commands = []
+    monkeypatch.setattr(wheel, "ROOT", tmp_path)
+    monkeypatch.setattr(wheel.subprocess, "run", lambda command, **_: commands.append(command))
+    if home:
+        (tmp_path / "build/release").mkdir(parents=True)
+        (tmp_path / "build/release/old.o").touch()
+        (tmp_path / "build/release/CMakeCache.txt").write_text(
+            f"CMAKE_HOME_DIRECTORY:INTERNAL={home.format(tmp_path)}\n")
+    wheel.install(tmp_path / "prefix")
+    assert (commands[0] == ["cmake", "--preset", "release", "-DBUILD_TESTING=OFF"]) == anew
+    assert (tmp_path / "build/release/old.o").exists() != anew
 
 
 @pytest.mark.skipif(PRESET != "release", reason="pip builds the release")

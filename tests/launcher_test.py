@@ -279,6 +279,8 @@ def reader(launch):
     """launch() by a user who may only read the tree, which is built."""
     (launch.fake / "updated").touch()
     launch("setup")
+    (launch.fake / "installed").write_text("".join(
+        f"installed {name}\n" for purpose in ("run", "unit", "test", "docs") for name in packages(purpose)))
     subprocess.run(["chmod", "-R", "a-w", launch.tree], check=True)
     (launch.fake / "ninja").chmod(0o666)
     user = ["/usr/bin/setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"] if os.getuid() == 0 else []
@@ -289,6 +291,13 @@ def test_a_user_who_may_only_read_a_tree_flies_with_it(launch, reader):
     done = reader("list")
     assert (done.returncode, done.stderr) == (0, "") and "list in" in done.stdout
     assert " -n " in launch.said("ninja")[-1]
+
+
+@pytest.mark.parametrize("command", ["test", "docs"])
+def test_what_must_write_says_so_to_a_user_who_may_only_read(launch, reader, command):
+    done = reader(command)
+    (line,) = done.stderr.splitlines()
+    assert done.returncode == 1 and "this user may not" in line
 
 
 @pytest.mark.parametrize("arguments", [["list"], ["--preset", "debug", "list"]])
@@ -437,6 +446,13 @@ def test_every_command_has_help_with_an_example(command):
     done = subprocess.run([ROOT / "fledge", command, "--help"], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert f"fledge {command}" in done.stdout and "example" in done.stdout.lower()
+
+
+def test_a_command_begins_without_what_only_some_need():
+    program = ("import sys\nfrom fledge import cli\ncli.parser()\n"
+               "print([name for name in ('typing', 'dataclasses', 'numpy', 'fledge.archive') if name in sys.modules])")
+    done = subprocess.run(["/usr/bin/python3", "-S", "-c", program], capture_output=True, text=True)
+    assert done.stdout == "[]\n", done.stderr
 
 
 def test_the_usage_names_every_command():
