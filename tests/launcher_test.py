@@ -144,11 +144,12 @@ def test_refused_headers_come_first_then_errors_then_the_end(launch):
     refusal = "/my sat/flight/a.h:39: a struct holds no padding; add `uint32_t spare;`"
     (launch.fake / "broken").write_text(
         f"FAILED: {'tables.c ' * 99}\n: && /usr/bin/g++ a.o\nb.c:3:9: error: expected ';'\n  x\n    ^\n{refusal}\n"
-        + "a_test.cpp:1:1: note: x\n" * 99)
+        + "a_test.cpp:1:1: note: x\n" * 99 + "/usr/bin/g++ -c d.cpp\n/usr/bin/ld: d.o: undefined reference to `f'\n")
     shown = launch("demo").stderr.splitlines()
     assert shown[shown.index("fledge: building (release)") + 2:][:4] == [
         refusal, "b.c:3:9: error: expected ';'", "  x", "    ^"]
-    assert len(shown) < 15 and not any("FAILED" in line or " && " in line for line in shown)
+    assert shown[-1] == "/usr/bin/ld: d.o: undefined reference to `f'"
+    assert len(shown) < 16 and not any("FAILED" in line or "/g++" in line for line in shown)
 
 
 def test_demo_installs_no_test_packages(launch):
