@@ -4,7 +4,7 @@
 get_filename_component(FLEDGE_ROOT ${CMAKE_CURRENT_LIST_DIR}/.. ABSOLUTE)
 
 # fledge_introspect(<target> LIBRARY <name> [ROOT <dir>] [MODULES <dir>...] [MODELS <dir>...]
-#                   [INCLUDE <dir>...] [EMIT <what>...])
+#                   [INCLUDE <dir>...] [EMIT <what>...] [BUILT_BY <target>... LINE <text>])
 #
 # Adds to a target what follows from the headers of a library:
 #   tables  its structs as data: `fledge_library_<name>`, see sim/table.h
@@ -13,12 +13,14 @@ get_filename_component(FLEDGE_ROOT ${CMAKE_CURRENT_LIST_DIR}/.. ABSOLUTE)
 #   models  what makes its models: `fledge_models_<name>`, see sim/model_library.h
 #   stubs   stubs/*.pyi, its types for Python's editors and type checkers
 # Without EMIT: tables, layout and stubs. Folders are relative to ROOT (default: the project); INCLUDE names
-# further roots that headers include from, besides Fledge itself.
+# further roots that headers include from, besides Fledge itself. BUILT_BY names the targets that compile the
+# modules or models: one whose source lies beside its header and is not compiled is refused. LINE says what to add
+# where, with {path}, {short} (the path within its first folder) and {list} (FLIGHT or WORLD).
 #
 # The reader walks the folders, so that a new header costs no line here. It runs again when a header
 # or folder changes, and rewrites only what reads differently.
 function(fledge_introspect target)
-    cmake_parse_arguments(PARSE_ARGV 1 arg "" "LIBRARY;ROOT" "MODULES;MODELS;INCLUDE;EMIT")
+    cmake_parse_arguments(PARSE_ARGV 1 arg "" "LIBRARY;ROOT;LINE" "MODULES;MODELS;INCLUDE;EMIT;BUILT_BY")
     if(NOT arg_LIBRARY OR arg_UNPARSED_ARGUMENTS)
         message(FATAL_ERROR "fledge_introspect(${target}): give LIBRARY <name>, and only what it takes")
     endif()
@@ -39,6 +41,13 @@ function(fledge_introspect target)
     foreach(folder IN LISTS arg_INCLUDE ITEMS ${FLEDGE_ROOT})
         list(APPEND options --include ${folder})
     endforeach()
+
+    foreach(one IN LISTS arg_BUILT_BY)
+        list(APPEND options --compiled $<TARGET_PROPERTY:${one},SOURCE_DIR> $<TARGET_PROPERTY:${one},SOURCES>)
+    endforeach()
+    if(arg_LINE)
+        list(APPEND options --line ${arg_LINE})
+    endif()
 
     set(out ${CMAKE_CURRENT_BINARY_DIR})
     set(written "")

@@ -23,6 +23,35 @@ function(fledge_flight_options target)
         $<$<COMPILE_LANG_AND_ID:C,GNU>:-Wcast-align=strict>)
 endfunction()
 
+# fledge_flight_symbols(<name> TARGETS <target>... [LIBRARIES <target>...] [ADVICE <text>])
+#
+# Adds a target that refuses C which does not keep the promise: it calls libm or the operating system, allocates, or
+# keeps writable static variables. TARGETS, all of one folder, are checked; their C may call the LIBRARIES.
+function(fledge_flight_symbols name)
+    cmake_parse_arguments(PARSE_ARGV 1 arg "" "ADVICE" "TARGETS;LIBRARIES")
+    set(program ${CMAKE_CURRENT_FUNCTION_LIST_DIR}/flight_symbols.py)
+    set(options --root ${CMAKE_CURRENT_SOURCE_DIR})
+    if(arg_ADVICE)
+        list(APPEND options --advice ${arg_ADVICE})
+    endif()
+    set(objects "")
+    foreach(target IN LISTS arg_TARGETS)
+        list(APPEND objects $<TARGET_OBJECTS:${target}>)
+    endforeach()
+    foreach(library IN LISTS arg_LIBRARIES)
+        list(APPEND options --library $<TARGET_FILE:${library}>)
+    endforeach()
+    set(stamp ${CMAKE_CURRENT_BINARY_DIR}/${name}.stamp)
+    add_custom_command(
+        OUTPUT ${stamp}
+        COMMAND ${Python_EXECUTABLE} ${program} ${options} ${objects}
+        COMMAND ${CMAKE_COMMAND} -E touch ${stamp}
+        DEPENDS ${program} ${objects} ${arg_LIBRARIES}
+        COMMENT "Checking what flight code calls and keeps"
+        COMMAND_EXPAND_LISTS VERBATIM)
+    add_custom_target(${name} ALL DEPENDS ${stamp})
+endfunction()
+
 # fledge_cxx_options(<target>): C++ of the kernel, the world and the tools. Not -pedantic, for the
 # flight headers that it includes use C99's compound literals. What gcc 12 says at -O3 about the
 # bounds of std::string and std::vector is false alarm; the sanitizers watch those.

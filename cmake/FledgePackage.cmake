@@ -48,7 +48,8 @@ install(DIRECTORY python/fledge/templates DESTINATION ${FLEDGE_HOME}/python/fled
     REGEX "/__pycache__$" EXCLUDE)     # with the tests that a project begins with
 install(DIRECTORY registers DESTINATION ${FLEDGE_HOME}/python
     FILES_MATCHING PATTERN "*.py" PATTERN "*_test.py" EXCLUDE PATTERN "testing" EXCLUDE PATTERN "boards" EXCLUDE)
-install(DIRECTORY cmake DESTINATION ${FLEDGE_HOME} FILES_MATCHING PATTERN "*.cmake" PATTERN "packages.txt")
+install(DIRECTORY cmake DESTINATION ${FLEDGE_HOME} FILES_MATCHING
+    PATTERN "*.cmake" PATTERN "packages.txt" PATTERN "flight_symbols.py")
 install(FILES ${PROJECT_BINARY_DIR}/installed/FledgeConfig.cmake DESTINATION ${FLEDGE_HOME}/cmake)
 install(FILES LICENSE DESTINATION ${FLEDGE_HOME})
 install(PROGRAMS fledge DESTINATION ${FLEDGE_HOME})

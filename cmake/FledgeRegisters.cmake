@@ -23,17 +23,15 @@ function(fledge_registers target)
         list(APPEND files ${file})
         list(APPEND written ${out}/${name}.c ${out}/${name}.h ${out}/${name}.md)
     endforeach()
-    file(GLOB program CONFIGURE_DEPENDS
-        ${root}/registers/*.py ${root}/introspect/files.py ${root}/introspect/emit/ctext.py)
-    list(FILTER program EXCLUDE REGEX "_test[.]py$")
     # All are read together: boards do not overlap. What is unchanged is not written: so the stamp.
     add_custom_command(
         OUTPUT ${out}/stamp
         BYPRODUCTS ${written}
         COMMAND ${CMAKE_COMMAND} -E env PYTHONPATH=${root}
-            ${Python_EXECUTABLE} -m registers ${files} --out ${out}
+            ${Python_EXECUTABLE} -m registers ${files} --out ${out} --depfile ${out}/stamp.d
         COMMAND ${CMAKE_COMMAND} -E touch ${out}/stamp
-        DEPENDS ${files} ${program}
+        DEPENDS ${files}
+        DEPFILE ${out}/stamp.d
         COMMENT "Reading the boards of ${target}"
         VERBATIM)
     set(sources ${written})

@@ -8,6 +8,7 @@ Python that pip belongs to; lib/pythonX.Y/site-packages holds fledge.pth alone.
 import base64
 import hashlib
 import re
+import shutil
 import subprocess
 import sys
 import sysconfig
@@ -60,7 +61,9 @@ def install(prefix):
     def cmake(*arguments):
         subprocess.run(["cmake", *arguments], cwd=ROOT, check=True)
 
-    if not (ROOT / "build/release/build.ninja").exists():
+    cache = ROOT / "build/release/CMakeCache.txt"
+    if not cache.exists() or f"CMAKE_HOME_DIRECTORY:INTERNAL={ROOT}\n" not in cache.read_text(encoding="utf-8"):
+        shutil.rmtree(cache.parent, ignore_errors=True)     # of a copied tree: it would build the other one
         cmake("--preset", "release", "-DBUILD_TESTING=OFF")
     cmake("--build", "--preset", "release", "--target", "all")
     cmake("--install", "build/release", "--prefix", prefix)

@@ -9,8 +9,8 @@ import time
 from pathlib import Path
 
 from introspect.emit import EMITTERS
-from introspect.errors import HeaderError
-from introspect.files import write_if_changed
+from introspect.errors import HeaderError, Problem
+from introspect.files import depfile, write_if_changed
 from introspect.model import Kind, Model
 from introspect.reader import read
 from introspect.sources import Source
@@ -50,6 +50,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--out", required=True, type=Path, metavar="DIR", help="where to write")
     parser.add_argument("--depfile", type=Path, metavar="FILE",
                         help="write for Ninja or make on what the first file depends")
+    parser.add_argument("--compiled", nargs=2, action="append", metavar=("DIR", "FILES"),
+                        help="what the build compiles, relative to DIR, with ; between")
+    parser.add_argument("--line", metavar="TEXT", help="how CMake compiles one more: {path}, {short} and {list}")
     parser.add_argument("--time", action="store_true", help="print how long reading took")
     parser.add_argument("-v", "--verbose", action="store_true", help="name unchanged files too")
     return parser
@@ -80,14 +83,22 @@ def _sources(ordered: list[tuple[str, str]]) -> list[Source]:
     return sources
 
 
-def _depfile(target: Path, model: Model) -> str:
-    """Headers, folders (whose time changes when a header comes or goes), and this program."""
-    here = Path(__file__).parent
-    ours = [str(path) for path in [*here.glob("*.py"), *here.glob("emit/*.py")]
-            if not path.name.endswith("_test.py")]
-    needed = sorted({os.path.abspath(path) for path in [*model.files, *model.folders, *ours]})
-    escaped = [path.replace(" ", "\\ ").replace("#", "\\#").replace("$", "$$") for path in needed]
-    return f"{target}: \\\n  " + " \\\n  ".join(escaped) + "\n"
+def _refuse_uncompiled(model: Model, compiled: set[str], line: str) -> None:
+    """Refuse a module or model whose source lies beside its header, but is not compiled."""
+    endings = {Kind.MODULE: ("FLIGHT", ".c"), Kind.MODEL: ("WORLD", "_model.cpp")}
+    problems = []
+    for struct in model.structs.values():
+        if not struct.library or not struct.kind.is_interface:
+            continue
+        list_, ending = endings[struct.kind]
+        source = os.path.abspath(struct.path.removesuffix(".h") + ending)
+        if os.path.exists(source) and source not in compiled:
+            path = struct.header.removesuffix(".h")
+            add = line.format(path=path, short=path.partition("/")[2], list=list_)
+            problems.append(Problem(struct.path, struct.line, f"CMake compiles every {struct.kind.value}",
+                                    f"it does not compile {path}{ending}", f"add {add}"))
+    if problems:
+        raise HeaderError(problems)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -100,6 +111,9 @@ def main(arguments: list[str] | None = None) -> int:
         if options.time:
             print(f"read {len(model.structs)} structs in {len(model.files)} files in "
                   f"{1e3 * (time.perf_counter() - started):.0f} ms")
+        if options.compiled:
+            _refuse_uncompiled(model, {os.path.abspath(os.path.join(folder, file)) for folder, files in options.compiled
+                                       for file in files.split(";")}, options.line)
         files: dict[str, str] = {}
         for name in model.library_names:
             if not model.library(name).structs:
@@ -112,7 +126,8 @@ def main(arguments: list[str] | None = None) -> int:
             elif options.verbose:
                 print(f"unchanged {options.out / name}")
         if options.depfile:
-            write_if_changed(options.depfile, _depfile(options.out / next(iter(files)), model))
+            # A folder's time changes when a header comes or goes.
+            write_if_changed(options.depfile, depfile(options.out / next(iter(files)), [*model.files, *model.folders]))
     except (HeaderError, OSError, ValueError) as error:
         print(error, file=sys.stderr)
         return 1

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every program that generates files needs: to write them, and to hash descriptions."""
+"""What every program that generates files needs: to write them, to say what they follow from, and to hash
+descriptions."""
+import os
+import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 
@@ -14,6 +18,15 @@ def write_if_changed(path: Path, text: str) -> bool:
     part.write_bytes(data)
     part.replace(path)
     return True
+
+
+def depfile(target: Path, needed: Iterable[str | Path]) -> str:
+    """For Ninja and make: the target depends on these files and folders, and on the modules of this program."""
+    program = [getattr(module, "__file__", None) for name, module in sys.modules.items()
+               if name.split(".")[0] in ("introspect", "registers", "__main__") and not name.endswith("_test")]
+    paths = sorted({os.path.abspath(path) for path in [*needed, *filter(None, program)]})
+    escaped = [path.replace(" ", "\\ ").replace("#", "\\#").replace("$", "$$") for path in paths]
+    return f"{target}: \\\n  " + " \\\n  ".join(escaped) + "\n"
 
 
 def fnv1a(text: str) -> int:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command line: which files it writes when, and its messages."""
 import os
+import re
 
 import pytest
 
@@ -61,6 +62,18 @@ def test_the_depfile_names_headers_folders_and_the_program(tree):
         assert str(path) in needed
     assert all(os.path.exists(path) for path in needed)
     assert not any(path.endswith("_test.py") for path in needed)
+
+
+def test_a_module_that_cmake_does_not_compile_is_refused(tree, capsys):
+    write_header(tree, "m/spin.h", '#include "m/a.h"\n/** S. */\ntypedef struct Spin {\n    struct {\n        MsgA a;\n'
+                 "    } out;\n} Spin;\nvoid spin_reset(Spin *m);\nvoid spin_update(Spin *m, Tick t);")
+    line = ("--line", "{path} or {short} below {list}")
+    assert run(tree, "--compiled", str(tree), "", *line) == 0, capsys.readouterr().err   # its source is elsewhere
+    (tree / "m/spin.c").touch()
+    assert run(tree, "--compiled", str(tree / "m"), "a.c;b.c", *line) == 1
+    assert re.search(r"m/spin.h:\d+: CMake compiles every module; it does not compile m/spin.c; "
+                     r"add m/spin or spin below FLIGHT\n", capsys.readouterr().err)
+    assert run(tree, "--compiled", str(tree / "m"), "a.c;spin.c", *line) == 0
 
 
 def test_a_refused_header_leaves_everything_as_it_was(tree, capsys):

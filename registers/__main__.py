@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from introspect.files import write_if_changed
+from introspect.files import depfile, write_if_changed
 from registers import emit_c, emit_markdown
 from registers.checked_toml import TomlError
 from registers.description import read
@@ -24,6 +24,8 @@ def main(arguments: list[str] | None = None) -> int:
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("boards", nargs="+", type=Path, metavar="BOARD.toml")
     parser.add_argument("--out", required=True, type=Path, metavar="DIR", help="where to write")
+    parser.add_argument("--depfile", type=Path, metavar="FILE",
+                        help="write for Ninja or make on what DIR/stamp depends")
     options = parser.parse_args(arguments)
     files: dict[str, str] = {}
     complaints = []
@@ -51,6 +53,8 @@ def main(arguments: list[str] | None = None) -> int:
         for name, text in files.items():
             if write_if_changed(options.out / name, text):
                 print(f"wrote {options.out / name}")
+        if options.depfile:
+            write_if_changed(options.depfile, depfile(options.out / "stamp", options.boards))
     except OSError as error:
         print(error, file=sys.stderr)
         return 1

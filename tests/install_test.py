@@ -2,8 +2,12 @@
 """An installed Fledge needs nothing of this tree: not for flights, exports and projects, and not in a virtual
 environment."""
 
+import importlib.util
 import os
+import shutil
 import subprocess
+import tempfile
+from pathlib import Path
 
 import pytest
 
@@ -17,11 +21,11 @@ pytestmark = pytest.mark.skipif(PRESET == "asan", reason="the layout does not de
 CLEAN = {"PATH": "/usr/bin:/bin", "HOME": "/nonexistent", "LANG": "C.UTF-8"}
 
 
-def run(*command, cwd, **environment):
-    """What a command prints; it must succeed."""
+def run(*command, cwd, code=0, **environment):
+    """What a command prints; it must end with the exit code."""
     done = subprocess.run(command, cwd=cwd, env={**CLEAN, **environment}, text=True, stdout=subprocess.PIPE,
                           stderr=subprocess.STDOUT)
-    assert done.returncode == 0, done.stdout
+    assert done.returncode == code, done.stdout
     assert str(ROOT) not in done.stdout
     return done.stdout
 
@@ -74,6 +78,86 @@ def test_it_has_nothing_of_the_tests_and_no_path_of_this_tree(prefix):
     assert [path for path in text if str(ROOT) in path.read_text(encoding="utf-8")] == []
 
 
+# --- users who may only read ------------------------------------------------------------------------
+
+@pytest.fixture
+def own():
+    """A folder of a user who may write nowhere else; the start of a command line that this user gives."""
+    folder = Path(tempfile.mkdtemp(prefix="fledge-"))
+    user = ["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"] if os.getuid() == 0 else []
+    if user:
+        os.chown(folder, 65534, 65534)
+    here = folder / "Größe 1/a folder"
+    here.mkdir(parents=True)
+    if user:
+        for one in (here, here.parent):
+            os.chown(one, 65534, 65534)
+    yield here, user
+    shutil.rmtree(folder)
+
+
+def state(tree):
+    return {path: path.lstat().st_mtime_ns for path in sorted(tree.rglob("*"))}
+
+
+def uses(fledge_, cwd, user=()):
+    """What a user does who has only this command: everything goes into the folder where the user stands."""
+    (cwd / "link").symlink_to(fledge_)
+    (cwd / "random.py").write_text("1 / 0")     # no module of Python's
+
+    def do(*arguments, code=0, cwd=cwd):
+        return run(*user, cwd / "link", *arguments, cwd=cwd, code=code, HOME=str(cwd))
+
+    assert "flown    10 s" in do("run", "nadir_spin", "--for", "10s")
+    assert (cwd / "runs/nadir_spin/free/run.mcap").exists()
+    assert "nadir_spin" in do("list")
+    assert "error_sigma_BR.png" in do("plot", "nadir_spin", "error.sigma_BR")
+    assert "wiring.svg" in do("show", "nadir_spin")
+    do("run", "nadir_spin", "--for", "10s", "--out", "my runs/ö")
+    assert "identical" in do("compare", "nadir_spin", "my runs/ö")
+    do("convert", "my runs/ö", "--csv", "--out", "tables")
+    assert list((cwd / "tables").glob("*.csv"))
+    do("montecarlo", "nadir_spin", "--runs", "2", "--out", "campaign")
+    do("export", "c", "nadir_spin", "--out", "c")
+    assert "none" in do("fly", "nadir_spin", "--for", "10s", "--on", "linux")
+    do("new", "project", "sat")
+    do("--project", "sat", "new", "module", "SunSlew")
+    assert "SunSlew" in do("--project", "sat", "list")
+    (said,) = do("new", "mission", "scan", code=2).splitlines()
+    assert said.startswith("fledge: new mission: there is no project here"), said
+
+
+def test_a_user_who_may_only_read_it_flies(prefix, own):
+    """The installation is as it was, also where other users run it."""
+    folder, user = own
+    shared = folder.parent.with_name(folder.parent.parent.name + "-prefix")
+    shutil.copytree(prefix, shared, symlinks=True)
+    try:
+        subprocess.run(["chmod", "-R", "a-w,a+rX", shared], check=True)
+        before = state(shared)
+        uses(shared / "bin/fledge", folder, user)
+        assert state(shared) == before
+    finally:
+        subprocess.run(["chmod", "-R", "u+w", shared], check=True)
+        shutil.rmtree(shared)
+
+
+def test_a_built_tree_that_cannot_be_written_flies(tmp_path):
+    """It is mounted so that not even its owner writes."""
+    inner = ("mount --bind \"$1\" \"$1\" && mount -o remount,bind,ro \"$1\" && cd \"$2\" && shift 2 && exec \"$@\"")
+    enter = ["unshare", "--mount", *([] if os.getuid() == 0 else ["--map-root-user"]), "sh", "-c", inner, "sh", ROOT]
+    if subprocess.run([*enter, tmp_path, "true"], capture_output=True).returncode:
+        pytest.skip("this machine lets the user mount nothing")
+    subprocess.run([ROOT / "fledge", "setup"], env={**os.environ, "FLEDGE_PRESET": PRESET}, check=True)
+    done = subprocess.run([*enter, tmp_path, ROOT / "fledge", "--preset", PRESET, "run", "nadir_spin", "--for", "10s"],
+                          capture_output=True, text=True)
+    assert "flown    10 s" in done.stdout, done.stderr
+    done = subprocess.run([*enter, tmp_path, ROOT / "fledge", "--preset", "never_built", "list"], capture_output=True,
+                          text=True)
+    (line,) = done.stderr.splitlines()
+    assert done.returncode == 1 and f"fledge: {ROOT} must be built, and this user may not write into" in line
+
+
 # --- pip, and virtual environments ------------------------------------------------------------------
 
 @pytest.fixture(scope="module")
@@ -82,6 +166,24 @@ def environment(tmp_path_factory):
     folder = tmp_path_factory.mktemp("environment") / "venv"
     subprocess.run(["/usr/bin/python3", "-m", "venv", "--system-site-packages", folder], check=True)
     return folder
+
+
+@pytest.mark.parametrize("home, anew", [("{}", False), ("/another/place", True), (None, True)])
+def test_pip_builds_a_copied_tree_anew(tmp_path, monkeypatch, home, anew):
+    spec = importlib.util.spec_from_file_location("fledge_wheel", ROOT / "cmake/fledge_wheel.py")
+    wheel = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(wheel)
+    commands = []
+    monkeypatch.setattr(wheel, "ROOT", tmp_path)
+    monkeypatch.setattr(wheel.subprocess, "run", lambda command, **_: commands.append(command))
+    if home:
+        (tmp_path / "build/release").mkdir(parents=True)
+        (tmp_path / "build/release/old.o").touch()
+        (tmp_path / "build/release/CMakeCache.txt").write_text(
+            f"CMAKE_HOME_DIRECTORY:INTERNAL={home.format(tmp_path)}\n")
+    wheel.install(tmp_path / "prefix")
+    assert (commands[0] == ["cmake", "--preset", "release", "-DBUILD_TESTING=OFF"]) == anew
+    assert (tmp_path / "build/release/old.o").exists() != anew
 
 
 @pytest.mark.skipif(PRESET != "release", reason="pip builds the release")

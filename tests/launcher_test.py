@@ -5,6 +5,8 @@ import os
 import re
 import shutil
 import subprocess
+import tempfile
+from pathlib import Path
 
 import pytest
 
@@ -13,21 +15,25 @@ from fledge import cli
 from tests.tree import ROOT
 
 # What the launcher may find on the PATH besides the stand-ins: no sudo, no compiler.
-TOOLS = ("cat cksum cut date dirname find flock getconf grep head ls mkdir readlink rm sed sleep tail tr "
-         "env").split()
+TOOLS = "cat cksum cut date dirname env flock getconf grep head ls mkdir readlink rm sed sleep stat tail tr".split()
 
 STAND_INS = {
     "id": 'echo "${FAKE_UID:-0}"',
     "dpkg-query": 'cat "$FAKE/installed" 2>/dev/null; exit 1',
     # The first install of each run of the test fails, as it does when the lists are outdated.
-    "apt-get": 'echo "$*" >> "$FAKE/apt"\n'
+    "apt-get": 'echo "$*" >> "$FAKE/apt"; . "$FAKE/during" "$0"\n'
                'case "$*" in *install*) [ -e "$FAKE/updated" ] || { echo "E: no"; exit 100; } ;;\n'
                '*) : > "$FAKE/updated" ;; esac\n'
+               'for name; do echo "installed $name" >> "$FAKE/installed"; done\n'
                'echo "Need to get 12.3 MB of archives."',
-    "cmake": 'echo "$*" >> "$FAKE/cmake"; mkdir -p build/$2; : > build/$2/build.ninja\n'
-             'echo "BUILD_TESTING:BOOL=${3#*=}" > build/$2/CMakeCache.txt',
-    "ninja": 'echo "$*" >> "$FAKE/ninja"; [ ! -e "$FAKE/broken" ] || {\n'
-             'cat "$FAKE/broken"; exit 1; }; echo "ninja: no work to do."',
+    "cmake": 'echo "$*" >> "$FAKE/cmake"; . "$FAKE/during" "$0"\n'
+             'for one; do case $one in release | debug) dir=build/$one ;; build/*) dir=$one ;;\n'
+             '-DBUILD_TESTING=*) tests=${one#*=} ;; -DFledge_DIR=*) fledge=${one#*=} ;; esac; done\n'
+             'mkdir -p $dir; : > $dir/build.ninja\n'
+             'printf "CMAKE_HOME_DIRECTORY:INTERNAL=%s\\nBUILD_TESTING:BOOL=%s\\nFledge_DIR:PATH=%s\\n" '
+             '"$PWD" "$tests" "$fledge" > $dir/CMakeCache.txt',
+    "ninja": 'echo "$*" >> "$FAKE/ninja"; . "$FAKE/during" "$0"\n'
+             '[ ! -e "$FAKE/broken" ] || { cat "$FAKE/broken"; exit 1; }; echo "ninja: no work to do."',
     "ctest": 'while [ $# -gt 0 ]; do [ "$1" != --output-junit ] || report=$2; shift; done\n'
              '[ ! -e "$FAKE/report" ] || cat "$FAKE/report" > "$report"\n'
              'exit "$(cat "$FAKE/status")"',
@@ -38,35 +44,48 @@ REPORT = ('<?xml version="1.0"?>\n<testsuite name="x"\n\ttests="5"\n\tfailures="
 
 
 @pytest.fixture
-def launch(tmp_path):
-    """launch(*arguments, **environment) runs the copy; launch.said(name) is what a tool got."""
-    (tmp_path / "cmake").mkdir()
-    (tmp_path / "bin").mkdir()
-    (tmp_path / "fake").mkdir()
-    shutil.copy(ROOT / "fledge", tmp_path)
-    shutil.copy(ROOT / "cmake/packages.txt", tmp_path / "cmake")
-    (tmp_path / "CMakeLists.txt").touch()
-    (tmp_path / "a_test.py").write_text("def test_one():\n    pass\n")
-    (tmp_path / "pytest.ini").write_text("[pytest]\npython_files = *_test.py\n")
+def launch():
+    """launch(*arguments, **environment) runs the copy in launch.tree; launch.said(name) is what a tool got. A tool
+    executes launch.fake/"during" with its path as $1. The folders are for every user, unlike pytest's."""
+    place = Path(tempfile.mkdtemp(prefix="fledge-"))
+    place.chmod(0o755)
+    tree, bin_, fake = place / "tree", place / "bin", place / "fake"
+    for folder in (tree / "cmake", tree / "python/fledge/cli", bin_, fake):
+        folder.mkdir(parents=True)
+    fake.chmod(0o777)
+    (fake / "during").touch()
+    shutil.copy(ROOT / "fledge", tree)
+    shutil.copy(ROOT / "cmake/packages.txt", tree / "cmake")
+    (tree / "CMakeLists.txt").touch()
+    (tree / "a_test.py").write_text("def test_one():\n    pass\n")
+    (tree / "pytest.ini").write_text("[pytest]\npython_files = *_test.py\n")
+    (tree / "python/fledge/cli/__main__.py").write_text(
+        "import os, sys\nprint(*sys.argv[1:], 'in', os.getcwd(), 'for', os.environ['FLEDGE_PROJECT'])\n")
     for tool in TOOLS:
-        (tmp_path / "bin" / tool).symlink_to(shutil.which(tool))
+        (bin_ / tool).symlink_to(shutil.which(tool))
     for name, script in STAND_INS.items():
-        (tmp_path / "bin" / name).write_text(f"#!/bin/sh\n{script}\n")
-        (tmp_path / "bin" / name).chmod(0o755)
+        (bin_ / name).write_text(f"#!/bin/sh\n{script}\n")
+        (bin_ / name).chmod(0o755)
 
-    def run(*arguments, **environment):
-        return subprocess.run(
-            ["/bin/sh", tmp_path / "fledge", *arguments], capture_output=True, text=True,
-            cwd=tmp_path, env={"PATH": str(tmp_path / "bin"), "FAKE": str(tmp_path / "fake"),
-                               **environment})
+    def start(*arguments, cwd=None, program=None, user=(), **environment):
+        return subprocess.Popen(
+            [*user, "/bin/sh", program or run.tree / "fledge", *arguments], text=True, stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE, cwd=cwd or run.tree, start_new_session=True,
+            env={"PATH": str(bin_), "FAKE": str(fake), "LC_ALL": "C.UTF-8", **environment})
+
+    def run(*arguments, **options):
+        process = start(*arguments, **options)
+        out, error = process.communicate(timeout=60)
+        return subprocess.CompletedProcess(process.args, process.returncode, out, error)
 
     def said(name):
-        path = tmp_path / "fake" / name
+        path = fake / name
         return path.read_text().splitlines() if path.exists() else []
 
-    run.said = said
-    run.fake = tmp_path / "fake"
-    return run
+    run.start, run.said, run.fake, run.tree, run.place = start, said, fake, tree, place
+    yield run
+    subprocess.run(["chmod", "-R", "u+w", place], check=True)
+    shutil.rmtree(place)
 
 
 def packages(purpose):
@@ -80,7 +99,7 @@ def test_setup_installs_what_is_missing_and_only_that(launch):
     (launch.fake / "updated").touch()
     done = launch("setup")
     assert done.returncode == 0, done.stderr
-    (command,) = [line for line in launch.said("apt") if " install " in line]
+    (command,) = (line for line in launch.said("apt") if " install " in line)
     wanted = command.split("--no-install-recommends ")[1].split()
     assert wanted == [name for name in packages("run") if name != "cmake"]
     assert "12.3 MB" in done.stderr
@@ -120,13 +139,17 @@ def test_a_broken_build_shows_its_error_and_fails(launch):
     assert "the build failed" in done.stderr and "a.c:7:1: error: it is broken" in done.stderr
 
 
-def test_a_refused_header_is_shown_although_much_follows(launch):
+def test_refused_headers_come_first_then_errors_then_the_end(launch):
     (launch.fake / "updated").touch()
-    refusal = "/sat/flight/a.h:39: a struct holds no padding; add `uint32_t spare;`"
-    (launch.fake / "broken").write_text(f"FAILED: {'tables.c ' * 99}\n{refusal}\n" + "a_test.cpp:1:1: note: x\n" * 99)
-    done = launch("demo")
-    assert refusal in done.stderr
-    assert max(len(line) for line in done.stderr.splitlines() if line.startswith("FAILED")) == 200
+    refusal = "/my sat/flight/a.h:39: a struct holds no padding; add `uint32_t spare;`"
+    (launch.fake / "broken").write_text(
+        f"FAILED: {'tables.c ' * 99}\n: && /usr/bin/g++ a.o\nb.c:3:9: error: expected ';'\n  x\n    ^\n{refusal}\n"
+        + "a_test.cpp:1:1: note: x\n" * 99 + "/usr/bin/g++ -c d.cpp\n/usr/bin/ld: d.o: undefined reference to `f'\n")
+    shown = launch("demo").stderr.splitlines()
+    assert shown[shown.index("fledge: building (release)") + 2:][:4] == [
+        refusal, "b.c:3:9: error: expected ';'", "  x", "    ^"]
+    assert shown[-1] == "/usr/bin/ld: d.o: undefined reference to `f'"
+    assert len(shown) < 16 and not any("FAILED" in line or "/g++" in line for line in shown)
 
 
 def test_demo_installs_no_test_packages(launch):
@@ -179,6 +202,242 @@ def test_a_pattern_that_matches_nothing_fails(launch):
     assert "no test matches 'nothing_has_this_name'" in done.stderr
 
 
+# --- copies, other places, other users ---------------------------------------------------------------
+
+def test_a_copied_tree_builds_its_own_code(launch):
+    (launch.fake / "updated").touch()
+    launch("setup")
+    first = launch.tree
+    launch.tree = launch.place / "a copy"
+    shutil.copytree(first, launch.tree)
+    (launch.tree / "build/release/old.o").touch()
+    done = launch("list")
+    assert done.stderr == (f"fledge: building anew (release): {launch.tree}/build/release was made in {first}\n")
+    assert len(launch.said("cmake")) == 2 and not (launch.tree / "build/release/old.o").exists()
+    assert launch("list").stderr == ""
+
+
+def test_a_project_is_built_anew_for_another_place_or_another_fledge(launch):
+    (launch.fake / "updated").touch()
+    sat = launch.place / "sat"
+    sat.mkdir()
+    (sat / "CMakeLists.txt").touch()
+    assert f"building {sat} (release)" in launch("--project", sat, "list").stderr
+    assert launch("--project", sat, "list").stderr == ""
+    moved = sat.rename(launch.place / "moved")
+    assert f"building {moved} anew" in launch("--project", moved, "list").stderr
+    assert launch("--project", moved, "list").stderr == ""
+    before = launch.tree
+    launch.tree = launch.tree.rename(launch.place / "fledge")
+    assert f"building {moved} anew (release): {moved}/build/release was made in {moved} with {before}" in launch(
+        "--project", moved, "list").stderr
+
+
+def test_packages_are_looked_for_on_another_machine_too(launch):
+    """A stamp that came with a copied folder says nothing: dpkg's status is another one."""
+    (launch.fake / "updated").touch()
+    launch("setup")
+    (launch.fake / "installed").unlink()
+    stamp = launch.tree / "build/packages-run.stamp"
+    stamp.write_text("".join(stamp.read_text().splitlines(True)[:1]) + "1 2 3 4\n")
+    before = len(launch.said("apt"))
+    launch("setup")
+    assert len(launch.said("apt")) > before
+
+
+def test_two_first_commands_do_not_collide(launch):
+    (launch.fake / "updated").touch()
+    (launch.fake / "during").write_text('until [ -e "$FAKE/go" ]; do sleep 0.01; done\n')
+    first = launch.start("list")
+    while not launch.said("apt"):
+        pass
+    second = launch.start("test")
+    assert second.stderr.readline() == "fledge: waiting for another fledge, which installs packages\n"
+    (launch.fake / "go").touch()
+    assert "list in" in first.communicate(timeout=60)[0]
+    (launch.fake / "status").write_text("0")
+    second.communicate(timeout=60)
+    assert first.returncode == second.returncode == 0
+    (for_run,) = (line for line in launch.said("apt") if " cmake " in line)
+
+
+def test_the_second_build_waits_for_the_first(launch):
+    (launch.fake / "updated").touch()
+    launch("setup")
+    (launch.fake / "during").write_text('until [ -e "$FAKE/go" ]; do sleep 0.01; done\n')
+    first = launch.start("list")
+    while len(launch.said("ninja")) < 2:
+        pass
+    second = launch.start("list")
+    assert second.stderr.readline() == "fledge: waiting for another fledge, which builds (release)\n"
+    (launch.fake / "go").touch()
+    for one in (first, second):
+        assert "list in" in one.communicate(timeout=60)[0]
+
+
+@pytest.fixture
+def reader(launch):
+    """launch() by a user who may only read the tree, which is built."""
+    (launch.fake / "updated").touch()
+    launch("setup")
+    (launch.fake / "installed").write_text("".join(
+        f"installed {name}\n" for purpose in ("run", "unit", "test", "docs") for name in packages(purpose)))
+    subprocess.run(["chmod", "-R", "a-w", launch.tree], check=True)
+    (launch.fake / "ninja").chmod(0o666)
+    user = ["/usr/bin/setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"] if os.getuid() == 0 else []
+    return lambda *arguments: launch(*arguments, user=user)
+
+
+def test_a_user_who_may_only_read_a_tree_flies_with_it(launch, reader):
+    done = reader("list")
+    assert (done.returncode, done.stderr) == (0, "") and "list in" in done.stdout
+    assert " -n " in launch.said("ninja")[-1]
+
+
+@pytest.mark.parametrize("command", ["test", "docs"])
+def test_what_must_write_says_so_to_a_user_who_may_only_read(launch, reader, command):
+    done = reader(command)
+    (line,) = done.stderr.splitlines()
+    assert done.returncode == 1 and "this user may not" in line
+
+
+@pytest.mark.parametrize("arguments", [["list"], ["--preset", "debug", "list"]])
+def test_a_user_who_may_only_read_a_tree_learns_who_must_build_it(launch, reader, arguments):
+    (launch.fake / "broken").write_text("[1/2] Building C object\n")
+    done = reader(*arguments)
+    (line,) = done.stderr.splitlines()
+    assert done.returncode == 1
+    assert re.fullmatch(rf"fledge: {launch.tree} must be built, and this user may not write into .*/build/\w+; "
+                        rf"{launch.tree.owner()} can: ./fledge setup.*", line)
+
+
+def test_the_first_command_runs_after_an_install(launch):
+    """What installs packages changes nothing of the command that follows it."""
+    (launch.fake / "updated").touch()
+    for arguments in (["run", "nadir_spin"], ["fly", "x", "--on", "aarch64"], ["new", "module", "X"], ["bench", "sim"]):
+        for stamp in (launch.tree / "build").glob("*.stamp"):
+            stamp.unlink()
+        (launch.fake / "installed").unlink(missing_ok=True)
+        done = launch(*arguments)
+        assert done.stdout.startswith(" ".join(arguments) + " in "), done.stderr
+
+
+def test_commands_run_where_the_user_stands(launch):
+    (launch.fake / "updated").touch()
+    here = launch.place / "Müller & Söhne/a folder"
+    (here / "my sat").mkdir(parents=True)
+    (here / "my sat/CMakeLists.txt").touch()
+    (here / "json.py").write_text("1 / 0")      # no module of Python's
+    link = here / "link"
+    link.symlink_to(launch.tree / "fledge")
+    done = launch("run", "x", "--out", "some where", cwd=here, program=link, CDPATH="/:.")
+    assert done.stdout == f"run x --out some where in {here} for \n", done.stderr
+    done = launch("--project", "my sat", "plot", cwd=here, program=link, CDPATH="/:.")
+    assert done.stdout == f"plot in {here} for {here}/my sat\n", done.stderr
+
+
+# --- which project -----------------------------------------------------------------------------------
+
+def test_a_project_is_found_around_the_folder_where_one_stands(launch):
+    (launch.fake / "updated").touch()
+    sat, other = launch.place / "sat", launch.place / "other"
+    deep = sat / "missions/scan"
+    for folder in (deep, other, launch.tree / "inner"):
+        folder.mkdir(parents=True)
+    (deep / "CMakeLists.txt").write_text("# fledge_project(no)\n")
+    (other / "CMakeLists.txt").touch()
+    for folder in (sat, launch.tree / "inner"):
+        (folder / "CMakeLists.txt").write_text("project(sat)\n\nfledge_project(sat\n)\n")
+
+    def project(*arguments, cwd, **environment):
+        done = launch(*arguments, "list", cwd=cwd, **environment)
+        assert done.returncode == 0, done.stderr
+        return done.stdout.strip().split(" for ")[1:]
+
+    assert project(cwd=deep) == project(cwd=sat) == [str(sat)]
+    assert project("--project", "../other", cwd=sat) == project(cwd=deep, FLEDGE_PROJECT=str(other)) == [str(other)]
+    assert project("--project", "", cwd=deep) == project(cwd=deep, FLEDGE_PROJECT="") == []
+    assert project(cwd=launch.place) == project(cwd=launch.tree / "inner") == []     # none; Fledge's own
+    assert project(cwd=deep, HOME=str(deep)) == []                                   # the home ends the search
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="only root can make files of another user")
+def test_the_project_of_another_user_is_not_used_unasked(launch):
+    (launch.fake / "updated").touch()
+    sat = launch.place / "sat"
+    sat.mkdir()
+    (sat / "CMakeLists.txt").write_text("fledge_project(sat)\n")
+    os.chown(sat / "CMakeLists.txt", 65534, 65534)
+    done = launch("list", cwd=sat)
+    assert done.returncode == 1 and f"fledge: the project {sat} belongs to another user" in done.stderr
+    assert launch("--project", ".", "list", cwd=sat).returncode == 0
+
+
+# --- builds that a debugger likes --------------------------------------------------------------------
+
+@pytest.mark.parametrize("arguments, environment", [
+    (["setup", "--preset", "debug"], {}), (["--preset", "debug", "exec", "/bin/true"], {}),
+    (["exec", "/bin/true"], {"FLEDGE_PRESET": "debug"})])
+def test_one_command_makes_the_debug_build(launch, arguments, environment):
+    (launch.fake / "updated").touch()
+    done = launch(*arguments, **environment)
+    assert done.returncode == 0, done.stderr
+    assert launch.said("cmake") == ["--preset debug -DBUILD_TESTING=OFF"]
+
+
+# --- Ctrl-C ------------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize("tool", ["apt-get", "cmake", "ninja"])
+def test_ctrl_c_ends_an_install_and_a_build_and_breaks_nothing(launch, tool):
+    (launch.fake / "updated").touch()
+    (launch.fake / "during").write_text(f'case $0 in */{tool}) trap "" INT; kill -INT 0; exit 2 ;; esac\n')
+    done = launch("list")
+    assert done.returncode == 130 and "failed" not in done.stderr and done.stdout == ""
+    (launch.fake / "during").write_text("")
+    done = launch("list")
+    assert done.returncode == 0 and "list in" in done.stdout
+
+
+def test_an_interrupted_installation_of_packages_is_completed(launch):
+    (launch.fake / "updated").touch()
+    (launch.fake / "during").write_text(
+        'case $0 in */apt-get) [ -e "$FAKE/configured" ] || {\n'
+        'echo "E: dpkg was interrupted, you must manually run \'dpkg --configure -a\' to correct the problem."\n'
+        'exit 100; } ;; esac\n')
+    dpkg = launch.place / "bin/dpkg"
+    dpkg.write_text('#!/bin/sh\n[ "$*" = "--configure -a" ] && : > "$FAKE/configured"\n')
+    dpkg.chmod(0o755)
+    done = launch("setup")
+    assert done.returncode == 0, done.stderr
+    assert "completing an interrupted installation of packages" in done.stderr
+
+
+INTERRUPTS = """
+import os, signal, sys
+
+class Finder:
+    def find_spec(self, name, path=None, target=None):
+        if name == os.environ["INTERRUPTS"]:
+            os.kill(os.getpid(), signal.SIGINT)
+
+if os.environ["INTERRUPTS"] == "sitecustomize":
+    Finder().find_spec("sitecustomize")
+sys.meta_path.insert(0, Finder())
+"""
+
+
+@pytest.mark.parametrize("module", ["sitecustomize", "fledge", "argparse", "fledge.cli", "fledge.cli.compare",
+                                    "fledge.mission", "numpy", "numpy.core.numeric"])
+def test_ctrl_c_while_python_starts_leaves_no_traceback(tmp_path, module):
+    (tmp_path / "sitecustomize.py").write_text(INTERRUPTS)
+    (tmp_path / "m").mkdir()
+    (tmp_path / "m/flight.py").write_text("import numpy\ndef build(f):\n    pass\n")
+    done = subprocess.run([ROOT / "fledge", "run", "m", "--for", "1s"], capture_output=True, text=True, cwd=tmp_path,
+                          env={**os.environ, "PYTHONPATH": str(tmp_path), "INTERRUPTS": module}, timeout=60)
+    assert done.returncode in (130, -2), done.stderr
+    assert done.stderr in ("", "fledge: interrupted\n")
+
+
 # The launcher's own, and those of the command line proper.
 COMMANDS = ["setup", "demo", "test", "exec", *next(a.choices for a in cli.parser()._actions if a.dest == "command")]
 
@@ -188,6 +447,13 @@ def test_every_command_has_help_with_an_example(command):
     done = subprocess.run([ROOT / "fledge", command, "--help"], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert f"fledge {command}" in done.stdout and "example" in done.stdout.lower()
+
+
+def test_a_command_begins_without_what_only_some_need():
+    program = ("import sys\nfrom fledge import cli\ncli.parser()\n"
+               "print([name for name in ('typing', 'dataclasses', 'numpy', 'fledge.archive') if name in sys.modules])")
+    done = subprocess.run(["/usr/bin/python3", "-S", "-c", program], capture_output=True, text=True)
+    assert done.stdout == "[]\n", done.stderr
 
 
 def test_the_usage_names_every_command():

@@ -34,6 +34,37 @@ def replace(path, old, new_):
 
 # --- one project, with one of each -----------------------------------------------------------------
 
+def test_what_fails_to_build_is_shown_without_the_build(tmp_path):
+    """A user sees the place and the reason first, for each kind of mistake. Folders have any names."""
+    sat = tmp_path / "Größe 1/sat"
+    sat.parent.mkdir()
+    fledge("new", "project", "sat", cwd=sat.parent)
+    fledge("new", "module", "Spin", cwd=sat)
+    fledge("new", "model", "Leak", cwd=sat)
+
+    def shown(file, old, new_):
+        before = (sat / file).read_text()
+        replace(sat / file, old, new_)
+        said = fledge("list", cwd=sat, code=1).splitlines()
+        (sat / file).write_text(before)
+        start = next(i for i, line in enumerate(said) if line.startswith("fledge: the build failed; the whole log"))
+        assert len(said) - start < 12 and not any("FAILED" in line or "/usr/bin" in line for line in said)
+        return " ".join(said[start + 1:start + 3])
+
+    assert re.match(rf"{sat}/flight/spin.h:\d+: a number has a unit; `rate` has none",
+                    shown("flight/spin.h", "///< [N m / s]", "///"))
+    assert re.match(rf"{sat}/flight/spin.c:\d+:\d+: error: expected .;. before",
+                    shown("flight/spin.c", "memset(&m->out, 0, sizeof m->out);", "memset(&m->out, 0, sizeof m->out)"))
+    assert re.match(rf"{sat}/flight/spin.c:12: spin_reset calls sin of libm, whose last bits differ between machines; "
+                    "use fm_sin of flight/math/elementary.h; C that never flies stands below NOT_FLOWN",
+                    shown("flight/spin.c", "    memset(&m->mem, 0, sizeof m->mem);",
+                          "    double sin(double);\n    m->mem.torque_B.v[0] = sin(m->par.rate);"))
+    assert re.match(rf"{sat}/world/leak_model.cpp:\d+:\d+: error: .nothing. ",
+                    shown("world/leak_model.cpp", "namespace sat {", "namespace sat {\nint x = nothing;"))
+    assert re.match("CMake Error at CMakeLists.txt:8: +Parse error",
+                    shown("CMakeLists.txt", "        world/leak\n)", "        world/leak\n"))
+
+
 @pytest.fixture(scope="module")
 def own(tmp_path_factory):
     """A project with a module, a model, and a mission that flies both."""
@@ -128,11 +159,27 @@ def test_names_that_are_ours_and_sources_that_are_not_there(tmp_path):
         fledge("--project", "bad", "new", "module", name, cwd=tmp_path)
     cmake = tmp_path / "bad/CMakeLists.txt"
     replace(cmake, "        flight/two\n", "")
+    said = fledge("--project", "bad", "list", cwd=tmp_path, code=1)
+    assert re.search(r"failed; the whole log is .*\n/.*/bad/flight/two.h:11: CMake compiles every module; it does not "
+                     r"compile flight/two.c; add flight/two below FLIGHT in fledge_project\(\) of CMakeLists.txt", said)
+
+    (tmp_path / "bad/flight/two.c").unlink()
     said = fledge("--project", "bad", "list", cwd=tmp_path, code=2)
     assert re.search(r"cannot load the library .*libbad.so: .*undefined symbol: two_\w+; do its sources", said)
 
     for path in (tmp_path / "bad/flight").glob("two*"):
         path.unlink()
+    replace(cmake, "        flight/one\n", "")
+    said = fledge("--project", "bad", "exec", "/usr/bin/python3", "-c", "from fledge.flight import One", cwd=tmp_path,
+                  code=1)
+    assert said.splitlines()[-1].endswith(
+        f"SetupError: there is no One: flight/one.h exists, but {cmake} does not list it: "
+        "add flight/one below FLIGHT in fledge_project()")
+    replace(cmake, "    FLIGHT\n", "    FLIGHT\n        flight/one\n        flight/won\n")
+    said = fledge("--project", "bad", "list", cwd=tmp_path, code=1)
+    assert "CMakeLists.txt lists flight/won.c in fledge_project(), and there is no such file" in " ".join(said.split())
+    replace(cmake, "        flight/won\n", "")
+
     for path in (tmp_path / "bad/flight").glob("one*"):
         path.write_text(path.read_text().replace("one_", "hill_pointing_").replace("One", "HillPointing"))
     said = fledge("--project", "bad", "list", cwd=tmp_path, code=2)
@@ -225,8 +272,8 @@ def added(before, after):
 
 
 def test_within_fledge_lines_go_where_their_neighbours_are(tmp_path, monkeypatch):
-    for file in ("flight/CMakeLists.txt", "world/CMakeLists.txt"):
-        (tmp_path / file).parent.mkdir(parents=True)
+    for file in ("CMakeLists.txt", "flight/CMakeLists.txt", "world/CMakeLists.txt"):
+        (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / file, tmp_path / file)
     monkeypatch.setattr(new, "FLEDGE", tmp_path)
     before = (tmp_path / "flight/CMakeLists.txt").read_text()

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Iterator
 
 ROOT = Path(__file__).resolve().parents[1]
-NOT_OURS = {".git", "build", "runs", "__pycache__", ".pytest_cache", ".cache"}
+NOT_OURS = {".git", "build", "runs", "__pycache__", ".pytest_cache", ".mypy_cache", ".cache"}
 
 
 def files(root: Path = ROOT) -> Iterator[Path]:

@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The library's errors, and helpers for their texts."""
+from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
-from typing import Any
+
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+    from typing import Any
 
 
 class Failure(Exception):

@@ -56,7 +56,7 @@ def model(name: str, project: Path | str | None = None) -> tuple[list[Path], str
 def _type(kind: str, name: str, project: Path | str | None, top: str, default: str, theirs: str,
           endings: tuple[str, ...]) -> tuple[list[Path], str]:
     """top: the folder; default: its subfolder within Fledge; theirs, endings: the name and the files of the template"""
-    root = Path(project) if project else FLEDGE
+    root = _root(project)
     *folders, name = name.removeprefix(f"{top}/").split("/")
     if not re.fullmatch(r"[A-Z][A-Za-z0-9]*", name):
         raise NewError(f"a {kind}'s name is CamelCase, of letters and digits, such as {theirs}; found '{name}'")
@@ -87,7 +87,7 @@ def mission(name: str, project: Path | str | None = None) -> tuple[list[Path], s
     _no_keyword(name, name)
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
         raise NewError(f"a mission's name is of small letters, digits and _, such as first_light; found '{name}'")
-    root = Path(project) if project else FLEDGE
+    root = _root(project)
     folder = root / "missions" / name
     if folder.exists():
         raise NewError(f"{folder} is there already; choose another name")
@@ -111,7 +111,15 @@ def project(folder: Path | str) -> tuple[list[Path], str]:
     _write(texts)
     for part in ("flight", "world", "missions"):
         (folder / part).mkdir(exist_ok=True)
-    return list(texts), f"Use it: ./fledge --project {shlex.quote(str(folder))} COMMAND, or set FLEDGE_PROJECT to it"
+    return list(texts), (f"Use it: commands in this folder and below find it; elsewhere, "
+                         f"./fledge --project {shlex.quote(str(folder))} COMMAND")
+
+
+def _root(project: Path | str | None) -> Path:
+    """The project's folder, else Fledge's own. Raises NewError for an installed Fledge, which is no place for more."""
+    if not project and not (FLEDGE / "CMakeLists.txt").exists():
+        raise NewError("there is no project here; './fledge new project NAME' makes one, and it takes what is new")
+    return Path(project) if project else FLEDGE
 
 
 # --- names -----------------------------------------------------------------------------------------

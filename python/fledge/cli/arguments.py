@@ -1,13 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Arguments that several commands take: numbers, durations, records of runs."""
+from __future__ import annotations
 
 import argparse
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from fledge.archive import Archive
 from fledge.errors import Failure
+
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from fledge.archive import Archive
 
 
 def number(what: str = "a number") -> Callable[[str], float]:
@@ -58,6 +62,8 @@ def find_run(name: str) -> Path:
 
 def open_run(name: str) -> Archive:
     """The archive of find_run(), with a line on stderr if it is damaged."""
+    from fledge.archive import Archive  # late: most commands read no record
+
     archive = Archive(find_run(name))
     if archive.problem:
         print(archive.problem, file=sys.stderr)

@@ -8,7 +8,8 @@ from types import BuiltinFunctionType, FunctionType, ModuleType
 from typing import Any
 
 from fledge import _core
-from fledge.errors import did_you_mean
+from fledge.errors import SetupError, did_you_mean
+from fledge.objects import project
 
 
 def lookup(module: str, types: dict[str, Any],
@@ -19,6 +20,8 @@ def lookup(module: str, types: dict[str, Any],
             return types[name]
         if name.startswith("__"):
             raise AttributeError(name)
+        if unbuilt := project.unbuilt(module.rpartition(".")[2], name):
+            raise SetupError(unbuilt)   # no AttributeError: of that, `from ... import` keeps nothing but the name
         known = [n for n in __dir__() if not n.startswith("_")]
         main = [n for n in types if _core.struct(types[n]).kind in ("module", "model")]
         own = [n for n in known if n not in types and n[:1].isupper()

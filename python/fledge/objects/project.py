@@ -33,6 +33,20 @@ def types(part: str) -> dict[str, Any]:
     return {name: one for name, one in _types().items() if _core.struct(one).folder.split("/")[0] == part}
 
 
+def unbuilt(part: str, name: str) -> str:
+    """Why the project has no type of this name although a header for it lies in `part`/; "" if there is none."""
+    project = folder()
+    headers = sorted((project / part).rglob("*.h")) if project else []
+    header = next((one for one in headers if one.stem.replace("_", "") == name.lower()), None)
+    if not project or not header:
+        return ""
+    path = header.relative_to(project).with_suffix("").as_posix()
+    file = project / "CMakeLists.txt"
+    reason = (f"{file} does not list it: add {path} below {part.upper()} in fledge_project()"
+              if path not in file.read_text(encoding="utf-8") else "it is not built: ./fledge setup builds it")
+    return f"there is no {name}: {path}.h exists, but {reason}"
+
+
 @cache
 def _types():
     project = folder()

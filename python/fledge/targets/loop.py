@@ -35,7 +35,7 @@ def close(job: Job, target: list[str], name: str, timeout: float = 60.0) -> dict
     return _run(job, name, {
         "controller": [build.native("fledge_controller", "cosim"), *options, "--until", repr(job.duration), "--seed",
                        job.seed, "--node", "world", "--node", "flight", "--join", timeout, "--reply", timeout],
-        "world": [sys.executable, "-m", "fledge.cli", "node", job.asked, "world",
+        "world": [sys.executable, "-P", "-m", "fledge.cli", "node", job.asked, "world",
                   *(["--free"] if job.scenario == "free" or job.loads else [job.scenario]), *options,
                   *(word for name, value in job.parameters.items() for word in ("--set", f"{name}={value!r}"))],
         "flight": [*_board(job, options), "--reply", timeout, "--", *target]})

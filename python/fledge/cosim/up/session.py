@@ -244,7 +244,7 @@ class Session:
                                     remote=(p.directory, {"PYTHONPATH": f"{fledge}/cosim/bindings/python", **theirs}))
             return
         path = os.pathsep.join([str(FLEDGE / "cosim/bindings/python"), *filter(None, [os.environ.get("PYTHONPATH")])])
-        r.process = self._start(p.name, self._command(p, [sys.executable, "-m", "fledge.cli"]),
+        r.process = self._start(p.name, self._command(p, [sys.executable, "-P", "-m", "fledge.cli"]),
                                 launcher=p.launcher or (), directory=p.directory if not p.mission else None,
                                 env={**os.environ, "PYTHONPATH": path, **theirs})
 
