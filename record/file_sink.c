@@ -23,8 +23,8 @@ static bool is_ours(const FileSink *s)
            here.st_ino == there.st_ino;
 }
 
-/* Lock the open file, and see that it is a regular file and still has its name. Returns 0, EBUSY if another sink has the
- * lock, ESTALE if the file has lost its name, or another errno. */
+/* Lock the open file, and see that it is a regular file and still has its name. Returns 0, EBUSY if another sink has
+ * the lock, ESTALE if the file has lost its name, or another errno. */
 static int take(const FileSink *s)
 {
     struct stat file;

@@ -26,8 +26,8 @@ typedef struct FileSink {
     char part[FILE_SINK_PATH_MAX]; ///< "NAME.part"
 } FileSink;
 
-/** Create NAME.part in place of that of an earlier failure. Returns 0 or errno: EBUSY if another sink writes it, ELOOP if
- *  it is a symbolic link, EEXIST if it is no regular file. */
+/** Create NAME.part in place of that of an earlier failure. Returns 0 or errno: EBUSY if another sink writes it, ELOOP
+ *  if it is a symbolic link, EEXIST if it is no regular file. */
 int file_sink_open(FileSink *s, const char *name);
 
 /** McapConfig.write, with the FileSink as its user. Returns 0 or errno. */

@@ -20,8 +20,9 @@
  *
  *      | 49 bytes for the chunk's header | records -->  free  <-- 16-byte index entries |
  *
- *  Memory:  schemas, channels: one entry each.  chunk: 0, or MCAP_CHUNK_MIN bytes to 1 GiB; each schema and channel must
- *  fit in, a larger message has a chunk of its own.  index: 73 + 10 x channels bytes per chunk, 29 + name per metadata record.
+ *  Memory:  schemas, channels: one entry each.  chunk: 0, or MCAP_CHUNK_MIN bytes to 1 GiB; each schema and channel
+ *  must fit in, a larger message has a chunk of its own.  index: 73 + 10 x channels bytes per chunk, 29 + name per
+ *  metadata record.
  *  When `index` is full, the file stays valid and complete, but its summary has no chunk index at all, because a
  *  partial index would hide the other chunks: readers scan the file. `index_full` is then true.
  */

@@ -240,15 +240,21 @@ def deliver(figure: Figure, source: Records) -> Figure:
     return figure
 
 
-def save(figure: Figure, folder: Path | str) -> Path:
-    """Save a figure as PNG under its name; returns the path."""
+def file_name(figure: Figure) -> str:
+    """The name of a figure's file, without its ending: of one that pyplot made, its label, or else figure-1."""
+    name = getattr(figure, "fledge_name", "") or figure.get_label() or f"figure-{getattr(figure, 'number', 1)}"
+    return re.sub(r"[/\\\x00-\x1f]", "_", str(name)).lstrip(".")[:100] or "figure"
+
+
+def save(figure: Figure, folder: Path | str, name: str | None = None) -> Path:
+    """Save a figure as PNG under a name, by default its own; returns the path."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     from fledge.files import Part
 
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{figure.fledge_name}.png"
+    path = folder / f"{name or file_name(figure)}.png"
     FigureCanvasAgg(figure)
     with Part(path) as part:
         figure.savefig(part, format="png", metadata={"Software": None})

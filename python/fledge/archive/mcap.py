@@ -101,6 +101,28 @@ class _Fields:
         return found
 
 
+def metadata(path):
+    """The metadata of a file, as Scan has them, without its messages: only the heads of chunks are read. It ends at the
+    first fault."""
+    found = {}
+    with open(path, "rb") as file:
+        at = file.seek(len(MAGIC))
+        while len(head := file.read(_PREFIX)) == _PREFIX:
+            op, length = _prefix(head)
+            if op == METADATA:
+                data = file.read(length)
+                try:
+                    fields = _Fields(data, at, 0, len(data))
+                    name, pairs = fields.text(), fields.pairs()
+                except Damage:
+                    break
+                found.setdefault(name, {}).update(pairs)
+            elif op == DATA_END:
+                break
+            at = file.seek(at + _PREFIX + length)
+    return found
+
+
 class Scan:
     """The contents of a file.
 

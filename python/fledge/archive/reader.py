@@ -5,6 +5,7 @@
     a.topics                          # topic -> Channel, with its fields, units and count
     a["error.sigma_BR"]               # an (n, 3) array; a["/flight/tracking/error"] has all fields
     a.time("error")                   # [s]
+    a.parameters["flight.control.K"]  # as the run began
     a.frame("error")                  # a pandas DataFrame by time, columns "error.sigma_BR[0]", ...
     a.to_csv("run/"), a.to_hdf5("run.h5")
 
@@ -19,6 +20,7 @@ numpy is loaded when data are read, pandas by `frame`, h5py by `to_hdf5`.
 from __future__ import annotations
 
 import csv
+import json
 import mmap
 import os
 import re
@@ -88,7 +90,8 @@ class Archive(Records):
     """A run, read from the file at `path`. Raises ArchiveError if it is no MCAP file at all.
 
     topics: topic -> Channel, in the order of their declaration
-    metadata: name -> {key: value}, all text; records of one name are merged
+    metadata: name -> {key: value}, all text; records of one name are merged: "run" has the mission, scenario, seed and
+        version, "parameters" and "revisions" what the run began with, "end" its outcome
     complete: whether the file is whole and all its checksums are right
     problem: None, or a sentence with the fault, its byte and the data that are good
     good_until: [s] all messages before this time are present and right; None if unknown, or if there are none
@@ -120,6 +123,15 @@ class Archive(Records):
             raw.topic += f"#{id}" if raw.topic in self.topics else ""
             self.topics[raw.topic] = Channel(raw, self.path)
         self._decoded: dict[str, Any] = {}
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """The parameters with which the run began: "flight.control.K" -> a number, a list or a text, in SI.
+
+        `metadata["parameters"]` has them as texts with units. {} if the file has none.
+        """
+        decode = json.JSONDecoder().raw_decode
+        return {name: decode(text)[0] for name, text in self.metadata.get("parameters", {}).items()}
 
     def close(self) -> None:
         """Close the file. Arrays and frames that were read stay valid."""
