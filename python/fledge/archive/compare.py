@@ -91,7 +91,7 @@ def origins(a: Archive, b: Archive) -> list[tuple[str, str, str]]:
             if pair[0] != pair[1] and key != "assumptions":     # these follow from the parameters
                 element = _element(*pair) if group == "parameters" else ""
                 found.append((f"revision of {key}" if group == "revisions" else key + element,
-                              *(_at(text, element) for text in pair)))
+                              _at(pair[0], element), _at(pair[1], element)))
     return found
 
 

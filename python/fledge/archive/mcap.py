@@ -8,6 +8,9 @@ files, which checks every checksum. It stops at the first fault. The messages be
 Scan reads only the bytes that separate messages, one step per message. numpy decodes the requested topics later.
 """
 
+from __future__ import annotations
+
+import os
 import struct
 import zlib
 from array import array
@@ -101,10 +104,10 @@ class _Fields:
         return found
 
 
-def metadata(path):
+def metadata(path: str | os.PathLike[str]) -> dict[str, dict[str, str]]:
     """The metadata of a file, as Scan has them, without its messages: only the heads of chunks are read. It ends at the
     first fault."""
-    found = {}
+    found: dict[str, dict[str, str]] = {}
     with open(path, "rb") as file:
         at = file.seek(len(MAGIC))
         while len(head := file.read(_PREFIX)) == _PREFIX:

@@ -190,14 +190,14 @@ def list_(options: argparse.Namespace) -> int:
                                 note = "  (optional)" if f.optional else ""
                                 say(f"    {arrow} {f.name:13} {f.struct.name}{note}")
     say("\nbodies\n  " + ", ".join(f"world.{name}" for name in world.BODIES))
-    if found := kept():
+    if runs := kept():
         from fledge.archive.mcap import metadata
 
-        say(f"\nkept runs (as RUN of plot, compare and convert)")
-        for name, (record, *_) in found.items():
-            about = metadata(record)
-            words = [*map(about.get("run", {}).get, ("mission", "scenario")), about.get("end", {}).get("outcome")]
-            say(f"  {name:{width}} {', '.join(filter(None, words))}")
+        say("\nkept runs (each is a RUN for plot, compare and convert)")
+        for name, (record, *_) in runs.items():
+            facts = {key: text for pairs in metadata(record).values() for key, text in pairs.items()}
+            say(f"  {name:{width}} " + ", ".join(facts[key] for key in ("mission", "scenario", "outcome")
+                                                if key in facts))
     return 0
 
 

@@ -46,6 +46,22 @@ SCENARIOS = '''
         sim.run(60)
         log.plot("error.sigma_BR", name="error")
 
+    def figures(sim):
+        """Figures by hand."""
+        import matplotlib
+        matplotlib.use("Agg")
+        import matplotlib.pyplot as plt
+
+        log = sim.record(sim.flight.tracking.error)
+        sim.run(60)
+        for title in ("one", "another"):
+            log.plot("error.sigma_BR", name="error", title=title)
+        plt.figure()
+        plt.plot(log.time, log["error.sigma_BR"])
+        plt.figure(num="by hand/2")
+        plt.plot([1, 2])
+        assert sim.time > 100, "too early"
+
     def waiting(sim):
         """As long as the file `wait` is there."""
         sim.record(sim.flight.tracking, sim.world.craft)
@@ -165,6 +181,25 @@ def test_no_link_is_followed(here):
     (folder / "error.png.part").symlink_to(other)
     assert cli.main(["run", "looker", "short"]) == 1
     assert other.read_text() == "precious"
+
+
+def test_figures_of_pyplot_are_saved_with_the_run_even_if_it_fails(here, capsys):
+    assert cli.main(["run", "looker", "figures", "--report"]) == 1
+    folder = here / "runs/looker/figures"
+    names = ["by hand_2.png", "error-2.png", "error.png", "figure-1.png"]
+    assert sorted(p.name for p in folder.glob("*.png")) == names
+    printed = capsys.readouterr().out
+    page = (folder / "report.html").read_text()
+    for name in names:
+        assert f"  plot     runs/looker/figures/{name}" in printed
+        assert f'alt="figure {name[:-4]}"' in page
+    assert (folder / "error.png").read_bytes() != (folder / "error-2.png").read_bytes()
+    from matplotlib import pyplot
+
+    assert not pyplot.get_fignums()             # a second run in this program has none of them
+    assert cli.main(["run", "looker", "figures", "--no-plots", "--out", "none"]) == 1
+    assert not list((here / "none").glob("*.png"))
+    pyplot.close("all")
 
 
 # --- names -----------------------------------------------------------------------------------------
