@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#define _POSIX_C_SOURCE 200809L
+#define _DEFAULT_SOURCE /* flock */
 #include "record/file_sink.h"
 
 #include <errno.h>
@@ -7,9 +7,67 @@
 #include <stdint.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 static const char SUFFIX[] = ".part";
+
+enum { ATTEMPTS = 100 }; /* at a .part that other programs take and leave meanwhile */
+
+/* Whether the path still leads to the open file: another program may have renamed or deleted it. */
+static bool is_ours(const FileSink *s)
+{
+    struct stat here, there;
+    return fstat(s->fd, &here) == 0 && lstat(s->part, &there) == 0 && here.st_dev == there.st_dev &&
+           here.st_ino == there.st_ino;
+}
+
+/* Lock the open file, and see that it is a regular file and still has its name. Returns 0, EBUSY if another sink has
+ * the lock, ESTALE if the file has lost its name, or another errno. */
+static int take(const FileSink *s)
+{
+    struct stat file;
+    if (fstat(s->fd, &file) != 0) {
+        return errno;
+    }
+    if (!S_ISREG(file.st_mode)) {
+        return EEXIST;
+    }
+    /* On a file system without locks, is_ours() finds out at the end, and the file of the last program stays. */
+    if (flock(s->fd, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+        return EBUSY;
+    }
+    return is_ours(s) ? 0 : ESTALE;
+}
+
+static void leave(FileSink *s)
+{
+    (void)close(s->fd);
+    s->fd = -1;
+}
+
+/* One attempt to create the .part, or else to delete that of a program that ended. Returns 0 if it is created, ESTALE
+ * for another attempt, or errno. */
+static int attempt(FileSink *s)
+{
+    /* A new file, never the old one emptied: other names and readers of that may exist. */
+    s->fd = open(s->part, O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
+    if (s->fd >= 0) {
+        const int error = take(s);
+        /* A program that found the new file before it was locked deletes it, and creates its own. */
+        return error == EBUSY ? ESTALE : error;
+    }
+    if (errno != EEXIST) {
+        return errno;
+    }
+    s->fd = open(s->part, O_WRONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
+    if (s->fd < 0) {
+        return errno == ENOENT ? ESTALE : errno;
+    }
+    const int error = take(s);
+    return error == 0 && unlink(s->part) != 0 ? errno : error == 0 ? ESTALE : error;
+}
 
 int file_sink_open(FileSink *s, const char *name)
 {
@@ -22,9 +80,12 @@ int file_sink_open(FileSink *s, const char *name)
     }
     memcpy(s->part, name, n);
     memcpy(s->part + n, SUFFIX, sizeof SUFFIX);
-    s->fd = open(s->part, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
-    if (s->fd < 0) {
-        s->error = errno;
+    s->error = ESTALE;
+    for (int i = 0; i < ATTEMPTS && s->error == ESTALE; i++) {
+        s->error = attempt(s);
+        if (s->error != 0 && s->fd >= 0) {
+            leave(s);
+        }
     }
     return s->error;
 }
@@ -52,20 +113,24 @@ int file_sink_close(FileSink *s, bool whole)
     if (s->fd < 0) {
         return s->error;
     }
-    /* A network file system may report only now that it is full. There is no fsync: after a power failure, the
-     * checksums in the archive show missing data. */
-    if (close(s->fd) != 0 && s->error == 0) {
-        s->error = errno;
-    }
-    s->fd = -1;
     if (whole && s->error == 0) {
         char name[FILE_SINK_PATH_MAX];
         size_t n = strlen(s->part) - (sizeof SUFFIX - 1u);
         memcpy(name, s->part, n);
         name[n] = '\0';
-        if (rename(s->part, name) != 0) {
+        /* On the disk before it has its name, so that a power failure leaves no file of that name that is not whole. */
+        if (fdatasync(s->fd) != 0 && errno != EINVAL && errno != ENOSYS) {
+            s->error = errno;
+        } else if (!is_ours(s)) {
+            s->error = ESTALE;
+        } else if (rename(s->part, name) != 0) {
             s->error = errno;
         }
     }
+    /* The lock ends with the file, so after the rename. */
+    if (close(s->fd) != 0 && s->error == 0) {
+        s->error = errno;
+    }
+    s->fd = -1;
     return s->error;
 }

@@ -2,8 +2,10 @@
 /** A sink for mcap.h on POSIX: a file that gets its name only when it is complete.
  *
  *  The sink writes NAME.part, and renames it to NAME when the caller closes it as whole; this replaces an old file NAME
- *  in one step. After a failure or a crash, NAME.part stays, and is readable up to its last whole chunk. The writer
- *  does not include this header, because small targets have no files. */
+ *  in one step. After a failure or a crash, NAME.part stays, and is readable up to its last whole chunk, until the next
+ *  sink of that name replaces it. One sink at a time writes NAME.part: it holds a lock (flock), which ends with the
+ *  program. No symbolic link is followed. The writer does not include this header, because small targets have no
+ *  files. */
 #ifndef RECORD_FILE_SINK_H
 #define RECORD_FILE_SINK_H
 
@@ -24,13 +26,15 @@ typedef struct FileSink {
     char part[FILE_SINK_PATH_MAX]; ///< "NAME.part"
 } FileSink;
 
-/** Create NAME.part, or truncate the one of an earlier failure. Returns 0 or errno. */
+/** Create NAME.part in place of that of an earlier failure. Returns 0 or errno: EBUSY if another sink writes it, ELOOP
+ *  if it is a symbolic link, EEXIST if it is no regular file. */
 int file_sink_open(FileSink *s, const char *name);
 
 /** McapConfig.write, with the FileSink as its user. Returns 0 or errno. */
 int file_sink_write(void *sink, const void *bytes, size_t n);
 
-/** Close the file; with `whole`, and if no call has failed, rename it to NAME. Returns the first errno. */
+/** Close the file; with `whole`, and if no call has failed, rename it to NAME. Returns the first errno: ESTALE if
+ *  NAME.part was deleted or replaced meanwhile. */
 int file_sink_close(FileSink *s, bool whole);
 
 #ifdef __cplusplus

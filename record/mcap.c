@@ -215,7 +215,7 @@ static void begin_chunk(McapWriter *w)
 /* Serialize the MessageIndex records into the chunk buffer, whose records the sink has already taken, and the
  * ChunkIndex record into the index. A message record takes at least 35 bytes and its index at most 16 + 15, so this
  * never overwrites the entries at the end of the buffer. */
-static void index_chunk(McapWriter *w, uint64_t start)
+static void index_chunk(McapWriter *w, uint64_t start, uint64_t size)
 {
     uint32_t present = 0;
     for (uint16_t c = 0; c < w->n_channels; c++) {
@@ -232,7 +232,7 @@ static void index_chunk(McapWriter *w, uint64_t start)
         x = put_u64(x, w->chunk_t_first);
         x = put_u64(x, w->chunk_t_last);
         x = put_u64(x, start);
-        x = put_u64(x, w->chunk_used);
+        x = put_u64(x, size);
         x = put_u32(x, 10u * present);
     }
 
@@ -245,7 +245,7 @@ static void index_chunk(McapWriter *w, uint64_t start)
         }
         if (indexed) {
             x = put_u16(x, (uint16_t)(c + 1u));
-            x = put_u64(x, start + w->chunk_used + (uint64_t)(p - w->config.chunk));
+            x = put_u64(x, start + size + (uint64_t)(p - w->config.chunk));
         }
         p = put_prefix(p, OP_MESSAGE_INDEX, 2u + 4u + ENTRY * (uint64_t)n);
         p = put_u16(p, (uint16_t)(c + 1u));
@@ -262,37 +262,48 @@ static void index_chunk(McapWriter *w, uint64_t start)
     if (indexed) {
         x = put_u64(x, index_size);
         x = put_u32(x, 0); /* not compressed */
-        x = put_u64(x, w->chunk_used - CHUNK_HEAD);
-        x = put_u64(x, w->chunk_used - CHUNK_HEAD);
+        x = put_u64(x, size - CHUNK_HEAD);
+        x = put_u64(x, size - CHUNK_HEAD);
         w->index_used = (size_t)(x - w->config.index);
     }
     send(w, w->config.chunk, index_size);
 }
 
-static void end_chunk(McapWriter *w)
+/* Pass the open chunk to the sink. The n bytes of `tail` belong to its last record, and need no room in the buffer. */
+static void end_chunk_with(McapWriter *w, const void *tail, size_t n)
 {
     if (w->chunk_used == CHUNK_HEAD) {
         return;
     }
-    const size_t n = w->chunk_used - CHUNK_HEAD;
-    const uint32_t crc = mcap_crc_update(&w->crc_tables, 0, w->config.chunk + CHUNK_HEAD, n);
+    const size_t buffered = w->chunk_used - CHUNK_HEAD;
+    const uint64_t size = (uint64_t)buffered + n;
+    uint32_t crc = mcap_crc_update(&w->crc_tables, 0, w->config.chunk + CHUNK_HEAD, buffered);
+    if (n > 0u) {
+        crc = mcap_crc_update(&w->crc_tables, crc, tail, n);
+    }
     const uint64_t start = w->position;
 
-    uint8_t *p = put_prefix(w->config.chunk, OP_CHUNK, CHUNK_HEAD - PREFIX + (uint64_t)n);
+    uint8_t *p = put_prefix(w->config.chunk, OP_CHUNK, CHUNK_HEAD - PREFIX + size);
     p = put_u64(p, w->chunk_t_first);
     p = put_u64(p, w->chunk_t_last);
-    p = put_u64(p, n);
+    p = put_u64(p, size);
     p = put_u32(p, crc);
     p = put_u32(p, 0); /* not compressed */
-    put_u64(p, n);
+    put_u64(p, size);
 
     /* The CRC of the section continues with the CRC of the chunk, so that each byte is hashed once. */
     w->crc = mcap_crc_update(&w->crc_tables, w->crc, w->config.chunk, CHUNK_HEAD);
-    w->crc = mcap_crc_join(w->crc, crc, n);
+    w->crc = mcap_crc_join(w->crc, crc, size);
     deliver(w, w->config.chunk, w->chunk_used);
+    deliver(w, tail, n);
     w->n_chunks++;
-    index_chunk(w, start);
+    index_chunk(w, start, CHUNK_HEAD + size);
     begin_chunk(w);
+}
+
+static void end_chunk(McapWriter *w)
+{
+    end_chunk_with(w, NULL, 0);
 }
 
 /* If the file has chunks: make room in the chunk buffer for one record. Ends the open chunk if necessary. */
@@ -482,17 +493,24 @@ McapStatus mcap_message(McapWriter *w, uint16_t channel, int64_t t_ns, uint32_t 
     p[3] = 0;
 
     if (chunked(w)) {
-        McapStatus status = make_room(w, PREFIX + length + ENTRY);
+        /* A message beyond the buffer has a chunk of its own, which takes it from the caller's memory. */
+        const bool fits = PREFIX + length + ENTRY <= w->config.chunk_size - CHUNK_HEAD;
+        if (!fits) {
+            end_chunk(w);
+        }
+        const McapStatus status = make_room(w, fits ? PREFIX + length + ENTRY : sizeof head + ENTRY);
         if (status != MCAP_OK) {
             return status;
         }
         add_entry(w, c, t);
-        uint8_t *record = w->config.chunk + w->chunk_used;
-        memcpy(record, head, sizeof head);
-        if (n > 0u) {
-            memcpy(record + sizeof head, bytes, n);
+        memcpy(w->config.chunk + w->chunk_used, head, sizeof head);
+        w->chunk_used += sizeof head;
+        if (!fits) {
+            end_chunk_with(w, bytes, n);
+        } else if (n > 0u) {
+            memcpy(w->config.chunk + w->chunk_used, bytes, n);
+            w->chunk_used += n;
         }
-        w->chunk_used += sizeof head + n;
     } else {
         put(w, head, sizeof head);
         put(w, bytes, n);
@@ -637,7 +655,7 @@ const char *mcap_status_text(McapStatus status)
     case MCAP_OK: return "ok";
     case MCAP_WRITE_FAILED: return "the archive could not be written";
     case MCAP_FULL: return "no room for one more schema or channel";
-    case MCAP_TOO_LARGE: return "the record is larger than the chunk buffer";
+    case MCAP_TOO_LARGE: return "a schema or channel is larger than the chunk buffer";
     case MCAP_BAD_ARGUMENT: return "bad argument";
     case MCAP_CLOSED: return "the archive is closed";
     default: return "unknown status";

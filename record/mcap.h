@@ -20,8 +20,9 @@
  *
  *      | 49 bytes for the chunk's header | records -->  free  <-- 16-byte index entries |
  *
- *  Memory:  schemas, channels: one entry each.  chunk: 0, or MCAP_CHUNK_MIN bytes to 1 GiB; a
- *  record must fit in.  index: 73 + 10 x channels bytes per chunk, 29 + name per metadata record.
+ *  Memory:  schemas, channels: one entry each.  chunk: 0, or MCAP_CHUNK_MIN bytes to 1 GiB; each schema and channel
+ *  must fit in, a larger message has a chunk of its own.  index: 73 + 10 x channels bytes per chunk, 29 + name per
+ *  metadata record.
  *  When `index` is full, the file stays valid and complete, but its summary has no chunk index at all, because a
  *  partial index would hide the other chunks: readers scan the file. `index_full` is then true.
  */
@@ -45,7 +46,7 @@ typedef enum McapStatus {
     MCAP_OK = 0,
     MCAP_WRITE_FAILED, ///< the sink failed: every later call does nothing and returns this
     MCAP_FULL,         ///< no room for one more schema or channel; the file is not touched
-    MCAP_TOO_LARGE,    ///< the record does not fit the chunk buffer; the file is not touched
+    MCAP_TOO_LARGE,    ///< the schema or channel does not fit the chunk buffer; the file is not touched
     MCAP_BAD_ARGUMENT, ///< unknown id, negative time, null, name in use; the file is not touched
     MCAP_CLOSED        ///< the file was closed before
 } McapStatus;

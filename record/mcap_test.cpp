@@ -3,9 +3,12 @@
 // comes out is what went in, every checksum, index and offset is right, and no failure of the sink
 // or the caller leaves anything but a readable beginning.
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
+#include <barrier>
 #include <cerrno>
 #include <csignal>
 #include <cstdint>
@@ -19,6 +22,7 @@
 #include <random>
 #include <stdexcept>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -556,6 +560,17 @@ TEST(Mcap, TinyMessagesNeverRunIntoTheirIndex)
     expect_whole(parse(a.file), given, true, true);
 }
 
+TEST(Mcap, AMessageLargerThanTheChunkBufferHasAChunkOfItsOwn)
+{
+    Archive a(MCAP_CHUNK_MIN, 65536);
+    Given given = write_run(a, 200, 3000);
+    ASSERT_EQ(mcap_close(&a.w), MCAP_OK);
+    File f = parse(a.file);
+    expect_whole(f, given, true, true);
+    const auto large = [](const Message &m) { return m.payload.size() > MCAP_CHUNK_MIN; };
+    EXPECT_GT(std::count_if(f.messages.begin(), f.messages.end(), large), 100);
+}
+
 TEST(Mcap, ARunWithoutMessagesIsAFile)
 {
     for (size_t chunk_size : {size_t(0), MCAP_CHUNK_MIN}) {
@@ -647,7 +662,7 @@ TEST(Mcap, RefusedCallsLeaveTheFileUntouched)
         write_run(tried, 20);
         McapWriter *w = &tried.w;
         uint16_t id = 0;
-        const double x[1000] = {};
+        const double x = 0.0;
         const McapPair no_value[] = {{"key", nullptr}};
         EXPECT_EQ(mcap_add_schema(w, nullptr, "", &id), MCAP_BAD_ARGUMENT);
         EXPECT_EQ(mcap_add_schema(w, "fledge/msg/AttError", "another text", &id), MCAP_BAD_ARGUMENT);
@@ -658,13 +673,14 @@ TEST(Mcap, RefusedCallsLeaveTheFileUntouched)
         EXPECT_EQ(mcap_add_channel(w, "/x", 1, MCAP_ORDER_NATIVE, no_value, 1, &id), MCAP_BAD_ARGUMENT);
         EXPECT_EQ(mcap_add_channel(w, "/flight/tracking/error", 1, MCAP_ORDER_NATIVE, nullptr, 0, &id),
                   MCAP_BAD_ARGUMENT);
-        EXPECT_EQ(mcap_message(w, 0, 0, 0, x, 8), MCAP_BAD_ARGUMENT);
-        EXPECT_EQ(mcap_message(w, 3, 0, 0, x, 8), MCAP_BAD_ARGUMENT);
-        EXPECT_EQ(mcap_message(w, given.error, -1, 0, x, 8), MCAP_BAD_ARGUMENT);
+        EXPECT_EQ(mcap_message(w, 0, 0, 0, &x, 8), MCAP_BAD_ARGUMENT);
+        EXPECT_EQ(mcap_message(w, 3, 0, 0, &x, 8), MCAP_BAD_ARGUMENT);
+        EXPECT_EQ(mcap_message(w, given.error, -1, 0, &x, 8), MCAP_BAD_ARGUMENT);
         EXPECT_EQ(mcap_message(w, given.error, 0, 0, nullptr, 8), MCAP_BAD_ARGUMENT);
         EXPECT_EQ(mcap_metadata(w, nullptr, nullptr, 0), MCAP_BAD_ARGUMENT);
         if (chunk_size > 0) {
-            EXPECT_EQ(mcap_message(w, given.error, 0, 0, x, sizeof x), MCAP_TOO_LARGE);
+            EXPECT_EQ(mcap_add_schema(w, "fledge/msg/Long", std::string(2 * chunk_size, ' ').c_str(), &id),
+                      MCAP_TOO_LARGE);
         }
         EXPECT_EQ(mcap_close(&plain.w), MCAP_OK);
         EXPECT_EQ(mcap_close(w), MCAP_OK);
@@ -821,6 +837,96 @@ TEST_F(FileSinkTest, KeepsThePartWhenTheDiskIsFull)
     EXPECT_EQ(file_sink_close(&sink, true), EFBIG);
     EXPECT_FALSE(std::filesystem::exists(name));
     EXPECT_EQ(content(name + ".part"), std::string(4096, 'x'));
+}
+
+TEST_F(FileSinkTest, OneSinkAtATimeWritesAFile)
+{
+    ASSERT_EQ(file_sink_open(&sink, name.c_str()), 0);
+    FileSink second;
+    EXPECT_EQ(file_sink_open(&second, name.c_str()), EBUSY);
+    EXPECT_EQ(file_sink_write(&second, "xyz", 3), EBUSY);
+    EXPECT_EQ(file_sink_close(&second, true), EBUSY);
+    EXPECT_EQ(file_sink_write(&sink, "abc", 3), 0);
+    EXPECT_EQ(file_sink_close(&sink, true), 0);
+    EXPECT_EQ(content(name), "abc");
+    EXPECT_EQ(file_sink_open(&second, name.c_str()), 0);
+    file_sink_close(&second, false);
+}
+
+TEST_F(FileSinkTest, OfManySinksAtOnceOneWritesAndNoneDisturbsIt)
+{
+    for (int round = 0; round < 20; round++) {
+        std::ofstream(name + ".part") << "of a program that was killed";
+        std::barrier all(4);
+        std::atomic<int> writers = 0;
+        std::vector<std::thread> threads;
+        for (int i = 0; i < 4; i++) {
+            threads.emplace_back([&, i] {
+                FileSink own;
+                all.arrive_and_wait();
+                const int error = file_sink_open(&own, name.c_str());
+                all.arrive_and_wait();
+                if (error != 0) {
+                    EXPECT_TRUE(error == EBUSY || error == ESTALE) << error;
+                    return;
+                }
+                writers++;
+                const std::string text(1000, static_cast<char>('a' + i));
+                EXPECT_EQ(file_sink_write(&own, text.data(), text.size()), 0);
+                EXPECT_EQ(file_sink_close(&own, true), 0);
+            });
+        }
+        for (auto &thread : threads) {
+            thread.join();
+        }
+        EXPECT_EQ(writers, 1);
+        const std::string whole = content(name);
+        EXPECT_EQ(whole, std::string(1000, whole.empty() ? '?' : whole[0]));
+        EXPECT_FALSE(std::filesystem::exists(name + ".part"));
+    }
+}
+
+TEST_F(FileSinkTest, ThePartOfALostProgramIsReplacedNotEmptied)
+{
+    std::ofstream(name + ".part") << "lost";
+    std::filesystem::create_hard_link(name + ".part", name + ".kept");
+    ASSERT_EQ(file_sink_open(&sink, name.c_str()), 0);
+    EXPECT_EQ(file_sink_write(&sink, "new", 3), 0);
+    EXPECT_EQ(file_sink_close(&sink, false), 0);
+    EXPECT_EQ(content(name + ".part"), "new");
+    EXPECT_EQ(content(name + ".kept"), "lost");
+}
+
+TEST_F(FileSinkTest, LinksAndOtherFilesAreNotWritten)
+{
+    const std::string other = (folder / "other").string();
+    std::ofstream(other) << "precious";
+    std::filesystem::create_symlink(other, name + ".part");
+    EXPECT_EQ(file_sink_open(&sink, name.c_str()), ELOOP);
+    std::filesystem::remove(name + ".part");
+    ASSERT_EQ(mkfifo((name + ".part").c_str(), 0600), 0);
+    EXPECT_EQ(file_sink_open(&sink, name.c_str()), ENXIO);
+    std::filesystem::remove(name + ".part");
+    std::filesystem::create_symlink(other, name); // replaced, not followed
+    ASSERT_EQ(file_sink_open(&sink, name.c_str()), 0);
+    EXPECT_EQ(file_sink_write(&sink, "new", 3), 0);
+    EXPECT_EQ(file_sink_close(&sink, true), 0);
+    EXPECT_EQ(content(name), "new");
+    EXPECT_EQ(content(other), "precious");
+}
+
+TEST_F(FileSinkTest, APartThatIsTakenAwayIsNotRenamed)
+{
+    ASSERT_EQ(file_sink_open(&sink, name.c_str()), 0);
+    EXPECT_EQ(file_sink_write(&sink, "abc", 3), 0);
+    std::filesystem::remove(name + ".part");
+    FileSink second;
+    ASSERT_EQ(file_sink_open(&second, name.c_str()), 0);
+    EXPECT_EQ(file_sink_close(&sink, true), ESTALE);
+    EXPECT_FALSE(std::filesystem::exists(name));
+    EXPECT_EQ(file_sink_write(&second, "de", 2), 0);
+    EXPECT_EQ(file_sink_close(&second, true), 0);
+    EXPECT_EQ(content(name), "de");
 }
 
 TEST_F(FileSinkTest, AFileThatCannotBeCreatedGivesItsErrno)

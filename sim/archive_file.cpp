@@ -4,6 +4,7 @@
 #include "record/file_sink.h"
 #include "sim/error.h"
 
+#include <cerrno>
 #include <cstring>
 #include <deque>
 
@@ -22,6 +23,19 @@ std::vector<McapPair> as_pairs(const Pairs &pairs)
         list.push_back({key.c_str(), value.c_str()});
     }
     return list;
+}
+
+/// A failure of the file in words.
+std::string in_words(int error, const std::string &part)
+{
+    switch (error) {
+    case EBUSY: return "another run writes " + part + " now; let it end, or choose another folder";
+    case ELOOP: return part + " is a symbolic link, which is not followed; delete it";
+    case EEXIST: return part + " is no regular file; delete it";
+    case ESTALE: return part + " was deleted or replaced during the run";
+    case EFBIG: return "the file would exceed the limit on its size (ulimit -f, or the file system's)";
+    default: return std::strerror(error);
+    }
 }
 
 } // namespace
@@ -53,7 +67,7 @@ ArchiveFile::ArchiveFile(std::string path, std::size_t channels)
     m.chunk.resize(chunk_size);
     m.index.resize(chunks_indexed * (73 + 10 * channels) + 1024);
     if (const int error = file_sink_open(&m.sink, path_.c_str())) {
-        throw RunError("cannot write " + path_ + ": " + std::strerror(error));
+        throw RunError("cannot write " + path_ + ": " + in_words(error, m.sink.part));
     }
     McapConfig config{};
     config.write = file_sink_write;
@@ -65,9 +79,7 @@ ArchiveFile::ArchiveFile(std::string path, std::size_t channels)
     config.chunk_size = m.chunk.size();
     config.index = m.index.data();
     config.index_size = m.index.size();
-    if (mcap_open(&writer_, &config) != MCAP_OK) {
-        abandon();
-    }
+    require(mcap_open(&writer_, &config));
 }
 
 ArchiveFile::~ArchiveFile()
@@ -81,9 +93,7 @@ ArchiveFile::~ArchiveFile()
 void ArchiveFile::metadata(const std::string &name, const Pairs &pairs)
 {
     const std::vector<McapPair> list = as_pairs(pairs);
-    if (mcap_metadata(&writer_, name.c_str(), list.data(), list.size()) != MCAP_OK) {
-        abandon();
-    }
+    require(mcap_metadata(&writer_, name.c_str(), list.data(), list.size()));
 }
 
 std::uint16_t ArchiveFile::add_channel(const std::string &topic, const std::string &type, const std::string &schema,
@@ -93,32 +103,31 @@ std::uint16_t ArchiveFile::add_channel(const std::string &topic, const std::stri
     const Pairs &kept = m.pairs.emplace_back(pairs);
     const std::vector<McapPair> &pointers = m.pointers.emplace_back(as_pairs(kept));
     std::uint16_t type_id = 0, id = 0;
-    if (mcap_add_schema(&writer_, m.keep("fledge/msg/" + type), m.keep(schema), &type_id) != MCAP_OK ||
-        mcap_add_channel(&writer_, m.keep(topic), type_id, MCAP_ORDER_NATIVE, pointers.data(), pointers.size(), &id) !=
-            MCAP_OK) {
-        abandon();
-    }
+    require(mcap_add_schema(&writer_, m.keep("fledge/msg/" + type), m.keep(schema), &type_id));
+    require(
+        mcap_add_channel(&writer_, m.keep(topic), type_id, MCAP_ORDER_NATIVE, pointers.data(), pointers.size(), &id));
     return id;
 }
 
 void ArchiveFile::close()
 {
-    if (mcap_close(&writer_) != MCAP_OK) {
-        abandon();
-    }
+    require(mcap_close(&writer_));
     if (const int error = memory_->finish(true)) {
-        throw RunError("cannot finish " + path_ + ": " + std::strerror(error) + "; what was written is in " + path_ +
-                       ".part");
+        const std::string part = memory_->sink.part;
+        throw RunError("cannot finish " + path_ + ": " + in_words(error, part) +
+                       (error == ESTALE ? "" : "; what was written is in " + part));
     }
 }
 
 /// The file could not be written: leave the readable part, and throw.
-void ArchiveFile::abandon()
+void ArchiveFile::abandon(McapStatus status)
 {
+    mcap_flush(&writer_);
     const Memory &m = *memory_;
-    const std::string reason = m.sink.error ? std::strerror(m.sink.error) : mcap_status_text(writer_.status);
+    const std::string part = m.sink.part;
+    const std::string reason = m.sink.error ? in_words(m.sink.error, part) : mcap_status_text(status);
     memory_->finish(false);
-    throw RunError("cannot write " + path_ + ": " + reason + "; what was written before is in " + path_ + ".part");
+    throw RunError("cannot write " + path_ + ": " + reason + "; what was written before is in " + part);
 }
 
 } // namespace fledge::sim

@@ -33,9 +33,7 @@ public:
     /// A message's struct, in the machine's byte order, at t >= 0 [ns].
     void message(std::uint16_t channel, std::int64_t t, std::uint32_t sequence, std::span<const std::byte> bytes)
     {
-        if (mcap_message(&writer_, channel, t, sequence, bytes.data(), bytes.size()) != MCAP_OK) {
-            abandon();
-        }
+        require(mcap_message(&writer_, channel, t, sequence, bytes.data(), bytes.size()));
     }
     /// Complete the file, which gets its name.
     void close();
@@ -44,7 +42,13 @@ public:
 
 private:
     struct Memory; ///< that the writer points into
-    [[noreturn]] void abandon();
+    void require(McapStatus status)
+    {
+        if (status != MCAP_OK) {
+            abandon(status);
+        }
+    }
+    [[noreturn]] void abandon(McapStatus status);
 
     std::string path_;
     std::unique_ptr<Memory> memory_;

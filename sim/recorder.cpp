@@ -92,6 +92,14 @@ void Recorder::open_archive(const std::string &path, const Pairs &run)
     }
 }
 
+void Recorder::archive_metadata(const std::string &name, const Pairs &pairs)
+{
+    if (!archive_) {
+        throw SetupError("no archive is open for the metadata " + name);
+    }
+    archive_->metadata(name, pairs);
+}
+
 void Recorder::close_archive(const Pairs &end)
 {
     if (const auto archive = take_archive()) {

@@ -52,6 +52,8 @@ public:
     /// Finish the file, with this metadata under the name "end". Throws RunError with the reason and
     /// where the readable part lies.
     void close_archive(const Pairs &end = {});
+    /// More metadata, under a name of its own. Throws SetupError if no archive is open, RunError as close_archive.
+    void archive_metadata(const std::string &name, const Pairs &pairs);
     bool archiving() const { return archive_ != nullptr; }
 
     /// Room for the samples after the instant `now` up to t, so that the loop does not allocate.

@@ -7,9 +7,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <sys/resource.h>
+
 #include <chrono>
+#include <csignal>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 
 using namespace fledge::sim;
 using namespace fledge::sim::toys;
@@ -637,6 +641,41 @@ TEST(Recorder, SaysWhenTheDiskIsFullAndKeepsWhatIsReadable)
     EXPECT_THAT(error_of([&] { loop.sim.recorder().open_archive("/nowhere/at/all.mcap", {}); }),
                 HasSubstr("cannot write /nowhere/at/all.mcap: No such file or directory"));
     loop.sim.run_until(1000 * ms); // not the worse for it
+    Loop second;
+    const std::string path = ::testing::TempDir() + "one_at_a_time.mcap";
+    loop.sim.recorder().open_archive(path, {});
+    EXPECT_THAT(error_of([&] { second.sim.recorder().open_archive(path, {}); }),
+                HasSubstr("cannot write " + path + ": another run writes " + path + ".part now"));
+    EXPECT_THAT(error_of([&] { second.sim.recorder().archive_metadata("more", {}); }), HasSubstr("no archive is open"));
+    loop.sim.recorder().archive_metadata("more", {{"key", "value"}});
+    loop.sim.recorder().close_archive();
+    std::remove(path.c_str());
+}
+
+TEST(ArchiveFile, TakesMessagesOfAnySizeAndSaysWhyItCannot)
+{
+    const std::string path = ::testing::TempDir() + "large.mcap";
+    const std::vector<std::byte> image(5 << 20, std::byte{7});
+    ArchiveFile file(path, 1);
+    const auto channel = file.add_channel("/camera/image", "Image", "uint8[5242880] pixels\n");
+    file.message(channel, 0, 1, image);
+    file.message(channel, 1, 2, image);
+    EXPECT_THAT(error_of([&] { file.message(channel, -1, 3, image); }),
+                HasSubstr("cannot write " + path + ": bad argument; what was written before is in " + path + ".part"));
+    EXPECT_GT(std::filesystem::file_size(path + ".part"), 2 * image.size());
+
+    rlimit old{};
+    getrlimit(RLIMIT_FSIZE, &old);
+    const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+    const rlimit small{1 << 20, old.rlim_max};
+    setrlimit(RLIMIT_FSIZE, &small);
+    ArchiveFile limited(path, 1);
+    const auto again = limited.add_channel("/camera/image", "Image", "uint8[5242880] pixels\n");
+    const std::string why = error_of([&] { limited.message(again, 0, 1, image); });
+    setrlimit(RLIMIT_FSIZE, &old);
+    std::signal(SIGXFSZ, handler);
+    EXPECT_THAT(why, HasSubstr("cannot write " + path + ": the file would exceed the limit on its size"));
+    std::remove((path + ".part").c_str());
 }
 
 TEST(Setup, NamesWhatIsWrong)

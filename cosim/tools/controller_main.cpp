@@ -187,6 +187,7 @@ int main(int argc, char **argv)
     for (const int signal : {SIGINT, SIGTERM}) {
         std::signal(signal, [](int) { asked_to_end = 1; });
     }
+    std::signal(SIGXFSZ, SIG_IGN); // a record that reaches the limit on file sizes is an error of writing
     try {
         StatusStream status(o.status);
         o.router.report = [&](const std::string &text) {

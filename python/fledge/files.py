@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files that are written whole or not at all, and paths as users see them."""
+"""Files that are written whole or not at all, by one program at a time, and paths as users see them."""
 
 from __future__ import annotations
 
+import errno
+import fcntl
 import os
+import stat
 from pathlib import Path
 
 
@@ -13,23 +16,78 @@ class Part:
         with Part(path) as part:
             part.write_text(text)
 
-    If writing fails, it removes the part, and the OSError names the file.
+    If writing fails, it removes the part, and the OSError names the file. Only one program at a time writes a part:
+    a second one has an OSError. No symbolic link is followed.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(path)
         self.part = self.path.with_name(self.path.name + ".part")
+        self._lock = -1
 
     def __enter__(self) -> Path:
+        try:
+            self._lock = create(self.part)
+        except OSError as error:
+            raise self._named(error) from None
         return self.part
 
     def __exit__(self, failed: type[BaseException] | None, error: BaseException | None, _: object) -> None:
-        if not failed:
-            os.replace(self.part, self.path)
-            return
-        self.part.unlink(missing_ok=True)
-        if isinstance(error, OSError):
-            raise OSError(error.errno, f"cannot be written: {error.strerror}", str(self.path)) from None
+        try:
+            if not failed:
+                os.replace(self.part, self.path)
+                return
+            self.part.unlink(missing_ok=True)
+            if isinstance(error, OSError):
+                raise self._named(error) from None
+        finally:
+            os.close(self._lock)
+
+    def _named(self, error):
+        return OSError(error.errno, f"cannot be written: {error.strerror}", str(self.path))
+
+
+def create(part: Path) -> int:
+    """Create a file in place of that of a program that ended; returns a descriptor that holds its lock. The same
+    steps as record/file_sink.c: both write into the folders of runs."""
+    for _ in range(100):
+        try:
+            file, fresh = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o666), True
+        except FileExistsError:
+            try:
+                file, fresh = os.open(part, os.O_WRONLY | os.O_NOFOLLOW | os.O_NONBLOCK), False
+            except FileNotFoundError:
+                continue
+            except OSError as error:
+                text = "is a symbolic link" if error.errno == errno.ELOOP else error.strerror
+                raise OSError(error.errno, f"{part.name} {text}", str(part)) from None
+        ours = False
+        try:
+            found = os.fstat(file)
+            if not stat.S_ISREG(found.st_mode):
+                raise FileExistsError(errno.EEXIST, f"{part.name} is no regular file", str(part))
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                if fresh:
+                    continue    # another program found it before it was locked, deletes it and creates its own
+                raise OSError(errno.EBUSY, "another program writes it now", str(part)) from None
+            except OSError:
+                pass            # a file system without locks
+            try:
+                there = os.lstat(part)
+            except FileNotFoundError:
+                continue
+            if (there.st_dev, there.st_ino) == (found.st_dev, found.st_ino):
+                ours = fresh
+                if not fresh:
+                    part.unlink()
+        finally:
+            if not ours:
+                os.close(file)
+        if ours:
+            return file
+    raise OSError(errno.EBUSY, "other programs write it all the time", str(part))
 
 
 def build_folder() -> Path:

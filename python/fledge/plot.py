@@ -107,9 +107,9 @@ def plot(source: Records, *panels: str | Sequence[str], titles: Sequence[str] | 
     panels: for each panel the name of a field, or a list of names that share it
     titles: of the panels; default: the port and the meaning of the field
     columns: the number of panels side by side
-    units: field name -> unit of the axis, as in {"euler.angles": "deg"}
+    units: field name -> unit of the axis, as in {"euler.angles": "deg", "error.omega_BR_B": "deg/s"}
     title, name: of the figure, and of its file; size: (width, height) in inches
-    Raises SetupError for unknown names.
+    Raises SetupError for unknown names, and for units of another dimension.
     """
     import matplotlib.style
     from matplotlib.figure import Figure
@@ -118,6 +118,7 @@ def plot(source: Records, *panels: str | Sequence[str], titles: Sequence[str] | 
     if not panels:
         raise SetupError("plot: name at least one field, as in plot('error.sigma_BR')")
     groups = [[source.series(key) for key in ([p] if isinstance(p, str) else p)] for p in panels]
+    chosen = _chosen_units([one for group in groups for one in group], units or {})
     rows = -(-len(groups) // columns)
     with matplotlib.style.context(STYLE):
         figure = Figure(figsize=size or (7.2 if columns == 1 else 5.0 * columns, 0.5 + 2.3 * rows),
@@ -127,7 +128,7 @@ def plot(source: Records, *panels: str | Sequence[str], titles: Sequence[str] | 
         unit, factor = time_unit(last)
         axes[0].xaxis.set_major_locator(MaxNLocator(steps=[1, 2, 5, 10]))  # whole minutes; all share it
         for i, (axis, group) in enumerate(zip(axes, groups)):
-            _panel(axis, group, factor, units or {}, titles[i] if titles and i < len(titles) else None)
+            _panel(axis, group, factor, chosen, titles[i] if titles and i < len(titles) else None)
         label_time(axes, len(groups), columns, unit)
         if title:
             figure.suptitle(title, **TITLE)
@@ -151,41 +152,65 @@ def axis_label(shown: str, unit: str) -> str:
     return f"{shown}  [{unit}]" if unit else shown
 
 
-def _panel(axis: Axes, group: list[Series], factor: float, units: dict[str, str], title: str | None) -> None:
+def _panel(axis: Axes, group: list[Series], factor: float, units: dict[str, tuple[str, float]],
+           title: str | None) -> None:
     import numpy as np
 
     labels = []
     for one in group:
-        values, shown_unit = _in_unit(one, units)
-        values = values.reshape(len(values), -1)
+        shown_unit, size = units.get(one.key, (one.unit, 1.0))
+        values = (one.values / size if size != 1.0 else one.values).reshape(len(one.values), -1)
         label = f"${symbol(one.name.split('[')[0])}$"
         names = component_labels(one.name, one.meaning, one.shape) if one.shape else [label]
         shown = np.array(values, dtype=float)
         shown[1:][_jumps(shown, one, shown_unit)] = np.nan
         for k in range(used(values, one.shape)):
             text = names[k] if len(group) == 1 else f"{names[k]} ({one.port.rpartition('.')[2]})"
-            axis.plot(one.time / factor, shown[:, k], label=text)
+            axis.plot(one.time / factor, shown[:, k], label=text,
+                      drawstyle="steps-post" if one.words else "default")  # it has no values between its values
         labels.append(axis_label(label, unit_label(shown_unit)))
     axis.set_ylabel(", ".join(dict.fromkeys(labels)))
+    words = group[0].words
+    if words and all(one.words == words for one in group):
+        axis.set_yticks(list(words), list(words.values()))
+        axis.set_ylim(min(words) - 0.3, max(words) + 0.3)
+        axis.set_ylabel(", ".join(dict.fromkeys(one.name.rpartition(".")[2] for one in group)))
     axis.set_title(title if title is not None else _title(group))
     if len(axis.lines) > 1:
         # Outside, where no line can run through it.
         axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), handlelength=1.2)
     lines = [line.get_ydata() for line in axis.lines]
-    if lines and all(len(y) and min(y) == max(y) for y in lines):  # all constant: keep them apart from the frame
+    # all constant: keep them apart from the frame
+    if lines and not words and all(len(y) and min(y) == max(y) for y in lines):
         low, high = min(y[0] for y in lines), max(y[0] for y in lines)
         pad = 0.1 * max(high - low, abs(high), 1e-3)
         axis.set_ylim(low - pad, high + pad)
 
 
-def _in_unit(one: Series, units: dict[str, str]) -> tuple[np.ndarray, str]:
-    """The values in the unit that the caller has chosen, and that unit."""
-    wanted = next((u for k, u in units.items() if one.key == k or one.key.endswith("." + k)), None)
-    if wanted is None:
-        return one.values, one.unit
-    from fledge import units as table
+def _chosen_units(series: list[Series], units: dict[str, str]) -> dict[str, tuple[str, float]]:
+    """The caller's units by the keys of the series, with their sizes in SI. Raises SetupError for a name that is not
+    plotted, and for a unit that is none or has another dimension."""
+    from fledge.units import unit_of
 
-    return one.values / getattr(table, wanted).value, wanted
+    found = {}
+    for name, wanted in units.items():
+        fits = [one for one in series if one.key == name or one.key.endswith("." + name)]
+        if not fits:
+            raise SetupError(f"plot: units names '{name}', which is not plotted; there are "
+                             + ", ".join(dict.fromkeys(one.key for one in series)))
+        try:
+            size = unit_of(wanted)
+        except ValueError as error:
+            raise SetupError(f"plot: units of {name}: {error}") from None
+        for one in fits:
+            own = unit_of(one.unit)
+            if size.dims != own.dims:   # radians count: a rate is no frequency, and an MRP no angle
+                near = [other for other in (f"{wanted}/s", wanted.removesuffix("/s"))
+                        if other and unit_of(other).dims == own.dims]
+                raise SetupError(f"plot: {one.key} is in {one.unit.strip('-') or 'no unit'}, which cannot be shown in "
+                                 f"{wanted}" + "".join(f"; did you mean {other}?" for other in near))
+            found[one.key] = wanted, size.value / own.value
+    return found
 
 
 def used(values: np.ndarray, shape: tuple[int, ...]) -> int:
@@ -240,15 +265,21 @@ def deliver(figure: Figure, source: Records) -> Figure:
     return figure
 
 
-def save(figure: Figure, folder: Path | str) -> Path:
-    """Save a figure as PNG under its name; returns the path."""
+def file_name(figure: Figure) -> str:
+    """The name of a figure's file, without its ending: of one that pyplot made, its label, or else figure-1."""
+    name = getattr(figure, "fledge_name", "") or figure.get_label() or f"figure-{getattr(figure, 'number', 1)}"
+    return re.sub(r"[/\\\x00-\x1f]", "_", str(name)).lstrip(".")[:100] or "figure"
+
+
+def save(figure: Figure, folder: Path | str, name: str | None = None) -> Path:
+    """Save a figure as PNG under a name, by default its own; returns the path."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     from fledge.files import Part
 
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{figure.fledge_name}.png"
+    path = folder / f"{name or file_name(figure)}.png"
     FigureCanvasAgg(figure)
     with Part(path) as part:
         figure.savefig(part, format="png", metadata={"Software": None})

@@ -70,3 +70,40 @@ def test_names_that_cannot_be_drawn(log):
         plot(log, "omega_BNB")
     with pytest.raises(SetupError, match="name at least one field"):
         plot(log)
+
+
+@pytest.mark.parametrize(
+    "units, text",
+    [
+        ({"error.omega_BR_B": "deg"}, "omega_BR_B is in rad/s, which cannot be shown in deg; did you mean deg/s?"),
+        ({"error.omega_BR_B": "Hz"}, "error.omega_BR_B is in rad/s, which cannot be shown in Hz"),
+        ({"sigma_BN": "deg"}, "craft.state.sigma_BN is in no unit, which cannot be shown in deg"),
+        ({"sigma_BN": "m"}, "craft.state.sigma_BN is in no unit, which cannot be shown in m"),
+        ({"error.omega_BR_B": "degrees"}, "'degrees' is no unit; the units are m, km, cm"),
+        ({"omega": "deg/s"}, "units names 'omega', which is not plotted; there are error.omega_BR_B, craft"),
+    ],
+)
+def test_a_unit_of_another_dimension_is_refused(log, units, text):
+    with pytest.raises(SetupError) as error:
+        plot(log, "error.omega_BR_B", "craft.state.sigma_BN", units=units)
+    assert text in str(error.value)
+
+
+def test_a_rate_is_shown_in_degrees_per_second(log):
+    axis = plot(log, "craft.state.omega_BN_B[2]", units={"omega_BN_B[2]": "deg/s"}).axes[0]
+    assert axis.get_ylabel() == r"${}^{B}\omega_{B/N}$  [deg/s]"
+    np.testing.assert_allclose(axis.lines[0].get_ydata(), np.degrees(0.2), rtol=1e-9)
+
+
+def test_an_enumeration_has_its_names_on_the_axis(log, tmp_path):
+    figure = plot(log, "tracking.error.head.quality")
+    axis = figure.axes[0]
+    assert [label.get_text() for label in axis.get_yticklabels()] == ["none", "stale", "degraded", "good"]
+    assert axis.lines[0].get_drawstyle() == "steps-post" and axis.get_ylabel() == "quality"
+    assert set(axis.lines[0].get_ydata()) <= {0, 1, 2, 3}
+    assert save(figure, tmp_path).stat().st_size > 5000
+
+
+def test_names_of_files_stay_in_their_folder(log, tmp_path):
+    for name, file in (("../up", "_up.png"), ("a/b", "a_b.png"), ("a\nb", "a_b.png"), ("...", "figure.png")):
+        assert save(plot(log, "error.sigma_BR", name=name), tmp_path) == tmp_path / file

@@ -10,11 +10,13 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from os.path import commonprefix
 from typing import Any
 
 from fledge.errors import SetupError, listed, nearest
 
 HEAD = "head."  # begins the names of the fields that every message has: time, quality, sequence
+HEAD_COLUMNS = {"valid_at": "head.t", "quality": "head.quality"}    # the columns of tables for them
 
 
 @dataclass
@@ -24,6 +26,7 @@ class Series:
     key: the name that the user gave; name: of the field, with the indices of an element, "sigma_BR[0]"
     port: the path of its message, "flight.tracking.error"
     time: (n,) [s]; values: (n, ...), in `unit`; shape: of one sample
+    words: value -> name of an enumeration; {} of other fields
     """
 
     key: str
@@ -33,6 +36,7 @@ class Series:
     values: Any
     unit: str
     meaning: str
+    words: dict[int, str]
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -116,7 +120,7 @@ class Records:
         port, name, indices = self._find(key)
         short = name.rpartition(".")[2] + "".join(f"[{i}]" for i in indices)
         return Series(key, short, port.name, self._time(port), self[key], field.unit,
-                      field.meaning if hasattr(field, "meaning") else field.doc)
+                      field.meaning if hasattr(field, "meaning") else field.doc, words_of(field))
 
     def _short_name(self, port):
         """The shortest ending of a port's name that is unique here: "error"."""
@@ -136,6 +140,36 @@ def part(values: Any, name: str | None) -> Any:
     for one in name.split(".") if name else ():
         values = values[one]
     return values
+
+
+def head_columns(fields: Iterable[str]) -> dict[str, str]:
+    """Column of tables -> field of the head, of a message with these fields: {"valid_at": "head.t", ...}."""
+    known = set(fields)
+    return {f"{HEAD}{name}" if name in known else name: field for name, field in HEAD_COLUMNS.items() if field in known}
+
+
+def words_of(field: Any) -> dict[int, str]:
+    """Value -> name of a field that is an enumeration: 3 -> "good". {} of others."""
+    named = dict(getattr(field, "values", None) or getattr(field, "enumerators", None) or {})
+    common = commonprefix(list(named)) if len(named) > 1 else ""
+    start = common.rfind("_") + 1       # QUALITY_ of QUALITY_NONE, QUALITY_STALE, ...
+    return {value: name[start:].lower().replace("_", " ") for name, value in named.items()}
+
+
+def in_words(values: Any, field: Any) -> list[str]:
+    """The values of an enumeration by their names; a number that has none stays one."""
+    words = words_of(field)
+    return [words.get(value, str(value)) for value in values.tolist()]
+
+
+def head_column(values: Any, field: Any, source: str) -> tuple[Any, str]:
+    """(the values for a DataFrame, their unit) of a column for the head: seconds, or ordered categories."""
+    if source == "head.t":
+        return values / 1e9, "s"
+    import pandas as pd
+
+    words = in_words(values, field)
+    return pd.Categorical(words, categories=list(dict.fromkeys([*words_of(field).values(), *words])), ordered=True), ""
 
 
 def frame_of(tables: Iterable[tuple[Any, dict[str, Any]]], units: dict[str, str], meanings: dict[str, str]) -> Any:

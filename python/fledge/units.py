@@ -279,6 +279,24 @@ for _name, _unit in (
     _NAMES[_unit.dims] = _name
 
 
+def unit_of(text):
+    """The unit of a text, as headers and unit_text() write it: "deg/s", "N m / s", "kg m^2"; "" and "-" are 1.
+
+    Raises UnitError for a name that is no unit.
+    """
+    result, power = Quantity(1.0, _NONE), 1
+    for word in text.replace("/", " / ").split():
+        if word == "/":
+            power = -1      # of what follows, as in unit_text
+            continue
+        name, _, exponent = word.partition("^")
+        if name not in UNITS and word not in ("1", "-") or not (exponent or "1").lstrip("-").isdigit():
+            raise UnitError("'%s' is no unit; the units are %s" % (word, ", ".join(UNITS)))
+        if name in UNITS:
+            result = result * globals()[name] ** (power * int(exponent or "1"))
+    return result
+
+
 def nanoseconds(t):
     """A time, a quantity or a number of seconds, as the nearest whole number of nanoseconds.
 

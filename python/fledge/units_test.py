@@ -10,7 +10,7 @@ import pytest
 from fledge import units
 from fledge.units import (
     A, Hz, J, K, N, Pa, Quantity, T, UnitError, V, W, arcsec, au, cm, day, deg, g, hour, kg, km, m,
-    minute, mm, mrad, ms, nanoseconds, ns, rad, rpm, s, uT, us,
+    minute, mm, mrad, ms, nanoseconds, ns, rad, rpm, s, uT, unit_of, us,
 )
 
 
@@ -127,3 +127,14 @@ def test_times_beyond_64_bits_are_refused():
     for t in (1e10, 10**10, -1e10, 400 * 365.25 * units.day):
         with pytest.raises(ValueError, match="within 292 years"):
             units.nanoseconds(t)
+
+
+def test_units_are_read_as_headers_write_them():
+    for text, unit in (("rad/s", rad / s), ("N m / s", N * m / s), ("kg m^2", kg * m**2), ("m^3/s^2", m**3 / s**2),
+                       ("deg", deg)):
+        found = unit_of(text)
+        assert found.value == unit.value and found.dims == unit.dims, text
+    assert unit_of("-").dims == unit_of("").dims == (0,) * 8 and unit_of("1/s").dims == Hz.dims
+    for text in ("foo", "m^x", "N*m", "Quantity", "__name__"):
+        with pytest.raises(UnitError, match="is no unit; the units are m, km"):
+            unit_of(text)

@@ -274,6 +274,8 @@ int main(int argc, char **argv)
     action.sa_handler = stop;
     (void)sigaction(SIGINT, &action, NULL);
     (void)sigaction(SIGTERM, &action, NULL);
+    action.sa_handler = SIG_IGN; /* a record that reaches the limit on file sizes is an error of writing */
+    (void)sigaction(SIGXFSZ, &action, NULL);
 
     fledge_mission.init();
     int result = options.record != NULL ? open_record(options.record) : FLOWN;

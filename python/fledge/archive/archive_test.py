@@ -581,14 +581,20 @@ def test_a_frame_has_true_names_units_and_time(run):
     a = Archive(run)
     frame = a.frame("error")
     assert list(frame.columns) == [f"error.{f}[{i}]" for f in ("sigma_BR", "omega_BR_B")
-                                   for i in range(3)]
+                                   for i in range(3)] + ["error.valid_at", "error.quality"]
     assert frame.index.name == "time [s]" and frame.index.tolist() == [float(i) for i in range(12)]
     assert frame.attrs["units"]["error.omega_BR_B[2]"] == "rad/s"
     assert frame["error.sigma_BR[0]"].tolist() == [math.sin(i) for i in range(12)]
-    for column in frame.columns:
+    for column in frame.columns[:-2]:
         assert frame[column].tolist() == a[column].tolist()
+    assert frame["error.valid_at"].tolist() == (a["error.head.t"] / 1e9).tolist()
+    assert frame.attrs["units"]["error.valid_at"] == "s" and "validity" in frame.attrs["meanings"]["error.valid_at"]
+    quality = frame["error.quality"]
+    assert quality.cat.ordered and quality.cat.categories.tolist() == ["none", "stale", "degraded", "good"]
+    assert quality.tolist() == [["none", "stale", "degraded", "good"][q] for q in a["error.head.quality"].tolist()]
+    assert (quality >= "good").any()
     assert list(a.frame("error.sigma_BR").columns) == [f"error.sigma_BR[{i}]" for i in range(3)]
-    assert "error.head.quality" in a.frame("error", head=True).columns
+    assert list(a.frame("error", head=False).columns) == list(frame.columns[:-2])
     assert list(a.frame("error.head").columns) == [f"error.head.{f}" for f in
                                                    ("t", "quality", "sequence")]
 
@@ -645,14 +651,16 @@ def test_csv_is_exact(run, tmp_path):
     table = pandas.read_csv(tmp_path / "csv" / "flight.tracking.error.csv",
                             float_precision="round_trip")
     assert table.columns[:2].tolist() == ["time [s]", "sigma_BR[0] [-]"]
-    assert table.to_numpy()[:, 1:4].tobytes() == a["error.sigma_BR"].tobytes()
+    assert table.to_numpy()[:, 1:4].astype(float).tobytes() == a["error.sigma_BR"].tobytes()
     wheels = (tmp_path / "csv" / "world.wheels.wheels.csv").read_text().splitlines()[1]
     assert wheels.startswith("11.000000005,1.0,2.0,3.0,4.0,5.0,6.0,0.5,0.25,1,0,112,")
 
     one = tmp_path / "gains.csv"
-    assert a.to_csv(one, "gains", head=True) == [one]
-    assert one.read_text().startswith("time [s],head.t [ns],head.quality [-],head.sequence [-],"
-                                      "K_I [N m/s],P[0][0] [N m s],")
+    assert a.to_csv(one, "gains") == [one]
+    heading, first, *_ = one.read_text().splitlines()
+    assert heading.startswith("time [s],K_I [N m/s],P[0][0] [N m s],") and heading.endswith(",valid_at [s],quality")
+    assert first.split(",")[-2:] == [first.split(",")[0], "degraded"]
+    assert a.to_csv(one, "gains", head=False) == [one] and "quality" not in one.read_text()
     with pytest.raises(ArchiveError, match="takes one topic, not 3 .*name one, or give a folder"):
         a.to_csv(tmp_path / "all.csv")
     assert not list(tmp_path.glob("**/*.part")) and not (tmp_path / "all.csv").exists()
@@ -670,6 +678,10 @@ def test_hdf5_keeps_shapes_units_and_metadata(run, tmp_path):
         assert group["_time"].attrs["unit"] == "s"
         assert group.attrs["schema"] == "fledge/msg/AttError"
         assert "head.t" not in group
+        assert group["valid_at"].attrs["unit"] == "s" and group["valid_at"][:].tolist() == a.frame("error")[
+            "error.valid_at"].tolist()
+        assert h5py.check_enum_dtype(group["quality"].dtype)["good"] == 3
+        assert group["quality"][:].tolist() == a["error.head.quality"].tolist()
         assert f["world/wheels/wheels/wheels.axis_B"].shape == (1, 2, 3)
         assert f["_metadata/run"].attrs["mission"] == "nadir_spin"
     assert not list(tmp_path.glob("*.part"))

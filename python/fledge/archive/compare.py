@@ -7,6 +7,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -75,6 +76,48 @@ def compare(a: Archive, b: Archive, topics: Iterable[str] | None = None, ignore:
     for topic in chosen(a, b, topics):
         found += _topic(a, b, topic, ignore, tolerance, times)
     return sorted(found, key=lambda one: one.t)
+
+
+def origins(a: Archive, b: Archive) -> list[tuple[str, str, str]]:
+    """(what, in a, in b) of what the two runs began with, where they differ: mission, scenario, seed, version of
+    Fledge, revisions, parameters. Only what both records tell."""
+    found = []
+    for group in ("run", "revisions", "parameters"):
+        here, there = a.metadata.get(group), b.metadata.get(group)
+        if not here or not there:
+            continue
+        for key in dict.fromkeys([*here, *there]):
+            pair = here.get(key, "none"), there.get(key, "none")
+            if pair[0] != pair[1] and key != "assumptions":     # these follow from the parameters
+                element = _element(*pair) if group == "parameters" else ""
+                found.append((f"revision of {key}" if group == "revisions" else key + element,
+                              _at(pair[0], element), _at(pair[1], element)))
+    return found
+
+
+def _element(a, b):
+    """The indices of the first element in which two texts of lists differ: "[2][0]"; "" if they are no like lists."""
+    import json
+
+    try:
+        p, q = (json.JSONDecoder().raw_decode(text)[0] for text in (a, b))
+    except ValueError:
+        return ""
+    indices = ""
+    while isinstance(p, list) and isinstance(q, list) and len(p) == len(q) and p != q:
+        i = next(i for i, (x, y) in enumerate(zip(p, q)) if x != y)
+        p, q, indices = p[i], q[i], f"{indices}[{i}]"
+    return indices
+
+
+def _at(text, element):
+    """That element of a list in a text, with the unit that follows the list."""
+    import json
+
+    value, end = json.JSONDecoder().raw_decode(text) if element else (text, len(text))
+    for i in re.findall(r"\d+", element):
+        value = value[int(i)]
+    return f"{value}{text[end:]}"
 
 
 def chosen(a: Archive, b: Archive, topics: Iterable[str] | None = None) -> list[str]:

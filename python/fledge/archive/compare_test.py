@@ -9,7 +9,7 @@ import pytest
 import fledge
 from fledge import cli
 from fledge.archive import Archive, ArchiveError
-from fledge.archive.compare import STRUCTURE, compare, digest
+from fledge.archive.compare import STRUCTURE, compare, digest, origins
 
 
 def fly(path, change=None, duration=20.0, every=1.0, ports=None):
@@ -34,7 +34,7 @@ def test_the_same_run_is_the_same(run, tmp_path, capsys):
     assert compare(run, again) == []
     assert digest(run, run.topics) == digest(again, again.topics)
     assert cli.main(["compare", str(run.path), str(again.path)]) == 0
-    assert capsys.readouterr().out == "identical: 2 topics, 42 messages in each\n"
+    assert capsys.readouterr().out == f"identical: 2 topics, 42 messages in each, hash {digest(run, run.topics)}\n"
 
 
 def test_the_first_difference_is_named_with_both_values(run, tmp_path, capsys):
@@ -49,10 +49,32 @@ def test_the_first_difference_is_named_with_both_values(run, tmp_path, capsys):
     assert digest(run, run.topics) != digest(other, other.topics)
     assert cli.main(["compare", str(run.path), str(other.path)]) == 1
     out = capsys.readouterr().out.splitlines()
-    assert out[2].startswith(f"  t = 0 s  flight.motor.command.u[{i}]: {float(a)!r} and {float(b)!r} N m, {steps} ulp")
+    assert out[2:5] == ["what the runs began with", "  flight.control.K: 2.531 N m and 2.5310000000000006 N m",
+                        "messages"]
+    assert out[5].startswith(f"  t = 0 s  flight.motor.command.u[{i}]: {float(a)!r} and {float(b)!r} N m, {steps} ulp")
     assert cli.main(["compare", str(run.path), str(other.path), "--tolerance", "1"]) == 0
     assert cli.main(["compare", str(run.path), str(other.path), "--tolerance", "0", "--all"]) == 1
     assert " of 21 messages, by up to " in capsys.readouterr().out
+
+
+def test_what_the_runs_began_with_is_told_apart_from_what_they_did(run, tmp_path, capsys):
+    def differ(sim):
+        sim.world.wheels.Omega_max[1] = 900      # which these runs do not reach
+        sim.seed = 5
+
+    other = fly(tmp_path / "b.mcap", differ)
+    other.metadata["revisions"] = {"fledge": "0123456789ab"}
+    run.metadata["revisions"] = {"fledge": "ba9876543210-dirty"}
+    assert origins(run, run) == []
+    assert origins(run, other) == [("seed", "0", "5"), ("revision of fledge", "ba9876543210-dirty", "0123456789ab"),
+                                   ("world.wheels.Omega_max[1]", "0.0 rad/s", "900.0 rad/s")]
+    assert digest(run, run.topics) == digest(other, other.topics)
+    assert cli.main(["compare", str(run.path), str(other.path)]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("identical: ") and "  world.wheels.Omega_max[1]: 0.0 rad/s and 900.0 rad/s\n" in out
+    assert "messages\n" not in out
+    other.metadata = {}                         # of a target, which knows less
+    assert origins(run, other) == []
 
 
 def changed(run, topic, change):

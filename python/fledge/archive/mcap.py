@@ -8,6 +8,9 @@ files, which checks every checksum. It stops at the first fault. The messages be
 Scan reads only the bytes that separate messages, one step per message. numpy decodes the requested topics later.
 """
 
+from __future__ import annotations
+
+import os
 import struct
 import zlib
 from array import array
@@ -99,6 +102,28 @@ class _Fields:
             name = key(inner)
             found[name] = value(inner)
         return found
+
+
+def metadata(path: str | os.PathLike[str]) -> dict[str, dict[str, str]]:
+    """The metadata of a file, as Scan has them, without its messages: only the heads of chunks are read. It ends at the
+    first fault."""
+    found: dict[str, dict[str, str]] = {}
+    with open(path, "rb") as file:
+        at = file.seek(len(MAGIC))
+        while len(head := file.read(_PREFIX)) == _PREFIX:
+            op, length = _prefix(head)
+            if op == METADATA:
+                data = file.read(length)
+                try:
+                    fields = _Fields(data, at, 0, len(data))
+                    name, pairs = fields.text(), fields.pairs()
+                except Damage:
+                    break
+                found.setdefault(name, {}).update(pairs)
+            elif op == DATA_END:
+                break
+            at = file.seek(at + _PREFIX + length)
+    return found
 
 
 class Scan:

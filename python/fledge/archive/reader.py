@@ -5,6 +5,7 @@
     a.topics                          # topic -> Channel, with its fields, units and count
     a["error.sigma_BR"]               # an (n, 3) array; a["/flight/tracking/error"] has all fields
     a.time("error")                   # [s]
+    a.parameters["flight.control.K"]  # as the run began
     a.frame("error")                  # a pandas DataFrame by time, columns "error.sigma_BR[0]", ...
     a.to_csv("run/"), a.to_hdf5("run.h5")
 
@@ -19,6 +20,7 @@ numpy is loaded when data are read, pandas by `frame`, h5py by `to_hdf5`.
 from __future__ import annotations
 
 import csv
+import json
 import mmap
 import os
 import re
@@ -31,7 +33,7 @@ from fledge.archive import mcap
 from fledge.errors import listed
 from fledge.files import Part
 from fledge.archive.rosmsg import Field
-from fledge.series import HEAD, Records, part, frame_of
+from fledge.series import HEAD, Records, frame_of, head_column, head_columns, in_words, part, words_of
 
 __all__ = ["Archive", "ArchiveError", "Channel", "Field"]
 
@@ -88,7 +90,8 @@ class Archive(Records):
     """A run, read from the file at `path`. Raises ArchiveError if it is no MCAP file at all.
 
     topics: topic -> Channel, in the order of their declaration
-    metadata: name -> {key: value}, all text; records of one name are merged
+    metadata: name -> {key: value}, all text; records of one name are merged: "run" has the mission, scenario, seed and
+        version, "parameters" and "revisions" what the run began with, "end" its outcome
     complete: whether the file is whole and all its checksums are right
     problem: None, or a sentence with the fault, its byte and the data that are good
     good_until: [s] all messages before this time are present and right; None if unknown, or if there are none
@@ -121,6 +124,15 @@ class Archive(Records):
             self.topics[raw.topic] = Channel(raw, self.path)
         self._decoded: dict[str, Any] = {}
 
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """The parameters with which the run began: "flight.control.K" -> a number, a list or a text, in SI.
+
+        `metadata["parameters"]` has them as texts with units. {} if the file has none.
+        """
+        decode = json.JSONDecoder().raw_decode
+        return {name: decode(text)[0] for name, text in self.metadata.get("parameters", {}).items()}
+
     def close(self) -> None:
         """Close the file. Arrays and frames that were read stay valid."""
         self._data.close()
@@ -151,9 +163,13 @@ class Archive(Records):
         return self._find(key)[0]
 
     def _select(self, topics, head):
-        """Patterns or names of topics or fields -> {Channel: [Field]}, in the archive's order."""
+        """Patterns or names of topics or fields -> [(Channel, [Field], columns for the head)], in the archive's order.
+
+        head: whether whole messages have columns for their heads.
+        """
         keys = [topics] if isinstance(topics, str) else topics
         wanted: dict[Channel, set[str]] = {}
+        whole = set()
         hits: list[tuple[Channel, str | None]]
         for key in ["*"] if keys is None else keys:
             if any(mark in key for mark in "*?"):
@@ -166,12 +182,13 @@ class Archive(Records):
                 hits = [self._find(key)[:2]]
             for channel, name in hits:
                 if name is None:
-                    names = [f for f in channel.fields if not _SPARE.fullmatch(f) and (head or not f.startswith(HEAD))]
+                    names = [f for f in channel.fields if not _SPARE.fullmatch(f) and not f.startswith(HEAD)]
+                    whole.add(channel)
                 else:
                     names = [f for f in channel.fields if f"{f}.".startswith(f"{name}.")]
                 wanted.setdefault(channel, set()).update(names)
-        return {c: [f for f in c.fields.values() if f.name in wanted[c]]
-                for c in self.topics.values() if c in wanted}
+        return [(c, [f for f in c.fields.values() if f.name in wanted[c]],
+                 head_columns(c.fields) if head and c in whole else {}) for c in self.topics.values() if c in wanted]
 
     def short_name(self, topic: str) -> str:
         """The shortest ending of a topic's name that no other topic has: "error"."""
@@ -224,20 +241,20 @@ class Archive(Records):
         self._decoded[channel.topic] = values
         return values
 
-    def frame(self, topics: str | Iterable[str] | None = None, head: bool = False) -> Any:
+    def frame(self, topics: str | Iterable[str] | None = None, head: bool = True) -> Any:
         """A pandas DataFrame by time [s], one column per number.
 
         topics: names (as for []) or patterns ("/flight/*") of topics or fields, one or several;
             None: all. Topics of different rates share the index, with NaN where one has no value.
-        head: with the columns of the messages' heads, "error.head.quality" and so on; members
-            named spare are left out
-        Columns have the shortest names that are unique, "error.sigma_BR[0]"; `attrs["units"]` and
-        `attrs["meanings"]` map them to text.
+        head: with two columns for the head of each whole message: "error.valid_at", the time for which it holds
+            [s], and "error.quality", of the ordered categories none, stale, degraded and good
+        Members named spare are left out. Columns have the shortest names that are unique, "error.sigma_BR[0]";
+        `attrs["units"]` and `attrs["meanings"]` map them to text.
         """
         tables: list[tuple[Any, dict[str, Any]]] = []
         units: dict[str, str] = {}
         meanings: dict[str, str] = {}
-        for channel, fields in self._select(topics, head).items():
+        for channel, fields, heads in self._select(topics, head):
             short = self._short_name(channel)
             columns: dict[str, Any] = {}
             for field in fields:
@@ -245,6 +262,10 @@ class Archive(Records):
                 columns.update(zip(names, self._elements(channel, field)))
                 units.update(dict.fromkeys(names, field.unit))
                 meanings.update(dict.fromkeys(names, field.meaning))
+            for name, source in heads.items():
+                field = channel.fields[source]
+                columns[f"{short}.{name}"], unit = head_column(part(self._values(channel), source), field, source)
+                units[f"{short}.{name}"], meanings[f"{short}.{name}"] = unit, field.meaning
             tables.append((self.time_ns(channel.topic), columns))
         return frame_of(tables, units, meanings)
 
@@ -256,57 +277,59 @@ class Archive(Records):
     # ---- other formats ----
 
     def to_csv(self, path: str | os.PathLike[str], topics: str | Iterable[str] | None = None,
-               head: bool = False) -> list[Path]:
+               head: bool = True) -> list[Path]:
         """Write CSV; returns the paths written.
 
         Rates differ, so every topic is a file of its own, `<path>/flight.tracking.error.csv`; a
         path that ends in .csv takes exactly one topic. The first column is the time in seconds,
         exact to the nanosecond; numbers are written such that reading them gives the same bits (in
         pandas, with float_precision="round_trip");
-        headings carry the units: "sigma_BR[0] [-]". topics, head: as for `frame`. Metadata are
-        left out.
+        headings carry the units: "sigma_BR[0] [-]". topics, head: as for `frame`; the last columns are "valid_at [s]"
+        and "quality", by its names. Metadata are left out.
         """
         path = Path(path)
         selected = self._select(topics, head)
         if path.suffix.lower() == ".csv":
             if len(selected) != 1:
                 raise ArchiveError(f"{path}: a CSV file takes one topic, not {len(selected)} ("
-                                   + listed([c.topic for c in selected], most=12) + "): name one, or give a folder")
-            files = {path: next(iter(selected.items()))}
+                                   + listed([c.topic for c, *_ in selected], most=12) + "): name one, or give a folder")
+            files = {path: selected[0]}
         else:
             path.mkdir(parents=True, exist_ok=True)
-            files = {path / (re.sub(r"[^\w.-]", "_", c.name) + ".csv"): (c, fields)
-                     for c, fields in selected.items()}
-        for file, (channel, fields) in files.items():
+            files = {path / (re.sub(r"[^\w.-]", "_", c.name) + ".csv"): (c, *rest) for c, *rest in selected}
+        for file, chosen in files.items():
             with Part(file) as unfinished, open(unfinished, "w", newline="", encoding="utf-8") as out:
-                self._write_csv(csv.writer(out, lineterminator="\n"), channel, fields)
+                self._write_csv(csv.writer(out, lineterminator="\n"), *chosen)
         return list(files)
 
-    def _write_csv(self, writer, channel, fields):
+    def _write_csv(self, writer, channel, fields, heads):
         headings, columns = ["time [s]"], []
         for field in fields:
             unit = f" [{field.unit}]" if field.unit else ""
             headings += [name + unit for name in field.columns()]
             columns += [column.tolist() for column in self._elements(channel, field)]
-        times = (f"{t // 10**9}.{t % 10**9:09d}" for t in self.time_ns(channel.topic).tolist())
+        for name, source in heads.items():
+            values = part(self._values(channel), source)
+            headings.append(f"{name} [s]" if source == "head.t" else name)
+            columns.append(_exact(values) if source == "head.t" else in_words(values, channel.fields[source]))
         writer.writerow(headings)
-        writer.writerows(zip(times, *columns))
+        writer.writerows(zip(_exact(self.time_ns(channel.topic)), *columns))
 
     def to_hdf5(self, path: str | os.PathLike[str], topics: str | Iterable[str] | None = None,
-                head: bool = False) -> Path:
+                head: bool = True) -> Path:
         """Write HDF5: a group per topic, in it a dataset (n, ...) per field; returns the path.
 
         Datasets have the attributes `unit`, `meaning` and, for an enumeration, `values`; `_time`
         [s] and `_time_ns` hold the times. The run's metadata are attributes of
         `/_metadata/<name>`.
-        topics, head: as for `frame`.
+        topics, head: as for `frame`; `valid_at` [s] and `quality`, an enumeration, are datasets too.
         """
         import h5py
         # Made in memory: where a disk is full, HDF5 ends the process.
         with h5py.File(os.fspath(path), "w", driver="core", backing_store=False) as out:
             for name, pairs in self.metadata.items():
                 out.require_group(f"_metadata/{name}").attrs.update(pairs)
-            for channel, fields in self._select(topics, head).items():
+            for channel, fields, heads in self._select(topics, head):
                 group = out.require_group(channel.name.replace(".", "/"))
                 group.attrs["schema"] = channel.schema
                 group.attrs.update(channel.metadata)
@@ -320,10 +343,22 @@ class Archive(Records):
                     if field.values:
                         data.attrs["values"] = ", ".join(
                             f"{k}={v}" for k, v in field.values.items())
+                for name, source in heads.items():
+                    values, field = part(self._values(channel), source), channel.fields[source]
+                    kind = None if source == "head.t" else \
+                        h5py.enum_dtype({word: value for value, word in words_of(field).items()}, values.dtype)
+                    data = group.create_dataset(name, data=values / 1e9 if source == "head.t" else values, dtype=kind)
+                    data.attrs["unit"] = "s" if source == "head.t" else ""
+                    data.attrs["meaning"] = field.meaning
             out.flush()
             with Part(path) as unfinished:
                 unfinished.write_bytes(out.id.get_file_image())
         return Path(path)
+
+
+def _exact(times):
+    """Times [ns] as texts in seconds, exact to the nanosecond."""
+    return [f"{'-' * (t < 0)}{abs(t) // 10**9}.{abs(t) % 10**9:09d}" for t in times.tolist()]
 
 
 def _map(path):

@@ -12,8 +12,9 @@ import os
 import sys
 from pathlib import Path
 
-from fledge.cli.arguments import number, open_run, parse_duration
+from fledge.cli.arguments import number, parse_duration
 from fledge.cli.console import Plots, say, size_of
+from fledge.cli.runs import RUNS, WHAT, alone, folder_of, kept, open_run
 from fledge.errors import Failure, printable
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
@@ -25,15 +26,30 @@ if TYPE_CHECKING:
 
 def run(options: argparse.Namespace) -> int:
     import fledge
-    from fledge import mission as missions
 
-    from fledge.cli import health
     from fledge.cli.node import given_parameters
 
+    if options.name and options.out:
+        raise Failure("run: give a name with --as, or a folder with --out; not both")
+    if options.replace and not options.name:
+        raise Failure("run: --replace is for --as")
     sim = fledge.load(options.mission, options.seed, **given_parameters(options))
     name, fly = _scenario(sim, options)
-    folder = Path(options.out) if options.out else Path("runs") / sim.name / name
-    folder.mkdir(parents=True, exist_ok=True)
+    folder = folder_of(options.name, replace=True) if options.name else \
+        Path(options.out) if options.out else RUNS / sim.name / name
+    with alone(folder, "give another folder with --out, or a name with --as"):
+        if options.name:    # again: another run may have taken the name meanwhile
+            folder_of(options.name, options.replace)
+        return _run(options, sim, name, fly, folder)
+
+
+def _run(options, sim, name, fly, folder):
+    """Fly a scenario, and write what comes of it into the folder."""
+    import fledge
+    from fledge import mission as missions
+    from fledge.cli import health
+
+    (folder / "report.html").unlink(missing_ok=True)    # of an earlier run
     sim.pace = options.pace
     sim.plots = Plots(folder) if not options.no_plots else False
     sim.archive(folder / "run.mcap", mission=sim.name, scenario=name, fledge=fledge.__version__,
@@ -58,7 +74,12 @@ def run(options: argparse.Namespace) -> int:
     findings = sim.health
     if options.strict and findings and not problem:
         problem, code = health.refusal(findings), 1
-    plots = sim.plots.saved if isinstance(sim.plots, Plots) else []
+    plots = []
+    if isinstance(sim.plots, Plots):
+        try:
+            plots = sim.plots.whole()
+        except OSError as error:
+            plots, problem, code = sim.plots.saved, problem or f"failed: {_in_words(error)}", code or 1
     say(f"  flown    {sim.time:g} s in {sim.wall:.3g} s"
         + (f", {sim.time / sim.wall:,.0f} times real time" if sim.wall > 0 else "")
         + (f"; no task runs at the end, the state is that of {sim.state_time:g} s" if sim.state_time < sim.time else ""))
@@ -121,6 +142,7 @@ def _write_report(report, folder, options, code, problem, record, plots):
     command = ["./fledge", "run", Path(options.mission).name, *([options.scenario] if options.scenario else []),
                *(["--for", options.duration] if options.duration else []),
                *(["--seed", str(options.seed)] if options.seed else []),
+               *(["--as", options.name, "--replace"] if options.name else []),
                *(one for text in options.parameters for one in ("--set", text))]
     message = (problem or "").removeprefix("failed: ") if code != 130 else ""
     return report.write(folder / "report.html", Outcome(
@@ -176,6 +198,14 @@ def list_(options: argparse.Namespace) -> int:
                                 note = "  (optional)" if f.optional else ""
                                 say(f"    {arrow} {f.name:13} {f.struct.name}{note}")
     say("\nbodies\n  " + ", ".join(f"world.{name}" for name in world.BODIES))
+    if runs := kept():
+        from fledge.archive.mcap import metadata
+
+        say("\nkept runs (each is a RUN for plot, compare and convert)")
+        for name, (record, *_) in runs.items():
+            facts = {key: text for pairs in metadata(record).values() for key, text in pairs.items()}
+            say(f"  {name:{width}} " + ", ".join(facts[key] for key in ("mission", "scenario", "outcome")
+                                                if key in facts))
     return 0
 
 
@@ -204,6 +234,8 @@ def plot(options: argparse.Namespace) -> int:
 
 def convert(options: argparse.Namespace) -> int:
     archive = open_run(options.run)
+    if options.about:
+        return _about(archive)
     if not archive.topics:
         raise Failure(f"{archive.path}: there is nothing to convert", 1)
     if options.hdf5:
@@ -211,6 +243,32 @@ def convert(options: argparse.Namespace) -> int:
     else:
         for path in archive.to_csv(options.out or archive.path.parent):
             say(str(path))
+    return 0
+
+
+def _about(archive):
+    """Print what a record says of its run."""
+    from fledge.archive.compare import digest
+    from fledge.columns import columns
+
+    about = dict(archive.metadata)
+    facts = {**about.pop("run", {}), **{f"revision of {k}": v for k, v in about.pop("revisions", {}).items()},
+             **about.pop("end", {})}
+    parameters = about.pop("parameters", {})
+    say(str(archive.path))
+    for line in columns([("" if i else key, value) for key, text in facts.items()
+                         for i, value in enumerate(text.split("\n"))], indent="  "):
+        say(line)
+    say(f"topics, hash {digest(archive, archive.topics)}")
+    rows = [(c.name, str(c.count), c.schema.rpartition("/")[2]) for c in archive.topics.values()]
+    for line in columns(rows, right={1}, indent="  "):
+        say(line)
+    for title, rows in (("parameters, as the run began", list(parameters.items())),
+                        *((name, list(pairs.items())) for name, pairs in about.items())):
+        if rows:
+            say(title)
+            for line in columns(rows, indent="  "):
+                say(line)
     return 0
 
 
@@ -272,6 +330,9 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("mission", help="the name of a mission, or its folder")
     one.add_argument("scenario", nargs="?", help="default: the mission's first")
     one.add_argument("--out", metavar="DIR", help="for the record and plots; default: runs/MISSION/SCENARIO")
+    one.add_argument("--as", dest="name", metavar="NAME", help="keep the run under this name, in runs/kept/NAME: plot, "
+                     "compare and convert find it by NAME")
+    one.add_argument("--replace", action="store_true", help="with --as: in place of the run that has the name")
     one.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
     one.add_argument("--pace", type=number(), default=0.0, metavar="X",
                      help="X simulated seconds per second; default: as fast as possible")
@@ -312,15 +373,18 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("--ports", action="store_true", help="with the inputs and outputs of each")
 
     one = command("plot", plot, "plot a record", "plot nadir_spin error.sigma_BR command.u")
-    one.add_argument("run", metavar="RUN", help="a .mcap file, its folder, or the name of a mission flown before")
+    one.add_argument("run", metavar="RUN", help=WHAT)
     one.add_argument("fields", nargs="*", metavar="FIELD", help="default: everything, a figure per topic")
     one.add_argument("--out", metavar="DIR", help="default: beside the record")
 
-    one = command("convert", convert, "write a record as CSV or HDF5", "convert nadir_spin --csv --out tables")
-    one.add_argument("run", metavar="RUN", help="a .mcap file, its folder, or the name of a mission flown before")
+    one = command("convert", convert, "write a record as CSV or HDF5, or print what it says of its run",
+                  "convert nadir_spin --csv --out tables")
+    one.add_argument("run", metavar="RUN", help=WHAT)
     kind = one.add_mutually_exclusive_group(required=True)
     kind.add_argument("--csv", action="store_true", help="a file per topic")
     kind.add_argument("--hdf5", action="store_true", help="one file")
+    kind.add_argument("--about", action="store_true", help="write no file; print the outcome, seed, revisions and "
+                      "parameters of the run, its topics, and a hash of its messages")
     one.add_argument("--out", metavar="PATH", help="a folder for --csv, a file for --hdf5; default: beside the record")
 
     one = command("bench", bench, "measure; without a name, list the benches", "bench sim --json sim.json")

@@ -1,11 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Arguments that several commands take: numbers, durations, records of runs."""
+"""Arguments that several commands take: numbers and durations."""
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Callable
-from pathlib import Path
 
 from fledge.errors import Failure
 
@@ -42,29 +40,3 @@ def parse_duration(text: str, option: str = "--for") -> float:
     if seconds > 1e9:
         raise Failure(f"{option}: expected at most 1e9 s, which are 31 years; found '{text}'")
     return seconds
-
-
-def find_run(name: str) -> Path:
-    """The archive meant by a file, a folder, or the name of a mission flown before."""
-    for path in (Path(name), Path("runs") / name):
-        if path.is_file():
-            return path
-        if path.is_dir():
-            found = sorted([*path.glob("*.mcap"), *path.glob("*/*.mcap")])
-            if len(found) == 1:
-                return found[0]
-            if found:
-                raise Failure(f"there are several records in {path}; name one of {', '.join(map(str, found))}")
-    known = sorted(map(str, Path("runs").glob("*/*/*.mcap")))
-    raise Failure(f"there is no record '{name}'; " + (f"there are {', '.join(known)}" if known
-                                                      else "none has been made yet: ./fledge run MISSION"))
-
-
-def open_run(name: str) -> Archive:
-    """The archive of find_run(), with a line on stderr if it is damaged."""
-    from fledge.archive import Archive  # late: most commands read no record
-
-    archive = Archive(find_run(name))
-    if archive.problem:
-        print(archive.problem, file=sys.stderr)
-    return archive

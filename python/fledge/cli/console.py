@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
@@ -33,6 +34,20 @@ class Plots:
         self.saved: list[Path] = []
 
     def add(self, figure: Figure) -> None:
-        from fledge.plot import save
+        """Save a figure. The second of a name is NAME-2."""
+        from fledge.plot import file_name, save
 
-        self.saved.append(save(figure, self.folder))
+        name, n = file_name(figure), 2
+        while self.folder / f"{name}.png" in self.saved:
+            name, n = f"{file_name(figure)}-{n}", n + 1
+        self.saved.append(save(figure, self.folder, name))
+
+    def whole(self) -> list[Path]:
+        """Save the open figures of pyplot too, and close them. Returns the paths of all."""
+        if "matplotlib.pyplot" in sys.modules:
+            import matplotlib.pyplot as plt
+
+            for number in plt.get_fignums():
+                self.add(plt.figure(number))
+                plt.close(number)
+        return self.saved

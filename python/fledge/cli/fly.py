@@ -47,6 +47,7 @@ def add(command: Callable) -> None:
 
 def fly(options: argparse.Namespace) -> int:
     from fledge.cli.arguments import parse_duration
+    from fledge.cli.runs import alone
     from fledge.errors import Failure
     from fledge.targets import TARGETS, Job, RealCfs
 
@@ -80,7 +81,7 @@ def fly(options: argparse.Namespace) -> int:
     for field, _ in options.within:
         if not any(f".{known}".endswith(f".{field}") for known in job.fields()):
             raise Failure(f"--within: flight puts out no field {field}")
-    with job.alone():
+    with alone(job.folder):
         if options.build:
             return _build(job, others)
         if options.join is not None:

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from fledge.cli.console import Plots, say, size_of
+from fledge.cli.runs import alone
 from fledge.errors import Failure
 from fledge.progress import Bar, clock
 
@@ -44,9 +45,10 @@ def montecarlo(options: argparse.Namespace) -> int:
         raise Failure("montecarlo: --json is for --runs")
     campaign = Campaign(options.mission, options.campaign)
     folder = Path(options.out) if options.out else Path("runs") / campaign.nominal.name / "montecarlo" / campaign.name
-    if options.only is None:
-        return _all(campaign, options, folder)
-    return _one(campaign, options, folder if options.out else folder / str(options.only))
+    if options.only is not None and not options.out:
+        folder /= str(options.only)
+    with alone(folder):
+        return (_all if options.only is None else _one)(campaign, options, folder)
 
 
 def _command(campaign, options):
@@ -121,7 +123,6 @@ def _one(campaign, options, folder):
     sim = campaign.simulation(index, options.seed)
     title = f"{sim.name}, {campaign.name}, run {index} of seed {options.seed}"
     say(title)
-    folder.mkdir(parents=True, exist_ok=True)
     sim.plots = Plots(folder)
     sim.archive(folder / "run.mcap", mission=sim.name, campaign=campaign.name, campaign_seed=options.seed, run=index,
                 fledge=fledge.__version__)

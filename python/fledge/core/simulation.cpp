@@ -288,6 +288,8 @@ void bind_simulation(py::module_ &m)
         .def_property_readonly("logs", [](sim::Simulation &s) { return s.recorder().logs(); })
         .def("open_archive", [](sim::Simulation &s, const std::string &path,
                                 const sim::Pairs &run) { s.recorder().open_archive(path, run); })
+        .def("archive_metadata", [](sim::Simulation &s, const std::string &name,
+                                    const sim::Pairs &pairs) { s.recorder().archive_metadata(name, pairs); })
         .def(
             "close_archive", [](sim::Simulation &s, const sim::Pairs &end) { s.recorder().close_archive(end); },
             py::arg("end") = sim::Pairs{})

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fledge.export.c_source import emit
+from fledge.files import create
 
 if TYPE_CHECKING:
     from fledge.export.read import Mission
@@ -21,17 +22,19 @@ def write(mission: Mission, folder: Path | str, more: dict[str, str] | None = No
 
 def write_files(files: Mapping[str, str | bytes], folder: Path | str) -> list[Path]:
     """Write name -> text or bytes into a folder; names may have folders of their own. No file is left half
-    written: each gets its name only after all are written. A file that has the same content already is
-    not touched, so that a build does not start anew."""
+    written: each gets its name only after all are written, and another program cannot write them meanwhile. A
+    file that has the same content already is not touched, so that a build does not start anew."""
     folder = Path(folder)
     if folder.exists() and not folder.is_dir():
         raise NotADirectoryError(errno.ENOTDIR, "it is a file; give a folder", str(folder))
     fresh, made = [], []
+    locks = []
     done = False
     try:
         for name, content in files.items():
             part = folder / (name + ".part")
             made += make(part.parent)
+            locks.append(create(part))
             fresh.append((part, folder / name))
             part.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8"))
         for part, whole in fresh:
@@ -43,6 +46,8 @@ def write_files(files: Mapping[str, str | bytes], folder: Path | str) -> list[Pa
     finally:
         for part, _ in fresh:
             part.unlink(missing_ok=True)
+        for lock in locks:
+            os.close(lock)
         for one in reversed([] if done else made):
             one.rmdir()
     return [whole for _, whole in fresh]

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from fledge.elements import ELEMENTS
 from fledge.errors import SetupError
-from fledge.series import HEAD, Records, frame_of, part
+from fledge.series import HEAD, Records, frame_of, head_column, head_columns, part
 
 if TYPE_CHECKING:
     from fledge.mission.simulation import Simulation
@@ -127,10 +127,12 @@ class Log(Records):
     def __len__(self) -> int:
         return max(len(s.core) for s in self._samples.values())
 
-    def frame(self, *keys: str, head: bool = False) -> Any:
+    def frame(self, *keys: str, head: bool = True) -> Any:
         """A pandas DataFrame by time [s], one column per number: "error.sigma_BR[0]".
 
-        keys: names of fields or messages; none: all. head: with the messages' heads.
+        keys: names of fields or messages; none: all. head: with two columns for the head of each whole message:
+        "error.valid_at", the time for which it holds [s], and "error.quality", of the ordered categories none, stale,
+        degraded and good.
         `attrs["units"]` and `attrs["meanings"]` map columns to text. Records of different times share
         the index, with NaN where one has no value.
         """
@@ -143,13 +145,17 @@ class Log(Records):
             wanted = [name for port, name in found if port is samples]
             columns = {}
             for name, field in samples.fields.items():
-                if name not in wanted and (None not in wanted or (name.startswith(HEAD) and not head)):
+                if name not in wanted and (None not in wanted or name.startswith(HEAD)):
                     continue
                 values = part(self._values(samples), name)
                 for index in np.ndindex(values.shape[1:]):
                     column = f"{self._short_name(samples)}.{name}" + "".join(f"[{i}]" for i in index)
                     columns[column] = values[(slice(None), *index)]
                     units[column], meanings[column] = field.unit, field.doc
+            for name, source in (head_columns(samples.fields) if head and None in wanted else {}).items():
+                column, field = f"{self._short_name(samples)}.{name}", samples.fields[source]
+                columns[column], units[column] = head_column(part(self._values(samples), source), field, source)
+                meanings[column] = field.doc
             tables.append((samples.decoded()[0], columns))
         return frame_of(tables, units, meanings)
 

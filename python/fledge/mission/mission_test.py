@@ -205,8 +205,9 @@ def test_a_late_run_says_so(here, tmp_path):
         (["bench", "nothing"], "there is no bench 'nothing'; there are"),
         (["run", "looker", "--seed", "-1"], "fledge: seed: expected a whole number from 0 to 2^64 - 1; found -1"),
         (["run", "looker", "--pace", "-1"], "argument --pace: expected a number >= 0; found '-1'"),
-        (["run", "looker", "--out", "missions/looker/flight.py"], "fledge: missions/looker/flight.py: File exists"),
-        (["convert", "x"], "one of the arguments --csv --hdf5 is required"),
+        (["run", "looker", "--out", "missions/looker/flight.py"],
+         "fledge: missions/looker/flight.py: it is a file; give a folder"),
+        (["convert", "x"], "one of the arguments --csv --hdf5 --about is required"),
     ],
 )
 def test_wrong_commands(here, tmp_path, arguments, text):

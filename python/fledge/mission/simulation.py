@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from fledge import _core
 from fledge.errors import SetupError
 from fledge.mission.process import Flight, Process, World
+from fledge.mission.provenance import Revisions, parameters
 from fledge.objects.si import time_ns
 
 if TYPE_CHECKING:
@@ -64,6 +65,7 @@ class Simulation:
         self.plots: Any = None                  # collects the figures of Log.plot(); None: they are shown; False: none
         self.wall = 0.0                         # [s] of wall time that run() took so far
         self._archive: Any = None               # (path, metadata) of the archive that the next run opens
+        self._revisions: Revisions | None = None    # for that archive
 
     # --- its parts ---
 
@@ -249,8 +251,8 @@ class Simulation:
         if self._core.archiving:
             # The second run gets a file of its own.
             path, metadata = self._archive
-            self._core.close_archive([])
-            self._archive = (_next_name(path), metadata)
+            self._finish_archive({})
+            self.archive(_next_name(path), **metadata)
         self._core.reset()
 
     @property
@@ -315,11 +317,13 @@ class Simulation:
     def archive(self, path: str | os.PathLike[str], **metadata: object) -> None:
         """Write all records to an MCAP file too, from the next run on; close_archive() finishes it.
 
-        metadata: texts kept in the file. Until it is finished its name ends in .part.
+        metadata: texts kept in the file. Until it is finished its name ends in .part. The file also has the seed, the
+        parameters with which the first run begins, and the revisions of Fledge and of the mission as of now.
         """
         if self._core.archiving:
             raise SetupError(f"archive: {self._archive[0]} is still being written; close_archive() first")
         self._archive = (str(path), {str(k): str(v) for k, v in metadata.items()})
+        self._revisions = Revisions(self.mission.folder if self.mission else None)
 
     def open_archive(self, resumed: bool = False) -> None:
         """Begin the archive that archive() has named, unless it has begun.
@@ -334,16 +338,22 @@ class Simulation:
             self._archive = (path, metadata)
             lines = {**metadata, "seed": str(self.seed), "assumptions": "\n".join(self.assumptions)}
             self._core.open_archive(path, list(lines.items()))
+            self._core.archive_metadata("parameters", list(parameters(self.processes).items()))
 
     def close_archive(self, **metadata: object) -> str | None:
         """Finish the archive, if one is being written; returns its path, or None."""
-        if not self._core.archiving:
-            self._archive = None
-            return None
-        path = self._archive[0]
+        path = self._archive[0] if self._core.archiving else None
         self._archive = None
-        self._core.close_archive([(str(k), str(v)) for k, v in metadata.items()])
+        self._finish_archive(metadata)
         return path
+
+    def _finish_archive(self, metadata):
+        if self._revisions:
+            revisions, self._revisions = self._revisions.read(), None
+            if self._core.archiving and revisions:
+                self._core.archive_metadata("revisions", list(revisions.items()))
+        if self._core.archiving:
+            self._core.close_archive([(str(k), str(v)) for k, v in metadata.items()])
 
     def __repr__(self):
         at = f"at t = {self.time:g} s" if self._core.now >= 0 else "not yet run"

@@ -155,7 +155,7 @@ def write(result: Result, folder: Path | str, command: Callable[[int], str]) -> 
         with Part(folder / name) as part:
             part.write_text(content, encoding="utf-8")
     with Part(folder / "runs.h5") as part:
-        _hdf5(result, part)
+        part.write_bytes(_hdf5(result))
     return data, [*(folder / name for name in (*contents, "runs.h5")),
                   *(save(figure, folder) for figure in figures(result))]
 
@@ -181,11 +181,12 @@ def _csv(result: Result) -> str:
     return out.getvalue()
 
 
-def _hdf5(result: Result, path: Path) -> None:
+def _hdf5(result: Result) -> bytes:
     import h5py
 
     campaign, d = result.campaign, result.campaign.dispersions
-    with h5py.File(path, "w") as out:
+    # Made in memory: where a disk is full, HDF5 ends the process.
+    with h5py.File("runs.h5", "w", driver="core", backing_store=False) as out:
         out.attrs.update(mission=campaign.nominal.name, campaign=campaign.name)
         out.attrs["seed"] = str(result.seed)  # HDF5 readers disagree on 64 unsigned bits
         out["time"] = result.time
@@ -198,3 +199,5 @@ def _hdf5(result: Result, path: Path) -> None:
             out[f"retained/{path}"] = values
             field = d.retained[path].field_path.field
             out[f"retained/{path}"].attrs.update(unit=field.unit or "-", meaning=field.doc)
+        out.flush()
+        return out.id.get_file_image()

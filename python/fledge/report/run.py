@@ -7,7 +7,6 @@ import inspect
 import math
 import platform
 import re
-import subprocess
 import sys
 from base64 import b64encode
 from collections.abc import Callable, Iterator, Sequence
@@ -22,6 +21,7 @@ from fledge import __version__, objects, wiring_picture
 from fledge.errors import SetupError
 from fledge.files import Part
 from fledge.mission.log import dtype_of, leaves
+from fledge.mission.provenance import Revisions, added, in_words, members, plain
 from fledge.mission.simulation import Simulation
 from fledge.mission.wiring import Wiring, action_text, condition_text, event_name
 from fledge.report.numbers import duration, number, unit, value
@@ -155,34 +155,17 @@ def _parameters(instance: objects.Module | objects.Model) -> list[_Value]:
     struct, given = objects.struct(instance), set(objects.given(instance))
     counts = {f.count for f in struct.fields if f.count} - given
     rows = [row for field in struct.fields if field.group == "par" and not field.spare and field.name not in counts
-            for row in _rows(instance, field, field.name, field.name in given)]
-    for name, one in vars(type(instance)).items():
-        if isinstance(one, property):
-            shown = _property(instance, name)
-            meaning = (one.__doc__ or "").partition(";")[0].rstrip(".")  # what follows is about assigning it
-            rows.append(_Value(name, shown, meaning=meaning, given=bool(shown), derived=True))
+            for row in _rows(instance, field, field.name in given)]
+    for name, one in added(instance):
+        shown = in_words(instance, name)
+        meaning = (one.__doc__ or "").partition(";")[0].rstrip(".")  # what follows is about assigning it
+        rows.append(_Value(name, shown, meaning=meaning, given=bool(shown), derived=True))
     return rows
 
 
-def _property(instance: objects.Module | objects.Model, name: str) -> str:
-    """What Python adds to a model, in words: its parts, the bodies that attract it, its orbit. "" for nothing."""
-    try:
-        found = getattr(instance, name)
-    except (SetupError, AttributeError):
-        return ""
-    return "; ".join(objects.path(one) if isinstance(one, objects.Model) else one if isinstance(one, str)
-                     else repr(one).strip("<>")
-                     for one in (found if isinstance(found, (list, tuple)) else [found]) if one is not None)
-
-
-def _rows(owner, field, name: str, given: bool) -> list[_Value]:
-    found = getattr(owner, field.name)
-    if field.type != "struct":
-        plain = found.tolist() if hasattr(found, "tolist") else getattr(found, "name", found)
-        return [_Value(name, plain, field.unit, field.doc, field.rule, given)]
-    messages = {f"{name}[{i}]": one for i, one in enumerate(found)} if isinstance(found, tuple) else {name: found}
-    return [row for start, message in messages.items() for member in objects.struct(message).fields if not member.spare
-            for row in _rows(message, member, f"{start}.{member.name}", given)]
+def _rows(owner, field, given: bool) -> list[_Value]:
+    return [_Value(name, plain(inner, leaf), leaf.unit, leaf.doc, leaf.rule, given)
+            for name, inner, leaf in members(owner, field)]
 
 
 def _final(log) -> tuple:
@@ -255,7 +238,7 @@ def _inline_svg(picture: bytes) -> Markup:
 # --- where it comes from ---------------------------------------------------------------------------
 
 def _versions(mission) -> list[tuple[str, str]]:
-    ours, theirs = _revision(Path(__file__).parent), _revision(mission.folder) if mission else ""
+    revisions = Revisions(mission.folder if mission else None).read()
     try:
         import _core_build  # the compiler and its options
 
@@ -266,18 +249,9 @@ def _versions(mission) -> list[tuple[str, str]]:
         system = platform.freedesktop_os_release()["PRETTY_NAME"]
     except (OSError, KeyError):
         system = platform.system()
+    ours, theirs = (f"revision {revisions[name]}" if name in revisions else "" for name in ("fledge", "mission"))
     found = {"Fledge": ", ".join(filter(None, [__version__, ours])), "mission": theirs if theirs != ours else "",
              "built by": build, "Python": platform.python_version(),
              **{name: sys.modules[name].__version__ for name in ("numpy", "matplotlib") if name in sys.modules},
              "system": f"{system}, {platform.machine()}"}
     return [(name, version) for name, version in found.items() if version]
-
-
-def _revision(folder: Path) -> str:
-    """The revision of the git repository that a folder is in, or ""."""
-    try:
-        done = subprocess.run(["git", "-C", str(folder), "describe", "--always", "--dirty", "--abbrev=12"],
-                              capture_output=True, text=True)
-    except FileNotFoundError:
-        return ""
-    return f"revision {done.stdout.strip()}" if done.returncode == 0 else ""

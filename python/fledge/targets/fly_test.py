@@ -22,6 +22,7 @@ import fledge
 from fledge import cli
 from fledge.archive import Archive
 from fledge.archive.compare import compare
+from fledge.cli.runs import alone
 from fledge.targets import TARGETS, Job, build, loop
 from fledge.targets.target import Linux
 
@@ -446,9 +447,9 @@ def test_a_target_that_dies_is_reported_and_leaves_nothing_behind(folder):
 
 
 def test_two_do_not_build_in_one_folder(folder, capsys):
-    with Job("nadir_spin", duration=1.0, folder=folder / "nadir_spin").alone():
+    with alone(folder / "nadir_spin"):
         assert cli.main(["fly", "nadir_spin", "--for", "1s", "--out", str(folder / "nadir_spin")]) == 2
-    assert "another fledge fly works in " in capsys.readouterr().err
+    assert "another fledge command writes into " in capsys.readouterr().err
 
 
 def test_on_a_terminal_it_shows_how_far_it_is(folder, monkeypatch):

@@ -2,17 +2,14 @@
 """A flight: a scenario of a mission, exported once for all targets, and its duration."""
 from __future__ import annotations
 
-import fcntl
 import math
 import re
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fledge import export
-from fledge.errors import Failure
 from fledge.objects import project
 from fledge.targets import build
 from fledge.targets.rehearsal import rehearse
@@ -46,17 +43,6 @@ class Job:
                       | export.emit_host(self.mission))
         self.rounds = any(field.carries for board in self.described() for snorkel in board.snorkels
                           for field in snorkel.fields)      # some numbers pass as counts
-
-    @contextmanager
-    def alone(self) -> Iterator[None]:
-        """Reserve the folder for this program: two builds in it at once would fail."""
-        self.folder.mkdir(parents=True, exist_ok=True)
-        with (self.folder / ".in_use").open("w") as file:
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                raise Failure(f"another fledge fly works in {self.folder}; wait, or give another --out") from None
-            yield
 
     @cached_property
     def written(self) -> list[Path]:

@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The folders of runs, and their records by name.
+
+    runs/MISSION/SCENARIO/run.mcap      the last run of a scenario
+    runs/kept/NAME/run.mcap             a run that was given a name, by fledge run --as NAME
+"""
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from fledge.archive import Archive, ArchiveError
+from fledge.errors import Failure, listed
+
+RUNS = Path("runs")
+KEPT = RUNS / "kept"
+WHAT = "a .mcap file, its folder, the name of a mission flown before, or that of a kept run"    # what RUN may be
+
+
+@contextmanager
+def alone(folder: Path, instead: str = "give another folder with --out") -> Iterator[None]:
+    """Reserve a folder, made if it is missing, for the files of this program; raises Failure if another one has it.
+
+    instead: what a user can do, besides waiting. The lock is the kernel's: it ends with the program, however that ends.
+    """
+    made = [one for one in (folder, *folder.parents) if not one.exists()]
+    lock = -1
+    while lock < 0:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except FileExistsError:
+            raise NotADirectoryError(errno.ENOTDIR, "it is a file; give a folder", str(folder)) from None
+        lock = _lock(folder, instead)
+    try:
+        yield
+    finally:
+        for one in made:        # which are empty, where a command is refused
+            try:
+                one.rmdir()
+            except OSError:
+                break
+        os.close(lock)
+
+
+def _lock(folder, instead):
+    """A descriptor that holds the lock of a folder; -1 if another program has deleted the folder meanwhile."""
+    try:
+        lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    except FileNotFoundError:
+        return -1
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(lock)
+        raise Failure(f"another fledge command writes into {folder} now; wait until it has ended, or {instead}"
+                      ) from None
+    except OSError:
+        pass                    # a file system without locks: the files themselves still exclude each other
+    if folder.exists() and os.path.samestat(os.fstat(lock), folder.stat()):
+        return lock
+    os.close(lock)
+    return -1
+
+
+# --- names -----------------------------------------------------------------------------------------
+
+def folder_of(name: str, replace: bool = False) -> Path:
+    """The folder of a new run with a name. Raises Failure if it cannot be a name, or if a run has it."""
+    if (not name or not name.isprintable() or name != name.strip() or name[0] in ".-" or set(name) & set("/\\")
+            or len(name.encode()) > 100):
+        raise Failure(f"--as {name!r}: expected a name of up to 100 bytes, without / and \\, that begins with neither "
+                      ". nor -")
+    from fledge.mission import missions
+
+    if name in missions() or (RUNS / name).is_dir():
+        raise Failure(f"--as {name}: a mission has this name; plot {name} would mean either")
+    folder = KEPT / name
+    if not replace and any(folder.glob("run*.mcap*")):
+        raise Failure(f"--as {name}: {folder} has a run of this name already; choose another name, or replace that run "
+                      "by --replace")
+    return folder
+
+
+def kept() -> dict[str, list[Path]]:
+    """The kept runs: name -> their records."""
+    return {folder.name: found for folder in sorted(KEPT.glob("*")) if (found := sorted(folder.glob("*.mcap")))}
+
+
+def find_run(name: str) -> Path:
+    """The record that is meant by a file, a folder, the name of a mission flown before, or the name of a kept run."""
+    unfinished = []
+    for path in (Path(name), KEPT / name, RUNS / name):
+        if path.is_file():
+            return path
+        if path.is_dir():
+            found = sorted([*path.glob("*.mcap"), *path.glob("*/*.mcap")])
+            if len(found) == 1:
+                return found[0]
+            if found:
+                raise Failure(f"there are several records in {path}; name one of {', '.join(map(str, found))}")
+            unfinished += sorted([*path.glob("*.mcap.part"), *path.glob("*/*.mcap.part")])
+    if unfinished:
+        raise Failure(f"there is no whole record '{name}'; {' '.join(map(_left, unfinished))}")
+    known = sorted(map(str, RUNS.glob("*/*/*.mcap")))
+    raise Failure(f"there is no record '{name}'; " + (f"there are {listed(known, most=12)}" if known
+                                                      else "none has been made yet: ./fledge run MISSION"))
+
+
+def open_run(name: str) -> Archive:
+    """The archive of find_run(). Lines on stderr say if it is damaged, and if a later run has not ended."""
+    path = find_run(name)
+    archive = Archive(path)
+    if archive.problem:
+        print(archive.problem, file=sys.stderr)
+    part = path.with_name(path.name + ".part")
+    if part.is_file():
+        print(f"{path} is not of the last run: {_left(part)}", file=sys.stderr)
+    return archive
+
+
+def _left(part):
+    """What is known of the part of a run that was killed or still goes on."""
+    try:
+        with Archive(part) as archive:
+            good = archive.good_until
+    except ArchiveError:
+        good = None
+    worth = "no readable data" if good is None else f"the data up to t = {good:g} s"
+    return f"a run that has not ended left {part}, with {worth}."

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a run began with, for its record and its report: the parameters of all instances, and the revisions of Fledge
+and of the mission's files."""
+from __future__ import annotations
+
+import json
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from fledge import objects
+from fledge.errors import SetupError
+from fledge.objects import project
+
+ROOT = Path(__file__).resolve().parents[3]      # of the checkout; that of an installed tree has no .git
+GIT = ["git", "--no-optional-locks", "-c", "core.fsmonitor=false"]  # reads only, and starts no other program
+
+
+# --- parameters ------------------------------------------------------------------------------------
+
+def parameters(processes: Any) -> dict[str, str]:
+    """The parameters of all instances now: "flight.control.K" -> "2.531 N m", numbers and lists as JSON writes them."""
+    found = {}
+    for instance in (one for process in processes for one in process):
+        for field in objects.struct(instance).fields:
+            if field.group == "par" and not field.spare:
+                for name, owner, member in members(instance, field):
+                    unit = "" if member.unit in ("", "-") else f" {member.unit}"
+                    found[f"{objects.path(instance)}.{name}"] = json.dumps(plain(owner, member)) + unit
+        for name, one in added(instance):
+            found[f"{objects.path(instance)}.{name}"] = json.dumps(in_words(instance, name), ensure_ascii=False)
+    return found
+
+
+def members(owner: Any, field: Any) -> Iterator[tuple[str, Any, Any]]:
+    """(name, its owner, Field) of a field that is no struct, or else of the fields of that: "wheels[2].u_max"."""
+    if field.type != "struct":
+        yield field.name, owner, field
+        return
+    found = getattr(owner, field.name)
+    for i, message in enumerate(found if isinstance(found, tuple) else [found]):
+        start = f"{field.name}[{i}]" if isinstance(found, tuple) else field.name
+        for member in objects.struct(message).fields:
+            if not member.spare:
+                for name, inner, leaf in members(message, member):
+                    yield f"{start}.{name}", inner, leaf
+
+
+def plain(owner: Any, field: Any) -> Any:
+    """A field as a number, a list, or a text: the name of an enumerator."""
+    found = getattr(owner, field.name)
+    return found.tolist() if hasattr(found, "tolist") else getattr(found, "name", found)
+
+
+def added(instance: Any) -> list[tuple[str, property]]:
+    """The properties that Python adds to a model: its parts, the bodies that attract it, its orbit."""
+    return [(name, one) for name, one in vars(type(instance)).items() if isinstance(one, property)]
+
+
+def in_words(instance: Any, name: str) -> str:
+    """What such a property holds, in words. "" for nothing."""
+    try:
+        found = getattr(instance, name)
+    except (SetupError, AttributeError):
+        return ""
+    return "; ".join(objects.path(one) if isinstance(one, objects.Model) else one if isinstance(one, str)
+                     else repr(one).strip("<>")
+                     for one in (found if isinstance(found, (list, tuple)) else [found]) if one is not None)
+
+
+# --- revisions -------------------------------------------------------------------------------------
+
+class Revisions:
+    """The revisions of Fledge and of a mission's files, as git finds them now, while the program goes on.
+
+    mission: the folder of the mission, or None.
+    """
+
+    def __init__(self, mission: Path | None) -> None:
+        self._running = {"fledge": _status(ROOT)} if (ROOT / ".git").exists() else {}
+        if mission and not (self._running and mission.is_relative_to(ROOT)):
+            own = project.folder()
+            self._running["mission"] = _status(own if own and mission.is_relative_to(own) else mission)
+
+    def read(self) -> dict[str, str]:
+        """What is known: "fledge" and, if it is elsewhere, "mission" -> "1098750e70ef", with "-dirty" if there are
+        files that are not of that revision."""
+        return {name: text for name, running in self._running.items() if running and (text := _revision(running))}
+
+
+def _status(folder):
+    # Records and builds are no sources of a run.
+    paths = [".", ":(exclude)runs", ":(exclude)build", ":(exclude,glob)**/__pycache__/**"]
+    try:
+        return subprocess.Popen([*GIT, "-C", str(folder), "status", "--porcelain=v2", "--branch",
+                                 "--untracked-files=normal", "--", *paths], stdin=subprocess.DEVNULL,
+                                stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True)
+    except OSError:     # no git
+        return None
+
+
+def _revision(running):
+    try:
+        lines = running.communicate(timeout=10)[0].decode(errors="replace").splitlines()
+    except subprocess.TimeoutExpired:
+        running.kill()
+        running.communicate()
+        return ""
+    commit = next((line.split()[2] for line in lines if line.startswith("# branch.oid ")), "(initial)")
+    if running.returncode or commit == "(initial)":
+        return ""
+    return commit[:12] + "-dirty" * any(not line.startswith("#") for line in lines)
