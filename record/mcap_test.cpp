@@ -832,4 +832,25 @@ TEST_F(FileSinkTest, AFileThatCannotBeCreatedGivesItsErrno)
     EXPECT_EQ(file_sink_open(&sink, std::string(5000, 'x').c_str()), ENAMETOOLONG);
 }
 
+TEST_F(FileSinkTest, ANameFitsWithItsSuffixOrIsRefused)
+{
+    struct {
+        FileSink sink;
+        char after[16];
+    } memory = {{}, "not overwritten"};
+    const auto of_length = [&](std::size_t n) {
+        const std::string start = folder.string(), end = "run.mcap";
+        return start + std::string(n - start.size() - end.size(), '/') + end;
+    };
+    const std::size_t longest = sizeof memory.sink.part - sizeof ".part";
+    EXPECT_EQ(file_sink_open(&memory.sink, of_length(longest).c_str()), 0);
+    EXPECT_EQ(file_sink_close(&memory.sink, true), 0);
+    EXPECT_TRUE(std::filesystem::exists(name));
+    for (const std::size_t n : {longest + 1, longest + sizeof ".part", longest + 2 * sizeof ".part"}) {
+        EXPECT_EQ(file_sink_open(&memory.sink, of_length(n).c_str()), ENAMETOOLONG);
+        EXPECT_STREQ(memory.after, "not overwritten");
+    }
+    EXPECT_FALSE(std::filesystem::exists(name + ".part"));
+}
+
 } // namespace

@@ -10,6 +10,9 @@
 #include <chrono>
 #include <cstdio>
 #include <cstring>
+#include <fstream>
+#include <iterator>
+#include <map>
 
 using namespace fledge::sim;
 using namespace fledge::sim::toys;
@@ -554,6 +557,31 @@ TEST(Recorder, TakesSamplesOnItsGridAndForgetsThemOnReset)
     EXPECT_TRUE(log->times.empty());
     loop.sim.run_until(0);
     EXPECT_THAT(log->times, ElementsAre(0));
+}
+
+TEST(Recorder, AnArchiveHasChunksAndTheirIndex)
+{
+    Loop loop;
+    loop.sim.recorder().record(loop.tank, *find_field(loop.tank->type(), "level"), 0);
+    const std::string path = ::testing::TempDir() + "chunks.mcap";
+    loop.sim.recorder().open_archive(path, {});
+    loop.sim.run_until(1000 * ms);
+    loop.sim.recorder().close_archive();
+    std::ifstream file(path, std::ios::binary);
+    const std::string bytes(std::istreambuf_iterator<char>(file), {});
+    std::remove(path.c_str());
+    std::map<int, int> records; // opcode -> how many, outside of chunks
+    for (std::size_t at = 8; at + 9 + 8 <= bytes.size();) {
+        std::uint64_t size;
+        std::memcpy(&size, bytes.data() + at + 1, sizeof size);
+        records[bytes[at]]++;
+        at += 9 + size;
+    }
+    constexpr int message = 5, chunk = 6, message_index = 7, chunk_index = 8;
+    EXPECT_EQ(records[message], 0);
+    EXPECT_EQ(records[chunk], 1);
+    EXPECT_EQ(records[message_index], 1) << "of the one channel";
+    EXPECT_EQ(records[chunk_index], 1);
 }
 
 TEST(Recorder, SaysWhenTheDiskIsFullAndKeepsWhatIsReadable)
