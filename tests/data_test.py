@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a file of real data is missing, the tests that need it are skipped, with the file as the reason; none passes."""
+"""Where a file of real data is missing, the tests that need it are skipped with the file as the reason; none passes."""
 
 import ast
 import os
