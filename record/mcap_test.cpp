@@ -556,6 +556,17 @@ TEST(Mcap, TinyMessagesNeverRunIntoTheirIndex)
     expect_whole(parse(a.file), given, true, true);
 }
 
+TEST(Mcap, MessagesFarIntoALargeChunkAreFoundByTheirIndex)
+{
+    Archive a(size_t(1) << 20);
+    Given given = write_run(a, 200, 4000);
+    ASSERT_EQ(mcap_close(&a.w), MCAP_OK);
+    File f = parse(a.file);
+    EXPECT_EQ(f.chunks.size(), 1u);
+    EXPECT_GT(a.file.size(), 2u * 65536u);
+    expect_whole(f, given, true, true);
+}
+
 TEST(Mcap, ARunWithoutMessagesIsAFile)
 {
     for (size_t chunk_size : {size_t(0), MCAP_CHUNK_MIN}) {
@@ -830,6 +841,15 @@ TEST_F(FileSinkTest, AFileThatCannotBeCreatedGivesItsErrno)
     EXPECT_EQ(file_sink_close(&sink, true), ENOENT);
     EXPECT_EQ(file_sink_open(&sink, ""), ENOENT);
     EXPECT_EQ(file_sink_open(&sink, std::string(5000, 'x').c_str()), ENAMETOOLONG);
+}
+
+TEST_F(FileSinkTest, KeepsThePartWhereAFolderHasTheName)
+{
+    ASSERT_EQ(file_sink_open(&sink, name.c_str()), 0);
+    EXPECT_EQ(file_sink_write(&sink, "abc", 3), 0);
+    std::filesystem::create_directory(name);
+    EXPECT_EQ(file_sink_close(&sink, true), EISDIR);
+    EXPECT_EQ(content(name + ".part"), "abc");
 }
 
 TEST_F(FileSinkTest, ANameFitsWithItsSuffixOrIsRefused)
