@@ -102,6 +102,10 @@ class Test(NamedTuple):
     def needs(self) -> list[str]:
         return [self.target] if self.target else EVERYTHING
 
+    def is_near(self, file: str) -> bool:
+        """Whether it stands in the folder of the tree where the file is, and is no other language's."""
+        return self.folder.split(os.sep)[0] == file.split(os.sep)[0] and (file.endswith(".py") or bool(self.target))
+
 
 # --- drawing ---------------------------------------------------------------------------------------
 
@@ -367,7 +371,7 @@ class Campaign:
     def _noticed(self, mutant: Mutant) -> tuple[str, str]:
         compiled = not mutant.file.endswith(".py")
         for test in self.sight.tests(mutant.file):
-            if test.name in self.left_out or (self.near and test.target is None):
+            if test.name in self.left_out or (self.near and not test.is_near(mutant.file)):
                 continue
             if compiled and not self.tree.ninja(test.needs()):
                 return "not compiled", ""
@@ -427,7 +431,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--seed", type=int, default=1, help="default: %(default)s")
     parser.add_argument("--count", type=int, default=20, metavar="K", help="changes to test (default: %(default)s)")
     parser.add_argument("--list", action="store_true", help="only show the first K that are drawn")
-    parser.add_argument("--near", action="store_true", help="of C and C++, only the tests in C++")
+    parser.add_argument("--near", action="store_true", help="only the tests of its top folder, and of C and C++ only those in C++")
     parser.add_argument("--again", metavar="FILE", help="only the survivors that a --json of before names")
     parser.add_argument("--at", type=Path, default=ROOT / "build/mutants", metavar="DIR",
                         help="where the copy of the tree is (default: build/mutants)")
