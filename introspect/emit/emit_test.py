@@ -325,6 +325,10 @@ def test_the_reference_has_each_declaration_with_unit_condition_and_meaning(mode
     text = "".join(pages.values())
     for struct in model.library("flight").structs:
         assert text.count(f"\n### {struct.name}\n") == 1
+        section = re.split(r"\n#", text.partition(f"\n### {struct.name}\n")[2])[0]
+        rows = re.findall(r"^\| `(\w+)` \|", section, re.MULTILINE)
+        assert sorted(rows) == sorted(f.name for f in struct.fields if not f.is_spare)
+        assert ("\nSource: " in section) == ("Source: " in struct.doc)
     assert "| `K` | double | N m | required, > 0 | gain on the MRP error |" in text
     assert "| `error` | {ref}`AttError <c-atterror>` |" in text
     assert "| `QUALITY_STALE` | 1 | older than its wire allows |" in text
