@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from introspect.emit import EMITTERS, reference, schema
+from introspect.emit import EMITTERS, orders, reference, schema
 from introspect.errors import HeaderError
 from introspect.model import Bounds, Kind
 from introspect.testing import ROOT, read_this, read_tree, write_header
@@ -233,6 +233,28 @@ def test_another_layout_does_not_compile(tmp_path):
     header.write_text(header.read_text().replace("double x;", "uint64_t more;\n    double x;"))
     refused = compile_c(source, f"-I{tmp_path}", f"-I{ROOT}").stderr
     assert "fledge_layout_M_x" in refused and "is negative" in refused
+
+
+def test_a_message_is_reversed_number_by_number(tmp_path):
+    write_header(tmp_path, "m/x.h", """
+typedef struct Part {
+    int16_t x[3]; ///< [-] counts
+    uint16_t y;   ///< [-] more
+} Part;
+/** M. */
+typedef struct Msg {
+    Head head;
+    float a[2];    ///< [-] small
+    Part parts[2]; ///< the parts
+    int8_t b[2];   ///< [-] bytes
+    char name[6];  ///< who
+    Quality worst; ///< the worst
+    uint32_t spare;
+    Vec3 c;        ///< [m] a place
+} Msg;
+""")
+    # A run goes on into the next field: head's quality and sequence, then a.
+    assert orders.runs(read_tree(tmp_path).structs["Msg"]) == [(8, 1), (4, 4), (2, 8), (1, 8), (4, 2), (8, 3)]
 
 
 # Schemas
