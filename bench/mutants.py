@@ -342,7 +342,7 @@ class Campaign:
     def outcome(self, mutant: Mutant) -> tuple[str, str]:
         """One of KINDS, and the test that noticed it."""
         if mutant.file not in self._code:
-            objects = self.sight.objects.get(mutant.file, [])
+            objects = self._objects(mutant.file)
             if objects:
                 self.tree.make(objects)
             self._code[mutant.file] = self.tree.code(objects)
@@ -351,6 +351,10 @@ class Campaign:
             return self._refused(mutant) or self._noticed(mutant)
         finally:
             self._write(mutant, mutant.text)
+
+    def _objects(self, file: str) -> list[str]:
+        objects = self.sight.objects.get(file, [])
+        return [one for one in objects if not self.near or one.split(os.sep)[0] == file.split(os.sep)[0]]
 
     def _write(self, mutant: Mutant, text: str) -> None:
         (self.tree.root / mutant.file).write_text(text, encoding="utf-8")
@@ -363,7 +367,7 @@ class Campaign:
             except SyntaxError:
                 return "not compiled", ""
             return ("equivalent", "") if same_code(compile(mutant.text, mutant.file, "exec"), after) else None
-        objects = self.sight.objects.get(mutant.file, [])
+        objects = self._objects(mutant.file)
         if not (self.tree.ninja(objects) if objects else self._compiles(mutant)):
             return "not compiled", ""
         return ("equivalent", "") if objects and self.tree.code(objects) == self._code[mutant.file] else None
@@ -431,7 +435,8 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--seed", type=int, default=1, help="default: %(default)s")
     parser.add_argument("--count", type=int, default=20, metavar="K", help="changes to test (default: %(default)s)")
     parser.add_argument("--list", action="store_true", help="only show the first K that are drawn")
-    parser.add_argument("--near", action="store_true", help="only the tests of its top folder, and of C and C++ only those in C++")
+    parser.add_argument("--near", action="store_true",
+                        help="only the objects and tests of its top folder, and of C and C++ only tests in C++")
     parser.add_argument("--again", metavar="FILE", help="only the survivors that a --json of before names")
     parser.add_argument("--at", type=Path, default=ROOT / "build/mutants", metavar="DIR",
                         help="where the copy of the tree is (default: build/mutants)")
@@ -452,6 +457,7 @@ def main(arguments: list[str]) -> int:
         print(*map(shown, order[:chosen.count]), sep="\n")
         return 0
 
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))    # what runs ends, too
     tree = Tree(chosen.at.resolve() / "tree")
     tree.copy(ROOT, names)
     tree.configure()
