@@ -103,8 +103,10 @@ class Test(NamedTuple):
         return [self.target] if self.target else EVERYTHING
 
     def is_near(self, file: str) -> bool:
-        """Whether it stands in the folder of the tree where the file is, and is no other language's."""
-        return self.folder.split(os.sep)[0] == file.split(os.sep)[0] and (file.endswith(".py") or bool(self.target))
+        """Whether it stands in the folder of a Python file, or is a program in the top folder of another file."""
+        if file.endswith(".py"):
+            return is_inside(file, self.folder)
+        return bool(self.target) and self.folder.split(os.sep)[0] == file.split(os.sep)[0]
 
 
 # --- drawing ---------------------------------------------------------------------------------------
@@ -436,7 +438,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--count", type=int, default=20, metavar="K", help="changes to test (default: %(default)s)")
     parser.add_argument("--list", action="store_true", help="only show the first K that are drawn")
     parser.add_argument("--near", action="store_true",
-                        help="only the objects and tests of its top folder, and of C and C++ only tests in C++")
+                        help="of Python only the tests beside the file, of others only the programs of its top folder")
     parser.add_argument("--again", metavar="FILE", help="only the survivors that a --json of before names")
     parser.add_argument("--at", type=Path, default=ROOT / "build/mutants", metavar="DIR",
                         help="where the copy of the tree is (default: build/mutants)")
