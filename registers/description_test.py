@@ -100,6 +100,19 @@ def test_the_pieces_of_the_refusals_are_right_when_together(tmp_path):
         read(file)
 
 
+def test_values_at_the_limits_are_taken(tmp_path):
+    file = tmp_path / "b.toml"
+    add = PACKET + "add = [0, 1, 2, 3, 4, 5, 6, 255]\n"
+    for text in (HEAD + WORD + FIELD.replace("[0, 8]", "[0, 32]"), HEAD + WORD + FIELD.replace("[0, 8]", "[31, 1]"),
+                 HEAD + WORD + "queue = 8\n", HEAD + WORD.replace("0x100", "0xFFC"), HEAD + add):
+        file.write_text(text, encoding="utf-8")
+        read(file)
+    file.write_text(HEAD + PACKET.replace("size = 8", "capacity = 15")
+                    + "descriptor = {address = 0x100, length = [0, 4], tag = [4, 0], valid = [0, 0]}\n")
+    descriptor = read(file).lanes[0].descriptor
+    assert (descriptor.length, descriptor.tag, descriptor.valid) == ((0, 4), (4, 0), (0, 0))
+
+
 def test_all_complaints_come_at_once_in_the_order_of_lines(tmp_path):
     file = tmp_path / "b.toml"
     file.write_text(HEAD + WORD.replace("0x100", "0x101") + "queue = 3\n" + PACKET + "speed = 1\n")
