@@ -164,6 +164,15 @@ def test_random_layouts_are_taken_exactly_if_nothing_overlaps(tmp_path):
     assert outcomes == {False, True}
 
 
+@pytest.mark.parametrize("bits", [1, 8, 32])
+def test_a_field_holds_what_so_many_bits_can(tmp_path, bits):
+    file = tmp_path / "b.toml"
+    for signed, low in ((False, 0), (True, -2**bits // 2)):
+        file.write_text(HEAD + WORD + FIELD.replace("[0, 8]", f"[0, {bits}]") + f"signed = {str(signed).lower()}\n")
+        field, = read(file).snorkels[0].fields
+        assert (field.low, field.high) == (low, low + 2**bits - 1)
+
+
 @pytest.mark.parametrize("file", BOARDS, ids=lambda p: p.stem)
 def test_the_shipped_boards_are_right_and_named_as_their_files(file):
     assert read(file).name == file.stem

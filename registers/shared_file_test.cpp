@@ -2,6 +2,7 @@
 // Two processes on one file: lock-step, patterned packets at full speed, and kill -9 on either.
 #include "registers/shared_file.h"
 
+#include <cerrno>
 #include <chrono>
 #include <csignal>
 #include <fcntl.h>
@@ -276,6 +277,21 @@ TEST_F(SharedFile, AFileOfADeadCreatorIsTakenOverAndOfALivingOneRefused)
     register_file_close(&file_); // no peer attached: close removes the name too
     close(ready[0]);
     close(ready[1]);
+}
+
+TEST_F(SharedFile, ARefusedNameClosesNoDescriptor)
+{
+    const int least = open("/dev/null", O_RDONLY); // the lowest free descriptor
+    ASSERT_GE(least, 0);
+    close(least);
+    EXPECT_EQ(create(std::string(sizeof file_.path, 'x').c_str()), REGISTER_FILE_FAILED);
+    EXPECT_EQ(file_.error, ENAMETOOLONG);
+    EXPECT_EQ(create((folder_ / "none" / "board").c_str()), REGISTER_FILE_FAILED);
+    EXPECT_EQ(file_.error, ENOENT);
+    register_file_close(&file_);
+    const int next = open("/dev/null", O_RDONLY);
+    EXPECT_EQ(next, least);
+    close(next);
 }
 
 TEST_F(SharedFile, OtherBoardsAndASecondPeerAreRefused)

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "sim/simulation.h"
 
+#include "sim/archive_file.h"
 #include "sim/testing/allocations.h"
 #include "sim/testing/toys.h"
 
@@ -10,6 +11,7 @@
 #include <chrono>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <map>
@@ -593,6 +595,17 @@ TEST(Recorder, SaysWhenTheDiskIsFullAndKeepsWhatIsReadable)
     EXPECT_THAT(error_of([&] { loop.sim.recorder().open_archive("/nowhere/at/all.mcap", {}); }),
                 HasSubstr("cannot write /nowhere/at/all.mcap: No such file or directory"));
     loop.sim.run_until(1000 * ms); // not the worse for it
+}
+
+TEST(Recorder, AFullDiskIsReportedByTheCallThatMeetsIt)
+{
+    const std::string path = ::testing::TempDir() + "full.mcap";
+    std::filesystem::remove(path + ".part");
+    std::filesystem::create_symlink("/dev/full", path + ".part");
+    EXPECT_THAT(error_of([&] { ArchiveFile(path, 1); }),
+                HasSubstr("cannot write " + path + ": No space left on device; what was written before is in "));
+    EXPECT_FALSE(std::filesystem::exists(path));
+    std::filesystem::remove(path + ".part");
 }
 
 TEST(Setup, NamesWhatIsWrong)
