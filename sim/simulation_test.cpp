@@ -726,4 +726,6 @@ TEST(Pace, FollowsTheWallClockAndStopsWhenAsked)
     EXPECT_FALSE(loop.sim.run_until(3600'000 * ms, {.pace = 1.0, .poll = poll})) << "asked to stop";
     EXPECT_LT(loop.sim.now(), 3000 * ms);
     EXPECT_TRUE(loop.sim.run_until(4000 * ms)) << "and can go on";
+    const auto refuse = [](Ns) { return false; };
+    EXPECT_FALSE(loop.sim.run_until(1'000'000'000'000 * ms, {.poll = refuse})) << "asked to stop, without a pace";
 }
