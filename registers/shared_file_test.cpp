@@ -8,6 +8,7 @@
 #include <fcntl.h>
 #include <filesystem>
 #include <functional>
+#include <set>
 #include <string>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -277,6 +278,17 @@ TEST_F(SharedFile, AFileOfADeadCreatorIsTakenOverAndOfALivingOneRefused)
     register_file_close(&file_); // no peer attached: close removes the name too
     close(ready[0]);
     close(ready[1]);
+}
+
+TEST(SharedFileStatus, EachHasWordsOfItsOwn)
+{
+    std::set<std::string> words;
+    for (int status = REGISTER_FILE_OK; status <= REGISTER_FILE_FAILED; status++) {
+        const char *text = register_file_status_text(static_cast<RegisterFileStatus>(status));
+        ASSERT_NE(text, nullptr);
+        EXPECT_STRNE(text, "unknown");
+        EXPECT_TRUE(words.insert(text).second) << text;
+    }
 }
 
 TEST_F(SharedFile, ARefusedNameClosesNoDescriptor)
