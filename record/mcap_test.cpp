@@ -571,6 +571,17 @@ TEST(Mcap, AMessageLargerThanTheChunkBufferHasAChunkOfItsOwn)
     EXPECT_GT(std::count_if(f.messages.begin(), f.messages.end(), large), 100);
 }
 
+TEST(Mcap, MessagesFarIntoALargeChunkAreFoundByTheirIndex)
+{
+    Archive a(size_t(1) << 20);
+    Given given = write_run(a, 200, 4000);
+    ASSERT_EQ(mcap_close(&a.w), MCAP_OK);
+    File f = parse(a.file);
+    EXPECT_EQ(f.chunks.size(), 1u);
+    EXPECT_GT(a.file.size(), 2u * 65536u);
+    expect_whole(f, given, true, true);
+}
+
 TEST(Mcap, ARunWithoutMessagesIsAFile)
 {
     for (size_t chunk_size : {size_t(0), MCAP_CHUNK_MIN}) {
@@ -936,6 +947,36 @@ TEST_F(FileSinkTest, AFileThatCannotBeCreatedGivesItsErrno)
     EXPECT_EQ(file_sink_close(&sink, true), ENOENT);
     EXPECT_EQ(file_sink_open(&sink, ""), ENOENT);
     EXPECT_EQ(file_sink_open(&sink, std::string(5000, 'x').c_str()), ENAMETOOLONG);
+}
+
+TEST_F(FileSinkTest, KeepsThePartWhereAFolderHasTheName)
+{
+    ASSERT_EQ(file_sink_open(&sink, name.c_str()), 0);
+    EXPECT_EQ(file_sink_write(&sink, "abc", 3), 0);
+    std::filesystem::create_directory(name);
+    EXPECT_EQ(file_sink_close(&sink, true), EISDIR);
+    EXPECT_EQ(content(name + ".part"), "abc");
+}
+
+TEST_F(FileSinkTest, ANameFitsWithItsSuffixOrIsRefused)
+{
+    struct {
+        FileSink sink;
+        char after[16];
+    } memory = {{}, "not overwritten"};
+    const auto of_length = [&](std::size_t n) {
+        const std::string start = folder.string(), end = "run.mcap";
+        return start + std::string(n - start.size() - end.size(), '/') + end;
+    };
+    const std::size_t longest = sizeof memory.sink.part - sizeof ".part";
+    EXPECT_EQ(file_sink_open(&memory.sink, of_length(longest).c_str()), 0);
+    EXPECT_EQ(file_sink_close(&memory.sink, true), 0);
+    EXPECT_TRUE(std::filesystem::exists(name));
+    for (const std::size_t n : {longest + 1, longest + sizeof ".part", longest + 2 * sizeof ".part"}) {
+        EXPECT_EQ(file_sink_open(&memory.sink, of_length(n).c_str()), ENAMETOOLONG);
+        EXPECT_STREQ(memory.after, "not overwritten");
+    }
+    EXPECT_FALSE(std::filesystem::exists(name + ".part"));
 }
 
 } // namespace

@@ -100,6 +100,19 @@ def test_the_pieces_of_the_refusals_are_right_when_together(tmp_path):
         read(file)
 
 
+def test_values_at_the_limits_are_taken(tmp_path):
+    file = tmp_path / "b.toml"
+    add = PACKET + "add = [0, 1, 2, 3, 4, 5, 6, 255]\n"
+    for text in (HEAD + WORD + FIELD.replace("[0, 8]", "[0, 32]"), HEAD + WORD + FIELD.replace("[0, 8]", "[31, 1]"),
+                 HEAD + WORD + "queue = 8\n", HEAD + WORD.replace("0x100", "0xFFC"), HEAD + add):
+        file.write_text(text, encoding="utf-8")
+        read(file)
+    file.write_text(HEAD + PACKET.replace("size = 8", "capacity = 15")
+                    + "descriptor = {address = 0x100, length = [0, 4], tag = [4, 0], valid = [0, 0]}\n")
+    descriptor = read(file).lanes[0].descriptor
+    assert (descriptor.length, descriptor.tag, descriptor.valid) == ((0, 4), (4, 0), (0, 0))
+
+
 def test_all_complaints_come_at_once_in_the_order_of_lines(tmp_path):
     file = tmp_path / "b.toml"
     file.write_text(HEAD + WORD.replace("0x100", "0x101") + "queue = 3\n" + PACKET + "speed = 1\n")
@@ -149,6 +162,15 @@ def test_random_layouts_are_taken_exactly_if_nothing_overlaps(tmp_path):
         assert refused == twice, text
         outcomes.add(refused)
     assert outcomes == {False, True}
+
+
+@pytest.mark.parametrize("bits", [1, 8, 32])
+def test_a_field_holds_what_so_many_bits_can(tmp_path, bits):
+    file = tmp_path / "b.toml"
+    for signed, low in ((False, 0), (True, -2**bits // 2)):
+        file.write_text(HEAD + WORD + FIELD.replace("[0, 8]", f"[0, {bits}]") + f"signed = {str(signed).lower()}\n")
+        field, = read(file).snorkels[0].fields
+        assert (field.low, field.high) == (low, low + 2**bits - 1)
 
 
 @pytest.mark.parametrize("file", BOARDS, ids=lambda p: p.stem)

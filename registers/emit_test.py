@@ -141,6 +141,12 @@ def test_documentation_names_every_lane_and_field_in_the_order_of_addresses():
         for snorkel in board.snorkels:
             assert all(f"| {lane.address:#06x} | {lane.name} |" in text for lane in snorkel.lanes)
             assert all(f"| {f.name} |" in text for f in snorkel.fields)
+        rows = {cells[1]: cells[-1] for line in text.splitlines() if line.startswith("| 0x")
+                for cells in [[cell.strip() for cell in line.strip("|").split("|")]]}
+        for lane in board.lanes:
+            assert ("it swaps units of" in rows[lane.name]) == bool(lane.swap)
+            assert ("it adds" in rows[lane.name]) == bool(lane.add)
+            assert ("end removes" in rows[lane.name]) == bool(lane.remove)
 
 
 def test_equal_boards_give_equal_bytes():

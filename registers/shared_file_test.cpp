@@ -2,11 +2,13 @@
 // Two processes on one file: lock-step, patterned packets at full speed, and kill -9 on either.
 #include "registers/shared_file.h"
 
+#include <cerrno>
 #include <chrono>
 #include <csignal>
 #include <fcntl.h>
 #include <filesystem>
 #include <functional>
+#include <set>
 #include <string>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -276,6 +278,32 @@ TEST_F(SharedFile, AFileOfADeadCreatorIsTakenOverAndOfALivingOneRefused)
     register_file_close(&file_); // no peer attached: close removes the name too
     close(ready[0]);
     close(ready[1]);
+}
+
+TEST(SharedFileStatus, EachHasWordsOfItsOwn)
+{
+    std::set<std::string> words;
+    for (int status = REGISTER_FILE_OK; status <= REGISTER_FILE_FAILED; status++) {
+        const char *text = register_file_status_text(static_cast<RegisterFileStatus>(status));
+        ASSERT_NE(text, nullptr);
+        EXPECT_STRNE(text, "unknown");
+        EXPECT_TRUE(words.insert(text).second) << text;
+    }
+}
+
+TEST_F(SharedFile, ARefusedNameClosesNoDescriptor)
+{
+    const int least = open("/dev/null", O_RDONLY); // the lowest free descriptor
+    ASSERT_GE(least, 0);
+    close(least);
+    EXPECT_EQ(create(std::string(sizeof file_.path, 'x').c_str()), REGISTER_FILE_FAILED);
+    EXPECT_EQ(file_.error, ENAMETOOLONG);
+    EXPECT_EQ(create((folder_ / "none" / "board").c_str()), REGISTER_FILE_FAILED);
+    EXPECT_EQ(file_.error, ENOENT);
+    register_file_close(&file_);
+    const int next = open("/dev/null", O_RDONLY);
+    EXPECT_EQ(next, least);
+    close(next);
 }
 
 TEST_F(SharedFile, OtherBoardsAndASecondPeerAreRefused)

@@ -346,6 +346,23 @@ TEST(Adaptive, HoldsEachStateToItsOwnTolerance)
     EXPECT_EQ(x[0], 1e9);
 }
 
+TEST(Adaptive, ItsStepsDoNotDependOnTheOrderOfStates)
+{
+    // All states begin with the same value and slope; one of them bends.
+    const auto with_bent = [](std::size_t bent) {
+        auto method = make_adaptive(1e-9, 1e-9);
+        Problem problem([&](double, const double *x, double *dx) {
+            std::fill(dx, dx + 4, 1.0);
+            dx[bent] += std::sin(50.0 * (x[bent] - 1.0));
+        });
+        const auto x = fly(*method, problem, {1.0, 1.0, 1.0, 1.0}, second, 1);
+        return std::pair(problem.evaluations, x[bent]);
+    };
+    for (std::size_t bent = 1; bent < 4; bent++) {
+        EXPECT_EQ(with_bent(bent), with_bent(0));
+    }
+}
+
 TEST(Adaptive, EndsExactlyWithTheUpdateAndCarriesItsStep)
 {
     auto method = make_adaptive(1e-9, 1e-9);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "sim/simulation.h"
 
+#include "sim/archive_file.h"
 #include "sim/testing/allocations.h"
 #include "sim/testing/toys.h"
 
@@ -14,6 +15,9 @@
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <map>
 
 using namespace fledge::sim;
 using namespace fledge::sim::toys;
@@ -632,6 +636,31 @@ TEST(Recorder, TakesSamplesOnItsGridAndForgetsThemOnReset)
     EXPECT_THAT(log->times, ElementsAre(0));
 }
 
+TEST(Recorder, AnArchiveHasChunksAndTheirIndex)
+{
+    Loop loop;
+    loop.sim.recorder().record(loop.tank, *find_field(loop.tank->type(), "level"), 0);
+    const std::string path = ::testing::TempDir() + "chunks.mcap";
+    loop.sim.recorder().open_archive(path, {});
+    loop.sim.run_until(1000 * ms);
+    loop.sim.recorder().close_archive();
+    std::ifstream file(path, std::ios::binary);
+    const std::string bytes(std::istreambuf_iterator<char>(file), {});
+    std::remove(path.c_str());
+    std::map<int, int> records; // opcode -> how many, outside of chunks
+    for (std::size_t at = 8; at + 9 + 8 <= bytes.size();) {
+        std::uint64_t size;
+        std::memcpy(&size, bytes.data() + at + 1, sizeof size);
+        records[bytes[at]]++;
+        at += 9 + size;
+    }
+    constexpr int message = 5, chunk = 6, message_index = 7, chunk_index = 8;
+    EXPECT_EQ(records[message], 0);
+    EXPECT_EQ(records[chunk], 1);
+    EXPECT_EQ(records[message_index], 1) << "of the one channel";
+    EXPECT_EQ(records[chunk_index], 1);
+}
+
 TEST(Recorder, SaysWhenTheDiskIsFullAndKeepsWhatIsReadable)
 {
     Loop loop;
@@ -676,6 +705,17 @@ TEST(ArchiveFile, TakesMessagesOfAnySizeAndSaysWhyItCannot)
     std::signal(SIGXFSZ, handler);
     EXPECT_THAT(why, HasSubstr("cannot write " + path + ": the file would exceed the limit on its size"));
     std::remove((path + ".part").c_str());
+}
+
+TEST(Recorder, AFullDiskIsReportedByTheCallThatMeetsIt)
+{
+    const std::string path = ::testing::TempDir() + "full.mcap";
+    std::filesystem::remove(path + ".part");
+    std::filesystem::create_symlink("/dev/full", path + ".part");
+    EXPECT_THAT(error_of([&] { ArchiveFile(path, 1); }),
+                HasSubstr("cannot write " + path + ": No space left on device; what was written before is in "));
+    EXPECT_FALSE(std::filesystem::exists(path));
+    std::filesystem::remove(path + ".part");
 }
 
 TEST(Setup, NamesWhatIsWrong)
@@ -796,4 +836,6 @@ TEST(Pace, FollowsTheWallClockAndStopsWhenAsked)
     EXPECT_FALSE(loop.sim.run_until(3600'000 * ms, {.pace = 1.0, .poll = poll})) << "asked to stop";
     EXPECT_LT(loop.sim.now(), 3000 * ms);
     EXPECT_TRUE(loop.sim.run_until(4000 * ms)) << "and can go on";
+    const auto refuse = [](Ns) { return false; };
+    EXPECT_FALSE(loop.sim.run_until(1'000'000'000'000 * ms, {.poll = refuse})) << "asked to stop, without a pace";
 }

@@ -185,6 +185,18 @@ def test_the_closing_line_adds_up_and_the_status_is_honest(launch, failures, sta
     assert done.returncode == (status != 0)
 
 
+def test_the_closing_line_counts_what_ctest_skips(launch, tmp_path):
+    (tmp_path / "tests").mkdir()
+    (tmp_path / "tests/CTestTestfile.cmake").write_text(
+        'add_test(passes "true")\nadd_test(skips "echo" "[  SKIPPED ] Sky.Moon")\n'
+        'set_tests_properties(skips PROPERTIES SKIP_REGULAR_EXPRESSION "\\\\[  SKIPPED \\\\]")\n')
+    subprocess.run(["ctest", "--test-dir", tmp_path / "tests", "--output-junit", launch.fake / "report"], check=True)
+    (launch.fake / "updated").touch()
+    (launch.fake / "status").write_text("0")
+    done = launch("test")
+    assert done.stdout.splitlines()[-1] == "2 passed, 0 failed, 1 skipped"      # with the one of pytest
+
+
 def test_alternatives_in_a_pattern_are_for_both_runners(launch):
     (launch.fake / "updated").touch()
     (launch.fake / "status").write_text("0")

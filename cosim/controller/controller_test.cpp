@@ -129,6 +129,29 @@ TEST(Controller, AnAsynchronousMessageIsRefusedWithTheReason)
                            "one of them has to");
 }
 
+TEST(Controller, TheMessagesOfAnAsynchronousProgramCountFrom1AfterEachMatching)
+{
+    Spec writer = spec_of("w", {}, {"/ground/command"}), late = spec_of("late", {}, {});
+    writer.leaves_at = 200;
+    late.joins = Join::at_time;
+    late.joins_after = 500;
+    Bench bench({spec_of("a", {subscription("/ground/command", Latency::same_instant)}, {}), writer, late}, 1000, 1);
+    bench.begin();
+    bench.arrive(2);
+    const auto joined = [](const Change &change) { return change.what == Change::joined; };
+    while (std::none_of(bench.controller.changes().begin(), bench.controller.changes().end(), joined) &&
+           bench.reply_somewhere()) {
+    }
+    bench.act();
+    EXPECT_GT(bench.written["/ground/command"].size(), 1u) << "before the writer left";
+    for (std::uint32_t count = 1; count <= 2; count++) {
+        EXPECT_EQ(bench.controller.inject("ground", "/ground/command", word(5)), "");
+        const std::vector<Action> actions = bench.controller.take_actions();
+        ASSERT_EQ(actions.size(), 1u);
+        EXPECT_EQ(std::get<action::Wrote>(actions[0]).records.at(0).count, count);
+    }
+}
+
 TEST(Controller, AWatchedTopicIsWrittenWithoutAReader)
 {
     ControllerConfig config = Bench::configured({spec_of("a", {}, {"/a/x"})}, 50, 1000, 4096);

@@ -89,6 +89,21 @@ TEST(Wire, AMessageThatTheReaderNeverSeesIsReplaced)
     EXPECT_EQ(delivered(w, 20), (Words{{0, 1}, {13, 3}}));
 }
 
+TEST(Wire, MessagesAreCountedAndDeliveredUpToTheGivenTime)
+{
+    Wire w = wire(Latency::same_instant);
+    w.push(10, word(2), every_10);
+    w.push(20, word(3), every_10);
+    EXPECT_EQ(w.count_deliverable(9), 1u);
+    EXPECT_EQ(w.count_deliverable(10), 2u);
+    EXPECT_EQ(w.count_deliverable(100), 3u);
+    EXPECT_EQ(delivered(w, 9), (Words{{0, 1}}));
+    EXPECT_EQ(w.count_deliverable(9), 0u);
+    EXPECT_EQ(w.count_deliverable(100), 2u);
+    EXPECT_EQ(delivered(w, 100), (Words{{10, 2}, {20, 3}}));
+    EXPECT_EQ(w.count_deliverable(100), 0u);
+}
+
 TEST(Wire, ARestartedReaderGetsItsUnreadMessagesAgain)
 {
     Wire w = wire(Latency::same_instant);
@@ -197,6 +212,18 @@ TEST(Grants, NoNodeStepsBeyondTheLastInstant)
     Ring ring({Latency::next_instant, Latency::next_instant});
     EXPECT_EQ(ring.grant(0, -1), -1);
     EXPECT_EQ(ring.grant(0, 5), 0);
+}
+
+TEST(Grants, ATickHasAtMostABatchOfInstants)
+{
+    Ring ring({Latency::same_instant});
+    ring.config.batch = 3;
+    EXPECT_EQ(ring.grant(0), 20);
+    EXPECT_EQ(ring.grant(0, 15), 10);
+    EXPECT_EQ(ring.grant(0, 10), 10);
+    ring.nodes[0].schedule.any_time = true;
+    EXPECT_EQ(ring.grant(0), 20);
+    EXPECT_EQ(ring.grant(0, 15), 15) << "it may step between its rates";
 }
 
 TEST(Grants, ATockThatNoNodeWaitsForIsNotUnblocking)

@@ -63,16 +63,14 @@ void Wire::push(Ns written, const Payload &payload, const Schedule &reader)
 
 std::size_t Wire::count_deliverable(Ns until) const
 {
-    std::size_t n = 0;
-    for (auto i = delivered_; i < pending_.size() && pending_[i].t <= until; i++) {
-        n++;
-    }
-    return n;
+    const auto next = pending_.begin() + static_cast<std::ptrdiff_t>(delivered_);
+    const auto later = [](Ns t, const TimedPayload &message) { return t < message.t; };
+    return static_cast<std::size_t>(std::upper_bound(next, pending_.end(), until, later) - next);
 }
 
 void Wire::deliver(Ns until, std::vector<Record> &records)
 {
-    for (; delivered_ < pending_.size() && pending_[delivered_].t <= until; delivered_++) {
+    for (std::size_t n = count_deliverable(until); n; n--, delivered_++) {
         records.push_back({channel, ++count_, pending_[delivered_].t, pending_[delivered_].payload});
     }
 }

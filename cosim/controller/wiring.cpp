@@ -158,7 +158,7 @@ void Wiring::take_publications(NodeId id, NodeState &node, const Nodes &nodes)
 void Wiring::take_asynchronous(const Nodes &nodes)
 {
     for (Topic &topic : topics_) {
-        topic.count = topic.writer && nodes[*topic.writer].program ? 0 : topic.count;
+        topic.count = 0; // all writers begin again at 1
         if (topic.readers.empty() || (topic.writer && !nodes[*topic.writer].over())) {
             continue;
         }

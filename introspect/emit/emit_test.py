@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from introspect.emit import EMITTERS, reference, schema
+from introspect.emit import EMITTERS, orders, reference, schema
 from introspect.errors import HeaderError
 from introspect.model import Bounds, Kind
 from introspect.testing import ROOT, read_this, read_tree, write_header
@@ -235,6 +235,28 @@ def test_another_layout_does_not_compile(tmp_path):
     assert "fledge_layout_M_x" in refused and "is negative" in refused
 
 
+def test_a_message_is_reversed_number_by_number(tmp_path):
+    write_header(tmp_path, "m/x.h", """
+typedef struct Part {
+    int16_t x[3]; ///< [-] counts
+    uint16_t y;   ///< [-] more
+} Part;
+/** M. */
+typedef struct Msg {
+    Head head;
+    float a[2];    ///< [-] small
+    Part parts[2]; ///< the parts
+    int8_t b[2];   ///< [-] bytes
+    char name[6];  ///< who
+    Quality worst; ///< the worst
+    uint32_t spare;
+    Vec3 c;        ///< [m] a place
+} Msg;
+""")
+    # A run goes on into the next field: head's quality and sequence, then a.
+    assert orders.runs(read_tree(tmp_path).structs["Msg"]) == [(8, 1), (4, 4), (2, 8), (1, 8), (4, 2), (8, 3)]
+
+
 # Schemas
 
 def test_a_schema_is_written_as_agreed(tmp_path):
@@ -325,6 +347,10 @@ def test_the_reference_has_each_declaration_with_unit_condition_and_meaning(mode
     text = "".join(pages.values())
     for struct in model.library("flight").structs:
         assert text.count(f"\n### {struct.name}\n") == 1
+        section = re.split(r"\n#", text.partition(f"\n### {struct.name}\n")[2])[0]
+        rows = re.findall(r"^\| `(\w+)` \|", section, re.MULTILINE)
+        assert sorted(rows) == sorted(f.name for f in struct.fields if not f.is_spare)
+        assert ("\nSource: " in section) == ("Source: " in struct.doc)
     assert "| `K` | double | N m | required, > 0 | gain on the MRP error |" in text
     assert "| `error` | {ref}`AttError <c-atterror>` |" in text
     assert "| `QUALITY_STALE` | 1 | older than its wire allows |" in text

@@ -5,10 +5,7 @@ another, so that a machine of the other order can reverse them. All of a library
 from __future__ import annotations
 
 from introspect.emit import ctext
-from introspect.model import Kind, Library, Struct, Type
-
-_WIDTHS = {Type.F64: 8, Type.I64: 8, Type.U64: 8, Type.F32: 4, Type.I32: 4, Type.U32: 4,
-           Type.ENUM: 4, Type.I16: 2, Type.U16: 2, Type.I8: 1, Type.U8: 1, Type.CHAR: 1}
+from introspect.model import Kind, Library, Struct
 
 
 def emit(library: Library) -> dict[str, str]:
@@ -50,5 +47,4 @@ def _runs(s: Struct):
             for _ in range(field.size // field.struct.size):
                 yield from _runs(field.struct)
         else:
-            width = _WIDTHS[field.type]
-            yield width, field.size // width
+            yield field.element_size, field.size // field.element_size

@@ -22,10 +22,9 @@ from introspect.model import Field, Kind, Library, Struct, Type
 
 PACKAGE = "fledge"
 
-SCALARS = {Type.F64: ("float64", 8), Type.F32: ("float32", 4),
-           Type.I8: ("int8", 1), Type.U8: ("uint8", 1), Type.I16: ("int16", 2),
-           Type.U16: ("uint16", 2), Type.I32: ("int32", 4), Type.U32: ("uint32", 4),
-           Type.I64: ("int64", 8), Type.U64: ("uint64", 8), Type.CHAR: ("uint8", 1)}
+SCALARS = {Type.F64: "float64", Type.F32: "float32", Type.I8: "int8", Type.U8: "uint8", Type.I16: "int16",
+           Type.U16: "uint16", Type.I32: "int32", Type.U32: "uint32", Type.I64: "int64", Type.U64: "uint64",
+           Type.CHAR: "uint8"}
 
 
 def emit(library: Library) -> dict[str, str]:
@@ -73,7 +72,7 @@ def _line(f: Field) -> str:
 def _ros_type(f: Field) -> str:
     if f.struct:
         return f"{PACKAGE}/{f.struct.name}"
-    return SCALARS[f.enum.type if f.enum else f.type][0]
+    return SCALARS[f.enum.type if f.enum else f.type]
 
 
 def _prove_cdr(message: Struct) -> None:

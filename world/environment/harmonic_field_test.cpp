@@ -5,6 +5,7 @@
 #include "world/environment/testing/files.h"
 
 #include <cmath>
+#include <limits>
 
 namespace fledge::world {
 namespace {
@@ -62,6 +63,20 @@ TEST(HarmonicField, ShadrInKilometresAndWithoutNormalisation)
     EXPECT_NEAR(km.J(2), 3.0, 1e-15);
     EXPECT_EQ(shadr("16000 4.5e5 0 2 2 1\n" + rows, LengthUnit::metre).radius, 16000.0);
     EXPECT_EQ(shadr("3397000 4.28285e13 0 2 2 1\n" + rows).radius, 3.397e6);
+}
+
+TEST(HarmonicField, MuAndRadiusArePositiveAndFinite)
+{
+    constexpr double least = std::numeric_limits<double>::min(), most = std::numeric_limits<double>::max();
+    constexpr double infinite = std::numeric_limits<double>::infinity(), nan = std::numeric_limits<double>::quiet_NaN();
+    EXPECT_EQ(HarmonicField::zero(least, most, 0).C, std::vector<double>{1.0});
+    EXPECT_EQ(HarmonicField::zero(most, least, 2).degree, 2);
+    for (const double bad : {0.0, -1.0, infinite, nan}) {
+        EXPECT_THROW(HarmonicField::zero(bad, 1.0, 2), sim::SetupError) << bad;
+        EXPECT_THROW(HarmonicField::zero(1.0, bad, 2), sim::SetupError) << bad;
+    }
+    EXPECT_THROW(HarmonicField::zero(1.0, 1.0, -1), sim::SetupError);
+    EXPECT_THROW(HarmonicField::zero(1.0, 1.0, 10'001), sim::SetupError);
 }
 
 TEST(HarmonicField, DamagedShadrIsRefusedWithItsLine)

@@ -79,6 +79,23 @@ TEST(Orientation, BuiltInEqualsNaifsKernel)
     EXPECT_GT(Orientation::from(pck, 514).at({0}).omega_PN_P[2], 0.0);
 }
 
+TEST(Orientation, ATermMayMoveOneAngleAlone)
+{
+    // E = 30 deg: right ascension and prime meridian get its sine, declination its cosine.
+    const double sine = 0.5, cosine = std::sqrt(0.75);
+    struct {
+        const char *name;
+        double ra, dec, pm;
+    } const cases[] = {{"RA", 4.0 * sine, 0.0, 0.0}, {"DEC", 0.0, 4.0 * cosine, 0.0}, {"PM", 0.0, 0.0, 4.0 * sine}};
+    for (const auto &[name, ra, dec, pm] : cases) {
+        const std::string text = "\\begindata\nBODY501_POLE_RA = 10\nBODY501_POLE_DEC = 20\nBODY501_PM = 40\n"
+                                 "BODY5_NUT_PREC_ANGLES = ( 30 0 )\nBODY501_NUT_PREC_";
+        const TextKernel pck = TextKernel::parse(text + name + " = 4\n", "test.tpc");
+        const Matrix3d expected = turn(2, 40.0 + pm) * turn(0, 70.0 - dec) * turn(2, 100.0 + ra);
+        EXPECT_LT((Orientation::from(pck, 501).at({0}).dcm_PN - expected).norm(), 1e-14) << name;
+    }
+}
+
 TEST(Orientation, TheMoonShowsUsOneFace)
 {
     // The Earth stays within the librations (8 deg) of the Moon's prime meridian.

@@ -170,6 +170,26 @@ TEST(LeapSecondsKernel, NaifsAgreesWithWhatIsBuiltIn)
     EXPECT_EQ(built_in.tai_minus_utc(built_in.epoch("2020-01-01")), 37);
 }
 
+TEST(LeapSecondsKernel, EachOfItsConstantsCounts)
+{
+    // TT = TAI + DELTA_T_A, TDB = TT + K sin(M + EB sin M), M = M0 + M1 t. At 1,000,000 s past J2000:
+    struct {
+        const char *EB, *M;
+        double tdb_minus_tt;
+    } const cases[] = {{"0", "( 1.0 0 )", 0.01 * std::sin(1.0)},
+                       {"0.1", "( 1.0 0 )", 0.01 * std::sin(1.0 + 0.1 * std::sin(1.0))},
+                       {"0", "( 0.5 1D-6 )", 0.01 * std::sin(1.5)}};
+    for (const auto &[EB, M, tdb_minus_tt] : cases) {
+        const TemporaryFile file("constants.tls", std::string("KPL/LSK\n\\begindata\nDELTET/DELTA_T_A = 33\n") +
+                                                      "DELTET/K = 0.01\nDELTET/EB = " + EB + "\nDELTET/M = " + M +
+                                                      "\nDELTET/DELTA_AT = ( 10, @1972-JAN-1 )\n\\begintext\n");
+        const TimeSystem system = TimeSystem::read(file.path());
+        const auto at = [&](const char *scale) { return system.epoch(std::string("2000-01-13T01:46:40 ") + scale).ns; };
+        EXPECT_NEAR(static_cast<double>(at("TT") - at("TDB")), 1e9 * tdb_minus_tt, 2.0) << EB << M;
+        EXPECT_NEAR(static_cast<double>(at("TAI") - at("TT")), 33e9, 1000.0);
+    }
+}
+
 TEST(LeapSecondsKernel, WhatIsDamagedIsRefusedWithItsLine)
 {
     const auto error = [](const std::string &table) {

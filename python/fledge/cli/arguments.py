@@ -7,10 +7,6 @@ from collections.abc import Callable
 
 from fledge.errors import Failure
 
-TYPE_CHECKING = False   # of `typing`, whose import would delay every command
-if TYPE_CHECKING:
-    from fledge.archive import Archive
-
 
 def number(what: str = "a number") -> Callable[[str], float]:
     """The type of an option that takes a finite number >= 0, for argparse."""
