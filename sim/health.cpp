@@ -31,6 +31,20 @@ void each_double(const FledgeStruct &type, std::uint32_t base, const std::string
     }
 }
 
+/// "x[2] is nan" of the first double in a message that is not finite; "" if all are.
+std::string not_finite(const FledgeStruct &type, const std::byte *message)
+{
+    std::string found;
+    each_double(type, 0, "", [&](std::uint32_t at, const std::string &name) {
+        double x;
+        std::memcpy(&x, message + at, sizeof x);
+        if (found.empty() && !std::isfinite(x)) {
+            found = name + " is " + format_number(x);
+        }
+    });
+    return found;
+}
+
 std::string often(const Health::Tally &tally, std::uint64_t updates)
 {
     return " at " + std::to_string(tally.count) + " of " + std::to_string(updates) + " updates, first at " +
@@ -161,39 +175,39 @@ void Health::watch(const Instance &instance, const Task &task, const Structure &
             }
         }
     }
-    const auto step = static_cast<std::uint32_t>(steps_.size());
+    const auto number = static_cast<std::uint32_t>(tasks_.size());
     for (const FledgeField &field : fields(instance.type())) {
         if (field.group == FLEDGE_OUT && field.sub) {
-            Output output{};
-            output.message = instance.memory() + field.offset;
-            output.first = static_cast<std::uint32_t>(offsets_.size());
-            each_double(*field.sub, 0, "", [&](std::uint32_t at, const std::string &) { offsets_.push_back(at); });
-            output.last = static_cast<std::uint32_t>(offsets_.size());
-            output.step = step;
-            output.grace = static_cast<std::uint64_t>(exchange / task.period);
-            output.instance = &instance;
-            output.field = &field;
-            for (const Wire &wire : structure.wires) {
-                if (wire.from.instance.get() == &instance && wire.from.field == &field && output.reader.empty()) {
-                    output.reader = wire.to.path();
-                }
+            const std::byte *message = instance.memory() + field.offset;
+            if (!instance.model()) {
+                each_double(*field.sub, 0, "",
+                            [&](std::uint32_t at, const std::string &) { doubles_.push_back(message + at); });
             }
-            outputs_.push_back(std::move(output));
+            const auto reads = std::find_if(structure.wires.begin(), structure.wires.end(), [&](const Wire &wire) {
+                return wire.from.instance.get() == &instance && wire.from.field == &field;
+            });
+            seen_.push_back({message, 0, 0});
+            outputs_.push_back({static_cast<std::uint64_t>(exchange / task.period),
+                                {},
+                                &instance,
+                                &field,
+                                reads == structure.wires.end() ? "" : reads->to.path(),
+                                number});
         } else if (field.group == FLEDGE_MEM && field.type == FLEDGE_U64 && !field.ndim &&
                    !std::strcmp(field.name, "saturated")) {
             limits_.push_back(
-                {reinterpret_cast<const std::uint64_t *>(instance.memory() + field.offset), 0, {}, &instance, step});
+                {reinterpret_cast<const std::uint64_t *>(instance.memory() + field.offset), 0, {}, &instance, number});
         }
     }
 }
 
-std::uint32_t Health::end_step()
+std::uint32_t Health::end_task()
 {
-    const auto outputs = static_cast<std::uint32_t>(outputs_.size());
-    const auto limits = static_cast<std::uint32_t>(limits_.size());
-    steps_.push_back({steps_.empty() ? 0 : steps_.back().last_output, outputs,
-                      steps_.empty() ? 0 : steps_.back().last_limit, limits, 0});
-    return static_cast<std::uint32_t>(steps_.size() - 1);
+    const Watched before = tasks_.empty() ? Watched{} : tasks_.back();
+    const auto count = [](const auto &all) { return static_cast<std::uint32_t>(all.size()); };
+    tasks_.push_back({before.last_output, count(outputs_), before.last_double, count(doubles_), before.last_limit,
+                      count(limits_), 0});
+    return count(tasks_) - 1;
 }
 
 std::uint32_t Health::watch_age(const Port &input)
@@ -207,31 +221,27 @@ void Health::reset()
     visit_state([](void *state, std::size_t n) { std::memset(state, 0, n); });
 }
 
-void Health::note(Output &output, const Head &head, bool written, Ns t)
+void Health::note(const Watched &task, bool finite, Ns t)
 {
-    auto &tallies = output.tallies;
-    if (head.quality == QUALITY_NONE) {
-        tallies.unwritten.add(t);
-    } else if (!written) {
-        tallies.held.add(t);
-    } else if (head.quality != QUALITY_GOOD) {
-        tallies.degraded.add(t);
-    }
-    if (!written || finite(output)) {
-        return;
-    }
-    tallies.not_finite.add(t);
-    if (!output.instance->model() && head.quality == QUALITY_GOOD) {
-        std::string which;
-        each_double(*output.field->sub, 0, "", [&](std::uint32_t at, const std::string &name) {
-            double x;
-            std::memcpy(&x, output.message + at, sizeof x);
-            if (!std::isfinite(x) && which.empty()) {
-                which = name + " is " + format_number(x);
+    for (std::uint32_t i = task.first_output; i < task.last_output; i++) {
+        Output &output = outputs_[i];
+        Head head;
+        std::memcpy(&head, seen_[i].message, sizeof head);
+        if (!head_written(head)) {
+            output.tallies.unwritten.add(t);
+        } else if (head.quality != QUALITY_GOOD) {
+            (seen_[i].written ? output.tallies.degraded : output.tallies.held).add(t);
+        }
+        if (finite || !seen_[i].written || output.instance->model()) {
+            continue;
+        }
+        if (const std::string what = not_finite(*output.field->sub, seen_[i].message); !what.empty()) {
+            output.tallies.not_finite.add(t);
+            if (head.quality == QUALITY_GOOD) {
+                throw RunError(output.instance->path + "." + output.field->name + " says GOOD at " + format_time(t) +
+                               ", but its " + what);
             }
-        });
-        throw RunError(output.instance->path + "." + output.field->name + " says GOOD at " + format_time(t) +
-                       ", but its " + which);
+        }
     }
 }
 
@@ -243,9 +253,10 @@ std::vector<Finding> Health::findings() const
             found.push_back({kind, path, tally.first, tally.count, path + text});
         }
     };
-    for (const Output &output : outputs_) {
+    for (std::size_t i = 0; i < outputs_.size(); i++) {
+        const Output &output = outputs_[i];
         const std::string path = output.instance->path + "." + output.field->name;
-        const std::uint64_t updates = steps_[output.step].updates;
+        const std::uint64_t updates = tasks_[output.task].updates;
         const Tally &unwritten = output.tallies.unwritten;
         if (!output.reader.empty() && unwritten.count > output.grace) {
             add(Finding::Kind::unwritten, path, unwritten,
@@ -258,10 +269,14 @@ std::vector<Finding> Health::findings() const
             " was degraded" + often(output.tallies.degraded, updates));
         add(Finding::Kind::not_finite, path, output.tallies.not_finite,
             " was not finite" + often(output.tallies.not_finite, updates));
+        if (const std::string what = not_finite(*output.field->sub, seen_[i].message);
+            output.instance->model() && !what.empty()) {
+            found.push_back({Finding::Kind::not_finite, path, -1, 0, path + " is not finite at the end: " + what});
+        }
     }
     for (const Limit &limit : limits_) {
         add(Finding::Kind::saturated, limit.instance->path, limit.saturated,
-            " was at its limits" + often(limit.saturated, steps_[limit.step].updates));
+            " was at its limits" + often(limit.saturated, tasks_[limit.task].updates));
     }
     for (const Age &age : ages_) {
         add(Finding::Kind::stale, age.input, age.stale,

@@ -5,6 +5,7 @@
 
 #include "sim/structure.h"
 
+#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -19,7 +20,7 @@ struct Finding {
         degraded,   ///< an output made from stale, missing or incomplete data
         stale,      ///< an input older than its wire allows
         saturated,  ///< a module at its limits
-        not_finite, ///< an output with an infinity or NaN
+        not_finite, ///< an output with an infinity or NaN; of a model: at the end of the run
         late,       ///< an input that is read a step late, where another order of the modules would not
         uneven,     ///< a wire between tasks whose periods do not divide
     };
@@ -47,31 +48,36 @@ public:
         void add(Ns t) { first = count++ ? first : t; }
     };
 
-    /// Lay out: watch the outputs of an instance that the next step advances, and its counter `saturated`.
+    /// Lay out: watch the outputs of an instance that a task advances, and its counter `saturated`.
     void watch(const Instance &instance, const Task &task, const Structure &structure);
-    /// All instances of a step are watched; returns the number of the step.
-    std::uint32_t end_step();
+    /// Lay out: all instances of a task are watched; returns its number.
+    std::uint32_t end_task();
     /// Lay out: watch the age of an input; returns its number.
     std::uint32_t watch_age(const Port &input);
 
     void reset();
 
-    /// A step has run at t. Throws RunError if a module of flight has put out a number that is not finite as GOOD.
-    void step_ran(std::uint32_t number, Ns t)
+    /// A task has run at t. Throws RunError if a module of flight has put out a number that is not finite as GOOD.
+    void task_ran(std::uint32_t number, Ns t)
     {
-        Step &step = steps_[number];
-        step.updates++;
-        for (std::uint32_t i = step.first_output; i < step.last_output; i++) {
-            Output &output = outputs_[i];
-            Head head;
-            __builtin_memcpy(&head, output.message, sizeof head);
-            const bool written = head.sequence != output.sequence;
-            output.sequence = head.sequence;
-            if (head.quality != QUALITY_GOOD || (written && !finite(output))) {
-                note(output, head, written, t);
-            }
+        Watched &task = tasks_[number];
+        task.updates++;
+        const bool finite = all_finite(task);
+        bool good = true;
+        for (std::uint32_t i = task.first_output; i < task.last_output; i++) {
+            Seen &seen = seen_[i];
+            // Each by itself: one load of both would wait for the two stores of the module.
+            std::uint32_t quality, sequence;
+            __builtin_memcpy(&quality, seen.message + offsetof(Head, quality), sizeof quality);
+            __builtin_memcpy(&sequence, seen.message + offsetof(Head, sequence), sizeof sequence);
+            seen.written = sequence != seen.sequence;
+            seen.sequence = sequence;
+            good &= quality == QUALITY_GOOD;
         }
-        for (std::uint32_t i = step.first_limit; i < step.last_limit; i++) {
+        if (!good || !finite) {
+            note(task, finite, t);
+        }
+        for (std::uint32_t i = task.first_limit; i < task.last_limit; i++) {
             Limit &limit = limits_[i];
             if (*limit.counter != limit.seen) {
                 limit.seen = *limit.counter;
@@ -86,11 +92,13 @@ public:
     /// As Runtime::visit_state.
     template <class Visit> void visit_state(const Visit &block)
     {
-        for (Step &step : steps_) {
-            block(&step.updates, sizeof step.updates);
+        for (Watched &task : tasks_) {
+            block(&task.updates, sizeof task.updates);
+        }
+        for (Seen &seen : seen_) {
+            block(&seen.sequence, sizeof seen.sequence);
         }
         for (Output &output : outputs_) {
-            block(&output.sequence, sizeof output.sequence);
             block(&output.tallies, sizeof output.tallies);
         }
         for (Limit &limit : limits_) {
@@ -103,16 +111,17 @@ public:
     }
 
 private:
-    struct Step {
-        std::uint32_t first_output, last_output;
-        std::uint32_t first_limit, last_limit;
+    struct Watched {
+        std::uint32_t first_output, last_output, first_double, last_double, first_limit, last_limit;
         std::uint64_t updates;
     };
-    struct Output {
+    /// What the loop looks at of an output. The rest is in outputs_, in the same place.
+    struct Seen {
         const std::byte *message;
-        std::uint32_t first, last; ///< its doubles, in offsets_
-        std::uint32_t sequence;    ///< of its last writing
-        std::uint32_t step;
+        std::uint32_t sequence; ///< of its last writing
+        std::uint32_t written;  ///< whether the last update wrote it
+    };
+    struct Output {
         std::uint64_t grace; ///< updates without a writing until the first exchange of wires with latency
         struct {
             Tally unwritten, held, degraded, not_finite;
@@ -120,37 +129,39 @@ private:
         const Instance *instance;
         const FledgeField *field;
         std::string reader; ///< the first input that it is wired to; "" if there is none
+        std::uint32_t task;
     };
     struct Limit {
         const std::uint64_t *counter; ///< in the instance's memory
         std::uint64_t seen;
         Tally saturated;
         const Instance *instance;
-        std::uint32_t step;
+        std::uint32_t task;
     };
     struct Age {
         std::string input;
         Tally stale;
     };
 
-    /// Whether all doubles of a message are finite. The exponent of one that is not has no bit that is 0, so that
-    /// adding 1 to it carries into the sign.
-    bool finite(const Output &output) const
+    /// Whether the doubles of a task are finite. The exponent of one that is not has no bit that is 0, so that adding 1 to it
+    /// carries into the sign.
+    bool all_finite(const Watched &task) const
     {
         constexpr std::uint64_t exponent = 0x7ff0'0000'0000'0000u, one = 0x0010'0000'0000'0000u;
         std::uint64_t carry = 0;
-        for (std::uint32_t i = output.first; i < output.last; i++) {
+        for (std::uint32_t i = task.first_double; i < task.last_double; i++) {
             std::uint64_t bits;
-            __builtin_memcpy(&bits, output.message + offsets_[i], sizeof bits);
+            __builtin_memcpy(&bits, doubles_[i], sizeof bits);
             carry |= (bits & exponent) + one;
         }
         return !(carry >> 63);
     }
-    void note(Output &output, const Head &head, bool written, Ns t);
+    void note(const Watched &task, bool finite, Ns t);
 
-    std::vector<Step> steps_;
+    std::vector<Watched> tasks_;
+    std::vector<Seen> seen_;
+    std::vector<const std::byte *> doubles_; ///< of flight's outputs; those of models: findings() looks at them
     std::vector<Output> outputs_;
-    std::vector<std::uint32_t> offsets_;
     std::vector<Limit> limits_;
     std::vector<Age> ages_;
 };

@@ -140,14 +140,14 @@ Runtime::Runtime(const Structure &built, Roles roles, Recorder &recorder)
                     health.watch(*one, *task, structure);
                 }
                 const auto last = static_cast<std::uint32_t>(copies_.size());
-                const std::uint32_t watched = health.end_step();
                 if (Model *model = instance->model()) {
-                    steps_.push_back({update_model, model, first, last, watched});
+                    steps_.push_back({update_model, model, first, last});
                 } else {
-                    steps_.push_back({update_of(*instance), instance->memory(), first, last, watched});
+                    steps_.push_back({update_of(*instance), instance->memory(), first, last});
                 }
             }
             entry.last_step = static_cast<std::uint32_t>(steps_.size());
+            entry.watched = health.end_task();
             tasks_.push_back(std::move(entry));
         }
         for (const auto &instance : process->instances()) {
@@ -373,8 +373,8 @@ inline void Runtime::run_task(RunTask &task, Ns t)
             }
         }
         step.update(step.self, tick);
-        health.step_ran(step.watched, t);
     }
+    health.task_ran(task.watched, t);
     task.process->ran = t;
 }
 

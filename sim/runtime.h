@@ -29,7 +29,6 @@ struct Step {
     void (*update)(void *, Tick);
     void *self;
     std::uint32_t first_copy, last_copy; ///< the wires into it, in Runtime::copies
-    std::uint32_t watched;               ///< its number in Health
 };
 
 struct RunEvent {
@@ -51,6 +50,7 @@ struct RunTask {
     std::uint32_t first_step, last_step;
     const Task *task;
     std::vector<bool> runs_in; ///< by mode
+    std::uint32_t watched = 0; ///< its number in Health
 };
 
 /// A wire with latency: the consumer reads `held`, the output at the end of the last exchange before.
