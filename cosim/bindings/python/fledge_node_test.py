@@ -3,9 +3,11 @@
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from pathlib import Path
@@ -217,6 +219,44 @@ def test_the_controller_names_a_node_that_is_killed_before_the_run(programs):
     controller.wait_for(mass="joining")
     programs[0].kill()
     assert controller.end() == (1, "the run ended early: mass: its connection is gone")
+
+
+@pytest.mark.parametrize("transport", ["tcp", "ipc"])
+def test_a_debugger_may_stop_a_node_for_long(programs, transport):
+    address = "tcp://127.0.0.1:*" if transport == "tcp" else f"ipc://@fledge-stopped-{os.getpid()}"
+    controller = Controller("--node", "mass", "--node", "spring", "--reply", "0", until="4", address=address)
+    mass, force = spring(programs, controller)
+    controller.wait_for(mass="running", spring="running")
+    force.send_signal(signal.SIGSTOP)
+    time.sleep(8)  # a heartbeat of libzmq would miss an answer after 5 s
+    force.send_signal(signal.SIGCONT)
+    force.communicate(timeout=60)
+    assert controller.end() == (0, "")
+    assert result(mass)["seen"] == alone(401)
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can start programs of another user")
+@pytest.mark.parametrize("allows", ["neither", "the node", "both"])
+def test_over_ipc_another_user_takes_part_where_both_sides_allow_it(programs, allows):
+    with tempfile.TemporaryDirectory() as folder:  # which the other user can read
+        os.chmod(folder, 0o755)
+        shutil.copy(HERE / "fledge_node.py", folder)
+        controller = Controller("--node", "mass", "--node", "spring", *["--any-user"] * (allows == "both"),
+                                address=f"ipc://@fledge-users-{os.getpid()}-{allows[-4:]}")
+        programs.append(subprocess.Popen(
+            [sys.executable, "-c", MASS, controller.address, "next_instant"], stdout=subprocess.PIPE, cwd=folder,
+            stderr=subprocess.PIPE, text=True, user=65534, group=65534, extra_groups=[],
+            env={"PYTHONPATH": folder, "FLEDGE_ANY_USER": str(int(allows != "neither"))}))
+        programs += [start(SPRING, controller.address, "same_instant"), controller.process]
+        if allows == "both":
+            assert controller.end() == (0, "")
+            assert result(programs[0])["seen"] == alone(101)
+            return
+        _, errors = programs[0].communicate(timeout=60)
+        assert ("belongs to another user of this machine, number 0; FLEDGE_ANY_USER=1 allows that" if
+                allows == "neither" else "breaks off") in errors
+        controller.process.send_signal(signal.SIGTERM)
+        assert controller.end() == (1, "the run ended early: the user ended it")
 
 
 def test_ctrl_c_of_the_controller_ends_all(programs):
