@@ -259,6 +259,48 @@ def test_over_ipc_another_user_takes_part_where_both_sides_allow_it(programs, al
         assert controller.end() == (1, "the run ended early: the user ended it")
 
 
+@pytest.fixture
+def network():
+    """(the command that starts a program behind a network, the address on this side, what breaks the network)"""
+    name = f"fledge-{os.getpid()}"
+    near = f"fl{os.getpid() % 10**6}a"
+    far = near[:-1] + "b"
+
+    def ip(*words):
+        return subprocess.run(["ip", *words], capture_output=True).returncode
+
+    if not shutil.which("ip") or ip("netns", "add", name):
+        pytest.skip("no network namespace can be made here")
+    try:
+        failed = [ip(*words.split()) for words in (
+            f"link add {near} type veth peer name {far} netns {name}", f"addr add 198.18.9.1/30 dev {near}",
+            f"link set {near} up", f"-n {name} addr add 198.18.9.2/30 dev {far}", f"-n {name} link set {far} up")]
+        assert not any(failed)
+        yield ["ip", "netns", "exec", name], "198.18.9.1", lambda: ip("-n", name, "link", "set", far, "down")
+    finally:
+        ip("netns", "del", name)
+
+
+@pytest.mark.parametrize("computes, limit", [(False, "60"), (True, "60"), (True, "0")])
+def test_both_sides_notice_a_lost_network(programs, network, computes, limit):
+    launcher, here, break_it = network
+    controller = Controller("--node", "mass", "--node", "spring", "--reply", limit, "--unencrypted-beyond-machine",
+                            until="1e6", address=f"tcp://{here}:*")
+    slow = SPRING.replace("    state =", "    import time\n    time.sleep(60 if t else 0)\n    state =", 1)
+    programs += [start(MASS, controller.address, "next_instant"), subprocess.Popen(
+        [*launcher, sys.executable, "-c", slow if computes else SPRING, controller.address, "same_instant"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=os.environ | {"PYTHONPATH": str(HERE)}),
+        controller.process]
+    controller.wait_for(mass="running", spring="running")
+    break_it()
+    code, errors = controller.end()
+    assert code == 1 and "spring: its connection is gone" in errors
+    if computes:
+        programs[1].kill()  # it would notice after its step
+    else:
+        assert "NodeError: the controller is gone" in programs[1].communicate(timeout=60)[1]
+
+
 def test_ctrl_c_of_the_controller_ends_all(programs):
     controller = Controller("--node", "mass", "--node", "spring", until="1e6")
     pair = spring(programs, controller)
