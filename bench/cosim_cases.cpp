@@ -65,8 +65,20 @@ public:
     }
     void start(const std::vector<Channel> &) override {}
 
+    /// Take the first step after so many bytes from a pipe.
+    void wait_for(int pipe, std::uint64_t bytes)
+    {
+        pipe_ = pipe;
+        awaited_ = bytes;
+    }
+
     Tock tick(const Tick &tick) override
     {
+        for (char byte = 0; awaited_; awaited_--) {
+            if (read(pipe_, &byte, 1) != 1) {
+                throw std::runtime_error("an observer has not come");
+            }
+        }
         watch_.lap();
         Tock tock{tick.until, 0, {}};
         auto record = tick.records.begin();
@@ -101,6 +113,8 @@ private:
     std::array<std::uint64_t, 8> block_{};
     std::uint32_t channel_ = 0, count_ = 0, heard_ = 0;
     Ns next_ = 0;
+    int pipe_ = -1;
+    std::uint64_t awaited_ = 0;
 };
 
 /// Writes 64 bytes that all nodes read, and reads 64 bytes of each node.
@@ -219,30 +233,40 @@ public:
 
     void open_broker() { watched_ = true; }
 
-    /// An observer of all topics; or one that is stopped after it has come.
-    void observer(bool stopped)
+    /// An observer of all topics; or one that is stopped after it has come. It writes a byte into `came` then.
+    void observer(bool stopped, int came)
     {
         std::array<int, 2> ends{};
         if (pipe(ends.data())) {
             throw std::runtime_error("no pipe");
         }
-        children_.start([&] {
-            std::array<char, 200> address{};
-            if (read(ends[0], address.data(), address.size() - 1) <= 0) {
-                throw std::runtime_error("no address came");
-            }
-            zmq::context_t context;
-            Observer observer(context, {config_.simulation, "observer", address.data()});
-            observer.subscribe("");
-            observer.next(std::chrono::seconds(20));
-            if (stopped) {
-                raise(SIGSTOP);
-                return;
-            }
-            while (!observer.over()) {
-                observer.next(std::chrono::seconds(1));
-            }
-        });
+        children_.start(
+            [&] {
+                std::array<char, 200> address{};
+                if (read(ends[0], address.data(), address.size() - 1) <= 0) {
+                    throw std::runtime_error("no address came");
+                }
+                zmq::context_t context;
+                Observer observer(context, {config_.simulation, "observer", address.data()});
+                observer.subscribe("");
+                while (!observer.next(std::chrono::seconds(20))) {
+                }
+                if (write(came, "", 1) != 1) {
+                    throw std::runtime_error("no byte went");
+                }
+                if (stopped) {
+                    raise(SIGSTOP);
+                    return;
+                }
+                try {
+                    while (!observer.over()) {
+                        observer.next(std::chrono::seconds(1));
+                    }
+                } catch (const LinkError &) {
+                    // The broker waits half a second at the end, which is short on a busy machine.
+                }
+            },
+            stopped);
         close(ends[0]);
         addresses_.push_back(ends[1]);
     }
@@ -288,12 +312,20 @@ double pair(const std::string &transport, std::uint64_t rounds)
 double watched(const std::string &transport, std::uint64_t k, std::uint64_t rounds)
 {
     SharedNumber median;
+    std::array<int, 2> came{};
+    if (pipe(came.data())) {
+        throw std::runtime_error("no pipe");
+    }
     Run run(rounds);
-    run.program("world", [&] { return block("world", "flight", Latency::next_instant, &median); });
+    run.program("world", [&] {
+        auto world = std::make_unique<Block>("world", "flight", Latency::next_instant, &median);
+        world->wait_for(came[0], k);
+        return world;
+    });
     run.program("flight", [] { return block("flight", "world", Latency::same_instant); });
     run.open_broker();
     for (std::uint64_t i = 0; i < k; i++) {
-        run.observer(i + 1 == k);
+        run.observer(i + 1 == k, came[1]);
     }
     run.fly(transport);
     return *median;

@@ -395,6 +395,18 @@ void Controller::lost(NodeId id, const std::string &why)
     go_on(id);
 }
 
+void Controller::forget(NodeId id, const std::string &why)
+{
+    NodeState &node = nodes_[id];
+    if (!node.member || node.stage != Stage::entered) {
+        return lost(id, why);
+    }
+    node.awaited = node.returning = false;
+    node.stage = begun_ ? Stage::lost : Stage::absent;
+    act(action::ShutOut{id, why});
+    report(node.name() + ": " + why + "; another program may take its place");
+}
+
 /// A node was lost before it joined: the others go on.
 void Controller::lose_joiner(NodeId id, const std::string &why)
 {

@@ -83,6 +83,8 @@ public:
     void received(NodeId node, Frame frame);
     /// A node's connection is gone, its reply is late, or it sent an invalid frame.
     void lost(NodeId node, const std::string &why);
+    /// A program greeted as this node and has not replied since: another one may take its place.
+    void forget(NodeId node, const std::string &why);
     /// An asynchronous program writes. Returns why the controller refuses the message; "" if it accepts it. The message
     /// gets the first time that no reader was granted yet. Each reader sees it before the topic's next message.
     std::string inject(const std::string &program, const std::string &topic, const Payload &payload);

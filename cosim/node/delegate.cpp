@@ -92,6 +92,7 @@ std::string Delegate::serve(Node &node)
         Frame request;
         try {
             request = link.wait(connect_timeout);
+            member_.hang_up(); // the controller knows this program by its own connection now
         } catch (const ProtocolError &error) {
             link.send({0, Failed{error.what()}});
             throw;

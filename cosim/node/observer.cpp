@@ -19,7 +19,8 @@ constexpr const char *broker = "the broker at ";
 
 Observer::Observer(zmq::context_t &context, MemberConfig config)
     : member_(context, std::move(config), Role::asynchronous), seen_(context, zmq::socket_type::sub),
-      handshake_(context, seen_, member_.keys.has_value()), written_(context, zmq::socket_type::xpub)
+      handshake_(context, seen_, member_.keys.has_value(), member_.config.any_user),
+      written_(context, zmq::socket_type::xpub)
 {
     attach();
     seen_.set(zmq::sockopt::rcvhwm, member_.config.waiting);
@@ -31,6 +32,7 @@ Observer::Observer(zmq::context_t &context, MemberConfig config)
 void Observer::attach()
 {
     auto attached = member_.greet<Attached>();
+    member_.hang_up();
     frontend_ = member_.reachable(attached.frontend);
     backend_ = member_.reachable(attached.backend);
     const std::lock_guard lock(mutex_);
@@ -119,7 +121,7 @@ std::optional<Observed> Observer::read(zmq::message_t topic)
 /// Wait until the broker listens: libzmq drops messages before.
 void Observer::prepare_writing()
 {
-    Handshake handshake(member_.context, written_, member_.keys.has_value());
+    Handshake handshake(member_.context, written_, member_.keys.has_value(), member_.config.any_user);
     written_.set(zmq::sockopt::xpub_nodrop, true);
     member_.connect(written_, broker, frontend_);
     zmq::message_t subscription;

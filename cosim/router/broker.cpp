@@ -41,6 +41,9 @@ Broker::Broker(zmq::context_t &context, BrokerConfig config, Authenticator *auth
 {
     for (zmq::socket_t *socket : {&frontend_, &backend_}) {
         set_up(*socket, config_.limits);
+        if (!config_.any_user) {
+            refuse_other_users(*socket);
+        }
         if (authenticator_) {
             authenticator_->guard(*socket);
         }

@@ -36,6 +36,7 @@ struct BrokerConfig {
     std::size_t room = std::size_t{16} << 20; ///< bytes of the ring; a record may take half
     int waiting = 1000;                       ///< the most messages in the queue of an observer
     Limits limits = {};
+    bool any_user = false; ///< over "ipc://"; else only programs of this user can connect
 };
 
 struct BrokerCounts {

@@ -522,7 +522,7 @@ TEST(Broker, OnlyAllowedKeysObserveOrWrite)
         socket->set(zmq::sockopt::subscribe, "");
     }
     use_keys(stranger, read_client_keys(keys.of("stranger"), "stranger"));
-    Handshake refused(others, stranger, true);
+    Handshake refused(others, stranger, true, false);
     bare.connect(run.router.broker()->backend());
     stranger.connect(run.router.broker()->backend());
     zmq::message_t message;

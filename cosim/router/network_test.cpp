@@ -182,6 +182,8 @@ TEST(Router, ADeadHangingOrInvalidNodeEndsTheRunWithItsName)
             link.socket().connect(welcome.address);
             link.send({1, Hello{1, 1, "test", "b"}});
             EXPECT_TRUE(std::holds_alternative<Initialize>(link.wait(10s).message));
+            link.send({1, Initialized{{{10, 0}}}});
+            EXPECT_TRUE(std::holds_alternative<ProvideDesired>(link.wait(10s).message));
             mischief(link, other, welcome.address);
             run.wait();
         }
@@ -191,7 +193,7 @@ TEST(Router, ADeadHangingOrInvalidNodeEndsTheRunWithItsName)
     EXPECT_EQ(outcome([](Link &link, zmq::context_t &, const std::string &) {
                   link.send({7, Ready{}});
               }),
-              "b: it sent Ready 7; expected Initialized 1");
+              "b: it sent Ready 7; expected Desired 2");
     EXPECT_EQ(outcome([](Link &link, zmq::context_t &, const std::string &) { link.socket().close(); }),
               "b: its connection is gone");
 }
@@ -249,7 +251,7 @@ TEST(Delegate, ItEndsWhenItsControllerIsGone)
     zmq::message_t peer, hello;
     EXPECT_TRUE(greetings.recv(peer) && greetings.recv(hello));
     {
-        Link link(other, {});
+        Link link(other, {}, Link::End::controller);
         const std::string own = link.bind(address + "-1");
         greetings.send(peer, zmq::send_flags::sndmore);
         greetings.send(zmq::buffer(encode({1, Welcome{own}})), zmq::send_flags::none);

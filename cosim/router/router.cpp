@@ -14,12 +14,13 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto look = 100ms;
-constexpr int most_attaching = 1000;
-constexpr auto rest = 20ms; ///< between two looks at the sockets, if all nodes share memory
-constexpr auto spin = 20us; ///< busy waiting, if there is a processor for each program
+constexpr std::size_t most_attaching = 1000;
+constexpr std::int64_t longest_greeting = 4096; ///< [bytes]
+constexpr auto rest = 20ms;                     ///< between two looks at the sockets, if all nodes share memory
+constexpr auto spin = 20us;                     ///< busy waiting, if there is a processor for each program
 
 /// What a descriptor in the poller belongs to.
-enum Kind : std::uint64_t { greetings, wake_up, timer, frames, events, kinds };
+enum Kind : std::uint64_t { greetings, greeters, wake_up, timer, frames, events, kinds };
 
 std::uint64_t key(Kind kind, NodeId id = 0)
 {
@@ -38,7 +39,7 @@ ControllerConfig adjusted(ControllerConfig config, bool listened, bool paced)
 Router::Router(zmq::context_t &context, ControllerConfig controller, RouterConfig config)
     : context_(context), config_(std::move(config)), simulation_(controller.simulation),
       controller_(adjusted(with_broker(controller), config_.broker || !config_.listeners.empty(), config_.pace > 0.0)),
-      greetings_(context, zmq::socket_type::router), nodes_(controller.nodes.size())
+      greetings_(context, zmq::socket_type::router), greeters_(context, greetings_), nodes_(controller.nodes.size())
 {
     for (const NodeConfig &node : controller.nodes) {
         names_.push_back(node.name);
@@ -47,7 +48,11 @@ Router::Router(zmq::context_t &context, ControllerConfig controller, RouterConfi
         names_.push_back(program.name);
     }
     set_up(greetings_, config_.limits);
-    greetings_.set(zmq::sockopt::backlog, most_attaching); // many programs may greet at once
+    greetings_.set(zmq::sockopt::backlog, static_cast<int>(most_attaching)); // many programs may greet at once
+    greetings_.set(zmq::sockopt::maxmsgsize, longest_greeting);
+    if (!config_.any_user) {
+        refuse_other_users(greetings_);
+    }
     if (authenticator_) {
         authenticator_->guard(greetings_);
     }
@@ -59,6 +64,8 @@ Router::Router(zmq::context_t &context, ControllerConfig controller, RouterConfi
     }
     address_ = greetings_.get(zmq::sockopt::last_endpoint);
     poller_.add(descriptor(greetings_), key(Kind::greetings));
+    poller_.add(descriptor(greeters_.events()), key(Kind::greeters));
+    greeters_.number(-1); // its descriptor reports only what comes after a first look
     if (config_.pace > 0.0) {
         pace_.emplace(config_.pace);
         poller_.add(pace_->fd(), key(Kind::timer));
@@ -172,17 +179,9 @@ void Router::wait(std::chrono::milliseconds most)
         const NodeId id = what / kinds;
         switch (static_cast<Kind>(what % kinds)) {
         case Kind::greetings: greet(); break;
+        case Kind::greeters: look_at_greetings(); break;
         case Kind::frames: listen(id); break;
-        case Kind::events: {
-            // In this order, because the last frame of a lost node counts.
-            const bool gone = nodes_[id].link && nodes_[id].link->gone();
-            listen(id);
-            if (gone) {
-                controller_.lost(id, "its connection is gone");
-                act();
-            }
-            break;
-        }
+        case Kind::events: look_at(id); break;
         default: break;
         }
     }
@@ -243,6 +242,7 @@ void Router::greet()
     greetings_unsure_ = false;
     while (const std::size_t n = receive_parts(greetings_, parts)) {
         greeting_peer_.assign(peer.data<std::byte>(), peer.data<std::byte>() + peer.size());
+        greeting_fd_ = zmq_msg_get(hello.handle(), ZMQ_SRCFD);
         try {
             if (n != 2) {
                 throw ProtocolError("a frame is one part, not " + std::to_string(n - 1));
@@ -270,6 +270,23 @@ void Router::greet()
     }
 }
 
+/// A program keeps the connection on which it greeted until it has taken its own socket.
+void Router::look_at_greetings()
+{
+    for (NodeId id = 0; id < nodes_.size(); id++) {
+        const NodeSlot &slot = nodes_[id];
+        if (slot.link && !slot.joined && slot.greeting_fd >= 0 &&
+            (!slot.greeting || greeters_.number(slot.greeting_fd) != slot.greeting)) {
+            look_at(id); // its Hello may have come
+            if (!slot.joined) {
+                controller_.lost(id, "its connection is gone");
+                act();
+            }
+        }
+    }
+    greeters_.number(-1);
+}
+
 /// Make the broker before the controller, which sends the broker's addresses to the nodes.
 ControllerConfig Router::with_broker(ControllerConfig controller)
 {
@@ -285,6 +302,7 @@ ControllerConfig Router::with_broker(ControllerConfig controller)
         broker.frontend = !config_.frontend.empty() ? config_.frontend : tcp ? any : config_.address + "-frontend";
         broker.backend = !config_.backend.empty() ? config_.backend : tcp ? any : config_.address + "-backend";
         broker.limits = config_.limits;
+        broker.any_user = config_.any_user;
         check_address(broker.frontend);
         check_address(broker.backend);
         broker_ = std::make_unique<Broker>(context_, broker, authenticator_.get());
@@ -395,9 +413,21 @@ void Router::listen(NodeId id)
     }
 }
 
+/// The last frame of a lost node counts.
+void Router::look_at(NodeId id)
+{
+    const bool gone = nodes_[id].link && nodes_[id].link->gone();
+    listen(id);
+    if (gone) {
+        controller_.lost(id, "its connection is gone");
+        act();
+    }
+}
+
 void Router::received(NodeId id, Frame frame)
 {
     NodeSlot &slot = nodes_[id];
+    slot.replied = true;
     slot.answered = Clock::now();
     if (const auto *tock = std::get_if<Tock>(&frame.message)) {
         NodeTimes &times = slot.times;
@@ -424,14 +454,15 @@ NodeTimes Router::times(NodeId id) const
     return times;
 }
 
-/// Handle the node's first frame on its own socket. Before it, the socket has no peer to send to.
+/// Handle the node's first frame on its own socket, which says which of the connections is the node's.
 void Router::join(NodeId id, const Frame &frame)
 {
     NodeSlot &slot = nodes_[id];
     const auto *hello = std::get_if<Hello>(&frame.message);
-    if (!hello) {
-        throw ProtocolError(std::string("expected Hello, found ") + kind_name(frame.message));
+    if (!hello || hello->simulation != simulation_ || hello->node != names_[id]) {
+        return; // a stranger's
     }
+    slot.link->accept();
     if (hello->shared && !slot.proposed) {
         throw ProtocolError("a Hello over shared memory, which the controller did not propose");
     }
@@ -454,8 +485,17 @@ void Router::join(NodeId id, const Frame &frame)
 Welcome Router::open(NodeId id)
 {
     NodeSlot &slot = nodes_[id];
-    slot.link = std::make_unique<Link>(context_, config_.limits);
-    slot.joined = false;
+    slot.link = std::make_unique<Link>(context_, config_.limits, Link::End::controller);
+    slot.joined = slot.replied = false;
+    slot.greeting_fd = greeting_fd_;
+    slot.greeting = greeters_.number(greeting_fd_);
+    slot.welcomed = Clock::now();
+    if (!config_.any_user) {
+        refuse_other_users(slot.link->socket());
+    }
+    if (!reply_limit(id).count()) {
+        allow_silence(slot.link->socket());
+    }
     if (authenticator_) {
         authenticator_->guard(slot.link->socket(), names_[id]);
     }
@@ -583,17 +623,37 @@ void Router::look_at_clock(const std::function<bool()> &poll)
                          sim::format_time(std::chrono::nanoseconds(config_.join).count()));
     }
     for (NodeId id = 0; id < nodes_.size(); id++) {
-        const auto reply = config_.replies.empty() ? config_.reply : config_.replies[id];
-        const auto most = controller_.finishing() ? config_.finish : reply;
-        if (controller_.waiting_for(id) && most.count() && looked_ - nodes_[id].asked >= most) {
-            controller_.lost(id,
-                             "it did not answer within " + sim::format_time(std::chrono::nanoseconds(most).count()));
-        }
+        look_at(id);
+        look_at_limits(id);
     }
+    look_at_greetings();
     if (poll && !poll()) {
         controller_.stop("the user ended it");
     }
     act();
+}
+
+std::chrono::milliseconds Router::reply_limit(NodeId id) const
+{
+    return config_.replies.empty() ? config_.reply : config_.replies[id];
+}
+
+void Router::look_at_limits(NodeId id)
+{
+    const NodeSlot &slot = nodes_[id];
+    const bool waits = controller_.waiting_for(id), first = slot.link && !slot.replied && !controller_.finishing();
+    const auto reply = reply_limit(id);
+    const auto most = controller_.finishing() ? config_.finish : first && reply.count() ? config_.greet : reply;
+    const auto since = first ? std::max(slot.welcomed, slot.asked) : slot.asked;
+    if (!most.count() || looked_ - since < most || !(waits || (first && !slot.joined))) {
+        return;
+    }
+    const std::string why = "it did not answer within " + sim::format_time(std::chrono::nanoseconds(most).count());
+    if (first) {
+        controller_.forget(id, why + " of its greeting");
+    } else {
+        controller_.lost(id, why);
+    }
 }
 
 } // namespace fledge::cosim

@@ -11,6 +11,7 @@
 #include "cosim/router/broker.h"
 #include "cosim/router/pace.h"
 #include "cosim/security/authenticator.h"
+#include "cosim/transport/handshake.h"
 #include "cosim/transport/poller.h"
 #include "cosim/transport/shared_channel.h"
 
@@ -29,7 +30,10 @@ struct RouterConfig {
     bool unencrypted_beyond_machine = false;        ///< without keys, allow an address that other machines can reach
     bool broker = false;                            ///< for observers and asynchronous programs (broker.h)
     std::string frontend, backend;                  ///< its addresses; "": free ones beside `address`
+    bool any_user = false;                          ///< over "ipc://", let in other users of this machine
     std::chrono::milliseconds join{60'000};         ///< limit for all nodes to greet the controller
+    std::chrono::milliseconds greet{30'000};        ///< from the Welcome to the first reply; then its place is free
+                                                    ///< again. None for a node whose limit for a reply is 0
     std::chrono::milliseconds reply{60'000};        ///< limit for a reply, computing time included; 0: none
     std::vector<std::chrono::milliseconds> replies; ///< the same for each node; empty: `reply` for all
     double pace = 0.0;                              ///< simulated seconds per second; 0: as fast as possible
@@ -80,15 +84,21 @@ private:
         std::unique_ptr<Link> link;
         std::unique_ptr<SharedChannel> proposed; ///< shared memory that the node has not accepted yet
         Node *hosted = nullptr;
-        std::optional<Frame> first; ///< the first request, until the node's first frame on its socket
-        bool joined = false;
-        Clock::time_point asked, answered;
+        std::optional<Frame> first;           ///< the first request, until the node's first frame on its socket
+        bool joined = false, replied = false; ///< it has taken its socket; it has replied on it
+        int greeting_fd = -1;                 ///< of the connection on which it greeted,
+        std::uint64_t greeting = 0;           ///< and its number
+        Clock::time_point welcomed, asked, answered;
         bool unsure = false; ///< its descriptor may miss a frame: see descriptor()
         NodeTimes times;
     };
 
     void greet();
+    void look_at_greetings();
     void listen(NodeId id);
+    void look_at(NodeId id);
+    void look_at_limits(NodeId id);
+    std::chrono::milliseconds reply_limit(NodeId id) const;
     void join(NodeId id, const Frame &frame);
     void act();
     template <class Call> void notify(Call call);
@@ -121,6 +131,7 @@ private:
     std::vector<Bytes> attaching_; ///< libzmq's names of asynchronous programs that wait for the matching
     Controller controller_;
     zmq::socket_t greetings_;
+    Connections greeters_;
     std::string address_;
     std::optional<WakeUp> wake_up_; ///< none: no shared memory
     std::vector<NodeSlot> nodes_;
@@ -135,6 +146,7 @@ private:
     std::vector<Node *> hosted_;                 ///< in the order of host()
     std::deque<std::pair<NodeId, Frame>> calls_; ///< requests to hosted nodes
     Bytes greeting_peer_;                        ///< libzmq's name of the greeting program
+    int greeting_fd_ = -1;                       ///< of its connection
     unsigned opened_ = 0;
     Clock::time_point looked_;
     Clock::time_point complete_; ///< the last time at which no node was missing

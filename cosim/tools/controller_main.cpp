@@ -19,7 +19,7 @@ struct Options {
     ControllerConfig controller;
     RouterConfig router;
     std::vector<std::string> nodes, asynchronous;
-    double until = 0, join = 60, reply = 60; ///< [s]
+    double until = 0, join = 60, greet = 30, reply = 60; ///< [s]
     int status = -1;
     std::string record;
 };
@@ -145,10 +145,18 @@ Options parse(int argc, char **argv)
     app.add_flag("--unencrypted-beyond-machine", o.router.unencrypted_beyond_machine,
                  "no keys where other machines can reach the address: they read all, and\n"
                  "may take any part");
+    app.add_flag("--any-user", o.router.any_user,
+                 "over ipc://, let in programs of other users of this machine; they, too, have\n"
+                 "to allow it, by FLEDGE_ANY_USER=1");
     app.add_option("--seed", o.controller.seed, "of the run's random streams; default 0")->type_name("N");
     number("--pace", o.router.pace, "simulated seconds per second; default 0: as fast as possible")->type_name("X");
     number("--join", o.join, "for all programs to be there; default 60");
-    number("--reply", o.reply, "for a program to answer, its computing included; 0: for ever; default 60");
+    number("--greet", o.greet,
+           "for a program that has greeted to answer the first request; then another one may\n"
+           "take its place; default 30; for ever with --reply 0");
+    number("--reply", o.reply,
+           "for a program to answer, its computing included; 0: for ever, also while a\n"
+           "debugger stops it; default 60");
     app.add_option_function<std::string>(
            "--shared-memory", [&o](const std::string &word) { o.router.sharing = *meant_by(sharing_words, word); },
            "with programs on this machine: allowed (default), forbidden, required")
@@ -162,6 +170,7 @@ Options parse(int argc, char **argv)
         app.parse(argc, argv);
         o.controller.end = std::llround(o.until * 1e9);
         o.router.join = milliseconds(o.join);
+        o.router.greet = milliseconds(o.greet);
         o.router.reply = milliseconds(o.reply);
         for (const std::string &node : o.nodes) {
             add_node(o, node);

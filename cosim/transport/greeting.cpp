@@ -24,6 +24,8 @@ void ask_environment(MemberConfig &config)
     fill_in(config.simulation, "simulation", "FLEDGE_SIMULATION");
     fill_in(config.node, "name", "FLEDGE_NODE");
     fill_in(config.address, "address", "FLEDGE_ADDRESS");
+    const char *any_user = std::getenv("FLEDGE_ANY_USER");
+    config.any_user = config.any_user || (any_user && std::string_view(any_user) == "1");
 }
 
 Member::Member(zmq::context_t &its_context, MemberConfig its_config, Role role)
@@ -52,15 +54,23 @@ void Member::connect(zmq::socket_t &socket, const char *peer, const std::string 
     }
 }
 
-Frame Member::ask() const
+Frame Member::ask()
 {
-    zmq::socket_t greetings(context, zmq::socket_type::dealer);
-    Handshake handshake(context, greetings, keys.has_value());
+    zmq::socket_t &greetings = greetings_.emplace(context, zmq::socket_type::dealer);
+    Handshake handshake(context, greetings, keys.has_value(), config.any_user);
     connect(greetings, "the controller at ", config.address);
     greetings.set(zmq::sockopt::linger, 0);
-    greetings.send(zmq::buffer(encode({1, hello})), zmq::send_flags::none);
+    const std::string where = "the controller at " + config.address;
+    const auto begun = std::chrono::steady_clock::now();
+    const auto rest = [&] {
+        return std::chrono::ceil<std::chrono::milliseconds>(begun + config.connect_timeout -
+                                                            std::chrono::steady_clock::now());
+    };
     zmq::message_t reply;
-    if (!handshake.receive(reply, config.connect_timeout, "the controller at " + config.address, hello.node)) {
+    if (!config.address.starts_with("ipc://") || handshake.connect(rest(), where, hello.node)) {
+        greetings.send(zmq::buffer(encode({1, hello})), zmq::send_flags::none);
+    }
+    if (!handshake.receive(reply, rest(), where, hello.node)) {
         throw LinkError(handshake.made() && hello.role == Role::asynchronous
                             ? "the nodes have not met at " + config.address + " so far"
                             : "no controller answers at " + config.address);

@@ -23,9 +23,10 @@ struct MemberConfig {
     std::string keys = {};              ///< a folder or file (keys.h)
     Sharing sharing = Sharing::allowed; ///< nodes: of memory, with a controller on this machine
     int waiting = 1000;                 ///< observers: most messages in the queue
+    bool any_user = false;              ///< over "ipc://", the controller may be of another user; FLEDGE_ANY_USER=1
 };
 
-/// Fill in simulation, node and address from the environment. Throws LinkError.
+/// Fill in simulation, node, address and any_user from the environment. Throws LinkError.
 void ask_environment(MemberConfig &config);
 
 /// A program that takes part in a simulation.
@@ -33,9 +34,10 @@ struct Member {
     /// Throws KeyError, and LinkError if neither the configuration nor the environment has an address.
     Member(zmq::context_t &context, MemberConfig config, Role role);
 
-    /// The controller's answer. Throws ProtocolError, and LinkError if the controller refuses, does not accept the
-    /// key, or does not answer in time.
-    template <class Answer> Answer greet() const
+    /// The controller's answer. The connection stays open until hang_up(): until then, its loss is the program's.
+    /// Throws ProtocolError, and LinkError if the controller refuses, does not accept the key, or does not answer in
+    /// time.
+    template <class Answer> Answer greet()
     {
         Frame frame = ask();
         if (auto *answer = std::get_if<Answer>(&frame.message)) {
@@ -43,6 +45,9 @@ struct Member {
         }
         throw ProtocolError(std::string("the controller answers a Hello with ") + kind_name(frame.message));
     }
+
+    /// Close the connection on which it greeted.
+    void hang_up() { greetings_.reset(); }
 
     /// Connect with this program's keys and limits. `peer`: "the controller at ". Throws LinkError.
     void connect(zmq::socket_t &socket, const char *peer, const std::string &address) const;
@@ -56,7 +61,9 @@ struct Member {
     Hello hello;
 
 private:
-    Frame ask() const;
+    Frame ask();
+
+    std::optional<zmq::socket_t> greetings_;
 };
 
 } // namespace fledge::cosim

@@ -5,6 +5,8 @@
 
 #include <atomic>
 #include <cstring>
+#include <sys/socket.h>
+#include <unistd.h>
 #include <utility>
 
 namespace fledge::cosim {
@@ -13,6 +15,17 @@ namespace {
 
 constexpr int most_broken_off = 5;
 
+/// The user of the program at the other end of a connection, if that is another one.
+std::optional<uid_t> other_user(int fd)
+{
+    int family = 0;
+    ucred peer{};
+    socklen_t family_size = sizeof family, peer_size = sizeof peer;
+    const bool known = !getsockopt(fd, SOL_SOCKET, SO_DOMAIN, &family, &family_size) && family == AF_UNIX &&
+                       !getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &peer, &peer_size);
+    return known && peer.uid != geteuid() ? std::optional(peer.uid) : std::nullopt;
+}
+
 } // namespace
 
 zmq::socket_t monitor(zmq::context_t &context, zmq::socket_t &socket)
@@ -20,7 +33,8 @@ zmq::socket_t monitor(zmq::context_t &context, zmq::socket_t &socket)
     static std::atomic<unsigned> count{0};
     const std::string name = "inproc://fledge-monitor-" + std::to_string(count++);
     if (zmq_socket_monitor(socket.handle(), name.c_str(),
-                           ZMQ_EVENT_DISCONNECTED | ZMQ_EVENT_HANDSHAKE_SUCCEEDED | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH |
+                           ZMQ_EVENT_ACCEPTED | ZMQ_EVENT_CONNECTED | ZMQ_EVENT_DISCONNECTED |
+                               ZMQ_EVENT_HANDSHAKE_SUCCEEDED | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH |
                                ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL | ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL)) {
         throw LinkError(std::string("cannot watch a socket: ") + zmq_strerror(zmq_errno()));
     }
@@ -30,8 +44,34 @@ zmq::socket_t monitor(zmq::context_t &context, zmq::socket_t &socket)
     return events;
 }
 
-Handshake::Handshake(zmq::context_t &context, zmq::socket_t &socket, bool keyed)
-    : socket_(socket), monitor_(monitor(context, socket)), keyed_(keyed)
+Connections::Connections(zmq::context_t &context, zmq::socket_t &socket)
+    : socket_(socket), monitor_(monitor(context, socket))
+{
+}
+
+Connections::~Connections()
+{
+    // libzmq's thread writes the socket's events to the monitor, and would wait for ever for a monitor that was
+    // closed before.
+    zmq_socket_monitor(socket_.handle(), nullptr, 0);
+}
+
+std::uint64_t Connections::number(int fd)
+{
+    std::uint16_t kind = 0;
+    for (std::uint32_t value = 0; next_event(monitor_, kind, value);) {
+        if (kind == ZMQ_EVENT_ACCEPTED) {
+            open_[static_cast<int>(value)] = ++last_;
+        } else if (kind == ZMQ_EVENT_DISCONNECTED) {
+            open_.erase(static_cast<int>(value));
+        }
+    }
+    const auto found = open_.find(fd);
+    return found == open_.end() ? 0 : found->second;
+}
+
+Handshake::Handshake(zmq::context_t &context, zmq::socket_t &socket, bool keyed, bool any_user)
+    : socket_(socket), monitor_(monitor(context, socket)), keyed_(keyed), any_user_(any_user)
 {
 }
 
@@ -40,15 +80,30 @@ Handshake::~Handshake()
     zmq_socket_monitor(socket_.handle(), nullptr, 0); // before its other end is closed
 }
 
+bool Handshake::connect(std::chrono::milliseconds most, const std::string &where, const std::string &program)
+{
+    return wait([&] { return made_; }, most, where, program);
+}
+
 bool Handshake::receive(zmq::message_t &message, std::chrono::milliseconds most, const std::string &where,
                         const std::string &program)
 {
+    return wait([&] { return socket_.recv(message, zmq::recv_flags::dontwait).has_value(); }, most, where, program);
+}
+
+template <class Condition>
+bool Handshake::wait(Condition over, std::chrono::milliseconds most, const std::string &where,
+                     const std::string &program)
+{
     using Clock = std::chrono::steady_clock;
     zmq::pollitem_t items[] = {{socket_.handle(), 0, ZMQ_POLLIN, 0}, {monitor_.handle(), 0, ZMQ_POLLIN, 0}};
-    for (const auto end = Clock::now() + most; !socket_.recv(message, zmq::recv_flags::dontwait);) {
-        read_events();
+    for (const auto end = Clock::now() + most;;) {
+        read_events(); // those of a connection come before its first message
         if (!failure_.empty()) {
             throw LinkError(where + " does not let " + program + " in: " + failure_);
+        }
+        if (over()) {
+            return true;
         }
         const auto rest = std::chrono::ceil<std::chrono::milliseconds>(end - Clock::now());
         if (rest.count() <= 0) {
@@ -56,7 +111,6 @@ bool Handshake::receive(zmq::message_t &message, std::chrono::milliseconds most,
         }
         poll(items, rest);
     }
-    return true;
 }
 
 /// Learns whether the connection is made, lost, or refused.
@@ -71,13 +125,20 @@ void Handshake::read_events()
             if (std::exchange(made_, false)) {
                 lost_ = std::chrono::steady_clock::now();
             }
+        } else if (kind == ZMQ_EVENT_CONNECTED) {
+            if (const auto user = any_user_ ? std::nullopt : other_user(static_cast<int>(value))) {
+                failure_ = "it belongs to another user of this machine, number " + std::to_string(*user) +
+                           "; FLEDGE_ANY_USER=1 allows that";
+            }
         } else if (kind != ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL) {
             failure_ = refusal(kind, value, keyed_);
         } else if (++broken_off_ >= most_broken_off) {
             // A killed controller breaks off once; one that does not understand this program, at each attempt.
-            failure_ = keyed_ ? "what listens there breaks off when it sees these keys: controller.public here is "
-                                "not that of this controller, or it uses no keys"
-                              : "what listens there breaks off: it is no controller, or it asks for keys";
+            failure_ =
+                keyed_
+                    ? "what listens there breaks off when it sees these keys: controller.public here is "
+                      "not that of this controller, or it uses no keys"
+                    : "what listens there breaks off: it is no controller, or it asks for keys, or is of another user";
         }
     }
 }

@@ -18,8 +18,11 @@ namespace {
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
-constexpr int heartbeat_ms = 1000, silence_ms = 5000, linger_ms = 1000;
-constexpr std::chrono::milliseconds look = 100ms; ///< between two checks of a silent side
+constexpr int linger_ms = 1000;
+constexpr int idle_s = 2, probe_s = 1, probes = 3; ///< of an idle connection
+constexpr int unread_ms = 5000;                    ///< for the other side to take bytes
+constexpr int most_waiting = 10;                   ///< frames; in lock step, few are on their way
+constexpr std::chrono::milliseconds look = 100ms;  ///< between two checks of a silent side
 constexpr std::chrono::milliseconds for_ever = -1ms;
 
 } // namespace
@@ -34,8 +37,24 @@ void set_up(zmq::socket_t &socket, const Limits &limits)
 {
     socket.set(zmq::sockopt::linger, linger_ms);
     socket.set(zmq::sockopt::maxmsgsize, static_cast<std::int64_t>(limits.frame));
-    socket.set(zmq::sockopt::heartbeat_ivl, heartbeat_ms);
-    socket.set(zmq::sockopt::heartbeat_timeout, silence_ms);
+    socket.set(zmq::sockopt::tcp_keepalive, 1);
+    socket.set(zmq::sockopt::tcp_keepalive_idle, idle_s);
+    socket.set(zmq::sockopt::tcp_keepalive_intvl, probe_s);
+    socket.set(zmq::sockopt::tcp_keepalive_cnt, probes);
+    socket.set(zmq::sockopt::tcp_maxrt, unread_ms);
+}
+
+void allow_silence(zmq::socket_t &socket)
+{
+    socket.set(zmq::sockopt::tcp_maxrt, 0);
+}
+
+void refuse_other_users(zmq::socket_t &socket)
+{
+    const uid_t own = geteuid();
+    if (zmq_setsockopt(socket.handle(), ZMQ_IPC_FILTER_UID, &own, sizeof own)) {
+        throw LinkError(std::string("cannot refuse other users: ") + zmq_strerror(zmq_errno()));
+    }
 }
 
 void poll(std::span<zmq::pollitem_t> items, std::chrono::milliseconds most)
@@ -71,11 +90,24 @@ int descriptor(zmq::socket_t &socket)
     return socket.get(zmq::sockopt::fd);
 }
 
-Link::Link(zmq::context_t &context, const Limits &limits)
-    : limits_(limits), socket_(context, zmq::socket_type::pair), monitor_(monitor(context, socket_))
+Link::Link(zmq::context_t &context, const Limits &limits, End end)
+    : limits_(limits), end_(end),
+      socket_(context, end == End::node ? zmq::socket_type::dealer : zmq::socket_type::router)
 {
     set_up(socket_, limits);
+    if (end_ == End::controller) {
+        socket_.set(zmq::sockopt::router_mandatory, true); // send() reports that the node is gone
+        socket_.set(zmq::sockopt::rcvhwm, most_waiting);   // of each stranger
+        connections_ = std::make_unique<Connections>(context, socket_);
+    } else {
+        monitor_ = monitor(context, socket_);
+    }
     gone(); // its descriptor reports only what comes after a first look
+}
+
+int Link::events()
+{
+    return descriptor(connections_ ? connections_->events() : monitor_);
 }
 
 /// Notices that the controller is gone while its node sleeps without a timeout: timers would cost each tick some
@@ -138,9 +170,7 @@ Link::~Link()
             // The other side reads no more.
         }
     }
-    // libzmq's thread writes the socket's events to the monitor, and would wait for ever for a monitor that was
-    // closed before.
-    zmq_socket_monitor(socket_.handle(), nullptr, 0);
+    zmq_socket_monitor(socket_.handle(), nullptr, 0); // before its other end is closed
     watcher_.reset();
 }
 
@@ -155,13 +185,19 @@ void Link::share(std::unique_ptr<SharedChannel> channel)
 
 std::string Link::bind(const std::string &address)
 {
-    bound_ = true;
     try {
         socket_.bind(address);
     } catch (const zmq::error_t &error) {
         throw LinkError("cannot listen at " + address + ": " + error.what());
     }
     return socket_.get(zmq::sockopt::last_endpoint);
+}
+
+void Link::accept()
+{
+    accepted_ = true;
+    connection_ = connections_->number(fd_);
+    gone_ = fd_ >= 0 && !connection_;
 }
 
 void Link::send(const Frame &frame, bool urgent)
@@ -172,7 +208,17 @@ void Link::send(const Frame &frame, bool urgent)
     }
     // It never waits: in lock step only a few frames are on their way, so a side that takes no more is gone. Its
     // last frame, which may end the run, can still be read.
-    if (!socket_.send(zmq::buffer(bytes_), zmq::send_flags::dontwait)) {
+    try {
+        if (end_ == End::controller && !socket_.send(zmq::buffer(peer_.data(), peer_.size()),
+                                                     zmq::send_flags::sndmore | zmq::send_flags::dontwait)) {
+            gone_ = true;
+        } else if (!socket_.send(zmq::buffer(bytes_), zmq::send_flags::dontwait)) {
+            gone_ = true;
+        }
+    } catch (const zmq::error_t &error) {
+        if (error.num() != EHOSTUNREACH) {
+            throw;
+        }
         gone_ = true;
     }
 }
@@ -186,15 +232,30 @@ bool Link::receive(Frame &frame)
         frame = decode(received_, limits_, Sum::zero);
         return true;
     }
-    const std::size_t parts = receive_parts(socket_, {&message_, 1});
-    if (!parts) {
-        return false;
+    const bool known = end_ == End::node || accepted_;
+    const auto parts = std::span(parts_).subspan(end_ == End::node ? 1 : 0);
+    while (const std::size_t n = receive_parts(socket_, parts)) {
+        if (accepted_ && parts_[0] != peer_) {
+            continue; // a stranger's
+        }
+        try {
+            if (n != parts.size()) {
+                throw ProtocolError("a frame is one part, not " + std::to_string(n + 1 - parts.size()));
+            }
+            frame = decode({parts_[1].data<std::byte>(), parts_[1].size()}, limits_);
+        } catch (const ProtocolError &) {
+            if (known) {
+                throw;
+            }
+            continue;
+        }
+        if (!known) {
+            peer_.copy(parts_[0]);
+            fd_ = zmq_msg_get(parts_[1].handle(), ZMQ_SRCFD);
+        }
+        return true;
     }
-    if (parts > 1) {
-        throw ProtocolError("a frame is one part, not " + std::to_string(parts));
-    }
-    frame = decode({message_.data<std::byte>(), message_.size()}, limits_);
-    return true;
+    return false;
 }
 
 Frame Link::wait(std::chrono::milliseconds most)
@@ -234,20 +295,14 @@ bool Link::gone()
     if (watcher_) {
         return watcher_->gone();
     }
+    if (connections_) {
+        gone_ = gone_ || (connections_->number(fd_) != connection_ && accepted_);
+        return gone_;
+    }
     std::uint16_t kind = 0;
     for (std::uint32_t value = 0; next_event(monitor_, kind, value);) {
-        if (kind != ZMQ_EVENT_DISCONNECTED) {
-            // Other programs connect to a bound socket, too: libzmq accepts the first that is allowed.
-            const bool first = kind == ZMQ_EVENT_HANDSHAKE_SUCCEEDED && !std::exchange(made_, true);
-            strangers_ += bound_ && !first;
-            if (!bound_ && kind == ZMQ_EVENT_HANDSHAKE_FAILED_AUTH) {
-                refusal_ = refusal(kind, value, true);
-            }
-        } else if (strangers_) {
-            strangers_--;
-        } else {
-            gone_ = true;
-        }
+        gone_ = gone_ || kind == ZMQ_EVENT_DISCONNECTED;
+        refusal_ = kind == ZMQ_EVENT_HANDSHAKE_FAILED_AUTH ? refusal(kind, value, true) : refusal_;
     }
     return gone_;
 }

@@ -6,6 +6,7 @@
 #include "cosim/protocol/words.h"
 #include "cosim/transport/link_error.h"
 
+#include <array>
 #include <chrono>
 #include <memory>
 #include <span>
@@ -14,6 +15,7 @@
 
 namespace fledge::cosim {
 
+class Connections;
 class SharedChannel;
 
 /// Whether frames may go through shared memory.
@@ -31,10 +33,16 @@ inline constexpr std::pair<std::string_view, Sharing> sharing_words[] = {
 bool is_local(const std::string &address);
 
 /// Set the options of every socket:
-/// - libzmq's threads exchange heartbeats. So a lost machine or network is noticed within seconds, and a program
-///   that computes for long is not taken for lost.
+/// - The kernels of both machines check each TCP connection. So a lost machine or network is noticed within seconds,
+///   and a program that computes for long, or that a debugger stops, is not taken for lost.
 /// - libzmq refuses a message above the limit before it allocates memory for it.
 void set_up(zmq::socket_t &socket, const Limits &limits);
+
+/// Before a socket is bound: the other side may leave bytes unread for ever, as a stopped program does.
+void allow_silence(zmq::socket_t &socket);
+
+/// Before a socket is bound: over "ipc://", only programs of this user can connect.
+void refuse_other_users(zmq::socket_t &socket);
 
 /// Wait for an event on one of these sockets, or a signal. A negative time: for ever.
 void poll(std::span<zmq::pollitem_t> items, std::chrono::milliseconds most);
@@ -49,7 +57,9 @@ int descriptor(zmq::socket_t &socket);
 
 class Link {
 public:
-    Link(zmq::context_t &context, const Limits &limits);
+    enum class End { node, controller };
+
+    Link(zmq::context_t &context, const Limits &limits, End end = End::node);
     ~Link();
     Link(const Link &) = delete;
     Link &operator=(const Link &) = delete;
@@ -57,8 +67,12 @@ public:
     /// A node connects it; a controller gives it keys before bind().
     zmq::socket_t &socket() { return socket_; }
 
-    /// Returns the address with the chosen port. Throws LinkError.
+    /// The controller's end. Returns the address with the chosen port. Throws LinkError.
     std::string bind(const std::string &address);
+
+    /// The controller's end: other programs can connect, too. The sender of the last frame is the node; from now on,
+    /// receive() gives only its frames, and only the loss of its connection counts.
+    void accept();
 
     /// From now on frames go through this memory. The socket only shows whether the other side is there.
     void share(std::unique_ptr<SharedChannel> channel);
@@ -68,7 +82,7 @@ public:
     void send(const Frame &frame, bool urgent = true);
 
     /// Take the next frame that has come. False if there is none. Throws ProtocolError. It also sends more of a
-    /// long frame through shared memory.
+    /// long frame through shared memory. Before accept(), it skips what is no frame.
     bool receive(Frame &frame);
 
     /// A node: wait for a frame. Throws LinkError if the controller goes, or sends none in time (0: no limit).
@@ -79,21 +93,29 @@ public:
 
     /// To poll for frames, and for the loss of the other side: see descriptor().
     int frames() { return descriptor(socket_); }
-    int events() { return descriptor(monitor_); }
+    int events();
 
 private:
     class Watcher;
     bool silent(std::chrono::milliseconds most);
 
     Limits limits_;
-    zmq::socket_t socket_, monitor_;
-    zmq::message_t message_;
+    End end_;
+    zmq::socket_t socket_;
+    zmq::socket_t monitor_;               ///< of a node
+    std::array<zmq::message_t, 2> parts_; ///< libzmq's name of the sender, at the controller's end; a frame
     Bytes bytes_, received_;
     std::unique_ptr<SharedChannel> shared_;
     std::unique_ptr<Watcher> watcher_; ///< of a node that shares memory
-    bool bound_ = false, made_ = false, gone_ = false;
-    int strangers_ = 0;   ///< other programs that connected and are not gone yet
+    bool gone_ = false;
     std::string refusal_; ///< why the other side refuses this program
+
+    // The controller's end.
+    bool accepted_ = false;
+    zmq::message_t peer_;          ///< libzmq's name of the node, or of the sender of the last frame
+    int fd_ = -1;                  ///< of its connection; -1: within one context
+    std::uint64_t connection_ = 0; ///< the number of that
+    std::unique_ptr<Connections> connections_;
 };
 
 } // namespace fledge::cosim

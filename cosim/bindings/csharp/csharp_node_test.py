@@ -317,7 +317,7 @@ def request(start=-2**63, end=0, backend=""):
 @pytest.mark.parametrize("language", ["python", "csharp"])
 def test_garbage_from_a_controller_is_refused(programs, spring, language, frame, why):
     """A controller that welcomes the program, and then says this."""
-    with zmq.Context() as context, context.socket(zmq.ROUTER) as admission, context.socket(zmq.PAIR) as link:
+    with zmq.Context() as context, context.socket(zmq.ROUTER) as admission, context.socket(zmq.DEALER) as link:
         for socket in (admission, link):
             socket.linger, socket.rcvtimeo = 0, 20_000
         admission.bind("tcp://127.0.0.1:*")

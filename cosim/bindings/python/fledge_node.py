@@ -38,6 +38,7 @@ cosim/protocol/protocol.h describes the format; names here follow it.
 import os
 import pathlib
 import re
+import socket
 import struct
 import textwrap
 import threading
@@ -373,20 +374,22 @@ class _Member:
         w.text(self.name)
         return w.frame("Hello", 1)
 
-    def _greet(self, context, expected):
-        """The controller's answer, as a reader."""
-        with context.socket(zmq.DEALER) as socket:
-            _set_up(socket, 0, self._keys)
-            handshake = _Handshake(socket, self._keys)
-            try:
-                socket.connect(self.address)
+    def _greet(self, socket, expected):
+        """The controller's answer, as a reader. A node keeps the socket until the controller's first request: until
+        then, the loss of its connection is the program's."""
+        _set_up(socket, 0, self._keys)
+        handshake = _Handshake(socket, self._keys)
+        try:
+            socket.connect(self.address)
+            end, where = time.monotonic() + self.timeout, f"the controller at {self.address}"
+            if not self.address.startswith("ipc://") or handshake.connect(self.timeout, where):
                 socket.send(self._hello())
-                if not handshake.wait(self.timeout, f"the controller at {self.address}"):
-                    raise NodeError(f"no controller answers at {self.address}" if not handshake.made else
-                                    f"the controller at {self.address} has no answer: not all nodes are there")
-                r = _Reader(socket.recv())
-            finally:
-                handshake.close()
+            if not handshake.wait(end - time.monotonic(), where):
+                raise NodeError(f"no controller answers at {self.address}" if not handshake.made else
+                                f"the controller at {self.address} has no answer: not all nodes are there")
+            r = _Reader(socket.recv())
+        finally:
+            handshake.close()
         if r.kind == "Refused":
             raise NodeError(f"the controller refuses {self.name}: {r.lines('reason')}")
         if r.kind != expected:
@@ -509,24 +512,24 @@ class Node(_Member):
     def run(self):
         """Take part in a run, to its end. Returns its reason, "" at the regular one. Raises NodeError,
         and what the step raises."""
-        with zmq.Context() as context:
-            welcome = self._greet(context, "Welcome")
+        with zmq.Context() as context, context.socket(zmq.DEALER) as greetings:
+            welcome = self._greet(greetings, "Welcome")
             address = self._reachable(welcome.name("address"))
             welcome.name("shared"), welcome.number("Q")  # of shared memory, which Python does not use
             welcome.end()
-            with context.socket(zmq.PAIR) as link:
+            with context.socket(zmq.DEALER) as link:
                 _set_up(link, 1000, self._keys)
                 monitor = link.get_monitor_socket(zmq.EVENT_DISCONNECTED)
                 try:
                     link.connect(address)
                     link.send(self._hello())
-                    self._serve(link, monitor)
+                    self._serve(link, monitor, greetings)
                 finally:
                     link.disable_monitor()
                     monitor.close(0)
         return self.reason
 
-    def _serve(self, link, monitor):
+    def _serve(self, link, monitor, greetings):
         poller = zmq.Poller()
         poller.register(link, zmq.POLLIN)
         poller.register(monitor, zmq.POLLIN)
@@ -538,6 +541,7 @@ class Node(_Member):
             if link not in ready:
                 raise NodeError("the controller is gone")
             frame, timeout, number, w = link.recv_multipart(), None, 0, _Writer()
+            greetings.close()  # the controller knows this program by its own connection now
             try:
                 if len(frame) != 1:
                     raise NodeError(f"a frame is one part, not {len(frame)}")
@@ -779,7 +783,8 @@ class Observer(_Member):
             self._counts[topic] = count
 
     def _attach(self):
-        r = self._greet(self._context, "Attached")
+        with self._context.socket(zmq.DEALER) as socket:
+            r = self._greet(socket, "Attached")
         self._frontend, self._backend = self._reachable(r.name("frontend")), self._reachable(r.name("backend"))
         for _, topic, (name, text) in r.channels():
             if topic not in self.topics or self.topics[topic].text != text:
@@ -884,8 +889,9 @@ class _Handshake:
     def __init__(self, socket, keys):
         self.socket, self.keys, self.made, self.lost, self._broken_off = socket, keys, False, None, 0
         self.monitor = socket.get_monitor_socket(
-            zmq.EVENT_DISCONNECTED | zmq.EVENT_HANDSHAKE_SUCCEEDED | zmq.EVENT_HANDSHAKE_FAILED_AUTH
-            | zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL | zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL)
+            zmq.EVENT_CONNECTED | zmq.EVENT_DISCONNECTED | zmq.EVENT_HANDSHAKE_SUCCEEDED
+            | zmq.EVENT_HANDSHAKE_FAILED_AUTH | zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL
+            | zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL)
 
     def _look(self, where):
         """Raises NodeError if this program is not let in there."""
@@ -901,6 +907,10 @@ class _Handshake:
         elif kind == zmq.EVENT_DISCONNECTED:
             if self.made:
                 self.made, self.lost = False, time.monotonic()
+        elif kind == zmq.EVENT_CONNECTED:
+            user = None if os.environ.get("FLEDGE_ANY_USER") == "1" else _other_user(value)
+            if user is not None:
+                return f"it belongs to another user of this machine, number {user}; FLEDGE_ANY_USER=1 allows that"
         elif kind == zmq.EVENT_HANDSHAKE_FAILED_AUTH:
             return "it does not know this key: ./fledge keys allow, where the controller runs, lets it in"
         elif kind == zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL and value == zmq.PROTOCOL_ERROR_ZMTP_MECHANISM_MISMATCH:
@@ -912,8 +922,17 @@ class _Handshake:
             if self._broken_off >= 5:  # a killed controller breaks off once; one with other keys, at each attempt
                 return ("what listens there breaks off when it sees these keys: controller.public here is not that "
                         "of this controller, or it uses no keys" if self.keys else
-                        "what listens there breaks off: it is no controller, or it asks for keys")
+                        "what listens there breaks off: it is no controller, or it asks for keys, or is of another "
+                        "user")
         return None
+
+    def connect(self, timeout, where):
+        """Whether the connection is made in time [s]. Raises NodeError if this program is not let in, or the other
+        side is of another user."""
+        end = time.monotonic() + timeout
+        while not self.made and self.monitor.poll(max(0, 1000 * (end - time.monotonic()))):
+            self._look(where)
+        return self.made
 
     def wait(self, timeout, where):
         """Whether something came to the socket in time [s]. Raises NodeError if this program is not let in."""
@@ -923,13 +942,26 @@ class _Handshake:
         end = time.monotonic() + timeout
         while True:
             ready = dict(poller.poll(max(0, 1000 * (end - time.monotonic()))))
+            if self.monitor in ready or not self.made:
+                self._look(where)  # the events of a connection come before its first message
             if self.socket in ready or not ready:
                 return bool(ready)
-            self._look(where)
 
     def close(self):
         self.socket.disable_monitor()
         self.monitor.close(0)
+
+
+def _other_user(fd):
+    """The user of the program at the other end of a connection, if that is another one on this machine."""
+    try:
+        with socket.socket(fileno=os.dup(fd)) as connection:
+            if connection.family != socket.AF_UNIX:
+                return None
+            user = struct.unpack("3i", connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, 12))[1]
+    except OSError:
+        return None  # it is closed again
+    return user if user != os.geteuid() else None
 
 
 def _set_up(socket, linger, keys):
@@ -937,5 +969,7 @@ def _set_up(socket, linger, keys):
     if keys:
         socket.curve_publickey, socket.curve_secretkey, socket.curve_serverkey = keys
     socket.maxmsgsize = LARGEST
-    socket.heartbeat_ivl = 1000
-    socket.heartbeat_timeout = 5000
+    # The kernels notice a lost machine or network, and do not take a program that computes or is stopped for lost.
+    socket.tcp_keepalive, socket.tcp_keepalive_idle = 1, 2
+    socket.tcp_keepalive_intvl, socket.tcp_keepalive_cnt = 1, 3
+    socket.tcp_maxrt = 5000

@@ -5,9 +5,11 @@ import functools
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from pathlib import Path
@@ -219,6 +221,86 @@ def test_the_controller_names_a_node_that_is_killed_before_the_run(programs):
     controller.wait_for(mass="joining")
     programs[0].kill()
     assert controller.end() == (1, "the run ended early: mass: its connection is gone")
+
+
+@pytest.mark.parametrize("transport", ["tcp", "ipc"])
+def test_a_debugger_may_stop_a_node_for_long(programs, transport):
+    address = "tcp://127.0.0.1:*" if transport == "tcp" else f"ipc://@fledge-stopped-{os.getpid()}"
+    controller = Controller("--node", "mass", "--node", "spring", "--reply", "0", until="4", address=address)
+    mass, force = spring(programs, controller)
+    controller.wait_for(mass="running", spring="running")
+    force.send_signal(signal.SIGSTOP)
+    time.sleep(8)  # a heartbeat of libzmq would miss an answer after 5 s
+    force.send_signal(signal.SIGCONT)
+    force.communicate(timeout=60)
+    assert controller.end() == (0, "")
+    assert result(mass)["seen"] == alone(401)
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can start programs of another user")
+@pytest.mark.parametrize("allows", ["neither", "the node", "both"])
+def test_over_ipc_another_user_takes_part_where_both_sides_allow_it(programs, allows):
+    with tempfile.TemporaryDirectory() as folder:  # which the other user can read
+        os.chmod(folder, 0o755)
+        shutil.copy(HERE / "fledge_node.py", folder)
+        controller = Controller("--node", "mass", "--node", "spring", *["--any-user"] * (allows == "both"),
+                                address=f"ipc://@fledge-users-{os.getpid()}-{allows[-4:]}")
+        programs.append(subprocess.Popen(
+            [sys.executable, "-c", MASS, controller.address, "next_instant"], stdout=subprocess.PIPE, cwd=folder,
+            stderr=subprocess.PIPE, text=True, user=65534, group=65534, extra_groups=[],
+            env={"PYTHONPATH": folder, "FLEDGE_ANY_USER": str(int(allows != "neither"))}))
+        programs += [start(SPRING, controller.address, "same_instant"), controller.process]
+        if allows == "both":
+            assert controller.end() == (0, "")
+            assert result(programs[0])["seen"] == alone(101)
+            return
+        _, errors = programs[0].communicate(timeout=60)
+        assert ("belongs to another user of this machine, number 0; FLEDGE_ANY_USER=1 allows that" if
+                allows == "neither" else "breaks off") in errors
+        controller.process.send_signal(signal.SIGTERM)
+        assert controller.end() == (1, "the run ended early: the user ended it")
+
+
+@pytest.fixture
+def network():
+    """(the command that starts a program behind a network, the address on this side, what breaks the network)"""
+    name = f"fledge-{os.getpid()}"
+    near = f"fl{os.getpid() % 10**6}a"
+    far = near[:-1] + "b"
+
+    def ip(*words):
+        return subprocess.run(["ip", *words], capture_output=True).returncode
+
+    if not shutil.which("ip") or ip("netns", "add", name):
+        pytest.skip("no network namespace can be made here")
+    try:
+        failed = [ip(*words.split()) for words in (
+            f"link add {near} type veth peer name {far} netns {name}", f"addr add 198.18.9.1/30 dev {near}",
+            f"link set {near} up", f"-n {name} addr add 198.18.9.2/30 dev {far}", f"-n {name} link set {far} up")]
+        assert not any(failed)
+        yield ["ip", "netns", "exec", name], "198.18.9.1", lambda: ip("-n", name, "link", "set", far, "down")
+    finally:
+        ip("netns", "del", name)
+
+
+@pytest.mark.parametrize("computes, limit", [(False, "60"), (True, "60"), (True, "0")])
+def test_both_sides_notice_a_lost_network(programs, network, computes, limit):
+    launcher, here, break_it = network
+    controller = Controller("--node", "mass", "--node", "spring", "--reply", limit, "--unencrypted-beyond-machine",
+                            until="1e6", address=f"tcp://{here}:*")
+    slow = SPRING.replace("    state =", "    import time\n    time.sleep(60 if t else 0)\n    state =", 1)
+    programs += [start(MASS, controller.address, "next_instant"), subprocess.Popen(
+        [*launcher, sys.executable, "-c", slow if computes else SPRING, controller.address, "same_instant"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=os.environ | {"PYTHONPATH": str(HERE)}),
+        controller.process]
+    controller.wait_for(mass="running", spring="running")
+    break_it()
+    code, errors = controller.end()
+    assert code == 1 and "spring: its connection is gone" in errors
+    if computes:
+        programs[1].kill()  # it would notice after its step
+    else:
+        assert "NodeError: the controller is gone" in programs[1].communicate(timeout=60)[1]
 
 
 def test_ctrl_c_of_the_controller_ends_all(programs):

@@ -81,10 +81,12 @@ class Plan:
     address: str | None = _key("text")
     keys: str | None = _key("path")
     unencrypted: bool = _key("flag", False)
+    any_user: bool = _key("flag", False)                # programs of other users of this machine
     record: bool = _key("flag", True)                   # of each process of a mission
     exchange: bool = _key("flag", False)                # record every message between nodes
     watch: list[str] = _key("topics", list)             # topics to write although no node subscribes to them
     join: float = _key("seconds", 60.0)                 # [s]
+    greet: float = _key("seconds", 30.0)                # [s]
     reply: float = _key("seconds", 60.0)                # [s]
     file: str = ""
 

@@ -205,13 +205,14 @@ class Session:
         plan = self.plan
         command = [self._controller_program, "--simulation", plan.simulation, "--until", repr(plan.until),
                    "--seed", str(plan.seed), "--address", plan.listening(), "--join", repr(plan.join),
-                   "--reply", repr(plan.reply), "--status", str(status)]
+                   "--greet", repr(plan.greet), "--reply", repr(plan.reply), "--status", str(status)]
         command += ["--pace", repr(plan.pace)] * bool(plan.pace)
         command += ["--record", str(self.folder.resolve() / "exchange.mcap")] * plan.exchange
         if plan.keys:
             command += ["--keys", plan.keys]
         elif plan.beyond and plan.unencrypted:
             command.append("--unencrypted-beyond-machine")
+        command += ["--any-user"] * plan.any_user
         for topic in plan.watch:
             command += ["--watch", topic]
         for p in plan.programs:
@@ -268,7 +269,8 @@ class Session:
         """The environment in which a program finds the simulation."""
         keys = p.keys or self.plan.keys
         return {"FLEDGE_SIMULATION": self.plan.simulation, "FLEDGE_NODE": p.name, "FLEDGE_ADDRESS": self._address,
-                **({"FLEDGE_KEYS": keys} if keys else {})}
+                **({"FLEDGE_KEYS": keys} if keys else {}),
+                **({"FLEDGE_ANY_USER": "1"} if self.plan.any_user else {})}
 
     def _end(self, r: _Running) -> None:
         r.ending = True
@@ -360,7 +362,7 @@ class Session:
             self._failed[name] = r.dead
             if p.joins == WHEN_IT_COMES:
                 self.view.happens(f"  {name} {r.dead} before it took part")
-            elif r.state == "absent":
+            elif r.state == "absent" or (p.joins is None and p.on_loss == "abort"):
                 self.stop(f"{name} {r.dead} before it took part")
             return
         if p.on_loss == "pause" and r.state not in ("finished", "left"):

@@ -181,6 +181,30 @@ def test_a_viewer_sees_what_passes(mark, tmp_path):
     assert logs(tmp_path)["viewer"] == "saw some ''\n"
 
 
+@pytest.mark.parametrize("any_user", [True, False])
+def test_the_limits_and_users_of_the_file_are_the_controllers_and_nodes(mark, tmp_path, any_user):
+    file = write_pair(tmp_path, until=0.5, top=f"greet = 7.5\nreply = 0\nany_user = {str(any_user).lower()}",
+                      mass='env = { STAYS_AT = "0" }')
+    spring = tmp_path / "spring.py"
+    spring.write_text('import os\nprint("others:", os.environ.get("FLEDGE_ANY_USER"))' + spring.read_text())
+    process = subprocess.Popen([sys.executable, "-m", "fledge.cli", "up", str(file)], cwd=tmp_path, env=mark.env,
+                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    try:
+        log = tmp_path / "runs/pair/log/spring.log"
+        while process.poll() is None and not (log.exists() and "others:" in log.read_text()):
+            time.sleep(0.02)
+        command = next(line for _, line in mark.processes() if re.match(r"\S*fledge_controller ", line))
+        (tmp_path / "go").touch()
+        out, _ = process.communicate(timeout=60)
+        assert process.returncode == 0, out
+    finally:
+        process.kill()
+        process.communicate()
+        mark.kill()
+    assert "--greet 7.5 --reply 0.0 " in command and ("--any-user" in command) == any_user
+    assert f"others: {'1' if any_user else None}\n" in logs(tmp_path)["spring"]
+
+
 def test_one_line_per_host(mark, tmp_path):
     """A shell takes the place of ssh: it reads the same text from the same place."""
     there = tmp_path / "there"
