@@ -212,8 +212,8 @@ private:
     void add(const Line &line, SchemaField field)
     {
         const std::uint64_t size = std::uint64_t{field.item} * field.count;
-        text_bytes += field.name.size() + field.unit.size() + field.choices.size();
-        if (at + size > schema_size_max || result.size() >= schema_fields_max || text_bytes > schema_text_max) {
+        texts += field.name.size() + field.unit.size() + field.choices.size();
+        if (at + size > schema_size_max || result.size() >= schema_fields_max || texts > schema_text_max) {
             fail(line.number, "the message is too large", field.name);
         }
         if (at % field.item) {
@@ -227,7 +227,7 @@ private:
     std::map<std::string_view, std::vector<Line>> sections;
     std::vector<SchemaField> result;
     std::uint32_t at = 0;
-    std::size_t text_bytes = 0; ///< bytes of names, units and choices
+    std::size_t texts = 0; ///< bytes of names, units and choices
 };
 
 std::string described(const SchemaField &field)
