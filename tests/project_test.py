@@ -59,6 +59,11 @@ def test_what_fails_to_build_is_shown_without_the_build(tmp_path):
                     "use fm_sin of flight/math/elementary.h; C that never flies stands below NOT_FLOWN",
                     shown("flight/spin.c", "    memset(&m->mem, 0, sizeof m->mem);",
                           "    double sin(double);\n    m->mem.torque_B.v[0] = sin(m->par.rate);"))
+    (sat / "note.c").write_text("#include <stdio.h>\nvoid note(void)\n{\n    puts(\"x\");\n}\n")
+    assert re.match(rf"{sat}/note.c:4: note refers to puts, which is neither flight code nor in flight/math",
+                    shown("CMakeLists.txt", "    WORLD\n", "    EXISTING\n        note.c\n    WORLD\n"))
+    replace(sat / "CMakeLists.txt", "    WORLD\n", "    NOT_FLOWN\n        note.c\n    WORLD\n")
+    fledge("list", cwd=sat)
     assert re.match(rf"{sat}/world/leak_model.cpp:\d+:\d+: error: .nothing. ",
                     shown("world/leak_model.cpp", "namespace sat {", "namespace sat {\nint x = nothing;"))
     assert re.match("CMake Error at CMakeLists.txt:8: +Parse error",
