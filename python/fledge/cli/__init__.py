@@ -196,6 +196,7 @@ def list_(options: argparse.Namespace) -> int:
         say("\nkept runs (each is a RUN for plot, compare and convert)")
         for name, (record, *_) in runs.items():
             facts = {key: text for pairs in metadata(record).values() for key, text in pairs.items()}
+            facts.setdefault("outcome", "has not ended")
             say(f"  {name:{width}} " + ", ".join(facts[key] for key in ("mission", "scenario", "outcome")
                                                 if key in facts))
     return 0

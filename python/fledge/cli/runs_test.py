@@ -234,6 +234,9 @@ def test_a_name_is_taken_once_unless_it_is_replaced(here, capsys):
     assert "another fledge command writes into runs/kept/other now" in capsys.readouterr().err
     waiting.kill()
     assert cli.main(["run", "looker", "short", "--as", "other"]) == 2      # what is left of it is not lost either
+    capsys.readouterr()
+    assert cli.main(["list"]) == 0
+    assert "looker, waiting, has not ended" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("name", ["", ".", "..", "a/b", "a\\b", "-a", ".a", " a", "a\n", "a\x1b[1m", "x" * 101,
