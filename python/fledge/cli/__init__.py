@@ -47,7 +47,8 @@ def _run(options, sim, name, fly, folder):
     import fledge
     from fledge import mission as missions
 
-    (folder / "report.html").unlink(missing_ok=True)    # of an earlier run
+    if os.path.lexists(folder / "report.html"):     # of an earlier run
+        (folder / "report.html").unlink()
     sim.pace = options.pace
     sim.plots = Plots(folder) if not options.no_plots else False
     sim.archive(folder / "run.mcap", mission=sim.name, scenario=name, fledge=fledge.__version__,
