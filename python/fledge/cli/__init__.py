@@ -199,7 +199,7 @@ def list_(options: argparse.Namespace) -> int:
             facts = {key: text for pairs in metadata(record).values() for key, text in pairs.items()}
             facts.setdefault("outcome", "has not ended")
             say(f"  {name:{width}} " + ", ".join(facts[key] for key in ("mission", "scenario", "outcome")
-                                                if key in facts))
+                                                 if key in facts))
     return 0
 
 
