@@ -157,13 +157,15 @@ def _panel(axis: Axes, group: list[Series], factor: float, units: dict[str, tupl
     import numpy as np
 
     labels = []
-    for one in group:
+    for n, one in enumerate(group):
         shown_unit, size = units.get(one.key, (one.unit, 1.0))
         values = (one.values / size if size != 1.0 else one.values).reshape(len(one.values), -1)
         label = f"${symbol(one.name.split('[')[0])}$"
         names = component_labels(one.name, one.meaning, one.shape) if one.shape else [label]
         shown = np.array(values, dtype=float)
         shown[1:][_jumps(shown, one, shown_unit)] = np.nan
+        if one.words:   # side by side, for equal ones would hide each other
+            shown += 0.06 * (n - (len(group) - 1) / 2)
         for k in range(used(values, one.shape)):
             text = names[k] if len(group) == 1 else f"{names[k]} ({one.port.rpartition('.')[2]})"
             axis.plot(one.time / factor, shown[:, k], label=text,
@@ -234,9 +236,9 @@ def _jumps(values: np.ndarray, one: Series, unit: str) -> np.ndarray:
 
 def _title(group: list[Series]) -> str:
     one = group[0]
-    port = one.port.partition(".")[2] or one.port
-    meaning = re.split(r"[,;(]", one.meaning)[0].strip() if one.shape and one.meaning else ""
-    return port if len(group) > 1 or not meaning else f"{port}: {meaning}"
+    ports = ", ".join(dict.fromkeys(one.port.partition(".")[2] or one.port for one in group))
+    meaning = re.split(r"[,;(]", one.meaning)[0].strip() if (one.shape or one.words) and one.meaning else ""
+    return ports if len(group) > 1 or not meaning else f"{ports}: {meaning}"
 
 
 def _file_name(groups: list[list[Series]]) -> str:

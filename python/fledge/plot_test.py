@@ -101,7 +101,11 @@ def test_an_enumeration_has_its_names_on_the_axis(log, tmp_path):
     assert [label.get_text() for label in axis.get_yticklabels()] == ["none", "stale", "degraded", "good"]
     assert axis.lines[0].get_drawstyle() == "steps-post" and axis.get_ylabel() == "quality"
     assert set(axis.lines[0].get_ydata()) <= {0, 1, 2, 3}
+    assert axis.get_title(loc="left") == "tracking.error: how far the content may be trusted"
     assert save(figure, tmp_path).stat().st_size > 5000
+    both = plot(log, ["tracking.error.head.quality", "craft.state.head.quality"]).axes[0]
+    one, two = (line.get_ydata()[-1] for line in both.lines)
+    assert one < 3 < two and both.get_title(loc="left") == "tracking.error, craft.state"    # neither hides the other
 
 
 def test_names_of_files_stay_in_their_folder(log, tmp_path):

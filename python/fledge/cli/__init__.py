@@ -49,7 +49,8 @@ def _run(options, sim, name, fly, folder):
     from fledge import mission as missions
     from fledge.cli import health
 
-    (folder / "report.html").unlink(missing_ok=True)    # of an earlier run
+    if os.path.lexists(folder / "report.html"):     # of an earlier run
+        (folder / "report.html").unlink()
     sim.pace = options.pace
     sim.plots = Plots(folder) if not options.no_plots else False
     sim.archive(folder / "run.mcap", mission=sim.name, scenario=name, fledge=fledge.__version__,
@@ -204,8 +205,9 @@ def list_(options: argparse.Namespace) -> int:
         say("\nkept runs (each is a RUN for plot, compare and convert)")
         for name, (record, *_) in runs.items():
             facts = {key: text for pairs in metadata(record).values() for key, text in pairs.items()}
+            facts.setdefault("outcome", "has not ended")
             say(f"  {name:{width}} " + ", ".join(facts[key] for key in ("mission", "scenario", "outcome")
-                                                if key in facts))
+                                                 if key in facts))
     return 0
 
 

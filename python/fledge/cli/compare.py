@@ -43,7 +43,7 @@ def compare(options: argparse.Namespace) -> int:
         topics = comparing.chosen(a, b, options.topics)
         messages = sum(a.topics[t].count for t in topics)
         within = f"equal to within {options.tolerance:g}" if options.tolerance else "identical"
-        same = "" if options.tolerance else f", hash {comparing.digest(a, topics)}"
+        same = "" if options.tolerance or options.ignore else f", hash {comparing.digest(a, topics)}"
         say(f"{within}: {len(topics)} topics, {messages} messages in each{same}")
     if found or origins:
         say(f"a  {a.path}\nb  {b.path}")

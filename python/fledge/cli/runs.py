@@ -87,8 +87,9 @@ def folder_of(name: str, replace: bool = False) -> Path:
 
 
 def kept() -> dict[str, list[Path]]:
-    """The kept runs: name -> their records."""
-    return {folder.name: found for folder in sorted(KEPT.glob("*")) if (found := sorted(folder.glob("*.mcap")))}
+    """The kept runs: name -> their records, or what is left of one that has not ended."""
+    return {folder.name: found for folder in sorted(KEPT.glob("*"))
+            if (found := sorted(folder.glob("*.mcap")) or sorted(folder.glob("*.mcap.part")))}
 
 
 def find_run(name: str) -> Path:

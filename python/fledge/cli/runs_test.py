@@ -14,7 +14,7 @@ from fledge import Archive, RunError, cli
 from fledge.archive import mcap
 from fledge.cli.runs import alone, folder_of
 from fledge.errors import Failure
-from fledge.files import Part
+from fledge.files import Part, create
 
 ENVIRONMENT = {**os.environ, "PYTHONPATH": ":".join(p for p in sys.path if p)}
 FLIGHT = """
@@ -234,6 +234,9 @@ def test_a_name_is_taken_once_unless_it_is_replaced(here, capsys):
     assert "another fledge command writes into runs/kept/other now" in capsys.readouterr().err
     waiting.kill()
     assert cli.main(["run", "looker", "short", "--as", "other"]) == 2      # what is left of it is not lost either
+    capsys.readouterr()
+    assert cli.main(["list"]) == 0
+    assert "looker, waiting, has not ended" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("name", ["", ".", "..", "a/b", "a\\b", "-a", ".a", " a", "a\n", "a\x1b[1m", "x" * 101,
@@ -268,6 +271,32 @@ def test_a_folder_is_free_again_when_its_program_ends(here):
     with alone(here / "c" / "d"):
         pass
     assert not (here / "c").exists()        # nothing came of it
+
+
+@pytest.mark.parametrize("command", [["montecarlo", "nadir_spin", "--runs", "1"], ["up", "nadir_spin", "--until", "1s"],
+                                     ["montecarlo", "nadir_spin", "--only", "0"], ["run", "nadir_spin"],
+                                     ["fly", "nadir_spin", "--on", "desktop", "--for", "1s"]])
+def test_every_command_that_writes_a_run_needs_its_folder_alone(here, capsys, command):
+    with alone(here / "one"):
+        assert cli.main([*command, "--out", "one"]) in (1, 2)
+        complaint = capsys.readouterr().err
+        assert "another fledge command writes into one now" in complaint or "one is in use by another run" in complaint
+        assert not list((here / "one").iterdir())
+
+
+def test_two_exports_never_mix(here, capsys):
+    assert cli.main(["export", "c", "looker", "--out", "c"]) == 0
+    before = {path.name: path.read_bytes() for path in (here / "c").iterdir()}
+    lock = create(here / "c" / "looker.c.part")
+    assert cli.main(["export", "c", "looker", "--out", "c"]) == 2
+    assert "looker.c.part: another program writes it now" in capsys.readouterr().err
+    os.close(lock)
+    (here / "c" / "looker.c.part").unlink()
+    assert {path.name: path.read_bytes() for path in (here / "c").iterdir()} == before
+    (here / "c" / "looker.c.part").symlink_to(here / "missions/looker/flight.py")
+    assert cli.main(["export", "c", "looker", "--out", "c"]) == 2
+    assert (here / "missions/looker/flight.py").read_text().startswith("\n\"A body")
+    (here / "c" / "looker.c.part").unlink()
 
 
 def test_one_program_at_a_time_writes_a_file(here):

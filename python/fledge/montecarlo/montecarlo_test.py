@@ -336,7 +336,10 @@ def test_a_campaign_of_failures_has_a_report_too(tmp_path):
         d["world.craft.mass"] = d.normal(-7, 1)
         d.check(d.retain("flight.motor.command.u").max_abs() < 1 * N * m)
 
+    (tmp_path / "mine.png").touch()
+    (tmp_path / "bands-older.png").touch()
     data, paths = report.write(Campaign("nadir_spin", heavy).fly(3), tmp_path, str)
+    assert (tmp_path / "mine.png").exists() and not (tmp_path / "bands-older.png").exists()
     assert data["passed"] == 0 and data["failed"] == 3 and not data["final"][0]["percentiles"]
     assert [p.name for p in paths] == ["summary.txt", "summary.json", "runs.csv", "runs.h5"]
     assert "world.craft.mass must be >= 0" in report.text(data)

@@ -146,8 +146,9 @@ def write(result: Result, folder: Path | str, command: Callable[[int], str]) -> 
 
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    for old in folder.glob("*.png"):  # of a campaign that retained other variables
-        old.unlink()
+    # Of a campaign that retained or required something else.
+    for old in [*folder.glob("bands-*.png"), folder / "requirements.png", folder / "drivers.png"]:
+        old.unlink(missing_ok=True)
     data = summary(result, command)
     contents = {"summary.txt": text(data) + "\n", "summary.json": json.dumps(data, indent=1) + "\n",
                 "runs.csv": _csv(result)}
