@@ -84,8 +84,8 @@ def test_bodies_that_do_not_exist():
 # --- names -----------------------------------------------------------------------------------------
 
 def test_a_misspelt_attribute(sim):
-    text = ("flight.control (MrpFeedback) has no attribute 'k'; did you mean 'K'? parameters: K, P, K_I, u_I_max; "
-            "inputs: error, vehicle, wheels, speeds, external; outputs: torque; memory: ")
+    text = ("flight.control (MrpFeedback) has no attribute 'k'; did you mean 'K'? parameters: K, P, K_I, u_I_max, "
+            "hold; inputs: error, vehicle, wheels, speeds, external; outputs: torque; memory: ")
     for act in (lambda: sim.flight.control.k, lambda: setattr(sim.flight.control, "k", 1)):
         with pytest.raises(AttributeError) as error:
             act()
