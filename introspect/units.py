@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Units as headers write them: `[N m / s]`, `[rad/s^2]`, `[kg m^2]`, `[-]`, `[ns]`.
+"""Units as headers write them: `[N m / s]`, `[rad/s^2]`, `[kg m^2]`, `[1/s]`, `[-]`, `[ns]`.
 
-    unit   = "-" | "ns" | factor { ("/" | " ") factor }
+    unit   = "-" | "ns" | ( factor | "1" "/" factor ) { ("/" | " ") factor }
     factor = symbol [ "^" integer ]
 
 A "/" divides by the next factor only, so `J/kg K` is J kg^-1 K. Only SI units without prefix are
@@ -29,6 +29,8 @@ SYMBOLS = {base: _exponents(**{base: 1}) for base in BASES} | {
     "V": _exponents(kg=1, m=2, s=-3, A=-1),
     "Hz": _exponents(s=-1),
     "Pa": _exponents(kg=1, m=-1, s=-2),
+    "T": _exponents(kg=1, s=-2, A=-1),
+    "ohm": _exponents(kg=1, m=2, s=-3, A=-2),
 }
 
 DIMENSIONLESS = Unit("-", _exponents())
@@ -46,8 +48,12 @@ def parse(text: str) -> Unit:
     if text == "ns":
         return NANOSECONDS
     dims = [0] * len(BASES)
+    tokens = re.findall(r"/|[^/\s]+", text)
     sign, expected = 1, True
-    for token in re.findall(r"/|[^/\s]+", text):
+    if tokens[:2] == ["1", "/"]:
+        del tokens[0]
+        expected = False
+    for token in tokens:
         if token == "/":
             if expected:
                 raise _malformed(text)
@@ -70,7 +76,7 @@ def parse(text: str) -> Unit:
 
 def _malformed(text: str) -> Refusal:
     return Refusal("a unit is factors `symbol` or `symbol^integer`, separated by spaces or `/`",
-                   f"[{text}]", "write for example [N m / s], [s^-1], or [-] for none")
+                   f"[{text}]", "write for example [N m / s], [1/s], or [-] for none")
 
 
 def _advice(symbol: str) -> str:

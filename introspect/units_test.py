@@ -22,6 +22,12 @@ def dims(**powers):
     ("Pa m^2", dims(kg=1, m=1, s=-2)),
     ("Hz", dims(s=-1)),
     ("s^-1", dims(s=-1)),
+    ("1/s", dims(s=-1)),
+    ("1 / m^2", dims(m=-2)),
+    ("1/T s", dims(kg=-1, s=3, A=1)),
+    ("T", dims(kg=1, s=-2, A=-1)),
+    ("V s/m^2", dims(kg=1, s=-2, A=-1)),
+    ("ohm", dims(kg=1, m=2, s=-3, A=-2)),
     ("kg m^-3", dims(kg=1, m=-3)),
     ("cd mol", dims(cd=1, mol=1)),
     ("-", dims()),
@@ -41,7 +47,7 @@ def test_spaces_do_not_matter_but_between_factors():
 
 
 @pytest.mark.parametrize("text", ["", "/s", "m/", "m//s", "m^", "m^2.5", "m^s", "2 m", "m*s", "N-m",
-                                  "m^999", "m -"])
+                                  "m^999", "m -", "1", "1/", "1//s", "1 s", "m 1/s", "s/1", "2/s"])
 def test_malformed_units_are_refused(text):
     with pytest.raises(Refusal, match="a unit is factors `symbol` or `symbol\\^integer`"):
         parse(text)
@@ -57,4 +63,4 @@ def test_unknown_symbols_are_named(text, symbol, advice):
         parse(text)
     assert refusal.value.found == f"`{symbol}` in [{text}]"
     assert refusal.value.advice == advice
-    assert "m kg s A K mol cd rad N J W V Hz Pa" in refusal.value.rule
+    assert "m kg s A K mol cd rad N J W V Hz Pa T ohm" in refusal.value.rule

@@ -65,6 +65,9 @@ void check_field(const FledgeStruct &type, const FledgeField &field, const std::
         if (!std::isfinite(x)) {
             fail("must be finite", found());
         }
+        if (!exec_computable(x)) {
+            fail("must be 0 or of a size from 1e-100 to 1e+100" + unit, found());
+        }
         if (!exec_within(field.bounds, field.lo, field.hi, x)) {
             fail(bounds_text(field) + unit, found());
         }

@@ -97,6 +97,24 @@ TEST(Check, WhatIsNotFinite)
     EXPECT_THAT(check(1), HasSubstr("found inf kg m^2 at [2, 1]"));
 }
 
+TEST(Check, WhatCannotBeComputedWith)
+{
+    Checker check;
+    for (const double x : {1e-320, -1e-320, 1e-160, 9e-101, 2e100, -1e160, 1.7e308}) {
+        check.values.x = x;
+        EXPECT_THAT(check(0), HasSubstr("flight.thing.x must be 0 or of a size from 1e-100 to 1e+100 kg m^2, found"));
+    }
+    for (const double x : {0.0, -0.0, 1e-100, -1e-100, 1e100, -1e100}) {
+        check.values.x = x;
+        EXPECT_EQ(check(0), "");
+    }
+    check.list[1].flags = FLEDGE_NON_ZERO;
+    check.values.axes[0][0] = check.values.axes[1][1] = check.values.axes[2][2] = 1.0;
+    EXPECT_EQ(check(1), "");
+    check.values.axes[1][1] = 1e160;
+    EXPECT_THAT(check(1), HasSubstr("found 1e+160 kg m^2 at [1, 1]"));
+}
+
 TEST(Check, OnlyTheRowsThatCount)
 {
     Checker check;

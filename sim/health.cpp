@@ -64,7 +64,7 @@ std::map<const Instance *, Place> places_of(const Structure &structure)
     std::map<const Instance *, Place> places;
     for (const auto &process : structure.processes) {
         const std::vector<const Task *> tasks = in_order(*process);
-        for (std::size_t k = 0; k < tasks.size(); k++) {
+        for (std::size_t k = 0; k < tasks.size() && !process->stands_in; k++) {
             for (std::size_t i = 0; i < tasks[k]->run.size(); i++) {
                 const Instance &instance = *tasks[k]->run[i];
                 for (const Instance *one : with_parts(*process, instance)) {

@@ -137,7 +137,9 @@ Runtime::Runtime(const Structure &built, Roles roles, Recorder &recorder)
                 const auto first = static_cast<std::uint32_t>(copies_.size());
                 for (const Instance *one : with_parts(*process, *instance)) {
                     lay_out_wires(*one);
-                    health.watch(*one, *task, structure);
+                    if (!process->stands_in) {
+                        health.watch(*one, *task, structure);
+                    }
                 }
                 const auto last = static_cast<std::uint32_t>(copies_.size());
                 if (Model *model = instance->model()) {

@@ -212,6 +212,7 @@ std::unique_ptr<Simulation> Simulation::clone() const
     std::unordered_map<const Model *, Model *> models;
     for (const auto &process : processes()) {
         Process &other = copy->add_process(process->name);
+        other.stands_in = process->stands_in;
         other.integrator_ = process->integrator_;
         other.modes_ = process->modes_;
         other.initial_ = process->initial_;

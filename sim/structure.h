@@ -91,6 +91,7 @@ struct Event {
 class Process {
 public:
     std::string name;
+    bool stands_in = false; ///< for other programs: the health of its instances is theirs
 
     /// Give an instance its name. Throws SetupError if the name is taken or no identifier, or if
     /// the instance already has a process.

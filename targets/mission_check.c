@@ -20,8 +20,7 @@ static uint32_t broken(const MissionRule *rule, const uint8_t *block)
     }
     for (uint32_t i = 0u; i < n; i++) {
         const double x = number(rule, block, i);
-        /* x - x is NaN if x is not finite. */
-        if (x - x != 0.0 || !exec_within(rule->flags, rule->low, rule->high, x)) {
+        if (!exec_computable(x) || !exec_within(rule->flags, rule->low, rule->high, x)) {
             return i;
         }
     }

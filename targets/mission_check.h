@@ -18,10 +18,10 @@ enum {
 
 #define MISSION_ALL UINT32_MAX
 
-/** The rule of a field. All numbers must also be finite. */
+/** The rule of a field. All numbers must also be computable (exec_computable). */
 typedef struct MissionRule {
     const char *name;
-    const char *text; ///< "finite, > 0 N m"
+    const char *text; ///< "0 or of size 1e-100 to 1e100, > 0 N m"
     uint32_t offset;  ///< [bytes] in the block
     uint32_t n;       ///< numbers
     uint32_t row;     ///< numbers in each row

@@ -66,6 +66,7 @@ struct SimulationNode::StandIn {
 SimulationNode::SimulationNode(sim::Simulation &simulation, const std::string &process)
     : simulation_(simulation), process_(simulation.process(process)), others_(simulation.add_process("others"))
 {
+    others_.stands_in = true;
 }
 
 SimulationNode::~SimulationNode() = default;
@@ -97,6 +98,7 @@ Initialized SimulationNode::initialize(const Initialize &request)
         const sim::Task &first = process_.tasks().front();
         others_.add_task({"stand", first.period, first.offset, 0, others_.instances()});
     }
+    end_ = request.end;
     simulation_.set_seed(request.seed);
     simulation_.prepare();
     if (request.start >= 0 && request.snapshot.empty()) {
@@ -174,6 +176,13 @@ Tock SimulationNode::tick(const Tick &tick)
     }
     simulation_.reach(tick.until);
     return tock;
+}
+
+void SimulationNode::finish(const std::string &reason)
+{
+    if (reason.empty()) {
+        simulation_.reach(end_); // no task of this process need run there
+    }
 }
 
 } // namespace fledge::cosim

@@ -33,6 +33,7 @@ public:
     void start(const std::vector<Channel> &wired) override;
     Tock tick(const Tick &tick) override;
     Bytes save() override;
+    void finish(const std::string &reason) override;
 
 private:
     struct StandIn;
@@ -44,6 +45,7 @@ private:
     sim::Simulation &simulation_;
     sim::Process &process_;
     sim::Process &others_;
+    Ns end_ = 0; ///< of the run
     std::vector<Subscription> subscriptions_;
     std::map<std::string, std::unique_ptr<StandIn>> stand_ins_; ///< by topic
     std::map<std::uint32_t, Input> inputs_;                     ///< by channel

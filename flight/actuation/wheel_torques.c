@@ -12,6 +12,7 @@
 void wheel_torques_reset(WheelTorques *m)
 {
     memset(&m->out, 0, sizeof m->out);
+    memset(&m->mem, 0, sizeof m->mem);
 }
 
 /* C of unit axes, filled up with rows of zeros, which raise no rank. */
@@ -92,7 +93,15 @@ void wheel_torques_update(WheelTorques *m, Tick t)
 
     Quality quality = quality_min(quality_through(m->in.torque.head), quality_through(wheels->head));
     quality = quality_min(quality, quality_optional(m->in.availability.head));
-    if (quality != QUALITY_NONE && vec_finite(torque_B)) { /* and so every u[i] is */
+    int computed = quality != QUALITY_NONE && vec_finite(torque_B); /* and so every u[i] is */
+    int64_t newest = computed ? data_time(m->in.torque.head, t.t) : m->mem.newest;
+    if (head_written(command->head) && data_lost(t, newest, m->par.hold)) {
+        command->head = head_next(command->head, t.t, QUALITY_DEGRADED);
+        memset(command->u, 0, sizeof command->u);
+        achieved->head = head_next(achieved->head, t.t, QUALITY_DEGRADED);
+        achieved->torque_B = vec3(0.0, 0.0, 0.0);
+    } else if (computed) {
+        m->mem.newest = newest;
         if (!spanned) {
             quality = QUALITY_DEGRADED;
         }

@@ -8,7 +8,8 @@
 /** Map a wanted body torque to motor torques of the available wheels, with minimum norm.
  *  Where a motor would saturate, all are scaled alike, so the torque keeps its direction.
  *  Where the wheels cannot span the controlled axes, the nearest torque is given, degraded.
- *  Where no command can be computed, the last one is held, degraded: the wheels go on with it.
+ *  Where no command can be computed, the last one is held, degraded: the wheels go on with it. After `hold` without
+ *  new data, which includes a wanted torque that is not good and gets older, the command is zero, degraded.
  *  With unit spin axes the columns of G and unit controlled axes the rows of C, the motor torques
  *  are u = -(C G)^+ C L and the body gets -G u.
  *  Source: thesis Eq. (A.2); the pseudo-inverse is the minimum-norm least-squares solution. */
@@ -26,7 +27,11 @@ typedef struct WheelTorques {
         uint32_t n_axes; ///< [-] in [0, 3]: number of controlled axes; 0: all three
         uint32_t spare;
         Vec3 axes_B[3]; ///< [-] count n_axes: controlled axes, linearly independent
+        double hold;    ///< [s] >= 0: how long the command goes on without new data; 0: ten updates
     } par;
+    struct {
+        int64_t newest; ///< [ns] the time of the newest wanted torque that was used
+    } mem;
 } WheelTorques;
 
 void wheel_torques_reset(WheelTorques *m);

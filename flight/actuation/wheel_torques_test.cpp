@@ -297,6 +297,42 @@ TEST(WheelTorques, holds_the_last_command_against_numbers_that_are_not_finite)
     EXPECT_EQ(m.out.command.head.quality, QUALITY_DEGRADED);
 }
 
+TEST(WheelTorques, the_command_ends_after_a_time_without_new_data)
+{
+    constexpr std::int64_t second = 1'000'000'000;
+    for (Quality quality : {QUALITY_NONE, QUALITY_STALE, QUALITY_DEGRADED, QUALITY_GOOD}) {
+        for (double hold : {0.0, 0.4, 3.0, 1e6}) {
+            Random random{5};
+            WheelTorques m = with_wheels(random_wheels(random, 4), random.vector());
+            m.par.hold = hold;
+            wheel_torques_update(&m, {0, 0});
+            const WheelTorques before = m;
+            m.in.torque.head.quality = quality;
+            if (quality == QUALITY_GOOD) {
+                m.in.torque.torque_B.v[2] = NAN;
+            }
+            const double last = hold > 0 ? hold : 10 * 1.0;
+            for (int k = 1; k < 20; k++) {
+                wheel_torques_update(&m, {k * second, second});
+                ASSERT_EQ(m.out.command.head.quality, QUALITY_DEGRADED);
+                ASSERT_EQ(m.out.achieved.head.quality, QUALITY_DEGRADED);
+                if (k <= last) {
+                    ASSERT_TRUE(same_content(m.out.command, before.out.command)) << k;
+                    ASSERT_TRUE(same_content(m.out.achieved, before.out.achieved)) << k;
+                } else {
+                    ASSERT_EQ(commands(m), VectorXd::Zero(4)) << k;
+                    ASSERT_EQ(achieved(m), Vector3d::Zero()) << k;
+                    ASSERT_EQ(m.out.command.head.t, k * second) << "zero is new";
+                }
+            }
+            m.in.torque = before.in.torque;
+            wheel_torques_update(&m, {20 * second, second});
+            EXPECT_TRUE(same_content(m.out.command, before.out.command));
+            EXPECT_EQ(m.out.command.head.quality, QUALITY_GOOD);
+        }
+    }
+}
+
 TEST(WheelTorques, gives_finite_numbers_whatever_it_is_given)
 {
     Random random{7};

@@ -89,11 +89,18 @@ void mrp_feedback_update(MrpFeedback *m, Tick t)
 
     Vec3 z = integral(m, t);
     Vec3 torque_B = control_torque(m, z, wheels && speeds);
-    if (quality != QUALITY_NONE && vec_finite(torque_B)) {
+    int computed = quality != QUALITY_NONE && vec_finite(torque_B);
+    int64_t newest = computed ? data_time(m->in.error.head, t.t) : m->mem.newest;
+    if (head_written(out->head) && data_lost(t, newest, m->par.hold)) {
+        out->head = head_next(out->head, t.t, QUALITY_DEGRADED);
+        out->torque_B = vec3(0.0, 0.0, 0.0);
+        m->mem.running = 0;
+    } else if (computed) {
         out->head = head_next(out->head, t.t, quality);
         out->torque_B = torque_B;
         m->mem.z = z;
         m->mem.sigma_BR = m->in.error.sigma_BR;
+        m->mem.newest = newest;
         m->mem.running = 1;
     } else {
         out->head = head_held(out->head);

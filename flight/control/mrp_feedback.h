@@ -11,6 +11,8 @@
  *  torque of the body on the wheels, with an integral term K_I z added to K sigma_BR.
  *  Wheels whose speeds are unknown are not compensated, and the torque is degraded.
  *  Nothing is integrated across an update whose error could not be used.
+ *  Where no torque can be computed, the last one is held, degraded. After `hold` without new data, which includes an
+ *  error that is not good and gets older, the torque is zero, degraded.
  *  Source: thesis Eqs. (A.3), (A.4). */
 typedef struct MrpFeedback {
     struct {
@@ -28,10 +30,12 @@ typedef struct MrpFeedback {
         Mat3 P;         ///< [N m s] required: gain on the rate error
         double K_I;     ///< [N m / s] >= 0: gain on the integrated error; 0: off
         double u_I_max; ///< [N m]   >= 0: largest integral torque per axis, anti-windup; 0: none
+        double hold;    ///< [s]     >= 0: how long the torque goes on without new data; 0: ten updates
     } par;
     struct {
         Vec3 z;          ///< [s] integral of the MRP error
         Vec3 sigma_BR;   ///< [-] the MRP error at the last update, if running
+        int64_t newest;  ///< [ns] the time of the newest error that was used
         int32_t running; ///< [-] 1 if the last update since a reset could use its error
         int32_t spare;
     } mem;

@@ -394,6 +394,55 @@ TEST(MrpFeedback, holds_the_last_torque_against_numbers_that_are_not_finite)
     EXPECT_EQ(m.out.torque.head.quality, QUALITY_GOOD);
 }
 
+TEST(MrpFeedback, the_torque_ends_after_a_time_without_new_data)
+{
+    constexpr std::int64_t second = 2 * half_second;
+    enum class Loss { nan, never_again, held, stale };
+    for (Loss loss : {Loss::nan, Loss::never_again, Loss::held, Loss::stale}) {
+        for (double hold : {0.0, 0.4, 3.0, 1e6}) {
+            Random random{8};
+            MrpFeedback m = any(random, 3);
+            m.par.hold = hold;
+            m.par.K_I = 0.1;
+            m.in.error.head.t = second;
+            mrp_feedback_update(&m, {second, 0});
+            const AttError error = m.in.error;
+            const MrpFeedback before = m;
+            switch (loss) {
+            case Loss::nan: m.in.error.sigma_BR.v[0] = NAN; break;
+            case Loss::never_again: m.in.error.head.quality = QUALITY_NONE; break;
+            case Loss::held: m.in.error.head.quality = QUALITY_DEGRADED; break;
+            case Loss::stale: m.in.error.head.quality = QUALITY_STALE; break;
+            }
+            const double last = hold > 0 ? hold : 10 * 0.5;
+            for (int k = 1; k < 40; k++) {
+                mrp_feedback_update(&m, {second + k * half_second, half_second});
+                ASSERT_EQ(m.out.torque.head.quality, QUALITY_DEGRADED);
+                if (0.5 * k <= last) {
+                    ASSERT_GT(vec_norm(m.out.torque.torque_B), 0) << k << " " << hold;
+                } else {
+                    ASSERT_EQ(eigen(m.out.torque.torque_B), Vector3d::Zero()) << k << " " << hold;
+                    ASSERT_EQ(m.out.torque.head.t, second + k * half_second) << "zero is new";
+                }
+            }
+            // With data again, it goes on. What is degraded, but new, counts as well.
+            m.in.error = error;
+            m.in.error.head = {21 * second, QUALITY_DEGRADED, 9};
+            for (int k = 40; k < 60; k++) {
+                m.in.error.head.t = second + k * half_second;
+                mrp_feedback_update(&m, {second + k * half_second, half_second});
+                ASSERT_GT(vec_norm(m.out.torque.torque_B), 0);
+            }
+            // A good error counts however old it is: its wire says how old it may be.
+            m = before;
+            for (int k = 1; k < 60; k++) {
+                mrp_feedback_update(&m, {second + k * half_second, half_second});
+                ASSERT_EQ(m.out.torque.head.quality, QUALITY_GOOD);
+            }
+        }
+    }
+}
+
 TEST(MrpFeedback, gives_finite_numbers_whatever_it_is_given)
 {
     Random random{7};

@@ -13,6 +13,14 @@ enum {
     FLEDGE_HI_OPEN = 1 << 3  ///< hi itself is not allowed
 };
 
+/** Whether x is 0 or of a size from 1e-100 to 1e100. Then products of three such numbers, squares and inverses are
+ *  finite, and no length of a vector is 0 but that of zero. No quantity in SI is beyond. */
+static inline int exec_computable(double x)
+{
+    const double size = x < 0.0 ? -x : x;
+    return size == 0.0 || (size >= 1e-100 && size <= 1e100);
+}
+
 /** Whether x keeps the bounds. NaN keeps none. */
 static inline int exec_within(uint32_t bounds, double lo, double hi, double x)
 {

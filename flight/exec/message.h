@@ -8,7 +8,7 @@
 /** Lower the quality of a message that at t is older than its wire allows. */
 static inline void exec_age(Head *head, int64_t t, int64_t stale_after)
 {
-    if (t - head->t > stale_after && head->quality > QUALITY_STALE) {
+    if (tick_since(t, head->t) > stale_after && head->quality > QUALITY_STALE) {
         head->quality = QUALITY_STALE;
     }
 }

@@ -19,11 +19,21 @@ typedef struct ExecTask {
     int32_t spare;
 } ExecTask;
 
+/** t + dt; INT64_MAX, which stands for never, if that is beyond. dt >= 0. */
+static inline int64_t exec_later(int64_t t, int64_t dt)
+{
+    return t > INT64_MAX - dt ? INT64_MAX : t + dt;
+}
+
 /** The first time on a task's grid at or after t. */
 static inline int64_t exec_on_grid(ExecRate rate, int64_t t)
 {
-    const int64_t after = t - rate.offset;
-    return after <= 0 ? rate.offset : rate.offset + (after + rate.period - 1) / rate.period * rate.period;
+    const int64_t after = tick_since(t, rate.offset);
+    if (after <= 0) {
+        return rate.offset;
+    }
+    const int64_t late = after % rate.period;
+    return late == 0 ? t : exec_later(t, rate.period - late);
 }
 
 /** A task that has not run yet; its first time is at or after t. */
@@ -43,9 +53,9 @@ static inline Tick exec_begin(ExecTask *task, ExecRate rate, int64_t t)
 {
     const Tick tick = {t, task->last < 0 ? 0 : t - task->last};
     task->last = t;
-    task->next += rate.period; /* without the division of exec_on_grid, if the task is in time */
+    task->next = exec_later(task->next, rate.period); /* without the division of exec_on_grid, if the task is in time */
     if (task->next <= t) {
-        task->next = exec_on_grid(rate, t + 1);
+        task->next = exec_on_grid(rate, exec_later(t, 1));
     }
     return tick;
 }
@@ -66,7 +76,7 @@ static inline int exec_switch(ExecTask *task, int active, ExecRate rate, int64_t
  *  the task. */
 static inline int64_t exec_next(const ExecTask *task, ExecRate rate, int asked, int64_t now)
 {
-    return task->active ? task->next : asked ? exec_on_grid(rate, now + 1) : INT64_MAX;
+    return task->active ? task->next : asked ? exec_on_grid(rate, exec_later(now, 1)) : INT64_MAX;
 }
 
 static inline int64_t exec_sooner(int64_t a, int64_t b)

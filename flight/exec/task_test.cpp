@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <vector>
 
 namespace {
@@ -36,6 +37,36 @@ TEST(Grid, ReachesOverYears)
     const int64_t n = 10ll * 365 * 86400 * 10;
     EXPECT_EQ(exec_on_grid(rate, n * rate.period + rate.offset), n * rate.period + rate.offset);
     EXPECT_EQ(exec_on_grid(rate, n * rate.period + rate.offset + 1), (n + 1) * rate.period + rate.offset);
+}
+
+TEST(Grid, StaysWithinTheNumbersAtTheEndsOfTime)
+{
+    constexpr int64_t ends[] = {INT64_MIN, INT64_MIN + 1, -1, 0, 1, INT64_MAX - 1, INT64_MAX};
+    for (int64_t period : {int64_t{1}, int64_t{500'000'000}, INT64_MAX}) {
+        for (int64_t offset : {int64_t{0}, int64_t{7}, INT64_MAX}) {
+            for (int64_t t : ends) {
+                const int64_t next = exec_on_grid({period, offset}, t);
+                EXPECT_GE(next, t);
+                EXPECT_GE(next, offset);
+                EXPECT_TRUE(next == INT64_MAX || (next - offset) % period == 0);
+            }
+            const ExecRate rate{period, offset};
+            ExecTask task = exec_start(rate, 1, INT64_MAX - 1);
+            exec_begin(&task, rate, INT64_MAX);
+            EXPECT_EQ(task.next, INT64_MAX);
+            EXPECT_EQ(exec_next(&task, rate, 1, INT64_MAX), INT64_MAX);
+        }
+    }
+    for (int64_t t : ends) {
+        for (int64_t sent : ends) {
+            Head head{sent, QUALITY_GOOD, 1};
+            exec_age(&head, t, 1000);
+            EXPECT_EQ(head.quality == QUALITY_STALE, static_cast<__int128>(t) - sent > 1000);
+            const __int128 exact = static_cast<__int128>(t) - sent;
+            const __int128 held = std::clamp<__int128>(exact, INT64_MIN, INT64_MAX);
+            EXPECT_TRUE(tick_since(t, sent) == held);
+        }
+    }
 }
 
 TEST(Task, RunsOnItsGridAndAfterLateCallsAtTheNextTimeOfIt)

@@ -65,7 +65,7 @@ void euler_rotation_update(EulerRotation *m, Tick t)
     AttReference reference;
     EulerCommand command = in_effect(m, t.t);
     Quality quality = quality_min(quality_through(base->head), quality_optional(m->in.command.head));
-    double seconds = tick_seconds(t.t - command.start);
+    double seconds = tick_seconds(tick_since(t.t, command.start));
     euler.rates = command.rates;
     euler.angles = vec_add(command.angles, vec_scale(seconds, command.rates));
     if (quality != QUALITY_NONE && turn(base, &euler, &reference)) {

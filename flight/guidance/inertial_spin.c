@@ -40,7 +40,7 @@ void inertial_spin_update(InertialSpin *m, Tick t)
 
     AttReference reference;
     Quality quality = quality_through(base->head);
-    double seconds = tick_seconds(t.t - m->mem.start);
+    double seconds = tick_seconds(tick_since(t.t, m->mem.start));
     if (quality != QUALITY_NONE && spin(base, m->par.omega_RR0_R0, seconds, &reference)) {
         reference.head = head_next(out->head, t.t, quality);
         *out = reference;

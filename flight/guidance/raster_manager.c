@@ -47,7 +47,7 @@ static int durations_ns(const Rasters *rasters, int64_t durations[RASTERS_MAX])
     return good;
 }
 
-/* The raster in effect at t, which is not before the start. 0 if the result is not finite. */
+/* The raster in effect at t; before the start, the first one. 0 if the result is not finite. */
 static int raster_at(const Rasters *rasters, const int64_t durations[RASTERS_MAX], int64_t t, EulerCommand *command,
                      RasterStatus *status)
 {
@@ -55,7 +55,10 @@ static int raster_at(const Rasters *rasters, const int64_t durations[RASTERS_MAX
     for (uint32_t k = 0; k < rasters->n; k++) {
         total += durations[k];
     }
-    int64_t elapsed = t - rasters->start;
+    if (t < rasters->start) {
+        t = rasters->start;
+    }
+    int64_t elapsed = t - rasters->start; /* no start is below zero */
     int64_t cycle = elapsed / total;
     int done = cycle > 0 && !rasters->repeat;
     uint32_t i = 0;
@@ -93,7 +96,7 @@ void raster_manager_update(RasterManager *m, Tick t)
     const RasterList *list = &m->in.list;
     if (!m->mem.running) {
         m->mem.running = 1;
-        m->mem.start = t.t;
+        m->mem.start = t.t > 0 ? t.t : 0;
     }
 
     int64_t durations[RASTERS_MAX];

@@ -10,7 +10,7 @@
  *  Each raster begins at the list's start plus the durations before it, in whole ns, and the command
  *  holds this time. So neither the rate of updates nor a command that is read late changes the
  *  pattern; but a raster shorter than the time between two updates may never be commanded.
- *  The parameters hold the first list, which starts at the first update after a reset. A list at the
+ *  The parameters hold the first list, which starts at the first update after a reset, but not before 0. A list at the
  *  input replaces it when that list starts, and stays in effect until the next one starts.
  *  The module refuses a list without rasters or with too many, with a duration out of bounds or with
  *  a number that is not finite. If it refuses a list at the input, the list before stays in effect,

@@ -6,6 +6,8 @@
 
 /** The error of the body's attitude against a reference that the control frame Bc shall follow.
  *  B follows R with [RN] = [BcB]^T [RiN], so that Bc follows Ri.
+ *  An attitude that is not good and gets older counts for `hold`; then the error is held, degraded, and its time
+ *  says since when.
  *  Source: thesis Eqs. (2.21), (2.22). */
 typedef struct TrackingError {
     struct {
@@ -17,6 +19,7 @@ typedef struct TrackingError {
     } out;
     struct {
         Vec3 sigma_BcB; ///< [-] attitude of the control frame Bc relative to B
+        double hold;    ///< [s] >= 0: how long an old attitude counts; 0: ten updates
     } par;
 } TrackingError;
 

@@ -121,6 +121,32 @@ TEST(TrackingError, quality_is_the_worst_of_both_and_needs_both)
     }
 }
 
+TEST(TrackingError, an_old_attitude_counts_for_a_while)
+{
+    constexpr std::int64_t second = 1'000'000'000;
+    Random random{6};
+    for (double hold : {0.0, 0.4, 3.0}) {
+        TrackingError m{};
+        m.in.attitude = {good(), random.mrp(), vec(random.vector())};
+        m.in.reference = {good(), random.mrp(), vec(random.vector()), vec(random.vector())};
+        m.par.hold = hold;
+        tracking_error_update(&m, {0, 0});
+        m.in.attitude.head.quality = QUALITY_STALE;
+        const int last = hold > 0 ? static_cast<int>(hold) : 10; // updates, one each second
+        for (int k = 1; k < 20; k++) {
+            tracking_error_update(&m, {k * second, second});
+            ASSERT_EQ(m.out.error.head.quality, QUALITY_DEGRADED);
+            ASSERT_EQ(m.out.error.head.t, std::min(k, last) * second) << hold;
+        }
+        m.in.reference.head.quality = QUALITY_STALE; // a reference may be old
+        for (int k = 20; k < 40; k++) {
+            m.in.attitude.head.t = k * second;
+            tracking_error_update(&m, {k * second, second});
+            ASSERT_EQ(m.out.error.head.t, k * second);
+        }
+    }
+}
+
 TEST(TrackingError, holds_the_last_error_against_numbers_that_are_not_finite)
 {
     Random random{6};

@@ -7,7 +7,13 @@
  * in N from the start, instead of (2.10) to (2.12).
  *
  * Where the bodies are collinear, r1 alone moves the reference: omega = r1 x dr1 and
- * domega = r1 x ddr1 have no part about r1. */
+ * domega = r1 x ddr1 have no part about r1. So r2 is transported parallel along the path of r1 on the unit sphere. From
+ * a to b, along a great circle, this is
+ *     r2 - (b . r2) / (1 + a . b) (a + b),
+ * and along the path, r2 turns about b by as much more as the area between path and great circle. With the cubic
+ * through both ends and their rates, over a time h and seen along a + b, this area is
+ *     m . (h (b - a) x (da - db) / 10 + h^2 da x db / 60),   m along a + b,
+ * on the left of the great circle, which turns r2 backwards. The error after a given time is of order h^4. */
 #include "flight/guidance/two_body_pointing.h"
 
 #include <string.h>
@@ -70,6 +76,33 @@ static Vec3 point_at_both(Moving r1, Moving normal, AttReference *reference)
     return r2.x;
 }
 
+/* [rad] The angle by which r2 turns back because r1 did not move from a to b along the great circle. The chord and the
+ * rates at its ends give the time, so that inputs may come at any rate. 0 where r1 jumped. */
+static double turn_back(Vec3 a, Vec3 da, Vec3 b, Vec3 db)
+{
+    Vec3 chord = vec_sub(b, a);
+    double c2 = vec_norm2(chord);
+    double h = c2 / (0.5 * vec_dot(chord, vec_add(da, db)));
+    Vec3 area =
+        vec_add(vec_scale(h / 10.0, vec_cross(chord, vec_sub(da, db))), vec_scale(h * h / 60.0, vec_cross(da, db)));
+    double angle = vec_dot(vec_unit(vec_add(a, b)), area);
+    return h > 0.0 && c2 < 0.01 && fm_abs(angle) < c2 ? angle : 0.0; /* so is a NaN refused */
+}
+
+/* r2 of r1.x, transported from the last one. */
+static Vec3 transported(const TwoBodyPointing *m, Moving r1)
+{
+    Vec3 a = m->mem.r1_N, b = r1.x, last = m->mem.r2_N;
+    double opposite = 1.0 + vec_dot(a, b);
+    if (!(opposite > 1e-6)) {
+        return last; /* any great circle leads to b */
+    }
+    Vec3 r2 = vec_sub(last, vec_scale(vec_dot(b, last) / opposite, vec_add(a, b)));
+    double s, c;
+    fm_sincos(turn_back(a, m->mem.dr1_N, b, r1.dx), &s, &c);
+    return vec_sub(vec_scale(c, r2), vec_scale(s, vec_cross(b, r2)));
+}
+
 /* r1 alone, with r2 carried along from the last. Gives r2. */
 static Vec3 point_at_primary(Moving r1, Vec3 last, AttReference *reference)
 {
@@ -83,7 +116,7 @@ static Vec3 point_at_primary(Moving r1, Vec3 last, AttReference *reference)
 }
 
 /* 0 if the result is not finite. */
-static int point(const TwoBodyPointing *m, AttReference *reference, TwoBodyStatus *status, Vec3 *r2_N)
+static int point(const TwoBodyPointing *m, AttReference *reference, TwoBodyStatus *status, Moving *r1, Vec3 *r2_N)
 {
     Moving R_1 = from_craft(&m->in.orbit, &m->in.primary);
     Moving R_2 = from_craft(&m->in.orbit, &m->in.secondary);
@@ -101,9 +134,9 @@ static int point(const TwoBodyPointing *m, AttReference *reference, TwoBodyStatu
         status->separation = fm_atan2(vec_norm(normal.x), vec_dot(R_1.x, R_2.x));
         finite = isfinite(limit) && isfinite(status->separation);
     }
-    Moving r1 = moving_unit(R_1);
-    *r2_N = status->secondary == SECONDARY_TRACKED ? point_at_both(r1, normal, reference)
-                                                   : point_at_primary(r1, m->mem.r2_N, reference);
+    *r1 = moving_unit(R_1);
+    *r2_N = status->secondary == SECONDARY_TRACKED ? point_at_both(*r1, normal, reference)
+                                                   : point_at_primary(*r1, transported(m, *r1), reference);
     return finite && vec_finite(reference->sigma_RN) && vec_finite(reference->omega_RN_N) &&
            vec_finite(reference->domega_RN_N);
 }
@@ -119,10 +152,11 @@ void two_body_pointing_update(TwoBodyPointing *m, Tick t)
     Quality quality = quality_min(quality_through(m->in.orbit.head), quality_through(m->in.primary.head));
     quality = quality_min(quality, quality_optional(m->in.secondary.head));
 
+    Moving r1;
     Vec3 r2_N;
     AttReference reference;
     TwoBodyStatus status;
-    if (quality != QUALITY_NONE && point(m, &reference, &status, &r2_N)) {
+    if (quality != QUALITY_NONE && point(m, &reference, &status, &r1, &r2_N)) {
         if (status.secondary != SECONDARY_TRACKED) {
             quality = QUALITY_DEGRADED;
         }
@@ -130,6 +164,8 @@ void two_body_pointing_update(TwoBodyPointing *m, Tick t)
         status.head = head_next(m->out.status.head, t.t, quality);
         m->out.reference = reference;
         m->out.status = status;
+        m->mem.r1_N = r1.x;
+        m->mem.dr1_N = r1.dx;
         m->mem.r2_N = r2_N;
     } else {
         m->out.reference.head = head_held(m->out.reference.head);

@@ -9,9 +9,10 @@
 /** Point r1 exactly at a primary body, and r2 as nearly as possible at a secondary one.
  *  r3 is normal to the plane of the spacecraft and the bodies, with the secondary on r2's side.
  *  Where the bodies are collinear, or there is no secondary, r1 still points at the primary, with
- *  its exact rate and acceleration, and R does not turn about r1: r2 moves along with r1 from its
- *  last direction (at first, the axis of N farthest from r1). The reference is then degraded, and the
- *  status holds the reason. The reference jumps where the secondary can be used again.
+ *  its exact rate and acceleration, and R does not turn about r1: r2 is transported parallel along the path of r1 from
+ *  its last direction (at first, the axis of N farthest from r1), with an error of order 4 in the time between
+ *  updates. The reference is then degraded, and the status holds the reason. The reference jumps where the secondary
+ *  can be used again.
  *  The accelerations in the messages enter domega_RN_N only. An acceleration a that a message leaves
  *  at zero causes an error of about a / distance of the body for the direction of r1, and of this
  *  over the sine of the separation for the turn about r1.
@@ -31,7 +32,9 @@ typedef struct TwoBodyPointing {
                                ///< bodies' directions, or its complement to pi, they are collinear
     } par;
     struct {
-        Vec3 r2_N; ///< [-] r2 of the last reference; 0 until there was one
+        Vec3 r1_N;  ///< [-]     r1 of the last reference; 0 until there was one
+        Vec3 dr1_N; ///< [rad/s] its derivative in N
+        Vec3 r2_N;  ///< [-]     r2 of the last reference
     } mem;
 } TwoBodyPointing;
 

@@ -310,6 +310,38 @@ TEST(TwoBodyPointing, without_a_secondary_rates_are_those_of_the_primary_s_direc
     }
 }
 
+TEST(TwoBodyPointing, without_a_secondary_the_rate_is_the_derivative_of_the_attitude_from_update_to_update)
+{
+    Random random{14};
+    for (int i = 0; i < 60; i++) {
+        Solar solar = Solar::any(random, random.real(0, 2));
+        for (double turned : {1e-2, 3e-3, 1e-3}) { // between updates [rad]
+            double dt = turned / solar.rate();
+            constexpr int middle = 40, samples = 2 * middle + 1;
+            TwoBodyPointing m = pointing(solar.mars_and_sun(0));
+            two_body_pointing_update(&m, {0, 0}); // so r2 begins somewhere
+            std::vector<Matrix3d> at;
+            Vector3d omega;
+            for (int k = 0; k < samples; k++) {
+                move(m, solar.mars_and_sun(k * dt));
+                m.in.secondary.head = Head{};
+                for (int again = 0; again < 1 + k % 3; again++) { // as where the inputs come less often
+                    two_body_pointing_update(&m, {k, 1});
+                }
+                at.push_back(dcm(m.out.reference.sigma_RN));
+                if (k == middle) {
+                    omega = eigen(m.out.reference.omega_RN_N);
+                }
+            }
+            auto dcm_at = [&](double t) -> Matrix3d {
+                return at[static_cast<std::size_t>(middle + std::lround(t / dt))];
+            };
+            double error = (numerical_rate(dcm_at, 16 * dt) - omega).norm() / solar.rate();
+            EXPECT_LT(error, std::pow(turned, 4) + 1e-8) << turned;
+        }
+    }
+}
+
 TEST(TwoBodyPointing, quality_is_the_worst_of_what_it_used)
 {
     Random random{8};

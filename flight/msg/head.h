@@ -5,6 +5,9 @@
  * - If a required input was never written, or the result is not finite, the module does not write its
  *   output. The output keeps its content, time and sequence; its quality falls to QUALITY_DEGRADED
  *   (head_held). An output that was never written stays all zero.
+ * - A torque is not held for ever. After a time without new data (data_lost), MrpFeedback and WheelTorques write
+ *   a torque of zero, QUALITY_DEGRADED, and TrackingError computes no more errors from an old attitude.
+ *   A reference may be held for ever: the body then keeps to it.
  * - A module does not test its inputs for NaN and infinity. It tests its result.
  * - A module changes its memory only when it writes its output. */
 #ifndef FLIGHT_MSG_HEAD_H
@@ -39,6 +42,18 @@ static inline double tick_seconds(int64_t ns)
     return (double)ns / 1e9; /* 1e9 is exact, 1e-9 is not: half a second is 0.5 */
 }
 
+/** [ns] The time from `start` to `t`; where an int64_t cannot hold it, the nearest that it can. */
+static inline int64_t tick_since(int64_t t, int64_t start)
+{
+    if (start < 0 && t > INT64_MAX + start) {
+        return INT64_MAX;
+    }
+    if (start > 0 && t < INT64_MIN + start) {
+        return INT64_MIN;
+    }
+    return t - start;
+}
+
 static inline Quality quality_min(Quality a, Quality b)
 {
     return a < b ? a : b;
@@ -71,6 +86,20 @@ static inline Head head_next(Head last, int64_t t, Quality quality)
 static inline Head head_held(Head last)
 {
     return (Head){last.t, quality_min(last.quality, QUALITY_DEGRADED), last.sequence};
+}
+
+/** [ns] The time for which an input says what it holds: at t, a good one says it of t. */
+static inline int64_t data_time(Head input, int64_t t)
+{
+    return input.quality == QUALITY_GOOD || input.t > t ? t : input.t;
+}
+
+/** Whether data of the time `newest` [ns] are too old to act on: older than `hold` [s], or if that is 0, than ten
+ *  updates. At the first update after a reset, for which no time between updates is known, they are not. */
+static inline int data_lost(Tick t, int64_t newest, double hold)
+{
+    double most = hold > 0.0 ? hold : 10.0 * tick_seconds(t.dt);
+    return most > 0.0 && tick_seconds(tick_since(t.t, newest)) > most;
 }
 
 #endif

@@ -5,7 +5,7 @@ import pytest
 
 import fledge
 from fledge import Orbit, RunError, SetupError, flight as fsw, world
-from fledge.units import kg, km, m, ms, s
+from fledge.units import deg, kg, km, m, ms, s
 
 AXES = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
 
@@ -84,8 +84,8 @@ def test_bodies_that_do_not_exist():
 # --- names -----------------------------------------------------------------------------------------
 
 def test_a_misspelt_attribute(sim):
-    text = ("flight.control (MrpFeedback) has no attribute 'k'; did you mean 'K'? parameters: K, P, K_I, u_I_max; "
-            "inputs: error, vehicle, wheels, speeds, external; outputs: torque; memory: ")
+    text = ("flight.control (MrpFeedback) has no attribute 'k'; did you mean 'K'? parameters: K, P, K_I, u_I_max, "
+            "hold; inputs: error, vehicle, wheels, speeds, external; outputs: torque; memory: ")
     for act in (lambda: sim.flight.control.k, lambda: setattr(sim.flight.control, "k", 1)):
         with pytest.raises(AttributeError) as error:
             act()
@@ -169,6 +169,17 @@ def test_times(sim):
     says("run: until: expected a time, found 1.0 m", lambda: sim.run(until=1 * m))
     with pytest.raises(TypeError, match="takes a duration, or until"):
         sim.run()
+    for text in ("10", "10 s"):
+        found = f"expected a time, such as 10 * s; found '{text}'"
+        says(f"run: {found}", lambda: sim.run(text))
+        says(f"run: until: {found}", lambda: sim.run(until=text))
+        says(f"record: every: {found}", lambda: sim.record(every=text))
+        says(f"task flight.a: every: {found}", lambda: f.task("a", every=text, run=run))
+        says(f"task flight.a: offset: {found}", lambda: f.task("a", every=1, offset=text, run=run))
+        says(f"world.at: {found}", lambda: sim.world.at(text, print))
+        says(f"world.nav.attitude >> flight.tracking.attitude: stale_after: {found}",
+             lambda: (sim.world.nav.attitude >> f.tracking.attitude).stale_after(text))
+        says(f"Sky.utc: t: {found}", lambda: world.Sky("2015-03-02", center=world.MARS).utc(text))
 
 
 # --- orbits ----------------------------------------------------------------------------------------
@@ -185,11 +196,60 @@ def test_times(sim):
         (dict(), "found none"),
         (dict(rp=8000 * km, ra=7000 * km), "periapsis, 8e[+]06 m, is above that of apoapsis, 7e[+]06 m"),
         (dict(p=1e7, e=2.0, f=3.0), "f"),
+        # inside the body
+        (dict(a=7000), r"Orbit: the periapsis must lie outside MARS, of radius 3397000 m; found 7000 m from its "
+                       r"centre: are these kilometres\? write a = 7000 \* km \(MARS.with_surface\(0\) allows it\)"),
+        (dict(a=7000 * km, e=0.6), r"the periapsis must lie .* found 2800000 m from its centre \(MARS"),
+        (dict(altitude=-1), "the periapsis must lie outside MARS, of radius 3397000 m; found 3396999 m from its"),
+        (dict(rp=3000 * km, e=1.5), "the position must lie outside MARS, of radius 3397000 m; found 3000000 m"),
+        # degrees
+        (dict(a=7e6, i=97.4), r"Orbit: i must be within pi; found 97.4 rad: write 97.4 \* deg for degrees"),
+        (dict(a=7e6, i=-200 * deg), "Orbit: i must be within pi; found -3.49066 rad$"),
+        (dict(a=7e6, f=270), r"Orbit: f must be within 2 pi, or have a unit; found 270 rad: write 270 \* deg"),
+        (dict(a=7e6, Omega=90), "Orbit: Omega must be within 2 pi"),
+        (dict(a=7e6, omega=-7), "Orbit: omega must be within 2 pi"),
     ],
 )
 def test_orbits_that_are_none(elements, text):
     with pytest.raises(SetupError, match=text):
         Orbit(world.MARS, **elements)
+
+
+def test_orbits_that_may_be():
+    turns = Orbit(world.MARS, a=7e6, i=180 * deg, f=1000 * deg, Omega=-6.2, omega=6.2)
+    assert turns.f == pytest.approx(1000 * deg.value)
+    Orbit(world.MARS, rp=3000 * km, e=1.5, f=-90 * deg)      # from afar: it ends at the surface
+    Orbit("JUPITER", altitude=0)
+    Orbit(world.JUPITER_SYSTEM, a=1000 * km)                 # without a size
+    inside = Orbit(world.MARS.with_surface(0), a=7000 * km, e=0.6)
+    assert inside.a == pytest.approx(7e6) and inside.body.radius == world.MARS.radius
+    Orbit(world.MARS.with_surface(2000 * km), a=7000 * km, e=0.6)
+    with pytest.raises(SetupError, match="must lie outside MARS, of radius 2900000 m"):
+        Orbit(world.MARS.with_surface(2900 * km), a=7000 * km, e=0.6)
+    with pytest.raises(SetupError, match="MARS.with_surface: radius must be >= 0 m, found -1 m"):
+        world.MARS.with_surface(-1)
+
+    # An orbit that is read is what it is; assigned, it is checked.
+    found = Orbit.from_state(world.MARS, inside.r_BN_N, inside.v_BN_N)
+    assert found.p == pytest.approx(inside.p) and found.body is world.MARS
+    with pytest.raises(SetupError, match="Spacecraft.orbit: the periapsis must lie outside MARS"):
+        world.Spacecraft(orbit=found)
+
+
+def test_a_fall_ends_the_run_with_time_and_altitude(tmp_path):
+    def fly(body):
+        sim = fledge.Simulation()
+        w = sim.world
+        w.craft = world.Spacecraft(I_B=1, gravity=[body], orbit=Orbit(body, rp=3380 * km, e=1.5, f=-30 * deg))
+        w.task("dynamics", every=1 * s, run=[w.craft])
+        sim.run(1000 * s)
+        return sim.world.craft.orbit
+
+    with pytest.raises(RunError, match=r"^world.craft: inside MARS at [0-9]+ s, at an altitude of -[0-9.]+ m over its "
+                                       r"radius of 3397000 m .* last good state at [0-9]+ s: r_BN_N"):
+        fly(world.MARS)
+    for body in (world.MARS.with_surface(0), world.MARS.with_surface(3379 * km)):
+        assert fly(body).f > 0
 
 
 def test_a_spacecraft_takes_parts_and_bodies():

@@ -300,13 +300,15 @@ def unit_of(text):
 def nanoseconds(t):
     """A time, a quantity or a number of seconds, as the nearest whole number of nanoseconds.
 
-    Raises UnitError for what is no time, ValueError for what is not finite or beyond 292 years, which
+    Raises UnitError for what is no time, texts included, ValueError for what is not finite or beyond 292 years, which
     is what 64 bits hold.
     """
     if isinstance(t, Quantity):
         if t.dims[:7] != s.dims[:7]:
             raise UnitError("expected a time, found %s" % (t,))
         t = t.value
+    if isinstance(t, bool) or not isinstance(t, (int, float)) and not hasattr(t, "__float__"):
+        raise UnitError("expected a time, such as 10 * s; found %r" % (t,))
     if not isinstance(t, int):
         t = float(t)
         if t != t or t in (float("inf"), float("-inf")):

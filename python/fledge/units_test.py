@@ -108,8 +108,15 @@ def test_nanoseconds():
     assert nanoseconds(400_000_000) == 400_000_000_000_000_000
     with pytest.raises(UnitError, match="expected a time, found 3.0 m"):
         nanoseconds(3 * m)
+    assert nanoseconds(np.float64(0.25)) == 250_000_000 and nanoseconds(np.int64(2)) == 2_000_000_000
     with pytest.raises(ValueError, match="finite"):
         nanoseconds(float("nan"))
+
+
+@pytest.mark.parametrize("text", ["10 s", "10", "", None, True, [1, 2], [1, 2] * s])
+def test_what_is_no_number_is_no_time(text):
+    with pytest.raises(UnitError, match=r"expected a time, such as 10 \* s; found"):
+        nanoseconds(text)
 
 
 def test_an_unknown_unit_lists_the_known():

@@ -8,6 +8,7 @@
  *  Assumptions: constant mass and inertia; the parts' centre of mass does not move; gravity acts on
  *  the centre of mass (no gravity-gradient torque). I_B is the inertia of the vehicle
  *  with its wheels, less the wheels' inertia about their spin axes, as in VehicleData.
+ *  A run ends where the spacecraft comes inside a body that attracts it (docs/environment.md).
  *  Source: thesis Eq. (A.1). */
 typedef struct Spacecraft {
     struct {

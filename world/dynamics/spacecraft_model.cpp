@@ -114,6 +114,10 @@ void SpacecraftModel::prepare(const sim::Setup &setup)
 
     attraction_.prepare(name_, view(interface_.par.r_BN_N));
     central_mu_ = attraction_.central_mu();
+    if (central_mu_ > 0.0) {
+        central_surface_ = *attraction_.bodies()[0].surface;
+        central_arc_ = Attraction::arc(attraction_.bodies()[0]);
+    }
 }
 void SpacecraftModel::reset(Ns t)
 {
@@ -203,15 +207,46 @@ bool SpacecraftModel::latch_external(Tick tick)
 
 void SpacecraftModel::advance(Tick tick)
 {
+    bool finite = false;
+    from_ = tick.t - tick.dt;
+    from_r_ = get(x_, at_r);
+    from_v_ = get(x_, at_v);
+    begun_ = false;
     try {
         integrator_->advance(*this, tick.t - tick.dt, tick.dt, x_, dx_);
+        stepped_ = false;
+        finite = all_finite(x_, n_);
+        if (finite && !(central_mu_ > 0.0 && clear_of_center(tick_seconds(tick.dt)))) {
+            end_step(tick.t, 0.0, x_);
+        }
     } catch (const sim::RunError &error) {
+        stepped_ = false;
         throw sim::RunError(name_ + ": " + error.what() + "; " + last_good_state());
     }
-    if (!all_finite(x_, n_)) {
+    if (!finite) {
         throw sim::RunError(name_ + ": the state at " + sim::format_time(tick.t) + " is not finite; " +
                             last_good_state());
     }
+}
+
+/// Whether, within a step of h [s] that ended now, the craft cannot have been inside the only body: it was outside
+/// before, and bounds of the way and of its arc are shorter than its altitude. Almost all steps are clear, so that they
+/// pay for no more than this.
+bool SpacecraftModel::clear_of_center(double h) const
+{
+    const Vec3 r = get(x_, at_r), way = vec_sub(r, from_r_);
+    const double length = fm_abs(way.v[0]) + fm_abs(way.v[1]) + fm_abs(way.v[2]);
+    const double reach = central_surface_ + 1.5 * length + central_arc_ * (h * h);
+    return !begun_ && vec_norm2(r) > reach * reach;
+}
+
+void SpacecraftModel::end_step(Ns start, double tau, const double *x)
+{
+    if (!begun_) {
+        begun_ = true;
+        attraction_.begin_step(from_, view(from_r_), view(from_v_));
+    }
+    attraction_.end_step(start, tau, view(get(x, at_r)), view(get(x, at_v)));
 }
 
 std::string SpacecraftModel::last_good_state() const
@@ -227,6 +262,10 @@ void SpacecraftModel::derive(Ns start, double tau, const double *x, double *dx)
     const Vec3 sigma = get(x, at_sigma), omega = get(x, at_omega);
 
     const Vec3 r = get(x, at_r);
+    if (stepped_) {
+        stepped_ = false;
+        end_step(start, tau, x);
+    }
     Vec3 acceleration =
         central_mu_ > 0.0 ? point_mass_gravity(central_mu_, r) : vec(attraction_.at(start, tau, view(r)));
     if (pushed_) {
@@ -252,6 +291,7 @@ void SpacecraftModel::normalize(double *x)
     if (const Vec3 sigma = get(x, at_sigma); vec_norm2(sigma) > 1.0) {
         put(x, at_sigma, mrp_shadow(sigma));
     }
+    stepped_ = true;
 }
 
 void SpacecraftModel::publish(Ns t)

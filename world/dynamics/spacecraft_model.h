@@ -46,7 +46,8 @@ public:
     /// A new inertia takes effect at once; the parts' own parameters say when they do.
     void refresh() override;
 
-    /// Throws RunError if the state is no longer finite, or a force arrives and the mass is 0.
+    /// Throws RunError if the state is no longer finite, if the craft comes inside a body of its gravity, or if a
+    /// force arrives and the mass is 0.
     void update(Tick tick) override;
 
     std::vector<sim::Model *> parts() const override;
@@ -62,6 +63,8 @@ private:
     bool latch(Tick tick);
     bool latch_external(Tick tick);
     void advance(Tick tick);
+    bool clear_of_center(double h) const;
+    void end_step(sim::Ns start, double tau, const double *x);
     void take_inertia();
     void publish(sim::Ns t);
     std::string last_good_state() const;
@@ -87,6 +90,13 @@ private:
     std::size_t n_ = 0;
     double *x_ = nullptr, *dx_ = nullptr, *held_ = nullptr;
     bool pushed_ = false; ///< whether there is a force
+
+    // For the check that the craft stays outside of all bodies.
+    double central_surface_ = 0.0, central_arc_ = 0.0; ///< of the only gravity body, as central_mu_
+    sim::Ns from_ = 0;                                 ///< when an update began
+    Vec3 from_r_{}, from_v_{};                         ///< and where
+    bool begun_ = false;                               ///< whether the attraction knows this
+    bool stepped_ = false;                             ///< whether the next derive() is at the end of a step
 };
 
 } // namespace fledge::world

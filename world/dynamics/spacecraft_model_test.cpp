@@ -475,6 +475,96 @@ TEST(Spacecraft, AStateThatIsNotFiniteEndsTheRun)
     EXPECT_THROW(f.step(100 * ms), sim::RunError);
 }
 
+GravityBody solid_mars()
+{
+    GravityBody body = mars();
+    body.radius = 3.397e6;
+    return body;
+}
+
+TEST(Spacecraft, AFallIntoABodyEndsTheRun)
+{
+    for (const bool adaptive : {false, true}) {
+        Flyer f;
+        if (adaptive) {
+            f.method = sim::make_adaptive(1e-10, 1e-6);
+        }
+        f.set_inertia(Matrix3d::Identity());
+        f.craft_interface.par.r_BN_N = vec3(3.4e6, 0, 0);
+        f.craft_interface.par.v_BN_N = vec3(-1000, 0, 0);
+        f.craft.add_gravity(solid_mars());
+        f.prepare();
+        f.fly(2 * second, second);
+        const std::string text = message_of([&] { f.step(second); });
+        EXPECT_EQ(text.find("world.craft: inside mars at 3 s, at an altitude of -16."), 0u) << text;
+        EXPECT_NE(text.find(" m over its radius of 3397000 m"), std::string::npos) << text;
+        EXPECT_NE(text.find("; last good state at 2 s: r_BN_N = [3397992."), std::string::npos) << text;
+        f.reset(); // leaves nothing behind
+        f.fly(2 * second, second);
+        EXPECT_THROW(f.step(second), sim::RunError);
+    }
+}
+
+TEST(Spacecraft, APassageThroughABodyWithinAStepEndsTheRun)
+{
+    // Conics with periapsis a little below or above the surface, in updates that begin at any time of it.
+    struct Method {
+        std::unique_ptr<sim::Integrator> integrator;
+        Ns dt;
+    };
+    for (const double e : {0.0001, 0.3, 0.9, 1.0, 3.0}) {
+        for (int phase = 0; phase < 4; phase++) {
+            for (const double altitude : {-30.0, 30.0}) {
+                Method methods[] = {{sim::make_rk4(), 100 * ms},
+                                    {sim::make_rk4(), 10 * second},
+                                    {sim::make_adaptive(1e-12, 1e-6), second},
+                                    {sim::make_adaptive(1e-12, 1e-6), 2000 * second}};
+                for (Method &method : methods) {
+                    Flyer f;
+                    f.method = std::move(method.integrator);
+                    f.set_inertia(Matrix3d::Identity());
+                    const OrbitElements elements{
+                        .p = (3.397e6 + altitude) * (1.0 + e), .e = e, .i = 0.7, .f = -0.5 - 2.5e-3 * phase};
+                    set_orbit(f, mu_mars, elements);
+                    f.craft.add_gravity(solid_mars());
+                    f.prepare();
+                    const std::string text = message_of([&] { f.fly(2000 * second, method.dt); });
+                    if (altitude > 0.0) {
+                        EXPECT_EQ(text, "(nothing was thrown)") << e << " " << phase;
+                        continue;
+                    }
+                    const std::size_t at = text.find("at an altitude of -");
+                    ASSERT_NE(at, std::string::npos) << text << " " << e << " " << phase << " " << method.dt;
+                    EXPECT_LE(std::stod(text.substr(at + 19)), 30.5) << text;
+                }
+            }
+        }
+    }
+}
+
+TEST(Spacecraft, ABodyWithoutASurfaceIsFlownThrough)
+{
+    const auto fly = [](double radius, std::optional<double> surface) {
+        Flyer f;
+        f.set_inertia(Matrix3d::Identity());
+        set_orbit(f, mu_mars, {.p = 3e6, .e = 0.5, .f = -2.0});
+        GravityBody body = mars();
+        body.radius = radius;
+        body.surface = surface;
+        return message_of([&] {
+            f.craft.add_gravity(body);
+            f.prepare();
+            f.fly(3000 * second, second);
+        });
+    };
+    EXPECT_NE(fly(3.397e6, std::nullopt), "(nothing was thrown)");
+    EXPECT_NE(fly(3.397e6, 2.1e6), "(nothing was thrown)") << "periapsis is at 2e6 m";
+    EXPECT_EQ(fly(3.397e6, 1.9e6), "(nothing was thrown)");
+    EXPECT_EQ(fly(3.397e6, 0.0), "(nothing was thrown)");
+    EXPECT_EQ(fly(0.0, std::nullopt), "(nothing was thrown)");
+    EXPECT_NE(fly(0.0, -1.0).find("gravity body mars: surface must be >= 0; found -1"), std::string::npos);
+}
+
 TEST(Spacecraft, AnIntegratorsFailureNamesTheSpacecraft)
 {
     Flyer f;

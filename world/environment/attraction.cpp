@@ -8,6 +8,7 @@
 #include "world/environment/harmonics.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace fledge::world {
 
@@ -49,6 +50,7 @@ void Attraction::prepare(const std::string &craft, const Vector3d &r_BN_N)
 {
     craft_ = craft;
     sources_.clear();
+    last_r_BP_N_.assign(bodies_.size(), Vector3d::Zero());
     covered_ = 0;
     for (const GravityBody &body : bodies_) {
         if (sky_) {
@@ -60,9 +62,9 @@ void Attraction::prepare(const std::string &craft, const Vector3d &r_BN_N)
         }
         const Vector3d &r_PN_N = sky_ ? sources_.back().r_PN_N : body.r_PN_N;
         const double distance = (r_BN_N - r_PN_N).norm();
-        if (!(distance > body.radius)) {
+        if (!(distance > *body.surface)) {
             throw sim::SetupError(craft_ + ".r_BN_N: must lie outside " + name_of(body) + ", of radius " +
-                                  sim::format_number(body.radius) + " m; found a distance of " +
+                                  sim::format_number(*body.surface) + " m; found a distance of " +
                                   sim::format_number(distance) + " m from its centre");
         }
     }
@@ -163,6 +165,96 @@ void Attraction::place(Source &source, Ns start, double tau) const
     source.tau = tau;
 }
 
+Vector3d Attraction::position(std::size_t body, Ns start, double tau)
+{
+    if (sky_) {
+        place(sources_[body], start, tau);
+        return sources_[body].r_PN_N;
+    }
+    return bodies_[body].r_PN_N + (tick_seconds(start) + tau) * bodies_[body].v_PN_N;
+}
+
+void Attraction::begin_step(Ns start, const Vector3d &r_BN_N, const Vector3d &v_BN_N)
+{
+    last_ = {start, 0.0, r_BN_N, v_BN_N};
+    for (std::size_t i = 0; i < bodies_.size(); i++) {
+        if (*bodies_[i].surface > 0.0) {
+            last_r_BP_N_[i] = r_BN_N - position(i, start, 0.0);
+        }
+    }
+}
+
+double Attraction::arc(const GravityBody &body)
+{
+    return *body.surface > 0.0 ? 0.25 * body.mu / (*body.surface * *body.surface) : 0.0;
+}
+
+void Attraction::end_step(Ns start, double tau, const Vector3d &r_BN_N, const Vector3d &v_BN_N)
+{
+    const Knot end{start, tau, r_BN_N, v_BN_N};
+    const double h = tick_seconds(start - last_.start) + (tau - last_.tau);
+    for (std::size_t i = 0; i < bodies_.size(); i++) {
+        const double surface = *bodies_[i].surface;
+        if (surface == 0.0) {
+            continue;
+        }
+        const Vector3d r_BP_N = r_BN_N - position(i, start, tau), &last = last_r_BP_N_[i];
+        // Within the step it comes nearer than at its ends by half the chord and the height of the arc over it.
+        const double reach = surface + 0.5 * (r_BP_N - last).norm() + arc(bodies_[i]) * (h * h);
+        if (!(std::min(r_BP_N.squaredNorm(), last.squaredNorm()) > reach * reach)) {
+            look_closer(i, end, r_BP_N, h);
+        }
+        last_r_BP_N_[i] = r_BP_N;
+    }
+    last_ = end;
+}
+
+void Attraction::look_closer(std::size_t body, const Knot &end, const Vector3d &r_BP_N, double h)
+{
+    const double surface = *bodies_[body].surface;
+    const auto refuse_inside = [&](double distance, double tau) {
+        if (distance < surface) {
+            const Ns t = end.start + static_cast<Ns>(std::llround(1e9 * tau));
+            throw sim::RunError("inside " + name_of(bodies_[body]) + " at " + sim::format_time(t) +
+                                ", at an altitude of " + sim::format_number(distance - surface) +
+                                " m over its radius of " + sim::format_number(surface) +
+                                " m (the body's `surface` can set another radius; 0: none)");
+        }
+    };
+    refuse_inside(r_BP_N.norm(), end.tau);
+
+    const Vector3d a0 = at(last_.start, last_.tau, last_.r_BN_N), a1 = at(end.start, end.tau, end.r_BN_N);
+    const auto distance = [&](double s) {
+        const double s2 = s * s, s3 = s2 * s, s4 = s3 * s, s5 = s4 * s;
+        const double to_end = 10.0 * s3 - 15.0 * s4 + 6.0 * s5;
+        const Vector3d r = (1.0 - to_end) * last_.r_BN_N + to_end * end.r_BN_N +
+                           h * (s - 6.0 * s3 + 8.0 * s4 - 3.0 * s5) * last_.v_BN_N +
+                           h * (-4.0 * s3 + 7.0 * s4 - 3.0 * s5) * end.v_BN_N +
+                           0.5 * h * h * (s2 - 3.0 * s3 + 3.0 * s4 - s5) * a0 + 0.5 * h * h * (s3 - 2.0 * s4 + s5) * a1;
+        return (r - position(body, last_.start, last_.tau + s * h)).norm();
+    };
+    // The nearest of these points, then thirds of the interval about it.
+    constexpr int points = 16;
+    int nearest = 1;
+    double least = distance(1.0 / points);
+    for (int i = 2; i < points; i++) {
+        if (const double found = distance(static_cast<double>(i) / points); found < least) {
+            least = found;
+            nearest = i;
+        }
+    }
+    double from = static_cast<double>(nearest - 1) / points, to = static_cast<double>(nearest + 1) / points;
+    for (int i = 0; i < 40; i++) {
+        const double third = (to - from) / 3.0;
+        if (distance(from + third) < distance(to - third)) {
+            to -= third;
+        } else {
+            from += third;
+        }
+    }
+    refuse_inside(distance(from), end.tau - (1.0 - from) * h);
+}
+
 Vector3d Attraction::pull(const GravityBody &body, const Source &source, const Vector3d &r_BN_N) const
 {
     const Vector3d r_BP_N = r_BN_N - source.r_PN_N;
@@ -188,8 +280,7 @@ Vector3d Attraction::at(Ns start, double tau, const Vector3d &r_BN_N)
             place(sources_[i], start, tau);
             sum += pull(body, sources_[i], r_BN_N);
         } else {
-            const Vector3d r_PN_N = body.r_PN_N + (tick_seconds(start) + tau) * body.v_PN_N;
-            sum += gravity(body, r_BN_N - r_PN_N);
+            sum += gravity(body, r_BN_N - position(i, start, tau));
         }
     }
     return sum;

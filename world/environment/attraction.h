@@ -33,6 +33,18 @@ public:
     /// a body is not in the sky, or if the position r_BN_N lies in one.
     void prepare(const std::string &craft, const Eigen::Vector3d &r_BN_N);
 
+    /// A step of the integration begins at `start`, with this position [m] and velocity [m/s] of the spacecraft.
+    void begin_step(sim::Ns start, const Eigen::Vector3d &r_BN_N, const Eigen::Vector3d &v_BN_N);
+
+    /// The step ended at start + tau, and the next one begins there. Throws RunError, with time and altitude, if the
+    /// spacecraft is inside a body, or was so within the step: at its nearest point on the polynomial of degree 5
+    /// through position, velocity and gravity at both ends of the step.
+    void end_step(sim::Ns start, double tau, const Eigen::Vector3d &r_BN_N, const Eigen::Vector3d &v_BN_N);
+
+    /// [m/s^2] Times the square of a step's length, at least twice the height of the step's arc over its chord,
+    /// because gravity outside the body is largest at its surface. 0 if it has none.
+    static double arc(const GravityBody &body);
+
     /// Throws SetupError if the sky has not all bodies up to `until`.
     void ensure_data_until(sim::Ns until);
 
@@ -66,13 +78,26 @@ private:
     Source find(const GravityBody &body) const;
     void require(const Source &source, sim::Ns from, sim::Ns to) const;
     void place(Source &source, sim::Ns start, double tau) const;
+    Eigen::Vector3d position(std::size_t body, sim::Ns start, double tau);
     Eigen::Vector3d pull(const GravityBody &body, const Source &source, const Eigen::Vector3d &r_BN_N) const;
+
+    /// An end of a step.
+    struct Knot {
+        sim::Ns start = 0;
+        double tau = 0.0;
+        Eigen::Vector3d r_BN_N{0, 0, 0}, v_BN_N{0, 0, 0};
+    };
+
+    void look_closer(std::size_t body, const Knot &end, const Eigen::Vector3d &r_BP_N, double h);
 
     std::string craft_;
     std::vector<GravityBody> bodies_;
     std::vector<Source> sources_; // in the same order; none without a sky
     std::shared_ptr<const Sky> sky_;
     sim::Ns covered_ = 0;
+
+    Knot last_;
+    std::vector<Eigen::Vector3d> last_r_BP_N_; // at last_, relative to each body
 };
 
 } // namespace fledge::world

@@ -216,6 +216,39 @@ std::string a_row()
                         uniform_motion(301, 3, 0, 100, 380000, 0), uniform_motion(10, 0, 0, 100, 0, 0)});
 }
 
+TEST(Attraction, APassageThroughAMovingBodyEndsTheRun)
+{
+    // Relative to the barycentre and to the Sun, Jupiter moves; periapsis is at 3e8 m.
+    for (const int center : {TwoCircles::jupiter, TwoCircles::sun, 0}) {
+        for (const double surface : {2.99e8, 3.01e8}) {
+            for (const double hours : {0.1, 24.0}) {
+                Flyer f;
+                f.method = sim::make_adaptive(1e-12, 1e-3);
+                f.set_inertia(Matrix3d::Identity());
+                GravityBody near = jupiter();
+                near.surface = surface;
+                f.craft.add_gravity(near);
+                f.craft.add_gravity(the_sun());
+                const auto sky = TwoCircles::sky(center);
+                f.craft.set_sky(sky);
+                Ephemeris::Cursor cursor;
+                const BodyState at = sky->state(TwoCircles::jupiter, 0, cursor);
+                const OrbitState relative = fly_by();
+                f.craft_interface.par.r_BN_N = vec(relative.r + at.r);
+                f.craft_interface.par.v_BN_N = vec(relative.v + at.v);
+                f.prepare();
+                const auto dt = static_cast<sim::Ns>(3.6e12 * hours);
+                const std::string text = testing::message_of([&] { f.fly(4 * 86400 * second, dt); });
+                if (surface < 3e8) {
+                    EXPECT_EQ(text, "(nothing was thrown)") << center << " " << hours;
+                } else {
+                    EXPECT_THAT(text, HasSubstr("world.craft: inside JUPITER at ")) << center << " " << hours;
+                }
+            }
+        }
+    }
+}
+
 TEST(Attraction, OfTheMembersOfASystemDoesNotMoveItsBarycentre)
 {
     const TemporaryFile file("row.bsp", a_row());

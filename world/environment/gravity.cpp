@@ -80,6 +80,10 @@ GravityBody checked(GravityBody body)
     if (!(body.radius >= 0.0 && std::isfinite(body.radius))) {
         refuse("radius must be >= 0", body.radius);
     }
+    body.surface = body.surface.value_or(body.radius);
+    if (!(*body.surface >= 0.0 && std::isfinite(*body.surface))) {
+        refuse("surface must be >= 0", *body.surface);
+    }
     for (std::size_t k = 0; k < body.J.size(); k++) {
         if (!std::isfinite(body.J[k])) {
             refuse("J" + std::to_string(k + 2) + " must be finite", body.J[k]);

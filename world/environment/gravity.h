@@ -33,6 +33,8 @@ struct GravityBody {
     std::optional<int> naif;         ///< the number by which a sky finds it
     /// Its gravity, which replaces mu, radius and J.
     std::shared_ptr<const Harmonics> field;
+    /// [m] Radius of the sphere about its centre that no spacecraft may enter; not given: `radius`; 0: none.
+    std::optional<double> surface;
 
     bool has_zonals() const;
 };
@@ -67,8 +69,9 @@ Eigen::Vector3d gravity(const GravityBody &body, const Eigen::Vector3d &r_N);
 /// The potential U [m^2/s^2], positive as in mu / r: gravity is its gradient.
 double gravity_potential(const GravityBody &body, const Eigen::Vector3d &r_N);
 
-/// Check a body, make its pole a unit vector, and take mu and radius from its field if there is one.
-/// Throws SetupError on mu <= 0, a negative radius, harmonics J without a radius or besides a field,
+/// Check a body, make its pole a unit vector, take mu and radius from its field if there is one, and the surface
+/// from the radius if it is not given.
+/// Throws SetupError on mu <= 0, a negative radius or surface, harmonics J without a radius or besides a field,
 /// a pole of length 0, or numbers that are not finite.
 GravityBody checked(GravityBody body);
 

@@ -10,6 +10,7 @@ import ast
 import contextlib
 import inspect
 import os
+import re
 import signal
 import sys
 from pathlib import Path
@@ -256,7 +257,10 @@ def add_parameters(command: argparse.ArgumentParser) -> None:
 
 
 def given_parameters(options: argparse.Namespace) -> dict[str, Any]:
-    """What --set gave: name -> a Python literal, or the text itself."""
+    """What --set gave: name -> a Python literal, or the text itself.
+
+    Raises Failure for a number with letters behind it: a text would end in a TypeError of the mission.
+    """
     given = {}
     for text in options.parameters:
         name, equals, value = text.partition("=")
@@ -265,6 +269,10 @@ def given_parameters(options: argparse.Namespace) -> dict[str, Any]:
         try:
             given[name] = ast.literal_eval(value)
         except (ValueError, SyntaxError):
+            if re.fullmatch(r"\s*[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?\s*\*?\s*[A-Za-z][\w\s*/^]*", value):
+                raise Failure(f"--set {text}: expected a number without a unit, in the unit that the mission gives "
+                              f"{name}; found '{value}' (a text of that kind needs quotes: {name}=\"'{value}'\")"
+                              ) from None
             given[name] = value
     return given
 

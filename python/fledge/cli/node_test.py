@@ -119,6 +119,11 @@ def test_ctrl_c_leaves_readable_records(tmp_path):
     (["nadir_spin", "flight", "spin", "--free"], "give a scenario or --free, not both"),
     (["nadir_spin", "flight", "--set", "speed"], "--set speed: expected NAME=VALUE"),
     (["nadir_spin", "flight", "--set", "speed=3"], "the mission nadir_spin has no parameter 'speed'; it has none"),
+    (["nadir_spin", "flight", "--set", "rate=1degs"], "--set rate=1degs: expected a number without a unit, in the unit "
+                                                      "that the mission gives rate; found '1degs'"),
+    (["nadir_spin", "flight", "--set", "rate=0.3 deg/s"], "found '0.3 deg/s'"),
+    (["nadir_spin", "flight", "--set", "date=2015-03-02T12"], "has no parameter 'date'"),
+    (["nadir_spin", "flight", "--set", "size='3U'"], "has no parameter 'size'"),
     (["single_spiral", "flight"], "runs again here, and what it does between its runs cannot be done"),
     (["nadir_spin", "flight", "--keys", "nowhere"], "nowhere"),
 ])

@@ -57,10 +57,10 @@ void attach(py::handle object, py::handle part)
 
 void add_gravity(py::handle object, const std::string &name, double mu, double radius, const std::array<double, 5> &J,
                  const Triple &pole_N, const Triple &r_PN_N, const Triple &v_PN_N, std::optional<int> naif,
-                 std::shared_ptr<world::Harmonics> field)
+                 std::shared_ptr<world::Harmonics> field, std::optional<double> surface)
 {
     craft_of(object).add_gravity(
-        {name, mu, radius, J, vector(pole_N), vector(r_PN_N), vector(v_PN_N), naif, std::move(field)});
+        {name, mu, radius, J, vector(pole_N), vector(r_PN_N), vector(v_PN_N), naif, std::move(field), surface});
 }
 
 } // namespace
@@ -81,11 +81,11 @@ void bind_world(py::module_ &m)
             for (const world::GravityBody &b : craft_of(object).gravity()) {
                 bodies.append(py::make_tuple(b.name, b.mu, b.radius, b.J, triple(b.pole_N), triple(b.r_PN_N),
                                              triple(b.v_PN_N), b.naif,
-                                             std::const_pointer_cast<world::Harmonics>(b.field)));
+                                             std::const_pointer_cast<world::Harmonics>(b.field), b.surface));
             }
             return bodies;
         },
-        "(name, mu, radius, J, pole_N, r_PN_N, v_PN_N, naif, field) of each body");
+        "(name, mu, radius, J, pole_N, r_PN_N, v_PN_N, naif, field, surface) of each body");
 
     m.def("semi_latus_rectum", world::semi_latus_rectum, "p [m] from a [m] and e.");
     m.def(

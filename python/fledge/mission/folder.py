@@ -28,6 +28,7 @@ from fledge.errors import SetupError
 from fledge.files import shown
 from fledge.mission.simulation import Simulation
 from fledge.objects import project
+from fledge.units import Quantity
 
 _TAKES = {"flight": "f", "world": "w, f", "mission": "sim"}  # arguments of build() by file
 _package = itertools.count(1)
@@ -154,7 +155,7 @@ def load(name: str | os.PathLike[str], seed: int = 0, **parameters: Any) -> Simu
                 builds.append((world.build, [simulation.world, simulation.flight]))
         if mission.several:
             builds = [(files.execute("mission", "build").build, [simulation])]
-        _refuse_unknown(mission, parameters, builds)
+        _refuse_unsuitable(mission, parameters, builds)
         for build, arguments in builds:
             files.call(build, *arguments, **{name: parameters[name] for name in _parameters(build, len(arguments))
                                              if name in parameters})
@@ -172,10 +173,14 @@ def _parameters(build, taken):
             if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)}
 
 
-def _refuse_unknown(mission, given, builds):
+def _refuse_unsuitable(mission, given, builds):
+    """Raise SetupError for a parameter that the mission does not have, and for a text where its default is a number."""
     known = {name: default for build, arguments in builds for name, default in
              _parameters(build, len(arguments)).items()}
-    for name in given:
+    for name, value in given.items():
+        if isinstance(value, str) and isinstance(known.get(name), (int, float, Quantity)):
+            raise SetupError(f"the mission {mission.name}: its parameter {name} is a number, as {known[name]!r}; "
+                             f"found the text {value!r}")
         if name not in known:
             raise SetupError(f"the mission {mission.name} has no parameter '{name}'; it has "
                              + (", ".join(f"{n}={d!r}" for n, d in known.items()) or "none"))

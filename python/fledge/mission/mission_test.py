@@ -262,3 +262,9 @@ def test_import_alone_loads_nothing_else():
     out = subprocess.run([sys.executable, "-c", code], text=True, capture_output=True, check=True,
                          env=ENVIRONMENT).stdout
     assert out == "False False False\n"
+
+
+def test_a_text_is_no_parameter_whose_default_is_a_number():
+    with pytest.raises(fledge.SetupError, match="constellation: its parameter spacecraft is a number, as 4; found the "
+                                                "text '3 of them'"):
+        fledge.load("constellation", spacecraft="3 of them")

@@ -165,6 +165,20 @@ def test_each_failure_is_a_failure_of_its_own():
     assert (result.passed == (mass >= 0)).all()
 
 
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_run_into_the_planet_has_failed(tmp_path, threads):
+    mission(tmp_path, "def fall(d):\n    d.duration, d.every = 20, 1\n"
+                      "    d['world.craft.v_BN_N'] = d.nominal + d.uniform(-1000, 1000)\n"
+                      "    d.check(d.retain('world.craft.state.r_BN_N').norm() > 0)\n",
+            "\n    w.craft.r_BN_N, w.craft.v_BN_N = [3400e3, 0, 0], [0, 3000, 0]\n")
+    result = Campaign(tmp_path).fly(30, threads=threads)
+    up = result.draws["world.craft.v_BN_N[0]"]
+    failed = np.flatnonzero(~result.passed)
+    assert set(np.flatnonzero(up < -200)) <= set(failed) <= set(np.flatnonzero(up < 0)) and len(failed) > 5
+    for i in failed:
+        assert re.match(r"world.craft: inside MARS at [0-9.]+ s, at an altitude of -", result.failures[i])
+
+
 def test_the_command_of_a_failure_repeats_it(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     text = RELEASE + ("    error = d.retain('flight.tracking.error.sigma_BR')\n"

@@ -21,14 +21,15 @@ def _set_parts(craft, parts):
 def _set_gravity(craft, bodies):
     for one in bodies if isinstance(bodies, (list, tuple)) else [bodies]:
         b = body_of(one, f"{_core.path(craft)}.gravity")
-        _core.add_gravity(craft, b.name, b.mu, b.radius, b.J, b.pole_N, b.r_PN_N, b.v_PN_N, b.naif, b.field)
+        _core.add_gravity(craft, b.name, b.mu, b.radius, b.J, b.pole_N, b.r_PN_N, b.v_PN_N, b.naif, b.field,
+                          b.surface)
 
 
 def _get_gravity(craft):
     bodies = []
-    for name, mu, radius, J, pole_N, r_PN_N, v_PN_N, naif, field in _core.gravity(craft):
+    for name, mu, radius, J, pole_N, r_PN_N, v_PN_N, naif, field, surface in _core.gravity(craft):
         body = Body(name, mu, radius, naif=naif)
-        vars(body).update(J=tuple(J), pole_N=pole_N, r_PN_N=r_PN_N, v_PN_N=v_PN_N, field=field)
+        vars(body).update(J=tuple(J), pole_N=pole_N, r_PN_N=r_PN_N, v_PN_N=v_PN_N, field=field, surface=surface)
         bodies.append(body)
     return bodies
 
@@ -36,6 +37,7 @@ def _get_gravity(craft):
 def _set_orbit(craft, orbit):
     if not isinstance(orbit, Orbit):
         raise SetupError(f"{_core.path(craft)}.orbit: expected Orbit(body, ...); found {orbit!r}")
+    orbit.require_outside(f"{_core.path(craft)}.orbit")
     _orbits[craft] = orbit
     r, v = orbit.r_BN_N, orbit.v_BN_N
     if _core.sky(craft) is not None:

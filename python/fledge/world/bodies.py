@@ -9,7 +9,7 @@ from typing import Any
 
 from fledge import _core
 from fledge.errors import SetupError
-from fledge.objects.si import to_vector
+from fledge.objects.si import to_number, to_vector
 
 # The exponents of the base units, as in fledge.units.
 LENGTH = (1, 0, 0, 0, 0, 0, 0, 0)
@@ -23,7 +23,8 @@ class Body:
 
     name; mu [m^3/s^2]; radius [m], equatorial, to which J belongs; J: (J2, ..., J6); pole_N: unit
     vector; r_PN_N [m], v_PN_N [m/s]: its position at time 0, and its uniform motion; naif: its number in
-    a Sky; field: its gravity in spherical harmonics, or None.
+    a Sky; field: its gravity in spherical harmonics, or None; surface [m]: the radius of the sphere that no
+    spacecraft may enter, None for that of the body; 0, as for bodies of unknown size, for no such sphere.
 
     A body attracts as a point mass; `MARS.zonal(6)` adds J2 to J6, `MARS.harmonics(file)` is the body with a
     whole field, `SUN.at(r, v)` the same body elsewhere, for simulations without a Sky.
@@ -35,6 +36,7 @@ class Body:
 
         self.name, self.mu, self.radius, self.naif = name, mu, radius, naif
         self.field: Any = None
+        self.surface: float | None = None
         self._known = tuple(J) + (0.0,) * (5 - len(J))
         self.J: tuple[float, ...] = (0.0,) * 5
         alpha, delta = radians(pole[0]), radians(pole[1])
@@ -89,6 +91,18 @@ class Body:
         other = self._copy()
         other.r_PN_N = to_vector(r_PN_N, f"{self.name}.at: r_PN_N", "m", LENGTH)
         other.v_PN_N = to_vector(v_PN_N, f"{self.name}.at: v_PN_N", "m/s", SPEED)
+        return other
+
+    def with_surface(self, radius: Any) -> Body:
+        """The same body, which a spacecraft must not approach to less than `radius` [m] from its centre.
+
+        Give a smaller radius than the body's for an orbit over the poles of an oblate planet, and 0 for a
+        landing: then nothing ends a run inside the body.
+        """
+        other = self._copy()
+        other.surface = to_number(radius, f"{self.name}.with_surface", "m", LENGTH)
+        if not 0 <= other.surface < float("inf"):
+            raise SetupError(f"{self.name}.with_surface: radius must be >= 0 m, found {other.surface:g} m")
         return other
 
     def __repr__(self):

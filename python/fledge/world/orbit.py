@@ -8,7 +8,20 @@ from typing import Any
 from fledge import _core
 from fledge.errors import SetupError
 from fledge.objects.si import to_number, to_vector
+from fledge.units import Quantity
 from fledge.world.bodies import ANGLE, LENGTH, NUMBER, SPEED, Body, body_of
+
+
+def _angle(value, name):
+    """An angle in rad: the inclination within pi; without a unit within one turn, as more is meant in degrees."""
+    from math import pi
+
+    angle = to_number(value, f"Orbit: {name}", "rad", ANGLE)
+    most, text = (pi, "pi") if name == "i" else (2 * pi, "2 pi, or have a unit")
+    if abs(angle) > most * (1 + 1e-12) and (name == "i" or not isinstance(value, Quantity)):
+        degrees = "" if isinstance(value, Quantity) else f": write {angle:g} * deg for degrees"
+        raise SetupError(f"Orbit: {name} must be within {text}; found {angle:g} rad{degrees}")
+    return angle
 
 
 class Orbit:
@@ -27,7 +40,9 @@ class Orbit:
     true anomaly [rad], about the axes of N; default 0.
 
     r_BN_N [m] and v_BN_N [m/s] hold the state, the body's own position and velocity included.
-    Raises SetupError on elements that describe no orbit.
+    Raises SetupError on elements that describe no orbit, on a position inside the body, on an ellipse that enters
+    the body (`body.with_surface(0)` allows both), on an inclination beyond pi, and on another angle beyond 2 pi
+    without a unit. A hyperbola or parabola may lead into the body: then the run ends there.
     """
 
     def __init__(self, body: Body | str, *, a: Any = None, e: Any = None, p: Any = None, rp: Any = None,
@@ -62,8 +77,8 @@ class Orbit:
             raise SetupError(f"Orbit: expected a and e, p and e, rp and ra, rp and e, or altitude; found {found}")
         self.p, self.e = p, e
         self.i, self.Omega, self.omega, self.f = (
-            to_number(x, f"Orbit: {name}", "rad", ANGLE)
-            for name, x in (("i", i), ("Omega", Omega), ("omega", omega), ("f", f)))
+            _angle(x, name) for name, x in (("i", i), ("Omega", Omega), ("omega", omega), ("f", f)))
+        self.require_outside("Orbit")
         r, v = _core.orbit_state(self.body.mu, p, e, self.i, self.Omega, self.omega, self.f)
         self.r_BN_N = [x + y for x, y in zip(r, self.body.r_PN_N)]
         self.v_BN_N = [x + y for x, y in zip(v, self.body.v_PN_N)]
@@ -75,7 +90,26 @@ class Orbit:
         r = to_vector(r, "Orbit.from_state: r", "m", LENGTH)
         v = to_vector(v, "Orbit.from_state: v", "m/s", SPEED)
         p, e, i, Omega, omega, f = _core.orbit_elements(body.mu, r, v)
-        return cls(body, p=p, e=e, i=i, Omega=Omega, omega=omega, f=f)
+        orbit = cls(body.with_surface(0), p=p, e=e, i=i, Omega=Omega, omega=omega, f=f)
+        orbit.body = body
+        return orbit
+
+    def require_outside(self, path: str) -> None:
+        """Raise SetupError if the orbit begins inside the body, or if it is an ellipse that enters the body."""
+        from math import cos
+
+        body, divisor = self.body, 1.0 + self.e * cos(self.f)
+        surface = body.radius if body.surface is None else body.surface
+        periapsis = self.p / (1.0 + self.e)
+        closed = self.e < 1.0
+        # At and beyond an asymptote there is no position, which orbit_state() says.
+        lowest = periapsis if closed else self.p / divisor if divisor > 0 else surface
+        if not lowest < surface:
+            return
+        km = ": are these kilometres? write a = 7000 * km" if periapsis < 0.01 * surface < 1e3 * periapsis else ""
+        raise SetupError(f"{path}: {'the periapsis' if closed else 'the position'} must lie outside {body.name}, of "
+                         f"radius {surface:.9g} m; found {lowest:.9g} m from its centre{km}"
+                         f" ({body.name}.with_surface(0) allows it)")
 
     @property
     def a(self) -> float:

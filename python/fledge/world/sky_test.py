@@ -237,7 +237,7 @@ def test_flights_that_cannot_be(sky):
     says("world.craft.gravity: EARTH MOON BARYCENTER (3) holds MOON (301): name the system or its members, not both",
          lambda: fly(craft=orbiter(sky, gravity=[world.EMB, world.MOON])))
     says("world.craft.r_BN_N: must lie outside MARS",
-         lambda: fly(craft=orbiter(sky, orbit=Orbit(world.MARS, altitude=-1 * km))))
+         lambda: fly(craft=orbiter(sky, orbit=Orbit(world.MARS.with_surface(0), altitude=-1 * km))))
     mars = world.MARS.harmonics(real("mars-ggm2bc80.shadr.csv"), degree=4)
     says("world.craft.gravity: the field of MARS turns with it: give a sky",
          lambda: fly(craft=world.Spacecraft(I_B=1, gravity=[mars], orbit=Orbit(mars, a=2e7))))

@@ -44,7 +44,7 @@ def compiled(found, folder):
 
 def edges(field):
     low, high, _, _ = field.bounds
-    values = [0.0, -0.0, 1.0, -1.0, 1e-300, 1e300, math.inf, -math.inf, math.nan]
+    values = [0.0, -0.0, 1.0, -1.0, 1e-300, 1e300, 1e-100, 1e100, 5e-324, 1.1e100, math.inf, -math.inf, math.nan]
     for end in (low, high):
         values += [] if end is None else [end, math.nextafter(end, math.inf), math.nextafter(end, -math.inf)]
     return values

@@ -170,10 +170,11 @@ def rule_rows(fields: Sequence[Any], start: int, prefix: str = "", base: int = 0
             ("FLEDGE_LO_OPEN", low_open and low is not None), ("FLEDGE_HI_OPEN", high_open and high is not None),
             ("MISSION_NON_ZERO", f.non_zero), ("MISSION_INERTIA", f.inertia)) if on]
         if not ELEMENTS[f.type].is_float and not flags:
-            continue                                   # whole numbers are finite
+            continue                                   # all are allowed
         n = f.size // ELEMENTS[f.type].size
         rule = f.rule.removeprefix("required").removeprefix(", ")
-        text = "finite" + (f", {rule}" if rule else "")
+        text = "0 or of size 1e-100 to 1e100" if ELEMENTS[f.type].is_float else "whole"
+        text += f", {rule}" if rule else ""
         text += f" {f.unit}" if f.unit not in ("", "-") and (low is not None or high is not None) else ""
         yield [string((prefix + f.name).encode()), string(text.encode()), f"{at}u", f"{n}u",
                f"{n // f.shape[0] if f.shape else 1}u", f"{places[f.count]}u" if f.count else "MISSION_ALL",

@@ -1,0 +1,420 @@
+// SPDX-License-Identifier: Apache-2.0
+// What all flight modules and world models keep, whatever they are given: numbers come from the tables, so that a new
+// module or model is tested here without a line.
+#include "flight/testing/poison.h"
+#include "sim/error.h"
+#include "sim/simulation.h"
+#include "world/dynamics/effector.h"
+#include "world/dynamics/spacecraft_model.h"
+#include "world/environment/celestial_body_model.h"
+#include "world/environment/testing/two_circles.h"
+#include "world/models.h"
+
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <string>
+
+extern "C" {
+#include "flight/actuation/wheel_torques.h"
+#include "flight/control/mrp_feedback.h"
+#include "flight/guidance/tracking_error.h"
+
+extern const FledgeLibrary fledge_library_flight;
+}
+
+namespace {
+
+using namespace fledge;
+using flight::testing::any_number;
+using flight::testing::any_quality;
+using flight::testing::Random;
+using sim::Ns;
+
+constexpr Ns ms = 1'000'000, second = 1000 * ms;
+
+/// One number of a struct in memory.
+struct Number {
+    FledgeType type;
+    std::byte *at;
+    const FledgeField *field;
+
+    double read() const { return element_read(type, at); }
+    template <class T> void write(T value) const { std::memcpy(at, &value, sizeof value); }
+};
+
+/// All numbers of the fields of a group, those of messages included, spares left out.
+std::vector<Number> numbers(const FledgeStruct &type, FledgeGroup group, std::byte *memory)
+{
+    std::vector<Number> found;
+    for (const FledgeField &field : sim::fields(type)) {
+        if (field.group != group || field.flags & FLEDGE_SPARE) {
+            continue;
+        }
+        if (field.type == FLEDGE_STRUCT) {
+            for (std::uint32_t at = 0; at < field.size; at += field.sub->size) {
+                for (Number number : numbers(*field.sub, FLEDGE_NONE, memory + field.offset + at)) {
+                    found.push_back(number);
+                }
+            }
+        } else {
+            for (std::uint32_t at = 0; at < field.size; at += element_size(field.type)) {
+                found.push_back({field.type, memory + field.offset + at, &field});
+            }
+        }
+    }
+    return found;
+}
+
+bool named(const Number &number, const char *name)
+{
+    return std::string(number.field->name) == name;
+}
+
+/// A value that the field's rule allows.
+double ordinary(const FledgeField &field, Random &random)
+{
+    const bool lo = field.bounds & FLEDGE_HAS_LO, hi = field.bounds & FLEDGE_HAS_HI;
+    const double low = lo   ? field.lo
+                       : hi ? field.hi - 2.0
+                            : -1.0,
+                 high = hi ? std::min(field.hi, low + 10.0) : low + 2.0;
+    return random.real(low + 0.1 * (high - low), high);
+}
+
+/// Parameters that keep all rules.
+void set_parameters(sim::Instance &instance, Random &random)
+{
+    instance.given.assign(instance.type().n, true);
+    for (const FledgeField &field : sim::fields(instance.type())) {
+        if (field.group != FLEDGE_PAR || field.flags & FLEDGE_SPARE) {
+            continue;
+        }
+        const double moments[] = {2.0, 2.5, 3.0};
+        std::uint32_t i = 0;
+        for (const Number &number : numbers(instance.type(), FLEDGE_PAR, instance.memory())) {
+            if (number.field != &field) {
+                continue;
+            }
+            if (field.flags & FLEDGE_INERTIA) {
+                number.write(i % 4 == 0 ? moments[i / 4] : 0.0);
+            } else if (number.type == FLEDGE_F64) {
+                number.write(ordinary(field, random));
+            } else {
+                number.write(static_cast<std::uint32_t>(field.bounds & FLEDGE_HAS_HI ? std::min(field.hi, 3.0) : 1.0));
+            }
+            i++;
+        }
+    }
+}
+
+/// Inputs that are good and finite, of time t.
+void set_inputs(sim::Instance &instance, Random &random, Ns t)
+{
+    for (const Number &number : numbers(instance.type(), FLEDGE_IN, instance.memory())) {
+        if (number.type == FLEDGE_F64) {
+            number.write(random.real(-2.0, 2.0));
+        } else if (named(number, "quality")) {
+            number.write(QUALITY_GOOD);
+        } else if (named(number, "t")) {
+            number.write(t);
+        } else if (number.type == FLEDGE_U8) {
+            number.write(std::uint8_t{1});
+        } else if (number.type == FLEDGE_I64) {
+            number.write(std::int64_t{0});
+        } else {
+            number.write(std::uint32_t{1});
+        }
+    }
+}
+
+void update(sim::Instance &module, Tick tick)
+{
+    reinterpret_cast<void (*)(void *, Tick)>(module.type().update)(module.memory(), tick);
+}
+
+void reset(sim::Instance &module)
+{
+    reinterpret_cast<void (*)(void *)>(module.type().reset)(module.memory());
+}
+
+/// The name of a number among the outputs that is not finite; "" if all are.
+std::string not_finite(const sim::Instance &instance)
+{
+    for (const Number &number : numbers(instance.type(), FLEDGE_OUT, instance.memory())) {
+        if (!std::isfinite(number.read())) {
+            return instance.path + ": " + number.field->name;
+        }
+    }
+    return "";
+}
+
+void for_each_module(const std::function<void(sim::Instance &)> &test)
+{
+    int modules = 0;
+    for (std::uint32_t i = 0; i < fledge_library_flight.n; i++) {
+        const FledgeStruct &type = *fledge_library_flight.structs[i];
+        if (type.kind == FLEDGE_MODULE) {
+            sim::Instance module(type);
+            SCOPED_TRACE(type.name);
+            test(module);
+            modules++;
+        }
+    }
+    EXPECT_GE(modules, 13);
+}
+
+TEST(Modules, OutputsAreFiniteWhateverTheInputs)
+{
+    for_each_module([](sim::Instance &module) {
+        Random random{1};
+        bool written = false;
+        for (int round = 0; round < 4000; round++) {
+            if (round % 50 == 0) {
+                set_parameters(module, random);
+                sim::check_parameters(module);
+                reset(module);
+            }
+            set_inputs(module, random, round * ms);
+            const auto inputs = numbers(module.type(), FLEDGE_IN, module.memory());
+            for (int bad = random.below(4); bad > 0 && !inputs.empty(); bad--) {
+                const Number &number = inputs[static_cast<std::size_t>(random.below(static_cast<int>(inputs.size())))];
+                if (number.type == FLEDGE_F64) {
+                    number.write(any_number(random));
+                } else if (named(number, "quality")) {
+                    number.write(any_quality(random));
+                } else if (number.type == FLEDGE_U32) {
+                    number.write(static_cast<std::uint32_t>(random.real(0, 4294967295.0)));
+                }
+            }
+            update(module, {round * ms, round % 50 ? ms : 0});
+            ASSERT_EQ(not_finite(module), "") << round;
+            for (const Number &number : numbers(module.type(), FLEDGE_OUT, module.memory())) {
+                written |= named(number, "sequence") && number.read() > 0;
+            }
+        }
+        EXPECT_TRUE(written) << "nothing was tested";
+    });
+}
+
+TEST(Modules, AnyTimesAreDefined)
+{
+    // The undefined-behaviour sanitizer sees integers that overflow.
+    constexpr Ns ends[] = {INT64_MIN, INT64_MIN + 1, -second, -1, 0, 1, second, INT64_MAX - 1, INT64_MAX};
+    const auto any_time = [&](Random &random) { return ends[random.below(9)]; };
+    for_each_module([&](sim::Instance &module) {
+        Random random{2};
+        for (int round = 0; round < 3000; round++) {
+            if (round % 10 == 0) {
+                set_parameters(module, random);
+                reset(module);
+            }
+            set_inputs(module, random, any_time(random));
+            for (const Number &number : numbers(module.type(), FLEDGE_IN, module.memory())) {
+                if (number.type == FLEDGE_I64) {
+                    number.write(any_time(random));
+                } else if (named(number, "durations")) {
+                    number.write(random.below(2) ? 5e8 : 1e-9);
+                }
+            }
+            update(module, {any_time(random), any_time(random)});
+            ASSERT_EQ(not_finite(module), "") << round;
+        }
+    });
+}
+
+TEST(Modules, AnAttitudeThatIsLostEndsTheWheelsTorque)
+{
+    using namespace flight::testing;
+    for (const Quality lost : {QUALITY_STALE, QUALITY_DEGRADED, QUALITY_GOOD}) {
+        Random random{5};
+        TrackingError tracking{};
+        MrpFeedback control{};
+        WheelTorques motor{};
+        control.in.vehicle = {good(), mat(random.spd(100))};
+        control.par.K = 1.0;
+        control.par.P = mat(random.spd(10));
+        motor.in.wheels.head = good();
+        motor.in.wheels.n = 4;
+        for (Vec3 &axis : motor.in.wheels.axes_B) {
+            axis = vec(random.direction());
+        }
+        tracking.in.attitude = {good(), random.mrp(), vec(random.vector())};
+        const auto largest = [&](Ns t) {
+            tracking.in.reference = {good(t), random.mrp(), vec(random.vector()), vec(random.vector())};
+            tracking_error_update(&tracking, {t, t > 0 ? second : 0});
+            control.in.error = tracking.out.error;
+            mrp_feedback_update(&control, {t, t > 0 ? second : 0});
+            motor.in.torque = control.out.torque;
+            wheel_torques_update(&motor, {t, t > 0 ? second : 0});
+            double most = 0.0;
+            for (double u : motor.out.command.u) {
+                most = std::max(most, std::abs(u));
+            }
+            return most;
+        };
+        EXPECT_GT(largest(0), 0.0);
+        tracking.in.attitude.head.quality = lost;
+        if (lost == QUALITY_GOOD) {
+            tracking.in.attitude.omega_BN_B.v[1] = NAN;
+        }
+        for (int k = 1; k < 60; k++) {
+            const double most = largest(k * second);
+            EXPECT_TRUE(k < 10 ? most > 0.0 : k <= 20 || most == 0.0) << k << " " << most;
+            EXPECT_EQ(motor.out.command.head.quality, QUALITY_DEGRADED);
+        }
+    }
+}
+
+/// Numbers at which squares, inverses and products leave the range of a double, and the ends of what is allowed.
+std::vector<double> extremes()
+{
+    std::vector<double> all;
+    for (const double x : {0.0, 5e-324, 1e-320, 1e-300, 1e-160, 1e-100, 1e-30, 1e30, 1e100, 1e160, 1e300, DBL_MAX,
+                           HUGE_VAL, std::numeric_limits<double>::quiet_NaN()}) {
+        all.insert(all.end(), {x, -x});
+    }
+    return all;
+}
+
+struct Outcomes {
+    int refused = 0, flown = 0;
+};
+
+/// For each number of the parameters and each extreme: refused with the parameter's name, or flown with finite outputs.
+Outcomes fly_extremes(sim::Instance &instance, const std::function<void()> &prepare, const std::function<void()> &fly)
+{
+    std::vector<std::byte> ordinary(instance.memory(), instance.memory() + instance.type().size);
+    int refused = 0, flown = 0;
+    for (const Number &number : numbers(instance.type(), FLEDGE_PAR, instance.memory())) {
+        if (number.type != FLEDGE_F64) {
+            continue;
+        }
+        for (const double extreme : extremes()) {
+            std::memcpy(instance.memory(), ordinary.data(), ordinary.size());
+            number.write(extreme);
+            try {
+                prepare();
+            } catch (const sim::SetupError &error) {
+                const std::string text = error.what();
+                EXPECT_EQ(text.find(instance.path + "."), 0u) << text;
+                EXPECT_NE(text.find(number.field->name), std::string::npos) << text;
+                refused++;
+                continue;
+            }
+            try {
+                fly();
+                flown++;
+                EXPECT_EQ(not_finite(instance), "") << number.field->name << " = " << extreme;
+            } catch (const sim::RunError &error) {
+                EXPECT_NE(std::string(error.what()).find("world.craft"), std::string::npos) << error.what();
+            }
+        }
+    }
+    std::memcpy(instance.memory(), ordinary.data(), ordinary.size());
+    return {refused, flown};
+}
+
+TEST(Modules, ExtremeParametersAreRefusedOrGiveFiniteOutputs)
+{
+    Outcomes all;
+    for_each_module([&](sim::Instance &module) {
+        Random random{3};
+        set_parameters(module, random);
+        const auto fly = [&] {
+            reset(module);
+            for (int round = 0; round < 5; round++) {
+                set_inputs(module, random, round * second);
+                update(module, {round * second, round ? second : 0});
+                ASSERT_EQ(not_finite(module), "");
+            }
+        };
+        const Outcomes outcomes = fly_extremes(
+            module, [&] { sim::check_parameters(module); }, fly);
+        all.refused += outcomes.refused;
+        all.flown += outcomes.flown;
+    });
+    EXPECT_GT(all.refused, 1000);
+    EXPECT_GT(all.flown, 1000);
+}
+
+/// All models in one world, in which everything acts.
+struct World {
+    sim::Simulation simulation{1};
+    std::vector<std::shared_ptr<sim::Instance>> instances;
+
+    World()
+    {
+        using world::testing::TwoCircles;
+        Random random{4};
+        sim::Process &process = simulation.add_process("world");
+        std::vector<std::shared_ptr<sim::Instance>> run;
+        for (const sim::ModelType &type : world::models()) {
+            auto instance = std::make_shared<sim::Instance>(type);
+            const std::string name = type.interface->name;
+            process.add(name == "Spacecraft" ? "craft" : name, instance);
+            set_parameters(*instance, random);
+            set_inputs(*instance, random, 0);
+            instances.push_back(instance);
+            if (!dynamic_cast<world::Effector *>(instance->model())) {
+                run.push_back(instance);
+            }
+            if (auto *body = dynamic_cast<world::CelestialBodyModel *>(instance->model())) {
+                body->set_sky(TwoCircles::sky(TwoCircles::sun));
+                set(*instance, "id", TwoCircles::jupiter);
+            }
+        }
+        auto &craft = dynamic_cast<world::SpacecraftModel &>(*find("craft").model());
+        for (const auto &instance : instances) {
+            if (auto *part = dynamic_cast<world::Effector *>(instance->model())) {
+                craft.attach(*part);
+            }
+        }
+        world::GravityBody mars;
+        mars.name = "mars";
+        mars.mu = 4.2828314e13;
+        mars.radius = 3.397e6;
+        mars.J = {1.96e-3, 3e-5, 0, 0, 0};
+        craft.add_gravity(mars);
+        set(find("craft"), "r_BN_N", 4e6);
+        const auto port = [&](const char *instance, const char *field) {
+            return sim::Port{shared(instance), sim::find_field(find(instance).type(), field)};
+        };
+        simulation.connect(port("craft", "state"), port("Navigation", "truth"));
+        process.add_task({"all", second, 0, 0, run});
+    }
+
+    std::shared_ptr<sim::Instance> shared(const std::string &name)
+    {
+        return *std::find_if(instances.begin(), instances.end(), [&](const auto &one) { return one->name == name; });
+    }
+
+    sim::Instance &find(const std::string &name) { return *shared(name); }
+
+    template <class T> static void set(sim::Instance &instance, const char *name, T value)
+    {
+        for (const Number &number : numbers(instance.type(), FLEDGE_PAR, instance.memory())) {
+            if (named(number, name)) {
+                number.write(value);
+            }
+        }
+    }
+};
+
+TEST(Models, ExtremeParametersAreRefusedOrGiveFiniteOutputs)
+{
+    World world;
+    for (const auto &instance : world.instances) {
+        SCOPED_TRACE(instance->path);
+        const auto fly = [&] {
+            for (int i = 0; i < 5; i++) {
+                world.simulation.step();
+            }
+        };
+        const Outcomes outcomes = fly_extremes(
+            *instance, [&] { world.simulation.reset(); }, fly);
+        EXPECT_TRUE(instance->name == "CelestialBody" || (outcomes.refused > 0 && outcomes.flown > 0));
+    }
+}
+
+} // namespace
