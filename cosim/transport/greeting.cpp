@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cosim/transport/greeting.h"
 
+#include <algorithm>
 #include <cstdlib>
 
 namespace fledge::cosim {
 
 namespace {
+
+constexpr std::chrono::milliseconds look{100}; ///< between two looks whether the program has stopped
 
 void fill_in(std::string &text, const char *what, const char *variable)
 {
@@ -60,7 +63,16 @@ Frame Member::ask() const
     greetings.set(zmq::sockopt::linger, 0);
     greetings.send(zmq::buffer(encode({1, hello})), zmq::send_flags::none);
     zmq::message_t reply;
-    if (!handshake.receive(reply, config.connect_timeout, "the controller at " + config.address, hello.node)) {
+    const auto end = std::chrono::steady_clock::now() + config.connect_timeout;
+    for (auto rest = config.connect_timeout;
+         !handshake.receive(reply, std::min(rest, look), "the controller at " + config.address, hello.node);) {
+        if (config.stopped && *config.stopped) {
+            throw LinkError("the program ended it");
+        }
+        rest = std::chrono::ceil<std::chrono::milliseconds>(end - std::chrono::steady_clock::now());
+        if (rest.count() > 0) {
+            continue;
+        }
         throw LinkError(handshake.made() && hello.role == Role::asynchronous
                             ? "the nodes have not met at " + config.address + " so far"
                             : "no controller answers at " + config.address);

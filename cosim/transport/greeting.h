@@ -7,6 +7,7 @@
 #include "cosim/transport/handshake.h"
 #include "cosim/transport/link.h"
 
+#include <atomic>
 #include <chrono>
 #include <optional>
 #include <string>
@@ -20,9 +21,10 @@ struct MemberConfig {
     std::string address = {};                          ///< of the controller
     std::chrono::milliseconds connect_timeout{60'000}; ///< for its answer; to an observer it answers after matching
     Limits limits = {};
-    std::string keys = {};              ///< a folder or file (keys.h)
-    Sharing sharing = Sharing::allowed; ///< nodes: of memory, with a controller on this machine
-    int waiting = 1000;                 ///< observers: most messages in the queue
+    std::string keys = {};                      ///< a folder or file (keys.h)
+    Sharing sharing = Sharing::allowed;         ///< nodes: of memory, with a controller on this machine
+    int waiting = 1000;                         ///< observers: most messages in the queue
+    const std::atomic<bool> *stopped = nullptr; ///< nodes: true ends the wait for the controller with LinkError
 };
 
 /// Fill in simulation, node and address from the environment. Throws LinkError.

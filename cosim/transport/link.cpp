@@ -19,7 +19,8 @@ using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
 constexpr int heartbeat_ms = 1000, silence_ms = 5000, linger_ms = 1000;
-constexpr std::chrono::milliseconds look = 100ms; ///< between two checks of a silent side
+constexpr std::chrono::milliseconds look = 100ms;   ///< between two checks of a silent side
+constexpr std::chrono::milliseconds long_look = 1s; ///< for the end of the program; a signal wakes it at once
 constexpr std::chrono::milliseconds for_ever = -1ms;
 
 } // namespace
@@ -197,17 +198,20 @@ bool Link::receive(Frame &frame)
     return true;
 }
 
-Frame Link::wait(std::chrono::milliseconds most)
+Frame Link::wait(std::chrono::milliseconds most, const std::atomic<bool> *stopped)
 {
     Frame frame;
     const bool limited = most.count() > 0;
     const auto end = limited ? Clock::now() + most : Clock::time_point::max();
     while (!receive(frame)) {
         const auto rest = limited ? std::chrono::ceil<std::chrono::milliseconds>(end - Clock::now()) : look;
+        if (stopped && *stopped) {
+            throw LinkError("the program ended it");
+        }
         if (rest.count() <= 0) {
             throw LinkError("the controller let this program in, but asks nothing of it");
         }
-        if (silent(limited || !watcher_ ? std::min(rest, look) : for_ever) && gone()) {
+        if (silent(limited || !watcher_ ? std::min(rest, look) : stopped ? long_look : for_ever) && gone()) {
             if (receive(frame)) {
                 break;
             }

@@ -6,6 +6,7 @@
 #include "cosim/protocol/words.h"
 #include "cosim/transport/link_error.h"
 
+#include <atomic>
 #include <chrono>
 #include <memory>
 #include <span>
@@ -71,8 +72,10 @@ public:
     /// long frame through shared memory.
     bool receive(Frame &frame);
 
-    /// A node: wait for a frame. Throws LinkError if the controller goes, or sends none in time (0: no limit).
-    Frame wait(std::chrono::milliseconds most = std::chrono::milliseconds{0});
+    /// A node: wait for a frame. Throws LinkError if the controller goes, sends none in time (0: no limit), or if
+    /// `stopped` becomes true.
+    Frame wait(std::chrono::milliseconds most = std::chrono::milliseconds{0},
+               const std::atomic<bool> *stopped = nullptr);
 
     /// Whether the other side was there and has gone. receive() still gives what it sent before.
     bool gone();
