@@ -14,6 +14,7 @@ the median over groups of rounds.
 - `nadir_spin`: the mission with world and flight in two programs, against `one_program_and_exchanges`: the
   same in one program, and for each tick a bare round trip.
 - `constellation`: up to 128 programs on this machine (bench/cosim_scaling.py).
+- `start_shm`, `start_tcp`: so many programs that start, join a controller, make 64 rounds, and end.
 - `broker_*`, `watched_*`: such a pair with a broker that has no subscribers, and with four observers, the last
   of which is stopped, against the same without. On few processors, the observers also use computing time.
 """
@@ -50,6 +51,7 @@ CASES = {
 WATCHED = {f"{name}_{transport}": (case, transport, observers, 20_000) for transport in ("ipc", "shm")
            for name, case, observers in (("alone", "pair", 0), ("broker", "watched", 0), ("watched", "watched", 4))}
 CASES |= WATCHED
+STARTED = (100, 200, 400, 500)
 SPINS = {"ipc": "forbidden", "shm": "required"}     # transport -> sharing of memory
 
 
@@ -90,5 +92,9 @@ def main(arguments: list[str]) -> None:
         rows.add("alone", figure, alone, "us")
         for name, sample in zip(("broker", "watched"), watched):
             rows.add(f"{name}_{transport}", figure, sample, "us", "alone", note=pair_by_pair(sample, alone))
+    for transport in ("shm", "tcp"):
+        for nodes in STARTED:
+            whole = [nodes * rounds("start", transport, nodes) * 1e-6 for _ in range(min(chosen.runs, 3))]
+            rows.add(f"start_{transport}", f"{nodes} programs, from start to end", whole, "s")
     cosim_scaling.measure(rows, 1)
     report(rows, chosen)

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // One measurement of a co-simulation per run; bench/cosim.py calls them in turn.
 //
-//     fledge_bench_cosim CASE TRANSPORT NODES ROUNDS      prints the median time of a round [ns]
+//     fledge_bench_cosim CASE TRANSPORT NODES ROUNDS      prints the median time of a round, or of a start [ns]
 #include "bench/cosim_cases.h"
 
 #include "cosim/node/observer.h"
@@ -345,6 +345,15 @@ double ring(const std::string &transport, std::uint64_t k, std::uint64_t rounds)
     return *median;
 }
 
+/// The time to start k programs, join them and end them, for each of them.
+double start(const std::string &transport, std::uint64_t k)
+{
+    const auto begun = std::chrono::steady_clock::now();
+    ring(transport, k, 64);
+    return std::chrono::duration<double, std::nano>(std::chrono::steady_clock::now() - begun).count() /
+           static_cast<double>(k);
+}
+
 /// k programs that step at once, and then their partner in the controller's program.
 double hub(const std::string &transport, std::uint64_t k, std::uint64_t rounds)
 {
@@ -368,6 +377,7 @@ double measure(const std::string &name, const std::string &transport, std::uint6
            : name == "hub"     ? hub(transport, k, rounds)
            : name == "watched" ? watched(transport, k, rounds)
            : name == "ring"    ? ring(transport, k, rounds)
+           : name == "start"   ? start(transport, k)
                                : throw std::invalid_argument("there is no case " + name);
 }
 

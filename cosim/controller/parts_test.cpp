@@ -300,6 +300,9 @@ TEST(RestartLog, ASnapshotReplacesOlderMessages)
     log.log_input({{0, 1, 0, word(1)}, {0, 2, 10, word(2)}});
     log.log_output({{1, 1, 5, word(7)}});
     const std::size_t before = log.bytes();
+    log.log_input({{0, 3, 20, word(3)}});
+    log.forget_inputs_after(10);
+    EXPECT_EQ(log.bytes(), before);
     log.take_snapshot(5, Bytes(3));
     EXPECT_EQ(log.saved(), 5);
     EXPECT_EQ(log.bytes(), before / 3);

@@ -43,7 +43,10 @@ void RestartLog::log_output(const std::vector<Record> &records)
 
 void RestartLog::forget_inputs_after(Ns t)
 {
-    std::erase_if(input_log_, [&](const Record &record) { return record.t > t; });
+    std::erase_if(input_log_, [&](const Record &record) {
+        bytes_ -= record.t > t ? size_of(record) : 0;
+        return record.t > t;
+    });
 }
 
 void RestartLog::take_snapshot(Ns t, Bytes snapshot)

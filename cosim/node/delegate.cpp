@@ -91,10 +91,15 @@ std::string Delegate::serve(Node &node)
     for (auto connect_timeout = member_.config.connect_timeout;; connect_timeout = {}) {
         Frame request;
         try {
-            request = link.wait(connect_timeout);
+            request = link.wait(connect_timeout, member_.config.stopped);
             member_.hang_up(); // the controller knows this program by its own connection now
         } catch (const ProtocolError &error) {
             link.send({0, Failed{error.what()}});
+            throw;
+        } catch (const LinkError &error) {
+            if (member_.config.stopped && *member_.config.stopped) {
+                link.send({0, Failed{error.what()}});
+            }
             throw;
         }
         try {

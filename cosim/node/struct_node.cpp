@@ -79,6 +79,7 @@ void StructNode::put(const std::string &topic, std::span<const std::byte> messag
 std::string StructNode::run(const std::function<void(Ns)> &step)
 {
     step_ = step;
+    config_.stopped = &stopped_;
     zmq::context_t context;
     return Delegate(context, config_).serve(*this);
 }

@@ -95,8 +95,8 @@ public:
 
     /// Called in a step: it is the last one, and run() returns.
     void leave() { leaving_ = true; }
-    /// From any thread or a signal handler: run() throws instead of the next step, and the run's controller
-    /// gets the reason.
+    /// From any thread or a signal handler: run() throws instead of the next step, or within a second if it waits for
+    /// the controller; the run's controller gets the reason.
     void stop() { stopped_ = true; }
 
     std::uint64_t seed() const { return seed_; } ///< of the run

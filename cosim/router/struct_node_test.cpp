@@ -168,6 +168,54 @@ TEST(StructNode, AProgramStepsAtSeveralRatesAndReadsMessagesWithoutAStruct)
     EXPECT_EQ(defined, "/a/positionPosition");
 }
 
+/// Run a node in another thread, and stop it once `ready` is true. Returns why it ended.
+std::string stopped(StructNode &node, const std::function<bool()> &ready)
+{
+    auto end = std::async(std::launch::async, [&]() -> std::string {
+        try {
+            return node.run([](Ns) {});
+        } catch (const LinkError &error) {
+            return error.what();
+        }
+    });
+    while (!ready()) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    node.stop();
+    return end.get();
+}
+
+TEST(StructNode, AProgramCanEndItWhileItWaitsForAController)
+{
+    StructNode node({"drift", "a", "ipc://@fledge-struct-node-alone-" + std::to_string(getpid())}, {10 * ms, 0});
+    EXPECT_EQ(stopped(node, [] { return true; }), "the program ended it");
+}
+
+TEST(StructNode, AProgramCanEndItWhileItWaitsForItsFirstTick)
+{
+    for (const Sharing sharing : {Sharing::required, Sharing::forbidden}) {
+        ControllerConfig config;
+        config.simulation = "drift";
+        config.nodes = {{"a", Policy::abort}, {"b", Policy::abort}}; // b does not come
+        config.end = 60 * ms;
+        RouterConfig router_config;
+        router_config.address = "ipc://@fledge-struct-node-stop-" + std::to_string(getpid());
+        router_config.sharing = sharing;
+        zmq::context_t context;
+        Router router(context, config, router_config);
+        std::atomic<bool> there = false;
+        auto run = std::async(std::launch::async, [&] {
+            return router.run([&] {
+                there = std::string_view(router.controller().state(0)) == "joining";
+                return true;
+            });
+        });
+        StructNode node({"drift", "a", router.address()}, {10 * ms, 0});
+        EXPECT_EQ(stopped(node, [&] { return there.load(); }), "the program ended it");
+        EXPECT_EQ(run.get(), "a: it failed: the program ended it");
+    }
+}
+
 TEST(StructNode, ARateThatMakesNoSenseIsRefusedAtOnce)
 {
     for (const Rate rate : {Rate{0, 0}, {-1, 0}, {10, -1}, {longest_time + 1, 0}, {1, longest_time + 1}}) {

@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cosim/transport/greeting.h"
 
+#include <algorithm>
 #include <cstdlib>
 
 namespace fledge::cosim {
 
 namespace {
+
+constexpr std::chrono::milliseconds look{100}; ///< between two looks whether the program has stopped
 
 void fill_in(std::string &text, const char *what, const char *variable)
 {
@@ -61,16 +64,27 @@ Frame Member::ask()
     connect(greetings, "the controller at ", config.address);
     greetings.set(zmq::sockopt::linger, 0);
     const std::string where = "the controller at " + config.address;
-    const auto begun = std::chrono::steady_clock::now();
-    const auto rest = [&] {
-        return std::chrono::ceil<std::chrono::milliseconds>(begun + config.connect_timeout -
-                                                            std::chrono::steady_clock::now());
+    const auto end = std::chrono::steady_clock::now() + config.connect_timeout;
+    const auto in_time = [&](const auto &attempt) {
+        for (;;) {
+            const auto rest = std::chrono::ceil<std::chrono::milliseconds>(end - std::chrono::steady_clock::now());
+            if (attempt(std::min(rest, look))) {
+                return true;
+            }
+            if (config.stopped && *config.stopped) {
+                throw LinkError("the program ended it");
+            }
+            if (rest.count() <= 0) {
+                return false;
+            }
+        }
     };
     zmq::message_t reply;
-    if (!config.address.starts_with("ipc://") || handshake.connect(rest(), where, hello.node)) {
+    if (!config.address.starts_with("ipc://") ||
+        in_time([&](auto most) { return handshake.connect(most, where, hello.node); })) {
         greetings.send(zmq::buffer(encode({1, hello})), zmq::send_flags::none);
     }
-    if (!handshake.receive(reply, rest(), where, hello.node)) {
+    if (!in_time([&](auto most) { return handshake.receive(reply, most, where, hello.node); })) {
         throw LinkError(handshake.made() && hello.role == Role::asynchronous
                             ? "the nodes have not met at " + config.address + " so far"
                             : "no controller answers at " + config.address);

@@ -7,6 +7,7 @@
 #include "cosim/transport/handshake.h"
 #include "cosim/transport/link.h"
 
+#include <atomic>
 #include <chrono>
 #include <optional>
 #include <string>
@@ -24,6 +25,7 @@ struct MemberConfig {
     Sharing sharing = Sharing::allowed; ///< nodes: of memory, with a controller on this machine
     int waiting = 1000;                 ///< observers: most messages in the queue
     bool any_user = false;              ///< over "ipc://", the controller may be of another user; FLEDGE_ANY_USER=1
+    const std::atomic<bool> *stopped = nullptr; ///< nodes: true ends the wait for the controller with LinkError
 };
 
 /// Fill in simulation, node, address and any_user from the environment. Throws LinkError.

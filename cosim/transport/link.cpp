@@ -19,10 +19,11 @@ using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
 constexpr int linger_ms = 1000;
-constexpr int idle_s = 2, probe_s = 1, probes = 3; ///< of an idle connection
-constexpr int unread_ms = 5000;                    ///< for the other side to take bytes
-constexpr int most_waiting = 10;                   ///< frames; in lock step, few are on their way
-constexpr std::chrono::milliseconds look = 100ms;  ///< between two checks of a silent side
+constexpr int idle_s = 2, probe_s = 1, probes = 3;  ///< of an idle connection
+constexpr int unread_ms = 5000;                     ///< for the other side to take bytes
+constexpr int most_waiting = 10;                    ///< frames; in lock step, few are on their way
+constexpr std::chrono::milliseconds look = 100ms;   ///< between two checks of a silent side
+constexpr std::chrono::milliseconds long_look = 1s; ///< for the end of the program; a signal wakes it at once
 constexpr std::chrono::milliseconds for_ever = -1ms;
 
 } // namespace
@@ -258,17 +259,20 @@ bool Link::receive(Frame &frame)
     return false;
 }
 
-Frame Link::wait(std::chrono::milliseconds most)
+Frame Link::wait(std::chrono::milliseconds most, const std::atomic<bool> *stopped)
 {
     Frame frame;
     const bool limited = most.count() > 0;
     const auto end = limited ? Clock::now() + most : Clock::time_point::max();
     while (!receive(frame)) {
         const auto rest = limited ? std::chrono::ceil<std::chrono::milliseconds>(end - Clock::now()) : look;
+        if (stopped && *stopped) {
+            throw LinkError("the program ended it");
+        }
         if (rest.count() <= 0) {
             throw LinkError("the controller let this program in, but asks nothing of it");
         }
-        if (silent(limited || !watcher_ ? std::min(rest, look) : for_ever) && gone()) {
+        if (silent(limited || !watcher_ ? std::min(rest, look) : stopped ? long_look : for_ever) && gone()) {
             if (receive(frame)) {
                 break;
             }

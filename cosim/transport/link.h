@@ -7,6 +7,7 @@
 #include "cosim/transport/link_error.h"
 
 #include <array>
+#include <atomic>
 #include <chrono>
 #include <memory>
 #include <span>
@@ -85,8 +86,10 @@ public:
     /// long frame through shared memory. Before accept(), it skips what is no frame.
     bool receive(Frame &frame);
 
-    /// A node: wait for a frame. Throws LinkError if the controller goes, or sends none in time (0: no limit).
-    Frame wait(std::chrono::milliseconds most = std::chrono::milliseconds{0});
+    /// A node: wait for a frame. Throws LinkError if the controller goes, sends none in time (0: no limit), or if
+    /// `stopped` becomes true.
+    Frame wait(std::chrono::milliseconds most = std::chrono::milliseconds{0},
+               const std::atomic<bool> *stopped = nullptr);
 
     /// Whether the other side was there and has gone. receive() still gives what it sent before.
     bool gone();

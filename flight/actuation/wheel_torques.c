@@ -102,6 +102,7 @@ void wheel_torques_update(WheelTorques *m, Tick t)
         achieved->torque_B = vec3(0.0, 0.0, 0.0);
     } else if (computed) {
         m->mem.newest = newest;
+        m->mem.saturated += factor < 1.0;
         if (!spanned) {
             quality = QUALITY_DEGRADED;
         }

@@ -30,7 +30,8 @@ typedef struct WheelTorques {
         double hold;    ///< [s] >= 0: how long the command goes on without new data; 0: ten updates
     } par;
     struct {
-        int64_t newest; ///< [ns] the time of the newest wanted torque that was used
+        int64_t newest;     ///< [ns] the time of the newest wanted torque that was used
+        uint64_t saturated; ///< [-]  updates in which a motor's limit scaled the command
     } mem;
 } WheelTorques;
 

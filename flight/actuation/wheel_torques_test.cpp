@@ -200,6 +200,7 @@ TEST(WheelTorques, saturation_keeps_the_direction_and_uses_a_wheel_in_full)
         EXPECT_LT((commands(m) - factor * commands(free)).norm(), 1e-14);
         EXPECT_LT((achieved(m) - factor * achieved(free)).norm(), 1e-13);
         EXPECT_EQ(m.out.command.head.quality, QUALITY_GOOD);
+        EXPECT_EQ(m.mem.saturated, use > 1 ? 1u : 0u);
     }
     EXPECT_GT(saturated, 500);
 }

@@ -28,6 +28,9 @@ typedef struct ReactionWheels {
         double viscosity[WHEELS_MAX]; ///< [N m s]  count n, >= 0: viscous friction per rad/s
         double Omega[WHEELS_MAX];     ///< [rad/s]  count n, initial: speeds
     } par;
+    struct {
+        uint64_t saturated; ///< [-] updates in which a limit reduced a motor's torque
+    } mem;
 } ReactionWheels;
 
 #endif

@@ -49,6 +49,7 @@ void ReactionWheelsModel::start(const Vec3 &omega, double *x)
     }
     wheels_.by_speed = 1.0;
     interface_.out = {};
+    interface_.mem = {};
 }
 
 void ReactionWheelsModel::refresh()
@@ -146,9 +147,12 @@ void ReactionWheelsModel::derive(const double *x, const Vec3 &omega, double *dx,
 void ReactionWheelsModel::publish(sim::Ns t, const double *x, const Vec3 &omega)
 {
     auto &out = interface_.out;
+    bool limited = false;
     for (std::size_t i = 0; i < n_; i++) {
         out.speeds.Omega[i] = speed(i, x, omega);
+        limited |= out.applied.u[i] != wheels_.asked[i];
     }
+    interface_.mem.saturated += limited;
     out.speeds.head = head_next(out.speeds.head, t, QUALITY_GOOD);
     out.applied.head = head_next(out.applied.head, t, QUALITY_GOOD);
 }

@@ -117,16 +117,21 @@ TEST(ReactionWheels, MotorTorqueIsLimitedAndOffWithoutACommand)
     f.step(second);
     EXPECT_EQ(f.applied(0), 0.0);
     EXPECT_EQ(f.omega()[2], 0.0);
+    EXPECT_EQ(f.wheel_interface.mem.saturated, 0u);
     f.command(0, 1.0);
     f.step(second);
     EXPECT_EQ(f.applied(0), 0.2);
+    EXPECT_EQ(f.wheel_interface.mem.saturated, 1u);
     f.command(0, -1.0);
     f.step(second);
     EXPECT_EQ(f.applied(0), -0.2);
     EXPECT_NEAR(f.omega()[2], 0.0, 1e-15);
+    f.step(second);
+    EXPECT_EQ(f.wheel_interface.mem.saturated, 3u) << "also while the command stays";
     f.command(0, 0.1);
     f.step(second);
     EXPECT_EQ(f.applied(0), 0.1);
+    EXPECT_EQ(f.wheel_interface.mem.saturated, 3u);
 }
 
 TEST(ReactionWheels, AMotorStopsAtTheSpeedLimitWithoutChatter)

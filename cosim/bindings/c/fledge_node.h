@@ -89,7 +89,8 @@ FLEDGE_API int fledge_node_run(FledgeNode *node, FledgeStep step, void *user);
  *  fledge_node_run() returns. */
 FLEDGE_API void fledge_node_leave(FledgeNode *node);
 
-/** From any thread, or from a signal handler: end the run with an error instead of the next step. */
+/** From any thread, or from a signal handler: end the run with an error instead of the next step, or of the wait for
+ *  the controller. */
 FLEDGE_API void fledge_node_stop(FledgeNode *node);
 
 /** The seed and the end [ns] of the run, once it has begun. */

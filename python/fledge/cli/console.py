@@ -6,13 +6,15 @@ import os
 import sys
 from pathlib import Path
 
+from fledge.errors import printable
+
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
 def say(text: str = "") -> None:
-    print(text, flush=True)
+    print(printable(text), flush=True)  # names may come from files and other programs
 
 
 def counted(n: int, thing: str) -> str:

@@ -7,13 +7,14 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 import fledge
-from fledge import cli
+from fledge import cli, cosim
 from fledge.archive import Archive
-from fledge.cli.node import _second_run, set_up
+from fledge.cli.node import _one, _second_run, set_up
 
 ENVIRONMENT = {name: value for name, value in os.environ.items() if not name.startswith("FLEDGE_NODE")} | {
     "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
@@ -144,6 +145,18 @@ def test_a_scenario_s_set_up_is_done_and_its_run_is_not():
     assert sim.time_ns == -1 and callable(sim.run)
     sim = fledge.load("asterisk_scan")
     assert set_up(sim, free=True) == "free" and len(sim.records) > 7
+
+
+def test_a_node_keeps_no_samples_in_memory(tmp_path, monkeypatch):
+    sim = fledge.load("inertial_pointing")
+    scenario = set_up(sim)
+    monkeypatch.setattr(cosim, "split", lambda sim, *_: SimpleNamespace(serve=lambda *_, **__: sim.run(60.0) or ""))
+    options = SimpleNamespace(name=None, record=str(tmp_path), address=None, simulation=None, keys=None, patience=1.0,
+                              delay=0.0, until=None)
+    assert _one(sim, scenario, "world", options) == 0
+    assert sim.records and sum(map(len, sim.records)) == 0
+    archive = Archive(tmp_path / "world.mcap")
+    assert archive.topics and all(channel.count > 1 for channel in archive.topics.values())
 
 
 def test_a_second_run_is_found():
