@@ -92,7 +92,8 @@ def _run(options, sim, name, fly, folder):
     if path:
         say(f"  record   {path} ({size_of(path)})")
     else:
-        say("  record   none" if problem else "  record   none: the scenario records nothing")
+        older = f"; {folder / 'run.mcap'} is of an earlier run" if (folder / "run.mcap").exists() else ""
+        say("  record   none" + ("" if problem else ": the scenario records nothing") + older)
     for plot in plots:
         say(f"  plot     {plot}")
     for line in sim.assumptions:

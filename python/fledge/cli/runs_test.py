@@ -166,6 +166,15 @@ def test_a_report_is_of_the_run_whose_record_lies_beside_it(here):
     assert not report.exists()
 
 
+def test_a_run_without_a_record_says_that_the_older_one_is_not_its_own(here, capsys):
+    assert cli.main(["run", "looker", "short"]) == 0
+    text = (here / "missions/looker/scenarios.py").read_text()
+    (here / "missions/looker/scenarios.py").write_text(text.replace("sim.run(60)", "raise ValueError('early')", 1))
+    capsys.readouterr()
+    assert cli.main(["run", "looker", "short"]) == 1
+    assert "  record   none; runs/looker/short/run.mcap is of an earlier run\n" in capsys.readouterr().out
+
+
 def test_no_link_is_followed(here):
     other = here / "other"
     other.write_text("precious")
