@@ -239,6 +239,22 @@ TEST(TwoBodyPointing, bodies_on_one_line_exactly)
     }
 }
 
+TEST(TwoBodyPointing, alone_from_the_start_the_primary_has_r2_nearest_to_the_axis_farthest_from_it)
+{
+    Random random{8};
+    for (int i = 0; i < 300; i++) {
+        Scene scene = any_scene(random);
+        TwoBodyPointing m = pointing(scene);
+        m.in.secondary.head = Head{};
+        two_body_pointing_update(&m, {0, 0});
+        Vector3d r1 = direction(scene.craft, scene.primary);
+        int farthest;
+        r1.cwiseAbs().minCoeff(&farthest);
+        Vector3d axis = Vector3d::Unit(farthest);
+        EXPECT_LT(angle(dcm(m.out.reference.sigma_RN).row(1), (axis - axis.dot(r1) * r1).normalized()), 4e-15);
+    }
+}
+
 TEST(TwoBodyPointing, through_a_conjunction_it_stays_with_the_primary_and_goes_on_smoothly)
 {
     // The secondary passes exactly behind the primary, while the spacecraft orbits.

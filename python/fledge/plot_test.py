@@ -34,7 +34,10 @@ def test_units_and_components():
     assert unit_label("N m / s") == "N·m/s"
     assert component_labels("angles", "psi, theta, phi", (3,)) == [r"$\psi$", r"$\theta$", r"$\phi$"]
     assert component_labels("sigma_BR", "attitude of B relative to R", (3,))[2] == r"$\sigma_{3}$"
-    assert [time_unit(t)[0] for t in (100, 600, 9600, 1e6)] == ["s", "min", "h", "d"]
+    assert [time_unit(t) for t in (0, 179.9)] == 2 * [("s", 1.0)]
+    assert [time_unit(t) for t in (180, 7199.9)] == 2 * [("min", 60.0)]
+    assert [time_unit(t) for t in (7200, 345599.9)] == 2 * [("h", 3600.0)]
+    assert [time_unit(t) for t in (345600, 1e9)] == 2 * [("d", 86400.0)]
 
 
 @pytest.fixture(scope="module")
