@@ -150,7 +150,8 @@ void ReactionWheelsModel::publish(sim::Ns t, const double *x, const Vec3 &omega)
     bool limited = false;
     for (std::size_t i = 0; i < n_; i++) {
         out.speeds.Omega[i] = speed(i, x, omega);
-        limited |= out.applied.u[i] != wheels_.asked[i];
+        // What flight has scaled to the limit may exceed it by rounding.
+        limited |= std::abs(out.applied.u[i] - wheels_.asked[i]) > 1e-9 * std::abs(wheels_.asked[i]);
     }
     interface_.mem.saturated += limited;
     out.speeds.head = head_next(out.speeds.head, t, QUALITY_GOOD);

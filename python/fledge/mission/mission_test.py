@@ -2,6 +2,7 @@
 """Mission folders: found, executed afresh, and with errors that show the user's own line."""
 
 import gc
+import json
 import os
 import re
 import subprocess
@@ -175,6 +176,28 @@ def test_a_failed_check_is_honest_and_leaves_its_record(here, tmp_path):
     archive = fledge.Archive(tmp_path / "runs" / "looker" / "failing" / "run.mcap")
     assert archive.complete and archive.metadata["end"]["outcome"].startswith("failed")
     assert "Traceback" in cli("run", "looker", "failing", "--debug", cwd=tmp_path).stderr
+
+
+def test_strict_fails_a_run_with_a_finding(here, tmp_path):
+    assert cli("run", "looker", "--strict", cwd=tmp_path).returncode == 0
+    write(here, world=WORLD.replace("run=[w.craft, w.nav]", "run=[w.nav, w.craft]"))
+    lenient, strict = cli("run", "looker", cwd=tmp_path), cli("run", "looker", "--strict", "--report", cwd=tmp_path)
+    text = ("world.nav.truth reads world.craft.state a step late: task world.dynamics runs world.nav before world.craft; "
+            "let it run world.craft first")
+    assert lenient.returncode == 0 and f"  health   {text}\n" in lenient.stdout and "passed" in lenient.stdout
+    assert strict.returncode == 1 and text in strict.stderr and "passed" not in strict.stdout
+    folder = tmp_path / "runs" / "looker" / "orbit"
+    summary = json.loads((folder / "summary.json").read_text())
+    assert summary["outcome"].startswith("failed: --strict") and summary["time"] == 120
+    assert [one["kind"] for one in summary["health"]] == ["late"] and summary["health"][0]["text"] == text
+    assert fledge.Archive(folder / "run.mcap").metadata["end"]["outcome"].startswith("failed: --strict")
+    assert text in (folder / "report.html").read_text()
+
+
+def test_the_end_of_a_run_between_two_instants_is_said(here, tmp_path):
+    done = cli("run", "looker", "--for", "10.5s", cwd=tmp_path)
+    assert done.returncode == 0
+    assert "no task runs at the end, the state is that of 10 s" in done.stdout and "flown    10.5 s in" in done.stdout
 
 
 def test_flying_freely(here, tmp_path):

@@ -36,6 +36,7 @@ def short(d):
 
 def same(a, b):
     return (a.failures == b.failures and (a.flown == b.flown).all()
+            and a.health == b.health
             and all(np.array_equal(a.draws[p], b.draws[p], equal_nan=True) for p in a.draws)
             and all(np.array_equal(a.retained[p], b.retained[p], equal_nan=True) for p in a.retained))
 
@@ -144,6 +145,27 @@ def test_a_process_that_dies_is_a_failed_run(tmp_path):
     for i, text in result.failures.items():
         assert (text == "the process that flew it ended with code 3") if died[i] else "ZeroDivisionError" in text
     assert set(result.failures) == set(np.flatnonzero(died | (mass < 0.3)))
+
+
+# --- health --------------------------------------------------------------------------------------
+
+def limited(d):
+    """Wheels that only some of the runs saturate."""
+    d.duration, d.every = 2 * s, 1 * s
+    d["flight.control.K"] = d.uniform(0.01 * N * m, 1 * N * m)
+    d.retain("flight.motor.command.u")
+
+
+def test_a_campaign_counts_the_findings_of_its_runs_and_strict_fails_them(tmp_path):
+    campaign = Campaign("nadir_spin", limited)
+    lenient, strict = campaign.fly(30, seed=2), campaign.fly(30, seed=2, strict=True)
+    with_findings = {i for i, found in enumerate(lenient.health) if found}
+    assert 0 < len(with_findings) < 30
+    assert lenient.passed.all() and set(strict.failures) == with_findings
+    data = report.summary(lenient, str)
+    motor = next(one for one in data["health"] if one["path"] == "flight.motor")
+    assert motor["kind"] == "saturated" and motor["runs"] == len(with_findings) and motor["run"] == min(with_findings)
+    assert f"in {len(with_findings)} of 30 runs, as in run {min(with_findings)}: flight.motor was" in report.text(data)
 
 
 # --- failures --------------------------------------------------------------------------------------
