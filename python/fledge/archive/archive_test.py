@@ -505,6 +505,25 @@ def c_run(shim, path, chunk_size, n=12):
     return path.read_bytes()
 
 
+def test_messages_larger_than_the_chunks_are_read(tmp_path, shim):
+    path = tmp_path / "images.mcap"
+    writer = CWriter(shim, path, 1 << 16)
+    small = writer.channel("/small", "fledge/msg/X", "float64 x  # x [m] a place")
+    large = writer.channel("/image", "fledge/msg/Image", "uint8[3000000] pixels  # pixels [-] (1000, 3000) of a camera")
+    images = [bytes([i]) * 2_999_999 + b"." for i in range(3)]
+    for i, image in enumerate(images):
+        writer.message(small, i, i, struct.pack("<d", i))
+        writer.message(large, i, i, image)
+    writer.close()
+    with Archive(path) as a:
+        assert a.complete and a["small.x"].tolist() == [0, 1, 2]
+        assert a["image.pixels"].shape == (3, 1000, 3000)
+        assert [one.tobytes() for one in a["image.pixels"]] == images
+    os.truncate(path, path.stat().st_size - 3_000_000)
+    with Archive(path) as a:        # the last image and all that follows it
+        assert [one.tobytes() for one in a["image.pixels"]] == images[:2] and a["small.x"].tolist() == [0, 1, 2]
+
+
 @pytest.mark.parametrize("chunk_size", [0, 1024])
 def test_cut_at_any_byte_the_last_whole_record_or_chunk_is_readable(tmp_path, shim, chunk_size):
     path = tmp_path / "run.mcap"

@@ -87,6 +87,8 @@ def origins(a: Archive, b: Archive) -> list[tuple[str, str, str]]:
         if not here or not there:
             continue
         for key in dict.fromkeys([*here, *there]):
+            if group != "parameters" != key and not (key in here and key in there):
+                continue    # a target knows less of its run
             pair = here.get(key, "none"), there.get(key, "none")
             if pair[0] != pair[1] and key != "assumptions":     # these follow from the parameters
                 element = _element(*pair) if group == "parameters" else ""

@@ -73,8 +73,10 @@ def test_what_the_runs_began_with_is_told_apart_from_what_they_did(run, tmp_path
     out = capsys.readouterr().out
     assert out.startswith("identical: ") and "  world.wheels.Omega_max[1]: 0.0 rad/s and 900.0 rad/s\n" in out
     assert "messages\n" not in out
-    other.metadata = {}                         # of a target, which knows less
-    assert origins(run, other) == []
+    other.metadata = {"run": {"target": "linux"}}       # of a target, which knows less
+    assert origins(run, other) == origins(other, run) == []
+    other.metadata = {"run": {"parameters": "stiffness=0.4"}}
+    assert origins(run, other) == [("parameters", "none", "stiffness=0.4")]
 
 
 def changed(run, topic, change):

@@ -118,8 +118,13 @@ def open_run(name: str) -> Archive:
     archive = Archive(path)
     if archive.problem:
         print(archive.problem, file=sys.stderr)
-    part = path.with_name(path.name + ".part")
-    if part.is_file():
+    own = path.with_name(path.name + ".part")
+    parts = [own] if own.is_file() else []
+    for folder in (Path(name), KEPT / name, RUNS / name):
+        if folder.is_dir() and path.is_relative_to(folder):     # later runs of its other scenarios
+            parts += [part for part in sorted([*folder.glob("*.mcap.part"), *folder.glob("*/*.mcap.part")])
+                      if part != own and part.stat().st_mtime > path.stat().st_mtime]
+    for part in parts:
         print(f"{path} is not of the last run: {_left(part)}", file=sys.stderr)
     return archive
 

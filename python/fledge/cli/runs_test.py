@@ -158,6 +158,17 @@ def test_a_run_that_was_killed_is_no_secret(here, capsys, command):
     assert "damaged or cut off" in capsys.readouterr().err
 
 
+def test_a_killed_run_of_another_scenario_is_no_secret_either(here, capsys):
+    assert cli.main(["run", "looker", "short"]) == 0
+    Waiting(here).kill()
+    capsys.readouterr()
+    for name, told in (("looker", True), ("looker/short", False), ("runs/looker", True)):
+        assert cli.main(["convert", name, "--about"]) == 0
+        said = "run.mcap is not of the last run: a run that has not ended left runs/looker/waiting/run.mcap.part" \
+            in capsys.readouterr().err
+        assert said == told, name
+
+
 def test_a_report_is_of_the_run_whose_record_lies_beside_it(here):
     assert cli.main(["run", "looker", "short", "--report"]) == 0
     report = here / "runs/looker/short/report.html"
