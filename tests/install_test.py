@@ -123,6 +123,9 @@ def uses(fledge_, cwd, user=()):
     do("new", "project", "sat")
     do("--project", "sat", "new", "module", "SunSlew")
     assert "SunSlew" in do("--project", "sat", "list")
+    if user or os.getuid():
+        said = do("run", "nadir_spin", "--for", "10s", cwd="/", code=2)
+        assert said == "fledge: this user may not write or read /runs\n"
     (said,) = do("new", "mission", "scan", code=2).splitlines()
     assert said.startswith("fledge: new mission: there is no project here"), said
 

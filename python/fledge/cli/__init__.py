@@ -448,6 +448,8 @@ def _expected(error):
 
 def _in_words(error):
     """The text of an error; of an error of the operating system the file and the reason, without the number."""
+    if isinstance(error, PermissionError) and isinstance(error.filename, str):
+        return f"this user may not write or read {os.path.abspath(error.filename)}"
     if isinstance(error, OSError) and error.strerror:
         return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
     return error
