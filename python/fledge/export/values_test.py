@@ -106,9 +106,9 @@ def mine(tmp_path_factory):
 
 
 def finite(random, n):
-    """Random bit patterns of doubles that are numbers."""
-    found = np.frombuffer(random.randbytes(16 * n), dtype=np.float64)
-    return found[np.isfinite(found)][:n]
+    """Random bit patterns of doubles that a parameter may have."""
+    found = np.frombuffer(random.randbytes(64 * n), dtype=np.float64)
+    return found[(abs(found) >= 1e-100) & (abs(found) <= 1e100)][:n]
 
 
 def fill(store, random):
