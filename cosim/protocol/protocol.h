@@ -29,7 +29,7 @@
 //                                    <--  Attached | Refused
 //                                    <--  Published          from the broker, behind the topic's name
 //
-// All counts of messages begin at 1 with each Start.
+// All counts of messages begin at 1 with each Start; after 4,294,967,295 comes 0.
 //
 // A frame is a header of 24 bytes and a body:
 //

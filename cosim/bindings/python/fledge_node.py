@@ -58,6 +58,7 @@ VERSION = 1
 CDR_LITTLE = b"\0\1\0\0"  # before a payload's struct
 LARGEST = 64 << 20  # bytes of a frame
 LONGEST = 10**18    # [ns] of a time
+COUNTS = 1 << 32    # a count of messages begins again at 0 after so many
 NAME, LINES = 255, 1 << 20  # bytes of a name, and of a reason or definition
 # What drives a terminal (cosim/protocol/text.h); reasons and definitions may hold tabs and line feeds.
 _CONTROL = re.compile("[\0-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
@@ -490,7 +491,7 @@ class Node(_Member):
                             f"{', '.join(self._publications) or 'nothing'}")
         publication = self._publications[topic]
         publication.message, publication.t = dict(values), self._now
-        publication.sequence += 1
+        publication.sequence = publication.sequence % (COUNTS - 1) + 1  # 0 is the initial value
         if publication.channel is not None:
             self._written[publication] = publication.packed()
 
@@ -614,7 +615,7 @@ class Node(_Member):
         r.end()
         for t, channel, count, payload in records:
             subscription = self._channels.get(channel)
-            if not subscription or count != subscription.count + 1:
+            if not subscription or count != (subscription.count + 1) % COUNTS:
                 raise NodeError(f"message {count} on channel {channel} is not the next one")
             subscription.count = count
             self._pending.append((t, subscription, payload))
@@ -628,7 +629,7 @@ class Node(_Member):
             self._written = {}
             self._step(self._now)
             for publication, message in self._written.items():
-                publication.count += 1
+                publication.count = (publication.count + 1) % COUNTS
                 out.append((self._now, publication.channel, publication.count, CDR_LITTLE + message))
             self._next += self.every
             if self._leaving:
@@ -770,7 +771,7 @@ class Observer(_Member):
         """Write a message. Where it begins with a Fledge head, the observer fills in what the program does not give."""
         with self._lock:
             schema = self._schema(topic)
-            count = self._counts.get(topic, 0) + 1
+            count = (self._counts.get(topic, 0) + 1) % COUNTS
             w = _Writer()
             w.numbers("qII", 0, 0, count)
             w.bytes(CDR_LITTLE + schema.pack(schema.with_head(values, self.t, count)))

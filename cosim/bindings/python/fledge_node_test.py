@@ -24,7 +24,7 @@ SPRING_IN_C = CONTROLLER.with_name("fledge_spring")
 pytestmark = pytest.mark.skipif(not CONTROLLER.exists(), reason="the controller is not built")
 
 sys.path.insert(0, str(HERE))
-from fledge_node import Node, NodeError, Observer, Schema, ms, text  # noqa: E402
+from fledge_node import Node, NodeError, Observer, Schema, _Reader, _Writer, ms, text  # noqa: E402
 
 # The two programs of most tests: a mass, and a spring that pulls it back.
 MASS = """
@@ -692,6 +692,31 @@ def test_texts_and_enumerations_are_given_by_name():
         schema.pack({"b": "1"})
     with pytest.raises(NodeError, match="M.label takes 6 bytes of text, found 7"):
         schema.pack({"label": "1234567"})
+
+
+def test_counts_begin_again_after_four_thousand_million_messages():
+    node = Node("spring", "mass", "ipc://@x", every=10)
+    node.reads("/a", text="uint32 x\n")
+    node.writes("/b", "B", "fledge/Head head  # head\n" + "=" * 80 + "\nMSG: fledge/Head\nint64 t  # t\n"
+                "uint32 quality  # quality\nuint32 sequence  # sequence\n")
+    written, last = node._publications["/b"], 2**32 - 1
+    node._channels = {0: node._subscriptions["/a"]}
+    node._subscriptions["/a"].count = written.count = written.sequence = last
+    written.channel, node._next = 1, 0
+
+    @node.step
+    def step(t):
+        node["/b"] = {}
+
+    tick, tock = _Writer(), _Writer()
+    tick.numbers("qIqII", 0, 1, 0, 0, 0)
+    tick.bytes(b"\0\1\0\0" + bytes(4))
+    assert node._on_Tick(_Reader(tick.frame("Tick", 1)), tock) == "Tock"
+    assert node["/a"] == {"x": 0} and node._subscriptions["/a"].count == 0
+    r = _Reader(tock.frame("Tock", 1))
+    r.time("reached"), r.time("compute_ns"), r.number("B")
+    (*head, payload), = r.records()
+    assert head == [0, 1, 0] and written.schema.unpack(payload)["head.sequence"] == 1
 
 
 def test_mistakes_in_a_node_are_named():
