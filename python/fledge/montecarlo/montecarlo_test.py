@@ -152,7 +152,8 @@ def test_a_process_that_dies_is_a_failed_run(tmp_path):
 def limited(d):
     """Wheels that only some of the runs saturate."""
     d.duration, d.every = 2 * s, 1 * s
-    d["flight.control.K"] = d.uniform(0.01 * N * m, 1 * N * m)
+    d["world.craft.omega_BN_B"] = d.uniform(-1e-4, 1e-4)
+    d["flight.control.K"] = d.uniform(0.01 * N * m, 5 * N * m)
     d.retain("flight.motor.command.u")
 
 
