@@ -165,16 +165,17 @@ std::vector<Finding> structural_findings(const Structure &structure)
 
 void Health::watch(const Instance &instance, const Task &task, const Structure &structure)
 {
-    Ns exchange = 0;
-    for (const Wire &wire : structure.wires) {
-        if (wire.options.latency) {
-            for (const auto &process : structure.processes) {
-                for (const Task &other : process->tasks()) {
-                    exchange = std::max(exchange, other.period);
-                }
-            }
+    // What other programs write comes at exchanges, too.
+    bool exchanges = std::any_of(structure.wires.begin(), structure.wires.end(),
+                                 [](const Wire &wire) { return wire.options.latency; });
+    Ns longest = 0;
+    for (const auto &process : structure.processes) {
+        exchanges |= process->stands_in && !process->instances().empty();
+        for (const Task &other : process->tasks()) {
+            longest = std::max(longest, other.period);
         }
     }
+    const std::uint64_t grace = exchanges ? static_cast<std::uint64_t>(longest / task.period) : 0;
     const auto number = static_cast<std::uint32_t>(tasks_.size());
     for (const FledgeField &field : fields(instance.type())) {
         if (field.group == FLEDGE_OUT && field.sub) {
@@ -187,12 +188,8 @@ void Health::watch(const Instance &instance, const Task &task, const Structure &
                 return wire.from.instance.get() == &instance && wire.from.field == &field;
             });
             seen_.push_back({message, 0, 0});
-            outputs_.push_back({static_cast<std::uint64_t>(exchange / task.period),
-                                {},
-                                &instance,
-                                &field,
-                                reads == structure.wires.end() ? "" : reads->to.path(),
-                                number});
+            outputs_.push_back(
+                {grace, {}, &instance, &field, reads == structure.wires.end() ? "" : reads->to.path(), number});
         } else if (field.group == FLEDGE_MEM && field.type == FLEDGE_U64 && !field.ndim &&
                    !std::strcmp(field.name, "saturated")) {
             limits_.push_back(

@@ -107,7 +107,7 @@ def _one(sim, scenario, process, options, crossing=None, address=None, quiet=Fal
     if not problem or sim.time_ns >= 0:  # it took part
         show(f"  flown    {sim.time:g} s")
     findings = sim.health
-    if not quiet or findings:
+    if not quiet or findings and not problem:
         health.show(findings, process)
     with _undisturbed():
         path = sim.close_archive(outcome=problem or "passed", ended=f"{sim.time:g} s")

@@ -79,6 +79,14 @@ def test_all_processes_write_what_the_run_in_one_writes(tmp_path):
         assert archive[topic].tobytes() == one[topic].tobytes(), topic
 
 
+def test_the_time_of_each_node_is_the_end_of_the_run(tmp_path):
+    # No task of either process runs at 10.27 s.
+    fledge_("node", "inertial_pointing", "all", "--free", "--until", "10.27s", "--record", tmp_path)
+    for process in ("world", "flight"):
+        assert Archive(tmp_path / f"{process}.mcap").metadata["end"] == {
+            "outcome": "passed", "ended": "10.27 s"}
+
+
 @pytest.mark.parametrize("which", ["the command", "a program of it"])
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
 def test_nothing_stays_behind(which, number):

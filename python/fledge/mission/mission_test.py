@@ -191,6 +191,7 @@ def test_strict_fails_a_run_with_a_finding(here, tmp_path):
     assert summary["outcome"].startswith("failed: --strict") and summary["time"] == 120
     assert [one["kind"] for one in summary["health"]] == ["late"] and summary["health"][0]["text"] == text
     assert fledge.Archive(folder / "run.mcap").metadata["end"]["outcome"].startswith("failed: --strict")
+    assert fledge.Archive(folder / "run.mcap").metadata["health"] == {"late world.nav.truth": text}
     assert text in (folder / "report.html").read_text()
 
 
