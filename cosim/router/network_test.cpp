@@ -292,13 +292,14 @@ TEST(SharedMemory, ASleepingNodeNoticesThatTheControllerWasKilled)
         using Counter::Counter;
         std::vector<Publication> match(const std::vector<Channel> &asked) override
         {
-            std::thread([this] {
+            killed = std::async(std::launch::async, [this] {
                 std::this_thread::sleep_for(100ms); // by then it waits for Start, which never comes
                 victim->kill();
-            }).detach();
+            });
             return Counter::match(asked);
         }
         const Program *victim = nullptr;
+        std::future<void> killed;
     };
     zmq::context_t context;
     Killer a("/b/n", "/a/n", Latency::next_instant);

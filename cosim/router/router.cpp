@@ -16,6 +16,7 @@ using namespace std::chrono_literals;
 constexpr auto look = 100ms;
 constexpr std::size_t most_attaching = 1000;
 constexpr std::int64_t longest_greeting = 4096; ///< [bytes]
+constexpr int most_names = 100;                 ///< of sockets, to try
 constexpr auto rest = 20ms;                     ///< between two looks at the sockets, if all nodes share memory
 constexpr auto spin = 20us;                     ///< busy waiting, if there is a processor for each program
 
@@ -487,6 +488,7 @@ Welcome Router::open(NodeId id)
     NodeSlot &slot = nodes_[id];
     slot.link = std::make_unique<Link>(context_, config_.limits, Link::End::controller);
     slot.joined = slot.replied = false;
+    slot.first.reset();
     slot.greeting_fd = greeting_fd_;
     slot.greeting = greeters_.number(greeting_fd_);
     slot.welcomed = Clock::now();
@@ -511,10 +513,25 @@ Welcome Router::open(NodeId id)
             // The system has no more memory to share: frames go through the socket.
         }
     }
-    welcome.address = address_.starts_with("tcp://")
-                          ? slot.link->bind(address_.substr(0, address_.rfind(':') + 1) + "*")
-                          : slot.link->bind(config_.address + "-" + std::to_string(++opened_));
+    welcome.address = bind(*slot.link);
     return welcome;
+}
+
+/// Other programs may have taken names of abstract sockets.
+std::string Router::bind(Link &link)
+{
+    if (address_.starts_with("tcp://")) {
+        return link.bind(address_.substr(0, address_.rfind(':') + 1) + "*");
+    }
+    for (int left = most_names;; left--) {
+        try {
+            return link.bind(config_.address + "-" + std::to_string(++opened_));
+        } catch (const LinkError &) {
+            if (!left) {
+                throw;
+            }
+        }
+    }
 }
 
 void Router::close(NodeId id)
@@ -561,7 +578,12 @@ void Router::act()
             } else if (const auto *accept = std::get_if<action::Accept>(&a); accept && accept->peer) {
                 nodes_[accept->node].hosted = hosted_[accept->peer - 1];
             } else if (accept) {
-                reply(greeting_peer_, open(accept->node));
+                try {
+                    reply(greeting_peer_, open(accept->node));
+                } catch (const std::exception &error) {
+                    reply(greeting_peer_, Refused{error.what()});
+                    controller_.forget(accept->node, error.what());
+                }
             } else if (const auto *refuse = std::get_if<action::Refuse>(&a)) {
                 if (refuse->peer) {
                     throw LinkError(refuse->reason);

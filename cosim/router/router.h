@@ -103,6 +103,7 @@ private:
     void act();
     template <class Call> void notify(Call call);
     Welcome open(NodeId id);
+    std::string bind(Link &link);
     void close(NodeId id);
     void wait(std::chrono::milliseconds most);
     bool listen_to_shared();

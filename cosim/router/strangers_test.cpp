@@ -40,7 +40,12 @@ struct Running : Reports {
         : router(context, std::move(nodes), with_reports(std::move(config)))
     {
         router.host("a", a);
-        result = std::async(std::launch::async, [this] { return router.run([this] { return !stop; }); });
+        result = std::async(std::launch::async, [this] {
+            return router.run([this] {
+                lost = std::string_view(router.controller().state(1)) == "lost";
+                return !stop;
+            });
+        });
     }
     ~Running() { stop = true; }
 
@@ -61,7 +66,7 @@ struct Running : Reports {
     }
 
     zmq::context_t context;
-    std::atomic<bool> stop{false};
+    std::atomic<bool> stop{false}, lost{false}; ///< the end of the run is wanted; b is lost
     Counter a{"/b/n", "/a/n", Latency::next_instant};
     Router router;
     std::future<std::string> result;
@@ -184,7 +189,7 @@ const std::string stray_packets[] = {
     zmtp_greeting + std::string("\4\x05\5READY\0\0\0", 10), // a wrong one
 };
 
-class Connections : public testing::TestWithParam<std::tuple<const char *, bool>> {
+class Connections : public testing::TestWithParam<std::tuple<std::string, bool>> {
 protected:
     Connections()
     {
@@ -262,7 +267,7 @@ TEST_P(Connections, ASecondConnectionHidesNoDeath)
 }
 
 INSTANTIATE_TEST_SUITE_P(All, Connections,
-                         testing::Combine(testing::Values("tcp", "ipc"), testing::Values(false, true)));
+                         testing::Combine(testing::Values(std::string("tcp"), "ipc"), testing::Values(false, true)));
 
 TEST(Strangers, AProgramThatGreetsAndDoesNothingLosesTheName)
 {
@@ -306,13 +311,41 @@ TEST(Strangers, ASilentProgramDoesNotKeepTheNameOfALostNode)
     EXPECT_TRUE(run.reported("b: its connection is gone"));
     for (int i = 0; i < 5; i++) { // more often than a node may be restarted without progress
         Played silent(run.router.address());
-        for (int tries = 0; tries < 1000 && run.router.controller().state(1) != std::string("lost"); tries++) {
+        std::this_thread::sleep_for(200ms); // by then it is taken for the node
+        for (int tries = 0; tries < 1000 && !run.lost; tries++) {
             std::this_thread::sleep_for(10ms);
         }
     }
     Played b(run.router.address());
     b.connect();
     b.serve_from(b.serve_until(800));
+    EXPECT_EQ(run.reason(), "");
+    EXPECT_EQ(run.a.heard, 200u);
+}
+
+TEST(Strangers, ATakenNameOfASocketEndsNoRun)
+{
+    RouterConfig config = listening("ipc");
+    const std::string address = config.address;
+    Running run(config);
+    zmq::context_t context;
+    std::vector<zmq::socket_t> takers;
+    const auto take = [&](int from, int to) {
+        for (int i = from; i <= to; i++) {
+            takers.emplace_back(context, zmq::socket_type::pair).bind(address + "-" + std::to_string(i));
+        }
+    };
+    take(1, 150);
+    try {
+        Played b(address);
+        ADD_FAILURE() << "it took part at " << b.address_of_b;
+    } catch (const std::runtime_error &error) {
+        EXPECT_TRUE(std::string(error.what()).starts_with("cannot listen at " + address)) << error.what();
+    }
+    EXPECT_TRUE(run.reported("Address already in use; another program may take its place"));
+    Played b(address);
+    b.connect();
+    b.serve_from(b.serve_until(500));
     EXPECT_EQ(run.reason(), "");
     EXPECT_EQ(run.a.heard, 200u);
 }

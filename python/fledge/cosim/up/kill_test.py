@@ -130,7 +130,7 @@ def test_a_program_that_is_killed_goes_on_as_if_nothing_had_been(mark, tmp_path)
     until = kills + 2
     (tmp_path / "alone").mkdir()
     alone = start(write_pair(tmp_path / "alone", until=until, simulation=simulation), mark)
-    out, _ = alone.communicate(timeout=120)
+    out, _ = alone.communicate(timeout=120 + 10 * kills)
     assert alone.returncode == 0, out
     file = write_pair(tmp_path, until=until, simulation=simulation,
                       mass=f'env = {{ STAYS_AT = "{until - 1}", NAP = "0.02" }}',
@@ -145,7 +145,7 @@ def test_a_program_that_is_killed_goes_on_as_if_nothing_had_been(mark, tmp_path)
         lines = said(tmp_path, simulation, "mass").count("\n")
     wait_for(lambda: said(tmp_path, simulation, "spring").count("the spring is there") > kills)
     (tmp_path / "go").touch()
-    out, _ = process.communicate(timeout=120)
+    out, _ = process.communicate(timeout=120 + 10 * kills)
     assert process.returncode == 0, out
     assert out.count("spring was killed by SIGKILL; it is started again") == kills
     assert said(tmp_path, simulation, "mass") == said(tmp_path / "alone", simulation, "mass")
