@@ -43,7 +43,7 @@ def test_what_is_heard_is_half_a_second_old_and_still_true():
 
 @pytest.mark.parametrize("wrong", [1, 1000, 2.5, "four"])
 def test_a_number_that_makes_no_ring_is_refused(wrong):
-    with pytest.raises(fledge.SetupError, match="spacecraft(: expected a whole number from 2 to 999| is a number, as 4); found"):
+    with pytest.raises(fledge.SetupError, match="spacecraft(: expected .* from 2 to 999;| is a number, as 4;) found"):
         fledge.load("constellation", spacecraft=wrong)
     with pytest.raises(fledge.SetupError, match="no parameter 'craft'; it has spacecraft=4"):
         fledge.load("constellation", craft=4)
