@@ -143,8 +143,8 @@ private:
         Tally stale;
     };
 
-    /// Whether the doubles of a task are finite. The exponent of one that is not has no bit that is 0, so that adding 1 to it
-    /// carries into the sign.
+    /// Whether the doubles of a task are finite. The exponent of one that is not has no bit that is 0, so that adding
+    /// 1 to it carries into the sign.
     bool all_finite(const Watched &task) const
     {
         constexpr std::uint64_t exponent = 0x7ff0'0000'0000'0000u, one = 0x0010'0000'0000'0000u;
@@ -160,7 +160,8 @@ private:
 
     std::vector<Watched> tasks_;
     std::vector<Seen> seen_;
-    std::vector<const std::byte *> doubles_; ///< of flight's outputs; those of models: findings() looks at them
+    /// Of flight's outputs. findings() looks at those of models.
+    std::vector<const std::byte *> doubles_;
     std::vector<Output> outputs_;
     std::vector<Limit> limits_;
     std::vector<Age> ages_;

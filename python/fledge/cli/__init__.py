@@ -83,7 +83,8 @@ def _run(options, sim, name, fly, folder):
             plots, problem, code = sim.plots.saved, problem or f"failed: {_in_words(error)}", code or 1
     say(f"  flown    {sim.time:g} s in {sim.wall:.3g} s"
         + (f", {sim.time / sim.wall:,.0f} times real time" if sim.wall > 0 else "")
-        + (f"; no task runs at the end, the state is that of {sim.state_time:g} s" if sim.state_time < sim.time else ""))
+        + (f"; no task runs at the end, the state is that of {sim.state_time:g} s"
+           if sim.state_time < sim.time else ""))
     if sim.pace and sim.pace_report["overruns"]:
         late = sim.pace_report
         say(f"  pace     {late['overruns']} of {late['instants']} instants were late, by up to "

@@ -19,7 +19,7 @@ def show(findings: Sequence[Finding], process: str = "") -> Sequence[Finding]:
     title = f"  health   {process + ': ' if process else ''}"
     groups: dict[tuple, list[Finding]] = {}     # a fault passes from module to module: at the same updates
     for one in findings:
-        groups.setdefault((one.kind, one.first, one.count) if one.count else (one.text,), []).append(one)
+        groups.setdefault((one.kind, one.first, one.updates) if one.updates else (one.text,), []).append(one)
     for group in list(groups.values())[:SHOWN]:
         say(title + group[0].text + (f"; and so {counted(len(group) - 1, 'other')}" if len(group) > 1 else ""))
     if len(groups) > SHOWN:

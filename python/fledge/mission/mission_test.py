@@ -182,8 +182,8 @@ def test_strict_fails_a_run_with_a_finding(here, tmp_path):
     assert cli("run", "looker", "--strict", cwd=tmp_path).returncode == 0
     write(here, world=WORLD.replace("run=[w.craft, w.nav]", "run=[w.nav, w.craft]"))
     lenient, strict = cli("run", "looker", cwd=tmp_path), cli("run", "looker", "--strict", "--report", cwd=tmp_path)
-    text = ("world.nav.truth reads world.craft.state a step late: task world.dynamics runs world.nav before world.craft; "
-            "let it run world.craft first")
+    text = ("world.nav.truth reads world.craft.state a step late: task world.dynamics runs world.nav before "
+            "world.craft; let it run world.craft first")
     assert lenient.returncode == 0 and f"  health   {text}\n" in lenient.stdout and "passed" in lenient.stdout
     assert strict.returncode == 1 and text in strict.stderr and "passed" not in strict.stdout
     folder = tmp_path / "runs" / "looker" / "orbit"

@@ -32,12 +32,12 @@ class Finding(NamedTuple):
 
     kind: "unwritten", "held", "degraded", "stale", "saturated", "not finite", "late" (read a step late, where another
     order of the modules would not) or "uneven" (periods that do not divide); path: of the output, input or module;
-    first: [s], None if it follows from the structure; count: of updates; text: all of it in words
+    first: [s], None if it follows from the structure; updates: in how many; text: all of it in words
     """
     kind: str
     path: str
     first: float | None
-    count: int
+    updates: int
     text: str
 
 

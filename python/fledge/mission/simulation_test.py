@@ -125,7 +125,7 @@ def test_the_health_of_a_run_names_what_was_missing():
     late.run(3 * s)
     order, missing = late.health
     assert order.kind == "late" and order.path == "flight.spin.base" and order.first is None
-    assert missing.text.startswith("flight.spin.reference was ") and missing.count == 1 and missing.first == 0
+    assert missing.text.startswith("flight.spin.reference was ") and missing.updates == 1 and missing.first == 0
 
 
 def test_the_first_step_is_the_instant_zero():

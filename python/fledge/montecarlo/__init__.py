@@ -214,7 +214,8 @@ class Result:
         self.passed[list(self.failures)] = False
 
     def unhealthy(self) -> list[tuple[Finding, list[int]]]:
-        """Each kind of finding at each path, as of its first run, with all runs that have it; the most frequent first."""
+        """Each kind of finding at each path, as of its first run, with all runs that have it; the most frequent come
+        first."""
         runs: dict[tuple[str, str], tuple[Finding, list[int]]] = {}
         for run, found in enumerate(self.health):
             for one in found:
@@ -242,7 +243,8 @@ def _fly_in_processes(campaign, runs, seed, n, progress, strict):
     d = campaign.dispersions
     draws = np.full((runs, len(d.columns)), np.nan)
     retained = [np.full((runs, len(d.ns), len(s.field_path.elements)), np.nan) for s in d.retained.values()]
-    flown, errors, health = [False] * runs, [""] * runs, [[]] * runs
+    flown, errors = [False] * runs, [""] * runs
+    health: list[list[tuple]] = [[] for _ in range(runs)]
     fork = multiprocessing.get_context("fork")
     following = fork.Value("q", 0)
     children: dict[Any, Any] = {}       # pipe -> process

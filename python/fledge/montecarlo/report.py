@@ -126,7 +126,8 @@ def text(data: dict, failures: int | None = None) -> str:
                                         for path, drawn in data["declared"].items()], indent="  ")]
     if data["health"]:
         lines += ["", "health"]
-        lines += [f"  in {one['runs']} of {flown} runs, as in run {one['run']}: {one['text']}" for one in data["health"]]
+        lines += [f"  in {one['runs']} of {flown} runs, as in run {one['run']}: {one['text']}"
+                  for one in data["health"]]
     if data["failures"]:
         shown = data["failures"][:failures]
         lines += ["", "failed"]
