@@ -23,7 +23,8 @@ extensions = ["myst_parser", "sphinx.ext.autodoc"]
 root_doc = "README"
 include_patterns = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/*.md", "*/README.md", "*/*/README.md",
                     f"{REFERENCE}/*"]
-exclude_patterns = ["build/release/**", "build/asan/**", "build/debug/**", "python/README.md", "python/*/*/README.md"]
+exclude_patterns = ["build/release/**", "build/asan/**", "build/debug/**", "build/tsan/**",
+                    "python/README.md", "python/*/*/README.md"]
 myst_heading_anchors = 4
 suppress_warnings = ["myst.header"]
 highlight_language = "none"
