@@ -102,11 +102,12 @@ def state(tree):
 
 def uses(fledge_, cwd, user=()):
     """What a user does who has only this command: everything goes into the folder where the user stands."""
-    (cwd / "link").symlink_to(fledge_)
+    link = cwd / "link"
+    link.symlink_to(fledge_)
     (cwd / "random.py").write_text("1 / 0")     # no module of Python's
 
     def do(*arguments, code=0, cwd=cwd):
-        return run(*user, cwd / "link", *arguments, cwd=cwd, code=code, HOME=str(cwd))
+        return run(*user, link, *arguments, cwd=cwd, code=code, HOME=str(cwd))
 
     assert "flown    10 s" in do("run", "nadir_spin", "--for", "10s")
     assert (cwd / "runs/nadir_spin/free/run.mcap").exists()
