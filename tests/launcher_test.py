@@ -75,7 +75,7 @@ def launch():
 
     def run(*arguments, **options):
         process = start(*arguments, **options)
-        out, error = process.communicate(timeout=60)
+        out, error = process.communicate(timeout=300)
         return subprocess.CompletedProcess(process.args, process.returncode, out, error)
 
     def said(name):
@@ -265,11 +265,12 @@ def test_two_first_commands_do_not_collide(launch):
         pass
     second = launch.start("test")
     assert second.stderr.readline() == "fledge: waiting for another fledge, which installs packages\n"
-    (launch.fake / "go").touch()
-    assert "list in" in first.communicate(timeout=60)[0]
     (launch.fake / "status").write_text("0")
-    second.communicate(timeout=60)
-    assert first.returncode == second.returncode == 0
+    (launch.fake / "report").write_text(REPORT.format(0))
+    (launch.fake / "go").touch()
+    assert "list in" in first.communicate(timeout=300)[0]
+    out, error = second.communicate(timeout=300)
+    assert first.returncode == second.returncode == 0, out + error
     (for_run,) = (line for line in launch.said("apt") if " cmake " in line)
 
 
@@ -284,7 +285,7 @@ def test_the_second_build_waits_for_the_first(launch):
     assert second.stderr.readline() == "fledge: waiting for another fledge, which builds (release)\n"
     (launch.fake / "go").touch()
     for one in (first, second):
-        assert "list in" in one.communicate(timeout=60)[0]
+        assert "list in" in one.communicate(timeout=300)[0]
 
 
 @pytest.fixture
@@ -445,7 +446,7 @@ def test_ctrl_c_while_python_starts_leaves_no_traceback(tmp_path, module):
     (tmp_path / "m").mkdir()
     (tmp_path / "m/flight.py").write_text("import numpy\ndef build(f):\n    pass\n")
     done = subprocess.run([ROOT / "fledge", "run", "m", "--for", "1s"], capture_output=True, text=True, cwd=tmp_path,
-                          env={**os.environ, "PYTHONPATH": str(tmp_path), "INTERRUPTS": module}, timeout=60)
+                          env={**os.environ, "PYTHONPATH": str(tmp_path), "INTERRUPTS": module}, timeout=300)
     assert done.returncode in (130, -2), done.stderr
     assert done.stderr in ("", "fledge: interrupted\n")
 
