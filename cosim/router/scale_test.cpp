@@ -139,7 +139,7 @@ TEST(Scale, TooFewFilesAreAnErrorBeforeTheRun)
                   try {
                       Router router(context, config_of(nodes, 90), config);
                   } catch (const LinkError &error) {
-                      const std::string expected = "500 nodes need 3600 open files in the controller's program; this "
+                      const std::string expected = "500 nodes need 4100 open files in the controller's program; this "
                                                    "system allows it 64 (ulimit -Hn; ";
                       return std::string(error.what()).starts_with(expected) ? "" : error.what();
                   }
