@@ -35,8 +35,17 @@ void set_up(zmq::socket_t &socket, const Limits &limits)
 {
     socket.set(zmq::sockopt::linger, linger_ms);
     socket.set(zmq::sockopt::maxmsgsize, static_cast<std::int64_t>(limits.frame));
-    socket.set(zmq::sockopt::heartbeat_ivl, heartbeat_ms);
-    socket.set(zmq::sockopt::heartbeat_timeout, silence_ms);
+    const auto type = static_cast<zmq::socket_type>(socket.get(zmq::sockopt::type));
+    if (type == zmq::socket_type::pair || type == zmq::socket_type::dealer) {
+        socket.set(zmq::sockopt::heartbeat_ivl, heartbeat_ms);
+        socket.set(zmq::sockopt::heartbeat_timeout, silence_ms);
+    } else {
+        // Their queues may be full. libzmq (4.3.4) then aborts at a heartbeat, if the connection is lost before it.
+        socket.set(zmq::sockopt::tcp_keepalive, 1);
+        socket.set(zmq::sockopt::tcp_keepalive_idle, silence_ms / 1000);
+        socket.set(zmq::sockopt::tcp_keepalive_intvl, heartbeat_ms / 1000);
+        socket.set(zmq::sockopt::tcp_keepalive_cnt, 3);
+    }
 }
 
 void poll(std::span<zmq::pollitem_t> items, std::chrono::milliseconds most)

@@ -32,8 +32,8 @@ inline constexpr std::pair<std::string_view, Sharing> sharing_words[] = {
 bool is_local(const std::string &address);
 
 /// Set the options of every socket:
-/// - libzmq's threads exchange heartbeats. So a lost machine or network is noticed within seconds, and a program
-///   that computes for long is not taken for lost.
+/// - libzmq's threads exchange heartbeats between controller and nodes, the system does over TCP for others. So a lost
+///   machine or network is noticed within seconds, and a program that computes for long is not taken for lost.
 /// - libzmq refuses a message above the limit before it allocates memory for it.
 void set_up(zmq::socket_t &socket, const Limits &limits);
 

@@ -938,5 +938,9 @@ def _set_up(socket, linger, keys):
     if keys:
         socket.curve_publickey, socket.curve_secretkey, socket.curve_serverkey = keys
     socket.maxmsgsize = LARGEST
-    socket.heartbeat_ivl = 1000
-    socket.heartbeat_timeout = 5000
+    if socket.type in (zmq.PAIR, zmq.DEALER):
+        socket.heartbeat_ivl = 1000
+        socket.heartbeat_timeout = 5000
+    else:   # libzmq (4.3.4) aborts at a heartbeat if a queue is full and the connection lost; TCP watches these
+        socket.tcp_keepalive, socket.tcp_keepalive_idle = 1, 5
+        socket.tcp_keepalive_intvl, socket.tcp_keepalive_cnt = 1, 3
