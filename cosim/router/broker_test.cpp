@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <condition_variable>
 #include <future>
 #include <random>
@@ -574,6 +575,58 @@ TEST(Broker, ImpossibleConfigurationsAreRefused)
                   "the controller refuses viewer: this controller has no broker, so there can be no observers");
     }
     stop = true;
+}
+
+/// Waits in its second step until the test lets it go on.
+class Held final : public Counter {
+public:
+    using Counter::Counter;
+    void before_step(Ns t) override
+    {
+        while (t == 10 && !go) {
+            std::this_thread::sleep_for(1ms);
+        }
+    }
+    std::atomic<bool> go = false;
+};
+
+TEST(Broker, AnObserverWhoseQueueIsFullOutlivesTheRun)
+{
+    // libzmq ends a program whose heartbeat comes due between the loss of a connection and the reading of a full queue.
+    zmq::context_t context, elsewhere;
+    Held a("/b/n", "/a/n", Latency::next_instant);
+    Counter b("/a/n", "/b/n", Latency::same_instant);
+    std::unique_ptr<Observer> observer;
+    {
+        RouterConfig config;
+        config.address = "ipc://@fledge-broker-full-" + std::to_string(getpid());
+        config.broker = true;
+        Router router(context, config_of({{"a", Policy::abort}, {"b", Policy::abort}}, 20'000), config);
+        router.host("b", b);
+        auto node = std::async(std::launch::async, [&] { return serve(elsewhere, router.address(), "a", a); });
+        auto observing = std::async(std::launch::async, [&] {
+            MemberConfig member;
+            member.simulation = "test";
+            member.node = "observer";
+            member.address = router.address();
+            member.waiting = 10;
+            observer = std::make_unique<Observer>(elsewhere, member);
+            observer->subscribe("");
+            const bool any = observer->next(20s).has_value();
+            a.go = true;
+            return any;
+        });
+        EXPECT_EQ(router.run(), "");
+        EXPECT_TRUE(observing.get());
+        EXPECT_EQ(node.get(), "");
+    }
+    std::this_thread::sleep_for(1500ms);
+    try {
+        while (observer->next(0ms)) {
+        }
+    } catch (const LinkError &error) {
+        EXPECT_STREQ(error.what(), "the controller is gone");
+    }
 }
 
 } // namespace
