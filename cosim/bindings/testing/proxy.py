@@ -118,8 +118,8 @@ class _Welcomes:
         if part[0] & 4 or body[:4] != b"FLCS" or (r := _Reader(body)).kind != "Welcome":
             return part
         w = _Writer()
-        w.text(self._proxy._listen(r.text(), greets=False))
-        w.text(r.text())
+        w.text(self._proxy._listen(r.name("address"), greets=False))
+        w.text(r.name("shared"))
         w.number("Q", r.number("Q"))
         frame = w.frame("Welcome", r.request)
         return bytes([part[0] & ~2, len(frame)]) + frame
