@@ -11,8 +11,8 @@ namespace fledge::cosim {
 
 namespace {
 
-/// Of each node: two of its socket, its connection, two of their events, and shared memory; while it joins, its greeting
-/// and the connection of that.
+/// Of each node: two of its socket, its connection, two of their events, and shared memory; while it joins, its
+/// greeting and the connection of that.
 constexpr std::size_t files_per_node = 8, sockets_per_node = 3;
 constexpr std::size_t others = 100; ///< the program's own, the broker's, and some observers'
 

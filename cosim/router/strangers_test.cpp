@@ -566,9 +566,9 @@ TEST_F(OtherUser, ItTakesPartWhereBothSidesAllowIt)
         zmq::context_t context;
         Counter b("/a/n", "/b/n", Latency::same_instant);
         const std::string refused = serve(context, at.greetings, "b", b);
-        if (refused != std::string("threw: the controller at ") + at.greetings +
-                           " does not let b in: it belongs to another user of this machine, number 0; "
-                           "FLEDGE_ANY_USER=1 allows that") {
+        // If the controller is quick to break off, the node cannot ask whose the connection was.
+        if (!refused.starts_with(std::string("threw: the controller at ") + at.greetings + " does not let b in: ") ||
+            refused.find("another user") == std::string::npos) {
             std::fprintf(stderr, "%s\n", refused.c_str());
             return 1;
         }

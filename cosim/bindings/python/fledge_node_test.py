@@ -255,8 +255,8 @@ def test_over_ipc_another_user_takes_part_where_both_sides_allow_it(programs, al
             assert result(programs[0])["seen"] == alone(101)
             return
         _, errors = programs[0].communicate(timeout=60)
-        assert ("belongs to another user of this machine, number 0; FLEDGE_ANY_USER=1 allows that" if
-                allows == "neither" else "breaks off") in errors
+        # If the controller is quick to break off, the node cannot ask whose the connection was.
+        assert ("another user" if allows == "neither" else "breaks off") in errors
         controller.process.send_signal(signal.SIGTERM)
         assert controller.end() == (1, "the run ended early: the user ended it")
 

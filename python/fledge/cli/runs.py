@@ -14,8 +14,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from fledge.archive import Archive, ArchiveError
 from fledge.errors import Failure, listed
+
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from fledge.archive import Archive
 
 RUNS = Path("runs")
 KEPT = RUNS / "kept"
@@ -114,6 +117,8 @@ def find_run(name: str) -> Path:
 
 def open_run(name: str) -> Archive:
     """The archive of find_run(). Lines on stderr say if it is damaged, and if a later run has not ended."""
+    from fledge.archive import Archive
+
     path = find_run(name)
     archive = Archive(path)
     if archive.problem:
@@ -131,6 +136,8 @@ def open_run(name: str) -> Archive:
 
 def _left(part):
     """What is known of the part of a run that was killed or still goes on."""
+    from fledge.archive import Archive, ArchiveError
+
     try:
         with Archive(part) as archive:
             good = archive.good_until
