@@ -79,10 +79,10 @@ public:
         }
         for (std::uint32_t i = task.first_limit; i < task.last_limit; i++) {
             Limit &limit = limits_[i];
-            if (*limit.counter != limit.seen) {
-                limit.seen = *limit.counter;
+            if (*limit.counter > limit.seen) {
                 limit.saturated.add(t);
             }
+            limit.seen = *limit.counter; // a mode that begins resets it
         }
     }
     void was_stale(std::uint32_t input, Ns t) { ages_[input].stale.add(t); }

@@ -175,6 +175,23 @@ TEST(Health, AModuleThatCountsItsSaturationIsReported)
     EXPECT_THAT(pair.texts(), IsEmpty());
 }
 
+TEST(Health, AModeThatResetsTheCounterIsNoSaturation)
+{
+    Pair pair;
+    interface<Scale>(pair.scale).par.limit = 1.5;
+    pair.flight.add_mode({"work", {"gnc"}});
+    pair.flight.add_mode({"rest", {}});
+    pair.sim.run_until(300 * ms); // four updates at the limit
+    interface<Scale>(pair.scale).par.limit = 10.0;
+    pair.sim.run_until(400 * ms);
+    pair.flight.enter("rest");
+    pair.sim.run_until(500 * ms);
+    pair.flight.enter("work");
+    pair.sim.run_until(900 * ms);
+    ASSERT_EQ(pair.sim.health().size(), 1u);
+    EXPECT_EQ(pair.sim.health()[0].count, 4u);
+}
+
 TEST(Health, AFlightOutputThatIsNotFiniteAndSaysGoodEndsTheRun)
 {
     for (const double x : {nan, std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()}) {

@@ -69,3 +69,16 @@ def test_a_broken_link_is_noticed(text, wrong):
 
 def test_headings_have_the_anchors_that_markdown_gives_them():
     assert anchors("# Many programs, one `run`\n## A [b](c)\n## A b\n") == ["many-programs-one-run", "a-b", "a-b-1"]
+
+
+def test_each_test_that_the_table_of_attacks_names_exists():
+    text = (ROOT / "docs" / "cosim.md").read_text(encoding="utf-8")
+    rows = re.search(r"## Strangers on the network(.*?)\n## ", text, re.DOTALL)[1]
+    named = {name for row in rows.splitlines() if row.startswith("| ")
+             for name in re.findall(r"`([^`]+)`", row.rsplit("|", 2)[1])}
+    tests = {path: (ROOT / path).read_text(encoding="utf-8") for path in files()
+             if path.suffix in (".py", ".cpp") and "_test" in path.name}
+    assert len(named) > 20
+    assert [name for name in named if not any(
+        str(path).endswith(name) if "." in name else re.search(rf"\b{name}\b", text)
+        for path, text in tests.items())] == []
