@@ -157,6 +157,7 @@ class Tree:
             "FLEDGE_TEST_DATA": os.environ.get("FLEDGE_TEST_DATA", str(ROOT.parent / "shared/data")),
             "GTEST_FAIL_FAST": "1",
         }
+        self.environment.pop("LD_PRELOAD", None)    # a sanitizer's library would need more memory than the limit
 
     def copy(self, source: Path, names: list[str]) -> None:
         for name in names:
