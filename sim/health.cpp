@@ -13,7 +13,7 @@ namespace fledge::sim {
 
 namespace {
 
-/// Call with (field, offset in the message, name) of every double in a message, its elements included.
+/// Call with (offset in the message, name) of every double in a message, elements of arrays included.
 template <class Visit>
 void each_double(const FledgeStruct &type, std::uint32_t base, const std::string &prefix, const Visit &visit)
 {
@@ -108,7 +108,7 @@ std::vector<Finding> structural_findings(const Structure &structure)
         const auto it = places.find(port.instance.get());
         return it == places.end() ? nullptr : &it->second;
     };
-    // The wires that order the steps of a process: whoever reads needs what the other one writes at the same instant.
+    // The steps that read what a step of the same process writes at the same instant.
     std::map<std::pair<const Task *, std::size_t>, std::set<std::pair<const Task *, std::size_t>>> readers;
     for (const Wire &wire : structure.wires) {
         const Place *from = place_of(wire.from), *to = place_of(wire.to);
@@ -131,15 +131,15 @@ std::vector<Finding> structural_findings(const Structure &structure)
         }
         return false;
     };
+    const auto before = [](const Place &a, const Place &b) {
+        return std::pair{a.task_order, a.order} < std::pair{b.task_order, b.order};
+    };
     std::set<std::pair<const Task *, const Task *>> uneven;
     for (const Wire &wire : structure.wires) {
         const Place *from = place_of(wire.from), *to = place_of(wire.to);
         if (!from || !to) {
             continue;
         }
-        const auto before = [](const Place &a, const Place &b) {
-            return std::pair{a.task_order, a.order} < std::pair{b.task_order, b.order};
-        };
         if (from->process == to->process && !wire.options.latency && before(*to, *from) && coincide(*from, *to) &&
             !leads_to(*to, *from)) {
             const std::string reader = wire.to.instance->path, writer = wire.from.instance->path;
@@ -163,19 +163,21 @@ std::vector<Finding> structural_findings(const Structure &structure)
     return found;
 }
 
-void Health::watch(const Instance &instance, const Task &task, const Structure &structure)
+Health::Health(const Structure &structure)
 {
-    // What other programs write comes at exchanges, too.
+    // The messages of other programs come at exchanges, too.
     bool exchanges = std::any_of(structure.wires.begin(), structure.wires.end(),
                                  [](const Wire &wire) { return wire.options.latency; });
     Ns longest = 0;
     for (const auto &process : structure.processes) {
         exchanges |= process->stands_in && !process->instances().empty();
-        for (const Task &other : process->tasks()) {
-            longest = std::max(longest, other.period);
-        }
+        longest = std::max(longest, longest_period(*process));
     }
-    const std::uint64_t grace = exchanges ? static_cast<std::uint64_t>(longest / task.period) : 0;
+    first_exchange_ = exchanges ? longest : 0;
+}
+
+void Health::watch(const Instance &instance, const Task &task, const Structure &structure)
+{
     const auto number = static_cast<std::uint32_t>(tasks_.size());
     for (const FledgeField &field : fields(instance.type())) {
         if (field.group == FLEDGE_OUT && field.sub) {
@@ -188,8 +190,12 @@ void Health::watch(const Instance &instance, const Task &task, const Structure &
                 return wire.from.instance.get() == &instance && wire.from.field == &field;
             });
             seen_.push_back({message, 0, 0});
-            outputs_.push_back(
-                {grace, {}, &instance, &field, reads == structure.wires.end() ? "" : reads->to.path(), number});
+            outputs_.push_back({static_cast<std::uint64_t>(first_exchange_ / task.period),
+                                {},
+                                &instance,
+                                &field,
+                                reads == structure.wires.end() ? "" : reads->to.path(),
+                                number});
         } else if (field.group == FLEDGE_MEM && field.type == FLEDGE_U64 && !field.ndim &&
                    !std::strcmp(field.name, "saturated")) {
             limits_.push_back(

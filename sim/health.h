@@ -48,6 +48,8 @@ public:
         void add(Ns t) { first = count++ ? first : t; }
     };
 
+    explicit Health(const Structure &structure);
+
     /// Lay out: watch the outputs of an instance that a task advances, and its counter `saturated`.
     void watch(const Instance &instance, const Task &task, const Structure &structure);
     /// Lay out: all instances of a task are watched; returns its number.
@@ -158,6 +160,7 @@ private:
     }
     void note(const Watched &task, bool finite, Ns t);
 
+    Ns first_exchange_; ///< the latest time at which an output may wait for its first inputs; 0: no exchanges
     std::vector<Watched> tasks_;
     std::vector<Seen> seen_;
     /// Of flight's outputs. findings() looks at those of models.

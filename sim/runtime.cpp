@@ -105,15 +105,6 @@ bool unchanged(const Instance &instance, const std::vector<std::byte> &seen)
     return changed_fields(instance, seen).empty();
 }
 
-Ns longest_period(const Process &process)
-{
-    Ns longest = 0;
-    for (const Task &task : process.tasks()) {
-        longest = std::max(longest, task.period);
-    }
-    return longest;
-}
-
 } // namespace
 
 Runtime::Runtime(const Structure &built, Roles roles, Recorder &recorder)

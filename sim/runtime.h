@@ -99,7 +99,7 @@ public:
     Ns reached = -1; ///< the end of the last run that was not stopped
     Ns next = 0;
     PaceReport pace;
-    Health health;
+    Health health{structure};
 
 private:
     void lay_out_wires(const Instance &consumer);

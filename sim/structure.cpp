@@ -115,6 +115,15 @@ std::vector<const Task *> in_order(const Process &process)
     return order;
 }
 
+Ns longest_period(const Process &process)
+{
+    Ns longest = 0;
+    for (const Task &task : process.tasks()) {
+        longest = std::max(longest, task.period);
+    }
+    return longest;
+}
+
 std::vector<const Instance *> with_parts(const Process &process, const Instance &instance)
 {
     std::vector<const Instance *> all{&instance};

@@ -168,6 +168,9 @@ Roles decide_roles(const Structure &structure);
 /// The tasks of a process in the order in which they run at equal times.
 std::vector<const Task *> in_order(const Process &process);
 
+/// The longest period of its tasks; 0 if there are none.
+Ns longest_period(const Process &process);
+
 /// An instance, then the parts that it advances, and theirs.
 std::vector<const Instance *> with_parts(const Process &process, const Instance &instance);
 

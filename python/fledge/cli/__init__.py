@@ -100,7 +100,7 @@ def _run(options, sim, name, fly, folder):
     for line in sim.assumptions:
         say(f"  assumed  {line}")
     health.show(findings)
-    say(f"  summary  {health.write(folder / 'summary.json', sim, name, problem)}")
+    say(f"  summary  {health.write(folder / 'summary.json', sim, name, problem, findings)}")
     if report:
         say(f"  report   {_write_report(report, folder, options, code, problem, path, plots)}")
     if problem:

@@ -34,14 +34,14 @@ def refusal(findings: Sequence[Finding]) -> str:
     return f"failed: --strict, and its health has {counted(len(findings), 'finding')}: {findings[0].text}"
 
 
-def write(path: Path, sim: Simulation, scenario: str, problem: str | None) -> Path:
+def write(path: Path, sim: Simulation, scenario: str, problem: str | None, findings: Sequence[Finding]) -> Path:
     """Write the facts of a run as JSON, the same bytes for the same run; returns the path."""
     import json
 
     from fledge.files import Part
 
     data = {"mission": sim.name, "scenario": scenario, "seed": sim.seed, "outcome": problem or "passed",
-            "time": sim.time, "state_time": sim.state_time, "health": [one._asdict() for one in sim.health],
+            "time": sim.time, "state_time": sim.state_time, "health": [one._asdict() for one in findings],
             "assumptions": sim.assumptions}
     with Part(path) as part:
         part.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")

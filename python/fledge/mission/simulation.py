@@ -353,8 +353,8 @@ class Simulation:
             if self._core.archiving and revisions:
                 self._core.archive_metadata("revisions", list(revisions.items()))
         if self._core.archiving:
-            if self.health:
-                self._core.archive_metadata("health", [(f"{one.kind} {one.path}", one.text) for one in self.health])
+            if found := self.health:
+                self._core.archive_metadata("health", [(f"{one.kind} {one.path}", one.text) for one in found])
             self._core.close_archive([(str(k), str(v)) for k, v in metadata.items()])
 
     def __repr__(self):
