@@ -448,7 +448,8 @@ def test_ctrl_c_while_python_starts_leaves_no_traceback(tmp_path, module):
     done = subprocess.run([ROOT / "fledge", "run", "m", "--for", "1s"], capture_output=True, text=True, cwd=tmp_path,
                           env={**os.environ, "PYTHONPATH": str(tmp_path), "INTERRUPTS": module}, timeout=300)
     assert done.returncode in (130, -2), done.stderr
-    assert done.stderr in ("", "fledge: interrupted\n")
+    told = [line for line in done.stderr.splitlines() if "waiting for another fledge" not in line]  # a test beside it
+    assert told in ([], ["fledge: interrupted"])
 
 
 # The launcher's own, and those of the command line proper.

@@ -226,7 +226,7 @@ def test_the_controller_names_a_node_that_is_killed_before_the_run(programs):
 @pytest.mark.parametrize("transport", ["tcp", "ipc"])
 def test_a_debugger_may_stop_a_node_for_long(programs, transport):
     address = "tcp://127.0.0.1:*" if transport == "tcp" else f"ipc://@fledge-stopped-{os.getpid()}"
-    controller = Controller("--node", "mass", "--node", "spring", "--reply", "0", until="4", address=address)
+    controller = Controller("--node", "mass", "--node", "spring", "--reply", "0", until="40", address=address)
     mass, force = spring(programs, controller)
     controller.wait_for(mass="running", spring="running")
     force.send_signal(signal.SIGSTOP)
@@ -234,7 +234,7 @@ def test_a_debugger_may_stop_a_node_for_long(programs, transport):
     force.send_signal(signal.SIGCONT)
     force.communicate(timeout=60)
     assert controller.end() == (0, "")
-    assert result(mass)["seen"] == alone(401)
+    assert result(mass)["seen"] == alone(4001)
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can start programs of another user")
