@@ -105,9 +105,9 @@ static CommandReason check(const CommandTable *table, const uint8_t *packet, uin
                : word(packet, SECOND) > 1u            ? COMMAND_VALUE
                                                       : COMMAND_OK;
     case COMMAND_TELEMETRY:
-        return word(packet, FIRST) >= table->n_outputs && word(packet, FIRST) != COMMAND_ALL ? COMMAND_PLACE
-               : word(packet, SECOND) > 1u || word(packet, THIRD) == 0u                      ? COMMAND_VALUE
-                                                                                             : COMMAND_OK;
+        return word(packet, FIRST) > table->n_outputs && word(packet, FIRST) != COMMAND_ALL ? COMMAND_PLACE
+               : word(packet, SECOND) > 1u || word(packet, THIRD) == 0u                     ? COMMAND_VALUE
+                                                                                            : COMMAND_OK;
     case COMMAND_WRITE:
     case COMMAND_STAGE:
     case COMMAND_COMMIT:
@@ -143,7 +143,7 @@ CommandReason command_accept(CommandState *s, const CommandTable *table, const u
     if (reason == COMMAND_OK && n > table->room - s->waiting) {
         reason = COMMAND_BUSY;
     }
-    CommandReport report = {s->t, 0u, 0u, 0u, (uint16_t)reason, 0u, 0u};
+    CommandReport report = {s->t, 0u, 0u, 0u, (uint16_t)reason, 0u, 0u, {0u, 0u}};
     if (n >= (uint32_t)COMMAND_HEADER) {
         report.sequence = word(packet, 2) & 0x3FFFu;
         report.code = packet[6];
@@ -283,7 +283,7 @@ void command_execute(CommandState *s, const CommandTable *table, void *mission, 
     uint8_t data[COMMAND_DATA_MAX];
     for (uint32_t at = 0u; at < s->waiting; at += length_of(table->queue + at)) {
         const uint8_t *packet = table->queue + at;
-        CommandReport report = {t, word(packet, 2) & 0x3FFFu, packet[6], 1u, COMMAND_OK, 0u, 0u};
+        CommandReport report = {t, word(packet, 2) & 0x3FFFu, packet[6], 1u, COMMAND_OK, 0u, 0u, {0u, 0u}};
         report.reason = (uint16_t)execute(s, table, mission, packet, &report, data);
         finish(s, &report, data, sink, user);
         if (report.code == COMMAND_RESET_COUNTERS) {

@@ -46,7 +46,7 @@ typedef enum CommandCode {                             /* arguments, behind the 
                            COMMAND_ARM = 8,          ///< event, 1 or 0
                            COMMAND_READ = 9,         ///< module, offset, n: the report of the execution has n bytes
                            COMMAND_TELEMETRY =
-                               10, ///< output, or COMMAND_ALL; 1 or 0; every how many of its writings one is sent
+                               10, ///< output, n_outputs: housekeeping, or COMMAND_ALL; 1 or 0; sent at every so many writings
                            COMMAND_CODES
 } CommandCode;
 
@@ -121,6 +121,7 @@ typedef struct CommandReport {
     uint16_t reason;   ///< CommandReason
     uint16_t detail;   ///< of COMMAND_RULE and COMMAND_INITIAL
     uint16_t n;        ///< [bytes] read back
+    uint16_t spare[2];
 } CommandReport;
 
 typedef void (*CommandSink)(void *user, const CommandReport *report, const uint8_t *data);

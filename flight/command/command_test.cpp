@@ -364,7 +364,7 @@ TEST_F(Command, EveryWrongPacketIsRefusedWithItsReason)
     refused(COMMAND_PLACE, packet(2, version + Bytes{0, 2}), "no such mode");
     refused(COMMAND_PLACE, packet(8, version + Bytes{0, 2, 0, 1}), "no such event");
     refused(COMMAND_VALUE, packet(8, version + Bytes{0, 1, 0, 2}), "neither armed nor not");
-    refused(COMMAND_PLACE, packet(10, version + Bytes{0, 4, 0, 1, 0, 1}), "no such output");
+    refused(COMMAND_PLACE, packet(10, version + Bytes{0, 5, 0, 1, 0, 1}), "no such output");
     refused(COMMAND_VALUE, packet(10, version + Bytes{0, 0, 0, 1, 0, 0}), "a rate of 0");
     refused(COMMAND_VALUE, packet(10, version + Bytes{0, 0, 0, 2, 0, 1}), "neither on nor off");
     refused(COMMAND_PLACE, packet(6, version + Bytes{0, 3}), "no such module");
