@@ -80,18 +80,19 @@ def fly(options: argparse.Namespace) -> int:
         raise Failure(f"--join: name one target with --on; found {len(others)}")
     if options.within and not job.rounds:
         raise Failure("--within is for boards with words that round; messages that pass whole are the same bits")
-    for field, _ in options.within:
+    bounds = [*job.bounds(), *((field, bound, settled, "--within") for field, bound in options.within)]
+    for field, _, _, where in bounds:
         if not any(f".{known}".endswith(f".{field}") for known in job.fields()):
-            raise Failure(f"--within: flight puts out no field {field}")
+            raise Failure(f"{where}: flight puts out no field {field}")
     with alone(job.folder):
         if options.build:
             return _build(job, others)
         if options.join is not None:
             return _join(job, others[0], options.join, options.keys)
-        return _fly(options, job, {name: targets[name] for name in ["desktop", *names]}, settled)
+        return _fly(options, job, {name: targets[name] for name in ["desktop", *names]}, bounds)
 
 
-def _fly(options, job, targets, settled):
+def _fly(options, job, targets, bounds):
     from fledge.cli.console import say
     from fledge.errors import Failure
     from fledge.archive import Archive
@@ -114,7 +115,7 @@ def _fly(options, job, targets, settled):
         if name == "desktop":
             text, ok = "", True
         elif job.rounds:
-            text, ok = _rounded(archives["desktop"], archive, job, flown, options.within, settled)
+            text, ok = _rounded(archives["desktop"], archive, job, flown, bounds)
             if first is None:
                 first = name
             else:
@@ -179,20 +180,25 @@ def _join(job, target, address, keys):
     return 0
 
 
-def _rounded(desktop, archive, job, flown, bounds, settled):
-    """(the text for the table, whether all bounds hold) of a flight through words that round."""
+def _rounded(desktop, archive, job, flown, bounds):
+    """(the text for the table, whether all bounds hold) of a flight through words that round.
+
+    bounds: (field, bound, [s] from when on, place) of each."""
     from fledge.archive.compare import compare
 
-    def late(t):
-        return job.is_instant(t) & (t >= settled * 1e9)
+    def differences(after):
+        return compare(desktop, archive, job.outputs, ignore=["sequence"],
+                       times=lambda t: job.is_instant(t) & (t >= after * 1e9))
 
-    found = compare(desktop, archive, job.outputs, ignore=["sequence"], times=late)
+    found = differences(0.0)
     structure = next((one for one in found if one.what), None)
     if structure:
         return str(structure), False
     ok, texts = True, []
-    for field, bound in bounds:
-        near = [one for one in found if f".{one.topic}.{_plain(one.name)}".endswith("." + field)]
+    for field, bound, after, _ in bounds:
+        if after > job.duration:
+            continue
+        near = [one for one in differences(after) if f".{one.topic}.{_plain(one.name)}".endswith("." + field)]
         worst = max((one.worst for one in near), default=0.0)
         ok = ok and worst <= bound
         texts.append(f"{field} up to {worst:.3g}, {'within' if worst <= bound else 'BEYOND'} {bound:g}")

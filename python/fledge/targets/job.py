@@ -66,6 +66,12 @@ class Job:
         text = "".join(f"{load.after} {n + ids.index(load.path)} {load.block.hex()}\n" for load in self.loads)
         return export.write_files({"loads.txt": text}, self.folder)[0]
 
+    def bounds(self) -> list[tuple[str, float, float, str]]:
+        """(field, how much it may differ from the desktop's, [s] from when on, "file:line") by the files of the
+        boards."""
+        return [(one.field, one.at_most, one.after, f"{board.file}:{one.line}") for board in self.described()
+                for one in board.bounds if one.scenario in (None, self.scenario)]
+
     def described(self) -> list[Board]:
         """The boards that were given, as data."""
         texts = [(path, path.read_text(encoding="utf-8")) for path in self.boards]
