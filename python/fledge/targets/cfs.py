@@ -19,7 +19,7 @@ from fledge.targets import build
 from fledge.targets.target import Target
 
 if TYPE_CHECKING:
-    from fledge.targets.job import Job
+    from fledge.targets.job import Part
 
 APP = cfs.App("fsw")
 
@@ -31,14 +31,14 @@ class Cfs(Target):
     about = "an app of the core Flight System, on the pocket cFE or (--cfs DIR) in a real tree"
     needs: tuple[str, ...] = ("gcc",)
 
-    def app(self, job: Job) -> Path:
+    def app(self, part: Part) -> Path:
         """Write the app, and return its folder."""
-        folder = job.folder / self.name / APP.name
-        cfs.write(job.mission, APP, folder, job.board_files(), (), job.roots[:-1], watched=True)
+        folder = part.folder / self.name / APP.name
+        cfs.write(part.mission, APP, folder, part.board_files(), (), part.roots[:-1], watched=True)
         return folder.resolve()
 
-    def build(self, job: Job) -> Path:
-        app, folder = self.app(job), (job.folder / self.name).resolve()
+    def build(self, part: Part) -> Path:
+        app, folder = self.app(part), (part.folder / self.name).resolve()
         (folder / "cf").mkdir(exist_ok=True)
         write_files({"apps.c": around.app_list([APP]), "cf/cfe_es_startup.scr": around.startup(APP),
                      **{f"cf/{file.name}": file.read_bytes() for file in sorted((app / "cf").iterdir())}}, folder)
@@ -73,12 +73,12 @@ class RealCfs(Cfs):
             raise Failure(f"--cfs {tree}: this is no cFS tree, for it has no {', '.join(missing)}; give the folder "
                           "that cfe, osal and psp are in, with all its submodules")
 
-    def build(self, job: Job) -> Path:
-        copy = (job.folder / "cfs_tree").resolve()
+    def build(self, part: Part) -> Path:
+        copy = (part.folder / "cfs_tree").resolve()
         shutil.copytree(self.tree, copy, ignore=shutil.ignore_patterns(".git", "build"), dirs_exist_ok=True,
                         symlinks=True)
         definitions = defined(copy)
-        app = self.app(job)
+        app = self.app(part)
         shutil.copytree(app, copy / "apps" / APP.name, dirs_exist_ok=True)
         targets = definitions / "targets.cmake"
         text = targets.read_text(encoding="utf-8")
