@@ -39,6 +39,8 @@ def add(command: Callable) -> None:
     one.add_argument("--settled", metavar="DURATION", help="the time from which --within holds; default: the beginning")
     one.add_argument("--cfs", metavar="DIR", help="with --on cfs: build and fly in a copy of this cFS tree, instead of "
                      "on the pocket cFE")
+    one.add_argument("--report", action="store_true", help="also write the plots and a page about the run on each "
+                     "target, as run does")
     one.add_argument("--build", action="store_true", help="only build, and print the path and the size")
     one.add_argument("--join", nargs="?", const="", metavar="ADDRESS", help="fly as a node, called as "
                      "the process, of a run whose controller is elsewhere, one process on one target; default: "
@@ -83,9 +85,10 @@ def fly(options: argparse.Namespace) -> int:
         raise Failure(f"--join: name one target with --on{several}; found {len(others)}")
     if options.within and not job.rounds:
         raise Failure("--within is for boards with words that round; messages that pass whole are the same bits")
-    for field, _ in options.within:
+    bounds = [*job.bounds(), *((field, bound, settled, "--within") for field, bound in options.within)]
+    for field, _, _, where in bounds:
         if not any(f".{known}".endswith(f".{field}") for one in job.parts for known in one.fields()):
-            raise Failure(f"--within: flight puts out no field {field}"
+            raise Failure(f"{where}: flight puts out no field {field}"
                           + (f"; its processes are {', '.join(one.process for one in job.parts)}"
                              if len(job.parts) > 1 else ""))
     with alone(job.folder):
@@ -96,7 +99,7 @@ def fly(options: argparse.Namespace) -> int:
         runs = {name: {one.process: targets[name] for one in job.parts} for name in names if name != "desktop"}
         if apart:
             runs["apart"] = {one.process: targets[apart.get(one.process, "desktop")] for one in job.parts}
-        return _fly(job, runs, options.within, settled)
+        return _fly(options, job, runs, bounds)
 
 
 def _chosen(text):
@@ -127,7 +130,7 @@ def _boards(words):
     return found
 
 
-def _fly(job, runs, bounds, settled):
+def _fly(options, job, runs, bounds):
     from fledge.cli.console import say
     from fledge.errors import Failure
     from fledge.archive import Archive
@@ -138,7 +141,7 @@ def _fly(job, runs, bounds, settled):
     boards = [path.name for part in job.parts for path in part.boards]
     say(whole + (f", through {', '.join(boards)}" if boards else ""))
 
-    rows, same, first, archives = [], True, {}, {}
+    rows, same, first, archives, records = [], True, {}, {}, {}
     for name, on in {"desktop": None, **runs}.items():
         try:
             flown = fly(job, on, name) if on else TARGETS["desktop"].fly(job)
@@ -147,13 +150,15 @@ def _fly(job, runs, bounds, settled):
             rows.append((name, None, "", "did not fly"))
             same = False
             continue
+        records[name] = {}
         for part in job.parts:
             one = flown[part.process]
             archive = archives[one.record] = archives.get(one.record) or Archive(one.record)
+            records[name][part.process] = archive
             if not on:
                 desktop, text, ok = archive, "", True
             elif job.rounds:
-                text, ok = _rounded(desktop, archive, part, one, bounds, settled)
+                text, ok = _rounded(desktop, archive, part, one, bounds)
                 before = first.setdefault(part.process, (name, archive))
                 if before[0] != name:
                     others = compare(before[1], archive, part.outputs)
@@ -169,7 +174,29 @@ def _fly(job, runs, bounds, settled):
     for line in table.lines(rows):
         say("  " + line)
     say(f"  records  {', '.join(map(str, archives))}")
-    return 0 if same else 1
+    return 1 if not _judged(options, job, records) or not same else 0
+
+
+def _judged(options, job, records):
+    """Whether the scenario's checks hold of what each target put out; says which do not."""
+    from fledge.archive import Archive
+    from fledge.cli.console import say
+    from fledge.cli.judge import judge
+
+    if not job.whole:
+        if job.scenario != "free":
+            say(f"  checks   none: the flight ends before the scenario {job.scenario}")
+        return True
+    passed = ["desktop"]
+    for name, flown in list(records.items())[1:]:
+        exchange = Archive(job.exchange(name)) if job.boards else None
+        problem = judge(options, job, name, flown, exchange)
+        if problem:
+            print(f"fledge: {job.title}, {job.scenario} on {name}: {problem}", file=sys.stderr)
+        else:
+            passed.append(name)
+    say(f"  passed   {', '.join(passed)}")
+    return len(passed) == len(records)
 
 
 def _build(job, others):
@@ -198,22 +225,25 @@ def _join(job, part, target, address, keys):
     return 0
 
 
-def _rounded(desktop, archive, part, flown, bounds, settled):
-    """(the text for the table, whether all bounds hold) of a flight through words that round."""
+def _rounded(desktop, archive, part, flown, bounds):
+    """(the text for the table, whether all bounds hold) of a flight through words that round.
+
+    bounds: (field, bound, [s] from when on, place) of each."""
     from fledge.archive.compare import compare
 
-    def late(t):
-        return part.is_instant(t) & (t >= settled * 1e9)
+    def differences(after):
+        return compare(desktop, archive, part.outputs, ignore=["sequence"],
+                       times=lambda t: part.is_instant(t) & (t >= after * 1e9))
 
-    found = compare(desktop, archive, part.outputs, ignore=["sequence"], times=late)
+    found = differences(0.0)
     structure = next((one for one in found if one.what), None)
     if structure:
         return str(structure), False
     ok, texts = True, []
-    for field, bound in bounds:
-        if not any(f".{known}".endswith(f".{field}") for known in part.fields()):
-            continue    # of another process
-        near = [one for one in found if f".{one.topic}.{_plain(one.name)}".endswith("." + field)]
+    for field, bound, after, _ in bounds:
+        if after > part.job.duration or not any(f".{known}".endswith(f".{field}") for known in part.fields()):
+            continue    # later, or of another process
+        near = [one for one in differences(after) if f".{one.topic}.{_plain(one.name)}".endswith("." + field)]
         worst = max((one.worst for one in near), default=0.0)
         ok = ok and worst <= bound
         texts.append(f"{field} up to {worst:.3g}, {'within' if worst <= bound else 'BEYOND'} {bound:g}")

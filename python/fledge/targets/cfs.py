@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from fledge.targets.job import Part
 
 APP = cfs.App("fsw")
+QUEUES = "/proc/sys/fs/mqueue/msg_max"
 
 
 class Cfs(Target):
@@ -74,9 +75,7 @@ class RealCfs(Cfs):
                           "that cfe, osal and psp are in, with all its submodules")
 
     def build(self, part: Part) -> Path:
-        copy = (part.folder / "cfs_tree").resolve()
-        shutil.copytree(self.tree, copy, ignore=shutil.ignore_patterns(".git", "build"), dirs_exist_ok=True,
-                        symlinks=True)
+        copy = self.copied((part.folder / "cfs_tree").resolve())
         definitions = defined(copy)
         app = self.app(part)
         shutil.copytree(app, copy / "apps" / APP.name, dirs_exist_ok=True)
@@ -84,10 +83,10 @@ class RealCfs(Cfs):
         text = targets.read_text(encoding="utf-8")
         if around.targets(APP) not in text:
             targets.write_text(text.rstrip("\n") + "\n" + around.targets(APP), encoding="utf-8")
-        for script in sorted(definitions.glob("*cfe_es_startup.scr")):
+        for script in sorted([*definitions.glob("*cfe_es_startup.scr"), *definitions.glob("generate_startup.cmake")]):
             script.write_text(started(script.read_text(encoding="utf-8")), encoding="utf-8")
         make = ["make", "-C", copy, "SIMULATION=native", f"MISSIONCONFIG={definitions.name.removesuffix('_defs')}"]
-        for goal in ("prep", "install"):
+        for goal in goals(copy):
             done = subprocess.run([*map(str, make), goal], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
                                   errors="replace")
             if done.returncode:
@@ -96,6 +95,22 @@ class RealCfs(Cfs):
         if not found:
             raise Failure(f"{copy}: make install left no exe/cpu1/core-cpu1", 1)
         return found[0]
+
+    def copied(self, copy: Path) -> Path:
+        """The tree's copy; what an earlier flight built in it stays, unless it was of another tree."""
+        origin = copy.with_name(copy.name + ".from")
+        if copy.is_dir() and not (origin.is_file() and origin.read_text(encoding="utf-8") == str(self.tree)):
+            shutil.rmtree(copy)
+        shutil.copytree(self.tree, copy, ignore=shutil.ignore_patterns(".git", "build", "build-*"), dirs_exist_ok=True,
+                        symlinks=True)
+        write_files({origin.name: str(self.tree)}, origin.parent)
+        return copy
+
+    def advice(self, log: str) -> str:
+        if "msg_max" not in log:
+            return ""
+        return (f"cFE could not make a queue of messages: {QUEUES} says how deep one may be, and its pipes are up to 40 "
+                f"deep; as root: echo 64 > {QUEUES}")     # OSAL's advice, above many other lines
 
     def command(self, built: Path, record: str) -> list[str]:
         folder = next(path for path in built.parents if path.name == "cfs_tree").parent   # the job's
@@ -121,11 +136,26 @@ def defined(tree: Path) -> Path:
     return next((path for path in found if path.name == "sample_defs"), found[0])
 
 
+def goals(tree: Path) -> tuple[str, str]:
+    """The goals of make that build for this machine. A bundle of 7.x has goals for each of its configurations."""
+    configurations = tree / "target-configs.mk"
+    if not configurations.is_file():
+        return "prep", "install"
+    names = re.findall(r"^ARCH_(\w+)\s*:?=\s*native\s*$", configurations.read_text(encoding="utf-8"), re.MULTILINE)
+    if not names:
+        raise Failure(f"{configurations} has no configuration for this machine (ARCH_... = native)")
+    name = next((name for name in names if name.endswith("_std")), names[0])
+    return f"{name}.prep", f"{name}.install"
+
+
 def started(script: str) -> str:
-    """A start-up script with the app in it, before the end of what counts."""
+    """A start-up script with the app in it, before the end of what counts; or the CMake that writes a script."""
     line = around.startup(APP)
-    if line in script:
+    if line.strip() in script:
         return script
-    end = re.search(r"^!", script, re.MULTILINE)
+    ends = "endfunction" if "file (WRITE" in script else "!"
+    if ends == "endfunction":
+        line = f'    file (APPEND ${{STARTUP_FILE}} "{line.strip()}\\n")\n'
+    end = re.search(f"^{ends}", script, re.MULTILINE)
     at = end.start() if end else len(script)
     return script[:at] + line + script[at:]

@@ -53,6 +53,12 @@ class Part:
         text = "".join(f"{load.after} {n + ids.index(load.path)} {load.block.hex()}\n" for load in self.loads)
         return export.write_files({"loads.txt": text}, self.folder)[0]
 
+    def bounds(self) -> list[tuple[str, float, float, str]]:
+        """(field, how much it may differ from the desktop's, [s] from when on, "file:line") by the files of the
+        boards."""
+        return [(one.field, one.at_most, one.after, f"{board.file}:{one.line}") for board in self.described()
+                for one in board.bounds if one.scenario in (None, self.job.scenario)]
+
     def described(self) -> list[Board]:
         """The boards that were given, as data."""
         texts = [(path, path.read_text(encoding="utf-8")) for path in self.boards]
@@ -112,7 +118,7 @@ class Job:
         self.asked, self.parameters, self.seed = mission, parameters or {}, seed    # as other programs are to load it
         play = rehearse(mission, scenario, duration, seed, free, self.parameters)
         self.scenario, self.duration, self.loads = play.name, play.duration, play.loads
-        self.start = play.start
+        self.start, self.whole = play.start, play.whole
         self.title = play.missions[0].folder
         self.folder = Path(folder) if folder else Path("runs") / self.title / "fly"
         several = len(play.missions) > 1
@@ -145,3 +151,17 @@ class Job:
     @property
     def rounds(self) -> bool:
         return any(one.rounds for one in self.parts)
+
+    @property
+    def boards(self) -> list[Path]:
+        """The files of boards that the user gave."""
+        return [path for one in self.parts for path in one.boards]
+
+    def bounds(self) -> list[tuple[str, float, float, str]]:
+        """Those of all flight processes."""
+        return [bound for one in self.parts for bound in one.bounds()]
+
+    def exchange(self, target: str) -> Path:
+        """The path for the record of what the processes read of each other; it is written where boards may round,
+        delay or lose messages."""
+        return self.folder / f"{target}.exchange.mcap"

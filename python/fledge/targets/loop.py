@@ -37,7 +37,7 @@ def close(job: Job, programs: dict[str, list[Any]], name: str, options: list[Any
     nodes = [*job.others, *programs]
     commands = {CONTROLLER: [build.native("fledge_controller", "cosim"), *options, "--until", repr(job.duration),
                              "--seed", job.seed, *(word for one in nodes for word in ("--node", one)), "--join",
-                             timeout, "--reply", timeout],
+                             timeout, "--reply", timeout, *(["--record", job.exchange(name)] if job.boards else [])],
                 **{one: python_node(job, one, options) for one in job.others}, **programs}
     return _run(job, name, commands)
 

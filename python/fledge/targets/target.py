@@ -57,6 +57,10 @@ class Target:
         """(bytes of code and constants, bytes of memory), without the C library; None: not known."""
         return None, None
 
+    def advice(self, log: str) -> str:
+        """What a user may do about a flight that ended early with this log; "" if that is not known."""
+        return ""
+
     def prepared(self, part: Part, options: list[Any], timeout: float) -> tuple[list[Any], Callable[..., Flown]]:
         """(the command of its node in a run, a function from the figures that this prints to a Flown)."""
         built, record = self.build(part), new_record(part.folder, self.name)
@@ -87,7 +91,12 @@ def fly(job: Job, on: Mapping[str, Target], name: str, timeout: float = 60.0) ->
         job.part(process)
     options = loop.meeting(job)
     nodes = {part.process: on.get(part.process, DESKTOP).prepared(part, options, timeout) for part in job.parts}
-    figures = loop.close(job, {process: command for process, (command, _) in nodes.items()}, name, options, timeout)
+    try:
+        figures = loop.close(job, {process: node[0] for process, node in nodes.items()}, name, options, timeout)
+    except Failure as failure:
+        log = (job.folder / f"{name}.log").read_text(encoding="utf-8", errors="replace")
+        advice = next(filter(None, (target.advice(log) for target in on.values())), "")
+        raise Failure(f"{advice}\n{failure}", failure.code) if advice else failure from None
     return {process: flown(figures[process]) for process, (_, flown) in nodes.items()}
 
 
