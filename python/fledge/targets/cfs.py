@@ -35,21 +35,23 @@ class Cfs(Target):
     def app(self, job: Job) -> Path:
         """Write the app, and return its folder."""
         folder = job.folder / self.name / APP.name
-        cfs.write(job.mission, APP, folder, job.board_files(), (), job.roots[:-1], watched=True)
+        cfs.write(job.mission, APP, folder, job.board_files(), (), job.roots[:-1], simulated=True, watched=True)
         return folder.resolve()
 
     def build(self, job: Job) -> Path:
         app, folder = self.app(job), (job.folder / self.name).resolve()
         (folder / "cf").mkdir(exist_ok=True)
         write_files({"apps.c": around.app_list([APP]), "cf/cfe_es_startup.scr": around.startup(APP),
+                     **{f"inc/{file}": text for file, text in around.wrappers(APP).items()},
                      **{f"cf/{file.name}": file.read_bytes() for file in sorted((app / "cf").iterdir())}}, folder)
         sources = [*sorted((app / "fsw/src").rglob("*.c")), folder / "apps.c", *around.pocket_sources()]
-        return build.program(folder, "core", sources, [app / "fsw/inc", app / "fsw/src", build.ROOT,
-                                                       build.ROOT / "targets/cfs/inc"], link=["-lpthread", "-lm"])
+        return build.program(folder, "core", sources, [app, folder / "inc", app / "fsw/inc", app / "fsw/src",
+                                                       build.ROOT, build.ROOT / "targets/cfs/inc"],
+                             link=["-lpthread", "-lm"])
 
     def command(self, built: Path, record: str) -> list[str]:
-        return ["env", "FLEDGE_REGISTERS={registers}", f"FLEDGE_RECORD={record}", str(built.resolve()), "--root",
-                str(built.resolve().parent), "--quiet"]
+        return ["env", f"{APP.prefix}_REGISTERS={{registers}}", f"FLEDGE_RECORD={record}", str(built.resolve()),
+                "--root", str(built.resolve().parent), "--quiet"]
 
     def sizes(self, built: Path) -> tuple[int, int]:
         return build.sizes(built)
@@ -111,14 +113,15 @@ class RealCfs(Cfs):
             return super().fly(job, timeout)
         except Failure as failure:
             log = job.folder / f"{self.name}.log"
-            if log.is_file() and "msg_max" in log.read_text(encoding="utf-8", errors="replace"):  # OSAL's advice, above many other lines
+            text = log.read_text(encoding="utf-8", errors="replace") if log.is_file() else ""
+            if "msg_max" in text:                   # OSAL's advice, above many other lines
                 raise Failure(f"cFE could not make a queue of messages: {QUEUES} says how deep one may be, and its "
                               f"pipes are up to 40 deep; as root: echo 64 > {QUEUES}\n{failure}", 1) from None
             raise
 
     def command(self, built: Path, record: str) -> list[str]:
         folder = next(path for path in built.parents if path.name == "cfs_tree").parent   # the job's
-        return ["env", "-C", str(built.parent), "FLEDGE_REGISTERS={registers}", "FLEDGE_END=1",
+        return ["env", "-C", str(built.parent), f"{APP.prefix}_REGISTERS={{registers}}", "FLEDGE_END=1",
                 f"FLEDGE_RECORD={folder / record}", f"./{built.name}"]
 
     def sizes(self, built: Path) -> tuple[int, int]:
