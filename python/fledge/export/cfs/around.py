@@ -78,7 +78,7 @@ def schedule(mission: Mission, app: App) -> str:
     rate = f"{ticks:g}" if ticks == int(ticks) and ticks > 0 else "..."
     return "\n".join(["/* SPDX-License-Identifier: Apache-2.0 */",
                       f"/* For fsw/tables/sch_lab_table.c, of Draco and 7.x: {app.prefix}'s wake-ups, every "
-                      f"{joint.step(mission) / 1e9:g} s, and its housekeeping", 
+                      f"{joint.step(mission) / 1e9:g} s, and its housekeeping",
                       " * every second (TickRate 100). Above:",
                       " *", f' *     #include "{app.name}_msgids.h"', " */",
                       f"{{CFE_SB_MSGID_WRAP_VALUE({wakeup}), {rate}, 0}},",
