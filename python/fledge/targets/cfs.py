@@ -35,21 +35,23 @@ class Cfs(Target):
     def app(self, part: Part) -> Path:
         """Write the app, and return its folder."""
         folder = part.folder / self.name / APP.name
-        cfs.write(part.mission, APP, folder, part.board_files(), (), part.roots[:-1], watched=True)
+        cfs.write(part.mission, APP, folder, part.board_files(), (), part.roots[:-1], simulated=True, watched=True)
         return folder.resolve()
 
     def build(self, part: Part) -> Path:
         app, folder = self.app(part), (part.folder / self.name).resolve()
         (folder / "cf").mkdir(exist_ok=True)
         write_files({"apps.c": around.app_list([APP]), "cf/cfe_es_startup.scr": around.startup(APP),
+                     **{f"inc/{file}": text for file, text in around.wrappers(APP).items()},
                      **{f"cf/{file.name}": file.read_bytes() for file in sorted((app / "cf").iterdir())}}, folder)
         sources = [*sorted((app / "fsw/src").rglob("*.c")), folder / "apps.c", *around.pocket_sources()]
-        return build.program(folder, "core", sources, [app / "fsw/inc", app / "fsw/src", build.ROOT,
-                                                       build.ROOT / "targets/cfs/inc"], link=["-lpthread", "-lm"])
+        return build.program(folder, "core", sources, [app, folder / "inc", app / "fsw/inc", app / "fsw/src",
+                                                       build.ROOT, build.ROOT / "targets/cfs/inc"],
+                             link=["-lpthread", "-lm"])
 
     def command(self, built: Path, record: str) -> list[str]:
-        return ["env", "FLEDGE_REGISTERS={registers}", f"FLEDGE_RECORD={record}", str(built.resolve()), "--root",
-                str(built.resolve().parent), "--quiet"]
+        return ["env", f"{APP.prefix}_REGISTERS={{registers}}", f"FLEDGE_RECORD={record}", str(built.resolve()),
+                "--root", str(built.resolve().parent), "--quiet"]
 
     def sizes(self, built: Path) -> tuple[int, int]:
         return build.sizes(built)
@@ -114,7 +116,7 @@ class RealCfs(Cfs):
 
     def command(self, built: Path, record: str) -> list[str]:
         folder = next(path for path in built.parents if path.name == "cfs_tree").parent   # the job's
-        return ["env", "-C", str(built.parent), "FLEDGE_REGISTERS={registers}", "FLEDGE_END=1",
+        return ["env", "-C", str(built.parent), f"{APP.prefix}_REGISTERS={{registers}}", "FLEDGE_END=1",
                 f"FLEDGE_RECORD={folder / record}", f"./{built.name}"]
 
     def sizes(self, built: Path) -> tuple[int, int]:
