@@ -18,7 +18,6 @@ from fledge.export import c_source, names
 from fledge.elements import ELEMENTS
 from fledge.export.c_text import plain, string, wrap
 from fledge.export.c_values import literal
-from fledge.export.cfs.packets import guarded, struct
 from fledge.export.read import Mission, Module, leaves
 
 if TYPE_CHECKING:
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
 
 NAME_MAX, FILE_MAX = 15, 19          # CFE_MISSION_TBL_MAX_NAME_LENGTH, OS_MAX_FILE_NAME, less the end of a text
 HEAD_SIZE = 8
-HEAD = ["uint32 Layout; /* ..._LAYOUT: tells byte order and version of what follows */", "uint32 Spare;"]
 
 
 @dataclass
@@ -95,16 +93,6 @@ def swapped(fields: Sequence[Any], content: bytes, start: int = 0) -> bytes:
         for i in range(at, at + field.size, width):
             out[i:i + width] = content[i:i + width][::-1]
     return bytes(out)
-
-
-def header(app: App, found: list[Table]) -> str:
-    """app_tbl.h"""
-    parts = ['#include "common_types.h"', ""]
-    for table in found:
-        name = f"{app.prefix}_{table.name}"
-        parts += [f"#define {name.upper()}_LAYOUT 0x{table.layout:08X}u",
-                  struct(name, table.fields, f"{table.module.path}: {table.module.type}", HEAD)]
-    return guarded(app, "tbl", f"The tables of {app.prefix}: the parameters of its modules.", parts)
 
 
 def source(app: App, table: Table) -> str:
