@@ -137,7 +137,7 @@ def line_of(text, words):
 
 @pytest.mark.parametrize("old, new, where, complaint", [
     ('tag     = 2\nat      = 35', 'at      = 88', "world.nav.attitude.omega",
-     "a packet carries numbers of one message, and line {first} of world.wheels.speeds; give world.nav.attitude a packet"),
+     "a packet carries numbers of one message, and line {first} of world.wheels.speeds; give world.nav.attitude"),
     ("count   = 8\nunit    = \"rad/s\"", "count   = 9\nunit    = \"rad/s\"", "world.wheels.speeds.Omega",
      "world.wheels.speeds.Omega has 8 numbers from there on; the field has 9"),
     ('unit    = "N m"', 'unit    = "A"', "flight.motor.command.u", "flight.motor.command.u is in N m, the field in A"),
