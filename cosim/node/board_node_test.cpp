@@ -69,7 +69,7 @@ RegisterLane lane(std::uint32_t address, bool from_flight)
 const RegisterRun RUNS[] = {{8, 1}, {4, 2}, {8, 2}};
 const RegisterMessage TYPE = {"Number", sizeof(Number), 3, RUNS};
 const RegisterLane LANES[] = {lane(32, false), lane(256, false), lane(480, true), lane(704, false)};
-const RegisterBoard BOARD = {"board", 1, 0, 1024, 1, 0, -1, REGISTER_NOWHERE, 0, 4, LANES};
+const RegisterBoard BOARD = {"board", 1, 0, 1024, 1, 0, -1, REGISTER_NOWHERE, 0, 4, LANES, nullptr};
 const RegisterBoard *const BOARDS[] = {&BOARD};
 const MissionMessage MESSAGES[] = {
     {"world.m.a", "Number", offsetof(Flight, a), sizeof(Number), MISSION_IN},
