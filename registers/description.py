@@ -27,7 +27,8 @@ DIRECTIONS = ("read", "write", "both")
 OVERFLOWS = ("refuse", "overwrite")
 UNITS = (1, 2, 4, 8)
 
-_BOARD_KEYS = ("name", "doc", "base", "size", "order", "clock", "interrupts", "snorkel")
+_BOARD_KEYS = ("name", "doc", "base", "size", "order", "clock", "interrupts", "snorkel", "bound")
+_BOUND_KEYS = ("field", "at_most", "after", "scenario")
 _OF_LANE = ("address", "interrupt", "descriptor", "remove", "add")
 _SNORKEL_KEYS = ("name", "doc", "form", "direction", *_OF_LANE, *[f"write_{k}" for k in _OF_LANE],
                  "count", "queue", "overflow", "size", "capacity", "unit", "outside_order",
@@ -121,6 +122,16 @@ class Snorkel:
 
 
 @dataclass(frozen=True)
+class Bound:
+    """How much a number that flight puts out may differ, through this board, from one whose messages pass whole."""
+    field: str              # "flight.tracking.error.sigma_BR"
+    at_most: float
+    after: float            # [s] from when on
+    scenario: str | None    # None: all
+    line: int = field(default=0, compare=False, repr=False)
+
+
+@dataclass(frozen=True)
 class Board:
     name: str
     doc: str
@@ -133,6 +144,7 @@ class Board:
     lines: tuple[str, ...]
     snorkels: tuple[Snorkel, ...]
     file: str = field(compare=False)     # without folder
+    bounds: tuple[Bound, ...] = field(default=(), compare=False)
 
     @property
     def lanes(self) -> list[Lane]:
@@ -223,7 +235,19 @@ class _Reader(Tables):
         self.no_overlap(size)
         return Board(name, self.text(data, (), "doc", ""), base, size, order, clock,
                      clock_interrupt, interrupts, tuple(lines),
-                     tuple(s for s in snorkels if s), file)
+                     tuple(s for s in snorkels if s), file,
+                     tuple(self.bound(table, ("bound", i))
+                           for i, table in enumerate(self.tables(data, (), "bound"))))
+
+    def bound(self, table, path) -> Bound:
+        self.keys(table, path, _BOUND_KEYS)
+        at_most = self.number(table, path, "at_most")
+        after = self.number(table, path, "after", 0.0)
+        for key, value in (("at_most", at_most), ("after", after)):
+            if not value >= 0.0:
+                self.refuse((*path, key), f"`{key}` is at least 0", f"it is {value:g}", "write a positive number")
+        return Bound(self.text(table, path, "field"), at_most, after, self.text(table, path, "scenario", "") or None,
+                     line_of(self.lines, (*path, "field")))
 
     def line(self, table, path, key, lines, from_flight, what) -> str | None:
         if key not in table:

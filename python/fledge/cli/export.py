@@ -23,6 +23,7 @@ def add(command: Callable) -> None:
     one.add_argument("form", choices=["c", "cfs"], help="c: MISSION.h and MISSION.c, in C99; cfs: an app for the apps "
                      "folder of a cFS tree")
     one.add_argument("mission", help="the name of a mission, or its folder")
+    one.add_argument("--process", metavar="NAME", help="the flight process; default: the only one")
     one.add_argument("--tasks", metavar="NAMES", help="export only these tasks, as in gnc,telemetry; default: all")
     one.add_argument("--board", nargs="*", metavar="FILE", help="also write the board through which "
                      "the messages pass, and its tables; without FILE: a board that carries each message whole")
@@ -62,8 +63,8 @@ def export(options: argparse.Namespace) -> int:
         raise Failure("export: --outputs is for the mission's own board; give --board without files")
     if options.outputs and options.board is None and options.form == "c":
         raise Failure("export: --outputs is for the mission's own board; give --board, without files")
-    mission = exports.read(fledge.load(options.mission, **given_parameters(options)), tasks)
-    folder = Path(options.out) if options.out else Path("runs") / mission.title / options.form
+    mission = exports.read(fledge.load(options.mission, **given_parameters(options)), options.process, tasks)
+    folder = Path(options.out) if options.out else Path("runs") / mission.folder / options.form
     if options.form == "cfs":
         folder = folder if options.out else folder / options.app
         paths = export_cfs(mission, options, folder)

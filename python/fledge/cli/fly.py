@@ -37,6 +37,8 @@ def add(command: Callable) -> None:
     one.add_argument("--settled", metavar="DURATION", help="the time from which --within holds; default: the beginning")
     one.add_argument("--cfs", metavar="DIR", help="with --on cfs: build and fly in a copy of this cFS tree, instead of "
                      "on the pocket cFE")
+    one.add_argument("--report", action="store_true", help="also write the plots and a page about the run on each "
+                     "target, as run does")
     one.add_argument("--build", action="store_true", help="only build, and print the path and the size")
     one.add_argument("--join", nargs="?", const="", metavar="ADDRESS", help="fly as the node `flight` of a run whose "
                      "controller is elsewhere, on one target; default: FLEDGE_ADDRESS, FLEDGE_SIMULATION, FLEDGE_NODE")
@@ -78,18 +80,19 @@ def fly(options: argparse.Namespace) -> int:
         raise Failure(f"--join: name one target with --on; found {len(others)}")
     if options.within and not job.rounds:
         raise Failure("--within is for boards with words that round; messages that pass whole are the same bits")
-    for field, _ in options.within:
+    bounds = [*job.bounds(), *((field, bound, settled, "--within") for field, bound in options.within)]
+    for field, _, _, where in bounds:
         if not any(f".{known}".endswith(f".{field}") for known in job.fields()):
-            raise Failure(f"--within: flight puts out no field {field}")
+            raise Failure(f"{where}: flight puts out no field {field}")
     with alone(job.folder):
         if options.build:
             return _build(job, others)
         if options.join is not None:
             return _join(job, others[0], options.join, options.keys)
-        return _fly(job, {name: targets[name] for name in ["desktop", *names]}, options.within, settled)
+        return _fly(options, job, {name: targets[name] for name in ["desktop", *names]}, bounds)
 
 
-def _fly(job, targets, bounds, settled):
+def _fly(options, job, targets, bounds):
     from fledge.cli.console import say
     from fledge.errors import Failure
     from fledge.archive import Archive
@@ -112,7 +115,7 @@ def _fly(job, targets, bounds, settled):
         if name == "desktop":
             text, ok = "", True
         elif job.rounds:
-            text, ok = _rounded(archives["desktop"], archive, job, flown, bounds, settled)
+            text, ok = _rounded(archives["desktop"], archive, job, flown, bounds)
             if first is None:
                 first = name
             else:
@@ -127,7 +130,29 @@ def _fly(job, targets, bounds, settled):
     for line in table.lines(rows):
         say("  " + line)
     say(f"  records  {', '.join(str(archive.path) for archive in archives.values())}")
-    return 0 if same else 1
+    return 1 if not _judged(options, job, archives) or not same else 0
+
+
+def _judged(options, job, archives):
+    """Whether the scenario's checks hold of what each target put out; says which do not."""
+    from fledge.archive import Archive
+    from fledge.cli.console import say
+    from fledge.cli.judge import judge
+
+    if not job.whole:
+        if job.scenario != "free":
+            say(f"  checks   none: the flight ends before the scenario {job.scenario}")
+        return True
+    passed = ["desktop"]
+    for name, archive in list(archives.items())[1:]:
+        exchange = Archive(job.exchange(name)) if job.boards else None
+        problem = judge(options, job, name, {job.flight: archive}, exchange)
+        if problem:
+            print(f"fledge: {job.mission.title}, {job.scenario} on {name}: {problem}", file=sys.stderr)
+        else:
+            passed.append(name)
+    say(f"  passed   {', '.join(passed)}")
+    return len(passed) == len(archives)
 
 
 def _build(job, targets):
@@ -155,20 +180,25 @@ def _join(job, target, address, keys):
     return 0
 
 
-def _rounded(desktop, archive, job, flown, bounds, settled):
-    """(the text for the table, whether all bounds hold) of a flight through words that round."""
+def _rounded(desktop, archive, job, flown, bounds):
+    """(the text for the table, whether all bounds hold) of a flight through words that round.
+
+    bounds: (field, bound, [s] from when on, place) of each."""
     from fledge.archive.compare import compare
 
-    def late(t):
-        return job.is_instant(t) & (t >= settled * 1e9)
+    def differences(after):
+        return compare(desktop, archive, job.outputs, ignore=["sequence"],
+                       times=lambda t: job.is_instant(t) & (t >= after * 1e9))
 
-    found = compare(desktop, archive, job.outputs, ignore=["sequence"], times=late)
+    found = differences(0.0)
     structure = next((one for one in found if one.what), None)
     if structure:
         return str(structure), False
     ok, texts = True, []
-    for field, bound in bounds:
-        near = [one for one in found if f".{one.topic}.{_plain(one.name)}".endswith("." + field)]
+    for field, bound, after, _ in bounds:
+        if after > job.duration:
+            continue
+        near = [one for one in differences(after) if f".{one.topic}.{_plain(one.name)}".endswith("." + field)]
         worst = max((one.worst for one in near), default=0.0)
         ok = ok and worst <= bound
         texts.append(f"{field} up to {worst:.3g}, {'within' if worst <= bound else 'BEYOND'} {bound:g}")

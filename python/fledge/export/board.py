@@ -356,7 +356,7 @@ def source(mission: Mission, boards: Sequence[Board], found: list[Lane]) -> str:
         declared = f"const RegisterMessage fledge_message_{struct.name}"
         lines += message(struct, declared, [f"extern {declared};"])
     lines += ["", "static const RegisterBoard *const boards[] = {" + ", ".join(f"&{b.name}" for b in boards) + "};",
-              "", "static const MissionLane lanes[] = {"]
+              *["", "static const MissionLane lanes[] = {"] * bool(found)]
     for one in found:
         board = boards[one.board]
         n = len(mission.inputs) + len(mission.outputs)
@@ -366,8 +366,9 @@ def source(mission: Mission, boards: Sequence[Board], found: list[Lane]) -> str:
                      f"{one.board}u",
                      f"{board.name.upper()}_LANE_{board.lanes[one.lane].name.upper()}", f"{one.field}u",
                      f"{one.offset}u", f"FLEDGE_{(one.number or 'enum').upper()}")
-    lines += ["};", "", f"const MissionIo {name}_io = {{",
-              f"    {name}_messages, boards, lanes, {upper}_MESSAGES, {len(boards)}u, {len(found)}u,",
+    lines += [*["};"] * bool(found), "", f"const MissionIo {name}_io = {{",
+              f"    {name}_messages, boards, {'lanes' if found else 0}, {upper}_MESSAGES, {len(boards)}u, "
+              f"{len(found)}u,",
               f"    {upper}_PARAMETERS, {name}_parameters, block" if loads else "    0u, 0, 0", "};", ""]
     return "\n".join(lines)
 

@@ -35,7 +35,9 @@ class Cfs(Target):
     def app(self, job: Job) -> Path:
         """Write the app, and return its folder."""
         folder = job.folder / self.name / APP.name
-        cfs.write(job.mission, APP, folder, job.board_files(), (), job.roots[:-1], simulated=True, watched=True)
+        written = cfs.write(job.mission, APP, folder, job.board_files(), (), job.roots[:-1], simulated=True, watched=True)
+        for old in {file for file in folder.rglob("*") if file.is_file()} - set(written):
+            old.unlink()                # of an earlier export
         return folder.resolve()
 
     def build(self, job: Job) -> Path:
@@ -80,7 +82,8 @@ class RealCfs(Cfs):
         copy = self.copied((job.folder / "cfs_tree").resolve())
         definitions = defined(copy)
         app = self.app(job)
-        shutil.copytree(app, copy / "apps" / APP.name, dirs_exist_ok=True)
+        shutil.rmtree(copy / "apps" / APP.name, ignore_errors=True)
+        shutil.copytree(app, copy / "apps" / APP.name)
         targets = definitions / "targets.cmake"
         text = targets.read_text(encoding="utf-8")
         if around.targets(APP) not in text:

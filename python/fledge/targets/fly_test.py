@@ -24,6 +24,7 @@ from fledge.archive import Archive
 from fledge.archive.compare import compare
 from fledge.cli.runs import alone
 from fledge.targets import TARGETS, Job, build, loop
+from fledge.targets.rehearsal import rehearse
 from fledge.targets.target import Linux
 
 WHOLE = bool(os.environ.get("FLEDGE_FLY_WHOLE"))
@@ -202,12 +203,13 @@ def test_a_difference_is_found_and_reported(folder, capsys, monkeypatch):
 
 # --- words that round ------------------------------------------------------------------------------
 
-def test_through_converters_it_is_the_same_to_within_their_counts(tmp_path, capsys):
-    """Closed loop: what rounding does to the attitude is bounded by the loop's own stiffness.
+def derived(mission, scenario, converters, after, end):
+    """How far rounding may move the attitude error, by the board's counts.
 
-    The control law cancels all but I dw' + P dw + K dsigma = d per axis, where dsigma' = dw / 4. For one that is not
-    oscillatory (here damping ratios are 1.00 and 1.07) the response to a torque d never turns back, so that no bounded
-    d moves sigma by more than |d| / K. d is what rounding adds, at most half a count of each number:
+    Closed loop: what rounding does to the attitude is bounded by the loop's own stiffness. The control law cancels all
+    but I dw' + P dw + K dsigma = d per axis, where dsigma' = dw / 4. For one that is not oscillatory (here damping ratios
+    are 1.00 and 1.07) the response to a torque d never turns back, so that no bounded d moves sigma by more than |d| / K.
+    d is what rounding adds, at most half a count of each number:
 
         K q_sigma/2 + P q_omega/2                 feedback of attitude and rate
         + sum over the wheels |a_i| q_u/2         the torques that come out
@@ -217,23 +219,15 @@ def test_through_converters_it_is_the_same_to_within_their_counts(tmp_path, caps
     and flight itself sees sigma with q_sigma/2. The sampled loop, far slower than its 0.5 s, gets 5 %.
     """
     from registers.description import read
-    half = {field.carries.rsplit(".", 1)[1]: field.scale / 2 for snorkel in read(CONVERTERS).snorkels
+    half = {field.carries.rsplit(".", 1)[1]: field.scale / 2 for snorkel in read(converters).snorkels
             for field in snorkel.fields if field.carries}
     assert set(half) == {"sigma_BN", "omega_BN_B", "Omega", "u"}
 
-    K, P, J, inertia = 2.531, 45.0, 0.1591549, 800.0
+    sim = rehearse(mission, scenario, 1.0).start
+    K, P, J, inertia = sim.flight.control.K, sim.flight.control.P[0][0], sim.flight.wheels.J[0], 800.0
     for moment in (700.0, 800.0):
         assert P / (2 * math.sqrt(K / 4 * moment)) > 0.999
-    settled, end = 25 * 60, (160 if WHOLE else 35) * 60
-    two = "linux,sparc64" if not TARGETS["sparc64"].missing() else "linux"      # which must not differ either
-    assert cli.main(["fly", "nadir_spin", "--for", f"{end}s", "--on", two, "--board", str(CONVERTERS), "--out",
-                     str(tmp_path)]) == 0, capsys.readouterr()
-    capsys.readouterr()
-    desktop, linux = (Archive(tmp_path / f"{name}.mcap") for name in ("desktop", "linux"))
-    late = linux.time("error") >= settled
-
-    sim = fledge.load("nadir_spin")
-    sim.run(float(settled))
+    sim.run(float(after))
     rates = sim.record(sim.world.craft.state, sim.world.wheels.speeds, every=1)
     sim.run(until=float(end))
     rate = np.linalg.norm(rates["state.omega_BN_B"], axis=1).max()
@@ -241,19 +235,57 @@ def test_through_converters_it_is_the_same_to_within_their_counts(tmp_path, caps
     axis = np.abs(np.array(sim.flight.wheels.axes_B)[:4]).sum(axis=0).max()
     d = (K * half["sigma_BN"] + P * half["omega_BN_B"] + axis * half["u"] + rate * axis * J * half["Omega"]
          + (momentum + inertia * rate) * half["omega_BN_B"])
-    bound = 1.05 * (d / K + half["sigma_BN"])
-    assert bound < 3e-4                                   # or it would say little
+    return 1.05 * (d / K + half["sigma_BN"])
 
-    worst = np.abs(linux["error.sigma_BR"] - desktop["error.sigma_BR"])[late].max()
-    assert 0 < worst <= bound, (worst, bound)
-    through = ["fly", "nadir_spin", "--on", "linux", "--board", str(CONVERTERS), "--out", str(tmp_path)]
-    assert cli.main([*through, "--for", f"{end}s", "--settled", f"{settled}s", "--within",
-                     f"tracking.error.sigma_BR={bound:.3g}"]) == 0
+
+@pytest.mark.parametrize("mission, scenario", [("nadir_spin", "spin"), ("rectangular_raster", "raster"),
+                                               ("asterisk_scan", "narrow"), ("two_body_pointing", "earth_and_sun")])
+def test_through_converters_it_is_the_same_to_within_their_counts(mission, scenario, tmp_path, capsys):
+    """The board's file has the bound, which flights keep on machines of both byte orders, whose bits are the same; and
+    the scenario's checks hold."""
+    from registers.description import read
+    converters = build.ROOT / "missions" / mission / "converters.toml"
+    bound, = read(converters).bounds
+    assert bound.field == "flight.tracking.error.sigma_BR" and bound.scenario in (None, scenario)
+    # The bound is for the whole scenario, the test for a part of it.
+    assert 1.0 <= bound.at_most / derived(mission, scenario, converters, bound.after, 160 * 60) < 1.05
+
+    end = 160 * 60 if WHOLE else bound.after + 600
+    two = "linux,sparc64" if not TARGETS["sparc64"].missing() else "linux"
+    assert cli.main(["fly", mission, "--on", two, "--board", str(converters), "--out", str(tmp_path),
+                     *([] if WHOLE else ["--for", f"{end}s"])]) == 0, capsys.readouterr()
     out = capsys.readouterr().out
-    assert f"tracking.error.sigma_BR up to {worst:.3g}, within {bound:.3g}" in out
-    assert "beyond the range" not in out
-    assert cli.main([*through, "--for", "60s", "--within", "tracking.error.sigma_BR=1e-12"]) == 1
+    desktop, linux = (Archive(tmp_path / f"{name}.mcap") for name in ("desktop", "linux"))
+    late = linux.time("error") >= bound.after
+    worst = np.abs(linux["error.sigma_BR"] - desktop["error.sigma_BR"])[late].max()
+    assert 0 < worst <= bound.at_most
+    assert out.count(f"tracking.error.sigma_BR up to {worst:.3g}, within {bound.at_most:g}") == two.count(",") + 1
+    assert "beyond the range" not in out and (f"  passed   desktop,{two.replace(',', ', ')}\n".replace(
+        ",linux", ", linux") in out) == WHOLE
+
+
+def test_a_bound_may_be_given_or_tightened_in_the_command(tmp_path, capsys):
+    through = ["fly", "nadir_spin", "--on", "linux", "--board", str(CONVERTERS), "--out", str(tmp_path), "--for", "60s"]
+    assert cli.main([*through, "--within", "tracking.error.sigma_BR=1e-12"]) == 1
     assert "BEYOND 1e-12" in capsys.readouterr().out
+    assert cli.main([*through, "--within", "tracking.error.sigma_BR=1e-2"]) == 0
+    assert cli.main([*through, "--within", "tracking.error.sigma_BR=1e-12", "--settled", "61s"]) == 0
+    assert " rounded; flight." in capsys.readouterr().out     # a bound that begins later says nothing
+
+    board = tmp_path / "tight.toml"
+    text = CONVERTERS.read_text()
+    at_most = re.search("at_most *= *(.*)", text)[1]
+    board.write_text(text.replace(at_most, "1e-12").replace("after ", "after = 0.0 #"))
+    through[5] = str(board)
+    assert cli.main(through) == 1
+    assert "tracking.error.sigma_BR up to" in (out := capsys.readouterr().out) and "BEYOND 1e-12" in out
+    line = text[:text.index('field    = "flight.tracking')].count("\n") + 1
+    board.write_text(text.replace("flight.tracking.error.sigma_BR", "flight.tracking.error.sigma"))
+    assert cli.main(through) == 2
+    assert f"tight.toml:{line}: flight puts out no field flight.tracking.error.sigma" in capsys.readouterr().err
+    board.write_text(text.replace(at_most, "-1"))
+    assert cli.main(through) == 2
+    assert f"tight.toml:{line + 1}: `at_most` is at least 0; it is -1; write" in capsys.readouterr().err
 
 
 # --- size ------------------------------------------------------------------------------------------

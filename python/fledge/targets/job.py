@@ -35,7 +35,8 @@ class Job:
         self.seed, self.boards = seed, [Path(path).resolve() for path in boards]
         play = rehearse(mission, scenario, duration, seed, free, self.parameters)
         self.scenario, self.duration, self.loads = play.name, play.duration, play.loads
-        self.start, self.mission = play.start, play.mission
+        self.start, self.mission, self.whole = play.start, play.mission, play.whole
+        self.flight: str = play.sim.flight.name
         self.folder = Path(folder) if folder else Path("runs") / self.mission.title / "fly"
         self.outputs = [export.host.topic(m.path) for m in self.mission.outputs]
         changed = list(dict.fromkeys(load.path for load in self.loads))
@@ -53,12 +54,23 @@ class Job:
         """The files of the given boards, or that of the mission's own board, which this writes."""
         return self.boards or [path.resolve() for path in self.written if path.suffix == ".toml"]
 
+    def exchange(self, target: str) -> Path:
+        """The path for the record of what the world and flight read of each other; it is written where boards may
+        round, delay or lose messages."""
+        return self.folder / f"{target}.exchange.mcap"
+
     def write_loads(self) -> Path:
         """The file of the parameters from the ground, for the node of the board."""
         ids = list(export.board.blocks(self.mission))
         n = len(self.mission.inputs) + len(self.mission.outputs)
         text = "".join(f"{load.after} {n + ids.index(load.path)} {load.block.hex()}\n" for load in self.loads)
         return export.write_files({"loads.txt": text}, self.folder)[0]
+
+    def bounds(self) -> list[tuple[str, float, float, str]]:
+        """(field, how much it may differ from the desktop's, [s] from when on, "file:line") by the files of the
+        boards."""
+        return [(one.field, one.at_most, one.after, f"{board.file}:{one.line}") for board in self.described()
+                for one in board.bounds if one.scenario in (None, self.scenario)]
 
     def described(self) -> list[Board]:
         """The boards that were given, as data."""

@@ -34,7 +34,8 @@ def close(job: Job, target: list[str], name: str, timeout: float = 60.0) -> dict
     options = ["--simulation", simulation, "--address", f"ipc://@fledge-{simulation}"]
     return _run(job, name, {
         "controller": [build.native("fledge_controller", "cosim"), *options, "--until", repr(job.duration), "--seed",
-                       job.seed, "--node", "world", "--node", "flight", "--join", timeout, "--reply", timeout],
+                       job.seed, "--node", "world", "--node", "flight", "--join", timeout, "--reply", timeout,
+                       *(["--record", job.exchange(name)] if job.boards else [])],
         "world": [sys.executable, "-P", "-m", "fledge.cli", "node", job.asked, "world",
                   *(["--free"] if job.scenario == "free" or job.loads else [job.scenario]), *options,
                   *(word for name, value in job.parameters.items() for word in ("--set", f"{name}={value!r}"))],

@@ -47,6 +47,7 @@ def rehearse(mission: str, scenario: str | None = None, duration: float | None =
     sim.step = sim.reset = sim.restore = play.refused
     try:
         function(sim)
+        play.whole = True
     except _Ends:
         pass
     except (SetupError, Failure):
@@ -60,11 +61,13 @@ def rehearse(mission: str, scenario: str | None = None, duration: float | None =
 
 
 class Rehearsal:
-    """name; duration [s]; start: the simulation as it stood before its first run, and mission: that exported; loads."""
+    """name; duration [s]; whole: whether the scenario came to its end; start: the simulation as it stood before its
+    first run, and mission: that exported; loads."""
 
     def __init__(self, sim: Any, duration: float | None) -> None:
         self.sim, self.duration = sim, duration
         self.name = ""
+        self.whole = False      # the scenario came to its end
         self.start: Any = None
         self.mission: Any = None
         self.loads: list[Load] = []
@@ -83,7 +86,7 @@ class Rehearsal:
         else:
             self.compare(now)
         limit = None if self.duration is None else round(self.duration * 1e9)
-        if limit is not None and end >= limit:
+        if limit is not None and end > limit:
             raise _Ends
         type(sim).run(sim, until=end / 1e9, progress=False)
         self.before = sim.snapshot(), _memory(sim)

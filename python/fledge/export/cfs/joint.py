@@ -28,9 +28,8 @@ def header(mission: Mission, app: App, found: Sequence[Table], boards: Sequence[
     longest = max((m.struct.size for m in mission.outputs), default=0)
     longest_table = HEAD_SIZE + max((len(t.content) for t in found), default=0)
     return guarded(app, "mission", f"What {prefix} flies: {mission.title}.", [
-        '#include "cfe.h"', "", f'#include "{mission.name}.h"', *
-        ([f'#include "{mission.name}_io.h"'] if boards else []),
-        '#include "targets/mission_check.h"', "",
+        '#include "cfe.h"', "", f'#include "{mission.name}.h"',
+        *([f'#include "{mission.name}_io.h"'] if boards else []), '#include "flight/command/rules.h"', "",
         f"typedef {mission.struct()} {prefix}_Mission_t;", "",
         *(['#include "targets/cfs/watch.h"', f"#define {prefix}_WATCH fledge_watch", ""] if watched else []),
         f"#define {prefix}_MESSAGES {upper}_MESSAGES",
@@ -44,7 +43,7 @@ def header(mission: Mission, app: App, found: Sequence[Table], boards: Sequence[
         "/** The parameters of a module as a table. */", f"typedef struct {prefix}_Table {{",
         "    const char *Name; /* as the bus knows it, without the app's */",
         "    const char *File; /* what it is loaded from at the start */",
-        "    uint32 Layout;    /* what its first word must be */", "    const MissionRule *Rules;",
+        "    uint32 Layout;    /* what its first word must be */", "    const CommandRule *Rules;",
         "    uint32 NumRules;", "    int32 (*Validate)(void *Content);", f"}} {prefix}_Table_t;", "",
         f"extern const {prefix}_Table_t {prefix}_Tables[{prefix}_TABLES + 1];", "",
         "/** The message ids of inputs and outputs, in the order of the messages. */",

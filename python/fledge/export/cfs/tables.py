@@ -134,8 +134,8 @@ def nested(field: Any, raw: bytes, shape: list[int]) -> str:
 # --- rules -----------------------------------------------------------------------------------------
 
 def rules(app: App, table: Table) -> list[str]:
-    """The MissionRules of a table, as C."""
-    lines = [f"static const MissionRule Rules{table.name}[] = {{"]
+    """The CommandRules of a table, as C."""
+    lines = [f"static const CommandRule Rules{table.name}[] = {{"]
     for row in rule_rows(table.fields, table.start):
         lines += c_source.row(*row)
     return [*lines, "};", ""]
@@ -156,7 +156,7 @@ def rule_rows(fields: Sequence[Any], start: int, prefix: str = "", base: int = 0
         flags = [name for name, on in (
             ("FLEDGE_HAS_LO", low is not None), ("FLEDGE_HAS_HI", high is not None),
             ("FLEDGE_LO_OPEN", low_open and low is not None), ("FLEDGE_HI_OPEN", high_open and high is not None),
-            ("MISSION_NON_ZERO", f.non_zero), ("MISSION_INERTIA", f.inertia)) if on]
+            ("COMMAND_NON_ZERO", f.non_zero), ("COMMAND_INERTIA", f.inertia)) if on]
         if not ELEMENTS[f.type].is_float and not flags:
             continue                                   # all are allowed
         n = f.size // ELEMENTS[f.type].size
@@ -165,7 +165,7 @@ def rule_rows(fields: Sequence[Any], start: int, prefix: str = "", base: int = 0
         text += f", {rule}" if rule else ""
         text += f" {f.unit}" if f.unit not in ("", "-") and (low is not None or high is not None) else ""
         yield [string((prefix + f.name).encode()), string(text.encode()), f"{at}u", f"{n}u",
-               f"{n // f.shape[0] if f.shape else 1}u", f"{places[f.count]}u" if f.count else "MISSION_ALL",
+               f"{n // f.shape[0] if f.shape else 1}u", f"{places[f.count]}u" if f.count else "COMMAND_ALL_ROWS",
                " | ".join(flags) or "0u", f"FLEDGE_{f.type.upper()}",
                repr(low or 0.0), repr(high or 0.0)]
 
