@@ -117,11 +117,12 @@ def build(sim):
     fast, slow = sim.add_flight("fast"), sim.add_flight("slow")
     fast.still = fsw.InertialPointing(sigma_RN=[0.1, 0.2, 0.3])
     fast.turn = fsw.EulerRotation(rates=[1, 2, 3])
+    fast.top = fsw.EulerRotation(rates=[1, 2, 3])
     slow.turn = fsw.EulerRotation(rates=[3, 2, 1])
     slow.own = fsw.EulerRotation(rates=[3, 2, 1])
-    fast.connect(slow.turn.reference >> fast.turn.base, (fast.turn.reference >> slow.turn.base).stale_after(0.5),
-                 (fast.still.reference >> slow.own.base).stale_after(0.5))
-    fast.task("work", every=0.25, run=[fast.turn])
+    fast.connect(fast.still.reference >> fast.turn.base, (fast.turn.reference >> slow.turn.base).stale_after(0.5),
+                 slow.turn.reference >> fast.top.base, (fast.still.reference >> slow.own.base).stale_after(0.5))
+    fast.task("work", every=0.25, run=[fast.turn, fast.top])
     slow.task("work", every=1, run=[slow.turn, slow.own])
 '''
 
@@ -139,21 +140,24 @@ def test_a_wire_from_another_flight_process_is_an_input(two):
     assert (fast.name, slow.name, fast.struct(), slow.title) == ("two_fast", "two_slow", "TwoFast", "two slow")
     assert fast.about == "Two computers."
     assert [(m.path, m.name, m.latency, m.ends) for m in fast.inputs + slow.inputs] == [
-        ("slow.turn.reference", "slow_turn_reference", "next_instant", ["fast.turn.base"]),
+        ("slow.turn.reference", "slow_turn_reference", "next_instant", ["fast.top.base"]),
         ("fast.turn.reference", "fast_turn_reference", "same_instant", ["slow.turn.base"]),
         ("fast.still.reference", "fast_still_reference", "next_instant", ["slow.own.base"])]
     assert [w.stale_after for wires in slow.wires.values() for w in wires] == [500_000_000, 0]  # configuration never is
     assert [(m.path, m.direction) for m in fast.outputs] == [("fast.still.reference", "out"),
                                                              ("fast.turn.reference", "out"),
-                                                             ("fast.turn.euler", "inside")]
+                                                             ("fast.turn.euler", "inside"),
+                                                             ("fast.top.reference", "inside"),
+                                                             ("fast.top.euler", "inside")]
     assert export.emit_c(export.read(fledge.load(two), "slow")) == export.emit_c(slow)
 
 
 @pytest.mark.parametrize("compiler", COMPILERS)
 def test_a_flight_that_exchanges_nothing_compiles(two, compiler, tmp_path):
-    (two / "mission.py").write_text(re.sub(r"fast.connect\(.*?\)\n    fast.task", "fast.connect(fast.still.reference >> "
-                                           "fast.turn.base, slow.own.reference >> slow.turn.base, slow.turn.reference "
-                                           ">> slow.own.base)\n    fast.task", MISSION, flags=re.DOTALL))
+    inside = ("fast.connect(fast.still.reference >> [fast.turn.base, fast.top.base], slow.own.reference >> "
+              "slow.turn.base, "
+              "slow.turn.reference >> slow.own.base)\n    fast.task")
+    (two / "mission.py").write_text(re.sub(r"fast.connect\(.*?\)\n    fast.task", inside, MISSION, flags=re.DOTALL))
     for mission in export.read_all(fledge.load(two)):
         assert not mission.inputs and {m.direction for m in mission.outputs} == {"inside"}
         folder = tmp_path / mission.name
@@ -164,7 +168,7 @@ def test_a_flight_that_exchanges_nothing_compiles(two, compiler, tmp_path):
 
 
 @pytest.mark.parametrize("old, new, says", [
-    (",\n                 (fast.still.reference >> slow.own.base)", "", "mission.py, line 11: slow.own.base"),
+    (", (fast.still.reference >> slow.own.base)", "", "mission.py, line 12: slow.own.base"),
     ("(fast.still.reference >> slow.own.base)", "(fast.turn.reference >> slow.own.base).latency(1)",
      "line 9: fast.turn.reference reaches slow with two latencies, by slow.turn.base and slow.own.base")])
 def test_a_fault_of_a_process_names_its_line(two, old, new, says):

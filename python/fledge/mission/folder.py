@@ -7,9 +7,10 @@
 flight.py has build(f), world.py has build(w, f). load() executes both afresh, so that two simulations
 share nothing. Their further arguments, as in build(f, wheels=4), are parameters of the mission:
 load("my_mission", wheels=3). A mission of several spacecraft or computers has a mission.py with build(sim), which
-makes the processes and builds each, and imports of the other files what it needs. In scenarios.py every public function that takes a simulation is a
-scenario, and the first line of its docstring describes it. The files may import from one another,
-`from .flight import TURN`, and from other missions of their folder: `from .single_spiral.world import build`.
+makes the processes and builds each, and imports of the other files what it needs. In scenarios.py every public
+function that takes a simulation is a scenario, and the first line of its docstring describes it. The files may import
+from one another, `from .flight import TURN`, and from other missions of their folder:
+`from .single_spiral.world import build`.
 """
 
 from __future__ import annotations

@@ -16,10 +16,10 @@ from fledge.export import cfs
 from fledge.export.cfs import around
 from fledge.export.write import write_files
 from fledge.targets import build
-from fledge.targets.target import Flown, Target
+from fledge.targets.target import Target
 
 if TYPE_CHECKING:
-    from fledge.targets.job import Job
+    from fledge.targets.job import Part
 
 APP = cfs.App("fsw")
 QUEUES = "/proc/sys/fs/mqueue/msg_max"
@@ -32,16 +32,17 @@ class Cfs(Target):
     about = "an app of the core Flight System, on the pocket cFE or (--cfs DIR) in a real tree"
     needs: tuple[str, ...] = ("gcc",)
 
-    def app(self, job: Job) -> Path:
+    def app(self, part: Part) -> Path:
         """Write the app, and return its folder."""
-        folder = job.folder / self.name / APP.name
-        written = cfs.write(job.mission, APP, folder, job.board_files(), (), job.roots[:-1], simulated=True, watched=True)
+        folder = part.folder / self.name / APP.name
+        written = cfs.write(part.mission, APP, folder, part.board_files(), (), part.roots[:-1], simulated=True,
+                            watched=True)
         for old in {file for file in folder.rglob("*") if file.is_file()} - set(written):
             old.unlink()                # of an earlier export
         return folder.resolve()
 
-    def build(self, job: Job) -> Path:
-        app, folder = self.app(job), (job.folder / self.name).resolve()
+    def build(self, part: Part) -> Path:
+        app, folder = self.app(part), (part.folder / self.name).resolve()
         (folder / "cf").mkdir(exist_ok=True)
         write_files({"apps.c": around.app_list([APP]), "cf/cfe_es_startup.scr": around.startup(APP),
                      **{f"inc/{file}": text for file, text in around.wrappers(APP).items()},
@@ -78,10 +79,10 @@ class RealCfs(Cfs):
             raise Failure(f"--cfs {tree}: this is no cFS tree, for it has no {', '.join(missing)}; give the folder "
                           "that cfe, osal and psp are in, with all its submodules")
 
-    def build(self, job: Job) -> Path:
-        copy = self.copied((job.folder / "cfs_tree").resolve())
+    def build(self, part: Part) -> Path:
+        copy = self.copied((part.folder / "cfs_tree").resolve())
         definitions = defined(copy)
-        app = self.app(job)
+        app = self.app(part)
         shutil.rmtree(copy / "apps" / APP.name, ignore_errors=True)
         shutil.copytree(app, copy / "apps" / APP.name)
         targets = definitions / "targets.cmake"
@@ -111,16 +112,11 @@ class RealCfs(Cfs):
         write_files({origin.name: str(self.tree)}, origin.parent)
         return copy
 
-    def fly(self, job: Job, timeout: float = 60.0) -> Flown:
-        try:
-            return super().fly(job, timeout)
-        except Failure as failure:
-            log = job.folder / f"{self.name}.log"
-            text = log.read_text(encoding="utf-8", errors="replace") if log.is_file() else ""
-            if "msg_max" in text:                   # OSAL's advice, above many other lines
-                raise Failure(f"cFE could not make a queue of messages: {QUEUES} says how deep one may be, and its "
-                              f"pipes are up to 40 deep; as root: echo 64 > {QUEUES}\n{failure}", 1) from None
-            raise
+    def advice(self, log: str) -> str:
+        if "msg_max" not in log:
+            return ""
+        return (f"cFE could not make a queue of messages: {QUEUES} says how deep one may be, and its pipes are up to 40 "
+                f"deep; as root: echo 64 > {QUEUES}")     # OSAL's advice, above many other lines
 
     def command(self, built: Path, record: str) -> list[str]:
         folder = next(path for path in built.parents if path.name == "cfs_tree").parent   # the job's

@@ -57,11 +57,11 @@ def test_flight_puts_out_the_same_bits_on_every_target(mission, folder, capsys):
     if mission != "nadir_spin" and not WHOLE:
         names = [name for name in names if name != "sparc64"]     # one mission is enough for the byte order
     assert cli.main(["fly", mission, *span, "--on", ",".join(names), "--out", str(out)]) == 0, capsys.readouterr()
-    rows = [line.split() for line in capsys.readouterr().out.splitlines() if line.startswith("  ")]
-    assert [row[0] for row in rows[1:-1]] == names
-    assert {row[1] for row in rows[1:-1]} == {"19201" if WHOLE else "361"}
-    assert len({row[2] for row in rows[1:-1]}) == 1 and len(rows[1][2]) == 16
-    assert all(row[3] == "none" for row in rows[2:-1])
+    rows = [line.split() for line in capsys.readouterr().out.partition("  records")[0].splitlines()[2:]]
+    assert [row[0] for row in rows] == names
+    assert {row[1] for row in rows} == {"19201" if WHOLE else "361"}
+    assert len({row[2] for row in rows}) == 1 and len(rows[0][2]) == 16
+    assert all(row[3] == "none" for row in rows[1:])
 
     # And once more without the table: every output, at every step.
     desktop = Archive(out / "desktop.mcap")
@@ -116,6 +116,51 @@ def test_parameters_from_the_ground_cross_a_board_too(tmp_path, capsys):
         assert (status[~late] == 2).all() and (status[late][:60] == 1).all()     # the Sun is given up
     board = (tmp_path / "c/two_body_pointing_mission_board.toml").read_text()
     assert 'carries   = "flight.guidance"' in board and 'carries   = "flight.control"' not in board
+
+
+# --- several flight processes ----------------------------------------------------------------------
+
+@pytest.fixture(scope="module")
+def two(tmp_path_factory):
+    """Two flight processes that read one another, and no world."""
+    from fledge.export.source_test import MISSION
+
+    folder = tmp_path_factory.mktemp("several") / "two"
+    folder.mkdir()
+    (folder / "mission.py").write_text(MISSION)
+    return folder
+
+
+def test_each_flight_process_flies_on_a_target_of_its_own(two, capsys):
+    far = "linux" if TARGETS["sparc64"].missing() else "sparc64"
+    out = two.parent / "out"
+    assert cli.main(["fly", str(two), "--free", "--for", "30s", "--on", f"linux,slow={far}", "--out", str(out)]) == 0
+    rows = [line.split() for line in capsys.readouterr().out.splitlines() if " on " in line]
+    assert [row[:4] for row in rows] == [["fast", "on", "desktop", "121"], ["slow", "on", "desktop", "31"],
+                                         ["fast", "on", "linux", "121"], ["slow", "on", "linux", "31"],
+                                         ["fast", "on", "desktop", "121"], ["slow", "on", far, "31"]]
+    assert [row[4] for row in rows[:2]] == [row[4] for row in rows[2:4]] == [row[4] for row in rows[4:]]
+    assert all(row[5] == "none" for row in rows[2:])
+    for record in ("fast/linux", "slow/linux", "fast/node", f"slow/{far}"):
+        assert len(Archive(out / f"{record}.mcap").time_ns("turn.reference")) in (121, 31)
+
+
+def test_a_difference_in_one_process_is_seen_in_the_others(two, capsys, monkeypatch):
+    real = Linux.build
+
+    def spoiled(self, part):
+        source = next((path for path in part.written if path.name == "two_slow.c"), None)
+        if source:
+            source.write_text(source.read_text().replace("turn.par.rates = vec3(3.0,", "turn.par.rates = vec3(3.5,"))
+        return real(self, part)
+
+    monkeypatch.setattr(Linux, "build", spoiled)
+    assert cli.main(["fly", str(two), "--free", "--for", "5s", "--on", "slow=linux", "--out",
+                     str(two.parent / "other")]) == 1
+    fast, slow = (line for line in capsys.readouterr().out.splitlines()[4:6])
+    # Both in the first second: slow at 0 s writes what fast reads from 0.25 s on.
+    assert "fast on desktop" in fast and "t = 0.25 s  fast.top." in fast
+    assert "slow on linux" in slow and "t = 0 s  slow.turn." in slow
 
 
 PLAYS = """
@@ -296,7 +341,7 @@ def test_nadir_spin_is_small(folder):
     record, aside."""
     job = Job("nadir_spin", duration=1.0, folder=folder / "nadir_spin")
     target = TARGETS["linux"]
-    code, memory = target.sizes(target.build(job))
+    code, memory = target.sizes(target.build(job.parts[0]))
     assert 20 * 1024 < code < 48 * 1024 and 4 * 1024 < memory <= 6.5 * 1024
     objects = {path.stem.partition("_")[2]: path for path in (job.folder / "linux/o").glob("*.o")}
     written = 0
@@ -308,17 +353,17 @@ def test_nadir_spin_is_small(folder):
 
 def test_only_what_changed_is_built(folder):
     job = Job("nadir_spin", duration=1.0, folder=folder / "nadir_spin")
-    built = TARGETS["linux"].build(job)
+    built = TARGETS["linux"].build(job.parts[0])
     before = built.stat().st_mtime_ns
     job = Job("nadir_spin", duration=2.0, folder=folder / "nadir_spin")
-    assert TARGETS["linux"].build(job) == built and built.stat().st_mtime_ns == before
+    assert TARGETS["linux"].build(job.parts[0]) == built and built.stat().st_mtime_ns == before
 
 
 def test_it_takes_nothing_from_the_heap(folder):
     """None of its own code calls the allocator; the C library's that it calls in the loop do not either: clocks,
     futexes, locks and writes."""
     job = Job("nadir_spin", duration=1.0, folder=folder / "nadir_spin")
-    TARGETS["linux"].build(job)
+    TARGETS["linux"].build(job.parts[0])
     out = subprocess.run(["nm", "-u", job.folder / "linux/nadir_spin.o"], capture_output=True, text=True, check=True)
     wanted = {line.split()[-1] for line in out.stdout.splitlines()}
     assert "write" in wanted and not wanted & {"malloc", "calloc", "realloc", "free", "alloca", "strdup"}
@@ -328,7 +373,7 @@ def test_it_takes_nothing_from_the_heap(folder):
 
 def test_by_the_clock_it_says_how_late_it_was(folder):
     job = Job("nadir_spin", duration=1.0, folder=folder / "nadir_spin")
-    built = TARGETS["linux"].build(job)
+    built = TARGETS["linux"].build(job.parts[0])
     done = subprocess.run([built.resolve(), "--clock", "--for", "1.2", "--record", "clock.mcap"], cwd=job.folder,
                           capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
@@ -346,7 +391,7 @@ def test_without_the_privilege_it_says_so(folder):
     if os.geteuid() or not shutil.which("setpriv"):
         pytest.skip("needs root, to give up what it may")
     job = Job("nadir_spin", duration=1.0, folder=folder / "nadir_spin")
-    built = TARGETS["linux"].build(job)
+    built = TARGETS["linux"].build(job.parts[0])
     done = subprocess.run(["setpriv", "--bounding-set", "-all", "--inh-caps", "-all", "prlimit", "--memlock=0",
                            "--rtprio=0", built.resolve(), "--clock", "--for", "0.1"], capture_output=True, text=True,
                           timeout=60)
@@ -357,7 +402,7 @@ def test_without_the_privilege_it_says_so(folder):
 
 def test_stopped_by_the_clock_it_leaves_a_whole_record(folder):
     job = Job("nadir_spin", duration=1.0, folder=folder / "nadir_spin")
-    built = TARGETS["linux"].build(job)
+    built = TARGETS["linux"].build(job.parts[0])
     with subprocess.Popen([built.resolve(), "--clock", "--record", "stopped.mcap"], cwd=job.folder,
                           stdout=subprocess.PIPE, text=True) as process:
         try:
@@ -379,7 +424,7 @@ def test_stopped_by_the_clock_it_leaves_a_whole_record(folder):
     (["--bogus", "1", "a"], "--bogus"), (["--clock", "--priority", "100"], "--priority")])
 def test_it_says_how_it_is_called(folder, arguments, wrong):
     job = Job("nadir_spin", duration=1.0, folder=folder / "nadir_spin")
-    built = TARGETS["linux"].build(job)
+    built = TARGETS["linux"].build(job.parts[0])
     done = subprocess.run([built.resolve(), *arguments], capture_output=True, text=True, timeout=60)
     first, *others = done.stderr.splitlines()
     assert done.returncode == 2 and not done.stdout
@@ -389,7 +434,7 @@ def test_it_says_how_it_is_called(folder, arguments, wrong):
 
 def test_registers_that_are_not_there_or_of_another_board(folder, tmp_path):
     job = Job("nadir_spin", duration=1.0, folder=folder / "nadir_spin")
-    built = TARGETS["linux"].build(job).resolve()
+    built = TARGETS["linux"].build(job.parts[0]).resolve()
     done = subprocess.run([built, "--wait", "0.05", tmp_path / "none"], capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stderr) == (1, f"nadir_spin: {tmp_path}/none: the file is not there yet\n")
     (tmp_path / "other").write_bytes(bytes(100))
@@ -503,6 +548,15 @@ def test_on_a_terminal_it_shows_how_far_it_is(folder, monkeypatch):
     (["nadir_spin", "--board", "no_such.toml"], "no_such.toml"),
     (["nadir_spin", "--board", "registers/boards/io_board_a.toml"], "no board has a clock"),
     (["nadir_spin", "--for", "soon"], "expected a duration"),
+    (["nadir_spin", "--on", "flght=linux"], "nadir_spin has no flight process 'flght'; it has flight"),
+    (["nadir_spin", "--on", "world=linux"], "nadir_spin has no flight process 'world'; it has flight"),
+    (["nadir_spin", "--on", "flight=vax"], "there is no target 'vax'"),
+    (["nadir_spin", "--on", "flight=linux,flight=cfs"], "--on gives flight two targets, linux and cfs; give one"),
+    (["nadir_spin", "--board", f"wrld={CONVERTERS}"], "nadir_spin has no flight process 'wrld'; it has flight"),
+    (["constellation", "--board", str(CONVERTERS)], "write PROCESS=FILE, with one of sat0_flight, sat1_flight, sat2"),
+    (["constellation", "--join", "--on", "linux"], "name one target with --on, as in sat0_flight=linux; found 4"),
+    (["nadir_spin", "--board", str(CONVERTERS), "--within", "wrld.tracking.error.sigma_BR=1"],
+     "--within: flight puts out no field wrld.tracking.error.sigma_BR"),
     (["nadir_spin", "--join", "--on", "linux,aarch64"], "--join: name one target with --on; found 2"),
 ])
 def test_what_cannot_be_flown_is_refused_before_anything_is_written(arguments, complaint, tmp_path, capsys):

@@ -272,7 +272,7 @@ def test_rasters_words_modes_and_subsets_compile_as_well(what, tmp_path):
     if what == "subset":
         tasks = ["control"]
     folder = tmp_path / "apps/part"
-    cfs.write(export.read(sim, tasks), cfs.App("part"), folder, files)
+    cfs.write(export.read(sim, tasks=tasks), cfs.App("part"), folder, files)
     if what == "subset":
         assert "0 wait, 1 point, 2 rest" in (folder / "config/default_part_msgdefs.h").read_text()
     sources_ = [*(folder / "fsw/src").glob("*.c"), *(folder / "fsw/tables").glob("*.c")]
