@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
 # Of Fledge's own, what every app needs besides its modules.
 ALWAYS = ["flight/command/rules.c"]
-REGISTERS = ["registers/lane.c", "registers/field.c", "registers/clock.c", "registers/message.c", "targets/mission_io.c"]
+REGISTERS = ["registers/lane.c", "registers/field.c",
+             "registers/clock.c", "registers/message.c", "targets/mission_io.c"]
 SIMULATED = ["registers/shared_file.c"]
 WATCHED = ["targets/mission_host.c", "targets/cfs/watch.c", "record/mcap.c", "record/mcap_crc.c", "record/file_sink.c"]
 INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"([^"]+)"', re.MULTILINE)
