@@ -10,8 +10,8 @@
  *
  * A packet carries numbers of one message in fields of its own, at their places in bytes. So does a queued word. The
  * reader writes the head when a packet arrives; without a new one, the message stays as it is, and ages. Of a queue a
- * reader sees one packet of each kind at each reading: the oldest that it has not seen, or the newest, and then counts
- * those that it skips.
+ * reader sees one packet of each kind at each reading: the oldest that it has not seen, and packets behind it wait; or
+ * the newest, and then it counts those that it skips.
  *
  * A message lane also carries whole blocks of parameters, from the ground: flight uses a block from the tick in which
  * it arrives. Modules that publish their parameters cannot be changed this way.
@@ -73,7 +73,7 @@ typedef struct MissionIoCounts {
     uint32_t refused;   ///< messages not written: the queue was full, or the size is wrong
     uint32_t corrupt;   ///< messages with invalid bytes; the reader sees a message that was never written
     uint32_t saturated; ///< numbers limited to the range of their field
-    uint32_t skipped;   ///< packets that a newer one of a queue has replaced before they were seen
+    uint32_t skipped;   ///< packets replaced by a newer one before they were seen
 } MissionIoCounts;
 
 /** The index of the board whose clock paces flight; n_boards if no board has a clock. */

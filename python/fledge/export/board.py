@@ -248,11 +248,11 @@ class _Finder:
             return
         count = field.count if lane.form == "packet" else lane.count
         tag = field.tag if lane.form == "packet" else 0 if lane.queued else None
-        other, first = self.kinds.setdefault((i, place, tag), (message, field.line)
-                                             ) if tag is not None else (message, 0)
+        here = message, field.line
+        other, first = here if tag is None else self.kinds.setdefault((i, place, tag), here)
         if other is not message:
-            self.refuse(board, field.line, f"a packet carries numbers of one message, and line {first} of {other.path}; "
-                        f"give {message.path} a packet of its own, or another tag")
+            self.refuse(board, field.line, "a packet carries numbers of one message, and line "
+                        f"{first} of {other.path}; give {message.path} a packet of its own, or another tag")
         elif count > n:
             self.refuse(board, field.line, f"{field.carries} has {n} numbers from there on; the "
                         + (f"field has {count}" if lane.form == "packet" else f"snorkel has {count} words"))
