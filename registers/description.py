@@ -40,7 +40,7 @@ _ONLY_FOR = {          # keys that only these forms have
     "remove": ("packet",), "add": ("packet",),
     "write_remove": ("packet",), "write_add": ("packet",),
     "unit": ("packet",), "outside_order": ("packet",),
-    "message": ("message",), "header": ("message",), "carries": ("message",),
+    "message": ("message",), "header": ("message",), "carries": ("message", "packet"),
 }
 _FIELD_KEYS = ("name", "doc", "bits", "signed", "scale", "offset", "unit", "carries")
 _DESCRIPTOR_KEYS = ("address", "length", "tag", "valid")

@@ -66,19 +66,6 @@ static void write_head(uint8_t *message, int64_t t)
     memcpy(message, &head, sizeof head);
 }
 
-/* A new block of parameters replaces the present one as a whole. */
-static void take_parameters(const MissionIo *io, const RegisterWindow *w, const MissionLane *row, uint8_t *mission,
-                            MissionIoCounts *counts)
-{
-    const MissionParameters *block = &io->parameters[row->message - io->n_messages];
-    RegisterInfo info;
-    const RegisterStatus status = register_take_message(w + row->board, lane_of(io, row), row->type, io->block, &info);
-    if (status == REGISTER_OK) {
-        memcpy(mission + block->offset, io->block, block->size);
-    }
-    counts->corrupt += status == REGISTER_CORRUPT || status == REGISTER_SIZE;
-}
-
 /* ---- flight */
 
 uint32_t mission_io_clock(const MissionIo *io)
@@ -94,9 +81,7 @@ void mission_io_read(const MissionIo *io, const RegisterWindow *w, void *mission
 {
     for (uint32_t i = 0u; i < io->n_lanes; i++) {
         const MissionLane *row = &io->lanes[i];
-        if (row->message >= io->n_messages) {
-            take_parameters(io, w, row, mission, counts);
-        } else if (io->messages[row->message].direction == MISSION_IN) {
+        if (io->messages[row->message].direction == MISSION_IN) {
             uint8_t *message = (uint8_t *)mission + io->messages[row->message].offset;
             if (!row->type && (i == 0u || row[-1].message != row->message)) {
                 write_head(message, t);
@@ -110,11 +95,38 @@ void mission_io_write(const MissionIo *io, const RegisterWindow *w, const void *
 {
     for (uint32_t i = 0u; i < io->n_lanes; i++) {
         const MissionLane *row = &io->lanes[i];
-        if (row->message < io->n_messages && io->messages[row->message].direction != MISSION_IN) {
+        if (io->messages[row->message].direction != MISSION_IN) {
             const MissionMessage *m = &io->messages[row->message];
             put_row(io, w, row, (const uint8_t *)mission + m->offset, counts);
         }
     }
+}
+
+/* ---- packets */
+
+uint32_t mission_io_receive(const MissionIo *io, const RegisterWindow *w, MissionPackets queue, void *packet,
+                            uint32_t room, MissionIoCounts *counts)
+{
+    RegisterInfo info;
+    if (queue.board == MISSION_NO_BOARD) {
+        return 0u;
+    }
+    const RegisterStatus status =
+        register_take(&w[queue.board], &io->boards[queue.board]->lanes[queue.lane], packet, room, &info);
+    counts->corrupt += status == REGISTER_CORRUPT || status == REGISTER_SIZE;
+    return status == REGISTER_OK ? info.n : 0u;
+}
+
+int mission_io_send(const MissionIo *io, const RegisterWindow *w, MissionPackets queue, const void *packet, uint32_t n,
+                    MissionIoCounts *counts)
+{
+    if (queue.board == MISSION_NO_BOARD) {
+        return 0;
+    }
+    const int sent =
+        register_put(&w[queue.board], &io->boards[queue.board]->lanes[queue.lane], packet, n, 0u) == REGISTER_OK;
+    counts->refused += sent == 0;
+    return sent;
 }
 
 /* ---- outside */

@@ -8,8 +8,7 @@
  * reading, with the present time and quality GOOD; fields of the head that a lane carries replace these values. A
  * number that no lane carries does not change.
  *
- * A message lane also carries whole blocks of parameters, from the ground: flight uses a block from the tick in which
- * it arrives. Modules that publish their parameters cannot be changed this way.
+ * Two queues carry packets: commands to flight, and telemetry from it.
  *
  * Time comes from the clock of the first board that has one. A tick with t < 0 resets flight, which then writes all
  * outputs; no module runs. Each later tick is one exchange: mission_io_read, the mission's tick, mission_io_write,
@@ -29,13 +28,21 @@ extern "C" {
 /** A message in a message lane, or some of its numbers in a field of a lane of words. */
 typedef struct MissionLane {
     const RegisterMessage *type; ///< of a message lane; NULL: a lane of words
-    uint16_t message;            ///< its id; n_messages + k is the k-th block of parameters
+    uint16_t message;            ///< its id
     uint16_t board;              ///< the index of the board
     uint16_t lane;               ///< the index of the lane in the board
     uint16_t field;              ///< the index of the field in the words
     uint32_t offset;             ///< [bytes] of the first number in the message
     FledgeType number;
 } MissionLane;
+
+/** A queue of packets. */
+typedef struct MissionPackets {
+    uint16_t board; ///< the index of the board; MISSION_NO_BOARD: there is no such queue
+    uint16_t lane;  ///< the index of the lane in the board
+} MissionPackets;
+
+enum { MISSION_NO_BOARD = 0xFFFF };
 
 /** The table of a mission. The lanes of one message are adjacent. */
 typedef struct MissionIo {
@@ -45,9 +52,10 @@ typedef struct MissionIo {
     uint32_t n_messages;
     uint32_t n_boards;
     uint32_t n_lanes;
-    uint32_t n_parameters;               ///< 0: no lane carries parameters
-    const MissionParameters *parameters; ///< NULL: none
-    void *block;                         ///< memory for the largest block that a lane carries
+    MissionPackets commands;
+    MissionPackets telemetry;
+    uint8_t *packet; ///< memory for the longest command that can come
+    uint32_t room;   ///< [bytes] of it
 } MissionIo;
 
 /** Counters of faults. */
@@ -65,6 +73,14 @@ void mission_io_read(const MissionIo *io, const RegisterWindow *w, void *mission
 
 /** Flight: write all outputs that a lane carries. */
 void mission_io_write(const MissionIo *io, const RegisterWindow *w, const void *mission, MissionIoCounts *counts);
+
+/** Take the next packet of a queue; returns its size [bytes], 0 if there is none. */
+uint32_t mission_io_receive(const MissionIo *io, const RegisterWindow *w, MissionPackets queue, void *packet,
+                            uint32_t room, MissionIoCounts *counts);
+
+/** Put a packet into a queue, if there is one. Returns 1 if it was put. */
+int mission_io_send(const MissionIo *io, const RegisterWindow *w, MissionPackets queue, const void *packet, uint32_t n,
+                    MissionIoCounts *counts);
 
 /** Outside: write a message to flight, by its id. */
 void mission_io_put(const MissionIo *io, const RegisterWindow *w, uint32_t id, const void *message,

@@ -109,7 +109,16 @@ protected:
                   static_cast<std::uint32_t>(lanes_.size()),
                   lanes_.data()};
         window_ = register_window(&board_, reinterpret_cast<volatile std::uint32_t *>(memory_.data()));
-        io_ = {messages_, boards_, rows_.data(), 4, 1, static_cast<std::uint32_t>(rows_.size()), 0, nullptr, nullptr};
+        io_ = {messages_,
+               boards_,
+               rows_.data(),
+               4,
+               1,
+               static_cast<std::uint32_t>(rows_.size()),
+               {MISSION_NO_BOARD, 0},
+               {MISSION_NO_BOARD, 0},
+               nullptr,
+               0};
     }
 
     // Random numbers that their types, and 32 bits, hold.

@@ -17,7 +17,9 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
 from fledge import _core
+from fledge.elements import ELEMENTS
 from fledge.errors import SetupError, did_you_mean, listed
+from fledge.mission.commands import Commands
 from fledge.objects.measured import Measured, flat_index, unit_after
 from fledge.objects.si import time_ns
 from fledge.objects.wires import Wire, caller
@@ -55,6 +57,13 @@ class Watch(Measured):
             0, self._measure or "element")
         return _core.condition(self._object, self._field, index, measure, comparison, value,
                                f"{self!r} {comparison} {value:g}{unit_after(self._field.unit)}")
+
+    def _encoded(self, value):
+        encoded = _core.encode(self._object, self._field.name, value)
+        element = ELEMENTS[self._field.type]
+        if element.is_float and not all(isfinite(x) for x, in iter_unpack(element.code, encoded[0][1])):
+            raise SetupError(f"{self!r}: an event sets numbers that are finite; found {value!r}")
+        return encoded
 
     def __eq__(self, constant: Any) -> Any:
         return self._compare("==", constant)
@@ -205,6 +214,7 @@ class Process:
         put(self, "_gone", "")     # the reason, if it runs in another program
         put(self, "_handles", {})  # modes and events
         put(self, "_declared_at", {})   # (file, line) of instances by name, and of wires by their readers' paths
+        put(self, "_commands", None)
         put(self, "_tasks", {})    # apart, because a task may have the name of an instance
 
     @property
@@ -279,6 +289,11 @@ class Process:
     def active_mode(self) -> str:
         """The name of the mode that the process is in; "" if it has none."""
         return self._core_process.mode
+
+    @property
+    def requested_mode(self) -> str:
+        """The name of the mode that the process was last asked to enter, which it may be in."""
+        return self._core_process.asked
 
     @property
     def events(self) -> dict[str, Event]:
@@ -418,6 +433,13 @@ class Process:
 
 class Flight(Process):
     """Flight software. Its events are data: a condition and a mode."""
+
+    @property
+    def commands(self) -> Commands:
+        """Commands by packets, as its targets get them."""
+        if self._commands is None or not self._core_process.has_dictionary:
+            object.__setattr__(self, "_commands", Commands(self, self._core_process))
+        return self._commands
 
     def _accept(self, name, value):
         if isinstance(value, _core.Model):
