@@ -84,12 +84,12 @@ class Tables:
     def text(self, table, path, key, default=...):
         return self.value(table, path, key, (str,), "a text", default) or ""
 
-    def number(self, table, path, key, default):
+    def number(self, table, path, key, default=...):
         value = self.value(table, path, key, (int, float), "a number", default)
-        if not math.isfinite(value):
+        if value is not None and not math.isfinite(value):
             self.refuse((*path, key), f"`{key}` is finite", f"it is {value}", "give a finite one")
-            return default
-        return float(value)
+            value = None if default is ... else default
+        return 0.0 if value is None else float(value)
 
     def keys(self, table: dict, path: tuple, valid: tuple[str, ...]) -> None:
         for key in table:

@@ -5,21 +5,9 @@
 #define HEAD 4u
 #define ORDER 1u
 
-static const uint8_t HERE = __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__;
-
 void register_message_reverse(const RegisterMessage *type, void *bytes)
 {
-    uint8_t *p = bytes;
-    for (uint32_t i = 0u; i < type->n_runs; i++) {
-        const uint32_t width = type->runs[i].width;
-        for (uint32_t k = 0u; k < type->runs[i].n; k++, p += width) {
-            for (uint32_t low = 0u, high = width - 1u; low < high; low++, high--) {
-                const uint8_t byte = p[low];
-                p[low] = p[high];
-                p[high] = byte;
-            }
-        }
-    }
+    exec_reverse(type->runs, type->n_runs, bytes, 0u, type->size);
 }
 
 static int fits(const RegisterLane *lane, const RegisterMessage *type)
@@ -32,7 +20,7 @@ static int fits(const RegisterLane *lane, const RegisterMessage *type)
 RegisterStatus register_put_message(const RegisterWindow *w, const RegisterLane *lane, const RegisterMessage *type,
                                     const void *message)
 {
-    const uint8_t head[HEAD] = {0u, HERE, 0u, 0u};
+    const uint8_t head[HEAD] = {0u, (uint8_t)exec_little_endian(), 0u, 0u};
     if (!fits(lane, type)) {
         return REGISTER_SIZE;
     }
@@ -54,7 +42,7 @@ RegisterStatus register_take_message(const RegisterWindow *w, const RegisterLane
     if (info->n != HEAD + type->size || head[0] != 0u || head[ORDER] > 1u) {
         return REGISTER_CORRUPT;
     }
-    if (head[ORDER] != HERE) {
+    if (head[ORDER] != exec_little_endian()) {
         register_message_reverse(type, message);
     }
     return status;

@@ -5,17 +5,14 @@
 #ifndef REGISTERS_MESSAGE_H
 #define REGISTERS_MESSAGE_H
 
+#include "flight/exec/order.h"
 #include "registers/lane.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
-/** `n` numbers of `width` bytes in a row. */
-typedef struct RegisterRun {
-    uint32_t width; ///< [bytes] 1, 2, 4 or 8
-    uint32_t n;
-} RegisterRun;
+typedef ExecRun RegisterRun;
 
 /** A message type, with the data for reversing its bytes. introspect generates it from the headers. */
 typedef struct RegisterMessage {

@@ -53,6 +53,11 @@ void update_model(void *model, Tick tick)
 using ModuleReset = void (*)(void *);
 using ModuleUpdate = void (*)(void *, Tick);
 
+void update_playback(void *playback, Tick tick)
+{
+    static_cast<const Playback *>(playback)->at(tick.t);
+}
+
 ModuleUpdate update_of(const Instance &module)
 {
     return reinterpret_cast<ModuleUpdate>(module.type().update);
@@ -132,7 +137,10 @@ Runtime::Runtime(const Structure &built, Roles roles, Recorder &recorder)
                     }
                 }
                 const auto last = static_cast<std::uint32_t>(copies_.size());
-                if (Model *model = instance->model()) {
+                if (!process->playback().empty()) {
+                    steps_.push_back({update_playback, const_cast<Playback *>(&process->playback().at(instance.get())),
+                                      first, last});
+                } else if (Model *model = instance->model()) {
                     steps_.push_back({update_model, model, first, last});
                 } else {
                     steps_.push_back({update_of(*instance), instance->memory(), first, last});
@@ -429,7 +437,11 @@ void Runtime::act(RunProcess &process, const Event &event, Ns t)
         of(*process.process, *process.process->event(name)).state.armed = armed;
     }
     for (const Setting &setting : event.set) {
-        std::copy(setting.bytes.begin(), setting.bytes.end(), setting.instance->memory() + setting.offset);
+        const bool played = !process.process->playback().empty() &&
+                            field_at(setting.instance->type(), setting.offset)->group == FLEDGE_OUT;
+        if (!played) { // the record has what was set
+            std::copy(setting.bytes.begin(), setting.bytes.end(), setting.instance->memory() + setting.offset);
+        }
     }
     for (auto &[instance, seen] : known_) {
         const auto sets = [&, &one = instance](const Setting &setting) { return setting.instance.get() == one; };

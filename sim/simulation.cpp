@@ -223,6 +223,10 @@ std::unique_ptr<Simulation> Simulation::clone() const
                 models[instance->model()] = clone->model();
             }
         }
+        for (const auto &[instance, playback] : process->playback_) {
+            const auto &own = clones.at(instance);
+            other.playback_[own.get()] = {own->memory(), playback.outputs};
+        }
         for (Task task : process->tasks_) {
             for (auto &instance : task.run) {
                 instance = clones.at(instance.get());

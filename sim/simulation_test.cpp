@@ -146,6 +146,69 @@ TEST(Schedule, GivesTheTimeSinceTheLastUpdate)
     EXPECT_EQ(interface<Scale>(scale).mem.dt, 30 * ms);
 }
 
+TEST(Playback, PutsOutWhatWasPutOutElsewhereWhateverParametersAndModesSay)
+{
+    const auto fly = [](Process &world, Process &flight) {
+        auto scale = make(flight, "scale", scale_type);
+        interface<Scale>(scale).par.gain = -0.5;
+        flight.add_task({"gnc", 500 * ms, 0, 0, {scale}});
+        flight.add_mode({"rest", {}});
+        flight.add_mode({"control", {"gnc"}});
+        auto tank = make(world, "tank", tank_type);
+        interface<Tank>(tank).par.initial = 8.0;
+        world.add_task({"dynamics", 100 * ms, 0, 0, {tank}});
+        return std::pair{tank, scale};
+    };
+    Simulation sim;
+    Process &world = sim.add_process("world");
+    Process &flight = sim.add_process("flight");
+    const auto [tank, scale] = fly(world, flight);
+    sim.connect(port(tank, "level"), port(scale, "number"));
+    sim.connect(port(scale, "product"), port(tank, "flow"));
+    const FledgeField *output = port(scale, "product").field;
+    const auto messages = [&](std::initializer_list<double> values) {
+        std::vector<std::byte> bytes;
+        for (const double x : values) {
+            Number number{};
+            number.head.quality = QUALITY_GOOD;
+            number.x = x;
+            const auto *first = reinterpret_cast<const std::byte *>(&number);
+            bytes.insert(bytes.end(), first, first + sizeof number);
+        }
+        return bytes;
+    };
+    EXPECT_THAT(error_of([&] {
+                    flight.play(*tank, {output, {0}, messages({1.0})});
+                }),
+                HasSubstr("world.tank.product is not of the process flight"));
+    EXPECT_THAT(error_of([&] {
+                    flight.play(*scale, {output, {0, 0}, messages({1.0, 2.0})});
+                }),
+                HasSubstr("with rising times"));
+    EXPECT_THAT(error_of([&] {
+                    flight.play(*scale, {output, {0, 500 * ms}, messages({1.0})});
+                }),
+                HasSubstr("flight.scale.product: a playback takes the messages of an output, of 24 bytes each"));
+    flight.play(*scale, {output, {0, 1000 * ms}, messages({2.0, -3.0})});
+    const auto level = [](Simulation &one) { return interface<Tank>(one.process("world").find("tank")).out.level.x; };
+    for (Simulation *one : {&sim, sim.clone().release()}) {
+        one->run_until(1000 * ms);
+        EXPECT_NEAR(level(*one), 8.0 + 2.0, 1e-12);
+        Scale &played = interface<Scale>(one->process("flight").find("scale"));
+        EXPECT_EQ(played.in.number.x, level(*one)); // what flows in is the world's; the initial mode runs no task
+        EXPECT_EQ(played.mem.updates, 0);
+        played.par.gain = 7.0;
+        one->process("flight").enter("control");
+        one->run_until(2000 * ms);
+        EXPECT_EQ(one->process("flight").mode(), "control");
+        EXPECT_NEAR(level(*one), 8.0 + 2.0 - 3.0, 1e-12);
+        if (one != &sim) {
+            delete one;
+        }
+    }
+    EXPECT_THAT(error_of([&] { flight.play(*scale, {output, {0}, messages({1.0})}); }), HasSubstr("has run until 2 s"));
+}
+
 TEST(Configuration, IsPublishedAtTheStartAndWhenItsParametersChange)
 {
     Simulation sim;

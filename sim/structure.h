@@ -92,6 +92,21 @@ struct Event {
     void visit(const std::function<void(std::shared_ptr<Instance> &)> &f);
 };
 
+/// The messages of an output as they were elsewhere, by time.
+struct Played {
+    const FledgeField *output = nullptr;
+    std::vector<Ns> times;        ///< rising
+    std::vector<std::byte> bytes; ///< a message for each time
+};
+
+/// An instance that does not run: at each of its instants its outputs become the last messages until then.
+struct Playback {
+    std::byte *memory = nullptr;
+    std::vector<Played> outputs;
+
+    void at(Ns t) const;
+};
+
 /// The tasks of one computer or model world: "flight" or "world".
 class Process {
 public:
@@ -109,6 +124,10 @@ public:
     /// Begin in this mode. The first one added is the default.
     void start_in(const std::string &mode);
     void set_integrator(std::shared_ptr<const Integrator> integrator);
+    /// From now on no instance of this process runs: this one puts out these messages, and others what was given for
+    /// them. All tasks are active in all modes, because the messages have the effects of modes. Throws SetupError if
+    /// the instance is of another process, has run, or the messages are not one for each rising time.
+    void play(const Instance &instance, Played output);
 
     const Integrator &integrator() const { return *integrator_; }
     const std::vector<std::shared_ptr<Instance>> &instances() const { return instances_; }
@@ -117,8 +136,9 @@ public:
     const std::vector<std::shared_ptr<Event>> &events() const { return events_; }
     std::shared_ptr<Instance> find(std::string_view instance) const; ///< or null
     std::shared_ptr<Event> event(std::string_view event_name) const; ///< or null
-    int initial_mode() const { return initial_; }                    ///< -1: the process has no modes
-    bool runs_in(const Task &task, int mode) const;                  ///< whether the task is active in the mode
+    const std::map<const Instance *, Playback> &playback() const { return playback_; }
+    int initial_mode() const { return initial_; }   ///< -1: the process has no modes
+    bool runs_in(const Task &task, int mode) const; ///< whether the task is active in the mode
 
     // The state of the run. Before a run is prepared, the mode is the initial one and events are as they start.
 
@@ -142,6 +162,7 @@ private:
     std::vector<Mode> modes_;
     std::vector<std::shared_ptr<Event>> events_;
     std::shared_ptr<const Integrator> integrator_;
+    std::map<const Instance *, Playback> playback_;
     int initial_ = -1;
 };
 

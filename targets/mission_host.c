@@ -7,6 +7,7 @@ void mission_host_exchange(const MissionHost *host, const RegisterWindow *w, int
 {
     if (t < 0) {
         host->reset();
+        mission_io_forget(host->io, w);
     } else {
         mission_io_read(host->io, w, host->mission, t, counts);
         host->tick(t);

@@ -18,11 +18,18 @@ typedef struct MissionDefinition {
     const char *text; ///< in ros2msg
 } MissionDefinition;
 
+/** When flight sees a message that another process writes at t. */
+typedef enum MissionLatency {
+    MISSION_SAME_INSTANT = 0,
+    MISSION_NEXT_INSTANT = 1, ///< the first one after t
+    MISSION_NEXT_EXCHANGE = 2 ///< after the next exchange
+} MissionLatency;
+
 /** The topic of a message, and how flight receives it. */
 typedef struct MissionTopic {
     const char *topic;   ///< "/world/nav/attitude"
     uint16_t definition; ///< its index in the list
-    uint8_t latency;     ///< of an input: 0, or 1 exchange
+    uint8_t latency;     ///< of an input: MissionLatency
     uint8_t optional;    ///< of an input: 1 if flight runs without it
 } MissionTopic;
 

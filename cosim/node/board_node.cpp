@@ -8,6 +8,9 @@
 
 namespace fledge::cosim {
 
+static_assert(static_cast<int>(Latency::next_instant) == MISSION_NEXT_INSTANT &&
+              static_cast<int>(Latency::next_exchange) == MISSION_NEXT_EXCHANGE);
+
 BoardNode::BoardNode(const MissionHost &mission, registers::Backend &backend, std::chrono::nanoseconds reply_timeout)
     : mission_(mission), backend_(backend), outside_(backend), reply_timeout_(reply_timeout)
 {
@@ -70,9 +73,8 @@ std::vector<Subscription> BoardNode::desired()
     for (std::uint32_t id = 0; id < messages_.size(); id++) {
         const MissionTopic &topic = mission_.topics[id];
         if (messages_[id].to_flight && messages_[id].carried) {
-            subscriptions.push_back({messages_[id].topic,
-                                     topic.latency ? Latency::next_exchange : Latency::same_instant,
-                                     topic.optional != 0, messages_[id].schema});
+            subscriptions.push_back(
+                {messages_[id].topic, static_cast<Latency>(topic.latency), topic.optional != 0, messages_[id].schema});
         }
     }
     return subscriptions;

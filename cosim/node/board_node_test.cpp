@@ -85,8 +85,10 @@ const MissionParameters PARAMETERS[] = {{"flight.m", "M", offsetof(Flight, inner
                                         {"flight.n", "N", offsetof(Flight, inner), sizeof(Number)}};
 Number block;
 const MissionIo IO = {MESSAGES, BOARDS, ROWS, 4, 1, 4, 2, PARAMETERS, &block};
-const MissionTopic TOPICS[] = {
-    {"/world/m/a", 0, 0, 0}, {"/world/m/b", 0, 1, 1}, {"/flight/n/out", 0, 0, 0}, {"/flight/n/inner", 0, 0, 0}};
+const MissionTopic TOPICS[] = {{"/world/m/a", 0, 0, 0},
+                               {"/world/m/b", 0, MISSION_NEXT_EXCHANGE, 1},
+                               {"/flight/n/out", 0, 0, 0},
+                               {"/flight/n/inner", 0, 0, 0}};
 const MissionDefinition DEFINITIONS[] = {{"Number", "fledge/msg/Number", TEXT}};
 const ExecRate RATES[] = {{30, 10}, {50, 0}};
 

@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 
 from fledge.cli.arguments import number, parse_duration
-from fledge.cli.console import Plots, say, size_of
+from fledge.cli.console import Plots, say, size_of, trace
 from fledge.cli.runs import RUNS, WHAT, alone, folder_of, kept, open_run
 from fledge.errors import Failure, printable
 
@@ -46,8 +46,8 @@ def run(options: argparse.Namespace) -> int:
 def _run(options, sim, name, fly, folder):
     """Fly a scenario, and write what comes of it into the folder."""
     import fledge
-    from fledge import mission as missions
     from fledge.cli import health
+    from fledge.cli.judge import attempt
 
     if os.path.lexists(folder / "report.html"):     # of an earlier run
         (folder / "report.html").unlink()
@@ -61,17 +61,7 @@ def _run(options, sim, name, fly, folder):
     title = f"{sim.name}, {name}"
     about = sim.mission.summaries().get(name)
     say(title + (f": {about}" if about else ""))
-    problem, code = None, 0
-    try:
-        fly(sim)
-    except KeyboardInterrupt:
-        problem, code = "interrupted", 130
-    except AssertionError as error:
-        problem, code = "failed: " + missions.explain(error, sim.mission.folder), 1
-        _debug(options)
-    except Exception as error:
-        problem, code = missions.explain(error, sim.mission.folder), 2 if isinstance(error, fledge.SetupError) else 1
-        _debug(options)
+    problem, code = attempt(options, sim, fly)
     findings = sim.health
     if options.strict and findings and not problem:
         problem, code = health.refusal(findings), 1
@@ -398,13 +388,6 @@ def parser() -> argparse.ArgumentParser:
     return top
 
 
-def _debug(options):
-    if options.debug:
-        import traceback
-
-        traceback.print_exc()
-
-
 def main(arguments: list[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     cut = arguments.index("--") if "--" in arguments else len(arguments)
@@ -426,7 +409,7 @@ def main(arguments: list[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         return 1
     except Exception as error:
-        _debug(options)
+        trace(options)
         if _expected(error):
             print(f"fledge: {_in_words(error)}", file=sys.stderr)
             return 1 if type(error).__name__ == "RunError" else 2

@@ -10,11 +10,21 @@ from fledge.errors import printable
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
+    import argparse
+
     from matplotlib.figure import Figure
 
 
 def say(text: str = "") -> None:
     print(printable(text), flush=True)  # names may come from files and other programs
+
+
+def trace(options: argparse.Namespace) -> None:
+    """With --debug, print the traceback of the present error."""
+    if options.debug:
+        import traceback
+
+        traceback.print_exc()
 
 
 def counted(n: int, thing: str) -> str:

@@ -23,6 +23,7 @@ def add(command: Callable) -> None:
     one.add_argument("form", choices=["c", "cfs"], help="c: MISSION.h and MISSION.c, in C99; cfs: an app for the apps "
                      "folder of a cFS tree")
     one.add_argument("mission", help="the name of a mission, or its folder")
+    one.add_argument("--process", metavar="NAME", help="the flight process; default: the only one")
     one.add_argument("--tasks", metavar="NAMES", help="export only these tasks, as in gnc,telemetry; default: all")
     one.add_argument("--board", nargs="*", metavar="FILE", help="also write the board through which "
                      "the messages pass, and its tables; without FILE: a board that carries each message whole")
@@ -31,6 +32,11 @@ def add(command: Callable) -> None:
     one.add_argument("--app", metavar="NAME", help="cfs: the app's name, as in nav; its C is called NAV_...")
     one.add_argument("--topic", metavar="N", default=None, help="cfs: the number of the app's first message "
                      "id, which is 0x1800 + N for commands and 0x0800 + N for telemetry; default: 0xC0")
+    one.add_argument("--wakeup", metavar="ID", help="cfs: the message of a scheduler that wakes the app, as in 0x18D0; "
+                     "default: a topic of the app's")
+    one.add_argument("--input", metavar="PATH=ID", action="append", default=[], help="cfs: the message id of an input, "
+                     "as in world.nav.attitude=0x08D3; default: a topic of the app's")
+    one.add_argument("--simulated", action="store_true", help="cfs: with registers in a file, for a simulation")
     one.add_argument("--order", choices=["little", "big"], default=None, help="cfs: byte order of the target, for .tbl "
                      "files; default: little")
     one.add_argument("--ground", metavar="MODULES", help="modules whose parameters the ground can change through "
@@ -48,16 +54,17 @@ def export(options: argparse.Namespace) -> int:
     tasks = [name.strip() for name in options.tasks.split(",")] if options.tasks is not None else None
     if options.form == "cfs" and not options.app:
         raise Failure("export cfs: name the app, as in --app nav")
-    if options.form == "c" and (options.app or options.topic or options.order):
-        raise Failure("export c: --app, --topic and --order are for `export cfs`")
+    for name in ("app", "topic", "wakeup", "input", "simulated", "order"):
+        if options.form == "c" and getattr(options, name):
+            raise Failure(f"export c: --{name} is for `export cfs`")
     if options.ground and (options.form != "c" or options.board != []):
         raise Failure("export: --ground is for the mission's own board; give --board, without files")
     if options.outputs and options.board:
         raise Failure("export: --outputs is for the mission's own board; give --board without files")
     if options.outputs and options.board is None and options.form == "c":
         raise Failure("export: --outputs is for the mission's own board; give --board, without files")
-    mission = exports.read(fledge.load(options.mission, **given_parameters(options)), tasks)
-    folder = Path(options.out) if options.out else Path("runs") / mission.title / options.form
+    mission = exports.read(fledge.load(options.mission, **given_parameters(options)), options.process, tasks)
+    folder = Path(options.out) if options.out else Path("runs") / mission.folder / options.form
     if options.form == "cfs":
         folder = folder if options.out else folder / options.app
         paths = export_cfs(mission, options, folder)
@@ -82,13 +89,20 @@ def export_cfs(mission: Mission, options: argparse.Namespace, folder: Path) -> l
     from fledge.errors import Failure
     from fledge.export import cfs
 
-    try:
-        topic = int(options.topic or "0xC0", 0)
-    except ValueError:
-        raise Failure(f"export cfs: --topic must be a number, as 0xC0; found {options.topic}") from None
-    app = cfs.App(options.app, topic, options.order or "little")
+    def number(option: str, text: str) -> int:
+        try:
+            return int(text, 0)
+        except ValueError:
+            raise Failure(f"export cfs: {option} must be a number, as 0xC0; found {text}") from None
+
+    wires = {path.strip(): number(f"--input {path}", mid) for path, _, mid in
+             (one.partition("=") for one in options.input)}
+    app = cfs.App(options.app, number("--topic", options.topic or "0xC0"), options.order or "little",
+                  number("--wakeup", options.wakeup) if options.wakeup else None, wires)
     ours = project.folder()
-    return cfs.write(mission, app, folder, options.board or (), outputs_of(options.outputs), [ours] if ours else [])
+    files = () if options.outputs and options.board is None else options.board   # --outputs: of a board
+    return cfs.write(mission, app, folder, files, outputs_of(options.outputs), [ours] if ours else [],
+                     options.simulated)
 
 
 def outputs_of(text: str | None) -> list[str] | str:

@@ -26,20 +26,25 @@ def add(command: Callable) -> None:
     one.add_argument("scenario", nargs="?", help="its set-up and duration count; default: the mission's first")
     one.add_argument("--free", action="store_true", help="without a scenario; with --for")
     one.add_argument("--on", default="desktop,linux", metavar="TARGETS", help="of desktop, linux, aarch64, sparc64, "
-                     "cfs; default: desktop,linux. The desktop always flies, because the others are compared with it")
+                     "cfs; default: desktop,linux. The desktop always flies, because the others are compared with it. "
+                     "chief=cfs,deputy=aarch64: one run, with a target for each of these flight processes; all others "
+                     "on the desktop's code")
     one.add_argument("--for", dest="duration", metavar="DURATION", help="fly only so long (90s, 10min, 2h)")
     one.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
     one.add_argument("--board", nargs="+", default=[], metavar="FILE", help="boards that the messages pass, as "
-                     "in docs/export.md; default: one that carries them whole")
+                     "in docs/export.md; default: one that carries them whole. PROCESS=FILE: of that flight process")
     one.add_argument("--within", action="append", default=[], type=_bound, metavar="FIELD=BOUND", help="with words "
                      "that round: the largest difference of a field from the desktop's, as in "
                      "tracking.error.sigma_BR=1e-4")
     one.add_argument("--settled", metavar="DURATION", help="the time from which --within holds; default: the beginning")
     one.add_argument("--cfs", metavar="DIR", help="with --on cfs: build and fly in a copy of this cFS tree, instead of "
                      "on the pocket cFE")
+    one.add_argument("--report", action="store_true", help="also write the plots and a page about the run on each "
+                     "target, as run does")
     one.add_argument("--build", action="store_true", help="only build, and print the path and the size")
-    one.add_argument("--join", nargs="?", const="", metavar="ADDRESS", help="fly as the node `flight` of a run whose "
-                     "controller is elsewhere, on one target; default: FLEDGE_ADDRESS, FLEDGE_SIMULATION, FLEDGE_NODE")
+    one.add_argument("--join", nargs="?", const="", metavar="ADDRESS", help="fly as a node, called as "
+                     "the process, of a run whose controller is elsewhere, one process on one target; default: "
+                     "FLEDGE_ADDRESS, FLEDGE_SIMULATION, FLEDGE_NODE")
     one.add_argument("--keys", metavar="PATH", help="of this node, for --join (fledge keys); default: FLEDGE_KEYS")
     one.add_argument("--out", metavar="DIR", help="for the records and the programs; default: runs/MISSION/fly")
     add_parameters(one)
@@ -51,17 +56,15 @@ def fly(options: argparse.Namespace) -> int:
     from fledge.errors import Failure
     from fledge.targets import TARGETS, Job, RealCfs
 
-    names = [name.strip() for name in options.on.split(",") if name.strip()]
-    if not names:
-        raise Failure("fly: --on names no target; there are " + ", ".join(t.name for t in TARGETS.values()))
-    for name in names:
+    names, apart = _chosen(options.on)
+    for name in [*names, *apart.values()]:
         if name not in TARGETS:
             raise Failure(f"fly: there is no target '{name}'; there are "
                           + "; ".join(f"{t.name}, {t.about}" for t in TARGETS.values()))
         missing = TARGETS[name].missing()
         if missing:
             raise Failure(f"fly: {name} needs {' and '.join(missing)}, not installed here")
-    if options.cfs and "cfs" not in names:
+    if options.cfs and "cfs" not in [*names, *apart.values()]:
         raise Failure("fly: --cfs is for --on cfs")
     targets = {**TARGETS, **({"cfs": RealCfs(options.cfs)} if options.cfs else {})}
     duration = parse_duration(options.duration) if options.duration else None
@@ -71,104 +74,176 @@ def fly(options: argparse.Namespace) -> int:
     part = options.build or options.join is not None       # then the duration does not matter
     if options.free and (options.scenario or not (duration or part)):
         raise Failure("fly: --free is without a scenario, and needs --for")
-    job = Job(options.mission, options.scenario, duration or (1.0 if part else None), options.seed, options.board,
-              options.out, options.free, given_parameters(options))
-    others = [targets[name] for name in names if name != "desktop"]
+    job = Job(options.mission, options.scenario, duration or (1.0 if part else None), options.seed,
+              _boards(options.board), options.out, options.free, given_parameters(options))
+    for process in apart:
+        job.part(process)
+    others = [(one, targets[name]) for name in names if name != "desktop" for one in job.parts]
+    others += [(job.part(process), targets[name]) for process, name in apart.items() if name != "desktop"]
     if options.join is not None and len(others) != 1:
-        raise Failure(f"--join: name one target with --on; found {len(others)}")
+        several = f", as in {job.parts[0].process}=linux" if len(job.parts) > 1 else ""
+        raise Failure(f"--join: name one target with --on{several}; found {len(others)}")
     if options.within and not job.rounds:
         raise Failure("--within is for boards with words that round; messages that pass whole are the same bits")
-    for field, _ in options.within:
-        if not any(f".{known}".endswith(f".{field}") for known in job.fields()):
-            raise Failure(f"--within: flight puts out no field {field}")
+    bounds = [*job.bounds(), *((field, bound, settled, "--within") for field, bound in options.within)]
+    for field, _, _, where in bounds:
+        if not any(f".{known}".endswith(f".{field}") for one in job.parts for known in one.fields()):
+            raise Failure(f"{where}: flight puts out no field {field}"
+                          + (f"; its processes are {', '.join(one.process for one in job.parts)}"
+                             if len(job.parts) > 1 else ""))
     with alone(job.folder):
         if options.build:
             return _build(job, others)
         if options.join is not None:
-            return _join(job, others[0], options.join, options.keys)
-        return _fly(job, {name: targets[name] for name in ["desktop", *names]}, options.within, settled)
+            return _join(job, *others[0], options.join, options.keys)
+        runs = {name: {one.process: targets[name] for one in job.parts} for name in names if name != "desktop"}
+        if apart:
+            runs["apart"] = {one.process: targets[apart.get(one.process, "desktop")] for one in job.parts}
+        return _fly(options, job, runs, bounds)
 
 
-def _fly(job, targets, bounds, settled):
+def _chosen(text):
+    """(names of targets, a run each; process -> name of its target, in one more run) of --on."""
+    from fledge.errors import Failure
+    from fledge.targets import TARGETS
+
+    names, apart = [], {}
+    for word in filter(None, map(str.strip, text.split(","))):
+        process, equals, name = word.rpartition("=")
+        if not equals:
+            names.append(name)
+        elif process in apart:
+            raise Failure(f"fly: --on gives {process} two targets, {apart[process]} and {name}; give one")
+        else:
+            apart[process] = name
+    if not names and not apart:
+        raise Failure("fly: --on names no target; there are " + ", ".join(t.name for t in TARGETS.values()))
+    return names, apart
+
+
+def _boards(words):
+    """Process -> its files, of the words FILE and PROCESS=FILE."""
+    found = {}
+    for word in words:
+        process, _, file = word.rpartition("=")
+        found.setdefault(process, []).append(file)
+    return found
+
+
+def _fly(options, job, runs, bounds):
     from fledge.cli.console import say
     from fledge.errors import Failure
     from fledge.archive import Archive
     from fledge.archive.compare import compare, digest
-    from fledge.targets import table
+    from fledge.targets import TARGETS, fly, table
 
-    whole = f"{job.mission.title}, {job.scenario}, {job.duration:g} s"
-    say(whole + (f", through {', '.join(path.name for path in job.boards)}" if job.boards else ""))
+    whole = f"{job.title}, {job.scenario}, {job.duration:g} s"
+    boards = [path.name for part in job.parts for path in part.boards]
+    say(whole + (f", through {', '.join(boards)}" if boards else ""))
 
-    rows, same, first, archives = [], True, None, {}
-    for name, target in targets.items():
+    rows, same, first, archives, records = [], True, {}, {}, {}
+    for name, on in {"desktop": None, **runs}.items():
         try:
-            flown = target.fly(job)
+            flown = fly(job, on, name) if on else TARGETS["desktop"].fly(job)
         except Failure as error:
             print(f"  {name}: {error}", file=sys.stderr)
             rows.append((name, None, "", "did not fly"))
             same = False
             continue
-        archive = archives[name] = Archive(flown.record)
-        if name == "desktop":
-            text, ok = "", True
-        elif job.rounds:
-            text, ok = _rounded(archives["desktop"], archive, job, flown, bounds, settled)
-            if first is None:
-                first = name
+        records[name] = {}
+        for part in job.parts:
+            one = flown[part.process]
+            archive = archives[one.record] = archives.get(one.record) or Archive(one.record)
+            records[name][part.process] = archive
+            if not on:
+                desktop, text, ok = archive, "", True
+            elif job.rounds:
+                text, ok = _rounded(desktop, archive, part, one, bounds)
+                before = first.setdefault(part.process, (name, archive))
+                if before[0] != name:
+                    others = compare(before[1], archive, part.outputs)
+                    ok = ok and not others
+                    text = f"from {before[0]}: {others[0]}" if others else f"none from {before[0]}; {text}"
             else:
-                others = compare(archives[first], archive, job.outputs)
-                ok = ok and not others
-                text = f"from {first}: {others[0]}" if others else f"none from {first}; {text}"
-        else:
-            found = compare(archives["desktop"], archive, job.outputs, times=job.is_instant)
-            text, ok = str(found[0]) if found else "none", not found
-        same = same and ok
-        rows.append((name, flown, digest(archive, job.outputs, job.is_instant), text))
+                found = compare(desktop, archive, part.outputs, times=part.is_instant)
+                text, ok = str(found[0]) if found else "none", not found
+            same = same and ok
+            place = on[part.process].name if on else "desktop"
+            rows.append((f"{part.process} on {place}" if len(job.parts) > 1 else place, one,
+                         digest(archive, part.outputs, part.is_instant), text))
     for line in table.lines(rows):
         say("  " + line)
-    say(f"  records  {', '.join(str(archive.path) for archive in archives.values())}")
-    return 0 if same else 1
+    say(f"  records  {', '.join(map(str, archives))}")
+    return 1 if not _judged(options, job, records) or not same else 0
 
 
-def _build(job, targets):
+def _judged(options, job, records):
+    """Whether the scenario's checks hold of what each target put out; says which do not."""
+    from fledge.archive import Archive
+    from fledge.cli.console import say
+    from fledge.cli.judge import judge
+
+    if not job.whole:
+        if job.scenario != "free":
+            say(f"  checks   none: the flight ends before the scenario {job.scenario}")
+        return True
+    passed = ["desktop"]
+    for name, flown in list(records.items())[1:]:
+        exchange = Archive(job.exchange(name)) if job.boards else None
+        problem = judge(options, job, name, flown, exchange)
+        if problem:
+            print(f"fledge: {job.title}, {job.scenario} on {name}: {problem}", file=sys.stderr)
+        else:
+            passed.append(name)
+    say(f"  passed   {', '.join(passed)}")
+    return len(passed) == len(records)
+
+
+def _build(job, others):
     from fledge.cli.console import say
     from fledge.targets import table
 
-    for target in targets:
-        built = target.build(job)
+    for part, target in others:
+        built = target.build(part)
         code, memory = target.sizes(built)
-        say(f"  {target.name:8}  {built}  {table.size(code)} of code, {table.size(memory)} of memory")
+        name = f"{part.process} on {target.name}" if len(job.parts) > 1 else target.name
+        say(f"  {name:8}  {built}  {table.size(code)} of code, {table.size(memory)} of memory")
     return 0
 
 
-def _join(job, target, address, keys):
+def _join(job, part, target, address, keys):
     from fledge.cli.console import say
     from fledge.targets import table
 
     address = address or os.environ.get("FLEDGE_ADDRESS") or "tcp://127.0.0.1:7000"
-    simulation = os.environ.get("FLEDGE_SIMULATION") or job.mission.title
-    node = os.environ.get("FLEDGE_NODE") or "flight"
-    say(f"{job.mission.title}, {job.scenario}: {target.name} as the node {node} of {simulation} at {address}")
-    flown = target.join(job, address, simulation, node, keys)
+    simulation = os.environ.get("FLEDGE_SIMULATION") or job.title
+    node = os.environ.get("FLEDGE_NODE") or part.process
+    say(f"{job.title}, {job.scenario}: {target.name} as the node {node} of {simulation} at {address}")
+    flown = target.join(part, address, simulation, node, keys)
     say(f"  flown    {flown.steps} steps, {table.cpu(flown.cpu)} each{', ' + flown.cpu_of if flown.cpu_of else ''}\n"
         f"  record   {flown.record}")
     return 0
 
 
-def _rounded(desktop, archive, job, flown, bounds, settled):
-    """(the text for the table, whether all bounds hold) of a flight through words that round."""
+def _rounded(desktop, archive, part, flown, bounds):
+    """(the text for the table, whether all bounds hold) of a flight through words that round.
+
+    bounds: (field, bound, [s] from when on, place) of each."""
     from fledge.archive.compare import compare
 
-    def late(t):
-        return job.is_instant(t) & (t >= settled * 1e9)
+    def differences(after):
+        return compare(desktop, archive, part.outputs, ignore=["sequence"],
+                       times=lambda t: part.is_instant(t) & (t >= after * 1e9))
 
-    found = compare(desktop, archive, job.outputs, ignore=["sequence"], times=late)
+    found = differences(0.0)
     structure = next((one for one in found if one.what), None)
     if structure:
         return str(structure), False
     ok, texts = True, []
-    for field, bound in bounds:
-        near = [one for one in found if f".{one.topic}.{_plain(one.name)}".endswith("." + field)]
+    for field, bound, after, _ in bounds:
+        if after > part.job.duration or not any(f".{known}".endswith(f".{field}") for known in part.fields()):
+            continue    # later, or of another process
+        near = [one for one in differences(after) if f".{one.topic}.{_plain(one.name)}".endswith("." + field)]
         worst = max((one.worst for one in near), default=0.0)
         ok = ok and worst <= bound
         texts.append(f"{field} up to {worst:.3g}, {'within' if worst <= bound else 'BEYOND'} {bound:g}")

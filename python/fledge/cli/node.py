@@ -48,6 +48,8 @@ def add(command: Callable) -> None:
                      "10min, 2h): nothing else is to be started")
     one.add_argument("--seed", type=int, metavar="N", help="of the random streams, with --until; default: 0")
     one.add_argument("--record", metavar="DIR", help="write the record of this process into DIR/NODE.mcap")
+    one.add_argument("--outputs", metavar="FILE", help="write a record of all outputs of this process, at each of its "
+                     "instants")
     one.add_argument("--keys", metavar="PATH", help="the keys of this node (fledge keys); default: FLEDGE_KEYS")
     seconds = number("a number of seconds")
     one.add_argument("--patience", type=seconds, default=60.0, metavar="S", help="how long to wait for the controller; "
@@ -66,6 +68,8 @@ def node(options: argparse.Namespace) -> int:
         names = [process.name for process in sim.processes if process.tasks]
     for name in names:
         sim.process(name)  # raises for an unknown name
+    if options.outputs and (options.record or len(names) > 1):
+        raise Failure("node: --outputs is for one process, and writes its only record; leave out --record")
     if len(names) > 1 and options.name:
         raise Failure("node: --name is for one process; several are called as they are")
     if options.record:
@@ -88,11 +92,13 @@ def _one(sim, scenario, process, options, crossing=None, address=None, quiet=Fal
     from fledge.cli import health
 
     part = cosim.split(sim, process, crossing)
+    if options.outputs:
+        sim.record(*sim.process(process))
     for log in sim.records:
         log.keep = False    # it goes into the file; this program may run for weeks
     name = options.name or (not quiet and os.environ.get("FLEDGE_NODE")) or process
-    if options.record:
-        sim.archive(Path(options.record) / f"{name}.mcap", mission=sim.name, scenario=scenario,
+    if options.record or options.outputs:
+        sim.archive(options.outputs or Path(options.record) / f"{name}.mcap", mission=sim.name, scenario=scenario,
                     fledge=fledge.__version__, process=process, **sim.mission.metadata())
     show = (lambda text: None) if quiet else say
     show(f"{sim.name}, {scenario}: {process} as the node {name}")

@@ -148,6 +148,17 @@ OwnEvent add_event(sim::Process &process, const std::string &name, py::object wh
     return {&process, process.add_event(std::move(event))};
 }
 
+/// times: [ns] as int64 in bytes, as numpy has them; messages: their bytes.
+void play(sim::Process &process, py::handle output, const py::bytes &times, const py::bytes &messages)
+{
+    const sim::Port port = port_of(output);
+    const std::string_view t = times, bytes = messages;
+    sim::Played played{port.field, std::vector<Ns>(t.size() / sizeof(Ns)), std::vector<std::byte>(bytes.size())};
+    std::memcpy(played.times.data(), t.data(), played.times.size() * sizeof(Ns));
+    std::memcpy(played.bytes.data(), bytes.data(), bytes.size());
+    process.play(*port.instance, std::move(played));
+}
+
 bool run_until(sim::Simulation &simulation, Ns t, double pace, py::object progress)
 {
     Poll poll;
@@ -317,6 +328,7 @@ void bind_simulation(py::module_ &m)
              })
         .def("add_event", add_event, py::keep_alive<0, 1>())
         .def("start_in", &sim::Process::start_in)
+        .def("play", play)
         .def("enter", &sim::Process::enter)
         .def_property_readonly("mode", &sim::Process::mode)
         .def_property(

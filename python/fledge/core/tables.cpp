@@ -214,6 +214,7 @@ void bind_tables(py::module_ &m)
         .def_property_readonly("required", flag(FLEDGE_REQUIRED))
         .def_property_readonly("non_zero", flag(FLEDGE_NON_ZERO))
         .def_property_readonly("inertia", flag(FLEDGE_INERTIA))
+        .def_property_readonly("initial", flag(FLEDGE_INITIAL))
         .def_property_readonly("optional", flag(FLEDGE_OPTIONAL))
         .def_property_readonly("spare", flag(FLEDGE_SPARE));
 

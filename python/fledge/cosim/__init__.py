@@ -11,7 +11,6 @@ one, with latency 1 after the next exchange. crossing_wires() has them all.
 from __future__ import annotations
 
 import os
-from collections import namedtuple
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from time import perf_counter
@@ -19,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from fledge import _core
 from fledge.errors import SetupError
+from fledge.mission.crossing import Crossing, crossing_wires
 from fledge.mission.process import Process
 from fledge.objects.si import time_ns
 
@@ -26,35 +26,6 @@ if TYPE_CHECKING:
     from fledge.mission.simulation import Simulation
 
 DEFAULT_ADDRESS = "tcp://127.0.0.1:7000"
-
-Crossing = namedtuple("Crossing", "topic source port latency stale_after message optional")
-Crossing.__doc__ = """A wire from one process to another.
-
-topic: "/world/nav/attitude"; source, port: the paths of its ends, "flight.tracking.attitude"; latency:
-"same_instant", "next_instant" or "next_exchange"; stale_after [ns]; message: its type, as
-_core.struct() gives types; optional: whether the reader can do without.
-"""
-
-
-def crossing_wires(simulation: Simulation) -> list[Crossing]:
-    """All wires that go from one process to another, as Crossings."""
-    order = [process.name for process in simulation.processes]
-    run = {f"{p.name}.{one}" for p in simulation.processes for task in p.tasks for one in task.run}
-    found = []
-    for source, port, latency, stale_after in simulation.wires:
-        writer, reader = source.partition(".")[0], port.partition(".")[0]
-        if writer == reader:
-            continue
-        field = _field(simulation, port)
-        name = "next_exchange" if latency else (
-            "same_instant" if order.index(writer) < order.index(reader) else "next_instant")
-        owner = source.rpartition(".")[0]
-        if owner not in run and isinstance(_instance(simulation, owner), _core.Module):
-            # Configuration: written once, before the first step, and never stale.
-            name, stale_after = "next_instant", 0
-        found.append(Crossing("/" + source.replace(".", "/"), source, port, name, stale_after, field.struct,
-                              field.optional))
-    return found
 
 
 def check(simulation: Simulation) -> None:
@@ -277,13 +248,3 @@ def _two_latencies(simulation):
             line = next(filter(None, (p.declared_at(wire.port) for p in [own, *simulation.processes])), None)
             yield (f"{_at(line)}{wire.port} reads {wire.source} at {wire.latency}, and {other.port} at "
                    f"{other.latency}; in another program a message comes once: give both wires one latency")
-
-
-def _instance(simulation, path):
-    process, name = path.split(".")
-    return simulation.process(process).instances[name]
-
-
-def _field(simulation, port):
-    path, _, name = port.rpartition(".")
-    return next(f for f in _core.struct(_instance(simulation, path)).fields if f.name == name)

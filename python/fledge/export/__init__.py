@@ -12,7 +12,7 @@ that a host needs to know (targets/mission_host.h).
 from fledge.export.board import emit_board
 from fledge.export.c_source import emit as emit_c
 from fledge.export.host import emit_host
-from fledge.export.read import ExportError, leaves, read
+from fledge.export.read import ExportError, leaves, read, read_all
 from fledge.export.write import write, write_files
 
-__all__ = ["ExportError", "emit_board", "emit_c", "emit_host", "leaves", "read", "write", "write_files"]
+__all__ = ["ExportError", "emit_board", "emit_c", "emit_host", "leaves", "read", "read_all", "write", "write_files"]

@@ -56,7 +56,7 @@ def head(mission: Mission) -> str:
 
 def written(mission: Mission) -> list[str]:
     """The first line of both files."""
-    return comment(f"{mission.name}: written by `fledge export c {mission.title}`; change flight.py instead.")
+    return comment(f"{mission.name}: written by `fledge export c {mission.words}`; change the mission instead.")
 
 
 def modes(mission: Mission) -> str:

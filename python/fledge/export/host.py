@@ -31,12 +31,13 @@ def emit_host(mission: Mission) -> dict[str, str]:
     lines += ["static const MissionTopic topics[] = {"]
     places = {one.name: i for i, one in enumerate(types)}
     for one in messages:
-        lines += row(f'"{topic(one.path)}"', f"{places[one.struct.name]}u", f"{one.latency}u", f"{int(one.optional)}u")
+        lines += row(f'"{topic(one.path)}"', f"{places[one.struct.name]}u",
+                     f"MISSION_{one.latency.upper()}", f"{int(one.optional)}u")
     lines += ["};", "", "static const ExecRate rates[] = {"]
     lines += [f"    {{{task.period}, {task.offset}}}," for task in mission.tasks]
     lines += ["};", "", "const MissionHost fledge_mission = {"]
     lines += [f"    .{key} = {value}," for key, value in (
-        ("name", f'"{mission.title}"'), ("mission", "&m"), ("init", "init"), ("reset", "reset"), ("next", "next"),
+        ("name", f'"{mission.folder}"'), ("mission", "&m"), ("init", "init"), ("reset", "reset"), ("next", "next"),
         ("tick", "tick"), ("io", f"&{name}_io"), ("topics", "topics"), ("definitions", f"{name}_definitions"),
         ("rates", "rates"), ("schemas", "schemas"), ("channels", "channels"), ("n_schemas", f"{len(recorded)}u"),
         ("n_channels", f"{len(mission.outputs)}u"), ("n_rates", f"{len(mission.tasks)}u"))]

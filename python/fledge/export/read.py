@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The live objects of a mission's flight process as plain data, checked, for all exports.
+"""The live objects of one of a mission's flight processes as plain data, checked, for all exports.
 
 Names in it are C's already: flight.py's own, but for keywords of C and texts that are no identifiers.
 """
 from __future__ import annotations
 
-import ast
 import re
 import struct as packing
 from collections.abc import Iterator, Sequence
@@ -17,6 +16,7 @@ from fledge import objects
 from fledge.elements import ELEMENTS
 from fledge.errors import SetupError
 from fledge.export import names
+from fledge.mission.crossing import crossing_wires
 from fledge.mission.wiring import event_text
 
 
@@ -86,14 +86,16 @@ class Message:
     member: str                      # in.nav_attitude, motor.out.command
     direction: str                   # in, out, inside
     ends: list                       # paths at its other ends
-    latency: int = 0                 # exchanges that an input takes, as the host must see to
+    latency: str = "same_instant"    # of an input, as the host must see to: mission/crossing.py
     optional: bool = False           # of an input: flight does without
 
 
 @dataclass
 class Mission:
     name: str                        # of the files and functions
-    title: str                       # of the folder
+    folder: str                      # the name of the mission's folder
+    process: str                     # its flight process
+    several: bool                    # whether the mission has other flight processes, too
     about: str                       # the first line of flight.py
     modules: list
     configuration: list              # modules that only publish their parameters
@@ -108,6 +110,16 @@ class Mission:
     published: dict                  # configuration module name -> wires carried when it is published
     left_out: list                   # titles of tasks and events that are not exported
 
+    @property
+    def title(self) -> str:
+        """In words: "nadir_spin", "formation chief"."""
+        return f"{self.folder} {self.process}" if self.several else self.folder
+
+    @property
+    def words(self) -> str:
+        """What names it on the command line: "nadir_spin", "formation --process chief"."""
+        return f"{self.folder} --process {self.process}" if self.several else self.folder
+
     def struct(self) -> str:
         """The name of the struct that holds it all."""
         return names.camel(self.name)
@@ -118,71 +130,88 @@ class Mission:
         return sorted({m.struct.header.removesuffix(".h") + ".c" for m in self.modules})
 
 
-def read(sim: Any, tasks: Sequence[str] | None = None) -> Mission:
-    """The Mission that flies in a simulation which has not run, or of it the named tasks.
+def read(sim: Any, process: str | None = None, tasks: Sequence[str] | None = None) -> Mission:
+    """The Mission of a flight process, by its name, in a simulation which has not run, or of it the named tasks.
 
-    A subset takes with it the configuration that is wired to it; what it reads of the rest of flight
-    becomes an input, as what it reads of the world. Raises ExportError, and SetupError for what a run
-    would refuse as well.
+    process: None if there is only one. What it reads of other processes is an input, of the world as of flight. A
+    subset takes with it the configuration that is wired to it; what it reads of the rest of its process becomes an
+    input, too. Raises ExportError, and SetupError for what a run would refuse as well.
     """
-    return _Reader(sim, tasks).mission()
+    flights = {one.name: one for one in sim.flights}
+    if process is None and len(flights) != 1:
+        raise ExportError(f"{sim.name} has {len(flights)} flight processes; choose one: {', '.join(flights)}"
+                          if flights else f"{sim.name} has no flight process")
+    if process is not None and process not in flights:
+        raise ExportError(f"{sim.name} has no flight process '{process}'; it has {', '.join(flights) or 'none'}")
+    one = flights[process] if process is not None else sim.flight
+    return _Reader(sim, one, _memory(one), tasks).mission()
+
+
+def read_all(sim: Any) -> list[Mission]:
+    """The Missions of all flight processes of a simulation which has not run."""
+    memory = [_memory(flight) for flight in sim.flights]    # before the first is read, which resets them all
+    return [_Reader(sim, *one).mission() for one in zip(sim.flights, memory)]
+
+
+def _memory(flight):
+    return {name: objects.memory(one) for name, one in flight.instances.items()}
 
 
 class _Reader:
-    def __init__(self, sim, tasks):
-        if len(sim.flights) > 1:
-            raise ExportError(f"{sim.name} has {len(sim.flights)} flight processes, and what is exported is that of "
-                              "one spacecraft: fly it in a mission of its own")
-        self.sim, self.flight = sim, sim.flight
+    def __init__(self, sim, flight, memory, tasks=None):
+        self.sim, self.flight = sim, flight
         if sim.time_ns >= 0:
             raise ExportError(f"{sim.name}: export it before it runs; it stands at {sim.time:g} s")
-        bytes_before = {name: objects.memory(one) for name, one in sim.flight.instances.items()}
         try:
             sim.prepare()
         except SetupError as error:
             raise self.refusal(str(error)) from None
         known = [t[0] for t in self.flight.tasks]
+        if not known:
+            raise ExportError(f"{sim.name}: {flight.name} has no task, so there is nothing to fly")
         for name in tasks or []:
             if name not in known:
-                raise ExportError(f"{sim.name} has no task '{name}'; flight has {', '.join(known)}")
+                raise ExportError(f"{sim.name} has no task '{name}'; {flight.name} has {', '.join(known)}")
         self.chosen = [t for t in sorted(self.flight.tasks, key=lambda t: -t[3]) if not tasks or t[0] in tasks]
         self.partial = len(self.chosen) < len(known)
-        self.modules = self.read_modules(bytes_before)
+        self.modules = self.read_modules(memory)
 
     # --- which modules ---
 
     def read_modules(self, memory):
-        live = self.sim.flight.instances
+        live = self.flight.instances
         in_task = {name for t in self.flight.tasks for name in t[4]}
         running = {name for t in self.chosen for name in t[4]}
         wanted = set(running)
         for source, target, _, _ in self.sim.wires:
             process, name, _ = source.split(".")
-            if process == "flight" and name not in in_task and target.split(".")[1] in running:
+            to_process, to_name, _ = target.split(".")
+            if process == to_process == self.flight.name and name not in in_task and to_name in running:
                 wanted.add(name)
         if not self.partial:
             wanted = set(live)
         self.running = running
         c = names.distinct(live, ("in", "task", "mode", "event"))   # what the mission's struct holds besides
-        return {name: Module(c[name], f"flight.{name}", objects.struct(one), memory[name])
+        return {name: Module(c[name], f"{self.flight.name}.{name}", objects.struct(one), memory[name])
                 for name, one in live.items() if name in wanted}
 
     # --- wires ---
 
     def read_wires(self, mission):
         order = {}
+        crossing = {(wire.source, wire.port): wire for wire in crossing_wires(self.sim)}
         for source, target, latency, stale_after in self.sim.wires:
             from_process, from_name, from_port = source.split(".")
             to_process, to_name, to_port = target.split(".")
-            inside = from_process == "flight" and from_name in self.modules
-            if to_process != "flight" or to_name not in self.modules:
+            inside = from_process == self.flight.name and from_name in self.modules
+            if to_process != self.flight.name or to_name not in self.modules:
                 if inside:
                     self.ends.setdefault(source, []).append(target)
                 continue
             module = self.modules[to_name]
             if inside and latency:
                 raise self.refusal(f"{source} >> {target} has a latency of one exchange: that is for wires between "
-                                   "processes; within flight it cannot be exported")
+                                   "processes; within one it cannot be exported")
             end = f"{module.name}.in.{to_port}"
             if inside:
                 producer = self.modules[from_name]
@@ -192,14 +221,16 @@ class _Reader:
                 else:
                     mission.wires[module.name].append(Wire(start, end, stale_after))
             else:
-                struct = next(f.struct for f in module.struct.fields if f.name == to_port)
-                message = order.setdefault(source, Message("", source, struct, "", "in", [], latency, True))
-                if message.latency != latency:
-                    raise self.refusal(f"{source} reaches flight with two latencies, by {message.ends[0]} and "
+                field = next(f for f in module.struct.fields if f.name == to_port)
+                wire = crossing.get((source, target))   # None: from the rest of this process
+                seen = wire.latency if wire else "same_instant"
+                message = order.setdefault(source, Message("", source, field.struct, "", "in", [], seen, True))
+                if message.latency != seen:
+                    raise self.refusal(f"{source} reaches {to_process} with two latencies, by {message.ends[0]} and "
                                        f"{target}; an exported mission reads it once: give both the same")
-                message.optional &= next(f.optional for f in module.struct.fields if f.name == to_port)
+                message.optional &= field.optional
                 message.ends.append(target)
-                mission.wires[module.name].append(Wire(source, end, stale_after))
+                mission.wires[module.name].append(Wire(source, end, wire.stale_after if wire else stale_after))
         c = names.distinct([path.removeprefix("world.") for path in order])
         for path, message in order.items():
             message.name = c[path.removeprefix("world.")]
@@ -220,7 +251,8 @@ class _Reader:
         mode_names = names.distinct(mode_titles)
         modules = list(self.modules.values())
         mission = Mission(
-            name=name, title=sim.name, about=sim.mission.summaries()[""] if sim.mission else "", modules=modules,
+            name=name, folder=sim.name, process=self.flight.name, several=len(sim.flights) > 1,
+            about=sim.mission.summaries()[""] if sim.mission else "", modules=modules,
             configuration=[m for n, m in self.modules.items() if n not in self.running], tasks=[],
             modes=list(mode_names.values()), mode_titles={c: t for t, c in mode_names.items()},
             initial_mode=mode_names.get(self.flight.active_mode), events=[], inputs=[], outputs=[],
@@ -235,13 +267,16 @@ class _Reader:
             ends = self.ends.get(path, [])
             mission.outputs.append(Message(c[path.partition(".")[2]], path, port.struct,
                                            f"{module.name}.out.{port.name}", "out" if ends else "inside", ends))
+        if not mission.outputs:
+            raise self.refusal(f"{self.flight.name} puts out no message, so what flies could show nothing")
         for module in modules:
             self.check_finite(module, mission)
         return mission
 
     def name(self):
         """The mission's, apart from the names of its modules and messages and of targets/mission.h."""
-        name = names.identifier(self.sim.name).lower()
+        own = f"{self.sim.name}_{self.flight.name}" if len(self.sim.flights) > 1 else self.sim.name
+        name = names.identifier(own).lower()
         types = {"Mission", "MissionMessage"}
         for module in self.modules.values():
             types |= {module.type, *(f.struct.name for f in module.struct.fields if f.group in ("in", "out"))}
@@ -295,27 +330,23 @@ class _Reader:
                 raise self.refusal(f"{module.path}.{path.partition('.')[2]} must be finite; found {value}", name)
 
     def refusal(self, text, name=None):
-        """An ExportError that begins with file and line: of what flight.py calls `name`, or else of the first
-        instance that the text names."""
+        """An ExportError that begins with file and line: of what the mission calls `name` in this process, or else of
+        the first instance that the text names."""
         if not self.sim.mission:
             return ExportError(text)
-        process = "flight"
-        for p, n in [] if name else re.findall(r"\b(flight|world)\.(\w+)", text):
-            if n in getattr(self.sim, p).instances:
-                process, name = p, n
+        folder, process = self.sim.mission.folder, self.flight
+        known = {one.name: one for one in self.sim.processes}
+        for p, n in [] if name else re.findall(r"\b(\w+)\.(\w+)", text):
+            if p in known and n in known[p].instances:
+                process, name = known[p], n
                 break
-        path = self.sim.mission.folder / f"{process}.py"
-        line = line_of(path, name)
-        return ExportError(f"{path}, line {line}: {text}" if line else f"{path}: {text}")
-
-
-def line_of(path: Path, name: str | None) -> int | None:
-    """The line of a mission's file where an instance or event gets its name, or None."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if (isinstance(node, ast.Attribute) and node.attr == name and isinstance(node.ctx, ast.Store)
-                or isinstance(node, ast.Constant) and node.value == name):
-            return node.lineno
-    return None
+        event = process.events.get(name)
+        file, line = (event.declared_at if event else process.declared_at(name)) or ("", 0)
+        if Path(file).is_relative_to(folder):
+            return ExportError(f"{file}, line {line}: {text}")
+        kind = "world" if process not in self.sim.flights else "flight"
+        path = next((folder / f"{one}.py" for one in (kind, "mission") if (folder / f"{one}.py").exists()), folder)
+        return ExportError(f"{path}: {text}")
 
 
 def leaves(fields: Sequence[Any], path: str = "", base: int = 0) -> Iterator[tuple[str, Any, int]]:

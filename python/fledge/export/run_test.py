@@ -186,13 +186,14 @@ def test_a_mode_that_is_asked_for_from_outside(modes, tmp_path):
 
 # --- at the reset ----------------------------------------------------------------------------------
 
-@pytest.mark.parametrize("name", sorted(name for name, mission in fledge.missions().items() if not mission.several))
+@pytest.mark.parametrize("name", sorted(fledge.missions()))
 def test_after_init_every_module_is_as_the_desktop_has_it(name, tmp_path):
     sim = fledge.load(name)
-    mission = export.read(sim)                      # which also resets the desktop's
-    c = Compiled(mission, tmp_path, optimise="-O0")
-    assert modules_of(c, mission) == b"".join(objects.memory(getattr(sim.flight, m.path[7:]))
-                                              for m in in_order(mission))
+    for mission in export.read_all(sim):            # which also resets the desktop's
+        c = Compiled(mission, tmp_path, optimise="-O0")
+        live = sim.process(mission.process).instances
+        assert modules_of(c, mission) == b"".join(objects.memory(live[m.path.partition(".")[2]])
+                                                  for m in in_order(mission))
 
 
 def in_order(mission):

@@ -8,17 +8,23 @@ import subprocess
 import pytest
 
 import fledge
-from fledge import SetupError, cli, export
+from fledge import SetupError, cli, export, flight
 from fledge.export import names
 from fledge.export.run_test import FLIGHT, WORLD, first_difference
 from fledge.export.testing import COMPILERS, ROOT, STRICT, Compiled
 
 MISSIONS = sorted(name for name, mission in fledge.missions().items() if not mission.several)
+ALL = sorted(fledge.missions())
 
 
 @pytest.fixture(scope="module")
 def exported():
-    return {name: export.emit_c(export.read(fledge.load(name))) for name in MISSIONS}
+    return {name: sources_of(fledge.load(name)) for name in ALL}
+
+
+def sources_of(sim):
+    """The files of all flight processes."""
+    return {file: text for mission in export.read_all(sim) for file, text in export.emit_c(mission).items()}
 
 
 @pytest.fixture()
@@ -51,9 +57,9 @@ def test_the_common_header_is_clean_where_it_is_not_used(compiler, standard, tmp
     subprocess.run([compiler, *STRICT, standard, "-I", ROOT, "-c", "t.c"], check=True, cwd=tmp_path)
 
 
-@pytest.mark.parametrize("name", MISSIONS)
+@pytest.mark.parametrize("name", ALL)
 def test_the_same_mission_gives_the_same_bytes(exported, name):
-    assert export.emit_c(export.read(fledge.load(name, seed=7))) == exported[name]
+    assert sources_of(fledge.load(name, seed=7)) == exported[name]
 
 
 @pytest.mark.skipif(not shutil.which("clang-format"), reason="clang-format is not installed")
@@ -80,7 +86,7 @@ def test_generated_code_is_small(exported, tmp_path):
 
 def test_a_subset_reads_the_rest_of_flight_as_it_reads_the_world(modes, tmp_path):
     sim = fledge.load(modes)
-    mission = export.read(sim, ["control"])
+    mission = export.read(sim, tasks=["control"])
     assert [m.path for m in mission.modules] == ["flight.vehicle", "flight.wheels", "flight.control", "flight.motor"]
     assert [m.path for m in mission.inputs] == ["flight.tracking.error", "world.wheels.speeds"]
     assert [m.member for m in mission.inputs] == ["in.flight_tracking_error", "in.wheels_speeds"]
@@ -89,7 +95,7 @@ def test_a_subset_reads_the_rest_of_flight_as_it_reads_the_world(modes, tmp_path
     assert [e.name for e in mission.events] == ["late"]
     # Flown beside the desktop: in the mode that runs it, it is the same.
     sim = fledge.load(mission_of(tmp_path, FLIGHT.replace('start_in("wait")', 'start_in("point")')))
-    mission = export.read(sim, ["control"])
+    mission = export.read(sim, tasks=["control"])
     c = Compiled(mission, tmp_path / "c")
     sim.flight.settled.armed = False
     assert first_difference(sim, mission, c, lambda s: s.run(60.0), all_instants=True) is None
@@ -97,7 +103,87 @@ def test_a_subset_reads_the_rest_of_flight_as_it_reads_the_world(modes, tmp_path
 
 def test_all_tasks_by_name_are_all(modes):
     whole = export.emit_c(export.read(fledge.load(modes)))
-    assert export.emit_c(export.read(fledge.load(modes), ["turn it", "track", "control", "guide"])) == whole
+    assert export.emit_c(export.read(fledge.load(modes), tasks=["turn it", "track", "control", "guide"])) == whole
+
+
+# --- several processes -----------------------------------------------------------------------------
+
+MISSION = '''
+"""Two computers."""
+from fledge import flight as fsw
+
+
+def build(sim):
+    fast, slow = sim.add_flight("fast"), sim.add_flight("slow")
+    fast.still = fsw.InertialPointing(sigma_RN=[0.1, 0.2, 0.3])
+    fast.turn = fsw.EulerRotation(rates=[1, 2, 3])
+    fast.top = fsw.EulerRotation(rates=[1, 2, 3])
+    slow.turn = fsw.EulerRotation(rates=[3, 2, 1])
+    slow.own = fsw.EulerRotation(rates=[3, 2, 1])
+    fast.connect(fast.still.reference >> fast.turn.base, (fast.turn.reference >> slow.turn.base).stale_after(0.5),
+                 slow.turn.reference >> fast.top.base, (fast.still.reference >> slow.own.base).stale_after(0.5))
+    fast.task("work", every=0.25, run=[fast.turn, fast.top])
+    slow.task("work", every=1, run=[slow.turn, slow.own])
+'''
+
+
+@pytest.fixture()
+def two(tmp_path):
+    folder = tmp_path / "two"
+    folder.mkdir()
+    (folder / "mission.py").write_text(MISSION)
+    return folder
+
+
+def test_a_wire_from_another_flight_process_is_an_input(two):
+    fast, slow = export.read_all(fledge.load(two))
+    assert (fast.name, slow.name, fast.struct(), slow.title) == ("two_fast", "two_slow", "TwoFast", "two slow")
+    assert fast.about == "Two computers."
+    assert [(m.path, m.name, m.latency, m.ends) for m in fast.inputs + slow.inputs] == [
+        ("slow.turn.reference", "slow_turn_reference", "next_instant", ["fast.top.base"]),
+        ("fast.turn.reference", "fast_turn_reference", "same_instant", ["slow.turn.base"]),
+        ("fast.still.reference", "fast_still_reference", "next_instant", ["slow.own.base"])]
+    assert [w.stale_after for wires in slow.wires.values() for w in wires] == [500_000_000, 0]  # configuration never is
+    assert [(m.path, m.direction) for m in fast.outputs] == [("fast.still.reference", "out"),
+                                                             ("fast.turn.reference", "out"),
+                                                             ("fast.turn.euler", "inside"),
+                                                             ("fast.top.reference", "inside"),
+                                                             ("fast.top.euler", "inside")]
+    assert export.emit_c(export.read(fledge.load(two), "slow")) == export.emit_c(slow)
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+def test_a_flight_that_exchanges_nothing_compiles(two, compiler, tmp_path):
+    inside = ("fast.connect(fast.still.reference >> [fast.turn.base, fast.top.base], slow.own.reference >> "
+              "slow.turn.base, "
+              "slow.turn.reference >> slow.own.base)\n    fast.task")
+    (two / "mission.py").write_text(re.sub(r"fast.connect\(.*?\)\n    fast.task", inside, MISSION, flags=re.DOTALL))
+    for mission in export.read_all(fledge.load(two)):
+        assert not mission.inputs and {m.direction for m in mission.outputs} == {"inside"}
+        folder = tmp_path / mission.name
+        written = export.write(mission, folder, export.emit_board(mission) | export.emit_host(mission))
+        sources = [path for path in written if path.suffix == ".c"]
+        assert len(sources) == 5
+        subprocess.run([compiler, *STRICT, "-O2", "-I", ROOT, "-I", folder, "-c", *sources], check=True, cwd=folder)
+
+
+@pytest.mark.parametrize("old, new, says", [
+    (", (fast.still.reference >> slow.own.base)", "", "mission.py, line 12: slow.own.base"),
+    ("(fast.still.reference >> slow.own.base)", "(fast.turn.reference >> slow.own.base).latency(1)",
+     "line 9: fast.turn.reference reaches slow with two latencies, by slow.turn.base and slow.own.base")])
+def test_a_fault_of_a_process_names_its_line(two, old, new, says):
+    text = MISSION.replace(">> slow.own.base).stale_after(0.5)", ">> slow.own.base)")
+    assert old in text
+    (two / "mission.py").write_text(text.replace(old, new))
+    with pytest.raises(SetupError, match=re.escape(says)):
+        export.read_all(fledge.load(two))
+
+
+def test_a_process_without_a_task_is_refused():
+    sim = fledge.Simulation("idle", empty=True)
+    sim.add_flight("only").still = flight.InertialPointing(sigma_RN=[0.1, 0.2, 0.3])
+    with pytest.raises(SetupError, match="idle: only has no task, so there is nothing to fly"):
+        export.read(sim)
 
 
 # --- what is refused -------------------------------------------------------------------------------
@@ -138,7 +224,9 @@ def test_a_mission_that_has_run_is_refused():
 @pytest.mark.parametrize("arguments, says", [
     (["nadir_spin", "--tasks", "gcn"], "nadir_spin has no task 'gcn'; flight has gnc"),
     (["nadir_spni"], "there is no mission 'nadir_spni'"),
-    (["constellation", "--set", "spacecraft=3"], "constellation has 3 flight processes, and what is exported")])
+    (["constellation", "--set", "spacecraft=3"], "constellation has 3 flight processes; choose one: sat0_flight, "),
+    (["constellation", "--process", "sat9"], "constellation has no flight process 'sat9'; it has sat0_flight, sat1_fl"),
+    (["nadir_spin", "--process", "world"], "nadir_spin has no flight process 'world'; it has flight")])
 def test_the_command_writes_nothing_where_it_refuses(arguments, says, tmp_path, capsys):
     out = tmp_path / "out"
     assert cli.main(["export", "c", *arguments, "--out", str(out)]) == 2

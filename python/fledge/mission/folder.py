@@ -6,10 +6,11 @@
 
 flight.py has build(f), world.py has build(w, f). load() executes both afresh, so that two simulations
 share nothing. Their further arguments, as in build(f, wheels=4), are parameters of the mission:
-load("my_mission", wheels=3). A mission of several spacecraft also has a mission.py with build(sim), which
-makes the processes and builds each. In scenarios.py every public function that takes a simulation is a
-scenario, and the first line of its docstring describes it. The files may import from one another,
-`from .flight import TURN`, and from other missions of their folder: `from .single_spiral.world import build`.
+load("my_mission", wheels=3). A mission of several spacecraft or computers has a mission.py with build(sim), which
+makes the processes and builds each, and imports of the other files what it needs. In scenarios.py every public
+function that takes a simulation is a scenario, and the first line of its docstring describes it. The files may import
+from one another, `from .flight import TURN`, and from other missions of their folder:
+`from .single_spiral.world import build`.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ class Mission:
 
     @property
     def several(self) -> bool:
-        """Whether it has several spacecraft: its mission.py makes the processes."""
+        """Whether its mission.py makes the processes."""
         return (self.folder / "mission.py").exists()
 
     def metadata(self) -> dict[str, str]:
@@ -67,7 +68,7 @@ class Mission:
         It executes nothing.
         """
         found = {"": ""}
-        for file in ("flight.py", "scenarios.py"):
+        for file in ("mission.py", "flight.py", "scenarios.py"):
             path = self.folder / file
             if not path.exists():
                 continue
@@ -75,8 +76,8 @@ class Mission:
                 tree = ast.parse(path.read_text(encoding="utf-8"))
             except SyntaxError as error:
                 return {"": f"{path}, line {error.lineno}: {error.msg}"}
-            if file == "flight.py":
-                found[""] = first_line(ast.get_docstring(tree))
+            if file != "scenarios.py":
+                found[""] = first_line(ast.get_docstring(tree)) or found[""]
             else:
                 found.update((node.name, first_line(ast.get_docstring(node))) for node in tree.body
                              if isinstance(node, ast.FunctionDef) and not node.name.startswith("_")
@@ -116,21 +117,25 @@ def missions() -> dict[str, Mission]:
     for place in _folders():
         if place.is_dir():
             for folder in sorted(place.iterdir()):
-                if (folder / "flight.py").is_file():
+                if _is_mission(folder):
                     found.setdefault(folder.name, Mission(folder))
     return found
+
+
+def _is_mission(folder):
+    return any((folder / file).is_file() for file in ("flight.py", "mission.py"))
 
 
 def find(name: str | os.PathLike[str]) -> Mission:
     """The mission of that name, or in that folder. Raises SetupError that lists those found."""
     folder = Path(name)
-    if (folder / "flight.py").is_file():
+    if _is_mission(folder):
         return Mission(folder.resolve())
     known = missions()
     if str(name) in known:
         return known[str(name)]
     if folder.is_dir() or os.sep in str(name):
-        raise SetupError(f"there is no mission in {name}: a mission is a folder with a flight.py")
+        raise SetupError(f"there is no mission in {name}: a mission is a folder with a flight.py or a mission.py")
     places = ", ".join(str(p) for p in dict.fromkeys(_folders()))
     raise SetupError(f"there is no mission '{name}'; there are {', '.join(known) or 'none'} (looked in {places})")
 
@@ -147,14 +152,16 @@ def load(name: str | os.PathLike[str], seed: int = 0, **parameters: Any) -> Simu
     simulation.mission = mission
     mission.parameters = dict(parameters)
     with MissionFiles(mission) as files:
-        flight = files.execute("flight", "build")
-        builds: list[tuple[Any, list[Any]]] = [(flight.build, [simulation.flight])] if not mission.several else []
-        if (mission.folder / "world.py").exists():
-            world = files.execute("world", "build")
-            if not mission.several:
-                builds.append((world.build, [simulation.world, simulation.flight]))
+        builds: list[tuple[Any, list[Any]]]
         if mission.several:
+            for name in ("flight", "world"):
+                if (mission.folder / f"{name}.py").exists():
+                    files.execute(name)
             builds = [(files.execute("mission", "build").build, [simulation])]
+        else:
+            builds = [(files.execute("flight", "build").build, [simulation.flight])]
+            if (mission.folder / "world.py").exists():
+                builds.append((files.execute("world", "build").build, [simulation.world, simulation.flight]))
         _refuse_unsuitable(mission, parameters, builds)
         for build, arguments in builds:
             files.call(build, *arguments, **{name: parameters[name] for name in _parameters(build, len(arguments))
@@ -204,7 +211,7 @@ class MissionFiles:
             self.forget()
 
     def forget(self) -> None:
-        for name in [n for n in sys.modules if n == self.package or n.startswith(self.package + ".")]:
+        for name in [n for n in list(sys.modules) if n == self.package or n.startswith(self.package + ".")]:
             del sys.modules[name]
 
     def execute(self, name: str, *functions: str) -> Any:

@@ -94,6 +94,31 @@ def test_scenarios_and_their_summaries(here):
     assert sim.time == 120
 
 
+def test_a_mission_made_by_mission_py_needs_no_flight_py(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "missions" / "pair"
+    folder.mkdir(parents=True)
+    (folder / "mission.py").write_text(textwrap.dedent("""
+        "Two that look down."
+        from fledge import flight as fsw
+
+        from .both import PERIOD
+
+        def build(sim):
+            for name in ("left", "right"):
+                f = sim.add_flight(name)
+                f.turn = fsw.EulerRotation(rates=[1, 2, 3])
+                f.task("gnc", every=PERIOD, run=[f.turn])
+            sim.process("left").connect(sim.process("right").turn.reference >> sim.process("left").turn.base,
+                                        sim.process("left").turn.reference >> sim.process("right").turn.base)
+    """))
+    (folder / "both.py").write_text("PERIOD = 2")
+    sim = fledge.load("pair")
+    sim.run(4)
+    assert [process.name for process in sim.flights] == ["left", "right"]
+    assert sim.mission.summaries() == {"": "Two that look down."} and "pair" in fledge.missions()
+
+
 def test_two_simulations_share_nothing(here):
     a, b = fledge.load("looker"), fledge.load("looker")
     a.run(3)

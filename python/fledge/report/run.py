@@ -211,7 +211,8 @@ def _paragraphs(doc: str | None) -> list[str]:
 def _documents(mission) -> list[tuple[str, list[str]]]:
     """(what it is about, its paragraphs) of the mission's files, from their docstrings."""
     found = []
-    for file, word in (("flight.py", "what flies"), ("world.py", "the world"), ("scenarios.py", "scenarios")):
+    for file, word in (("mission.py", "the processes"), ("flight.py", "what flies"), ("world.py", "the world"),
+                       ("scenarios.py", "scenarios")):
         path = mission.folder / file if mission else None
         if path and path.exists():
             doc = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""

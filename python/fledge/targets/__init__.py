@@ -10,10 +10,10 @@
     table.py      the table that `fledge fly` prints
 """
 
-from fledge.targets.job import Job
+from fledge.targets.job import Job, Part
 from fledge.targets.cfs import Cfs, RealCfs
-from fledge.targets.target import TARGETS, Flown, Target
+from fledge.targets.target import TARGETS, Flown, Target, fly
 
 TARGETS[Cfs.name] = Cfs()
 
-__all__ = ["TARGETS", "Flown", "Job", "RealCfs", "Target"]
+__all__ = ["TARGETS", "Flown", "Job", "Part", "RealCfs", "Target", "fly"]

@@ -19,9 +19,10 @@ from fledge.targets import build
 from fledge.targets.target import Target
 
 if TYPE_CHECKING:
-    from fledge.targets.job import Job
+    from fledge.targets.job import Part
 
 APP = cfs.App("fsw")
+QUEUES = "/proc/sys/fs/mqueue/msg_max"
 
 
 class Cfs(Target):
@@ -31,24 +32,26 @@ class Cfs(Target):
     about = "an app of the core Flight System, on the pocket cFE or (--cfs DIR) in a real tree"
     needs: tuple[str, ...] = ("gcc",)
 
-    def app(self, job: Job) -> Path:
+    def app(self, part: Part) -> Path:
         """Write the app, and return its folder."""
-        folder = job.folder / self.name / APP.name
-        cfs.write(job.mission, APP, folder, job.board_files(), (), job.roots[:-1], watched=True)
+        folder = part.folder / self.name / APP.name
+        cfs.write(part.mission, APP, folder, part.board_files(), (), part.roots[:-1], simulated=True, watched=True)
         return folder.resolve()
 
-    def build(self, job: Job) -> Path:
-        app, folder = self.app(job), (job.folder / self.name).resolve()
+    def build(self, part: Part) -> Path:
+        app, folder = self.app(part), (part.folder / self.name).resolve()
         (folder / "cf").mkdir(exist_ok=True)
         write_files({"apps.c": around.app_list([APP]), "cf/cfe_es_startup.scr": around.startup(APP),
+                     **{f"inc/{file}": text for file, text in around.wrappers(APP).items()},
                      **{f"cf/{file.name}": file.read_bytes() for file in sorted((app / "cf").iterdir())}}, folder)
         sources = [*sorted((app / "fsw/src").rglob("*.c")), folder / "apps.c", *around.pocket_sources()]
-        return build.program(folder, "core", sources, [app / "fsw/inc", app / "fsw/src", build.ROOT,
-                                                       build.ROOT / "targets/cfs/inc"], link=["-lpthread", "-lm"])
+        return build.program(folder, "core", sources, [app, folder / "inc", app / "fsw/inc", app / "fsw/src",
+                                                       build.ROOT, build.ROOT / "targets/cfs/inc"],
+                             link=["-lpthread", "-lm"])
 
     def command(self, built: Path, record: str) -> list[str]:
-        return ["env", "FLEDGE_REGISTERS={registers}", f"FLEDGE_RECORD={record}", str(built.resolve()), "--root",
-                str(built.resolve().parent), "--quiet"]
+        return ["env", f"{APP.prefix}_REGISTERS={{registers}}", f"FLEDGE_RECORD={record}", str(built.resolve()),
+                "--root", str(built.resolve().parent), "--quiet"]
 
     def sizes(self, built: Path) -> tuple[int, int]:
         return build.sizes(built)
@@ -73,21 +76,19 @@ class RealCfs(Cfs):
             raise Failure(f"--cfs {tree}: this is no cFS tree, for it has no {', '.join(missing)}; give the folder "
                           "that cfe, osal and psp are in, with all its submodules")
 
-    def build(self, job: Job) -> Path:
-        copy = (job.folder / "cfs_tree").resolve()
-        shutil.copytree(self.tree, copy, ignore=shutil.ignore_patterns(".git", "build"), dirs_exist_ok=True,
-                        symlinks=True)
+    def build(self, part: Part) -> Path:
+        copy = self.copied((part.folder / "cfs_tree").resolve())
         definitions = defined(copy)
-        app = self.app(job)
+        app = self.app(part)
         shutil.copytree(app, copy / "apps" / APP.name, dirs_exist_ok=True)
         targets = definitions / "targets.cmake"
         text = targets.read_text(encoding="utf-8")
         if around.targets(APP) not in text:
             targets.write_text(text.rstrip("\n") + "\n" + around.targets(APP), encoding="utf-8")
-        for script in sorted(definitions.glob("*cfe_es_startup.scr")):
+        for script in sorted([*definitions.glob("*cfe_es_startup.scr"), *definitions.glob("generate_startup.cmake")]):
             script.write_text(started(script.read_text(encoding="utf-8")), encoding="utf-8")
         make = ["make", "-C", copy, "SIMULATION=native", f"MISSIONCONFIG={definitions.name.removesuffix('_defs')}"]
-        for goal in ("prep", "install"):
+        for goal in goals(copy):
             done = subprocess.run([*map(str, make), goal], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
                                   errors="replace")
             if done.returncode:
@@ -97,9 +98,25 @@ class RealCfs(Cfs):
             raise Failure(f"{copy}: make install left no exe/cpu1/core-cpu1", 1)
         return found[0]
 
+    def copied(self, copy: Path) -> Path:
+        """The tree's copy; what an earlier flight built in it stays, unless it was of another tree."""
+        origin = copy.with_name(copy.name + ".from")
+        if copy.is_dir() and not (origin.is_file() and origin.read_text(encoding="utf-8") == str(self.tree)):
+            shutil.rmtree(copy)
+        shutil.copytree(self.tree, copy, ignore=shutil.ignore_patterns(".git", "build", "build-*"), dirs_exist_ok=True,
+                        symlinks=True)
+        write_files({origin.name: str(self.tree)}, origin.parent)
+        return copy
+
+    def advice(self, log: str) -> str:
+        if "msg_max" not in log:
+            return ""
+        return (f"cFE could not make a queue of messages: {QUEUES} says how deep one may be, and its pipes are up to "
+                f"40 deep; as root: echo 64 > {QUEUES}")     # OSAL's advice, above many other lines
+
     def command(self, built: Path, record: str) -> list[str]:
         folder = next(path for path in built.parents if path.name == "cfs_tree").parent   # the job's
-        return ["env", "-C", str(built.parent), "FLEDGE_REGISTERS={registers}", "FLEDGE_END=1",
+        return ["env", "-C", str(built.parent), f"{APP.prefix}_REGISTERS={{registers}}", "FLEDGE_END=1",
                 f"FLEDGE_RECORD={folder / record}", f"./{built.name}"]
 
     def sizes(self, built: Path) -> tuple[int, int]:
@@ -121,11 +138,26 @@ def defined(tree: Path) -> Path:
     return next((path for path in found if path.name == "sample_defs"), found[0])
 
 
+def goals(tree: Path) -> tuple[str, str]:
+    """The goals of make that build for this machine. A bundle of 7.x has goals for each of its configurations."""
+    configurations = tree / "target-configs.mk"
+    if not configurations.is_file():
+        return "prep", "install"
+    names = re.findall(r"^ARCH_(\w+)\s*:?=\s*native\s*$", configurations.read_text(encoding="utf-8"), re.MULTILINE)
+    if not names:
+        raise Failure(f"{configurations} has no configuration for this machine (ARCH_... = native)")
+    name = next((name for name in names if name.endswith("_std")), names[0])
+    return f"{name}.prep", f"{name}.install"
+
+
 def started(script: str) -> str:
-    """A start-up script with the app in it, before the end of what counts."""
+    """A start-up script with the app in it, before the end of what counts; or the CMake that writes a script."""
     line = around.startup(APP)
-    if line in script:
+    if line.strip() in script:
         return script
-    end = re.search(r"^!", script, re.MULTILINE)
+    ends = "endfunction" if "file (WRITE" in script else "!"
+    if ends == "endfunction":
+        line = f'    file (APPEND ${{STARTUP_FILE}} "{line.strip()}\\n")\n'
+    end = re.search(f"^{ends}", script, re.MULTILINE)
     at = end.start() if end else len(script)
     return script[:at] + line + script[at:]

@@ -37,7 +37,16 @@ function(add_cfe_tables app)
         file(COPY ${CMAKE_CURRENT_SOURCE_DIR}/cf/${stem}.tbl DESTINATION ${CMAKE_BINARY_DIR})
     endforeach()
 endfunction()
+function(generate_config_includefile)
+    cmake_parse_arguments(G "" "FILE_NAME;FALLBACK_FILE" "" ${ARGN})
+    file(WRITE ${CMAKE_BINARY_DIR}/inc/${G_FILE_NAME} "#include \\"${G_FALLBACK_FILE}\\"\\n")
+endfunction()
+include_directories(${CMAKE_BINARY_DIR}/inc)
 include(${DEFS}/targets.cmake)
+foreach(app ${cpu1_APPLIST})
+    include(${CMAKE_SOURCE_DIR}/../apps/${app}/mission_build.cmake OPTIONAL)
+    include(${CMAKE_SOURCE_DIR}/../apps/${app}/arch_build.cmake OPTIONAL)
+endforeach()
 file(GLOB pocket ${ROOT}/targets/cfs/*.c)
 list(FILTER pocket EXCLUDE REGEX "watch.c")
 set(listed "#include \\"targets/cfs/pocket.h\\"\\n")
@@ -101,6 +110,45 @@ def test_what_its_build_says_is_told(tree, tmp_path, capsys):
                      str(tmp_path / "out")]) == 1
     said = capsys.readouterr().err
     assert "make prep failed" in said and "no toolchain" in said
+
+
+def test_a_bundle_of_configurations_is_built_by_goals_of_its_own_and_its_script_is_made(tree, tmp_path, capsys):
+    sample = tree / "sample_defs"
+    (tree / "cfe/cmake/sample_defs").rename(sample)
+    (sample / "cpu1_cfe_es_startup.scr").unlink()
+    (sample / "generate_startup.cmake").write_text(
+        'function (generate_cfs_startup_script to)\n'
+        '    set (STARTUP_FILE "${to}/cpu1_cfe_es_startup.scr")\n'
+        '    file (WRITE ${STARTUP_FILE} "")\n'
+        'endfunction(generate_cfs_startup_script)\n')
+    (tree / "target-configs.mk").write_text("ARCH_native_eds = native\nARCH_native_std = native\nARCH_pi = arm\n")
+    script = '\tcmake -P $(CURDIR)/$(MISSIONCONFIG)_defs/make.cmake\n'
+    (sample / "make.cmake").write_text("include(${CMAKE_CURRENT_LIST_DIR}/generate_startup.cmake)\n"
+                                       "generate_cfs_startup_script(${CMAKE_CURRENT_LIST_DIR})\n")
+    text = MAKEFILE.replace("B = build", "B = build-native_std").replace("prep:\n", "native_std.prep:\n" + script)
+    (tree / "Makefile").write_text(text.replace("\ninstall:", "\nnative_std.install:") +
+                                   "prep install:\n\t@echo another compiler is missing; false\n")
+    out = tmp_path / "out"
+    assert cli.main(["fly", "nadir_spin", "--for", "1s", "--on", "cfs", "--cfs", str(tree), "--out",
+                     str(out)]) == 0, capsys.readouterr()
+    assert (out / "cfs_tree/build-native_std/exe/cpu1/core-cpu1").is_file()
+    other = tree.rename(tmp_path / "other")         # what stands in the copy of another tree is not mixed with it
+    (other / "target-configs.mk").write_text("ARCH_pi = arm\n")
+    assert cli.main(["fly", "nadir_spin", "--for", "1s", "--on", "cfs", "--cfs", str(other), "--out",
+                     str(out)]) in (1, 2)
+    assert "has no configuration for this machine" in capsys.readouterr().err
+    assert not (out / "cfs_tree/build-native_std").exists()
+
+
+def test_a_queue_that_is_too_short_is_told(tree, tmp_path, capsys):
+    lists = tree / "cfe/CMakeLists.txt"
+    (tree / "core.c").write_text('#include <stdio.h>\nint main(void)\n{\n    puts("the msg_max parameter");\n'
+                                 '    return 1;\n}\n')
+    lists.write_text("cmake_minimum_required(VERSION 3.5)\nproject(CFETOP C)\nadd_executable(core-cpu1 ../core.c)\n")
+    (tree / "cfe/cmake/Makefile.sample").write_text(MAKEFILE.replace("\tcp $(B)/*.tbl $(B)/exe/cpu1/cf\n", ""))
+    assert cli.main(["fly", "nadir_spin", "--for", "1s", "--on", "cfs", "--cfs", str(tree), "--out",
+                     str(tmp_path / "out")]) == 1
+    assert "as root: echo 64 > /proc/sys/fs/mqueue/msg_max" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("options, says", [

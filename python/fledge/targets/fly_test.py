@@ -24,6 +24,7 @@ from fledge.archive import Archive
 from fledge.archive.compare import compare
 from fledge.cli.runs import alone
 from fledge.targets import TARGETS, Job, build, loop
+from fledge.targets.rehearsal import rehearse
 from fledge.targets.target import Linux
 
 WHOLE = bool(os.environ.get("FLEDGE_FLY_WHOLE"))
@@ -56,11 +57,11 @@ def test_flight_puts_out_the_same_bits_on_every_target(mission, folder, capsys):
     if mission != "nadir_spin" and not WHOLE:
         names = [name for name in names if name != "sparc64"]     # one mission is enough for the byte order
     assert cli.main(["fly", mission, *span, "--on", ",".join(names), "--out", str(out)]) == 0, capsys.readouterr()
-    rows = [line.split() for line in capsys.readouterr().out.splitlines() if line.startswith("  ")]
-    assert [row[0] for row in rows[1:-1]] == names
-    assert {row[1] for row in rows[1:-1]} == {"19201" if WHOLE else "361"}
-    assert len({row[2] for row in rows[1:-1]}) == 1 and len(rows[1][2]) == 16
-    assert all(row[3] == "none" for row in rows[2:-1])
+    rows = [line.split() for line in capsys.readouterr().out.partition("  records")[0].splitlines()[2:]]
+    assert [row[0] for row in rows] == names
+    assert {row[1] for row in rows} == {"19201" if WHOLE else "361"}
+    assert len({row[2] for row in rows}) == 1 and len(rows[0][2]) == 16
+    assert all(row[3] == "none" for row in rows[1:])
 
     # And once more without the table: every output, at every step.
     desktop = Archive(out / "desktop.mcap")
@@ -115,6 +116,51 @@ def test_parameters_from_the_ground_cross_a_board_too(tmp_path, capsys):
         assert (status[~late] == 2).all() and (status[late][:60] == 1).all()     # the Sun is given up
     board = (tmp_path / "c/two_body_pointing_mission_board.toml").read_text()
     assert 'carries   = "flight.guidance"' in board and 'carries   = "flight.control"' not in board
+
+
+# --- several flight processes ----------------------------------------------------------------------
+
+@pytest.fixture(scope="module")
+def two(tmp_path_factory):
+    """Two flight processes that read one another, and no world."""
+    from fledge.export.source_test import MISSION
+
+    folder = tmp_path_factory.mktemp("several") / "two"
+    folder.mkdir()
+    (folder / "mission.py").write_text(MISSION)
+    return folder
+
+
+def test_each_flight_process_flies_on_a_target_of_its_own(two, capsys):
+    far = "linux" if TARGETS["sparc64"].missing() else "sparc64"
+    out = two.parent / "out"
+    assert cli.main(["fly", str(two), "--free", "--for", "30s", "--on", f"linux,slow={far}", "--out", str(out)]) == 0
+    rows = [line.split() for line in capsys.readouterr().out.splitlines() if " on " in line]
+    assert [row[:4] for row in rows] == [["fast", "on", "desktop", "121"], ["slow", "on", "desktop", "31"],
+                                         ["fast", "on", "linux", "121"], ["slow", "on", "linux", "31"],
+                                         ["fast", "on", "desktop", "121"], ["slow", "on", far, "31"]]
+    assert [row[4] for row in rows[:2]] == [row[4] for row in rows[2:4]] == [row[4] for row in rows[4:]]
+    assert all(row[5] == "none" for row in rows[2:])
+    for record in ("fast/linux", "slow/linux", "fast/node", f"slow/{far}"):
+        assert len(Archive(out / f"{record}.mcap").time_ns("turn.reference")) in (121, 31)
+
+
+def test_a_difference_in_one_process_is_seen_in_the_others(two, capsys, monkeypatch):
+    real = Linux.build
+
+    def spoiled(self, part):
+        source = next((path for path in part.written if path.name == "two_slow.c"), None)
+        if source:
+            source.write_text(source.read_text().replace("turn.par.rates = vec3(3.0,", "turn.par.rates = vec3(3.5,"))
+        return real(self, part)
+
+    monkeypatch.setattr(Linux, "build", spoiled)
+    assert cli.main(["fly", str(two), "--free", "--for", "5s", "--on", "slow=linux", "--out",
+                     str(two.parent / "other")]) == 1
+    fast, slow = (line for line in capsys.readouterr().out.splitlines()[4:6])
+    # Both in the first second: slow at 0 s writes what fast reads from 0.25 s on.
+    assert "fast on desktop" in fast and "t = 0.25 s  fast.top." in fast
+    assert "slow on linux" in slow and "t = 0 s  slow.turn." in slow
 
 
 PLAYS = """
@@ -202,12 +248,13 @@ def test_a_difference_is_found_and_reported(folder, capsys, monkeypatch):
 
 # --- words that round ------------------------------------------------------------------------------
 
-def test_through_converters_it_is_the_same_to_within_their_counts(tmp_path, capsys):
-    """Closed loop: what rounding does to the attitude is bounded by the loop's own stiffness.
+def derived(mission, scenario, converters, after, end):
+    """How far rounding may move the attitude error, by the board's counts.
 
-    The control law cancels all but I dw' + P dw + K dsigma = d per axis, where dsigma' = dw / 4. For one that is not
-    oscillatory (here damping ratios are 1.00 and 1.07) the response to a torque d never turns back, so that no bounded
-    d moves sigma by more than |d| / K. d is what rounding adds, at most half a count of each number:
+    Closed loop: what rounding does to the attitude is bounded by the loop's own stiffness. The control law cancels all
+    but I dw' + P dw + K dsigma = d per axis, where dsigma' = dw / 4. For one that is not oscillatory (here damping
+    ratios are 1.00 and 1.07) the response to a torque d never turns back, so that no bounded d moves sigma by more than
+    |d| / K. d is what rounding adds, at most half a count of each number:
 
         K q_sigma/2 + P q_omega/2                 feedback of attitude and rate
         + sum over the wheels |a_i| q_u/2         the torques that come out
@@ -217,23 +264,15 @@ def test_through_converters_it_is_the_same_to_within_their_counts(tmp_path, caps
     and flight itself sees sigma with q_sigma/2. The sampled loop, far slower than its 0.5 s, gets 5 %.
     """
     from registers.description import read
-    half = {field.carries.rsplit(".", 1)[1]: field.scale / 2 for snorkel in read(CONVERTERS).snorkels
+    half = {field.carries.rsplit(".", 1)[1]: field.scale / 2 for snorkel in read(converters).snorkels
             for field in snorkel.fields if field.carries}
     assert set(half) == {"sigma_BN", "omega_BN_B", "Omega", "u"}
 
-    K, P, J, inertia = 2.531, 45.0, 0.1591549, 800.0
+    sim = rehearse(mission, scenario, 1.0).start
+    K, P, J, inertia = sim.flight.control.K, sim.flight.control.P[0][0], sim.flight.wheels.J[0], 800.0
     for moment in (700.0, 800.0):
         assert P / (2 * math.sqrt(K / 4 * moment)) > 0.999
-    settled, end = 25 * 60, (160 if WHOLE else 35) * 60
-    two = "linux,sparc64" if not TARGETS["sparc64"].missing() else "linux"      # which must not differ either
-    assert cli.main(["fly", "nadir_spin", "--for", f"{end}s", "--on", two, "--board", str(CONVERTERS), "--out",
-                     str(tmp_path)]) == 0, capsys.readouterr()
-    capsys.readouterr()
-    desktop, linux = (Archive(tmp_path / f"{name}.mcap") for name in ("desktop", "linux"))
-    late = linux.time("error") >= settled
-
-    sim = fledge.load("nadir_spin")
-    sim.run(float(settled))
+    sim.run(float(after))
     rates = sim.record(sim.world.craft.state, sim.world.wheels.speeds, every=1)
     sim.run(until=float(end))
     rate = np.linalg.norm(rates["state.omega_BN_B"], axis=1).max()
@@ -241,19 +280,57 @@ def test_through_converters_it_is_the_same_to_within_their_counts(tmp_path, caps
     axis = np.abs(np.array(sim.flight.wheels.axes_B)[:4]).sum(axis=0).max()
     d = (K * half["sigma_BN"] + P * half["omega_BN_B"] + axis * half["u"] + rate * axis * J * half["Omega"]
          + (momentum + inertia * rate) * half["omega_BN_B"])
-    bound = 1.05 * (d / K + half["sigma_BN"])
-    assert bound < 3e-4                                   # or it would say little
+    return 1.05 * (d / K + half["sigma_BN"])
 
-    worst = np.abs(linux["error.sigma_BR"] - desktop["error.sigma_BR"])[late].max()
-    assert 0 < worst <= bound, (worst, bound)
-    through = ["fly", "nadir_spin", "--on", "linux", "--board", str(CONVERTERS), "--out", str(tmp_path)]
-    assert cli.main([*through, "--for", f"{end}s", "--settled", f"{settled}s", "--within",
-                     f"tracking.error.sigma_BR={bound:.3g}"]) == 0
+
+@pytest.mark.parametrize("mission, scenario", [("nadir_spin", "spin"), ("rectangular_raster", "raster"),
+                                               ("asterisk_scan", "narrow"), ("two_body_pointing", "earth_and_sun")])
+def test_through_converters_it_is_the_same_to_within_their_counts(mission, scenario, tmp_path, capsys):
+    """The board's file has the bound, which flights keep on machines of both byte orders, whose bits are the same; and
+    the scenario's checks hold."""
+    from registers.description import read
+    converters = build.ROOT / "missions" / mission / "converters.toml"
+    bound, = read(converters).bounds
+    assert bound.field == "flight.tracking.error.sigma_BR" and bound.scenario in (None, scenario)
+    # The bound is for the whole scenario, the test for a part of it.
+    assert 1.0 <= bound.at_most / derived(mission, scenario, converters, bound.after, 160 * 60) < 1.05
+
+    end = 160 * 60 if WHOLE else bound.after + 600
+    two = "linux,sparc64" if not TARGETS["sparc64"].missing() else "linux"
+    assert cli.main(["fly", mission, "--on", two, "--board", str(converters), "--out", str(tmp_path),
+                     *([] if WHOLE else ["--for", f"{end}s"])]) == 0, capsys.readouterr()
     out = capsys.readouterr().out
-    assert f"tracking.error.sigma_BR up to {worst:.3g}, within {bound:.3g}" in out
-    assert "beyond the range" not in out
-    assert cli.main([*through, "--for", "60s", "--within", "tracking.error.sigma_BR=1e-12"]) == 1
+    desktop, linux = (Archive(tmp_path / f"{name}.mcap") for name in ("desktop", "linux"))
+    late = linux.time("error") >= bound.after
+    worst = np.abs(linux["error.sigma_BR"] - desktop["error.sigma_BR"])[late].max()
+    assert 0 < worst <= bound.at_most
+    assert out.count(f"tracking.error.sigma_BR up to {worst:.3g}, within {bound.at_most:g}") == two.count(",") + 1
+    assert "beyond the range" not in out and (f"  passed   desktop,{two.replace(',', ', ')}\n".replace(
+        ",linux", ", linux") in out) == WHOLE
+
+
+def test_a_bound_may_be_given_or_tightened_in_the_command(tmp_path, capsys):
+    through = ["fly", "nadir_spin", "--on", "linux", "--board", str(CONVERTERS), "--out", str(tmp_path), "--for", "60s"]
+    assert cli.main([*through, "--within", "tracking.error.sigma_BR=1e-12"]) == 1
     assert "BEYOND 1e-12" in capsys.readouterr().out
+    assert cli.main([*through, "--within", "tracking.error.sigma_BR=1e-2"]) == 0
+    assert cli.main([*through, "--within", "tracking.error.sigma_BR=1e-12", "--settled", "61s"]) == 0
+    assert " rounded; flight." in capsys.readouterr().out     # a bound that begins later says nothing
+
+    board = tmp_path / "tight.toml"
+    text = CONVERTERS.read_text()
+    at_most = re.search("at_most *= *(.*)", text)[1]
+    board.write_text(text.replace(at_most, "1e-12").replace("after ", "after = 0.0 #"))
+    through[5] = str(board)
+    assert cli.main(through) == 1
+    assert "tracking.error.sigma_BR up to" in (out := capsys.readouterr().out) and "BEYOND 1e-12" in out
+    line = text[:text.index('field    = "flight.tracking')].count("\n") + 1
+    board.write_text(text.replace("flight.tracking.error.sigma_BR", "flight.tracking.error.sigma"))
+    assert cli.main(through) == 2
+    assert f"tight.toml:{line}: flight puts out no field flight.tracking.error.sigma" in capsys.readouterr().err
+    board.write_text(text.replace(at_most, "-1"))
+    assert cli.main(through) == 2
+    assert f"tight.toml:{line + 1}: `at_most` is at least 0; it is -1; write" in capsys.readouterr().err
 
 
 # --- size ------------------------------------------------------------------------------------------
@@ -264,7 +341,7 @@ def test_nadir_spin_is_small(folder):
     record, aside."""
     job = Job("nadir_spin", duration=1.0, folder=folder / "nadir_spin")
     target = TARGETS["linux"]
-    code, memory = target.sizes(target.build(job))
+    code, memory = target.sizes(target.build(job.parts[0]))
     assert 20 * 1024 < code < 48 * 1024 and 4 * 1024 < memory <= 6.5 * 1024
     objects = {path.stem.partition("_")[2]: path for path in (job.folder / "linux/o").glob("*.o")}
     written = 0
@@ -276,17 +353,17 @@ def test_nadir_spin_is_small(folder):
 
 def test_only_what_changed_is_built(folder):
     job = Job("nadir_spin", duration=1.0, folder=folder / "nadir_spin")
-    built = TARGETS["linux"].build(job)
+    built = TARGETS["linux"].build(job.parts[0])
     before = built.stat().st_mtime_ns
     job = Job("nadir_spin", duration=2.0, folder=folder / "nadir_spin")
-    assert TARGETS["linux"].build(job) == built and built.stat().st_mtime_ns == before
+    assert TARGETS["linux"].build(job.parts[0]) == built and built.stat().st_mtime_ns == before
 
 
 def test_it_takes_nothing_from_the_heap(folder):
     """None of its own code calls the allocator; the C library's that it calls in the loop do not either: clocks,
     futexes, locks and writes."""
     job = Job("nadir_spin", duration=1.0, folder=folder / "nadir_spin")
-    TARGETS["linux"].build(job)
+    TARGETS["linux"].build(job.parts[0])
     out = subprocess.run(["nm", "-u", job.folder / "linux/nadir_spin.o"], capture_output=True, text=True, check=True)
     wanted = {line.split()[-1] for line in out.stdout.splitlines()}
     assert "write" in wanted and not wanted & {"malloc", "calloc", "realloc", "free", "alloca", "strdup"}
@@ -296,7 +373,7 @@ def test_it_takes_nothing_from_the_heap(folder):
 
 def test_by_the_clock_it_says_how_late_it_was(folder):
     job = Job("nadir_spin", duration=1.0, folder=folder / "nadir_spin")
-    built = TARGETS["linux"].build(job)
+    built = TARGETS["linux"].build(job.parts[0])
     done = subprocess.run([built.resolve(), "--clock", "--for", "1.2", "--record", "clock.mcap"], cwd=job.folder,
                           capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
@@ -314,7 +391,7 @@ def test_without_the_privilege_it_says_so(folder):
     if os.geteuid() or not shutil.which("setpriv"):
         pytest.skip("needs root, to give up what it may")
     job = Job("nadir_spin", duration=1.0, folder=folder / "nadir_spin")
-    built = TARGETS["linux"].build(job)
+    built = TARGETS["linux"].build(job.parts[0])
     done = subprocess.run(["setpriv", "--bounding-set", "-all", "--inh-caps", "-all", "prlimit", "--memlock=0",
                            "--rtprio=0", built.resolve(), "--clock", "--for", "0.1"], capture_output=True, text=True,
                           timeout=60)
@@ -325,7 +402,7 @@ def test_without_the_privilege_it_says_so(folder):
 
 def test_stopped_by_the_clock_it_leaves_a_whole_record(folder):
     job = Job("nadir_spin", duration=1.0, folder=folder / "nadir_spin")
-    built = TARGETS["linux"].build(job)
+    built = TARGETS["linux"].build(job.parts[0])
     with subprocess.Popen([built.resolve(), "--clock", "--record", "stopped.mcap"], cwd=job.folder,
                           stdout=subprocess.PIPE, text=True) as process:
         try:
@@ -347,7 +424,7 @@ def test_stopped_by_the_clock_it_leaves_a_whole_record(folder):
     (["--bogus", "1", "a"], "--bogus"), (["--clock", "--priority", "100"], "--priority")])
 def test_it_says_how_it_is_called(folder, arguments, wrong):
     job = Job("nadir_spin", duration=1.0, folder=folder / "nadir_spin")
-    built = TARGETS["linux"].build(job)
+    built = TARGETS["linux"].build(job.parts[0])
     done = subprocess.run([built.resolve(), *arguments], capture_output=True, text=True, timeout=60)
     first, *others = done.stderr.splitlines()
     assert done.returncode == 2 and not done.stdout
@@ -357,7 +434,7 @@ def test_it_says_how_it_is_called(folder, arguments, wrong):
 
 def test_registers_that_are_not_there_or_of_another_board(folder, tmp_path):
     job = Job("nadir_spin", duration=1.0, folder=folder / "nadir_spin")
-    built = TARGETS["linux"].build(job).resolve()
+    built = TARGETS["linux"].build(job.parts[0]).resolve()
     done = subprocess.run([built, "--wait", "0.05", tmp_path / "none"], capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stderr) == (1, f"nadir_spin: {tmp_path}/none: the file is not there yet\n")
     (tmp_path / "other").write_bytes(bytes(100))
@@ -471,6 +548,15 @@ def test_on_a_terminal_it_shows_how_far_it_is(folder, monkeypatch):
     (["nadir_spin", "--board", "no_such.toml"], "no_such.toml"),
     (["nadir_spin", "--board", "registers/boards/io_board_a.toml"], "no board has a clock"),
     (["nadir_spin", "--for", "soon"], "expected a duration"),
+    (["nadir_spin", "--on", "flght=linux"], "nadir_spin has no flight process 'flght'; it has flight"),
+    (["nadir_spin", "--on", "world=linux"], "nadir_spin has no flight process 'world'; it has flight"),
+    (["nadir_spin", "--on", "flight=vax"], "there is no target 'vax'"),
+    (["nadir_spin", "--on", "flight=linux,flight=cfs"], "--on gives flight two targets, linux and cfs; give one"),
+    (["nadir_spin", "--board", f"wrld={CONVERTERS}"], "nadir_spin has no flight process 'wrld'; it has flight"),
+    (["constellation", "--board", str(CONVERTERS)], "write PROCESS=FILE, with one of sat0_flight, sat1_flight, sat2"),
+    (["constellation", "--join", "--on", "linux"], "name one target with --on, as in sat0_flight=linux; found 4"),
+    (["nadir_spin", "--board", str(CONVERTERS), "--within", "wrld.tracking.error.sigma_BR=1"],
+     "--within: flight puts out no field wrld.tracking.error.sigma_BR"),
     (["nadir_spin", "--join", "--on", "linux,aarch64"], "--join: name one target with --on; found 2"),
 ])
 def test_what_cannot_be_flown_is_refused_before_anything_is_written(arguments, complaint, tmp_path, capsys):

@@ -1,46 +1,39 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A flight: a scenario of a mission, exported once for all targets, and its duration."""
+"""A flight: a scenario of a mission, its flight processes exported once for all targets, and its duration."""
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fledge import export
+from fledge.errors import Failure
 from fledge.objects import project
 from fledge.targets import build
-from fledge.targets.rehearsal import rehearse
+from fledge.targets.rehearsal import Load, rehearse
 
 if TYPE_CHECKING:
+    from fledge.export.read import Mission
     from registers.description import Board
     import numpy as np
 
 
-class Job:
-    """A mission's scenario before its run. All files go into `folder`, the exported ones into its c/.
+class Part:
+    """A flight process of a job, exported. All files go into `folder`, the exported ones into its c/.
 
-    scenario: its name; None: the mission's first. duration: [s]; None: as long as the scenario runs. The desktop
-    rehearses the scenario: its changes of flight between its runs go to targets as parameters from the ground.
-    boards: files of boards that the messages pass; none: a board that carries them whole. free: take no scenario.
-    parameters: of the mission, as fledge.load() takes them.
+    boards: files of boards that its messages pass; none: a board that carries them whole.
     """
 
-    def __init__(self, mission: str, scenario: str | None = None, duration: float | None = None, seed: int = 0,
-                 boards: Sequence[Path | str] = (), folder: Path | str | None = None, free: bool = False,
-                 parameters: dict[str, Any] | None = None) -> None:
-        self.asked, self.parameters = mission, parameters or {}     # as other programs are to load it
-        self.seed, self.boards = seed, [Path(path).resolve() for path in boards]
-        play = rehearse(mission, scenario, duration, seed, free, self.parameters)
-        self.scenario, self.duration, self.loads = play.name, play.duration, play.loads
-        self.start, self.mission = play.start, play.mission
-        self.folder = Path(folder) if folder else Path("runs") / self.mission.title / "fly"
-        self.outputs = [export.host.topic(m.path) for m in self.mission.outputs]
+    def __init__(self, job: Job, mission: Mission, boards: Sequence[Path | str], folder: Path) -> None:
+        self.job, self.mission, self.process, self.folder = job, mission, mission.process, folder
+        self.boards = [Path(path).resolve() for path in boards]
+        self.outputs = [export.host.topic(m.path) for m in mission.outputs]
+        self.loads: list[Load] = [load for load in job.loads if load.path.partition(".")[0] == self.process]
         changed = list(dict.fromkeys(load.path for load in self.loads))
-        self.files = (export.emit_board(self.mission, self.boards, parameters=changed)
-                      | export.emit_host(self.mission))
+        self.files = export.emit_board(mission, self.boards, parameters=changed) | export.emit_host(mission)
         self.rounds = any(field.carries for board in self.described() for snorkel in board.snorkels
                           for field in snorkel.fields)      # some numbers pass as counts
 
@@ -59,6 +52,12 @@ class Job:
         n = len(self.mission.inputs) + len(self.mission.outputs)
         text = "".join(f"{load.after} {n + ids.index(load.path)} {load.block.hex()}\n" for load in self.loads)
         return export.write_files({"loads.txt": text}, self.folder)[0]
+
+    def bounds(self) -> list[tuple[str, float, float, str]]:
+        """(field, how much it may differ from the desktop's, [s] from when on, "file:line") by the files of the
+        boards."""
+        return [(one.field, one.at_most, one.after, f"{board.file}:{one.line}") for board in self.described()
+                for one in board.bounds if one.scenario in (None, self.job.scenario)]
 
     def described(self) -> list[Board]:
         """The boards that were given, as data."""
@@ -85,12 +84,12 @@ class Job:
                              flags=["-fPIC"], link=["-shared", "-Wl,-z,defs"], entry="fledge_mission")
 
     def fields(self) -> list[str]:
-        """The names of all numbers that flight puts out: "flight.tracking.error.sigma_BR"."""
+        """The names of all numbers that it puts out: "flight.tracking.error.sigma_BR"."""
         return [re.sub(r"\[\d+\]", "", f"{m.path}.{name}") for m in self.mission.outputs
                 for name, _, _ in export.leaves(m.struct.fields)]
 
     def is_instant(self, t: np.ndarray) -> np.ndarray:
-        """Of an array of times [ns], which are flight's: on the grid of any of its tasks."""
+        """Of an array of times [ns], which are its: on the grid of any of its tasks."""
         import numpy as np
 
         found = np.zeros(len(t), bool)
@@ -99,5 +98,70 @@ class Job:
         return found
 
     def step(self) -> int:
-        """[ns] The widest grid that has all of flight's instants."""
+        """[ns] The widest grid that has all of its instants."""
         return math.gcd(*(n for task in self.mission.tasks for n in (task.period, task.offset)))
+
+
+class Job:
+    """A mission's scenario before its run. All files go into `folder`; with several flight processes, into a folder in
+    it for each.
+
+    scenario: its name; None: the mission's first. duration: [s]; None: as long as the scenario runs. The desktop
+    rehearses the scenario: its changes of flight between its runs go to targets as parameters from the ground.
+    boards: files of boards, by flight process; "" stands for the only one. free: take no scenario.
+    parameters: of the mission, as fledge.load() takes them.
+    """
+
+    def __init__(self, mission: str, scenario: str | None = None, duration: float | None = None, seed: int = 0,
+                 boards: Mapping[str, Sequence[Path | str]] | None = None, folder: Path | str | None = None,
+                 free: bool = False, parameters: dict[str, Any] | None = None) -> None:
+        self.asked, self.parameters, self.seed = mission, parameters or {}, seed    # as other programs are to load it
+        play = rehearse(mission, scenario, duration, seed, free, self.parameters)
+        self.scenario, self.duration, self.loads = play.name, play.duration, play.loads
+        self.start, self.whole = play.start, play.whole
+        self.title = play.missions[0].folder
+        self.folder = Path(folder) if folder else Path("runs") / self.title / "fly"
+        several = len(play.missions) > 1
+        known = [one.process for one in play.missions]
+        own = {known[0] if process == "" and not several else process: files
+               for process, files in (boards or {}).items()}
+        for process in own:
+            if process not in known:
+                raise Failure(f"a board is of a flight process; write PROCESS=FILE, with one of {', '.join(known)}"
+                              if process == "" else self.unknown(process, known))
+        self.parts = [Part(self, one, own.get(one.process, ()), self.folder / one.process if several else self.folder)
+                      for one in play.missions]
+
+    def unknown(self, process: str, known: Sequence[str]) -> str:
+        return f"{self.title} has no flight process '{process}'; it has {', '.join(known)}"
+
+    def part(self, process: str) -> Part:
+        """The flight process of that name."""
+        for one in self.parts:
+            if one.process == process:
+                return one
+        raise Failure(self.unknown(process, [one.process for one in self.parts]))
+
+    @property
+    def others(self) -> list[str]:
+        """The names of the processes that are no flight, and have something to step."""
+        flights = [one.process for one in self.parts]
+        return [one.name for one in self.start.processes if one.tasks and one.name not in flights]
+
+    @property
+    def rounds(self) -> bool:
+        return any(one.rounds for one in self.parts)
+
+    @property
+    def boards(self) -> list[Path]:
+        """The files of boards that the user gave."""
+        return [path for one in self.parts for path in one.boards]
+
+    def bounds(self) -> list[tuple[str, float, float, str]]:
+        """Those of all flight processes."""
+        return [bound for one in self.parts for bound in one.bounds()]
+
+    def exchange(self, target: str) -> Path:
+        """The path for the record of what the processes read of each other; it is written where boards may round,
+        delay or lose messages."""
+        return self.folder / f"{target}.exchange.mcap"

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The programs of one flight: a controller, the world of the mission, and the node of the board, which starts the
-target. fledge_guard starts each of them, and ends it with all its children when this program ends in any way."""
+"""The programs of one flight: a controller, the worlds of the mission, and for each flight process the node of its
+board, which starts its target. fledge_guard starts each of them, and ends it with all its children when this program
+ends in any way."""
 from __future__ import annotations
 
 import contextlib
@@ -20,55 +21,70 @@ from fledge.progress import Progress
 from fledge.targets import build
 
 if TYPE_CHECKING:
-    from fledge.targets.job import Job
+    from fledge.targets.job import Job, Part
 
+CONTROLLER = "the controller"     # no process has this name
 _numbers = itertools.count()
 
 
-def close(job: Job, target: list[str], name: str, timeout: float = 60.0) -> dict[str, str]:
-    """Fly a job to its end, flight by the command `target`; returns the figures that the target printed, key -> text.
+def close(job: Job, programs: dict[str, list[Any]], name: str, options: list[Any], timeout: float = 60.0
+          ) -> dict[str, dict[str, str]]:
+    """Fly a job to its end, its flight processes by these `programs`, each a command, with the `options` of
+    `meeting`; the others by their Python. Returns the figures that each program printed, key -> text, by process.
 
     The output of the programs goes into job.folder / NAME.log. Raises Failure with its end if the run ends early.
     """
-    simulation = f"{job.mission.name}_{os.getpid()}_{next(_numbers)}"
-    options = ["--simulation", simulation, "--address", f"ipc://@fledge-{simulation}"]
-    return _run(job, name, {
-        "controller": [build.native("fledge_controller", "cosim"), *options, "--until", repr(job.duration), "--seed",
-                       job.seed, "--node", "world", "--node", "flight", "--join", timeout, "--reply", timeout],
-        "world": [sys.executable, "-P", "-m", "fledge.cli", "node", job.asked, "world",
-                  *(["--free"] if job.scenario == "free" or job.loads else [job.scenario]), *options,
-                  *(word for name, value in job.parameters.items() for word in ("--set", f"{name}={value!r}"))],
-        "flight": [*_board(job, options), "--reply", timeout, "--", *target]})
+    nodes = [*job.others, *programs]
+    commands = {CONTROLLER: [build.native("fledge_controller", "cosim"), *options, "--until", repr(job.duration),
+                             "--seed", job.seed, *(word for one in nodes for word in ("--node", one)), "--join",
+                             timeout, "--reply", timeout, *(["--record", job.exchange(name)] if job.boards else [])],
+                **{one: python_node(job, one, options) for one in job.others}, **programs}
+    return _run(job, name, commands)
 
 
-def join(job: Job, target: list[str], name: str, address: str, simulation: str, node: str,
+def meeting(job: Job) -> list[Any]:
+    """The options by which the programs of one flight meet."""
+    simulation = f"{job.title}_{os.getpid()}_{next(_numbers)}"
+    return ["--simulation", simulation, "--address", f"ipc://@fledge-{simulation}"]
+
+
+def python_node(job: Job, process: str, options: list[Any]) -> list[Any]:
+    """The command of a process that flies on the desktop's code."""
+    return [sys.executable, "-P", "-m", "fledge.cli", "node", job.asked, process,
+            *(["--free"] if job.scenario == "free" or job.loads else [job.scenario]), "--name", process, *options,
+            *(word for name, value in job.parameters.items() for word in ("--set", f"{name}={value!r}"))]
+
+
+def board_node(part: Part, options: list[Any], target: list[str]) -> list[Any]:
+    """The command of a target's board, which starts the command `target`."""
+    loads = ["--loads", part.write_loads().resolve()] if part.loads else []
+    return [build.native("fledge_board_node", "cosim"), *options, "--tables", part.tables().resolve(), *loads, "--",
+            *target]
+
+
+def join(part: Part, target: list[str], name: str, address: str, simulation: str, node: str,
          keys: Path | str | None = None) -> dict[str, str]:
-    """The same for a run whose controller and world are elsewhere, the controller at `address`."""
-    options: list[object] = ["--address", address, "--simulation", simulation, "--node", node]
+    """Fly a part for a run whose controller and other nodes are elsewhere, the controller at `address`."""
+    options: list[Any] = ["--address", address, "--simulation", simulation, "--node", node]
     if keys:
         options += ["--keys", Path(keys).resolve()]
-    return _run(job, name, {"flight": [*_board(job, options), "--", *target]})
-
-
-def _board(job, options):
-    loads = ["--loads", job.write_loads().resolve()] if job.loads else []
-    return [build.native("fledge_board_node", "cosim"), *options, "--tables", job.tables().resolve(), *loads]
+    return _run(part.job, name, {part.process: board_node(part, options, target)})[part.process]
 
 
 def _run(job, name, commands):
     """Run programs until all have ended. When the first has ended, the others have 20 s."""
-    folder = job.folder.resolve()
-    log = folder / f"{name}.log"
+    log = job.folder.resolve() / f"{name}.log"
+    folders = {part.process: part.folder.resolve() for part in job.parts}
     with contextlib.ExitStack() as stack:
         text = stack.enter_context(log.open("w", encoding="utf-8", errors="replace"))
         bar = stack.enter_context(Progress(name, 0, round(job.duration * 1e9)))
-        how_far = stack.enter_context(HowFar()) if bar.wanted and "controller" in commands else None
+        how_far = stack.enter_context(HowFar()) if bar.wanted and CONTROLLER in commands else None
         if how_far:
-            commands["controller"] += ["--status", how_far.write]
-        # Python looks for missions from here; a target writes its record into the folder.
+            commands[CONTROLLER] += ["--status", how_far.write]
+        # Python looks for missions from here; a target writes its record into the folder of its process.
         programs = {which: stack.enter_context(Program(
-            which, command, text, folder if which == "flight" else None,
-            [how_far.write] if how_far and which == "controller" else [])) for which, command in commands.items()}
+            which, command, text, folders.get(which) if command[0] != sys.executable else None,
+            [how_far.write] if how_far and which == CONTROLLER else [])) for which, command in commands.items()}
         results, ends = {}, None
         while ends is None or time.monotonic() < ends:
             if how_far:
@@ -79,9 +95,9 @@ def _run(job, name, commands):
             if ends is None and any(code is not None for code in results.values()):
                 ends = time.monotonic() + 20.0
             time.sleep(0.01)
-        figures = programs["flight"].figures()
+        figures = {which: program.figures() for which, program in programs.items()}
     if any(code != 0 for code in results.values()):
-        raise Failure(_what_failed(results, log, job.mission.title), 1)
+        raise Failure(_what_failed(results, log, job.title), 1)
     return figures
 
 

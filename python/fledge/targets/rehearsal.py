@@ -47,6 +47,7 @@ def rehearse(mission: str, scenario: str | None = None, duration: float | None =
     sim.step = sim.reset = sim.restore = play.refused
     try:
         function(sim)
+        play.whole = True
     except _Ends:
         pass
     except (SetupError, Failure):
@@ -60,17 +61,19 @@ def rehearse(mission: str, scenario: str | None = None, duration: float | None =
 
 
 class Rehearsal:
-    """name; duration [s]; start: the simulation as it stood before its first run, and mission: that exported; loads."""
+    """name; duration [s]; whole: whether the scenario came to its end; start: the simulation as it stood before its
+    first run, and missions: its flight processes, exported; loads."""
 
     def __init__(self, sim: Any, duration: float | None) -> None:
         self.sim, self.duration = sim, duration
         self.name = ""
+        self.whole = False      # the scenario came to its end
         self.start: Any = None
-        self.mission: Any = None
+        self.missions: list[Any] = []
         self.loads: list[Load] = []
 
     def begin(self) -> None:
-        self.mission = export.read(self.sim)
+        self.missions = export.read_all(self.sim)
         self.start = self.sim.clone()
 
     def run(self, duration: Any = None, *, until: Any = None, **_) -> None:
@@ -83,10 +86,14 @@ class Rehearsal:
         else:
             self.compare(now)
         limit = None if self.duration is None else round(self.duration * 1e9)
-        if limit is not None and end >= limit:
+        if limit is not None and end > limit:
             raise _Ends
         type(sim).run(sim, until=end / 1e9, progress=False)
         self.before = sim.snapshot(), _memory(sim)
+
+    def flies(self, path: str) -> bool:
+        """Whether an instance is of a flight process."""
+        return path.partition(".")[0] in [flight.name for flight in self.sim.flights]
 
     def compare(self, now: int) -> None:
         """Add the changes of the scenario since the last run to `loads`."""
@@ -97,11 +104,11 @@ class Rehearsal:
                 continue
             low, high = _parameters(sim, path)
             same = memory[:low] == before[path][:low] and memory[high:] == before[path][high:]
-            if not path.startswith("flight.") or not same:
+            if not self.flies(path) or not same:
                 what = "" if same else ", and not only parameters,"
                 raise Failure(f"the scenario {self.name} changes {path}{what} between its runs; a target "
                               "takes only parameters of flight")
-            if any(m.path == path for m in self.mission.configuration):
+            if any(m.path == path for mission in self.missions for m in mission.configuration):
                 raise Failure(f"the scenario {self.name} changes {path} between its runs, which flight publishes: "
                               "targets do not take these")
             changed.append((path, memory[low:high]))
@@ -124,19 +131,19 @@ class Rehearsal:
             fresh.prepare()
             ours, theirs = _memory(self.start), _memory(fresh)
             for path in theirs:
-                if not path.startswith("flight.") and ours[path] != theirs[path]:
+                if not self.flies(path) and ours[path] != theirs[path]:
                     raise Failure(f"the scenario {self.name} changes {path} before it runs, and flight between its "
                                   "runs: the world's program can have only one of them")
 
 
 def _memory(sim):
     """Path -> bytes of every instance."""
-    return {f"{process.name}.{name}": objects.memory(one) for process in (sim.world, sim.flight)
+    return {f"{process.name}.{name}": objects.memory(one) for process in sim.processes
             for name, one in process.instances.items()}
 
 
 def _parameters(sim, path):
     """(from, to) of the parameters in an instance's bytes."""
     process, name = path.split(".")
-    fields = [f for f in objects.struct(getattr(sim, process).instances[name]).fields if f.group == "par"]
+    fields = [f for f in objects.struct(sim.process(process).instances[name]).fields if f.group == "par"]
     return (fields[0].offset, max(f.offset + f.size for f in fields)) if fields else (0, 0)

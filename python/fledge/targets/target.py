@@ -4,16 +4,18 @@ size; all else is the same for all targets. To add one: a Target, and a line in 
 from __future__ import annotations
 
 import shutil
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from time import process_time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from fledge.archive import Archive
+from fledge.errors import Failure
 from fledge.targets import build, loop
 
 if TYPE_CHECKING:
-    from fledge.targets.job import Job
+    from fledge.targets.job import Job, Part
 
 
 @dataclass
@@ -40,8 +42,9 @@ class Target:
         """The programs that are not installed."""
         return [one for one in self.needs if not shutil.which(one)]
 
-    def build(self, job: Job) -> Path:
-        """Build the job for this target, in job.folder / name; only what changed. Returns what `command` starts."""
+    def build(self, part: Part) -> Path:
+        """Build a flight process for this target, in part.folder / name; only what changed. Returns what `command`
+        starts."""
         raise NotImplementedError
 
     def command(self, built: Path, record: str) -> list[str]:
@@ -54,24 +57,25 @@ class Target:
         """(bytes of code and constants, bytes of memory), without the C library; None: not known."""
         return None, None
 
-    def record(self, job: Job) -> Path:
-        """The path of its record; the record of an earlier flight is deleted."""
-        job.folder.mkdir(parents=True, exist_ok=True)
-        path = job.folder / f"{self.name}.mcap"
-        for old in (path, path.with_name(path.name + ".part")):
-            old.unlink(missing_ok=True)
-        return path
+    def advice(self, log: str) -> str:
+        """What a user may do about a flight that ended early with this log; "" if that is not known."""
+        return ""
 
-    def fly(self, job: Job, timeout: float = 60.0) -> Flown:
-        """Build and fly a job in the closed loop; returns a Flown."""
-        built, record = self.build(job), self.record(job)
-        return self._flown(built, record, loop.close(job, self.command(built, record.name), self.name, timeout))
+    def prepared(self, part: Part, options: list[Any], timeout: float) -> tuple[list[Any], Callable[..., Flown]]:
+        """(the command of its node in a run, a function from the figures that this prints to a Flown)."""
+        built, record = self.build(part), new_record(part.folder, self.name)
+        return (loop.board_node(part, [*options, "--node", part.process, "--reply", timeout],
+                                self.command(built, record.name)), lambda figures: self._flown(built, record, figures))
 
-    def join(self, job: Job, address: str, simulation: str, node: str = "flight",
-             keys: Path | str | None = None) -> Flown:
-        """The same as a node of a run whose controller is at `address`; keys: of the node, else FLEDGE_KEYS."""
-        built, record = self.build(job), self.record(job)
-        return self._flown(built, record, loop.join(job, self.command(built, record.name), self.name, address,
+    def fly(self, job: Job, timeout: float = 60.0) -> dict[str, Flown]:
+        """Build and fly a job in the closed loop, all its flight processes here; returns a Flown of each."""
+        return fly(job, {part.process: self for part in job.parts}, self.name, timeout)
+
+    def join(self, part: Part, address: str, simulation: str, node: str, keys: Path | str | None = None) -> Flown:
+        """The same of one process, as a node of a run whose controller is at `address`; keys: of the node, else
+        FLEDGE_KEYS."""
+        built, record = self.build(part), new_record(part.folder, self.name)
+        return self._flown(built, record, loop.join(part, self.command(built, record.name), self.name, address,
                                                     simulation, node, keys))
 
     def _flown(self, built, record, figures):
@@ -80,17 +84,57 @@ class Target:
                      code, memory, sum(int(figures.get(k, 0)) for k in ("saturated", "outside_saturated")))
 
 
+def fly(job: Job, on: Mapping[str, Target], name: str, timeout: float = 60.0) -> dict[str, Flown]:
+    """Build and fly a job in the closed loop, each flight process on its target, those that are not named on the
+    desktop's code; returns a Flown of each. name: of the log."""
+    for process in on:
+        job.part(process)
+    options = loop.meeting(job)
+    nodes = {part.process: on.get(part.process, DESKTOP).prepared(part, options, timeout) for part in job.parts}
+    try:
+        figures = loop.close(job, {process: node[0] for process, node in nodes.items()}, name, options, timeout)
+    except Failure as failure:
+        log = (job.folder / f"{name}.log").read_text(encoding="utf-8", errors="replace")
+        advice = next(filter(None, (target.advice(log) for target in on.values())), "")
+        raise Failure(f"{advice}\n{failure}", failure.code) if advice else failure from None
+    return {process: flown(figures[process]) for process, (_, flown) in nodes.items()}
+
+
+def new_record(folder: Path, name: str) -> Path:
+    """The path of a record; that of an earlier flight is deleted."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{name}.mcap"
+    for old in (path, path.with_name(path.name + ".part")):
+        old.unlink(missing_ok=True)
+    return path
+
+
 class Desktop(Target):
-    """The run in one program; the other targets are compared with it."""
+    """The run in one program, with which the other targets are compared. Beside targets, a `fledge node`."""
 
     name = "desktop"
     about = "the run in one program, under Python"
 
-    def fly(self, job: Job, timeout: float = 60.0) -> Flown:
+    def prepared(self, part: Part, options: list[Any], timeout: float) -> tuple[list[Any], Callable[..., Flown]]:
+        if part.loads:
+            raise Failure(f"the scenario {part.job.scenario} changes {part.loads[0].path} between its runs, which only "
+                          f"targets take: give {part.process} one, as in --on {part.process}=linux")
+        record = new_record(part.folder, "node")
+        command = loop.python_node(part.job, part.process, [*options, "--patience", timeout, "--outputs", record])
+
+        def flown(_: dict[str, str]) -> Flown:
+            with Archive(record) as archive:
+                return Flown(record, steps(part, archive), None, "")
+
+        return command, flown
+
+    def fly(self, job: Job, timeout: float = 60.0) -> dict[str, Flown]:
         sim = job.start.clone()
-        sim.record(*(getattr(getattr(sim.flight, one), port) for one, port in
-                     (m.path.split(".")[1:] for m in job.mission.outputs)), every=job.step() / 1e9)
-        record = self.record(job)
+        for part in job.parts:
+            flight = sim.process(part.process)
+            sim.record(*(getattr(getattr(flight, one), port) for one, port in
+                         (m.path.split(".")[1:] for m in part.mission.outputs)), every=part.step() / 1e9)
+        record = new_record(job.folder, self.name)
         sim.archive(record, mission=sim.name, target="desktop")
         start = process_time()
         try:
@@ -102,8 +146,13 @@ class Desktop(Target):
             sim.close_archive()
         spent = process_time() - start
         with Archive(record) as archive:
-            steps = int(job.is_instant(archive.time_ns(job.outputs[0])).sum())
-        return Flown(record, steps, spent / steps, "world too")
+            done = {part.process: steps(part, archive) for part in job.parts}
+        return {process: Flown(record, n, spent / sum(done.values()), "world too") for process, n in done.items()}
+
+
+def steps(part: Part, archive: Archive) -> int:
+    """How many instants of a flight process a record has."""
+    return int(part.is_instant(archive.time_ns(part.outputs[0])).sum())
 
 
 class Linux(Target):
@@ -115,10 +164,10 @@ class Linux(Target):
     runner: tuple[str, ...] = ()
     needs: tuple[str, ...] = ("gcc",)
 
-    def build(self, job: Job) -> Path:
-        sources = [*job.sources(), *(build.ROOT / path for path in build.RUNNER)]
+    def build(self, part: Part) -> Path:
+        sources = [*part.sources(), *(build.ROOT / path for path in build.RUNNER)]
         # Static: one file, which can be copied to a board, and for which an emulator needs no libraries.
-        return build.program(job.folder / self.name, job.mission.name, sources, job.includes(), self.compiler,
+        return build.program(part.folder / self.name, part.mission.name, sources, part.includes(), self.compiler,
                              flags=["-fno-pie"], link=["-static", "-no-pie"])
 
     def command(self, built: Path, record: str) -> list[str]:
@@ -147,4 +196,5 @@ class Sparc64(Aarch64):
     needs = (compiler, *runner)
 
 
-TARGETS = {one.name: one for one in (Desktop(), Linux(), Aarch64(), Sparc64())}
+DESKTOP = Desktop()
+TARGETS = {one.name: one for one in (DESKTOP, Linux(), Aarch64(), Sparc64())}

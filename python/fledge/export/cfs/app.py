@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from fledge.export.names import KEYWORDS
@@ -27,6 +28,8 @@ class App:
     name: str
     topic: int = 0xC0
     order: str = "little"            # of the target's processor, for .tbl files
+    wakeup: int | None = None        # message id of the scheduler; None: a topic of its own
+    wires: Mapping[str, int] = field(default_factory=dict)  # path of an input -> message id of another app's packets
 
     def __post_init__(self) -> None:
         if not re.fullmatch(r"[a-z][a-z0-9]*(_[a-z0-9]+)*", self.name) or len(self.name) > LONGEST:
@@ -41,15 +44,28 @@ class App:
     def prefix(self) -> str:
         return self.name.upper()
 
+    def topics(self, mission: Mission) -> dict[str, int]:
+        """Macro -> topic, of commands and requests, then of telemetry, then of inputs."""
+        commands = {"CMD": 0, "SEND_HK": 1, "WAKEUP": 2}
+        telemetry = {"HK_TLM": 0} | {f"{m.name.upper()}_TLM": 1 + i for i, m in enumerate(mission.outputs)}
+        inputs = {f"{m.name.upper()}_IN": len(telemetry) + i for i, m in enumerate(mission.inputs)}
+        return {f"{self.prefix}_MISSION_{name}_TOPICID": value + self.topic
+                for name, value in (commands | telemetry | inputs).items()}
+
     def ids(self, mission: Mission) -> dict[str, int]:
-        """Macro -> message id, of commands and requests, then of telemetry."""
-        commands = {"CMD_MID": CMD, "SEND_HK_MID": CMD + 1, "WAKEUP_MID": CMD + 2}
-        telemetry = {"HK_TLM_MID": TLM} | {f"{m.name.upper()}_TLM_MID": TLM + 1 + i
-                                           for i, m in enumerate(mission.outputs)}
-        return {f"{self.prefix}_{name}": value + self.topic for name, value in (commands | telemetry).items()}
+        """Macro -> message id, in the same order. A base of another processor is added in its build."""
+        given = {f"{m.name.upper()}_IN": self.wires[m.path] for m in mission.inputs if m.path in self.wires}
+        if self.wakeup is not None:
+            given["WAKEUP"] = self.wakeup
+        found = {}
+        for macro, topic in self.topics(mission).items():
+            name = macro.removeprefix(f"{self.prefix}_MISSION_").removesuffix("_TOPICID")
+            base = CMD if name in ("CMD", "SEND_HK", "WAKEUP") else TLM
+            found[f"{self.prefix}_{name}_MID"] = given.get(name, base + topic)
+        return found
 
     def check_topics(self, mission: Mission) -> None:
-        last = self.topic + max(2, len(mission.outputs))
+        last = max(self.topics(mission).values())
         if self.topic < 0 or last > HIGHEST:
             raise ExportError(f"--topic {self.topic:#x}: {mission.title} needs topics up to {last:#x}; the highest is "
                               f"{HIGHEST:#x}")
@@ -57,18 +73,36 @@ class App:
             if self.topic <= high and last >= low:
                 raise ExportError(f"--topic {self.topic:#x}: {mission.title} needs the topics {self.topic:#x} to "
                                   f"{last:#x}, and {low:#x} to {high:#x} are of {what}; choose from 0xa0 or 0xc0 on")
+        unknown = [path for path in self.wires if path not in [m.path for m in mission.inputs]]
+        if unknown:
+            raise ExportError(f"--input {unknown[0]}: {mission.title} has no such input from outside; it has "
+                              f"{', '.join(m.path for m in mission.inputs) or 'none'}")
+        for what, mid in (("--wakeup", self.wakeup), *((f"--input {path}", mid) for path, mid in self.wires.items())):
+            if mid is not None and not 0 < mid <= CMD + HIGHEST:
+                raise ExportError(f"{what}: a message id is 1 to {CMD + HIGHEST:#x}; found {mid:#x}")
+        by_id: dict[int, str] = {}
+        for name, mid in self.ids(mission).items():
+            if mid in by_id:
+                raise ExportError(f"--app {self.name}: {by_id[mid]} and {name} would both be {mid:#06x}; one message "
+                                  "id has one writer, and is one input")
+            by_id[mid] = name
 
 
 def check_taken(mission: Mission, app: App, folder: Path | str) -> None:
-    """Refuse message ids that another app beside `folder` has, by the ids in its headers."""
-    ours = {value: name for name, value in app.ids(mission).items()}
+    """Refuse message ids that another app beside `folder` writes or is commanded by, by the ids in its headers."""
+    ours = {value: name for name, value in app.ids(mission).items()
+            if not name.endswith("_IN_MID") and (app.wakeup is None or not name.endswith("_WAKEUP_MID"))}
     folder = Path(folder)
-    for header in sorted([*folder.parent.glob("*/fsw/**/*msgids*.h"), *folder.parent.glob("*/config/*msgids*.h")]):
+    for header in sorted([*folder.parent.glob("*/fsw/**/*msgids*.h"), *folder.parent.glob("*/config/*msgids*.h"),
+                          *folder.parent.glob("*/config/*topicids*.h")]):
         if folder.name == header.relative_to(folder.parent).parts[0]:
             continue
         text = header.read_text(encoding="utf-8", errors="replace")
-        for name, value in re.findall(r"^[ \t]*#[ \t]*define[ \t]+(\w+_MID)[ \t]+\(?(0[xX][0-9A-Fa-f]+)", text,
-                                      re.MULTILINE):
-            if int(value, 16) in ours:
-                raise ExportError(f"--topic {app.topic:#x}: {ours[int(value, 16)]} would be {value}, which is {name} "
+        for name, value in re.findall(r"^[ \t]*#[ \t]*define[ \t]+(\w+_(?:MID|TOPICID))[ \t]+\(?(0[xX][0-9A-Fa-f]+)",
+                                      text, re.MULTILINE):
+            mid = int(value, 16)
+            if name.endswith("_TOPICID"):
+                mid += TLM if name.endswith("_TLM_TOPICID") else CMD
+            if mid in ours and not name.endswith(("_IN_TOPICID", "_IN_MID")):
+                raise ExportError(f"--topic {app.topic:#x}: {ours[mid]} would be {mid:#06x}, which is {name} "
                                   f"in {header}; choose another topic to begin with")

@@ -2,11 +2,15 @@
 """The files around an app's C: its build, what a tree needs to know of it, and how to get it there."""
 from __future__ import annotations
 
-from collections.abc import Sequence
+import zlib
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fledge.export.cfs.app import CMD, App
+from fledge.export.c_text import wrap
+from fledge.export.cfs import joint
+from fledge.export.cfs.app import App
+from fledge.export.cfs.packets import MISSION, PLATFORM, guarded
 from fledge.export.cfs.tables import HEAD_SIZE, Table
 
 if TYPE_CHECKING:
@@ -43,16 +47,53 @@ def targets(app: App) -> str:
     return f"list(APPEND cpu1_APPLIST {app.name})\n"
 
 
-def schedule(app: App) -> str:
-    """Entries for sch_lab's table. The app makes its wake-ups itself."""
-    mid = f"{app.prefix}_SEND_HK_MID"
+def version(app: App, config: Mapping[str, str]) -> str:
+    """A number that changes with the app's packets and tables."""
+    number = zlib.crc32("".join(config[one] for one in ("msgids", "fcncodes", "msgdefs", "tblstruct")).encode())
+    return guarded(app, "version", f"The version of {app.prefix}'s packets and tables, as no operation tells it.",
+                   [f'#define {app.prefix}_VERSION "{number:08X}"', ""])
+
+
+def configured(app: App, scope: str, headers: Sequence[str]) -> str:
+    """mission_build.cmake or arch_build.cmake: a header for each of config/, which a mission may replace."""
+    listed = " ".join(f"{app.name}_{one}.h" for one in headers)
+    return "\n".join(["# SPDX-License-Identifier: Apache-2.0",
+                      f"# The headers of a {scope}: a file of this name in the definitions counts, or that of config/.",
+                      *wrap(f"foreach(FILE {listed})".split(), "", "        "),
+                      '    generate_config_includefile(FILE_NAME "${FILE}"',
+                      '        FALLBACK_FILE "${CMAKE_CURRENT_LIST_DIR}/config/default_${FILE}")',
+                      "endforeach()", ""])
+
+
+def wrappers(app: App) -> dict[str, str]:
+    """The same headers for a build without cFS's CMake: name -> text."""
+    return {f"{app.name}_{one}.h": f'#include "config/default_{app.name}_{one}.h"\n'
+            for one in (*MISSION, *PLATFORM)}
+
+
+def schedule(mission: Mission, app: App) -> str:
+    """Entries for sch_lab's table."""
+    ticks = joint.step(mission) / 10_000_000
+    hk, wakeup = f"{app.prefix}_SEND_HK_MID", f"{app.prefix}_WAKEUP_MID"
+    rate = f"{ticks:g}" if ticks == int(ticks) and ticks > 0 else "..."
     return "\n".join(["/* SPDX-License-Identifier: Apache-2.0 */",
-                      f"/* For fsw/tables/sch_lab_table.c: {app.prefix}'s housekeeping every second (TickRate 100).",
-                      " * Above:", " *", f' *     #include "{app.name}_msgids.h"', " *",
-                      " * and in the table, of Draco and 7.x, where an entry has a function code: */",
-                      f"{{CFE_SB_MSGID_WRAP_VALUE({mid}), 100, 0}},", "",
-                      "/* or of Caelum, where the rate counts seconds:", " *",
-                      f" *     {{CFE_SB_MSGID_WRAP_VALUE({mid}), 1}},", " */", ""])
+                      f"/* For fsw/tables/sch_lab_table.c, of Draco and 7.x: {app.prefix}'s wake-ups, every "
+                      f"{joint.step(mission) / 1e9:g} s, and its housekeeping",
+                      " * every second (TickRate 100). Above:",
+                      " *", f' *     #include "{app.name}_msgids.h"', " */",
+                      f"{{CFE_SB_MSGID_WRAP_VALUE({wakeup}), {rate}, 0}},",
+                      f"{{CFE_SB_MSGID_WRAP_VALUE({hk}), 100, 0}},", "",
+                      "/* Of Caelum, whose rate counts seconds, and whose entries have no function code:", " *",
+                      f" *     {{CFE_SB_MSGID_WRAP_VALUE({hk}), 1}},", " */", ""])
+
+
+def downlink(mission: Mission, app: App) -> str:
+    """Entries for to_lab's table."""
+    ids = [one for one in app.ids(mission) if one.endswith("_TLM_MID")]
+    return "\n".join(["/* SPDX-License-Identifier: Apache-2.0 */",
+                      f"/* For fsw/tables/to_lab_sub.c: what of {app.prefix} goes to the ground; its table has room "
+                      "for few.", " * Above:", " *", f' *     #include "{app.name}_msgids.h"', " */",
+                      *(f"{{CFE_SB_MSGID_WRAP_VALUE({one}), {{0, 0}}, 4}}," for one in ids), ""])
 
 
 def pocket_sources() -> list[Path]:
@@ -75,9 +116,12 @@ def readme(mission: Mission, app: App, found: Sequence[Table]) -> str:
     ids = app.ids(mission)
     tables = "\n".join(f"| `{prefix}.{t.name}` | {t.module.path}: {t.module.type} | {HEAD_SIZE + len(t.content)} | "
                        f"`{t.file}` |" for t in found)
-    packets = "\n".join(f"| {ids[f'{prefix}_{m.name.upper()}_TLM_MID']:#06x} | {m.path} | {m.struct.name} | "
-                        f"{16 + m.struct.size} |" for m in mission.outputs)
-    boards = f"`fsw/src/{mission.name}_io.c`"
+
+    def packets(messages, end):
+        return "\n".join(f"| {ids[f'{prefix}_{m.name.upper()}_{end}_MID']:#06x} | {m.path} | {m.struct.name} | "
+                         f"{16 + m.struct.size} |" for m in messages)
+
+    command, request, wakeup = (ids[f"{prefix}_{one}_MID"] for one in ("CMD", "SEND_HK", "WAKEUP"))
     return f"""# {prefix}: {mission.title} as an app of the core Flight System
 
 Written by `fledge export cfs {mission.title} --app {name}`; change the mission instead. The folder needs nothing
@@ -87,22 +131,32 @@ else of Fledge. It is made for cFS Caelum, Draco and 7.x, in pure C99.
 
 1. Copy this folder to `apps/{name}`.
 2. Add the line of `install/targets.cmake` at the end of your `targets.cmake`.
-3. Add the line of `install/cfe_es_startup.scr` to your start-up script, before its `!`.
-4. Add the entry of `install/sch_lab_table.c` to your scheduler's table, so that housekeeping is asked for.
-5. `make prep && make install`. The tables are built with it; without that tool, or for another byte order,
-   copy `cf/*.tbl` to the target's `/cf`: they are {app.order}-endian (`--order`).
+3. Add the line of `install/cfe_es_startup.scr` to your start-up script, before its `!`. The bundle of 7.0.1 writes its
+   script by `generate_startup.cmake`: add the line there, in a `file (APPEND ${{STARTUP_FILE}} "...\\n")`.
+4. Add the entries of `install/sch_lab_table.c` and `install/to_lab_sub.c` to the tables of your scheduler and of your
+   telemetry output. The build finds the app's headers without further include paths.
+5. `make prep && make install`; in the bundle of 7.0.1 `make native_std.prep native_std.install`, or of another
+   configuration. The tables are built with it; without that tool, or for another byte order, copy `cf/*.tbl` to the
+   target's `/cf`: they are {app.order}-endian (`--order`).
+
+Under Linux, `/proc/sys/fs/mqueue/msg_max` limits the depth of pipes; cFE's own need 40 messages.
 
 ## Its surroundings
 
-Flight has its time and its data from registers ({boards} says which message is where). The app's child
-task waits for their clock, and turns each tick into the app's wake-up; the app reads, flies, writes and
-answers the clock, which does not go on before. So the outside decides how fast time goes, and nothing is
-taken from the host's clock.
+The message {wakeup:#06x} wakes the app, every {joint.step(mission) / 1e9:g} s. It takes its inputs from packets that it
+subscribes to, flies, and sends its outputs. Flight's time is the mission elapsed time to the nearest step
+(`{prefix}_TIME_FROM_MET`). A mission replaces any header of `config/` by one in its definitions, named without
+`default_`: topics, message ids, depth of the pipe, priorities, marks of performance logs.
 
-- Under POSIX the registers are a file: `$FLEDGE_REGISTERS`, or `{name}.registers` in the folder of the process.
-- On a board they are memory at the board's base: compile with `-D{prefix}_REGISTERS_IN_MEMORY`.
+| input | | payload | bytes |
+|---|---|---|---|
+{packets(mission.inputs, "IN")}
 
-## Commands, on {CMD + app.topic:#06x}
+An input's packet is a telemetry header, and the message as `config/default_{name}_msgdefs.h` declares it. If its head
+is zero, the app writes one: the time of the next wake-up, the next sequence, good quality. The option `--input PATH=ID`
+of the export makes an input of another app's packets, `--wakeup ID` takes a scheduler's message.
+
+## Commands, on {command:#06x}
 
 | code | | payload |
 |---|---|---|
@@ -112,14 +166,14 @@ taken from the host's clock.
 | 3 | load a table from a file, now | `char[16]` its name without `{prefix}.`, `char[64]` the file |
 | 4 | reset flight: what it remembers begins anew, its parameters stay | |
 
-Length and checksum are both looked at; what is refused is an event and a counter. {CMD + 1 + app.topic:#06x} asks for
-housekeeping and lets the tables take over what the ground loaded; {CMD + 2 + app.topic:#06x} is the wake-up.
+Length and checksum are both looked at; what is refused is an event and a counter. {request:#06x} asks for
+housekeeping and lets the tables take over what the ground loaded.
 
 ## Tables
 
 The parameters of each module, behind a word that tells byte order and version: a file of another is refused. What
 breaks its rules (finite, within its range, ...) is refused, with an event that
-names the number. `fsw/inc/{name}_tbl.h` has their structs, with units.
+names the number. `config/default_{name}_tblstruct.h` has their structs, with units.
 
 | table | parameters of | bytes | file |
 |---|---|---|---|
@@ -131,10 +185,10 @@ housekeeping takes them over, between two ticks.
 ## Telemetry
 
 Flight's time is the packets' time. Payloads are in the processor's byte order, without padding
-(`fsw/inc/{name}_msg.h`). An output is sent when it was written anew.
+(`config/default_{name}_msgdefs.h`). An output is sent when it was written anew.
 
 | id | | payload | bytes |
 |---|---|---|---|
-| {ids[f"{prefix}_HK_TLM_MID"]:#06x} | housekeeping | | 80 |
-{packets}
+| {ids[f"{prefix}_HK_TLM_MID"]:#06x} | housekeeping | | 88 |
+{packets(mission.outputs, "TLM")}
 """

@@ -21,16 +21,16 @@ APP = cfs.App("nav")
 
 def compiled(found, folder):
     """Table name -> function(bytes) -> the name of the field that breaks its rule, or None."""
-    lines = ['#include "targets/mission_check.h"', ""]
+    lines = ['#include "flight/command/rules.h"', ""]
     for table in found:
         lines += tables.rules(APP, table)
         lines += [f"const char *check_{table.name}(const void *block);",
                   f"const char *check_{table.name}(const void *block)", "{", "    uint32_t element;",
-                  f"    const MissionRule *broken = mission_check(Rules{table.name}, sizeof Rules{table.name} / "
+                  f"    const CommandRule *broken = command_check(Rules{table.name}, sizeof Rules{table.name} / "
                   f"sizeof Rules{table.name}[0],", "        block, &element);",
                   "    return broken ? broken->name : 0;", "}", ""]
     (folder / "rules.c").write_text("\n".join(lines))
-    subprocess.run(["gcc", *STRICT, "-O1", "-shared", "-fPIC", "-I", ROOT, "rules.c", ROOT / "targets/mission_check.c",
+    subprocess.run(["gcc", *STRICT, "-O1", "-shared", "-fPIC", "-I", ROOT, "rules.c", ROOT / "flight/command/rules.c",
                     "-o", "rules.so"], check=True, cwd=folder)
     so = ctypes.CDLL(str(folder / "rules.so"))
 

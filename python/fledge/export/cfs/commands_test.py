@@ -14,7 +14,8 @@ from fledge.export.run_test import FLIGHT, WORLD
 
 CMD, SEND_HK, WAKEUP, HK = 0x18C0, 0x18C1, 0x18C2, 0x08C0
 HOUSEKEEPING = ("time commands command_errors spare bad_checksum bad_length unknown_code refused mode table_updates "
-                "table_refusals ticks overdue wakeups_ignored io_refused io_corrupt io_saturated").split()
+                "table_refusals ticks overdue wakeups_ignored io_refused io_corrupt io_saturated inputs "
+                "inputs_refused").split()
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +28,7 @@ def built(tmp_path_factory):
     (modes / "world.py").write_text(WORLD)
     mission = export.read(fledge.load(modes))
     app = cfs.App("nav")
-    cfs.write(mission, app, folder / "nav", outputs="all")
+    cfs.write(mission, app, folder / "nav", outputs="all", simulated=True)
     program = linked.build([(app, folder / "nav")], folder / "run", options=["-O1"])
     outside = Outside(mission, folder / "outside")
     outside.close()
@@ -53,8 +54,8 @@ def housekeeping(core, first=None):
     if first:
         core.until(first)
     raw = core.telemetry(HK)
-    assert len(raw) == 80
-    return dict(zip(HOUSEKEEPING, struct.unpack("<qBBH13I", raw[16:]), strict=True)) | {
+    assert len(raw) == 88
+    return dict(zip(HOUSEKEEPING, struct.unpack("<qBBH15I", raw[16:]), strict=True)) | {
         "stamp": struct.unpack(">IH", raw[6:12])}
 
 
@@ -77,7 +78,7 @@ def load(name, file):
 
 def test_noop_and_reset_of_the_counters(core):
     core.send(command(CMD, 0))
-    core.until("NAV 2: No operation: NAV flies modes")
+    core.until("NAV 2: No operation: NAV version ")
     core.send(command(CMD, 9))
     core.until("NAV 23:")
     assert {k: v for k, v in housekeeping(core).items() if v} == {

@@ -2,6 +2,7 @@
 """Exported apps fly: on the pocket cFE, in lock-step with their registers, they put out the desktop's bits."""
 
 import shutil
+import struct
 import subprocess
 
 import pytest
@@ -11,7 +12,7 @@ from fledge import export
 from fledge.export import cfs
 from fledge.export.cfs import around
 from fledge.export.cfs.folder import flown_by
-from fledge.export.cfs.testing import HERE, ROOT, Core, Outside, linked
+from fledge.export.cfs.testing import HERE, ROOT, Core, Outside, command, linked, telemetry
 from fledge.export.testing import Recorded, fly
 from fledge.export.write import write_files
 
@@ -23,7 +24,7 @@ def flown(name, folder, duration, compiler="gcc", order="little", runner=(), **m
     sim = fledge.load(name)
     mission = export.read(sim)
     app = cfs.App("fsw", order=order)
-    cfs.write(mission, app, folder / "fsw", outputs="all")
+    cfs.write(mission, app, folder / "fsw", outputs="all", simulated=True)
     program = linked.build([(app, folder / "fsw")], folder / "run", compiler, **more)
     inputs, outputs = [m.path for m in mission.inputs], [m.path for m in mission.outputs]
     recorded = Recorded(sim, [*inputs, *outputs], sim.flight.tasks[0].period / NS)
@@ -31,7 +32,7 @@ def flown(name, folder, duration, compiler="gcc", order="little", runner=(), **m
     input_log = {p: recorded.samples(p) for p in inputs}
     said = {p: recorded.samples(p) for p in outputs}
     outside = Outside(mission, folder / "outside")
-    core = Core(program, outside, runner=runner)
+    core = Core(program, outside, runner=runner, app="FSW")
     try:
         outside.tick(-1)
         for i, t in enumerate(recorded.times()):
@@ -88,9 +89,9 @@ def test_on_a_board_without_an_operating_system(tmp_path):
     sim = fledge.load("nadir_spin")
     mission = export.read(sim)
     app = cfs.App("fsw")
-    cfs.write(mission, app, tmp_path / "fsw", outputs="all")
+    cfs.write(mission, app, tmp_path / "fsw", (), outputs="all")
     flags = [*linked.FLAGS, *linked.EXACT, "-O1", *linked.included()]
-    objects = linked.compiled(app, tmp_path / "fsw", tmp_path / "o", options=["-O1", "-DFSW_REGISTERS_IN_MEMORY"])
+    objects = linked.compiled(app, tmp_path / "fsw", tmp_path / "o", options=["-O1"])
     flown_, _ = flown_by(mission, (), "all")
     write_files(flown_ | {"apps.c": around.app_list([app])}, tmp_path / "outside")
     pocket = [f for f in around.pocket_sources() if f.name not in ("host.c", "port_posix.c")]
@@ -111,3 +112,64 @@ def test_on_a_board_without_an_operating_system(tmp_path):
     assert done.stdout == b"".join(samples[p][i] for i in range(len(times)) for p in outputs)
     said = done.stderr.decode()
     assert said.count("keeps its defaults") == 6 and "The run has ended after 241 ticks" in said
+
+
+def test_on_the_bus_alone_it_puts_out_the_same_bits(tmp_path):
+    """Inputs are packets, and a scheduler's message wakes it: no registers, no child task."""
+    sim = fledge.load("nadir_spin")
+    mission = export.read(sim)
+    app = cfs.App("fsw", wakeup=0x18D0, wires={"world.nav.attitude": 0x0890})
+    cfs.write(mission, app, tmp_path / "fsw")
+    program = linked.build([(app, tmp_path / "fsw")], tmp_path / "run", options=["-O1", "-DFSW_TIME_FROM_MET=0"])
+    inputs, outputs = [m.path for m in mission.inputs], [m.path for m in mission.outputs]
+    recorded = Recorded(sim, [*inputs, *outputs], 0.5)
+    sim.run(60.0)
+    samples = {p: recorded.samples(p) for p in (*inputs, *outputs)}
+    ids = app.ids(mission)
+    last = f"FSW_{mission.outputs[-1].name.upper()}_TLM_MID"
+    core = Core(program, listen="0x08C0-0x08E0")
+    try:
+        core.until("FSW flies nadir_spin")
+        core.send(telemetry(0x0890, b"too short"))
+        core.until("FSW 25: world.nav.attitude has 25 bytes, expected 80")
+        before = {}
+        for i, t in enumerate(recorded.times()):
+            for message in mission.inputs:
+                core.send(telemetry(ids[f"FSW_{message.name.upper()}_IN_MID"], samples[message.path][i]))
+            core.send(command(0x18D0, 0))
+            for message in mission.outputs:
+                raw = samples[message.path][i]
+                if raw[12:16] != before.get(message.path, bytes(16))[12:16]:    # written anew: in the order of ids
+                    packet = core.telemetry(ids[f"FSW_{message.name.upper()}_TLM_MID"])
+                    assert packet[16:] == raw, (t, message.path)
+                    assert struct.unpack(">IH", packet[6:12]) == (t // NS, t % NS * 2**16 // NS)
+                before[message.path] = raw
+        assert last in ids and i == 120
+    finally:
+        core.kill()
+
+
+def test_a_sender_without_a_head_gets_one_and_time_is_that_of_the_core(tmp_path):
+    sim = fledge.load("nadir_spin")
+    mission = export.read(sim)
+    app = cfs.App("fsw")
+    cfs.write(mission, app, tmp_path / "fsw")
+    program = linked.build([(app, tmp_path / "fsw")], tmp_path / "run", options=["-O1"])
+    recorded = Recorded(sim, [m.path for m in mission.inputs], 0.5)
+    sim.run(0.5)
+    ids = app.ids(mission)
+    core = Core(program, listen="0x08C0-0x08E0")
+    try:
+        core.until("FSW flies nadir_spin")
+        for message in mission.inputs:
+            core.send(telemetry(ids[f"FSW_{message.name.upper()}_IN_MID"],
+                                bytes(16) + recorded.samples(message.path)[0][16:]))
+        core.send(command(0x18C2, 0))
+        error = core.telemetry(ids["FSW_TRACKING_ERROR_TLM_MID"])
+        t, quality, sequence = struct.unpack("<qiI", error[16:32])
+        assert (quality, sequence) == (3, 1) and t % (NS // 2) == 0 and t < 60 * NS
+        core.send(command(0x18C2, 0))                   # in the same half second: no new instant
+        core.send(command(0x18C1, 0))
+        assert struct.unpack_from("<q", core.telemetry(0x08C0), 16)[0] in (t, t + NS // 2)
+    finally:
+        core.kill()

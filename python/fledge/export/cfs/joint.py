@@ -2,6 +2,7 @@
 """Where an app's C, the same for all missions, meets the one that it flies."""
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -17,17 +18,25 @@ if TYPE_CHECKING:
     from registers.description import Board
 
 
+def step(mission: Mission) -> int:
+    """[ns] The widest grid that has all of flight's instants."""
+    return math.gcd(*(n for task in mission.tasks for n in (task.period, task.offset)))
+
+
 def header(mission: Mission, app: App, found: Sequence[Table], boards: Sequence[Board], watched: bool = False) -> str:
     prefix, upper = app.prefix, mission.name.upper()
-    longest = max(m.struct.size for m in mission.outputs)
+    longest = max((m.struct.size for m in mission.outputs), default=0)
     longest_table = HEAD_SIZE + max((len(t.content) for t in found), default=0)
     return guarded(app, "mission", f"What {prefix} flies: {mission.title}.", [
-        '#include "cfe.h"', "", f'#include "{mission.name}.h"', f'#include "{mission.name}_io.h"',
-        '#include "targets/mission_check.h"', "",
+        '#include "cfe.h"', "", f'#include "{mission.name}.h"', *
+        ([f'#include "{mission.name}_io.h"'] if boards else []),
+        '#include "flight/command/rules.h"', "",
         f"typedef {mission.struct()} {prefix}_Mission_t;", "",
         *(['#include "targets/cfs/watch.h"', f"#define {prefix}_WATCH fledge_watch", ""] if watched else []),
         f"#define {prefix}_MESSAGES {upper}_MESSAGES",
         f"#define {prefix}_LONGEST_MESSAGE {longest} /* [bytes] */",
+        f"#define {prefix}_INPUTS {len(mission.inputs)}u /* the first of the messages */",
+        f"#define {prefix}_STEP_NS INT64_C({step(mission)}) /* between two wake-ups */",
         f"#define {prefix}_BOARDS {len(boards)}",
         f"#define {prefix}_TABLES {len(found)}",
         f"#define {prefix}_TABLE_HEAD {HEAD_SIZE} /* [bytes] in front of the parameters */",
@@ -35,9 +44,12 @@ def header(mission: Mission, app: App, found: Sequence[Table], boards: Sequence[
         "/** The parameters of a module as a table. */", f"typedef struct {prefix}_Table {{",
         "    const char *Name; /* as the bus knows it, without the app's */",
         "    const char *File; /* what it is loaded from at the start */",
-        "    uint32 Layout;    /* what its first word must be */", "    const MissionRule *Rules;",
+        "    uint32 Layout;    /* what its first word must be */", "    const CommandRule *Rules;",
         "    uint32 NumRules;", "    int32 (*Validate)(void *Content);", f"}} {prefix}_Table_t;", "",
         f"extern const {prefix}_Table_t {prefix}_Tables[{prefix}_TABLES + 1];", "",
+        "/** The message ids of inputs and outputs, in the order of the messages. */",
+        f"extern const CFE_SB_MsgId_Atom_t {prefix}_InputIds[{prefix}_INPUTS + 1];",
+        f"extern const CFE_SB_MsgId_Atom_t {prefix}_OutputIds[{prefix}_MESSAGES - {prefix}_INPUTS + 1];", "",
         "/** Look at what a table shall hold: CFE_SUCCESS, or an error after an event. */",
         f"int32 {prefix}_ValidateTable(uint32 Index, const void *Content);", "",
         "/** A module's parameters were changed: publish them to their readers, at t [ns]. */",
@@ -52,7 +64,8 @@ def source(mission: Mission, app: App, found: Sequence[Table]) -> str:
     prefix, name = app.prefix, mission.name
     lines = ["/* SPDX-License-Identifier: Apache-2.0 */",
              *comment(f"What is {mission.title}'s own in {prefix}: the rules of its parameters, and its calls."),
-             f'#include "{app.name}_mission.h"', f'#include "{app.name}_tbl.h"', "", "#include <stddef.h>", "",
+             f'#include "{app.name}_mission.h"', f'#include "{app.name}_msgids.h"', f'#include "{app.name}_tbl.h"', "",
+             "#include <stddef.h>", "",
              "/* A table is the bytes of its module's parameters: a compiler refuses another layout. */",
              "#define SAME(a, b, name) typedef char same_##name[(a) == (b) ? 1 : -1]",
              *layout_checks(app, found), ""]
@@ -65,8 +78,13 @@ def source(mission: Mission, app: App, found: Sequence[Table]) -> str:
         lines += row(f'"{table.name}"', f'"{table.file}"', f"{prefix}_{table.name.upper()}_LAYOUT",
                      f"Rules{table.name}", f"sizeof Rules{table.name} / sizeof Rules{table.name}[0]",
                      f"Validate{table.name}")
-    lines += ["    {NULL, NULL, 0, NULL, 0, NULL},", "};", "",
-              f"void {prefix}_Publish({prefix}_Mission_t *Mission, uint32 Index, int64 t)", "{"]
+    lines += ["    {NULL, NULL, 0, NULL, 0, NULL},", "};", ""]
+    for kind, messages, ends in (("Input", mission.inputs, "IN"), ("Output", mission.outputs, "TLM")):
+        listed = [f"{prefix}_{m.name.upper()}_{ends}_MID," for m in messages]
+        lines += [f"const CFE_SB_MsgId_Atom_t {prefix}_{kind}Ids[] = {{",
+                  *(f"    {one}" for one in listed), "    0};", ""]
+    lines += [
+        f"void {prefix}_Publish({prefix}_Mission_t *Mission, uint32 Index, int64 t)", "{"]
     configuration = [(i, t.module) for i, t in enumerate(found) if t.module in mission.configuration]
     if configuration:
         lines.append("    switch (Index) {")

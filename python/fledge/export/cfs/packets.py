@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from fledge.elements import ELEMENTS
@@ -11,6 +12,7 @@ from fledge.export.c_text import comment, doc, plain, with_notes, wrap
 
 if TYPE_CHECKING:
     from fledge.export.cfs.app import App
+    from fledge.export.cfs.tables import Table
     from fledge.export.read import Mission
 
 
@@ -53,29 +55,97 @@ def guarded(app: App, file: str, about: str, parts: Sequence[str]) -> str:
                       f"#ifndef {guard}", f"#define {guard}", "", *parts, "#endif", ""])
 
 
-def msgids(mission: Mission, app: App) -> str:
-    ids = app.ids(mission)
-    width = max(map(len, ids))
-    lines = [f"#define {name.ljust(width)} 0x{value:04X}" for name, value in ids.items()]
-    return guarded(app, "msgids", f"The message ids of {app.prefix}: topics from {app.topic:#x} on.",
-                   ["/* commands, requests for housekeeping, wake-ups from its own child task */", *lines[:3], "",
-                    "/* telemetry: housekeeping, and a packet for each output of flight */", *lines[3:], ""])
+MISSION = ("topicids", "fcncodes", "interface_cfg", "mission_cfg", "msgdefs", "msgstruct", "msg", "tbldefs",
+           "tblstruct", "tbl")
+PLATFORM = ("msgids", "internal_cfg", "platform_cfg", "perfids")
+HEAD = ["uint32 Layout; /* ..._LAYOUT: tells byte order and version of what follows */", "uint32 Spare;"]
+CODES = ("NOOP", "RESET_COUNTERS", "ENTER_MODE", "LOAD_PARAMETERS", "RESET_FLIGHT")
 
 
-def msg(mission: Mission, app: App) -> str:
+def config(mission: Mission, app: App, found: Sequence[Any]) -> dict[str, str]:
+    """The headers that a mission may replace by its own: name -> text, of all in MISSION and PLATFORM."""
+    prefix, name = app.prefix, app.name
+    topics = app.topics(mission)
+    depth = 16 + 4 * len(mission.inputs)
+
+    def defines(values):
+        width = max(map(len, values), default=0)
+        return [f"#define {one.ljust(width)} {value}" for one, value in values.items()] + [""]
+
+    headers = {
+        "topicids": (f"The topics of {prefix}: of commands and requests, of telemetry, and of the packets that are its "
+                     "inputs.", defines({one: f"0x{value:02X}" for one, value in topics.items()})),
+        "fcncodes": (f"The function codes of {prefix}'s commands.",
+                     defines({f"{prefix}_{code}_CC": str(i) for i, code in enumerate(CODES)})),
+        "interface_cfg": (f"What others know of {prefix}: the names of its tables.",
+                          defines({f"{prefix}_{t.name.upper()}_TABLE": f'"{prefix}.{t.name}"' for t in found})),
+        "mission_cfg": (f"What is the same on all processors of a mission with {prefix}.",
+                        [f'#include "{name}_interface_cfg.h"', ""]),
+        "msgdefs": (f"The payloads of {prefix}'s packets.", payloads(mission, app)),
+        "msgstruct": (f"The packets of {prefix}.", packets(mission, app)),
+        "msg": (f"The packets of {prefix}, with their codes and payloads.",
+                [f'#include "{name}_{one}.h"' for one in ("interface_cfg", "fcncodes", "msgdefs", "msgstruct")] + [""]),
+        "tbldefs": (f"The types in {prefix}'s tables.",
+                    ['#include "common_types.h"', f'#include "{name}_mission_cfg.h"', ""]),
+        "tblstruct": (f"The tables of {prefix}: the parameters of its modules.", structs(app, found)),
+        "tbl": (f"The tables of {prefix}.", [f'#include "{name}_tbldefs.h"', f'#include "{name}_tblstruct.h"', ""]),
+        "msgids": (f"The message ids of {prefix}, from its topics.", msgids(mission, app)),
+        "internal_cfg": (f"How {prefix} works inside.", [
+            "/* How long the app waits for a message before it looks whether it is to end [ms]. */",
+            f"#define {prefix}_WAIT_MS 500", "",
+            "/* Without registers, flight's time is: 1: the mission elapsed time of a wake-up, to the nearest step;",
+            " * 0: a step more than at the wake-up before. */", f"#ifndef {prefix}_TIME_FROM_MET",
+            f"#define {prefix}_TIME_FROM_MET 1", "#endif", ""]),
+        "platform_cfg": (f"What {prefix} needs of a processor.", [
+            f'#include "{name}_mission_cfg.h"', f'#include "{name}_internal_cfg.h"', "",
+            "/* At most 4 messages of each id wait in a pipe of this depth, so none keeps out another. */",
+            f"#define {prefix}_PIPE_DEPTH {depth}", "",
+            "/* Of the child task that waits for registers. */", f"#define {prefix}_CHILD_PRIORITY 60", ""]),
+        "perfids": (f"The marks of {prefix} in performance logs.",
+                    [f"#define {prefix}_APP_PERF_ID {64 + app.topic // 8 % 64}", ""])}
+    return {one: guarded(app, one, *headers[one]) for one in (*MISSION, *PLATFORM)}
+
+
+def msgids(mission: Mission, app: App) -> list[str]:
     prefix = app.prefix
-    codes = ["NOOP", "RESET_COUNTERS", "ENTER_MODE", "LOAD_PARAMETERS", "RESET_FLIGHT"]
+    standard = {macro: macro.replace("_MISSION_", "_").replace("_TOPICID", "_MID") for macro in app.topics(mission)}
+    own = replace(app, wakeup=None, wires={}).ids(mission)
+    lines = ['#include "cfe_msgids.h"', f'#include "{app.name}_topicids.h"', "",
+             "/* Caelum and Draco have bases, 7.x has a map of its own. */"]
+    for kind in ("CMD", "TLM"):
+        lines += [f"#ifdef CFE_PLATFORM_{kind}_TOPICID_TO_MIDV",
+                  f"#define {prefix}_{kind}_MIDV(topic) CFE_PLATFORM_{kind}_TOPICID_TO_MIDV(topic)", "#else",
+                  f"#define {prefix}_{kind}_MIDV(topic) (CFE_PLATFORM_{kind}_MID_BASE + (topic))", "#endif"]
+    lines.append("")
+    width = max(map(len, standard.values()))
+    for macro, mid in standard.items():
+        given = app.ids(mission)[mid]
+        kind = "CMD" if given & 0x1000 else "TLM"
+        value = f"{prefix}_{kind}_MIDV({macro})" if given == own[mid] else f"0x{given:04X}"
+        lines.append(f"#define {mid.ljust(width)} {value}")
+    return [*lines, ""]
+
+
+def structs(app: App, found: Sequence[Table]) -> list[str]:
+    """The structs of all tables, as lines."""
+    parts = [f'#include "{app.name}_tbldefs.h"', ""]
+    for table in found:
+        name = f"{app.prefix}_{table.name}"
+        parts += [f"#define {name.upper()}_LAYOUT 0x{table.layout:08X}u",
+                  struct(name, table.fields, f"{table.module.path}: {table.module.type}", HEAD)]
+    return parts
+
+
+def payloads(mission: Mission, app: App) -> list[str]:
+    prefix = app.prefix
     modes = [f"{i} {mission.mode_titles[m]}" for i, m in enumerate(mission.modes)] or ["this mission has none"]
-    parts = ['#include "cfe.h"', "", "/* Function codes. */",
-             *(f"#define {prefix}_{code + '_CC':<19} {i}" for i, code in enumerate(codes)), "",
-             f"typedef struct {prefix}_NoArgsCmd {{", "    CFE_MSG_CommandHeader_t CommandHeader;",
-             f"}} {prefix}_NoArgsCmd_t;", "",
-             f"typedef struct {prefix}_EnterModeCmd {{", "    CFE_MSG_CommandHeader_t CommandHeader;",
-             "    struct {", *wrap(f"uint32 Mode; /* {plain(', '.join(modes))} */".split(), " " * 8, " " * 11),
-             "    } Payload;", f"}} {prefix}_EnterModeCmd_t;", "",
-             f"typedef struct {prefix}_LoadParametersCmd {{", "    CFE_MSG_CommandHeader_t CommandHeader;",
-             "    struct {", f"        char Table[16]; /* without the app's name: Control, not {prefix}.Control */",
-             "        char File[64];  /* as /cf/x.tbl */", "    } Payload;", f"}} {prefix}_LoadParametersCmd_t;", "",
+    parts = ['#include "common_types.h"', f'#include "{app.name}_fcncodes.h"', "",
+             f"typedef struct {prefix}_EnterModeCmd_Payload {{",
+             *wrap(f"uint32 Mode; /* {plain(', '.join(modes))} */".split(), " " * 4, " " * 7),
+             f"}} {prefix}_EnterModeCmd_Payload_t;", "",
+             f"typedef struct {prefix}_LoadParametersCmd_Payload {{",
+             f"    char Table[16]; /* without the app's name: Control, not {prefix}.Control */",
+             "    char File[64];  /* as /cf/x.tbl */", f"}} {prefix}_LoadParametersCmd_Payload_t;", "",
              f"typedef struct {prefix}_HkTlm_Payload {{",
              *with_notes([("int64 Time;", "[ns] of flight, at the last tick; -1: none yet"),
                           ("uint8 CommandCounter;", "commands that were done"),
@@ -86,24 +156,38 @@ def msg(mission: Mission, app: App) -> str:
                           ("uint32 Mode;", ", ".join(modes)),
                           ("uint32 TableUpdates;", "parameters that were taken over since the start"),
                           ("uint32 TableRefusals;", "parameters that break their rules"),
-                          ("uint32 Ticks;", "of the registers' clock"),
+                          ("uint32 Ticks;", "of flight"),
                           ("uint32 Overdue;", "ticks that took longer than they may"),
                           ("uint32 WakeupsIgnored;", "without a tick"),
                           ("uint32 IoRefused;", "messages that a lane did not take"),
                           ("uint32 IoCorrupt;", "messages that were none"),
-                          ("uint32 IoSaturated;", "numbers beyond the range of their field")], "    "),
+                          ("uint32 IoSaturated;", "numbers beyond the range of their field"),
+                          ("uint32 Inputs;", "packets that are inputs"),
+                          ("uint32 InputsRefused;", "of the wrong length")], "    "),
              f"}} {prefix}_HkTlm_Payload_t;", "",
-             f"typedef struct {prefix}_HkTlm {{", "    CFE_MSG_TelemetryHeader_t TelemetryHeader;",
-             f"    {prefix}_HkTlm_Payload_t Payload;", f"}} {prefix}_HkTlm_t;", "",
-             "/* The outputs of flight: host byte order, without padding. */", ""]
-    done = {}
-    for message in mission.outputs:
-        name = names.camel(message.name)
-        payload = f"{prefix}_{message.struct.name}"
+             "/* Inputs and outputs of flight: host byte order, without padding. */", ""]
+    done: set[str] = set()
+    for message in (*mission.inputs, *mission.outputs):
         if message.struct.name not in done:
-            parts.append(struct(payload, message.struct.fields, message.struct.doc or message.struct.name))
-            done[message.struct.name] = payload
-        parts += [f"/** {message.path} */", f"typedef struct {prefix}_{name}Tlm {{",
-                  "    CFE_MSG_TelemetryHeader_t TelemetryHeader;", f"    {payload}_t Payload;",
-                  f"}} {prefix}_{name}Tlm_t;", ""]
-    return guarded(app, "msg", f"The packets of {prefix}.", parts)
+            done.add(message.struct.name)
+            parts.append(struct(f"{prefix}_{message.struct.name}", message.struct.fields,
+                                message.struct.doc or message.struct.name))
+    return parts
+
+
+def packets(mission: Mission, app: App) -> list[str]:
+    prefix = app.prefix
+
+    def packet(name, header, payload, about=""):
+        return [*([f"/** {about} */"] if about else []), f"typedef struct {prefix}_{name} {{",
+                f"    CFE_MSG_{header}Header_t {header}Header;", *([f"    {payload}_t Payload;"] if payload else []),
+                f"}} {prefix}_{name}_t;", ""]
+
+    parts = ['#include "cfe.h"', "", f'#include "{app.name}_msgdefs.h"', "", *packet("NoArgsCmd", "Command", "")]
+    for name in ("EnterModeCmd", "LoadParametersCmd"):
+        parts += packet(name, "Command", f"{prefix}_{name}_Payload")
+    parts += packet("HkTlm", "Telemetry", f"{prefix}_HkTlm_Payload")
+    for message in (*mission.inputs, *mission.outputs):
+        kind = "In" if message in mission.inputs else "Tlm"
+        parts += packet(names.camel(message.name) + kind, "Telemetry", f"{prefix}_{message.struct.name}", message.path)
+    return parts

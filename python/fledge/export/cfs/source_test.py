@@ -34,23 +34,38 @@ def written(nadir, tmp_path_factory):
 @pytest.mark.parametrize("version", ["caelum", "draco"])
 @pytest.mark.parametrize("compiler", COMPILERS)
 def test_it_compiles_under_the_flags_and_headers_of_every_version(written, version, compiler, tmp_path):
-    included = ["-I", HERE / version, "-I", written / "fsw/inc"]
+    included = ["-I", HERE / version, *linked.own(cfs.App("nadir"), written, tmp_path)]
     app = sorted((written / "fsw/src").rglob("*.c"))
     only = [file for file in app if file.name.startswith("nadir_") and "spin" not in file.name]
-    assert {file.name for file in only} == {f"nadir_{n}.c" for n in ("app", "cmds", "params", "child", "mission")}
+    assert {file.name for file in only} == {f"nadir_{n}.c" for n in ("app", "cmds", "dispatch", "flight", "mission",
+                                                                     "params")}
     flags = [*linked.FLAGS, *STRICTER, *(["-Wcast-align=strict"] if compiler == "gcc" else [])]
-    subprocess.run(list(map(str, [compiler, *flags, "-fsyntax-only", *included, "-I", written / "fsw/src",
+    subprocess.run(list(map(str, [compiler, *flags, "-fsyntax-only", *included,
                                   *(only if version == "caelum" else app)])), check=True, cwd=tmp_path)
     subprocess.run(list(map(str, [compiler, *flags, "-fsyntax-only", *included,
                                   *sorted((written / "fsw/tables").glob("*.c"))])), check=True, cwd=tmp_path)
 
 
+def test_an_app_for_flight_has_no_call_of_a_simulation(nadir, written, tmp_path):
+    asked = re.compile(r"\b(getenv|setenv|mmap|futex|open|fopen|clock_gettime)\b")
+    texts = {file: file.read_text() for file in written.rglob("*.[ch]")}
+    assert [file for file, text in texts.items() if asked.search(re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL))] == []
+    assert not [file for file in texts if "registers" in str(file.relative_to(written))]
+    cfs.write(nadir, cfs.App("nadir"), tmp_path / "board", ())          # with registers in memory: none as well
+    texts = {file: file.read_text() for file in (tmp_path / "board").rglob("*.c")}
+    assert any(file.name == "nadir_attach.c" for file in texts)
+    assert [file for file, text in texts.items() if asked.search(re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL))] == []
+
+
 def test_the_build_names_every_file_and_no_other(written):
     text = (written / "CMakeLists.txt").read_text()
     listed = set(re.findall(r"fsw/\S+\.c", text))
-    there = {file.relative_to(written).as_posix() for file in written.rglob("*.c")}
-    assert listed == there - {"install/sch_lab_table.c"}
+    there = {file.relative_to(written).as_posix() for file in written.glob("fsw/**/*.c")}
+    assert listed == there
     assert "-ffp-contract=off" in text and "project(CFE_NADIR C)" in text
+    headers = re.findall(r"nadir_\w+\.h", "".join((written / f"{scope}_build.cmake").read_text()
+                                                  for scope in ("mission", "arch")))
+    assert {f"default_{header}" for header in headers} == {file.name for file in (written / "config").iterdir()}
 
 
 def test_copies_are_the_files_as_they_are(written):
@@ -175,7 +190,8 @@ def test_the_sources_of_tables_hold_the_same_bytes(written, nadir, tmp_path):
     for table in tables.tables(nadir, app):
         obj = tmp_path / f"{table.stem}.o"
         subprocess.run(list(map(str, ["gcc", *linked.FLAGS, "-Wcast-align=strict", "-I", HERE / "caelum", "-I",
-                                      written / "fsw/inc", "-c", written / f"fsw/tables/{table.stem}.c", "-o", obj])),
+                                      written / "fsw/inc", *linked.own(app, written, tmp_path), "-c",
+                                      written / f"fsw/tables/{table.stem}.c", "-o", obj])),
                        check=True)
         subprocess.run(["objcopy", "-O", "binary", "-j", ".data", obj, obj.with_suffix(".bin")], check=True)
         raw = obj.with_suffix(".bin").read_bytes()
@@ -202,7 +218,14 @@ def test_long_names_are_shortened_and_stay_apart():
     (["--app", "nav", "--topic", "ten"], "--topic must be a number, as 0xC0; found ten"),
     (["--app", "nav", "--topic", "0x1A"], "0x0 to 0x1f are of the core's services"),
     (["--app", "nav", "--topic", "0x7A"], "0x80 to 0x9f are of the apps that come with cFS"),
-    (["--app", "nav", "--topic", "0x7FC"], "needs topics up to 0x805; the highest is 0x7ff"),
+    (["--app", "nav", "--wakeup", "soon"], "--wakeup must be a number, as 0xC0; found soon"),
+    (["--app", "nav", "--wakeup", "0x2000"], "--wakeup: a message id is 1 to 0x1fff; found 0x2000"),
+    (["--app", "nav", "--wakeup", "0x18C0"], "NAV_CMD_MID and NAV_WAKEUP_MID would both be 0x18c0"),
+    (["--app", "nav", "--input", "world.nav=0x0890"], "--input world.nav: nadir_spin has no such input from outside; "
+     "it has world.nav.attitude, world.nav.orbit, world.wheels.speeds"),
+    (["--app", "nav", "--input", "world.nav.orbit=0x08C3"], "NAV_GUIDANCE_REFERENCE_TLM_MID and NAV_NAV_ORBIT_IN_MID "
+     "would both be 0x08c3; one message id has one writer"),
+    (["--app", "nav", "--topic", "0x7FC"], "needs topics up to 0x808; the highest is 0x7ff"),
 ])
 def test_the_command_writes_nothing_where_it_refuses(arguments, says, tmp_path, capsys):
     out = tmp_path / "apps/nav"
@@ -218,10 +241,14 @@ def test_ids_that_another_app_of_the_tree_has_are_refused(tmp_path, capsys):
                      "#define DISH_X_MID (0x08C4)\n")
     out = tmp_path / "apps/nav"
     assert cli.main(["export", "cfs", "nadir_spin", "--app", "nav", "--out", str(out)]) == 2
-    assert "NAV_SPIN_REFERENCE_TLM_MID would be 0x08C4, which is DISH_X_MID in" in capsys.readouterr().err
+    assert "NAV_SPIN_REFERENCE_TLM_MID would be 0x08c4, which is DISH_X_MID in" in capsys.readouterr().err
     assert not out.exists()
     assert cli.main(["export", "cfs", "nadir_spin", "--app", "nav", "--topic", "0xE0", "--out", str(out)]) == 0
-    assert "NAV_CMD_MID" in (out / "fsw/inc/nav_msgids.h").read_text()
+    assert "NAV_CMD_MID" in (out / "config/default_nav_msgids.h").read_text()
+    # Another exported app is known by its topics.
+    assert cli.main(["export", "cfs", "nadir_spin", "--app", "star", "--topic", "0xE2", "--out",
+                     str(tmp_path / "apps/star")]) == 2
+    assert "which is NAV_MISSION_WAKEUP_TOPICID in" in capsys.readouterr().err
     # Again into the same place: its own ids are no conflict.
     assert cli.main(["export", "cfs", "nadir_spin", "--app", "nav", "--topic", "0xE0", "--out", str(out)]) == 0
 
@@ -245,9 +272,9 @@ def test_rasters_words_modes_and_subsets_compile_as_well(what, tmp_path):
     if what == "subset":
         tasks = ["control"]
     folder = tmp_path / "apps/part"
-    cfs.write(export.read(sim, tasks), cfs.App("part"), folder, files)
+    cfs.write(export.read(sim, tasks=tasks), cfs.App("part"), folder, files)
     if what == "subset":
-        assert "0 wait, 1 point, 2 rest" in (folder / "fsw/inc/part_msg.h").read_text()
+        assert "0 wait, 1 point, 2 rest" in (folder / "config/default_part_msgdefs.h").read_text()
     sources_ = [*(folder / "fsw/src").glob("*.c"), *(folder / "fsw/tables").glob("*.c")]
-    subprocess.run(list(map(str, ["gcc", *linked.FLAGS, *STRICTER, "-fsyntax-only", "-I", HERE / "draco", "-I",
-                                  folder / "fsw/inc", "-I", folder / "fsw/src", *sources_])), check=True)
+    subprocess.run(list(map(str, ["gcc", *linked.FLAGS, *STRICTER, "-fsyntax-only", "-I", HERE / "draco",
+                                  *linked.own(cfs.App("part"), folder, tmp_path), *sources_])), check=True)

@@ -17,8 +17,10 @@ if TYPE_CHECKING:
     from fledge.export.cfs.app import App
 
 # Of Fledge's own, what every app needs besides its modules.
-ALWAYS = ["registers/lane.c", "registers/field.c", "registers/clock.c", "registers/message.c",
-          "registers/shared_file.c", "targets/mission_io.c", "targets/mission_check.c"]
+ALWAYS = ["flight/command/rules.c"]
+REGISTERS = ["registers/lane.c", "registers/field.c",
+             "registers/clock.c", "registers/message.c", "targets/mission_io.c"]
+SIMULATED = ["registers/shared_file.c"]
 WATCHED = ["targets/mission_host.c", "targets/cfs/watch.c", "record/mcap.c", "record/mcap_crc.c", "record/file_sink.c"]
 INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"([^"]+)"', re.MULTILINE)
 WORD = re.compile(r"[A-Za-z_]\w*")

@@ -18,7 +18,6 @@ from fledge.export import c_source, names
 from fledge.elements import ELEMENTS
 from fledge.export.c_text import plain, string, wrap
 from fledge.export.c_values import literal
-from fledge.export.cfs.packets import guarded, struct
 from fledge.export.read import Mission, Module, leaves
 
 if TYPE_CHECKING:
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
 
 NAME_MAX, FILE_MAX = 15, 19          # CFE_MISSION_TBL_MAX_NAME_LENGTH, OS_MAX_FILE_NAME, less the end of a text
 HEAD_SIZE = 8
-HEAD = ["uint32 Layout; /* ..._LAYOUT: tells byte order and version of what follows */", "uint32 Spare;"]
 
 
 @dataclass
@@ -97,16 +95,6 @@ def swapped(fields: Sequence[Any], content: bytes, start: int = 0) -> bytes:
     return bytes(out)
 
 
-def header(app: App, found: list[Table]) -> str:
-    """app_tbl.h"""
-    parts = ['#include "common_types.h"', ""]
-    for table in found:
-        name = f"{app.prefix}_{table.name}"
-        parts += [f"#define {name.upper()}_LAYOUT 0x{table.layout:08X}u",
-                  struct(name, table.fields, f"{table.module.path}: {table.module.type}", HEAD)]
-    return guarded(app, "tbl", f"The tables of {app.prefix}: the parameters of its modules.", parts)
-
-
 def source(app: App, table: Table) -> str:
     """The source of one table, for the build of a cFS tree."""
     name = f"{app.prefix}_{table.name}"
@@ -146,8 +134,8 @@ def nested(field: Any, raw: bytes, shape: list[int]) -> str:
 # --- rules -----------------------------------------------------------------------------------------
 
 def rules(app: App, table: Table) -> list[str]:
-    """The MissionRules of a table, as C."""
-    lines = [f"static const MissionRule Rules{table.name}[] = {{"]
+    """The CommandRules of a table, as C."""
+    lines = [f"static const CommandRule Rules{table.name}[] = {{"]
     for row in rule_rows(table.fields, table.start):
         lines += c_source.row(*row)
     return [*lines, "};", ""]
@@ -168,7 +156,7 @@ def rule_rows(fields: Sequence[Any], start: int, prefix: str = "", base: int = 0
         flags = [name for name, on in (
             ("FLEDGE_HAS_LO", low is not None), ("FLEDGE_HAS_HI", high is not None),
             ("FLEDGE_LO_OPEN", low_open and low is not None), ("FLEDGE_HI_OPEN", high_open and high is not None),
-            ("MISSION_NON_ZERO", f.non_zero), ("MISSION_INERTIA", f.inertia)) if on]
+            ("COMMAND_NON_ZERO", f.non_zero), ("COMMAND_INERTIA", f.inertia)) if on]
         if not ELEMENTS[f.type].is_float and not flags:
             continue                                   # all are allowed
         n = f.size // ELEMENTS[f.type].size
@@ -177,7 +165,7 @@ def rule_rows(fields: Sequence[Any], start: int, prefix: str = "", base: int = 0
         text += f", {rule}" if rule else ""
         text += f" {f.unit}" if f.unit not in ("", "-") and (low is not None or high is not None) else ""
         yield [string((prefix + f.name).encode()), string(text.encode()), f"{at}u", f"{n}u",
-               f"{n // f.shape[0] if f.shape else 1}u", f"{places[f.count]}u" if f.count else "MISSION_ALL",
+               f"{n // f.shape[0] if f.shape else 1}u", f"{places[f.count]}u" if f.count else "COMMAND_ALL_ROWS",
                " | ".join(flags) or "0u", f"FLEDGE_{f.type.upper()}",
                repr(low or 0.0), repr(high or 0.0)]
 

@@ -58,6 +58,7 @@ typedef struct CFE_TIME_SysTime {
 } CFE_TIME_SysTime_t;
 typedef size_t CFE_MSG_Size_t;
 typedef uint16 CFE_MSG_FcnCode_t;
+typedef uint16 CFE_MSG_SequenceCount_t;
 typedef int16 CFE_TBL_Handle_t;
 typedef int32 (*CFE_TBL_CallbackFuncPtr_t)(void *);
 typedef enum CFE_TBL_SrcEnum { CFE_TBL_SRC_FILE, CFE_TBL_SRC_ADDRESS } CFE_TBL_SrcEnum_t;
@@ -77,9 +78,14 @@ typedef enum CFE_TBL_SrcEnum { CFE_TBL_SRC_FILE, CFE_TBL_SRC_ADDRESS } CFE_TBL_S
 #define CFE_ES_RunStatus_APP_ERROR 3
 #define CFE_ES_TASK_STACK_ALLOCATE NULL
 
+#define CFE_ES_PerfLogEntry(id) CFE_ES_PerfLogAdd(id, 0)
+#define CFE_ES_PerfLogExit(id) CFE_ES_PerfLogAdd(id, 1)
+
 bool CFE_ES_RunLoop(uint32 *);
 void CFE_ES_ExitApp(uint32);
 void CFE_ES_WaitForStartupSync(uint32);
+void CFE_ES_PerfLogAdd(uint32, uint32);
+CFE_TIME_SysTime_t CFE_TIME_GetMET(void);
 CFE_Status_t CFE_ES_WriteToSysLog(const char *, ...) OS_PRINTF(1, 2);
 CFE_Status_t CFE_ES_CreateChildTask(CFE_ES_TaskId_t *, const char *, void (*)(void), void *, size_t, uint16, uint32);
 void CFE_ES_ExitChildTask(void);
@@ -96,6 +102,7 @@ CFE_Status_t CFE_MSG_GetFcnCode(const CFE_MSG_Message_t *, CFE_MSG_FcnCode_t *);
 CFE_Status_t CFE_MSG_ValidateChecksum(const CFE_MSG_Message_t *, bool *);
 CFE_Status_t CFE_MSG_GenerateChecksum(CFE_MSG_Message_t *);
 CFE_Status_t CFE_MSG_SetMsgTime(CFE_MSG_Message_t *, CFE_TIME_SysTime_t);
+CFE_Status_t CFE_MSG_SetSequenceCount(CFE_MSG_Message_t *, CFE_MSG_SequenceCount_t);
 CFE_Status_t CFE_TBL_Register(CFE_TBL_Handle_t *, const char *, size_t, uint16, CFE_TBL_CallbackFuncPtr_t);
 CFE_Status_t CFE_TBL_Load(CFE_TBL_Handle_t, CFE_TBL_SrcEnum_t, const void *);
 CFE_Status_t CFE_TBL_Manage(CFE_TBL_Handle_t);

@@ -71,10 +71,12 @@ class Outside:
 class Core:
     """The program of linked.build: packets to it, and its lines."""
 
-    def __init__(self, program, outside=None, listen="", hold=False, runner=()):
+    def __init__(self, program, outside=None, listen="", hold=False, runner=(), app="NAV",
+                 variables=None):
         environment = dict(os.environ)
+        environment |= variables or {}
         if outside:
-            environment["FLEDGE_REGISTERS"] = f"/dev/fd/{outside.fd}"
+            environment[f"{app}_REGISTERS"] = f"/dev/fd/{outside.fd}"
         self.process = subprocess.Popen(
             [*runner, str(program), "--root", str(Path(program).parent), "--ground",
              *(["--listen", listen] if listen else []),
@@ -143,6 +145,11 @@ def command(mid, code, payload=b"", checksum=None):
         sum_ ^= byte
     packet[7] = sum_ if checksum is None else checksum
     return bytes(packet)
+
+
+def telemetry(mid, payload, sequence=1):
+    """The bytes of a telemetry packet without a time."""
+    return struct.pack(">HHH10x", mid, 0xC000 | sequence, 16 + len(payload) - 7) + payload
 
 
 def read_tbl(raw):

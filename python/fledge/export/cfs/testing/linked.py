@@ -6,7 +6,8 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-from fledge.export.cfs.around import ROOT, app_list, pocket_sources, startup
+from fledge.export.cfs.around import ROOT, app_list, pocket_sources, startup, wrappers
+from fledge.export.write import write_files
 
 FLAGS = ["-std=c99", "-pedantic", "-Wall", "-Wstrict-prototypes", "-Wwrite-strings", "-Wpointer-arith", "-Werror",
          "-fno-common"]
@@ -42,9 +43,14 @@ def compiled(app, source, objects, compiler="gcc", options=("-O2",)):
     made = []
     for file in files:
         made.append(objects / (str(file.relative_to(Path(source, "fsw/src"))).replace("/", "_") + ".o"))
-    in_folder(files, made, compiler, [*FLAGS, *EXACT, *options, *included(), "-I", Path(source, "fsw/inc"), "-I",
-                                      Path(source, "fsw/src")])
+    in_folder(files, made, compiler, [*FLAGS, *EXACT, *options, *included(), *own(app, source, objects)])
     return made
+
+
+def own(app, source, folder):
+    """The options for the headers of an app, as its build in a tree finds them."""
+    write_files(wrappers(app), folder / "inc")
+    return ["-I", source, "-I", folder / "inc", "-I", Path(source, "fsw/inc"), "-I", Path(source, "fsw/src")]
 
 
 def in_folder(files, made, compiler, options):

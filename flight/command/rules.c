@@ -1,19 +1,19 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "targets/mission_check.h"
+#include "flight/command/rules.h"
 
 #include <string.h>
 
 /* The i-th number, as a double. */
-static double number(const MissionRule *rule, const uint8_t *block, uint32_t i)
+static double number(const CommandRule *rule, const uint8_t *block, uint32_t i)
 {
     return element_read(rule->number, block + rule->offset + (size_t)i * element_size(rule->number));
 }
 
 /* The index of the first number of a field that breaks its rule, or rule->n. */
-static uint32_t broken(const MissionRule *rule, const uint8_t *block)
+static uint32_t broken(const CommandRule *rule, const uint8_t *block)
 {
     uint32_t n = rule->n;
-    if (rule->rows_at != MISSION_ALL) {
+    if (rule->rows_at != COMMAND_ALL_ROWS) {
         uint32_t rows;
         memcpy(&rows, block + rule->rows_at, sizeof rows);
         n = rows < n / rule->row ? rows * rule->row : n;
@@ -24,7 +24,7 @@ static uint32_t broken(const MissionRule *rule, const uint8_t *block)
             return i;
         }
     }
-    if ((rule->flags & MISSION_NON_ZERO) != 0u) {
+    if ((rule->flags & COMMAND_NON_ZERO) != 0u) {
         const uint32_t vector = rule->row == 3u ? 3u : 1u;
         for (uint32_t i = 0u; i + vector <= n; i += vector) {
             uint32_t zeros = 0u;
@@ -36,7 +36,7 @@ static uint32_t broken(const MissionRule *rule, const uint8_t *block)
             }
         }
     }
-    if ((rule->flags & MISSION_INERTIA) != 0u) {
+    if ((rule->flags & COMMAND_INERTIA) != 0u) {
         double m[3][3];
         memcpy(m, block + rule->offset, sizeof m);
         return exec_inertia(m) == EXEC_INERTIA_GOOD ? rule->n : 0u;
@@ -44,7 +44,7 @@ static uint32_t broken(const MissionRule *rule, const uint8_t *block)
     return rule->n;
 }
 
-const MissionRule *mission_check(const MissionRule *rules, uint32_t n, const void *block, uint32_t *element)
+const CommandRule *command_check(const CommandRule *rules, uint32_t n, const void *block, uint32_t *element)
 {
     for (uint32_t i = 0u; i < n; i++) {
         *element = broken(&rules[i], block);

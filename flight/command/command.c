@@ -1,0 +1,295 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "flight/command/command.h"
+
+#include <string.h>
+
+enum { VERSION = 8, FIRST = 10, SECOND = 12, THIRD = 14, COUNT = 16 }; /* [bytes] places in a packet */
+
+static uint16_t word(const uint8_t *packet, uint32_t at)
+{
+    return (uint16_t)(((uint32_t)packet[at] << 8) | packet[at + 1u]);
+}
+
+static uint32_t offset_of(const uint8_t *packet)
+{
+    return ((uint32_t)word(packet, SECOND) << 16) | word(packet, SECOND + 2);
+}
+
+static uint32_t length_of(const uint8_t *packet)
+{
+    return (uint32_t)word(packet, 4) + 7u;
+}
+
+uint16_t command_crc(const uint8_t *bytes, uint32_t n)
+{
+    uint32_t crc = 0xFFFFu;
+    for (uint32_t i = 0u; i < n; i++) {
+        crc ^= (uint32_t)bytes[i] << 8;
+        for (int bit = 0; bit < 8; bit++) {
+            crc = (crc & 0x8000u) != 0u ? (crc << 1) ^ 0x1021u : crc << 1;
+        }
+    }
+    return (uint16_t)crc;
+}
+
+/* Between the order of this machine and big-endian, in place. */
+static void swap(const CommandBlock *block, uint8_t *bytes, uint32_t from, uint32_t to)
+{
+    if (exec_little_endian()) {
+        exec_reverse(block->runs, block->n_runs, bytes, from, to);
+    }
+}
+
+/* ---- acceptance */
+
+static int has_length(uint32_t code, uint32_t n)
+{
+    static const uint8_t lengths[COMMAND_CODES] = {8u, 8u, 12u, 0u, 0u, 14u, 12u, 10u, 14u, 18u, 16u};
+    return lengths[code] != 0u ? n == lengths[code] : n > (uint32_t)COMMAND_DATA && n <= (uint32_t)COMMAND_MAX;
+}
+
+/* Whether n > 0 bytes of a block from its byte `at` are whole numbers. */
+static int has_numbers(const CommandBlock *block, uint32_t at, uint32_t n)
+{
+    return at < block->size && n <= block->size - at && exec_number_at(block->runs, block->n_runs, at) != 0u &&
+           (at + n == block->size || exec_number_at(block->runs, block->n_runs, at + n) != 0u);
+}
+
+static CommandReason check_block(const CommandTable *table, uint32_t code, const uint8_t *packet, uint32_t n)
+{
+    const uint16_t module = word(packet, FIRST);
+    if (module >= table->n_blocks) {
+        return COMMAND_PLACE;
+    }
+    const CommandBlock *block = &table->blocks[module];
+    switch (code) {
+    case COMMAND_PUBLISH: return block->configuration != 0u ? COMMAND_OK : COMMAND_VALUE;
+    case COMMAND_COMMIT: return COMMAND_OK;
+    case COMMAND_READ: n = word(packet, COUNT); break;
+    default: n -= (uint32_t)COMMAND_DATA;
+    }
+    return n > 0u && n <= (uint32_t)COMMAND_DATA_MAX && has_numbers(block, offset_of(packet), n) ? COMMAND_OK
+                                                                                                 : COMMAND_PLACE;
+}
+
+/* What does not depend on the commands before it. */
+static CommandReason check(const CommandTable *table, const uint8_t *packet, uint32_t n)
+{
+    uint8_t sum = 0u;
+    if (n < (uint32_t)COMMAND_HEADER || n != length_of(packet)) {
+        return COMMAND_LENGTH;
+    }
+    for (uint32_t i = 0u; i < n; i++) {
+        sum ^= packet[i];
+    }
+    const uint32_t code = packet[6];
+    if (sum != 0xFFu) {
+        return COMMAND_CHECKSUM;
+    }
+    if (word(packet, 0) != table->stream || (word(packet, 2) & 0xC000u) != 0xC000u) {
+        return COMMAND_STREAM;
+    }
+    if (code >= (uint32_t)COMMAND_CODES) {
+        return COMMAND_UNKNOWN;
+    }
+    if (!has_length(code, n)) {
+        return COMMAND_LENGTH;
+    }
+    if (code > (uint32_t)COMMAND_RESET_COUNTERS && word(packet, VERSION) != table->version) {
+        return COMMAND_VERSION;
+    }
+    switch (code) {
+    case COMMAND_MODE: return word(packet, FIRST) < table->n_modes ? COMMAND_OK : COMMAND_PLACE;
+    case COMMAND_ARM:
+        return word(packet, FIRST) >= table->n_events ? COMMAND_PLACE
+               : word(packet, SECOND) > 1u            ? COMMAND_VALUE
+                                                      : COMMAND_OK;
+    case COMMAND_TELEMETRY:
+        return word(packet, FIRST) > table->n_outputs && word(packet, FIRST) != COMMAND_ALL ? COMMAND_PLACE
+               : word(packet, SECOND) > 1u || word(packet, THIRD) == 0u                     ? COMMAND_VALUE
+                                                                                            : COMMAND_OK;
+    case COMMAND_WRITE:
+    case COMMAND_STAGE:
+    case COMMAND_COMMIT:
+    case COMMAND_PUBLISH:
+    case COMMAND_READ: return check_block(table, code, packet, n);
+    default: return COMMAND_OK;
+    }
+}
+
+static void finish(CommandState *s, CommandReport *report, const uint8_t *data, CommandSink sink, void *user)
+{
+    if (report->reason != COMMAND_OK) {
+        s->counters.refused++;
+        s->counters.reasons[report->reason]++;
+    } else if (report->executed != 0u) {
+        s->counters.executed++;
+    } else {
+        s->counters.accepted++;
+    }
+    sink(user, report, data);
+}
+
+void command_begin(CommandState *s)
+{
+    memset(s, 0, sizeof *s);
+    s->t = -1;
+}
+
+CommandReason command_accept(CommandState *s, const CommandTable *table, const uint8_t *packet, uint32_t n,
+                             CommandSink sink, void *user)
+{
+    CommandReason reason = check(table, packet, n);
+    if (reason == COMMAND_OK && n > table->room - s->waiting) {
+        reason = COMMAND_BUSY;
+    }
+    CommandReport report = {s->t, 0u, 0u, 0u, (uint16_t)reason, 0u, 0u, {0u, 0u}};
+    if (n >= (uint32_t)COMMAND_HEADER) {
+        report.sequence = word(packet, 2) & 0x3FFFu;
+        report.code = packet[6];
+    }
+    if (reason == COMMAND_OK) {
+        memcpy(table->queue + s->waiting, packet, n);
+        s->waiting += n;
+    }
+    finish(s, &report, packet, sink, user);
+    return reason;
+}
+
+/* ---- execution */
+
+/* The rule of an initial value that two versions of a block's bytes from `from` to `to` differ in; else n_rules. */
+static uint16_t changed_start(const CommandBlock *block, const uint8_t *before, const uint8_t *after, uint32_t from,
+                              uint32_t to)
+{
+    uint16_t i = 0u;
+    for (; i < block->n_rules; i++) {
+        const CommandRule *rule = &block->rules[i];
+        const uint32_t end = rule->offset + rule->n * element_size(rule->number);
+        for (uint32_t at = rule->offset; (rule->flags & COMMAND_START) != 0u && at < end; at++) {
+            if (at >= from && at < to && before[at - from] != after[at - from]) {
+                return i;
+            }
+        }
+    }
+    return i;
+}
+
+/* Whether a block may become `after`, of which the bytes from `from` on were `before`. */
+static CommandReason check_change(const CommandState *s, const CommandBlock *block, const uint8_t *before,
+                                  const uint8_t *after, uint32_t from, uint32_t n, uint16_t *detail)
+{
+    uint32_t element;
+    const uint16_t start = changed_start(block, before, after + from, from, from + n);
+    if (s->t >= 0 && start < block->n_rules) {
+        *detail = start;
+        return COMMAND_INITIAL;
+    }
+    const CommandRule *broken = command_check(block->rules, block->n_rules, after, &element);
+    if (broken != NULL) {
+        *detail = (uint16_t)(broken - block->rules);
+        return COMMAND_RULE;
+    }
+    return COMMAND_OK;
+}
+
+static CommandReason write_parameters(const CommandState *s, const CommandBlock *block, uint8_t *memory,
+                                      const uint8_t *packet, uint16_t *detail)
+{
+    uint8_t before[COMMAND_DATA_MAX];
+    const uint32_t at = offset_of(packet), n = length_of(packet) - (uint32_t)COMMAND_DATA;
+    memcpy(before, memory + at, n);
+    memcpy(memory + at, packet + COMMAND_DATA, n);
+    swap(block, memory + at, at, at + n);
+    const CommandReason reason = check_change(s, block, before, memory, at, n, detail);
+    if (reason != COMMAND_OK) {
+        memcpy(memory + at, before, n);
+    }
+    return reason;
+}
+
+static void stage(CommandState *s, const CommandTable *table, const uint8_t *packet)
+{
+    const uint16_t module = word(packet, FIRST);
+    if (s->staging != module + 1u) {
+        memset(table->staged, 0, table->blocks[module].size);
+        s->staging = (uint16_t)(module + 1u);
+    }
+    memcpy(table->staged + offset_of(packet), packet + COMMAND_DATA, length_of(packet) - (uint32_t)COMMAND_DATA);
+}
+
+static CommandReason commit(CommandState *s, const CommandTable *table, uint8_t *memory, const uint8_t *packet,
+                            uint16_t *detail)
+{
+    const uint16_t module = word(packet, FIRST);
+    const CommandBlock *block = &table->blocks[module];
+    if (s->staging != module + 1u) {
+        return COMMAND_NOT_STAGED;
+    }
+    if (command_crc(table->staged, block->size) != word(packet, SECOND)) {
+        return COMMAND_CRC;
+    }
+    swap(block, table->staged, 0u, block->size);
+    const CommandReason reason = check_change(s, block, memory, table->staged, 0u, block->size, detail);
+    if (reason == COMMAND_OK) {
+        memcpy(memory, table->staged, block->size);
+        s->staging = 0u;
+    } else {
+        swap(block, table->staged, 0u, block->size);
+    }
+    return reason;
+}
+
+static CommandReason execute(CommandState *s, const CommandTable *table, void *mission, const uint8_t *packet,
+                             CommandReport *report, uint8_t *data)
+{
+    const uint16_t place = length_of(packet) > (uint32_t)SECOND - 1u ? word(packet, FIRST) : 0u;
+    CommandReason reason = COMMAND_OK;
+    switch (report->code) {
+    case COMMAND_MODE: table->enter(mission, place); break;
+    case COMMAND_WRITE:
+    case COMMAND_COMMIT: {
+        const CommandBlock *block = &table->blocks[place];
+        uint8_t *memory = table->parameters(mission, place);
+        reason = report->code == COMMAND_WRITE ? write_parameters(s, block, memory, packet, &report->detail)
+                                               : commit(s, table, memory, packet, &report->detail);
+        if (reason == COMMAND_OK && block->configuration != 0u) {
+            table->publish(mission, place, report->t);
+        }
+        break;
+    }
+    case COMMAND_STAGE: stage(s, table, packet); break;
+    case COMMAND_PUBLISH: table->publish(mission, place, report->t); break;
+    case COMMAND_RESET_FLIGHT:
+        table->reset(mission, report->t);
+        s->staging = 0u;
+        break;
+    case COMMAND_ARM: table->arm(mission, place, word(packet, SECOND) != 0u); break;
+    case COMMAND_READ: {
+        const uint32_t at = offset_of(packet);
+        report->n = word(packet, COUNT);
+        memcpy(data, (const uint8_t *)table->parameters(mission, place) + at, report->n);
+        swap(&table->blocks[place], data, at, at + report->n);
+        break;
+    }
+    case COMMAND_TELEMETRY: table->telemetry(mission, place, word(packet, SECOND) != 0u, word(packet, THIRD)); break;
+    default: break;
+    }
+    return reason;
+}
+
+void command_execute(CommandState *s, const CommandTable *table, void *mission, int64_t t, CommandSink sink, void *user)
+{
+    uint8_t data[COMMAND_DATA_MAX];
+    for (uint32_t at = 0u; at < s->waiting; at += length_of(table->queue + at)) {
+        const uint8_t *packet = table->queue + at;
+        CommandReport report = {t, word(packet, 2) & 0x3FFFu, packet[6], 1u, COMMAND_OK, 0u, 0u, {0u, 0u}};
+        report.reason = (uint16_t)execute(s, table, mission, packet, &report, data);
+        finish(s, &report, data, sink, user);
+        if (report.code == COMMAND_RESET_COUNTERS) {
+            memset(&s->counters, 0, sizeof s->counters);
+        }
+    }
+    s->waiting = 0u;
+    s->t = t;
+}

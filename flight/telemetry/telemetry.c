@@ -1,0 +1,88 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "flight/telemetry/telemetry.h"
+
+#include <string.h>
+
+enum { HOUSEKEEPING = 0, REPORTS = 1, OUTPUTS = 2 };
+
+/* Send table->packet, whose content is there, as a packet of a stream. */
+static void send(const TelemetryTable *table, uint32_t stream, uint32_t n, int64_t t, TelemetrySink sink, void *user)
+{
+    uint8_t *p = table->packet;
+    const uint32_t id = table->stream + stream, length = (uint32_t)TELEMETRY_HEADER + n - 7u;
+    const uint16_t sequence = table->rates[stream].sequence++;
+    const uint64_t time = t < 0 ? 0u : (uint64_t)t;
+    const uint64_t seconds = time / 1000000000u, part = ((time % 1000000000u) << 16) / 1000000000u;
+    memset(p, 0, TELEMETRY_HEADER);
+    p[0] = (uint8_t)(id >> 8);
+    p[1] = (uint8_t)id;
+    p[2] = (uint8_t)(0xC0u | (uint32_t)sequence >> 8);
+    p[3] = (uint8_t)sequence;
+    p[4] = (uint8_t)(length >> 8);
+    p[5] = (uint8_t)length;
+    for (uint32_t i = 0u; i < 4u; i++) {
+        p[6u + i] = (uint8_t)(seconds >> (24u - 8u * i));
+    }
+    p[10] = (uint8_t)(part >> 8);
+    p[11] = (uint8_t)part;
+    p[12] = exec_little_endian() ? 1u : 2u;
+    sink(user, p, (uint32_t)TELEMETRY_HEADER + n);
+}
+
+/* Count a writing; returns 1 if it is to be sent. */
+static int is_due(TelemetryRate *rate)
+{
+    if (rate->on == 0u || ++rate->writings < rate->every) {
+        return 0;
+    }
+    rate->writings = 0u;
+    return 1;
+}
+
+void telemetry_begin(const TelemetryTable *table)
+{
+    memset(table->rates, 0, ((size_t)OUTPUTS + table->n_outputs) * sizeof *table->rates);
+}
+
+void telemetry_rate(const TelemetryTable *table, uint16_t output, int on, uint16_t every)
+{
+    for (uint32_t i = 0u; i <= table->n_outputs; i++) {
+        if (output == i || output == COMMAND_ALL) {
+            TelemetryRate *rate = &table->rates[i < table->n_outputs ? (uint32_t)OUTPUTS + i : (uint32_t)HOUSEKEEPING];
+            rate->on = on != 0;
+            rate->every = every;
+            rate->writings = 0u;
+        }
+    }
+}
+
+void telemetry_send(const TelemetryTable *table, const void *mission, int64_t t, const CommandState *commands,
+                    TelemetrySink sink, void *user)
+{
+    for (uint32_t i = 0u; i < table->n_outputs; i++) {
+        const TelemetryOutput *output = &table->outputs[i];
+        const uint8_t *message = (const uint8_t *)mission + output->offset;
+        TelemetryRate *rate = &table->rates[(uint32_t)OUTPUTS + i];
+        Head head;
+        memcpy(&head, message, sizeof head);
+        const int written = head.sequence != rate->seen;
+        rate->seen = head.sequence;
+        if (written && is_due(rate)) {
+            memcpy(table->packet + TELEMETRY_HEADER, message, output->size);
+            send(table, (uint32_t)OUTPUTS + i, output->size, t, sink, user);
+        }
+    }
+    if (is_due(&table->rates[HOUSEKEEPING])) {
+        TelemetryHousekeeping h = {t, table->mode(mission), commands->staging, commands->counters};
+        memcpy(table->packet + TELEMETRY_HEADER, &h, sizeof h);
+        send(table, HOUSEKEEPING, sizeof h, t, sink, user);
+    }
+}
+
+void telemetry_report(const TelemetryTable *table, const CommandReport *report, const uint8_t *data, TelemetrySink sink,
+                      void *user)
+{
+    memcpy(table->packet + TELEMETRY_HEADER, report, sizeof *report);
+    memcpy(table->packet + TELEMETRY_HEADER + sizeof *report, data, report->n);
+    send(table, REPORTS, (uint32_t)sizeof *report + report->n, report->t, sink, user);
+}

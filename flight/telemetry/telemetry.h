@@ -1,0 +1,80 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Telemetry of flight: a packet for each output, with the rate that COMMAND_TELEMETRY sets, a packet of housekeeping,
+ * and the reports of commands. All but the reports are off until a command turns them on.
+ *
+ * A packet has the telemetry header of cFS (CCSDS 133.0-B-2; cFE's CFE_MSG_TelemetryHeader_t):
+ *
+ *     byte 0  0x0800 + topic    the stream's id, big-endian
+ *          2  0xC000 + sequence, which counts the packets of its stream
+ *          4  length - 7
+ *          6  flight's time: 32 bits of seconds, 16 bits of 2^-16 s, big-endian
+ *         12  the byte order of what follows the header: 1 little-endian, 2 big-endian; then three spare bytes
+ *         16  the message, TelemetryHousekeeping, or CommandReport and the bytes read back, as they lie in memory */
+#ifndef FLIGHT_TELEMETRY_TELEMETRY_H
+#define FLIGHT_TELEMETRY_TELEMETRY_H
+
+#include "flight/command/command.h"
+#include "flight/msg/head.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum {
+    TELEMETRY_HEADER = 16, ///< [bytes]
+    TELEMETRY_REPORT_MAX = TELEMETRY_HEADER + (int)sizeof(CommandReport) + COMMAND_DATA_MAX
+};
+
+typedef struct TelemetryHousekeeping {
+    int64_t t;       ///< [ns] of flight
+    uint32_t mode;   ///< its place in the list of modes; 0 if there are none
+    uint32_t staged; ///< the module that is staged, plus 1; 0: none
+    CommandCounters commands;
+} TelemetryHousekeeping;
+
+/** An output of flight. */
+typedef struct TelemetryOutput {
+    uint32_t offset; ///< [bytes] in the mission's memory
+    uint32_t size;   ///< [bytes]
+} TelemetryOutput;
+
+/** Whether and how often a stream is sent. */
+typedef struct TelemetryRate {
+    uint32_t seen;     ///< the sequence of the last writing that was looked at
+    uint16_t on;       ///< 1: it is sent
+    uint16_t every;    ///< every how many writings
+    uint16_t writings; ///< since it was sent, or turned on
+    uint16_t sequence; ///< of its next packet
+} TelemetryRate;
+
+/** What the export writes of a mission. The streams follow one another: housekeeping, reports, outputs. */
+typedef struct TelemetryTable {
+    uint16_t stream; ///< 0x0800 + topic, of housekeeping
+    uint16_t n_outputs;
+    const TelemetryOutput *outputs;
+    TelemetryRate *rates; ///< memory for 2 + n_outputs
+    uint8_t *packet;      ///< memory for the largest packet, at least TELEMETRY_REPORT_MAX
+    uint16_t (*mode)(const void *mission);
+} TelemetryTable;
+
+typedef void (*TelemetrySink)(void *user, const uint8_t *packet, uint32_t n);
+
+/** Turn all off. */
+void telemetry_begin(const TelemetryTable *table);
+
+/** COMMAND_TELEMETRY. The place n_outputs is that of housekeeping, whose writings are flight's instants. */
+void telemetry_rate(const TelemetryTable *table, uint16_t output, int on, uint16_t every);
+
+/** After flight's instant t: send what is due. */
+void telemetry_send(const TelemetryTable *table, const void *mission, int64_t t, const CommandState *commands,
+                    TelemetrySink sink, void *user);
+
+/** Send a report. */
+void telemetry_report(const TelemetryTable *table, const CommandReport *report, const uint8_t *data, TelemetrySink sink,
+                      void *user);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "flight/telemetry/telemetry.h"
+
+#include <gtest/gtest.h>
+
+#include <cstddef>
+#include <cstring>
+#include <vector>
+
+namespace {
+
+struct Message {
+    Head head;
+    double x;
+};
+struct Mission {
+    Message slow, fast;
+};
+
+const TelemetryOutput outputs[] = {{offsetof(Mission, slow), sizeof(Message)},
+                                   {offsetof(Mission, fast), sizeof(Message)}};
+TelemetryRate rates[4];
+uint8_t packet[TELEMETRY_REPORT_MAX];
+const TelemetryTable table = {0x0890, 2, outputs, rates, packet, [](const void *) -> uint16_t { return 3; }};
+
+struct Telemetry : testing::Test {
+    using Packet = std::vector<uint8_t>;
+
+    Telemetry()
+    {
+        telemetry_begin(&table);
+        command_begin(&state);
+    }
+    static void sink(void *user, const uint8_t *bytes, uint32_t n)
+    {
+        static_cast<Telemetry *>(user)->packets.emplace_back(bytes, bytes + n);
+    }
+    /// Run to the n-th instant, of 250 ms each: `fast` is written at each, `slow` at every second one.
+    void run(int n)
+    {
+        for (; instant < n; instant++) {
+            const int64_t t = instant * INT64_C(250000000);
+            mission.fast = {head_next(mission.fast.head, t, QUALITY_GOOD), 1.0 * instant};
+            if (instant % 2 == 0) {
+                mission.slow = {head_next(mission.slow.head, t, QUALITY_GOOD), -1.0 * instant};
+            }
+            telemetry_send(&table, &mission, t, &state, sink, this);
+        }
+    }
+    std::vector<double> values(int stream) const
+    {
+        std::vector<double> found;
+        for (const Packet &p : packets) {
+            if (p[0] == 0x08 && p[1] == stream) {
+                Message m;
+                std::memcpy(&m, p.data() + 16, sizeof m);
+                found.push_back(m.x);
+            }
+        }
+        return found;
+    }
+
+    CommandState state;
+    Mission mission{};
+    int64_t instant = 0;
+    std::vector<Packet> packets;
+};
+
+TEST_F(Telemetry, NothingIsSentUntilItIsTurnedOn)
+{
+    run(10);
+    EXPECT_EQ(packets.size(), 0u);
+    telemetry_rate(&table, COMMAND_ALL, 1, 1);
+    run(12);
+    EXPECT_EQ(packets.size(), 2u + 1u + 2u); // two of fast, one of slow, two of housekeeping
+    telemetry_rate(&table, COMMAND_ALL, 0, 1);
+    run(20);
+    EXPECT_EQ(packets.size(), 5u);
+}
+
+TEST_F(Telemetry, ARateCountsWritingsNotInstants)
+{
+    telemetry_rate(&table, 0, 1, 2);
+    telemetry_rate(&table, 1, 1, 3);
+    run(12);
+    EXPECT_EQ(values(0x92), (std::vector<double>{-2, -6, -10}));
+    EXPECT_EQ(values(0x93), (std::vector<double>{2, 5, 8, 11}));
+}
+
+TEST_F(Telemetry, TheHeaderIsThatOfCcsds)
+{
+    telemetry_rate(&table, 1, 1, 1);
+    run(8);
+    const Packet &last = packets.back();
+    const uint8_t little = __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__ ? 1 : 2;
+    const Packet header{0x08, 0x93, 0xC0, 7, 0, 16 + sizeof(Message) - 7, 0, 0, 0, 1, 0xC0, 0, little, 0, 0, 0};
+    EXPECT_EQ(Packet(last.begin(), last.begin() + 16), header); // 1.75 s
+    EXPECT_EQ(last.size(), 16 + sizeof(Message));
+    run(0x4003); // the sequence has 14 bits
+    EXPECT_EQ(packets.back()[2], 0xC0);
+    EXPECT_EQ(packets.back()[3], 2);
+}
+
+TEST_F(Telemetry, HousekeepingHasTheCountersAndTheMode)
+{
+    state.counters.accepted = 5;
+    state.counters.reasons[COMMAND_CRC] = 2;
+    telemetry_rate(&table, 2, 1, 4);
+    run(9);
+    ASSERT_EQ(packets.size(), 2u);
+    TelemetryHousekeeping h;
+    ASSERT_EQ(packets[1].size(), 16 + sizeof h);
+    EXPECT_EQ(packets[1][1], 0x90);
+    std::memcpy(&h, packets[1].data() + 16, sizeof h);
+    EXPECT_EQ(h.t, 1750000000);
+    EXPECT_EQ(h.mode, 3u);
+    EXPECT_EQ(h.commands.accepted, 5u);
+    EXPECT_EQ(h.commands.reasons[COMMAND_CRC], 2u);
+}
+
+TEST_F(Telemetry, AReportHasTheBytesThatWereReadBack)
+{
+    const uint8_t data[] = {1, 2, 3};
+    const CommandReport report = {-1, 9, COMMAND_READ, 1, COMMAND_OK, 0, 3, {0, 0}};
+    telemetry_report(&table, &report, data, sink, this);
+    ASSERT_EQ(packets.at(0).size(), 16 + sizeof report + 3);
+    EXPECT_EQ(packets[0][1], 0x91);
+    EXPECT_EQ(std::memcmp(packets[0].data() + 16, &report, sizeof report), 0);
+    EXPECT_EQ(packets[0].back(), 3);
+    EXPECT_EQ(packets[0][9], 0); // no time before the first instant
+}
+
+} // namespace

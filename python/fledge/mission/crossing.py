@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The wires of a simulation from one process to another, and when their readers see a message, as other programs must
+do it that run one process alone."""
+from __future__ import annotations
+
+from collections import namedtuple
+from typing import TYPE_CHECKING
+
+from fledge import _core
+
+if TYPE_CHECKING:
+    from fledge.mission.simulation import Simulation
+
+Crossing = namedtuple("Crossing", "topic source port latency stale_after message optional")
+Crossing.__doc__ = """A wire from one process to another.
+
+topic: "/world/nav/attitude"; source, port: the paths of its ends, "flight.tracking.attitude"; latency:
+"same_instant", "next_instant" or "next_exchange"; stale_after [ns]; message: its type, as
+_core.struct() gives types; optional: whether the reader can do without.
+"""
+
+
+def crossing_wires(simulation: Simulation) -> list[Crossing]:
+    """All wires that go from one process to another, as Crossings."""
+    order = [process.name for process in simulation.processes]
+    run = {f"{p.name}.{one}" for p in simulation.processes for task in p.tasks for one in task.run}
+    found = []
+    for source, port, latency, stale_after in simulation.wires:
+        writer, reader = source.partition(".")[0], port.partition(".")[0]
+        if writer == reader:
+            continue
+        field = _field(simulation, port)
+        name = "next_exchange" if latency else (
+            "same_instant" if order.index(writer) < order.index(reader) else "next_instant")
+        owner = source.rpartition(".")[0]
+        if owner not in run and isinstance(_instance(simulation, owner), _core.Module):
+            # Configuration: written once, before the first step, and never stale.
+            name, stale_after = "next_instant", 0
+        found.append(Crossing("/" + source.replace(".", "/"), source, port, name, stale_after, field.struct,
+                              field.optional))
+    return found
+
+
+def _instance(simulation, path):
+    process, name = path.split(".")
+    return simulation.process(process).instances[name]
+
+
+def _field(simulation, port):
+    path, _, name = port.rpartition(".")
+    return next(f for f in _core.struct(_instance(simulation, path)).fields if f.name == name)

@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A target's flight in the place of flight: its outputs come from records, and the world runs as always."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from fledge import export, objects
+from fledge.errors import Failure
+
+if TYPE_CHECKING:
+    from fledge.archive import Archive
+
+
+def stand_in(sim: Any, records: dict[str, Archive], exchange: Archive | None = None) -> None:
+    """From its first run on, the processes of a simulation put out the messages of records; none of their modules runs,
+    so that parameters, modes and commands change nothing. Configuration is published as always.
+
+    records: the record of each process by its name, of all outputs at all instants of flight
+    exchange: the record of what other processes read of them, where boards round, delay or lose messages
+    """
+    for name, record in records.items():
+        process = sim.process(name)
+        for one in dict.fromkeys(one for task in process.tasks for one in task.run):
+            instance = process.instances[one]
+            for field in objects.struct(instance).fields:
+                if field.group == "out":
+                    topic = export.host.topic(f"{name}.{one}.{field.name}")
+                    source = exchange if exchange and topic in exchange.topics else record
+                    if topic not in source.topics:
+                        raise Failure(f"{source.path}: it has no {topic}, so {name} cannot be judged by it")
+                    sim.kernel.process(name).play(getattr(instance, field.name), source.time_ns(topic).tobytes(),
+                                                  source[topic].tobytes())
