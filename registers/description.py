@@ -47,7 +47,7 @@ _ONLY_FOR = {          # keys that only these forms have
     "remove": ("packet",), "add": ("packet",),
     "write_remove": ("packet",), "write_add": ("packet",),
     "unit": ("packet",), "outside_order": ("packet",),
-    "message": ("message",), "header": ("message",), "carries": ("message",),
+    "message": ("message",), "header": ("message",), "carries": ("message", "packet"),
     "write_carries": ("message",),
 }
 _FIELD_KEYS = ("name", "doc", "bits", "signed", "scale", "offset", "unit", "carries")

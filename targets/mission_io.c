@@ -100,19 +100,6 @@ static void write_head(uint8_t *message, int64_t t)
     memcpy(message, &head, sizeof head);
 }
 
-/* A new block of parameters replaces the present one as a whole. */
-static void take_parameters(const MissionIo *io, const RegisterWindow *w, const MissionLane *row, uint8_t *mission,
-                            MissionIoCounts *counts)
-{
-    const MissionParameters *block = &io->parameters[row->message - io->n_messages];
-    RegisterInfo info;
-    const RegisterStatus status = register_take_message(w + row->board, lane_of(io, row), row->type, io->block, &info);
-    if (status == REGISTER_OK) {
-        memcpy(mission + block->offset, io->block, block->size);
-    }
-    counts->corrupt += status == REGISTER_CORRUPT || status == REGISTER_SIZE;
-}
-
 /* ---- packets */
 
 /* A packet begins with the header that the outside's end adds for flight. */
@@ -307,10 +294,7 @@ void mission_io_read(const MissionIo *io, const RegisterWindow *w, void *mission
 {
     for (uint32_t i = 0u; i < io->n_lanes;) {
         const MissionLane *row = &io->lanes[i];
-        if (row->message >= io->n_messages) {
-            take_parameters(io, w, row, mission, counts);
-            i++;
-        } else if (io->messages[row->message].direction == MISSION_IN) {
+        if (io->messages[row->message].direction == MISSION_IN) {
             i = take_message(io, w, i, (uint8_t *)mission + io->messages[row->message].offset, t, counts);
         } else {
             i++;
@@ -322,13 +306,40 @@ void mission_io_write(const MissionIo *io, const RegisterWindow *w, const void *
 {
     for (uint32_t i = 0u; i < io->n_lanes;) {
         const MissionLane *row = &io->lanes[i];
-        if (row->message < io->n_messages && io->messages[row->message].direction != MISSION_IN) {
+        if (io->messages[row->message].direction != MISSION_IN) {
             const MissionMessage *m = &io->messages[row->message];
             i = put_message(io, w, i, (const uint8_t *)mission + m->offset, counts);
         } else {
             i++;
         }
     }
+}
+
+/* ---- packets */
+
+uint32_t mission_io_receive(const MissionIo *io, const RegisterWindow *w, MissionQueue queue, void *packet,
+                            uint32_t room, MissionIoCounts *counts)
+{
+    RegisterInfo info;
+    if (queue.board == MISSION_NO_BOARD) {
+        return 0u;
+    }
+    const RegisterStatus status =
+        register_take(&w[queue.board], &io->boards[queue.board]->lanes[queue.lane], packet, room, &info);
+    counts->corrupt += status == REGISTER_CORRUPT || status == REGISTER_SIZE;
+    return status == REGISTER_OK ? info.n : 0u;
+}
+
+int mission_io_send(const MissionIo *io, const RegisterWindow *w, MissionQueue queue, const void *packet, uint32_t n,
+                    MissionIoCounts *counts)
+{
+    if (queue.board == MISSION_NO_BOARD) {
+        return 0;
+    }
+    const int sent =
+        register_put(&w[queue.board], &io->boards[queue.board]->lanes[queue.lane], packet, n, 0u) == REGISTER_OK;
+    counts->refused += sent == 0;
+    return sent;
 }
 
 /* ---- outside */

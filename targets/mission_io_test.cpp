@@ -110,8 +110,19 @@ protected:
                   lanes_.data(),
                   nullptr};
         window_ = register_window(&board_, reinterpret_cast<volatile std::uint32_t *>(memory_.data()));
-        io_ = {messages_, boards_, rows_.data(), 4, 1,       static_cast<std::uint32_t>(rows_.size()),
-               0,         nullptr, nullptr,      0, nullptr, nullptr};
+        io_ = {messages_,
+               boards_,
+               rows_.data(),
+               4,
+               1,
+               static_cast<std::uint32_t>(rows_.size()),
+               0,
+               nullptr,
+               nullptr,
+               {MISSION_NO_BOARD, 0},
+               {MISSION_NO_BOARD, 0},
+               nullptr,
+               0};
     }
 
     // Random numbers that their types, and 32 bits, hold.

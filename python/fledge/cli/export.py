@@ -41,8 +41,6 @@ def add(command: Callable) -> None:
     one.add_argument("--simulated", action="store_true", help="cfs: with registers in a file, for a simulation")
     one.add_argument("--order", choices=["little", "big"], default=None, help="cfs: byte order of the target, for .tbl "
                      "files; default: little")
-    one.add_argument("--ground", metavar="MODULES", help="modules whose parameters the ground can change through "
-                     "the board, as in flight.control,flight.spin")
     one.add_argument("--out", metavar="DIR", help="default: runs/MISSION/c, or runs/MISSION/cfs/APP")
     add_parameters(one)
 
@@ -59,8 +57,6 @@ def export(options: argparse.Namespace) -> int:
     for name in ("app", "topic", "wakeup", "input", "keep", "simulated", "order"):
         if options.form == "c" and getattr(options, name):
             raise Failure(f"export c: --{name} is for `export cfs`")
-    if options.ground and (options.form != "c" or options.board != []):
-        raise Failure("export: --ground is for the mission's own board; give --board, without files")
     if options.outputs and options.board:
         raise Failure("export: --outputs is for the mission's own board; give --board without files")
     if options.outputs and options.board is None and options.form == "c":
@@ -73,7 +69,8 @@ def export(options: argparse.Namespace) -> int:
     else:
         more = {}
         if options.board is not None:
-            more = exports.emit_board(mission, options.board, outputs_of(options.outputs), listed(options.ground))
+            more = (exports.emit_board(mission, options.board, outputs_of(options.outputs))
+                    | exports.emit_commands(mission))
         paths = exports.write(mission, folder, more)
     if options.form == "c":
         for path in paths:
