@@ -45,8 +45,8 @@ typedef struct RegisterOutside {
     uint8_t swap;        ///< 1: the orders differ
 } RegisterOutside;
 
-/** A part of a word, of `bits` bits from `lsb` up, or numbers of `bits` bits in a packet: value = offset + scale * count.
- *  The members below `is_signed` are of packets. */
+/** A part of a word, of `bits` bits from `lsb` up, or numbers of `bits` bits in a packet:
+ *  value = offset + scale * count. The members below `is_signed` are of packets. */
 typedef struct RegisterField {
     const char *name;
     const char *unit;

@@ -44,7 +44,7 @@ _ONLY_FOR = {          # keys that only these forms have
     "remove": ("packet",), "add": ("packet",),
     "write_remove": ("packet",), "write_add": ("packet",),
     "unit": ("packet",), "outside_order": ("packet",),
-    "message": ("message",), "header": ("message",), "carries": ("message",),
+    "message": ("message",), "header": ("message",), "carries": ("message", "packet"),
     "write_carries": ("message",),
 }
 _FIELD_KEYS = ("name", "doc", "bits", "signed", "scale", "offset", "unit", "carries")
@@ -519,8 +519,8 @@ class _Reader(Tables):
             scale = self.number(given, here, "scale", 1.0)
             if scale == 0.0:
                 self.refuse((*here, "scale"), "`scale` is not 0", "it is 0", "give the value of one count")
-            one = Field(self.name(given, here, names, "field"), self.text(given, here, "doc", ""), 0, bits, signed, scale,
-                        self.number(given, here, "offset", 0.0), self.text(given, here, "unit", "-"),
+            name, doc = self.name(given, here, names, "field"), self.text(given, here, "doc", "")
+            one = Field(name, doc, 0, bits, signed, scale, self.number(given, here, "offset", 0.0), self.text(given, here, "unit", "-"),
                         self.text(given, here, "carries", "") or None, line_of(self.lines, (*here, "carries")),
                         self.integer(given, here, "at", 0, 0xFFFFFF) or 0, type_,
                         self.choice(given, here, "order", ORDERS, order) or "big",
@@ -532,7 +532,8 @@ class _Reader(Tables):
                                 f"{first} bytes in front are the header, `{one.name}` is at {one.at}", "move it")
                 if one.end > lane.capacity:
                     self.refuse((*here, "at"), "numbers stand within the packet",
-                                f"`{one.name}` ends at {one.end} of {lane.capacity} bytes", "move it, or enlarge the packet")
+                                f"`{one.name}` ends at {one.end} of {lane.capacity} bytes",
+                                "move it, or enlarge the packet")
                 if one.tag >= tags:
                     self.refuse((*here, "tag"), f"a tag is from 0 to {tags - 1}, as the descriptor holds it",
                                 f"it is {one.tag}", "choose one of those, or give a `descriptor`")

@@ -53,8 +53,8 @@ def _row(snorkel: Snorkel, lane: Lane) -> tuple:
 
 def _fields(snorkel: Snorkel) -> str:
     packet = snorkel.lanes[0].form == "packet"
-    head = (f"\n## {snorkel.name}\n\n| {'bytes, tag' if packet else 'bits'} | field | value | range | meaning |\n|---|---|---|---|"
-            "---|\n")
+    head = (f"\n## {snorkel.name}\n\n| {'bytes, tag' if packet else 'bits'} | field | value | range | meaning |\n"
+            "|---|---|---|---|---|\n")
     rows = []
     for f in snorkel.fields:
         sign = "signed, " if f.signed else ""

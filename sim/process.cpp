@@ -121,8 +121,31 @@ std::shared_ptr<Event> Process::add_event(Event event)
     if (event.condition.has_value() == static_cast<bool>(event.predicate)) {
         throw SetupError(path + " needs one condition");
     }
-    if (event.mode.empty() && !event.action) {
+    if (event.mode.empty() && event.arms.empty() && event.set.empty() && !event.action) {
         throw SetupError(path + " does nothing: give it a mode to enter or something to do");
+    }
+    if (event.count < 1) {
+        throw SetupError(path + ": the count must be >= 1, found " + std::to_string(event.count));
+    }
+    if (event.once && event.until) {
+        throw SetupError(path + ": with once, it does not arm itself again: leave out until");
+    }
+    for (const std::string &mode : event.modes) {
+        if (!has(modes_, mode)) {
+            throw SetupError(path + " looks in the mode " + mode + "; the process has " +
+                             format_list(names_of(modes_)));
+        }
+    }
+    for (const Setting &setting : event.set) {
+        const Instance &target = *setting.instance;
+        const FledgeField *field = field_at(target.type(), setting.offset);
+        const std::string found = path + " sets " + target.path + "." + field->name;
+        if (find(target.name).get() != &target || target.model()) {
+            throw SetupError(found + ": an event sets what modules of its own process have");
+        }
+        if ((field->group != FLEDGE_PAR && field->group != FLEDGE_OUT) || field->flags & FLEDGE_INITIAL) {
+            throw SetupError(found + ": an event sets parameters, but for initial values, and outputs");
+        }
     }
     if (event.hold < 0) {
         throw SetupError(path + ": the time to hold must be >= 0, found " + format_time(event.hold));
@@ -160,16 +183,25 @@ void Process::enter(const std::string &mode)
     }
 }
 
-const std::string &Process::mode() const
+const std::string &Process::mode_name(int mode) const
 {
     static const std::string none;
-    const int mode = owner_->runtime_ ? owner_->runtime_->of(*this).mode : initial_;
     return mode < 0 ? none : modes_[static_cast<std::size_t>(mode)].name;
+}
+
+const std::string &Process::mode() const
+{
+    return mode_name(owner_->runtime_ ? owner_->runtime_->of(*this).mode : initial_);
+}
+
+const std::string &Process::asked() const
+{
+    return mode_name(owner_->runtime_ ? owner_->runtime_->of(*this).asked : initial_);
 }
 
 bool Process::armed(const Event &event) const
 {
-    return !owner_->runtime_ || owner_->runtime_->of(*this, event).state.armed;
+    return owner_->runtime_ ? owner_->runtime_->of(*this, event).state.armed == 1 : event.armed;
 }
 
 void Process::arm(const Event &event, bool armed)
@@ -216,6 +248,29 @@ void Playback::at(Ns t) const
     }
 }
 
+void Process::set_dictionary(std::shared_ptr<const Dictionary> dictionary)
+{
+    owner_->prepare();
+    dictionary_ = std::move(dictionary);
+    owner_->runtime_->set_commands(*this, dictionary_);
+}
+
+CommandReason Process::command(const std::vector<std::uint8_t> &packet)
+{
+    owner_->prepare();
+    return owner_->runtime_->command(*this, packet);
+}
+
+std::vector<CommandReply> Process::take_reports()
+{
+    return owner_->runtime_ ? owner_->runtime_->of(*this).commands->take_reports() : std::vector<CommandReply>{};
+}
+
+CommandCounters Process::command_counters() const
+{
+    return owner_->runtime_ ? owner_->runtime_->of(*this).commands->counters() : CommandCounters{};
+}
+
 bool Process::runs_in(const Task &task, int mode) const
 {
     if (!playback_.empty()) {
@@ -245,6 +300,12 @@ std::shared_ptr<Instance> Process::find(std::string_view instance) const
     const auto it =
         std::find_if(instances_.begin(), instances_.end(), [&](const auto &i) { return i->name == instance; });
     return it == instances_.end() ? nullptr : *it;
+}
+
+std::shared_ptr<Event> Process::event(std::string_view event_name) const
+{
+    const auto it = std::find_if(events_.begin(), events_.end(), [&](const auto &e) { return e->name == event_name; });
+    return it == events_.end() ? nullptr : *it;
 }
 
 } // namespace fledge::sim

@@ -23,6 +23,9 @@ void Simulation::set_up_again()
                          "; reset it before its structure or seed changes");
     }
     runtime_.reset();
+    for (const auto &process : processes()) {
+        process->dictionary_ = nullptr;
+    }
 }
 
 Process &Simulation::add_process(const std::string &name)
@@ -234,13 +237,11 @@ std::unique_ptr<Simulation> Simulation::clone() const
             other.tasks_.push_back(std::move(task));
         }
     }
-    // A condition may use an instance of any process, so all clones must exist first.
+    // An event may use an instance of any process, so all clones must exist first.
     for (std::size_t i = 0; i < processes().size(); i++) {
         for (const auto &event : processes()[i]->events_) {
             auto other = std::make_shared<Event>(*event);
-            if (other->condition) {
-                other->condition->instance = clones.at(other->condition->instance.get());
-            }
+            other->visit([&](std::shared_ptr<Instance> &instance) { instance = clones.at(instance.get()); });
             copy->processes()[i]->events_.push_back(std::move(other));
         }
     }
@@ -251,6 +252,9 @@ std::unique_ptr<Simulation> Simulation::clone() const
         wire.from.instance = clones.at(wire.from.instance.get());
         wire.to.instance = clones.at(wire.to.instance.get());
         copy->structure_.wires.push_back(std::move(wire));
+    }
+    for (std::size_t i = 0; i < processes().size(); i++) {
+        copy->processes()[i]->dictionary_ = processes()[i]->dictionary_;
     }
     if (runtime_) {
         copy->prepare();

@@ -4,7 +4,8 @@
 // state of the run.
 #pragma once
 
-#include "flight/exec/element.h"
+#include "flight/command/command.h"
+#include "sim/condition.h"
 #include "sim/error.h"
 #include "sim/instance.h"
 
@@ -57,34 +58,39 @@ struct Mode {
     std::vector<std::string> tasks;
 };
 
-/// A comparison of a field with a constant. Events of flight use it, because it can be exported to C.
-struct Condition {
-    enum class Measure { element, norm, max_abs };
-    enum class Comparison { less, less_equal, greater, greater_equal, equal, not_equal };
-
+/// What an event writes: parameters or outputs of a module of its process.
+struct Setting {
     std::shared_ptr<Instance> instance;
-    std::uint32_t offset = 0;     ///< bytes from the start of the instance's memory
-    FledgeType type = FLEDGE_F64; ///< of the elements
-    std::uint32_t elements = 1;
-    Measure measure = Measure::element;
-    Comparison comparison = Comparison::less;
-    double constant = 0.0;
-    std::string text; ///< as the user would write it
-
-    bool holds() const;
+    std::uint32_t offset = 0; ///< bytes from the start of the instance's memory
+    std::vector<std::byte> bytes;
 };
 
-/// A process checks its events at the instants at which one of its tasks ran. An event fires when its condition has
-/// held for `hold`. It is then disarmed, and arms itself again when the condition no longer holds (unless `once`). If
-/// its action arms it while the condition still holds, it would fire again at the same instant: that is a RunError.
+/// A process checks its events at the instants at which one of its tasks ran, in the order of their declaration. An
+/// event fires when its condition has held for `hold`, and at `count` of these instants without a gap. It then waits
+/// until the condition no longer holds, or, if it has `until`, until that condition holds; with `once`, until something
+/// arms it. A process checks an event once at an instant, as a flight computer does; one with Python in it is checked
+/// again while events fire. If its action arms it while its condition still holds, it would fire for ever: that is a
+/// RunError.
 struct Event {
     std::string name;
     std::optional<Condition> condition; ///< either this or the predicate
     std::function<bool()> predicate;
+    std::optional<Condition> until;
     Ns hold = 0;
+    std::int32_t count = 1;
     bool once = false;
-    std::string mode;             ///< enter this mode of the event's process; "": none
+    bool armed = true;              ///< at the start of a run
+    std::vector<std::string> modes; ///< only in these its condition holds; none: in all
+
+    std::string mode; ///< enter this mode of the event's process; "": none
+    /// Names of events of its process, and whether to arm or disarm each.
+    std::vector<std::pair<std::string, bool>> arms;
+    std::vector<Setting> set;
     std::function<void()> action; ///< call this; may be empty
+
+    bool is_data() const { return condition && !action; }
+    /// Call f with every instance that it reads or writes.
+    void visit(const std::function<void(std::shared_ptr<Instance> &)> &f);
 };
 
 /// The messages of an output as they were elsewhere, by time.
@@ -100,6 +106,26 @@ struct Playback {
     std::vector<Played> outputs;
 
     void at(Ns t) const;
+};
+
+/// What a process can be commanded, as data for its CommandTable: fledge.commands makes it of the live objects.
+struct Dictionary {
+    struct Block {
+        std::string instance;
+        std::uint32_t offset = 0, size = 0; ///< [bytes] of its parameters in its memory
+        bool configuration = false;
+        std::vector<ExecRun> runs;
+        std::vector<CommandRule> rules; ///< without texts
+    };
+    std::uint16_t stream = 0, version = 0, n_outputs = 0;
+    std::uint32_t room = 0; ///< [bytes] for commands that wait
+    std::vector<Block> blocks;
+};
+
+/// A report, and the bytes that were read back.
+struct CommandReply {
+    CommandReport report;
+    std::vector<std::uint8_t> data;
 };
 
 /// The tasks of one computer or model world: "flight" or "world".
@@ -131,23 +157,37 @@ public:
     const std::vector<std::shared_ptr<Event>> &events() const { return events_; }
     std::shared_ptr<Instance> find(std::string_view instance) const; ///< or null
     const std::map<const Instance *, Playback> &playback() const { return playback_; }
-    int initial_mode() const { return initial_; }   ///< -1: the process has no modes
-    bool runs_in(const Task &task, int mode) const; ///< whether the task is active in the mode
+    std::shared_ptr<Event> event(std::string_view event_name) const; ///< or null
+    int initial_mode() const { return initial_; }                    ///< -1: the process has no modes
+    bool runs_in(const Task &task, int mode) const;                  ///< whether the task is active in the mode
 
-    // The state of the run. Before a run is prepared, the mode is the initial one and all events are armed.
+    // The state of the run. Before a run is prepared, the mode is the initial one and events are as they start.
 
     /// Request a mode. The process enters it at its next instant.
     void enter(const std::string &mode);
     /// The mode in force; "" if the process has none.
     const std::string &mode() const;
+    /// The mode that it was last asked to enter, which may be in force.
+    const std::string &asked() const;
     bool armed(const Event &event) const;
     void arm(const Event &event, bool armed);
     Ns fired_at(const Event &event) const; ///< when it last fired; -1: never
+
+    // Commands, of a process that has a dictionary. The next change of the structure takes it away.
+
+    void set_dictionary(std::shared_ptr<const Dictionary> dictionary);
+    const std::shared_ptr<const Dictionary> &dictionary() const { return dictionary_; }
+    /// Accept or refuse a packet; what is accepted counts at the next instant of one of its tasks, active or not.
+    CommandReason command(const std::vector<std::uint8_t> &packet);
+    /// The reports since the last call, of a run that is prepared.
+    std::vector<CommandReply> take_reports();
+    CommandCounters command_counters() const;
 
 private:
     friend class Simulation;
     Process(Simulation &owner, std::string process_name);
 
+    const std::string &mode_name(int mode) const;  ///< "" of -1
     int mode_index(const std::string &mode) const; ///< throws SetupError with the valid names
 
     Simulation *owner_;
@@ -157,6 +197,7 @@ private:
     std::vector<std::shared_ptr<Event>> events_;
     std::shared_ptr<const Integrator> integrator_;
     std::map<const Instance *, Playback> playback_;
+    std::shared_ptr<const Dictionary> dictionary_;
     int initial_ = -1;
 };
 

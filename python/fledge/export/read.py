@@ -13,10 +13,12 @@ from pathlib import Path
 from typing import Any
 
 from fledge import objects
+from fledge.commands import leaves
 from fledge.elements import ELEMENTS
 from fledge.errors import SetupError
 from fledge.export import names
 from fledge.mission.crossing import crossing_wires
+from fledge.mission.wiring import event_text
 
 
 class ExportError(SetupError):
@@ -63,11 +65,18 @@ class Task:
 class Event:
     name: str
     title: str
-    module: Module
-    condition: Any                   # objects.Condition
+    text: str                        # all of it, in words
+    condition: list                  # steps of an objects.Condition
+    until: list                      # the same, of what arms it again; none: that the condition no longer holds
     hold: int                        # [ns]
+    count: int                       # [instants]
     once: bool
-    mode: str                        # C name of the mode to enter
+    armed: bool                      # from the start
+    modes: list                      # C names of those in which it holds; none: in all
+    mode: str                        # C name of the mode to enter; "": none
+    arms: list                       # (C name of an event, whether to arm or disarm it)
+    settings: list                   # (Module, offset in its memory, bytes) of what it sets
+    publishes: list                  # of Module: the configuration that it sets
 
 
 @dataclass
@@ -286,18 +295,33 @@ class _Reader:
         mission.left_out += [f"the task {t[0]}" for t in self.flight.tasks if t[0] not in chosen]
 
     def read_events(self, mission, mode_names):
-        naming = names.distinct(list(self.flight.events), ("m", "t"))
-        for event in self.flight.events.values():
-            process, name = event.condition.path.split(".")
-            if process != self.flight.name:
-                raise self.refusal(f"event {self.flight.name}.{event.name} looks at {event.condition.path}: flight "
-                                   "cannot see into another process; watch an input of flight, as in "
-                                   "watch(f.tracking.attitude)", event.name)
-            if name not in self.modules:
+        live = self.flight.events.values()
+        naming = names.distinct([e.name for e in live])
+        modules = {m.path: m for m in mission.modules}
+        kept, until = [], {}
+        for event in live:
+            until[event.name] = event.until.steps if event.until is not None else []
+            steps = [*event.condition.steps, *until[event.name]]
+            paths = [one.path for step in steps if not isinstance(step, str) for one in (step[0], step[2]) if one.path]
+            for path in paths:
+                if path.split(".")[0] != self.flight.name:
+                    file, line = event.declared_at
+                    raise ExportError(f"{file}, line {line}: event {self.flight.name}.{event.name} looks at {path}: "
+                                      "flight cannot see into other processes; watch an input of flight, as in "
+                                      "watch(f.tracking.attitude)")
+            if {*paths, *(path for path, _, _ in event.settings)} <= modules.keys():
+                kept.append(event)
+            else:
                 mission.left_out.append(f"the event {event.name}")
-                continue
-            mission.events.append(Event(naming[event.name], event.name, self.modules[name], event.condition,
-                                        event.hold, event.once, mode_names[event.mode]))
+        flying = [event.name for event in kept]
+        for event in kept:
+            settings = [(modules[path], offset, raw) for path, offset, raw in event.settings]
+            mission.events.append(Event(
+                naming[event.name], event.name, event_text(event), event.condition.steps,
+                until[event.name], event.hold, event.count, event.once, event.starts_armed,
+                [mode_names[m] for m in event.modes], mode_names.get(event.mode, ""),
+                [(naming[name], on) for name, on in event.arms if name in flying], settings,
+                [m for m in mission.configuration if any(m is one for one, _, _ in settings)]))
 
     def check_finite(self, module, mission):
         wired = {w.target for wires in (*mission.wires.values(), *mission.published.values()) for w in wires}
@@ -326,20 +350,10 @@ class _Reader:
         return ExportError(f"{path}: {text}")
 
 
-def leaves(fields: Sequence[Any], path: str = "", base: int = 0) -> Iterator[tuple[str, Any, int]]:
-    """(path, field, offset) of every field that is no struct; of an array of structs, of each element."""
-    for f in fields:
-        if f.type == "struct":
-            for i, at in enumerate(range(base + f.offset, base + f.offset + f.size, f.struct.size)):
-                yield from leaves(f.struct.fields, f"{path}{f.name}" + (f"[{i}]" if f.shape else "") + ".", at)
-        else:
-            yield path + f.name, f, base + f.offset
-
-
 def floats(struct: Any, memory: bytes) -> Iterator[tuple[str, float]]:
     """(path, value) of every floating-point number in an object of that struct."""
     for port in struct.fields:
-        for path, f, at in leaves([port], f"{port.group}." if port.group else ""):
+        for path, f, at in leaves([port], prefix=f"{port.group}." if port.group else ""):
             if ELEMENTS[f.type].is_float:
                 values = packing.unpack_from(f"={f.size // ELEMENTS[f.type].size}{ELEMENTS[f.type].code}", memory, at)
                 yield from ((path + (f"[{i}]" if f.shape else ""), v) for i, v in enumerate(values))

@@ -223,13 +223,13 @@ def test_a_changed_parameter_is_published(tmp_path):
     c = Compiled(mission, tmp_path)
     sim.run(10.0)
     sim.flight.vehicle.I_B = [600, 700, 800]
-    sim.run(until=10.0)                             # which takes the parameter over
+    sim.run(until=10.5)                             # the next instant of flight, which publishes it
     before = c.get("flight.vehicle.vehicle")
     vehicle = next(m for m in mission.modules if m.name == "vehicle")
     offset = next(f.offset for f in vehicle.struct.fields if f.name == "I_B")
     start = c.rows["flight.vehicle.vehicle"][0] + offset
     c.memory[start:start + 72] = objects.memory(sim.flight.vehicle)[offset:offset + 72]
-    c.publish("vehicle", 10 * NS)
+    c.publish("vehicle", 10500 * NS // 1000)
     after = c.get("flight.vehicle.vehicle")
     assert after != before and after == objects.memory(sim.flight.vehicle)[:len(after)]
 

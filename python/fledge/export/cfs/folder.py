@@ -10,6 +10,7 @@ from fledge.export import board as boards_of
 from fledge.export import c_source
 from fledge.export.cfs import around, joint, packets, sources, tables
 from fledge.export.cfs.app import App, check_taken
+from fledge.export.commands import emit_commands
 from fledge.export.host import emit_host
 from fledge.export.read import ExportError, Mission
 from fledge.export.write import write_files
@@ -30,12 +31,12 @@ def emit(mission: Mission, app: App, files: Sequence[Path | str] | None = None, 
     found = tables.tables(mission, app)
     registers = simulated or files is not None
     flown, boards = flown_by(mission, files or (), outputs) if registers else (c_source.emit(mission), [])
-    flown |= emit_host(mission) if watched else {}
+    flown |= emit_commands(mission) | emit_host(mission) if watched else {}
     prefix, name = app.prefix, app.name
 
     src: dict[str, str] = {}
     inc: dict[str, str] = {}
-    left_out = (() if registers else ("registers.c",)) + (
+    left_out = (() if joint.kept(mission, app) else ("keep.c",)) + (() if registers else ("registers.c",)) + (
         () if simulated else ("attach_file.c",)) + (("attach_memory.c",) if simulated or not registers else ())
     for template in sorted((HERE / "templates").glob("*.in")):
         what = template.name.removesuffix(".in")

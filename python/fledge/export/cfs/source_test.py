@@ -9,6 +9,7 @@ import pytest
 
 import fledge
 from fledge import cli, export
+from fledge.elements import ELEMENTS
 from fledge.export import cfs
 from fledge.export.cfs import sources, tables
 from fledge.export.cfs.testing import HERE, ROOT, Core, command, linked, read_tbl
@@ -178,7 +179,7 @@ def test_table_files_read_back_as_the_parameters(name, order):
         assert struct.unpack(end + "II", content[:8]) == (table.layout, 0)
         content = content[8:]
         for field in table.fields:                      # each number by itself, as a ground tool would
-            letter = tables.ELEMENTS[field.type].code
+            letter = ELEMENTS[field.type].code
             n = field.size // struct.calcsize(letter)
             at = field.offset - table.start
             assert struct.unpack_from(f"{end}{n}{letter}", content, at) == \
