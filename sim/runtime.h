@@ -128,6 +128,8 @@ private:
     void run_task(RunTask &task, Ns t);
     void run_events(Ns t);
     void publish(Configuration &module, Ns t);
+    bool run_event(RunProcess &process, std::size_t i, Ns t); ///< returns whether it fired
+    void act(RunProcess &process, const Event &event, Ns t);
 
     Roles roles_;
     Recorder &recorder_;

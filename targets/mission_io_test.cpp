@@ -65,7 +65,7 @@ protected:
         for (std::size_t way = 0; way < 2; way++) {
             for (const Row &row : ROWS) {
                 // Whole counts for all but f64, which has halves.
-                fields_.push_back({"n", "-", row.number == FLEDGE_F64 ? 0.5 : 1.0, 0.0, 0, 32, 1, 0});
+                fields_.push_back({"n", "-", row.number == FLEDGE_F64 ? 0.5 : 1.0, 0.0, 0, 32, 1, 0, 0, 0, 0, 0});
                 rows_.push_back({nullptr, static_cast<std::uint16_t>(way), 0, static_cast<std::uint16_t>(rows_.size()),
                                  0, row.offset, row.number});
             }
@@ -115,6 +115,9 @@ protected:
                4,
                1,
                static_cast<std::uint32_t>(rows_.size()),
+               0,
+               nullptr,
+               nullptr,
                {MISSION_NO_BOARD, 0},
                {MISSION_NO_BOARD, 0},
                nullptr,

@@ -5,6 +5,7 @@
 #include "core/errors.h"
 #include "core/value.h"
 #include "sim/error.h"
+#include "sim/text.h"
 
 #include <cmath>
 #include <cstdlib>
@@ -341,7 +342,13 @@ std::string path_of(PyObject *object)
         return as_root(object)->instance->path;
     }
     const View *view = as_view(object);
-    return view->owner ? path_of(view->owner) + "." + view->member->field->name : view->type->table->name;
+    if (!view->owner) {
+        return view->type->table->name;
+    }
+    const FledgeField &field = *view->member->field;
+    const auto at = view->memory - as_object(view->owner)->memory - field.offset;
+    return path_of(view->owner) + "." + field.name +
+           (field.ndim ? sim::index_text(field, static_cast<std::size_t>(at) / view->type->table->size) : "");
 }
 
 PyObject *root_of(PyObject *object)

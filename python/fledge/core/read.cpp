@@ -136,6 +136,12 @@ PyObject *get_array(PyObject *self, void *closure)
 
 } // namespace
 
+PyObject *row_of(PyObject *object, const Member &member, std::uint32_t index)
+{
+    return make_view(object, member,
+                     as_object(object)->memory + member.field->offset + index * member.sub->table->size);
+}
+
 getter getter_for(const FledgeField &field)
 {
     switch (field.type) {

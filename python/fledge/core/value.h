@@ -11,6 +11,9 @@ namespace fledge::core {
 getter getter_for(const FledgeField &field);
 setter setter_for(const FledgeField &field);
 
+/// A row of an array of structs. A new reference, or null with an exception set.
+PyObject *row_of(PyObject *object, const Member &member, std::uint32_t index);
+
 enum class Stored {
     yes,
     no,         ///< an exception is set

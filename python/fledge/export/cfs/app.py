@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -29,6 +29,7 @@ class App:
     topic: int = 0xC0
     order: str = "little"            # of the target's processor, for .tbl files
     wakeup: int | None = None        # message id of the scheduler; None: a topic of its own
+    keep: Sequence[str] = ()         # in a critical data store: "parameters", or paths of modules
     wires: Mapping[str, int] = field(default_factory=dict)  # path of an input -> message id of another app's packets
 
     def __post_init__(self) -> None:

@@ -271,3 +271,59 @@ def test_it_ends_with_the_run_and_with_its_surroundings(built):
     finally:
         core.kill()
         outside.close()
+
+
+def test_what_is_kept_outlives_the_app_and_the_rest_begins_anew(built, tmp_path):
+    mission = built[0]
+    app = cfs.App("nav", keep=["parameters", "flight.control"])
+    cfs.write(mission, app, tmp_path / "nav", outputs="all", simulated=True)
+    program = linked.build([(app, tmp_path / "nav")], tmp_path / "run", options=["-O1"])
+    vehicle = "flight.vehicle.vehicle"
+    at = next(f.offset for m in mission.outputs if m.path == vehicle for f in m.struct.fields if f.name == "I_B")
+    outside = built[4].begin()
+    core = Core(program, outside, listen="0x08C0-0x08E0")
+    try:
+        core.until("NAV flies modes")
+        outside.tick(-1)
+        outside.tick(0)
+        file = table_file(built, "Vehicle", I_B=[600.0, 0, 0, 0, 700, 0, 0, 0, 800])
+        (tmp_path / "run/ram/new.tbl").write_bytes((built[2] / "run/ram/new.tbl").read_bytes())
+        core.send(load("Vehicle", file))
+        core.until("NAV 6: Table Vehicle is loaded")
+        outside.tick(100_000_000)
+        core.write("restart NAV")
+        core.until("NAV 35: Flight has what was kept")
+        core.until("NAV 40: The registers are there")
+        outside.tick(200_000_000)
+        assert struct.unpack_from("<d", outside.take(vehicle, 0), at)[0] == 600.0
+        assert outside.take(vehicle, 0)[12:16] == struct.pack("<I", 1)      # flight itself began anew
+    finally:
+        core.kill()
+        outside.close()
+
+
+def test_two_apps_at_one_register_file_are_told(tmp_path, built):
+    mission, _, _, _, outside = built
+    apps = [(cfs.App("nav"), tmp_path / "nav"), (cfs.App("two", 0xE0), tmp_path / "two")]
+    for app, folder in apps:
+        cfs.write(mission, app, folder, outputs="all", simulated=True)
+    program = linked.build(apps, tmp_path / "run", options=["-O0"])
+    outside.begin()
+    core = Core(program, outside, variables={"TWO_REGISTERS": f"/dev/fd/{outside.fd}"})
+    try:
+        line = core.until(lambda line: " 41: Registers /dev/fd/" in line)
+        assert ("NAV 41" in line and line.endswith(": the app TWO")) or ("TWO 41" in line and
+                                                                         line.endswith(": the app NAV"))
+        outside.tick(-1)
+        outside.tick(0)                             # the other one flies
+    finally:
+        core.kill()
+        outside.close()
+
+
+def test_an_app_tells_what_it_waits_for(built):
+    core = Core(built[3], variables={"NAV_REGISTERS": "/dev/shm/fledge_no_such_registers"})
+    try:
+        core.until("NAV 44: Waits for the registers in /dev/shm/fledge_no_such_registers")
+    finally:
+        core.kill()

@@ -36,7 +36,7 @@ def emit(mission: Mission, app: App, files: Sequence[Path | str] | None = None, 
 
     src: dict[str, str] = {}
     inc: dict[str, str] = {}
-    left_out = (() if registers else ("registers.c",)) + (
+    left_out = (() if joint.kept(mission, app) else ("keep.c",)) + (() if registers else ("registers.c",)) + (
         () if simulated else ("attach_file.c",)) + (("attach_memory.c",) if simulated or not registers else ())
     for template in sorted((HERE / "templates").glob("*.in")):
         what = template.name.removesuffix(".in")

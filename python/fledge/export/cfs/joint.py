@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import zlib
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -10,7 +11,8 @@ from fledge.export import c_run
 from fledge.export.c_source import row
 from fledge.export.c_text import comment
 from fledge.export.cfs.packets import guarded
-from fledge.export.cfs.tables import HEAD_SIZE, Table, layout_checks, rules
+from fledge.export.cfs.tables import HEAD_SIZE, Table, described, layout_checks, rules
+from fledge.export.read import ExportError
 
 if TYPE_CHECKING:
     from fledge.export.cfs.app import App
@@ -23,14 +25,29 @@ def step(mission: Mission) -> int:
     return math.gcd(*(n for task in mission.tasks for n in (task.period, task.offset)))
 
 
+def kept(mission: Mission, app: App) -> list[tuple[str, str, str]]:
+    """(member, offset, size) of what outlives the app, as C: of a module its parameters and its memory."""
+    found = []
+    for what in app.keep:
+        if what != "parameters" and what not in [m.path for m in mission.modules]:
+            raise ExportError(f"--keep {what}: {mission.title} has no such module; keep parameters, or any of "
+                              f"{', '.join(m.path for m in mission.modules)}")
+    for module in mission.modules:
+        for group in ("par", "mem"):
+            if module.fields(group) and (module.path in app.keep or group == "par" and "parameters" in app.keep):
+                member = f"{module.name}.{group}"
+                found.append((member, f"offsetof({mission.struct()}, {member})",
+                              f"sizeof((({mission.struct()} *)0)->{member})"))
+    return found
+
+
 def header(mission: Mission, app: App, found: Sequence[Table], boards: Sequence[Board], watched: bool = False) -> str:
     prefix, upper = app.prefix, mission.name.upper()
     longest = max((m.struct.size for m in mission.outputs), default=0)
     longest_table = HEAD_SIZE + max((len(t.content) for t in found), default=0)
     return guarded(app, "mission", f"What {prefix} flies: {mission.title}.", [
-        '#include "cfe.h"', "", f'#include "{mission.name}.h"', *
-        ([f'#include "{mission.name}_io.h"'] if boards else []),
-        '#include "flight/command/rules.h"', "",
+        '#include "cfe.h"', "", f'#include "{mission.name}.h"',
+        *([f'#include "{mission.name}_io.h"'] if boards else []), '#include "flight/command/rules.h"', "",
         f"typedef {mission.struct()} {prefix}_Mission_t;", "",
         *(['#include "targets/cfs/watch.h"', f"#define {prefix}_WATCH fledge_watch", ""] if watched else []),
         f"#define {prefix}_MESSAGES {upper}_MESSAGES",
@@ -38,6 +55,7 @@ def header(mission: Mission, app: App, found: Sequence[Table], boards: Sequence[
         f"#define {prefix}_INPUTS {len(mission.inputs)}u /* the first of the messages */",
         f"#define {prefix}_STEP_NS INT64_C({step(mission)}) /* between two wake-ups */",
         f"#define {prefix}_BOARDS {len(boards)}",
+        *keeping(mission, app),
         f"#define {prefix}_TABLES {len(found)}",
         f"#define {prefix}_TABLE_HEAD {HEAD_SIZE} /* [bytes] in front of the parameters */",
         f"#define {prefix}_LONGEST_TABLE {longest_table} /* [bytes] */", "",
@@ -60,6 +78,20 @@ def header(mission: Mission, app: App, found: Sequence[Table], boards: Sequence[
         "/** Flight's time [ns] as cFE's. */", f"CFE_TIME_SysTime_t {prefix}_SysTime(int64 t);", ""])
 
 
+def keeping(mission: Mission, app: App) -> list[str]:
+    prefix, ranges = app.prefix, kept(mission, app)
+    lines = [f"#define {prefix}_KEPT {len(ranges)}"]
+    if ranges:
+        layout = [(m.path, described(m.fields(group))) for m in mission.modules for group in ("par", "mem")
+                  if f"{m.name}.{group}" in [one for one, _, _ in ranges]]
+        lines += [f"#define {prefix}_KEPT_LAYOUT 0x{zlib.crc32(repr(layout).encode()):08X}u",
+                  f"#define {prefix}_KEPT_BYTES ( \\", *(f"    {size} + \\" for _, _, size in ranges), "    0)",
+                  "", "/** A part of flight's memory that is kept. */", f"typedef struct {prefix}_Range {{",
+                  "    uint32 Offset;", "    uint32 Size;", f"}} {prefix}_Range_t;",
+                  f"extern const {prefix}_Range_t {prefix}_Kept[{prefix}_KEPT];", ""]
+    return lines
+
+
 def source(mission: Mission, app: App, found: Sequence[Table]) -> str:
     prefix, name = app.prefix, mission.name
     lines = ["/* SPDX-License-Identifier: Apache-2.0 */",
@@ -79,6 +111,9 @@ def source(mission: Mission, app: App, found: Sequence[Table]) -> str:
                      f"Rules{table.name}", f"sizeof Rules{table.name} / sizeof Rules{table.name}[0]",
                      f"Validate{table.name}")
     lines += ["    {NULL, NULL, 0, NULL, 0, NULL},", "};", ""]
+    if kept(mission, app):
+        lines += [f"const {prefix}_Range_t {prefix}_Kept[{prefix}_KEPT] = {{",
+                  *(f"    {{{offset}, {size}}}," for _, offset, size in kept(mission, app)), "};", ""]
     for kind, messages, ends in (("Input", mission.inputs, "IN"), ("Output", mission.outputs, "TLM")):
         listed = [f"{prefix}_{m.name.upper()}_{ends}_MID," for m in messages]
         lines += [f"const CFE_SB_MsgId_Atom_t {prefix}_{kind}Ids[] = {{",
