@@ -536,7 +536,11 @@ void Runtime::act(RunProcess &process, const Event &event, Ns t)
         of(*process.process, *process.process->event(name)).state.armed = armed;
     }
     for (const Setting &setting : event.set) {
-        std::copy(setting.bytes.begin(), setting.bytes.end(), setting.instance->memory() + setting.offset);
+        const bool played = !process.process->playback().empty() &&
+                            field_at(setting.instance->type(), setting.offset)->group == FLEDGE_OUT;
+        if (!played) { // the record has what was set
+            std::copy(setting.bytes.begin(), setting.bytes.end(), setting.instance->memory() + setting.offset);
+        }
     }
     for (auto &[instance, seen] : known_) {
         const auto sets = [&, &one = instance](const Setting &setting) { return setting.instance.get() == one; };

@@ -29,14 +29,14 @@ void mission_host_exchange(const MissionHost *host, const RegisterWindow *w, int
     uint32_t n;
     if (t < 0) {
         host->reset();
+        mission_io_forget(io, w);
         command_begin(host->state);
         telemetry_begin(host->telemetry);
-        while (mission_io_receive(io, w, io->commands, io->command, io->room, counts) != 0u) {
+        while (mission_io_receive(io, w, io->commands, io->packet, io->room, counts) != 0u) {
         } /* commands of the last run */
-        mission_io_forget(host->io, w);
     } else {
-        while ((n = mission_io_receive(io, w, io->commands, io->command, io->room, counts)) != 0u) {
-            (void)command_accept(host->state, host->commands, io->command, n, send_report, &link);
+        while ((n = mission_io_receive(io, w, io->commands, io->packet, io->room, counts)) != 0u) {
+            (void)command_accept(host->state, host->commands, io->packet, n, send_report, &link);
         }
         /* Before the inputs are read, because a reset of flight forgets them. */
         command_execute(host->state, host->commands, host->mission, t, send_report, &link);

@@ -10,10 +10,10 @@
  *
  * A packet carries numbers of one message in fields of its own, at their places in bytes. So does a queued word. The
  * reader writes the head when a packet arrives; without a new one, the message stays as it is, and ages. Of a queue a
- * reader sees one packet of each kind at each reading: the oldest that it has not seen, or the newest, and then counts
- * those that it skips.
+ * reader sees one packet of each kind at each reading: the oldest that it has not seen, and packets behind it wait; or
+ * the newest, and then it counts those that it skips.
  *
- * Two queues carry commands to flight, and telemetry from it.
+ * Two queues carry packets: commands to flight, and telemetry from it.
  *
  * Time comes from the clock of the first board that has one. A tick with t < 0 resets flight, which then writes all
  * outputs; no module runs. Each later tick is one exchange: mission_io_read, the mission's tick, mission_io_write,
@@ -51,7 +51,7 @@ typedef struct MissionLane {
     FledgeType number;
 } MissionLane;
 
-/** A queue of commands or telemetry. */
+/** A queue of packets. */
 typedef struct MissionQueue {
     uint16_t board; ///< the index of the board; MISSION_NO_BOARD: there is no such queue
     uint16_t lane;  ///< the index of the lane in the board
@@ -72,8 +72,8 @@ typedef struct MissionIo {
     uint8_t *scratch;             ///< memory for the longest packet of these lanes
     MissionQueue commands;
     MissionQueue telemetry;
-    uint8_t *command; ///< memory for the longest one that can come
-    uint32_t room;    ///< [bytes] of it
+    uint8_t *packet; ///< memory for the longest command that can come
+    uint32_t room;   ///< [bytes] of it
 } MissionIo;
 
 /** Counters of faults. */
@@ -81,7 +81,7 @@ typedef struct MissionIoCounts {
     uint32_t refused;   ///< messages not written: the queue was full, or the size is wrong
     uint32_t corrupt;   ///< messages with invalid bytes; the reader sees a message that was never written
     uint32_t saturated; ///< numbers limited to the range of their field
-    uint32_t skipped;   ///< packets that a newer one of a queue has replaced before they were seen
+    uint32_t skipped;   ///< packets replaced by a newer one before they were seen
 } MissionIoCounts;
 
 /** The index of the board whose clock paces flight; n_boards if no board has a clock. */

@@ -148,7 +148,11 @@ def read(mission: Mission, texts: Iterable[tuple[Path | str, str]]) -> list[Boar
                 wrong.append(f"{board.file}: the board overlaps {other.file}; move its base")
     if wrong:
         raise ExportError("\n".join(wrong))
-    if all(board.clock is None for board in boards):
+    clocks = [board for board in boards if board.clock is not None]
+    if len(clocks) > 1:
+        raise ExportError(f"{clocks[1].file}: {clocks[0].file} has a [clock] already, which paces flight; write "
+                          "[slave_clock] here")
+    if not clocks:
         raise ExportError(f"{boards[0].file}: no board has a clock, which paces flight; give one of them a [clock]")
     return boards
 
@@ -179,8 +183,8 @@ class _Finder:
         self.wrong.append(f"{board.file}:{line}: {text}")
 
     def snorkel(self, board, i, snorkel, lane, place):
-        if lane.carries in PACKETS:
-            self.queue(board, lane)
+        if snorkel.carries in PACKETS:
+            self.packets(board, snorkel, lane)
         elif lane.carries:
             found = self.message(board, lane.line, lane.carries, lane)
             if not found:
@@ -199,19 +203,19 @@ class _Finder:
             if field.carries:
                 self.field(board, i, lane, place, k, field)
 
-    def queue(self, board, lane):
+    def packets(self, board, snorkel, lane):
         """A snorkel of commands or telemetry."""
-        what = lane.carries
+        what = snorkel.carries
         least = COMMAND_MAX if what == "commands" else 16 + 24
         if lane.form != "packet" or lane.from_flight != (what == "telemetry") or not lane.variable or not lane.queued:
-            self.refuse(board, lane.line, f"{what} pass in a queue of packets of variable size: form = \"packet\", "
+            self.refuse(board, snorkel.line, f"{what} pass in a queue of packets of variable size: form = \"packet\", "
                         f"direction = \"{'write' if what == 'telemetry' else 'read'}\", a capacity and a queue")
         elif lane.capacity < least:
-            self.refuse(board, lane.line, f"{what} need a capacity of {least} bytes; it is {lane.capacity}")
+            self.refuse(board, snorkel.line, f"{what} need a capacity of {least} bytes; it is {lane.capacity}")
         elif what in self.taken:
-            self.refuse(board, lane.line, f"{what} pass already by {self.taken[what]}")
+            self.refuse(board, snorkel.line, f"{what} pass already by {self.taken[what]}")
         else:
-            self.taken[what] = f"{board.file}:{lane.line}"
+            self.taken[what] = f"{board.file}:{snorkel.line}"
 
     def message(self, board, line, path, lane):
         """(id, message) of a path, if it passes in that direction."""
@@ -241,11 +245,11 @@ class _Finder:
             return
         count = field.count if lane.form == "packet" else lane.count
         tag = field.tag if lane.form == "packet" else 0 if lane.queued else None
-        other, first = self.kinds.setdefault((i, place, tag), (message, field.line)
-                                             ) if tag is not None else (message, 0)
+        here = message, field.line
+        other, first = here if tag is None else self.kinds.setdefault((i, place, tag), here)
         if other is not message:
-            self.refuse(board, field.line, f"a packet carries numbers of one message, and line {first} of {other.path}; "
-                        f"give {message.path} a packet of its own, or another tag")
+            self.refuse(board, field.line, "a packet carries numbers of one message, and line "
+                        f"{first} of {other.path}; give {message.path} a packet of its own, or another tag")
         elif count > n:
             self.refuse(board, field.line, f"{field.carries} has {n} numbers from there on; the "
                         + (f"field has {count}" if lane.form == "packet" else f"snorkel has {count} words"))
@@ -356,16 +360,17 @@ def source(mission: Mission, boards: Sequence[Board], found: list[Lane]) -> str:
                      f"{upper}_MSG_{one.message.name.upper()}", f"{one.board}u",
                      f"{board.name.upper()}_LANE_{board.lanes[one.lane].name.upper()}", f"{one.field}u",
                      f"{one.offset}u", f"FLEDGE_{(one.number or 'enum').upper()}")
-    queues = {lane.carries: (f"{{{i}u, {board.name.upper()}_LANE_{lane.name.upper()}}},", lane.capacity)
-              for i, board in enumerate(boards) for lane in board.lanes if lane.carries in PACKETS}
-    _, room = queues.get("commands", ("", 0))
-    lines += [*["};"] * bool(found), *_packets(boards, found), *["", f"static uint8_t command[{room}];"] * bool(room),
-              "", f"const MissionIo {name}_io = {{",
+    places = packet_lanes(boards)
+    room = max((lane.capacity for b in boards for one in b.snorkels if one.carries == "commands" for lane in one.lanes),
+               default=0)
+    kinds = any(one.tag is not None for one in found)
+    lines += [*["};"] * bool(found), *_packets(boards, found), "",
+              *([f"static uint8_t packet[{room}];", ""] if room else []), f"const MissionIo {name}_io = {{",
               f"    {name}_messages, boards, {'lanes' if found else 0}, {upper}_MESSAGES, {len(boards)}u, "
               f"{len(found)}u,",
-              "    sizeof packets / sizeof packets[0], packets, scratch," if any(one.tag is not None for one in found)
-              else "    0u, 0, 0,", *(f"    {queues.get(what, ('{MISSION_NO_BOARD, 0u},', 0))[0]}" for what in PACKETS),
-              f"    {'command' if room else '0'}, {room}u", "};", ""]
+              "    sizeof packets / sizeof packets[0], packets, scratch," if kinds else "    0u, 0, 0,",
+              *(f"    {places.get(what, '{MISSION_NO_BOARD, 0u}')}," for what in PACKETS),
+              f"    {'packet' if room else '0'}, {room}u", "};", ""]
     return "\n".join(lines)
 
 
@@ -385,6 +390,12 @@ def _packets(boards: Sequence[Board], found: list[Lane]) -> list[str]:
                     f"{int(lane.newest)}u", f"packet_{len(lines) - 1}")
     return ["", *lines, f"static uint8_t scratch[{longest}];", "", "static const MissionPacket packets[] = {", *rows,
             "};"] if rows else []
+
+
+def packet_lanes(boards: Sequence[Board]) -> dict[str, str]:
+    """The MissionQueue of the snorkels of commands and telemetry that there are, as C."""
+    return {snorkel.carries: f"{{{i}u, {board.name.upper()}_LANE_{snorkel.lanes[0].name.upper()}}}"
+            for i, board in enumerate(boards) for snorkel in board.snorkels if snorkel.carries in PACKETS}
 
 
 def message(struct: Any, declared: str, before: Sequence[str] = ()) -> list[str]:

@@ -296,7 +296,7 @@ def test_a_board_of_words_can_have_the_queues_too(tmp_path):
     mission = export.read(fledge.load("nadir_spin"))
     (tmp_path / "converters.toml").write_text(WORDS.replace("size  = 0x1000", "size  = 0x8000") + QUEUES)
     io = export.emit_board(mission, [tmp_path / "converters.toml"])["nadir_spin_io.c"]
-    assert "{0u, CONVERTERS_LANE_UPLINK}," in io and "{MISSION_NO_BOARD, 0u}," in io and "command, 1024u" in io
+    assert "{0u, CONVERTERS_LANE_UPLINK}," in io and "{MISSION_NO_BOARD, 0u}," in io and "packet, 1024u" in io
 
 
 @pytest.mark.parametrize("change, complaint", [

@@ -247,7 +247,8 @@ def test_telemetry_is_what_the_record_has(tmp_path):
     from fledge.commands import decoded, read_script
 
     on = [name for name in ("linux", "sparc64") if not TARGETS[name].missing()]
-    assert cli.main(["fly", str(plays(tmp_path)), "downlink", "--on", ",".join(on), "--out", str(tmp_path / "out")]) == 0
+    out = str(tmp_path / "out")
+    assert cli.main(["fly", str(plays(tmp_path)), "downlink", "--on", ",".join(on), "--out", out]) == 0
     mission = export.read(fledge.load(tmp_path / "plays"))
     found = export.dictionary(mission)
     for name in on:
