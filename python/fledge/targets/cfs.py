@@ -115,8 +115,8 @@ class RealCfs(Cfs):
     def advice(self, log: str) -> str:
         if "msg_max" not in log:
             return ""
-        return (f"cFE could not make a queue of messages: {QUEUES} says how deep one may be, and its pipes are up to 40 "
-                f"deep; as root: echo 64 > {QUEUES}")     # OSAL's advice, above many other lines
+        return (f"cFE could not make a queue of messages: {QUEUES} says how deep one may be, and its pipes are up to "
+                f"40 deep; as root: echo 64 > {QUEUES}")     # OSAL's advice, above many other lines
 
     def command(self, built: Path, record: str) -> list[str]:
         folder = next(path for path in built.parents if path.name == "cfs_tree").parent   # the job's
