@@ -45,7 +45,8 @@ typedef struct RegisterOutside {
     uint8_t swap;        ///< 1: the orders differ
 } RegisterOutside;
 
-/** A part of a word: value = offset + scale * count, of `bits` bits from `lsb` up. */
+/** A part of a word, of `bits` bits from `lsb` up, or numbers of `bits` bits in a packet:
+ *  value = offset + scale * count. The members below `is_signed` are of packets. */
 typedef struct RegisterField {
     const char *name;
     const char *unit;
@@ -54,7 +55,11 @@ typedef struct RegisterField {
     uint8_t lsb;
     uint8_t bits;
     uint8_t is_signed; ///< two's complement
-    uint8_t spare;
+    uint8_t is_float;  ///< IEEE 754, of 32 or 64 bits
+    uint32_t at;       ///< [bytes] from the beginning of flight's packet
+    uint16_t count;    ///< numbers in a row
+    uint8_t little_endian;
+    uint8_t tag; ///< the kind of packet, as its descriptor has it
 } RegisterField;
 
 /** One direction of a snorkel. A snorkel of both directions is two lanes. */
@@ -75,6 +80,16 @@ typedef struct RegisterLane {
     const RegisterField *fields;
 } RegisterLane;
 
+/** A clock of its own rate (clock.h). */
+typedef struct RegisterSlave {
+    uint32_t address;
+    int32_t interrupt; ///< the line that a pulse raises, or -1
+    int64_t start;     ///< [ns] its time at simulated time 0
+    int64_t pulse;     ///< [ns] of simulated time, from pulse to pulse
+    int32_t drift;     ///< [ns/s] how much faster than simulated time it runs
+    int32_t slew;      ///< [ns/s] how much faster or slower it runs while it is slewed
+} RegisterSlave;
+
 typedef struct RegisterBoard {
     const char *name;
     uint64_t hash;           ///< of all members below; both sides must come from the same file
@@ -87,6 +102,7 @@ typedef struct RegisterBoard {
     uint32_t n_interrupts;
     uint32_t n_lanes;
     const RegisterLane *lanes;
+    const RegisterSlave *slave; ///< NULL: there is no slave clock
 } RegisterBoard;
 
 #ifdef __cplusplus

@@ -6,7 +6,7 @@ README.md lists the keys. One reading finds all mistakes, each with file, line, 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from introspect.files import fnv1a
@@ -17,6 +17,7 @@ from registers.location import line_of
 CONTROL_SIZE = 32      # registers/lane.h
 SLOT_HEAD = 8
 CLOCK_SIZE = 32        # registers/clock.h
+SLAVE_SIZE = 48
 INTERRUPT_SIZE = 8
 CDR_HEAD = 4           # registers/message.h
 SINGLE_SLOTS = 4
@@ -27,22 +28,30 @@ DIRECTIONS = ("read", "write", "both")
 OVERFLOWS = ("refuse", "overwrite")
 UNITS = (1, 2, 4, 8)
 
-_BOARD_KEYS = ("name", "doc", "base", "size", "order", "clock", "interrupts", "snorkel", "bound")
+_BOARD_KEYS = ("name", "doc", "base", "size", "order", "clock", "slave_clock", "interrupts", "snorkel",
+               "bound")
+_SLAVE_KEYS = ("address", "interrupt", "start", "drift", "slew", "pulse")
 _BOUND_KEYS = ("field", "at_most", "after", "scenario")
-_OF_LANE = ("address", "interrupt", "descriptor", "remove", "add")
+NUMBERS = {"f64": (64, True, True), "f32": (32, True, True),      # bits, signed, floating
+           **{f"{kind}{bits}": (bits, kind == "i", False) for kind in "iu" for bits in (8, 16, 32, 64)}}
+SEES = ("oldest", "newest")
+
+_OF_LANE = ("address", "interrupt", "descriptor", "remove", "add", "carries", "field")
 _SNORKEL_KEYS = ("name", "doc", "form", "direction", *_OF_LANE, *[f"write_{k}" for k in _OF_LANE],
-                 "count", "queue", "overflow", "size", "capacity", "unit", "outside_order",
-                 "message", "header", "carries", "field")
+                 "count", "queue", "overflow", "sees", "size", "capacity", "unit", "outside_order",
+                 "message", "header")
 _ONLY_FOR = {          # keys that only these forms have
-    "count": ("word",), "field": ("word",),
+    "count": ("word",), "field": ("word", "packet"), "write_field": ("word", "packet"),
     "capacity": ("packet", "message"), "size": ("packet", "message"),
     "descriptor": ("packet", "message"), "write_descriptor": ("packet", "message"),
     "remove": ("packet",), "add": ("packet",),
     "write_remove": ("packet",), "write_add": ("packet",),
     "unit": ("packet",), "outside_order": ("packet",),
     "message": ("message",), "header": ("message",), "carries": ("message", "packet"),
+    "write_carries": ("message",),
 }
 _FIELD_KEYS = ("name", "doc", "bits", "signed", "scale", "offset", "unit", "carries")
+_PACKET_FIELD_KEYS = ("name", "doc", "at", "type", "order", "count", "tag", "scale", "offset", "unit", "carries")
 _DESCRIPTOR_KEYS = ("address", "length", "tag", "valid")
 
 _NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
@@ -54,7 +63,7 @@ _KEYWORDS = set("""auto break case char const continue default do double else en
 
 @dataclass(frozen=True)
 class Field:
-    """A part of a word: value = offset + scale * count."""
+    """A part of a word, or numbers in a packet: value = offset + scale * count."""
     name: str
     doc: str
     lsb: int
@@ -65,6 +74,17 @@ class Field:
     unit: str
     carries: str | None = None      # the number of a mission's message that it carries, or the first of `count`
     line: int = field(default=0, compare=False, repr=False)   # of `carries` in the file
+    # Of packets only, whose numbers are whole bytes:
+    at: int = 0                     # [bytes] from the beginning of flight's packet
+    type: str | None = None         # "f32"
+    order: str = "big"
+    count: int = 1                  # numbers in a row
+    tag: int = 0                    # the kind of packet, as its descriptor has it
+
+    @property
+    def end(self) -> int:
+        """[bytes] behind its last number in the packet."""
+        return self.at + self.count * self.bits // 8
 
     @property
     def low(self) -> int:
@@ -105,6 +125,10 @@ class Lane:
     add: tuple[int, ...]
     unit: int
     swap: bool
+    newest: bool                        # of a queue, a reader of numbers sees the newest; else the oldest
+    fields: tuple[Field, ...]
+    carries: str | None                 # a mission's message
+    line: int = field(default=0, compare=False, repr=False)     # of `carries` in the file
 
 
 @dataclass(frozen=True)
@@ -113,12 +137,34 @@ class Snorkel:
     doc: str
     direction: str
     lanes: tuple[Lane, ...]
-    fields: tuple[Field, ...]
     message: str | None
     header: str | None
     message_size: int | None
-    carries: str | None = None          # a mission's message
-    line: int = field(default=0, compare=False, repr=False)
+
+    @property
+    def carries(self) -> str | None:
+        """What its first lane carries whole."""
+        return self.lanes[0].carries
+
+    @property
+    def line(self) -> int:
+        return self.lanes[0].line
+
+    @property
+    def fields(self) -> tuple[Field, ...]:
+        """Of all lanes, each once."""
+        return tuple(dict.fromkeys(field for lane in self.lanes for field in lane.fields))
+
+
+@dataclass(frozen=True)
+class Slave:
+    """A clock of its own rate. Times in ns, rates in ns per second."""
+    address: int
+    interrupt: str | None
+    start: int
+    drift: int
+    slew: int
+    pulse: int
 
 
 @dataclass(frozen=True)
@@ -145,6 +191,7 @@ class Board:
     snorkels: tuple[Snorkel, ...]
     file: str = field(compare=False)     # without folder
     bounds: tuple[Bound, ...] = field(default=(), compare=False)
+    slave: Slave | None = None
 
     @property
     def lanes(self) -> list[Lane]:
@@ -153,9 +200,8 @@ class Board:
     @property
     def hash(self) -> int:
         """The 64-bit FNV-1a of everything that both sides must agree on."""
-        return fnv1a(repr((self.name, self.size, self.order, self.clock, self.interrupts, self.lines,
-                           [(lane, s.fields, s.message, s.carries)
-                            for s in self.snorkels for lane in s.lanes])))
+        return fnv1a(repr((self.name, self.size, self.order, self.clock, self.slave, self.interrupts, self.lines,
+                           [(lane, s.message) for s in self.snorkels for lane in s.lanes])))
 
 
 def read(path: Path) -> Board:
@@ -229,6 +275,7 @@ class _Reader(Tables):
             clock_interrupt = self.line(table, path, "interrupt", lines, False, "the clock")
             self.take(clock, CLOCK_SIZE, "the clock", (*path, "address"))
 
+        slave = self.slave(data, lines) if "slave_clock" in data else None
         names: dict[str, tuple] = {}
         snorkels = [self.snorkel(table, ("snorkel", i), names, order, lines)
                     for i, table in enumerate(self.tables(data, (), "snorkel"))]
@@ -237,7 +284,24 @@ class _Reader(Tables):
                      clock_interrupt, interrupts, tuple(lines),
                      tuple(s for s in snorkels if s), file,
                      tuple(self.bound(table, ("bound", i))
-                           for i, table in enumerate(self.tables(data, (), "bound"))))
+                           for i, table in enumerate(self.tables(data, (), "bound"))), slave)
+
+    def slave(self, data, lines) -> Slave:
+        table = self.table(data, (), "slave_clock")
+        path = ("slave_clock",)
+        self.keys(table, path, _SLAVE_KEYS)
+        address = self.integer(table, path, "address", 0, 0xFFFFFFF8, multiple=8)
+        self.take(address, SLAVE_SIZE, "the slave clock", (*path, "address"))
+        rates = {}
+        for key, default, low, high, factor, unit in (
+                ("start", 0.0, -9e9, 9e9, 1e9, "s"), ("drift", 0.0, -1e6, 1e6, 1e3, "ppm"),
+                ("slew", 100.0, 1e-3, 1e6, 1e3, "ppm"), ("pulse", 1.0, 1e-6, 9e9, 1e9, "s")):
+            value = self.number(table, path, key, default)
+            if not low <= value <= high:
+                self.refuse((*path, key), f"`{key}` is from {low:g} to {high:g} {unit}", f"it is {value:g}",
+                            "choose one of those")
+            rates[key] = round(value * factor)
+        return Slave(address or 0, self.line(table, path, "interrupt", lines, False, "the slave clock"), **rates)
 
     def bound(self, table, path) -> Bound:
         self.keys(table, path, _BOUND_KEYS)
@@ -310,6 +374,9 @@ class _Reader(Tables):
             self.refuse((*path, "overflow"), "`overflow` is of queues", f"`{name}` has none",
                         "leave it out, or give `queue`")
         overwrite = self.choice(table, path, "overflow", OVERFLOWS, "refuse") == "overwrite"
+        if "sees" in table and not queue:
+            self.refuse((*path, "sees"), "`sees` is of queues", f"`{name}` has none", "leave it out, or give `queue`")
+        newest = self.choice(table, path, "sees", SEES, "oldest") == "newest"
         count = self.integer(table, path, "count", 1, 65536, 1) or 1
         if queue and count > 1:
             self.refuse((*path, "count"), "`count` is of words that are not queued",
@@ -319,26 +386,30 @@ class _Reader(Tables):
         message, header = None, None
         if form == "message" and ("message" in table or "header" in table):
             message, header = self.message(table, path, variable)
-        fields = self.fields(table, path)
-        shape = dict(form=form, capacity=capacity, variable=variable, queued=bool(queue),
+        shape = dict(newest=newest, form=form, capacity=capacity, variable=variable, queued=bool(queue),
                      overwrite=overwrite, count=count, depth=queue or SINGLE_SLOTS)
-        swap = self.choice(table, path, "outside_order", ORDERS, board_order) != board_order
+        outside_order = self.choice(table, path, "outside_order", ORDERS, board_order)
+        swap = outside_order != board_order
         unit = self.choice(table, path, "unit", UNITS, 1) or 1
         if swap and unit == 1:
             self.refuse((*path, "outside_order"), "sides of different order have a unit to swap",
                         "`unit` is 1 or not there", "give `unit` = 2, 4 or 8")
 
-        lanes = []
+        names_of_fields: dict[str, tuple] = {}
+        lanes: list[Lane] = []
         for from_flight in {"read": (False,), "write": (True,), "both": (False, True)}[direction]:
             prefix = "write_" if direction == "both" and from_flight else ""
             suffix = ("_write" if from_flight else "_read") if direction == "both" else ""
-            lanes.append(self.lane(table, path, prefix, name + suffix, from_flight, lines,
-                                   shape | dict(unit=unit, swap=swap)))
+            lane = self.lane(table, path, prefix, name + suffix, from_flight, lines, shape | dict(unit=unit, swap=swap))
+            if prefix and "write_field" not in table:
+                lane = replace(lane, fields=lanes[0].fields)
+            else:
+                read = self.packet_fields if form == "packet" else self.fields
+                lane = replace(lane, fields=read(table, path, prefix + "field", names_of_fields, lane, board_order))
+            lanes.append(lane)
             names.setdefault(name + suffix, (*path, "name"))
-        return Snorkel(name, self.text(table, path, "doc", ""), direction, tuple(lanes), fields,
-                       message, header, message_size,
-                       self.text(table, path, "carries", "") or None,
-                       line_of(self.lines, (*path, "carries")))
+        return Snorkel(name, self.text(table, path, "doc", ""), direction, tuple(lanes),
+                       message, header, message_size)
 
     def capacity(self, table, path, form) -> tuple[bool, int, int | None]:
         """(variable, bytes in a slot, bytes of a message's struct)"""
@@ -397,7 +468,8 @@ class _Reader(Tables):
         interrupt = self.line(table, path, prefix + "interrupt", lines, from_flight, f"`{name}`")
         return Lane(name=name, from_flight=from_flight, address=address or 0, size=size,
                     stride=stride, interrupt=interrupt, descriptor=descriptor, remove=remove,
-                    add=tuple(add), **shape)
+                    add=tuple(add), fields=(), carries=self.text(table, path, prefix + "carries", "") or None,
+                    line=line_of(self.lines, (*path, prefix + "carries")), **shape)
 
     def descriptor(self, table, path, prefix, name, shape) -> Descriptor:
         key = prefix + "descriptor"
@@ -440,11 +512,10 @@ class _Reader(Tables):
             return (0, 32)
         return tuple(value)
 
-    def fields(self, table, path) -> tuple[Field, ...]:
-        names: dict[str, tuple] = {}
+    def fields(self, table, path, key, names, *_) -> tuple[Field, ...]:
         fields, used = [], 0
-        for i, given in enumerate(self.tables(table, path, "field")):
-            here = (*path, "field", i)
+        for i, given in enumerate(self.tables(table, path, key)):
+            here = (*path, key, i)
             before = len(self.problems)
             self.keys(given, here, _FIELD_KEYS)
             name = self.name(given, here, names, "field")
@@ -465,4 +536,45 @@ class _Reader(Tables):
                                 self.text(given, here, "unit", "-"),
                                 self.text(given, here, "carries", "") or None,
                                 line_of(self.lines, (*here, "carries"))))
+        return tuple(fields)
+
+    def packet_fields(self, table, path, key, names, lane, order) -> tuple[Field, ...]:
+        """The fields of packets. Only one side's header may be in front of them: the outside drops the other."""
+        fields: list[Field] = []
+        first = lane.remove if lane.from_flight else len(lane.add)
+        tags = 1 << lane.descriptor.tag[1] if lane.descriptor.address is not None else 1
+        for i, given in enumerate(self.tables(table, path, key)):
+            here = (*path, key, i)
+            before = len(self.problems)
+            self.keys(given, here, _PACKET_FIELD_KEYS)
+            type_ = self.choice(given, here, "type", tuple(NUMBERS))
+            bits, signed, _ = NUMBERS[type_ or "u8"]
+            scale = self.number(given, here, "scale", 1.0)
+            if scale == 0.0:
+                self.refuse((*here, "scale"), "`scale` is not 0", "it is 0", "give the value of one count")
+            name, doc = self.name(given, here, names, "field"), self.text(given, here, "doc", "")
+            one = Field(name, doc, 0, bits, signed, scale,
+                        self.number(given, here, "offset", 0.0), self.text(given, here, "unit", "-"),
+                        self.text(given, here, "carries", "") or None, line_of(self.lines, (*here, "carries")),
+                        self.integer(given, here, "at", 0, 0xFFFFFF) or 0, type_,
+                        self.choice(given, here, "order", ORDERS, order) or "big",
+                        self.integer(given, here, "count", 1, 65535, 1) or 1,
+                        self.integer(given, here, "tag", 0, 255, 0) or 0)
+            if before == len(self.problems):
+                if one.at < first:
+                    self.refuse((*here, "at"), "numbers stand behind the header, which is not theirs",
+                                f"{first} bytes in front are the header, `{one.name}` is at {one.at}", "move it")
+                if one.end > lane.capacity:
+                    self.refuse((*here, "at"), "numbers stand within the packet",
+                                f"`{one.name}` ends at {one.end} of {lane.capacity} bytes",
+                                "move it, or enlarge the packet")
+                if one.tag >= tags:
+                    self.refuse((*here, "tag"), f"a tag is from 0 to {tags - 1}, as the descriptor holds it",
+                                f"it is {one.tag}", "choose one of those, or give a `descriptor`")
+                for other in fields:
+                    if other.tag == one.tag and other.at < one.end and one.at < other.end:
+                        self.refuse((*here, "at"), "numbers of one packet do not overlap",
+                                    f"`{one.name}` [{one.at}, {one.end}) overlaps `{other.name}` "
+                                    f"[{other.at}, {other.end})", "move it, or give it another tag")
+            fields.append(one)
         return tuple(fields)

@@ -19,6 +19,7 @@ WORD = '[[snorkel]]\nname = "w"\nform = "word"\ndirection = "read"\naddress = 0x
 PACKET = '[[snorkel]]\nname = "p"\nform = "packet"\ndirection = "read"\naddress = 0x200\nsize = 8\n'
 BOTH = PACKET.replace('"read"', '"both"') + "write_address = 0x300\n"
 FIELD = '[[snorkel.field]]\nname = "f"\nbits = [0, 8]\n'
+PLACED = '[[snorkel.field]]\nname = "x"\nat = 4\ntype = "f32"\n'
 MESSAGE = PACKET.replace('"packet"', '"message"') + 'message = "M"\nheader = "m.h"\n'
 
 # text, line, and what the complaint must hold: rule, finding or advice
@@ -74,7 +75,24 @@ REFUSED = [
     (HEAD + WORD + FIELD + "scale = 0\n", 13, "`scale` is not 0"),
     (HEAD + WORD + FIELD + "offset = inf\n", 13, "`offset` is finite"),
     (HEAD + WORD + FIELD + 'signed = "no"\n', 13, "true or false"),
-    (HEAD + PACKET + FIELD, 11, "`field` is for word"),
+    (HEAD + MESSAGE + FIELD, 13, "`field` is for word and packet"),
+    (HEAD + PACKET + PLACED + "tag = 3\n", 15, "a tag is from 0 to 0, as the descriptor holds it; it is 3; choose"),
+    (HEAD + PACKET + PLACED + "count = 2\n", 13, "numbers stand within the packet; `x` ends at 12 of 8 bytes"),
+    (HEAD + PACKET + "add = [1, 2, 3, 4, 5]\n" + PLACED, 14, "5 bytes in front are the header, `x` is at 4; move it"),
+    (HEAD + PACKET + PLACED.replace("f32", "f31"), 14, '`type` must say which; it is "f31"; choose'),
+    (HEAD + PACKET + PLACED + "bits = [0, 8]\n", 15, "there is `bits`; choose name, doc, at"),
+    (HEAD + PACKET + PLACED * 2, 16, "field names differ"),
+    (HEAD + PACKET + PLACED + PLACED.replace("x", "y"), 17, "do not overlap; `y` [4, 8) overlaps `x` [4, 8)"),
+    (HEAD + PACKET + 'sees = "newest"\n', 11, "`sees` is of queues"),
+    (HEAD + PACKET + 'queue = 4\nsees = "last"\n', 12, "`sees` must say which"),
+    (HEAD + "[slave_clock]\naddress = 0x40\nrate = 1\n", 7, "there is `rate`; choose address, interrupt, start"),
+    (HEAD + "[slave_clock]\naddress = 0x40\ndrift = 2e6\n", 7, "`drift` is from -1e+06 to 1e+06 ppm; it is 2e+06"),
+    (HEAD + "[slave_clock]\naddress = 0x40\npulse = 0\n", 7, "`pulse` is from 1e-06 to 9e+09 s; it is 0"),
+    (HEAD + "[slave_clock]\naddress = 0xFF0\n", 6, "all lies within the board's size; the slave clock ends at 0x1020"),
+    (HEAD + "[clock]\naddress = 0x40\n[slave_clock]\naddress = 0x50\n", 8, "the slave clock [0x50, 0x80) overlaps"),
+    (HEAD + "[[bound]]\nfield = 7\n", 6, "`field` is a text"),
+    (HEAD + "[[bound]]\nfield = \"f\"\n", 5, "`at_most` must be given"),
+    (HEAD + "[[bound]]\nfield = \"f\"\nat_most = inf\n", 7, "`at_most` is finite"),
     (HEAD + MESSAGE.replace("size", "capacity"), 10, "a snorkel of one message type"),
     (HEAD + MESSAGE.replace('header = "m.h"\n', ""), 5, "`header` must be given"),
     (HEAD + MESSAGE.replace('"M"', '"m m"'), 11, "the name of a type"),

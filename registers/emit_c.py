@@ -6,7 +6,7 @@ Flight takes or gets the lanes that it reads, and puts or sets the lanes that it
 from __future__ import annotations
 
 from introspect.emit.ctext import string
-from registers.description import Board, Descriptor, Field, Lane, Snorkel
+from registers.description import NUMBERS, Board, Descriptor, Field, Lane, Snorkel
 
 _W = "const RegisterWindow *w"
 
@@ -27,6 +27,8 @@ def _header(board: Board) -> str:
             (f"{upper}_SIZE", board.size, "[bytes]")]
     if board.clock is not None:
         rows.append((f"{upper}_CLOCK", board.clock, "from the base, as all below"))
+    if board.slave:
+        rows.append((f"{upper}_SLAVE_CLOCK", board.slave.address, "registers/clock.h"))
     rows += [(f"{upper}_INTERRUPT_{line.upper()}", i, "line")
              for i, line in enumerate(board.lines)]
     for snorkel in board.snorkels:
@@ -42,8 +44,9 @@ def _header(board: Board) -> str:
                 rows.append((f"{name}_COUNT", lane.count, "words"))
         for f in snorkel.fields:
             name = f"{upper}_{snorkel.name.upper()}_{f.name.upper()}"
-            rows += [(f"{name}_LSB", f.lsb, f"[{f.unit}] {f.doc}"),
-                     (f"{name}_BITS", f.bits, f"{f.scale!r} per count, from {f.offset!r}")]
+            scale = f"{f.scale!r} per count, from {f.offset!r}"
+            rows += [(f"{name}_AT", f.at, f"[{f.unit}] {f.doc}"), (f"{name}_COUNT", f.count, f"{f.type}, {scale}")] \
+                if f.type else [(f"{name}_LSB", f.lsb, f"[{f.unit}] {f.doc}"), (f"{name}_BITS", f.bits, scale)]
     width = max(len(name) for name, _, _ in rows)
     defines = "".join(f"#define {name:{width}} {value:#x}u"
                       f"{comment and f' /* {_comment(comment)} */'}\n"
@@ -102,7 +105,7 @@ def _lane_accessors(board: Board, snorkel: Snorkel, lane: Lane) -> str:
     doc = _comment(snorkel.doc)
     verb = "put" if lane.from_flight else "take"
     if lane.form == "word" and not lane.queued:
-        return _word_accessors(name, table, snorkel, lane, doc)
+        return _word_accessors(name, table, lane, doc)
     if lane.form == "word":
         value = "value" if lane.from_flight else "*value"
         return _function("RegisterStatus", f"{name}_{verb}", f"{_W}, uint32_t {value}",
@@ -122,7 +125,7 @@ def _lane_accessors(board: Board, snorkel: Snorkel, lane: Lane) -> str:
                      f"    return register_take(w, {table}, bytes, room, info);\n", doc)
 
 
-def _word_accessors(name: str, table: str, snorkel: Snorkel, lane: Lane, doc: str) -> str:
+def _word_accessors(name: str, table: str, lane: Lane, doc: str) -> str:
     """For words that are not queued: the word, and each field in its unit. A setter of a field keeps the other fields
     of the word that flight has written last."""
     index, i = (", uint32_t index", "index") if lane.count > 1 else ("", "0u")
@@ -134,7 +137,7 @@ def _word_accessors(name: str, table: str, snorkel: Snorkel, lane: Lane, doc: st
     else:
         parts.append(_function("uint32_t", f"{name}_word", f"{_W}{index}",
                                f"{load}    return word;\n", doc))
-    for k, f in enumerate(snorkel.fields):
+    for k, f in enumerate(lane.fields):
         field = f"{table[1:]}.fields[{k}]"
         about = _comment(f"[{f.unit}] {f.doc}")
         if lane.from_flight:
@@ -161,16 +164,20 @@ def _tables(board: Board) -> str:
              f" * Written by registers from {_comment(board.file)}: do not edit. */\n"
              f'#include "{board.name}.h"\n']
     for snorkel in board.snorkels:
-        if snorkel.fields:
-            rows = "".join(_field(f) for f in snorkel.fields)
-            parts.append(f"\nstatic const RegisterField fields_{snorkel.name}[] = {{\n{rows}}};\n")
         for lane in snorkel.lanes:
+            if lane.fields:
+                rows = "".join(_field(f) for f in lane.fields)
+                parts.append(f"\nstatic const RegisterField fields_{lane.name}[] = {{\n{rows}}};\n")
             if lane.add:
                 row = ", ".join(f"{b}u" for b in lane.add)
                 parts.append(f"\nstatic const uint8_t head_{lane.name}[] = {{{row}}};\n")
-    lanes = "".join(_lane(board, s, lane) for s in board.snorkels for lane in s.lanes)
+    lanes = "".join(_lane(board, lane) for lane in board.lanes)
     if lanes:
         parts.append(f"\nstatic const RegisterLane lanes[] = {{\n{lanes}}};\n")
+    if board.slave:
+        s = board.slave
+        parts.append(f"\nstatic const RegisterSlave slave = {{\n    {s.address:#x}u, {_line(board, s.interrupt)}, "
+                     f"INT64_C({s.start}), INT64_C({s.pulse}),\n    {s.drift}, {s.slew},\n}};\n")
     members = [
         ("name", string(board.name)),
         ("hash", f"UINT64_C({board.hash:#018x})"),
@@ -183,6 +190,7 @@ def _tables(board: Board) -> str:
         ("n_interrupts", f"{len(board.lines)}u"),
         ("n_lanes", f"{len(board.lanes)}u"),
         ("lanes", "lanes" if lanes else "0"),
+        ("slave", "&slave" if board.slave else "0"),
     ]
     body = "".join(f"    .{key} = {value},\n" for key, value in members)
     parts.append(f"\nconst RegisterBoard {board.name} = {{\n{body}}};\n")
@@ -200,10 +208,16 @@ def _line(board: Board, name: str | None) -> int:
 def _field(f: Field) -> str:
     return (f"    {{.name = {string(f.name)}, .unit = {string(f.unit)}, .scale = {f.scale!r}, "
             f".offset = {f.offset!r},\n     .lsb = {f.lsb}u, .bits = {f.bits}u, "
-            f".is_signed = {int(f.signed)}u}},\n")
+            f".is_signed = {int(f.signed)}u{_packed(f)}}},\n")
 
 
-def _lane(board: Board, snorkel: Snorkel, lane: Lane) -> str:
+def _packed(f: Field) -> str:
+    return "" if f.type is None else (
+        f", .is_float = {int(NUMBERS[f.type][2])}u,\n     .at = {f.at}u, .count = {f.count}u, "
+        f".little_endian = {int(f.order == 'little')}u, .tag = {f.tag}u")
+
+
+def _lane(board: Board, lane: Lane) -> str:
     flags = [name for name, holds in (("FROM_FLIGHT", lane.from_flight), ("QUEUED", lane.queued),
                                       ("VARIABLE", lane.variable), ("OVERWRITE", lane.overwrite))
              if holds]
@@ -224,7 +238,7 @@ def _lane(board: Board, snorkel: Snorkel, lane: Lane) -> str:
         ("descriptor", f"{{{bits}}}"),
         ("outside", f"{{{lane.remove}u, {len(lane.add)}u, {head}, {lane.unit}u, "
                     f"{int(lane.swap)}u}}"),
-        ("n_fields", f"{len(snorkel.fields)}u"),
-        ("fields", f"fields_{snorkel.name}" if snorkel.fields else "0"),
+        ("n_fields", f"{len(lane.fields)}u"),
+        ("fields", f"fields_{lane.name}" if lane.fields else "0"),
     ]
     return "    {" + ",\n     ".join(f".{key} = {value}" for key, value in members) + "},\n"

@@ -15,6 +15,9 @@ def emit(board: Board) -> dict[str, str]:
     if board.clock is not None:
         rows.append((board.clock, "clock", "reads", "tick, time, step", "", "32",
                      board.clock_interrupt or "", "simulated time"))
+    if board.slave:
+        rows.append((board.slave.address, "slave clock", "both", "time, pulses, commands", "", "48",
+                     board.slave.interrupt or "", f"drifts by {board.slave.drift / 1e3:g} ppm"))
     if board.interrupts is not None:
         rows.append((board.interrupts, "interrupts", "both", "counters", "",
                      str(8 * len(board.lines)), "", ", ".join(board.lines)))
@@ -52,12 +55,18 @@ def _row(snorkel: Snorkel, lane: Lane) -> tuple:
 
 
 def _fields(snorkel: Snorkel) -> str:
-    head = (f"\n## {snorkel.name}\n\n| bits | field | value | range | meaning |\n|---|---|---|---|"
-            "---|\n")
+    packet = snorkel.lanes[0].form == "packet"
+    head = (f"\n## {snorkel.name}\n\n| {'bytes, tag' if packet else 'bits'} | field | value | range | meaning |\n"
+            "|---|---|---|---|---|\n")
     rows = []
     for f in snorkel.fields:
         sign = "signed, " if f.signed else ""
         low, high = sorted(f.offset + f.scale * count for count in (f.low, f.high))
+        if packet:
+            count = f"{f.count} x " if f.count > 1 else ""
+            rows.append(f"| {f.at}..{f.end - 1}, {f.tag} | {f.name} | {count}{f.type}, {f.order}-endian, {f.scale:g} "
+                        f"{f.unit} per count, from {f.offset:g} | | {_cell(f.doc)} |\n")
+            continue
         rows.append(f"| {f.lsb + f.bits - 1}..{f.lsb} | {f.name} | {sign}{f.scale:g} {f.unit} per "
                     f"count, from {f.offset:g} | {low:g} to {high:g} | {_cell(f.doc)} |\n")
     return head + "".join(rows)

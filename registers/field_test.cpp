@@ -2,6 +2,8 @@
 #include "registers/field.h"
 
 #include <cmath>
+#include <cstdint>
+#include <cstring>
 #include <limits>
 #include <random>
 
@@ -11,7 +13,8 @@ namespace {
 
 RegisterField field(double scale, double offset, int lsb, int bits, bool is_signed)
 {
-    return {"f", "V", scale, offset, static_cast<std::uint8_t>(lsb), static_cast<std::uint8_t>(bits), is_signed, 0};
+    return {"f", "V", scale, offset, static_cast<std::uint8_t>(lsb), static_cast<std::uint8_t>(bits), is_signed, 0,
+            0,   0,   0,     0};
 }
 
 TEST(Field, EveryCountComesBackAndNeighboursStay)
@@ -77,6 +80,63 @@ TEST(Field, BeyondTheEndsItSaturates)
             }
         }
     }
+}
+
+RegisterField packed(int bits, bool is_signed, bool is_float, bool little, double scale = 1, double offset = 0)
+{
+    RegisterField f = field(scale, offset, 0, bits, is_signed);
+    f.at = 3; // no multiple of its size
+    f.count = 2;
+    f.is_float = is_float;
+    f.little_endian = little;
+    return f;
+}
+
+TEST(Field, NumbersInPacketsStandAsTheirTypeAndOrderSay)
+{
+    std::uint8_t packet[3 + 2 * 8];
+    const auto bytes = [&](const RegisterField &f, double value) {
+        std::memset(packet, 0xEE, sizeof packet);
+        EXPECT_EQ(register_field_write(&f, packet, 1, value), 0);
+        EXPECT_EQ(register_field_read(&f, packet, 1), value);
+        const int n = f.bits / 8;
+        for (int i = 0; i < 3 + n; i++) {
+            EXPECT_EQ(packet[i], 0xEE);
+        }
+        std::uint64_t raw = 0;
+        for (int i = 0; i < n; i++) {
+            raw = raw << 8 | packet[3 + n + i];
+        }
+        return raw;
+    };
+    EXPECT_EQ(bytes(packed(16, true, false, false), -2), 0xFFFEu);
+    EXPECT_EQ(bytes(packed(16, true, false, true), -2), 0xFEFFu);
+    EXPECT_EQ(bytes(packed(32, false, false, false), 4294967295.0), 0xFFFFFFFFu);
+    EXPECT_EQ(bytes(packed(8, true, false, true), -128), 0x80u);
+    EXPECT_EQ(bytes(packed(64, true, false, false), -9007199254740992.0), 0xFFE0000000000000u);
+    EXPECT_EQ(bytes(packed(64, false, false, false), 9007199254740992.0), 0x0020000000000000u);
+    EXPECT_EQ(bytes(packed(32, true, true, false), -1.5), 0xBFC00000u); // IEEE 754, binary32
+    EXPECT_EQ(bytes(packed(32, true, true, true), -1.5), 0x0000C0BFu);
+    EXPECT_EQ(bytes(packed(64, true, true, false), 1.0), 0x3FF0000000000000u);
+    EXPECT_EQ(bytes(packed(64, true, true, false), -0.0), 0x8000000000000000u);
+    EXPECT_EQ(bytes(packed(16, false, false, false, 0.25, -1), 3.5), 18u); // (3.5 + 1) / 0.25
+    EXPECT_EQ(bytes(packed(32, true, true, false, 0.5, 1), 2.0), 0x40000000u);
+}
+
+TEST(Field, BeyondItsTypeANumberInAPacketIsLimited)
+{
+    std::uint8_t packet[3 + 2 * 8] = {};
+    for (const auto &[f, value, limit] : {std::tuple{packed(16, true, false, false), 40000.0, 32767.0},
+                                          {packed(8, false, false, false), -1.0, 0.0},
+                                          {packed(64, true, false, false), 1e300, 9223372036854775807.0},
+                                          {packed(64, true, false, true), -1e300, -9223372036854775808.0},
+                                          {packed(64, false, false, true), -5.0, 0.0}}) {
+        EXPECT_EQ(register_field_write(&f, packet, 0, value), 1);
+        EXPECT_EQ(register_field_read(&f, packet, 0), limit);
+    }
+    const RegisterField f = packed(32, true, true, false);
+    EXPECT_EQ(register_field_write(&f, packet, 0, std::nan("")), 0);
+    EXPECT_TRUE(std::isnan(register_field_read(&f, packet, 0)));
 }
 
 } // namespace

@@ -61,6 +61,16 @@ const FledgeField *find_field(const FledgeStruct &type, std::string_view name)
     return nullptr;
 }
 
+const FledgeField *field_at(const FledgeStruct &type, std::uint32_t offset)
+{
+    for (const FledgeField &field : fields(type)) {
+        if (field.offset <= offset && offset < field.offset + field.size) {
+            return &field;
+        }
+    }
+    return nullptr;
+}
+
 std::vector<std::string> field_names(const FledgeStruct &type, FledgeGroup group)
 {
     std::vector<std::string> names;

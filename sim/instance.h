@@ -55,6 +55,9 @@ inline std::span<const FledgeField> fields(const FledgeStruct &type)
 /// The field of that name, or nullptr.
 const FledgeField *find_field(const FledgeStruct &type, std::string_view name);
 
+/// The field that has the byte at this offset, or nullptr.
+const FledgeField *field_at(const FledgeStruct &type, std::uint32_t offset);
+
 /// The names of a type's fields in a group (spares left out), for messages.
 std::vector<std::string> field_names(const FledgeStruct &type, FledgeGroup group);
 

@@ -121,8 +121,31 @@ std::shared_ptr<Event> Process::add_event(Event event)
     if (event.condition.has_value() == static_cast<bool>(event.predicate)) {
         throw SetupError(path + " needs one condition");
     }
-    if (event.mode.empty() && !event.action) {
+    if (event.mode.empty() && event.arms.empty() && event.set.empty() && !event.action) {
         throw SetupError(path + " does nothing: give it a mode to enter or something to do");
+    }
+    if (event.count < 1) {
+        throw SetupError(path + ": the count must be >= 1, found " + std::to_string(event.count));
+    }
+    if (event.once && event.until) {
+        throw SetupError(path + ": with once, it does not arm itself again: leave out until");
+    }
+    for (const std::string &mode : event.modes) {
+        if (!has(modes_, mode)) {
+            throw SetupError(path + " looks in the mode " + mode + "; the process has " +
+                             format_list(names_of(modes_)));
+        }
+    }
+    for (const Setting &setting : event.set) {
+        const Instance &target = *setting.instance;
+        const FledgeField *field = field_at(target.type(), setting.offset);
+        const std::string found = path + " sets " + target.path + "." + field->name;
+        if (find(target.name).get() != &target || target.model()) {
+            throw SetupError(found + ": an event sets what modules of its own process have");
+        }
+        if ((field->group != FLEDGE_PAR && field->group != FLEDGE_OUT) || field->flags & FLEDGE_INITIAL) {
+            throw SetupError(found + ": an event sets parameters, but for initial values, and outputs");
+        }
     }
     if (event.hold < 0) {
         throw SetupError(path + ": the time to hold must be >= 0, found " + format_time(event.hold));
@@ -178,7 +201,7 @@ const std::string &Process::asked() const
 
 bool Process::armed(const Event &event) const
 {
-    return !owner_->runtime_ || owner_->runtime_->of(*this, event).state.armed;
+    return owner_->runtime_ ? owner_->runtime_->of(*this, event).state.armed == 1 : event.armed;
 }
 
 void Process::arm(const Event &event, bool armed)
@@ -277,6 +300,12 @@ std::shared_ptr<Instance> Process::find(std::string_view instance) const
     const auto it =
         std::find_if(instances_.begin(), instances_.end(), [&](const auto &i) { return i->name == instance; });
     return it == instances_.end() ? nullptr : *it;
+}
+
+std::shared_ptr<Event> Process::event(std::string_view event_name) const
+{
+    const auto it = std::find_if(events_.begin(), events_.end(), [&](const auto &e) { return e->name == event_name; });
+    return it == events_.end() ? nullptr : *it;
 }
 
 } // namespace fledge::sim

@@ -77,16 +77,15 @@ Copy copy_of(const Wire &wire, const Word *from)
     return {from, words(wire.to.bytes()), wire.to.field->size / 8, wire.options.stale_after, 0};
 }
 
-/// The bytes of an instance's parameters.
-std::vector<std::byte> parameters(const Instance &instance)
+/// The bytes of an instance's parameters, into a vector that has room after the first time.
+void note_parameters(const Instance &instance, std::vector<std::byte> &bytes)
 {
-    std::vector<std::byte> bytes;
+    bytes.clear();
     for (const FledgeField &field : fields(instance.type())) {
         if (field.group == FLEDGE_PAR) {
             bytes.insert(bytes.end(), instance.memory() + field.offset, instance.memory() + field.offset + field.size);
         }
     }
-    return bytes;
 }
 
 /// The parameters that differ from those seen before.
@@ -155,7 +154,7 @@ Runtime::Runtime(const Structure &built, Roles roles, Recorder &recorder)
             tasks_.push_back(std::move(entry));
         }
         for (const auto &instance : process->instances()) {
-            known_.emplace_back(instance.get(), parameters(*instance));
+            note_parameters(*instance, known_.emplace_back(instance.get(), std::vector<std::byte>{}).second);
             if (roles_.at(instance.get()).configuration) {
                 Configuration module{instance.get(), &run, {}};
                 for (const Wire &wire : structure.wires) {
@@ -233,7 +232,9 @@ void Runtime::begin(RunProcess &process, Ns t)
             reset_instance(*instance, t);
         }
     }
-    std::fill(process.events.begin(), process.events.end(), RunEvent{exec_armed(), 0});
+    for (std::size_t i = 0; i < process.events.size(); i++) {
+        process.events[i] = {process.process->events()[i]->armed ? exec_armed() : exec_disarmed(), 0};
+    }
     for (RunTask &task : tasks_) {
         if (task.process == &process) {
             task.state = exec_start(task.rate, process.process->runs_in(*task.task, process.mode), t);
@@ -314,7 +315,7 @@ void Runtime::take_parameters()
         }
         for (auto &[other, seen] : known_) {
             if (other == instance) {
-                seen = parameters(*instance);
+                note_parameters(*instance, seen);
             }
         }
     }
@@ -369,7 +370,7 @@ void Runtime::enter(const Process &process, int mode)
 void Runtime::event_added(const Process &process)
 {
     // The process checks it from the next instant on: an action may add an event that adds another one.
-    of(process).events.push_back({exec_armed(), now + 1});
+    of(process).events.push_back({process.events().back()->armed ? exec_armed() : exec_disarmed(), now + 1});
     has_events_ = true;
 }
 
@@ -457,7 +458,7 @@ void Runtime::see_parameters(const Process &process)
 {
     for (auto &[instance, seen] : known_) {
         if (roles_.at(instance).process == &process && !unchanged(*instance, seen)) {
-            seen = parameters(*instance);
+            note_parameters(*instance, seen);
         }
     }
 }
@@ -480,7 +481,7 @@ inline void Runtime::run_task(RunTask &task, Ns t)
 
 void Runtime::run_events(Ns t)
 {
-    bool fired = true;
+    bool first = true, fired = true;
     while (fired) {
         fired = false;
         for (RunProcess &process : processes_) {
@@ -488,33 +489,68 @@ void Runtime::run_events(Ns t)
                 continue; // flight checks its events when it runs, as on its own computer
             }
             for (std::size_t i = 0; i < process.events.size(); i++) {
-                // By index and by a copy of the pointer: an action may add events.
-                const std::shared_ptr<Event> event = process.process->events()[i];
-                RunEvent &run = process.events[i];
-                if (t < run.from || (event->once && !run.state.armed)) {
-                    run.state.since = -1;
+                if (!first && process.process->events()[i]->is_data()) {
                     continue;
                 }
-                const bool holds = event->condition ? event->condition->holds() : event->predicate();
-                const Ns fired_before = process.events[i].state.fired_at; // the predicate may add events, too
-                if (!exec_fires(&process.events[i].state, holds, event->hold, event->once, t)) {
-                    continue;
-                }
-                if (fired_before == t) {
-                    throw RunError("event " + process.process->name + "." + event->name + " fires again at " +
-                                   format_time(t) + ", the instant at which it fired: " +
-                                   (event->condition ? event->condition->text + " holds" : "its condition holds") +
-                                   " and it was armed anew");
-                }
-                fired = true;
-                if (!event->mode.empty()) {
-                    process.process->enter(event->mode);
-                }
-                if (event->action) {
-                    event->action();
-                }
+                ExecEvent &state = process.events[i].state;
+                state.held -= !first && state.held > 0; // the same instant counts once
+                fired |= run_event(process, i, t);
             }
         }
+        first = false;
+    }
+}
+
+bool Runtime::run_event(RunProcess &process, std::size_t i, Ns t)
+{
+    // By index and by a copy of the pointer: Python may add events.
+    const std::shared_ptr<Event> event = process.process->events()[i];
+    if (t < process.events[i].from) {
+        return false;
+    }
+    const auto &modes = event->modes;
+    const bool in_mode = modes.empty() || std::find(modes.begin(), modes.end(), process.process->mode()) != modes.end();
+    const bool looks = process.events[i].state.armed != 0 && in_mode; // a disarmed event does not call its predicate
+    const bool holds = looks && (event->condition ? event->condition->holds() : event->predicate());
+    const bool again = event->until ? event->until->holds() : !holds;
+    const Ns fired_before = process.events[i].state.fired_at;
+    if (!exec_fires(&process.events[i].state, holds, again, event->hold, event->count, event->once, t)) {
+        return false;
+    }
+    if (fired_before == t) {
+        throw RunError("event " + process.process->name + "." + event->name + " fires again at " + format_time(t) +
+                       ", the instant at which it fired: " +
+                       (event->condition ? event->condition->text() + " holds" : "its condition holds") +
+                       " and it was armed anew");
+    }
+    act(process, *event, t);
+    return true;
+}
+
+void Runtime::act(RunProcess &process, const Event &event, Ns t)
+{
+    if (!event.mode.empty()) {
+        process.process->enter(event.mode);
+    }
+    for (const auto &[name, armed] : event.arms) {
+        of(*process.process, *process.process->event(name)).state.armed = armed;
+    }
+    for (const Setting &setting : event.set) {
+        const bool played = !process.process->playback().empty() &&
+                            field_at(setting.instance->type(), setting.offset)->group == FLEDGE_OUT;
+        if (!played) { // the record has what was set
+            std::copy(setting.bytes.begin(), setting.bytes.end(), setting.instance->memory() + setting.offset);
+        }
+    }
+    for (auto &[instance, seen] : known_) {
+        const auto sets = [&, &one = instance](const Setting &setting) { return setting.instance.get() == one; };
+        if (std::any_of(event.set.begin(), event.set.end(), sets)) {
+            note_parameters(*instance, seen);
+            publish(*instance, t);
+        }
+    }
+    if (event.action) {
+        event.action();
     }
 }
 
@@ -666,7 +702,7 @@ void Runtime::restored()
         if (instance->model() && !unchanged(*instance, seen)) {
             instance->model()->refresh(); // quantities that the model derives from its parameters
         }
-        seen = parameters(*instance);
+        note_parameters(*instance, seen);
     }
 }
 

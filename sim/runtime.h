@@ -127,6 +127,8 @@ private:
     void begin(RunProcess &process, Ns t);
     void run_task(RunTask &task, Ns t);
     void run_events(Ns t);
+    bool run_event(RunProcess &process, std::size_t i, Ns t); ///< returns whether it fired
+    void act(RunProcess &process, const Event &event, Ns t);
     void publish(Configuration &module, Ns t);
 
     Roles roles_;

@@ -237,13 +237,11 @@ std::unique_ptr<Simulation> Simulation::clone() const
             other.tasks_.push_back(std::move(task));
         }
     }
-    // A condition may use an instance of any process, so all clones must exist first.
+    // An event may use an instance of any process, so all clones must exist first.
     for (std::size_t i = 0; i < processes().size(); i++) {
         for (const auto &event : processes()[i]->events_) {
             auto other = std::make_shared<Event>(*event);
-            if (other->condition) {
-                other->condition->instance = clones.at(other->condition->instance.get());
-            }
+            other->visit([&](std::shared_ptr<Instance> &instance) { instance = clones.at(instance.get()); });
             copy->processes()[i]->events_.push_back(std::move(other));
         }
     }

@@ -486,13 +486,10 @@ namespace {
 
 Condition below(const std::shared_ptr<Instance> &tank, double x)
 {
-    Condition condition;
-    condition.instance = tank;
-    condition.offset = offsetof(Tank, out.level.x);
-    condition.comparison = Condition::Comparison::less;
-    condition.constant = x;
-    condition.text = "world.tank.level.x < " + std::to_string(x);
-    return condition;
+    Operand level;
+    level.instance = tank;
+    level.offset = offsetof(Tank, out.level.x);
+    return {{level, Operand::of(x), Comparison::Relation::less}, "world.tank.level.x < " + std::to_string(x)};
 }
 
 } // namespace

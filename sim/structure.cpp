@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "sim/structure.h"
 
-#include "flight/exec/event.h"
 #include "sim/text.h"
 
 #include <algorithm>
@@ -14,31 +13,16 @@ std::string Port::path() const
     return instance->path + "." + field->name;
 }
 
-bool Condition::holds() const
+void Event::visit(const std::function<void(std::shared_ptr<Instance> &)> &f)
 {
-    const std::byte *p = instance->memory() + offset;
-    double value = element_read(type, p);
-    if (measure != Measure::element) {
-        const double *x = reinterpret_cast<const double *>(p);
-        if (type != FLEDGE_F64) {
-            static thread_local std::vector<double> numbers;
-            numbers.resize(elements);
-            for (std::size_t i = 0; i < elements; i++) {
-                numbers[i] = element_read(type, p + i * element_size(type));
-            }
-            x = numbers.data();
+    for (std::optional<Condition> *one : {&condition, &until}) {
+        if (*one) {
+            (*one)->visit(f);
         }
-        value = measure == Measure::norm ? exec_norm(x, elements) : exec_max_abs(x, elements);
     }
-    switch (comparison) {
-    case Comparison::less: return value < constant;
-    case Comparison::less_equal: return value <= constant;
-    case Comparison::greater: return value > constant;
-    case Comparison::greater_equal: return value >= constant;
-    case Comparison::equal: return value == constant;
-    case Comparison::not_equal: return value != constant;
+    for (Setting &setting : set) {
+        f(setting.instance);
     }
-    return false;
 }
 
 bool same_type(const FledgeStruct *a, const FledgeStruct *b)
@@ -144,6 +128,25 @@ void check(const Structure &structure, const Roles &roles)
 {
     Faults faults;
     for (const auto &process : structure.processes) {
+        for (const auto &event : process->events()) {
+            for (const auto &[name, on] : event->arms) {
+                if (!process->event(name)) {
+                    std::vector<std::string> names;
+                    for (const auto &other : process->events()) {
+                        names.push_back(other->name);
+                    }
+                    faults.add("event " + process->name + "." + event->name + (on ? " arms " : " disarms ") + name +
+                               "; the events of " + process->name + " are " + format_list(names));
+                }
+            }
+            for (const Setting &setting : event->set) {
+                const FledgeField &field = *field_at(setting.instance->type(), setting.offset);
+                if (field.group == FLEDGE_OUT && roles.at(setting.instance.get()).configuration) {
+                    faults.add("event " + process->name + "." + event->name + " sets " + setting.instance->path + "." +
+                               field.name + ", which follows from the parameters of a module in no task: set those");
+                }
+            }
+        }
         for (const auto &instance : process->instances()) {
             const Role &role = roles.at(instance.get());
             const bool has_inputs = !field_names(instance->type(), FLEDGE_IN).empty();
@@ -222,10 +225,9 @@ std::vector<std::pair<std::string, std::string>> cross_process_dependencies(cons
             }
         };
         for (const auto &event : one->events()) {
-            if (event->condition) {
-                add(one->name + "." + event->name,
-                    foreign([&](const Instance &i) { return &i == event->condition->instance.get(); }));
-            }
+            event->visit([&](const std::shared_ptr<Instance> &used) {
+                add(one->name + "." + event->name, foreign([&](const Instance &i) { return &i == used.get(); }));
+            });
         }
         for (const auto &instance : one->instances()) {
             if (!instance->model()) {

@@ -5,7 +5,7 @@
 #pragma once
 
 #include "flight/command/command.h"
-#include "flight/exec/element.h"
+#include "sim/condition.h"
 #include "sim/error.h"
 #include "sim/instance.h"
 
@@ -58,34 +58,39 @@ struct Mode {
     std::vector<std::string> tasks;
 };
 
-/// A comparison of a field with a constant. Events of flight use it, because it can be exported to C.
-struct Condition {
-    enum class Measure { element, norm, max_abs };
-    enum class Comparison { less, less_equal, greater, greater_equal, equal, not_equal };
-
+/// What an event writes: parameters or outputs of a module of its process.
+struct Setting {
     std::shared_ptr<Instance> instance;
-    std::uint32_t offset = 0;     ///< bytes from the start of the instance's memory
-    FledgeType type = FLEDGE_F64; ///< of the elements
-    std::uint32_t elements = 1;
-    Measure measure = Measure::element;
-    Comparison comparison = Comparison::less;
-    double constant = 0.0;
-    std::string text; ///< as the user would write it
-
-    bool holds() const;
+    std::uint32_t offset = 0; ///< bytes from the start of the instance's memory
+    std::vector<std::byte> bytes;
 };
 
-/// A process checks its events at the instants at which one of its tasks ran. An event fires when its condition has
-/// held for `hold`. It is then disarmed, and arms itself again when the condition no longer holds (unless `once`). If
-/// its action arms it while the condition still holds, it would fire again at the same instant: that is a RunError.
+/// A process checks its events at the instants at which one of its tasks ran, in the order of their declaration. An
+/// event fires when its condition has held for `hold`, and at `count` of these instants without a gap. It then waits
+/// until the condition no longer holds, or, if it has `until`, until that condition holds; with `once`, until something
+/// arms it. A process checks an event once at an instant, as a flight computer does; one with Python in it is checked
+/// again while events fire. If its action arms it while its condition still holds, it would fire for ever: that is a
+/// RunError.
 struct Event {
     std::string name;
     std::optional<Condition> condition; ///< either this or the predicate
     std::function<bool()> predicate;
+    std::optional<Condition> until;
     Ns hold = 0;
+    std::int32_t count = 1;
     bool once = false;
-    std::string mode;             ///< enter this mode of the event's process; "": none
+    bool armed = true;              ///< at the start of a run
+    std::vector<std::string> modes; ///< only in these its condition holds; none: in all
+
+    std::string mode; ///< enter this mode of the event's process; "": none
+    /// Names of events of its process, and whether to arm or disarm each.
+    std::vector<std::pair<std::string, bool>> arms;
+    std::vector<Setting> set;
     std::function<void()> action; ///< call this; may be empty
+
+    bool is_data() const { return condition && !action; }
+    /// Call f with every instance that it reads or writes.
+    void visit(const std::function<void(std::shared_ptr<Instance> &)> &f);
 };
 
 /// The messages of an output as they were elsewhere, by time.
@@ -152,10 +157,11 @@ public:
     const std::vector<std::shared_ptr<Event>> &events() const { return events_; }
     std::shared_ptr<Instance> find(std::string_view instance) const; ///< or null
     const std::map<const Instance *, Playback> &playback() const { return playback_; }
-    int initial_mode() const { return initial_; }   ///< -1: the process has no modes
-    bool runs_in(const Task &task, int mode) const; ///< whether the task is active in the mode
+    std::shared_ptr<Event> event(std::string_view event_name) const; ///< or null
+    int initial_mode() const { return initial_; }                    ///< -1: the process has no modes
+    bool runs_in(const Task &task, int mode) const;                  ///< whether the task is active in the mode
 
-    // The state of the run. Before a run is prepared, the mode is the initial one and all events are armed.
+    // The state of the run. Before a run is prepared, the mode is the initial one and events are as they start.
 
     /// Request a mode. The process enters it at its next instant.
     void enter(const std::string &mode);

@@ -29,6 +29,7 @@ void mission_host_exchange(const MissionHost *host, const RegisterWindow *w, int
     uint32_t n;
     if (t < 0) {
         host->reset();
+        mission_io_forget(io, w);
         command_begin(host->state);
         telemetry_begin(host->telemetry);
         while (mission_io_receive(io, w, io->commands, io->packet, io->room, counts) != 0u) {

@@ -8,6 +8,11 @@
  * reading, with the present time and quality GOOD; fields of the head that a lane carries replace these values. A
  * number that no lane carries does not change.
  *
+ * A packet carries numbers of one message in fields of its own, at their places in bytes. So does a queued word. The
+ * reader writes the head when a packet arrives; without a new one, the message stays as it is, and ages. Of a queue a
+ * reader sees one packet of each kind at each reading: the oldest that it has not seen, and packets behind it wait; or
+ * the newest, and then it counts those that it skips.
+ *
  * Two queues carry packets: commands to flight, and telemetry from it.
  *
  * Time comes from the clock of the first board that has one. A tick with t < 0 resets flight, which then writes all
@@ -25,22 +30,32 @@
 extern "C" {
 #endif
 
-/** A message in a message lane, or some of its numbers in a field of a lane of words. */
+/** A kind of packets in a lane, by its tag; or a queued word, as a packet of 4 bytes. */
+typedef struct MissionPacket {
+    uint16_t board;  ///< the index of the board
+    uint16_t lane;   ///< the index of the lane in the board
+    uint32_t size;   ///< [bytes] to the end of the last number; of packets of fixed size: theirs
+    uint8_t tag;     ///< from the descriptor; 0 without one
+    uint8_t newest;  ///< of a queue, 1: the reader sees the newest packet; 0: the oldest
+    uint8_t *memory; ///< size + 1 bytes: the last packet, then 1 until the reader has seen it
+} MissionPacket;
+
+/** A message in a message lane, or some of its numbers in a field of a lane of words or packets. */
 typedef struct MissionLane {
     const RegisterMessage *type; ///< of a message lane; NULL: a lane of words
     uint16_t message;            ///< its id
     uint16_t board;              ///< the index of the board
     uint16_t lane;               ///< the index of the lane in the board
-    uint16_t field;              ///< the index of the field in the words
+    uint16_t field;              ///< the index of the field in the words or packets
     uint32_t offset;             ///< [bytes] of the first number in the message
     FledgeType number;
 } MissionLane;
 
 /** A queue of packets. */
-typedef struct MissionPackets {
+typedef struct MissionQueue {
     uint16_t board; ///< the index of the board; MISSION_NO_BOARD: there is no such queue
     uint16_t lane;  ///< the index of the lane in the board
-} MissionPackets;
+} MissionQueue;
 
 enum { MISSION_NO_BOARD = 0xFFFF };
 
@@ -52,8 +67,11 @@ typedef struct MissionIo {
     uint32_t n_messages;
     uint32_t n_boards;
     uint32_t n_lanes;
-    MissionPackets commands;
-    MissionPackets telemetry;
+    uint32_t n_packets;
+    const MissionPacket *packets; ///< those of one lane are adjacent
+    uint8_t *scratch;             ///< memory for the longest packet of these lanes
+    MissionQueue commands;
+    MissionQueue telemetry;
     uint8_t *packet; ///< memory for the longest command that can come
     uint32_t room;   ///< [bytes] of it
 } MissionIo;
@@ -63,6 +81,7 @@ typedef struct MissionIoCounts {
     uint32_t refused;   ///< messages not written: the queue was full, or the size is wrong
     uint32_t corrupt;   ///< messages with invalid bytes; the reader sees a message that was never written
     uint32_t saturated; ///< numbers limited to the range of their field
+    uint32_t skipped;   ///< packets replaced by a newer one before they were seen
 } MissionIoCounts;
 
 /** The index of the board whose clock paces flight; n_boards if no board has a clock. */
@@ -71,15 +90,21 @@ uint32_t mission_io_clock(const MissionIo *io);
 /** Flight: read all lanes at t into the mission. `w` has a window for each board. */
 void mission_io_read(const MissionIo *io, const RegisterWindow *w, void *mission, int64_t t, MissionIoCounts *counts);
 
+/** Flight, at a reset: forget the packets that wait to be read. */
+void mission_io_forget(const MissionIo *io, const RegisterWindow *w);
+
+/** How many packets of messages were lost in the lanes so far: refused, or overwritten before they were read. */
+uint32_t mission_io_lost(const MissionIo *io, const RegisterWindow *w);
+
 /** Flight: write all outputs that a lane carries. */
 void mission_io_write(const MissionIo *io, const RegisterWindow *w, const void *mission, MissionIoCounts *counts);
 
 /** Take the next packet of a queue; returns its size [bytes], 0 if there is none. */
-uint32_t mission_io_receive(const MissionIo *io, const RegisterWindow *w, MissionPackets queue, void *packet,
+uint32_t mission_io_receive(const MissionIo *io, const RegisterWindow *w, MissionQueue queue, void *packet,
                             uint32_t room, MissionIoCounts *counts);
 
 /** Put a packet into a queue, if there is one. Returns 1 if it was put. */
-int mission_io_send(const MissionIo *io, const RegisterWindow *w, MissionPackets queue, const void *packet, uint32_t n,
+int mission_io_send(const MissionIo *io, const RegisterWindow *w, MissionQueue queue, const void *packet, uint32_t n,
                     MissionIoCounts *counts);
 
 /** Outside: write a message to flight, by its id. */

@@ -27,7 +27,7 @@ BoardNode::BoardNode(const MissionHost &mission, registers::Backend &backend, st
         one.carried = mission_io_carries(&io, id) != 0;
         messages_.push_back(std::move(one));
     }
-    if (const MissionPackets lane = io.telemetry; lane.board != MISSION_NO_BOARD) {
+    if (const MissionQueue lane = io.telemetry; lane.board != MISSION_NO_BOARD) {
         packet_.resize(io.boards[lane.board]->lanes[lane.lane].capacity);
     }
 }

@@ -82,7 +82,7 @@ const RegisterRun RUNS[] = {{8, 1}, {4, 2}, {8, 2}};
 const RegisterMessage TYPE = {"Number", sizeof(Number), 3, RUNS};
 const RegisterLane LANES[] = {lane(32, false), lane(256, false), lane(480, true), packets(704, false, COMMAND_MAX),
                               packets(2880, true, TELEMETRY_REPORT_MAX)};
-const RegisterBoard BOARD = {"board", 1, 0, 5184, 1, 0, -1, REGISTER_NOWHERE, 0, 5, LANES};
+const RegisterBoard BOARD = {"board", 1, 0, 5184, 1, 0, -1, REGISTER_NOWHERE, 0, 5, LANES, nullptr};
 const RegisterBoard *const BOARDS[] = {&BOARD};
 const MissionMessage MESSAGES[] = {
     {"world.m.a", "Number", offsetof(Flight, a), sizeof(Number), MISSION_IN},
@@ -93,7 +93,7 @@ const MissionMessage MESSAGES[] = {
 const MissionLane ROWS[] = {
     {&TYPE, 0, 0, 0, 0, 0, FLEDGE_F64}, {&TYPE, 1, 0, 1, 0, 0, FLEDGE_F64}, {&TYPE, 2, 0, 2, 0, 0, FLEDGE_F64}};
 std::uint8_t room[COMMAND_MAX];
-const MissionIo IO = {MESSAGES, BOARDS, ROWS, 4, 1, 3, {0, 3}, {0, 4}, room, sizeof room};
+const MissionIo IO = {MESSAGES, BOARDS, ROWS, 4, 1, 3, 0, nullptr, nullptr, {0, 3}, {0, 4}, room, sizeof room};
 // Two parameters of flight: x and y of `inner`.
 const ExecRun NUMBERS[] = {{8, 2}};
 const CommandBlock BLOCKS[] = {{NUMBERS, nullptr, 16, 1, 0, 0, 0}};

@@ -269,8 +269,9 @@ std::string serve(const Options &o, const MissionHost &mission, registers::Backe
         telemetry->close();
     }
     const MissionIoCounts &counts = node.counts();
-    std::printf("outside_refused %u\noutside_corrupt %u\noutside_saturated %u\n", counts.refused, counts.corrupt,
-                counts.saturated);
+    std::printf("outside_refused %u\noutside_corrupt %u\noutside_saturated %u\noutside_skipped %u\nlost %u\n",
+                counts.refused, counts.corrupt, counts.saturated, counts.skipped,
+                mission_io_lost(mission.io, backend.windows().data()));
     return reason;
 }
 

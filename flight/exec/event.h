@@ -8,13 +8,13 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/** An event fires when its condition has held for a time. It is then disarmed, and armed again as soon
- *  as the condition does not hold, unless it fires only once. */
+/** An event fires when its condition has held for a time, and at a number of successive instants. It then waits until
+ *  it may fire again: until the condition no longer holds, or until another one does. */
 typedef struct ExecEvent {
     int64_t since;    ///< [ns] when the condition began to hold; -1: it does not hold
     int64_t fired_at; ///< [ns] when the event last fired; -1: never
-    int32_t armed;    ///< [-]  1 if it may fire
-    int32_t spare;
+    int32_t armed;    ///< [-]  1: it may fire; 0: not before something arms it; -1: it has fired and arms itself again
+    int32_t held;     ///< [-]  at how many successive instants the condition has held
 } ExecEvent;
 
 /** An event that has not fired yet. */
@@ -23,23 +23,62 @@ static inline ExecEvent exec_armed(void)
     return (ExecEvent){-1, -1, 1, 0};
 }
 
-/** Update an event at t, where its condition holds or does not. Returns 1 if the event fires. */
-static inline int exec_fires(ExecEvent *event, int holds, int64_t hold, int once, int64_t t)
+/** One that does not fire before something arms it. */
+static inline ExecEvent exec_disarmed(void)
 {
-    if (!holds) {
+    return (ExecEvent){-1, -1, 0, 0};
+}
+
+/** Update an event at an instant t. Returns 1 if the event fires.
+ *  holds: whether its condition does; again: whether one that has fired is armed again; hold: [ns] and count: how long
+ *  and at how many instants the condition must hold; once: whether it stays disarmed after it has fired. */
+static inline int exec_fires(ExecEvent *event, int holds, int again, int64_t hold, int32_t count, int once, int64_t t)
+{
+    const int starts = event->armed < 0 && again;
+    if (starts) {
+        event->armed = 1;
+    }
+    if (starts || !holds || event->armed == 0) {
         event->since = -1;
-        event->armed = event->armed || !once;
+        event->held = 0;
         return 0;
     }
     if (event->since < 0) {
         event->since = t;
     }
-    if (!event->armed || t - event->since < hold) {
+    event->held += event->held < INT32_MAX;
+    if (event->armed < 0 || t - event->since < hold || event->held < count) {
         return 0;
     }
-    event->armed = 0;
+    event->armed = once ? 0 : -1;
     event->fired_at = t;
     return 1;
+}
+
+/** A number of any type, exactly: the sum of two doubles. */
+typedef struct ExecNumber {
+    double high, low;
+} ExecNumber;
+
+static inline ExecNumber exec_real(double x)
+{
+    return (ExecNumber){x, 0.0};
+}
+
+static inline ExecNumber exec_signed(int64_t x)
+{
+    return (ExecNumber){(double)(x / 4294967296) * 4294967296.0, (double)(x % 4294967296)};
+}
+
+static inline ExecNumber exec_unsigned(uint64_t x)
+{
+    return (ExecNumber){(double)(x / 4294967296u) * 4294967296.0, (double)(x % 4294967296u)};
+}
+
+/** A number with the sign of a - b, and 0 only if they are equal. One of them at least is a whole number. */
+static inline double exec_difference(ExecNumber a, ExecNumber b)
+{
+    return (a.high - b.high) + (a.low - b.low);
 }
 
 /** The root of the sum of the squares of n numbers. */

@@ -5,6 +5,7 @@ import pytest
 
 import fledge
 from fledge import Orbit, RunError, SetupError, flight as fsw, world
+from fledge.objects.testing import kinds
 from fledge.units import deg, kg, km, m, ms, s
 
 AXES = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
@@ -26,6 +27,13 @@ def says(text, function, kind=SetupError):
     assert str(error.value) == text
 
 
+def begins(text, function):
+    """The same, for the beginning of the text."""
+    with pytest.raises(SetupError) as error:
+        function()
+    assert str(error.value)[:len(text)] == text
+
+
 # --- values ----------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize(
@@ -41,8 +49,9 @@ def says(text, function, kind=SetupError):
                       "multiple of the identity, in N m s; found shape (2)"),
         ("P", [[1, 2], [3]], "flight.control.P: expected shape (3, 3), or 3 numbers for the diagonal, or one for a "
                              "multiple of the identity, in N m s; found rows of unequal length"),
-        ("error", 3, "flight.control.error: expected AttError; found 3"),
-        ("error", fsw.BodyTorque(), "flight.control.error: expected AttError; found BodyTorque"),
+        ("error", 3, "flight.control.error: expected AttError or dict of its fields; found 3"),
+        ("error", fsw.BodyTorque(), "flight.control.error: expected AttError or dict of its fields; found "
+         "BodyTorque"),
     ],
 )
 def test_a_wrong_value(sim, name, value, text):
@@ -54,8 +63,8 @@ def test_a_wrong_value(sim, name, value, text):
 def test_a_wrong_value_inside_a_message(sim):
     says("flight.control.error.sigma_BR: expected shape (3); found shape (2)",
          lambda: setattr(sim.flight.control.error, "sigma_BR", [1, 2]))
-    says("flight.control.error.head.quality: expected one of QUALITY_NONE, QUALITY_STALE, QUALITY_DEGRADED, "
-         "QUALITY_GOOD; found 'BAD'", lambda: setattr(sim.flight.control.error.head, "quality", "BAD"))
+    says("flight.control.error.head.quality: expected one of NONE, STALE, DEGRADED, GOOD; found 'BAD'",
+         lambda: setattr(sim.flight.control.error.head, "quality", "BAD"))
 
 
 def test_counts():
@@ -280,6 +289,81 @@ def test_events(sim):
         f.event("e", when=lambda: True, do=print)
     with pytest.raises(SetupError, match="event flight.e enters the mode science; the process has"):
         f.event("e", when=sigma.norm() < 1, enter="science")
+
+
+def test_conditions():
+    sim = fledge.Simulation("kinds")
+    f, types = sim.flight, kinds()[1]
+    f.noise = types["Noise"]()
+    k = f.watch(f.noise.kinds)
+    here = "flight.noise.kinds"
+    says(f"{here}.phase ==: expected one of NOT_SAFE, SAFE, SCIENCE, DRAIN; found 'SCEINCE'; did you mean 'SCIENCE'?",
+         lambda: k.phase == "SCEINCE")
+    begins(f"{here}.phase ==: expected one of NOT_SAFE", lambda: k.phase == 7)
+    says(f"{here}.phase !=: expected one of NOT_SAFE, SAFE, SCIENCE, DRAIN; found <Quality.GOOD: 3>",
+         lambda: k.phase != f.noise.kinds.head.quality.__class__.GOOD)
+    begins(f"{here}.x < {here}.i64: the first is in m, the second without unit", lambda: k.x < k.i64)
+    begins(f"{here}.phase == {here}.i32: the first is Phase, the second without unit", lambda: k.phase == k.i32)
+    begins(f"{here}.since < {here}.rate: the first is in ns, the second in rad/s", lambda: k.since < k.rate)
+    begins(f"{here}.x < {here}.x: this compares a field with itself", lambda: k.x < k.x)
+    begins(f"{here}.v has shape (3,): compare an element", lambda: k.x < k.v)
+    begins(f"{here}.x < inf: expected a finite number", lambda: k.x < float("inf"))
+    begins(f"{here}.u64 < {2**64 + 1}: expected a finite number, and a whole one of up to 64 bits",
+           lambda: k.u64 < 2**64 + 1)
+    begins(f"{here}.label is a text; compare a number", lambda: k.label == "a")
+    begins(f"{here}.parts: compare one of its fields: phase, share, pairs, steps", lambda: k.parts == 1)
+    begins(f"{here}.parts[3]: expected a whole number below 3", lambda: k.parts[3])
+    begins("Kinds.x is in no module or model: compare a field of one", lambda: f.watch(types["Kinds"]()).x < 1)
+    with pytest.raises(AttributeError, match=r"is an array of Part; pick one, as in flight.noise.kinds.parts\[0\]"):
+        k.parts.phase
+    with pytest.raises(AttributeError, match=r"parts\[1\] \(Part\) has no attribute 'fase'; did you mean 'phase'"):
+        k.parts[1].fase
+    for wrong in (lambda: k.x > 0 and k.y > 0, lambda: 0 < k.x < 1, lambda: not (k.x > 0)):
+        with pytest.raises(TypeError, match=r"join conditions with &, \| and ~, each in parentheses"):
+            wrong()
+    with pytest.raises(TypeError, match="unsupported operand"):
+        (k.x > 0) & True
+
+
+def test_what_an_event_does():
+    sim = fledge.Simulation("kinds")
+    f, types = sim.flight, kinds()[1]
+    f.noise, f.flags, f.sink = types["Noise"](), types["Flags"](), types["Sink"]()
+    f.task("all", every=1 * s, run=[f.noise, f.sink])
+    f.mode("science", [])
+    w = sim.world
+    w.craft = world.Spacecraft(I_B=1)
+    w.task("all", every=1 * s, run=[w.craft])
+    w.mode("dark", [])
+    when = f.watch(f.noise.kinds).x > 1
+
+    def event(text, **does):
+        begins(f"event flight.e{text}", lambda: f.event("e", **{"when": when, "enter": "science", **does}))
+
+    event(": count: expected a whole number; found 1.5", count=1.5)
+    event(": the count must be >= 1, found 0", count=0)
+    event(": with once, it does not arm itself again: leave out until", once=True, until=~when)
+    event(": until takes a condition, as in watch(port).field < 1; found True", until=True)
+    event(" looks in the mode scince; the process has science", modes="scince")
+    event(": <mode dark> is of another process", modes=[w.dark])
+    event(": set takes pairs of a field and a value, as in set=[(f.watch(f.module).parameter, 1)]; found 1", set=[1])
+    event(" sets flight.noise.state: an event sets parameters", set=[(f.watch(f.noise).state, 1)])
+    event(" sets world.craft.I_B: an event sets what modules of its own process have", set=[(f.watch(w.craft).I_B, 1)])
+    begins("flight.noise.x must be >= 0 m, found -1 m",
+           lambda: f.event("e", when=when, set=[(f.watch(f.noise).x, -1)]))
+    begins("flight.noise.level: expected a whole number from 0 to 255; found 300",
+           lambda: f.event("e", when=when, set=[(f.watch(f.noise).level, 300)]))
+    begins("norm(flight.noise.v): set an element of it, or the whole field",
+           lambda: f.event("e", when=when, set=[(f.watch(f.noise).v.norm(), 3)]))
+    begins("flight.noise.kinds.x: an event sets numbers that are finite; found nan",
+           lambda: f.event("e", when=when, set=[(f.watch(f.noise.kinds).x, float("nan"))]))
+    assert not f.events and f.noise.x == 0
+    f.event("a", when=when, arm="b", disarm=["c"], set=[(f.watch(f.flags.kinds).x, 1)])
+    with pytest.raises(SetupError) as error:
+        sim.prepare()
+    assert str(error.value).splitlines()[:3] == [
+        "event flight.a arms b; the events of flight are a", "event flight.a disarms c; the events of flight are a",
+        "event flight.a sets flight.flags.kinds, which follows from the parameters of a module in no task: set those"]
 
 
 def test_an_event_that_arms_itself_ends_the_run():

@@ -65,9 +65,9 @@ static void finish(const MissionIoCounts *counts)
         (void)printf("the record could not be written\n");
     } else {
         (void)printf("ticks %" PRIu32 "\ncpu_ns %.0f\nrefused %" PRIu32 "\ncorrupt %" PRIu32 "\nsaturated %" PRIu32
-                     "\n",
+                     "\nskipped %" PRIu32 "\n",
                      watch.ticks, spent / (watch.ticks > 0u ? watch.ticks : 1u), counts->refused, counts->corrupt,
-                     counts->saturated);
+                     counts->saturated, counts->skipped);
     }
     (void)fflush(stdout);
     if (getenv("FLEDGE_END") != NULL) {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The kernel, for the Python package fledge.mission. Times are integer nanoseconds here.
+#include "core/element.h"
 #include "core/extension.h"
+#include "core/value.h"
 
 #include "sim/simulation.h"
 
@@ -15,6 +17,7 @@ namespace {
 
 using sim::Condition;
 using sim::Ns;
+using sim::Operand;
 
 sim::Port port_of(py::handle view)
 {
@@ -39,28 +42,75 @@ py::bytes bytes_of(const std::vector<std::byte> &bytes)
     return {reinterpret_cast<const char *>(bytes.data()), bytes.size()};
 }
 
-// Python's names of Condition's enumerators.
+// Python's names of the enumerators of conditions.
 const char *const measures[] = {"element", "norm", "max_abs", nullptr};
-const char *const comparisons[] = {"<", "<=", ">", ">=", "==", "!=", nullptr};
+const char *const relations[] = {"<", "<=", ">", ">=", "==", "!=", nullptr};
+const char *const joins[] = {"", "&", "|", "~"};
 
-/// A comparison of a field of a message or module with a constant. `index` picks an element; the
-/// measures "norm" and "max_abs" take them all.
-Condition make_condition(py::handle object, const FledgeField &field, std::uint32_t index, const std::string &measure,
-                         const std::string &comparison, double constant, const std::string &text)
+/// An element or a measure of a field of a message or module. `index` picks an element; the measures "norm" and
+/// "max_abs" take them all.
+Operand make_operand(py::handle object, const FledgeField &field, std::uint32_t index, const std::string &measure)
 {
-    Condition condition;
+    Operand operand;
     PyObject *root = root_of(object.ptr());
-    condition.instance = instance_of(root ? py::handle(root) : object);
+    operand.instance = instance_of(root ? py::handle(root) : object);
     const std::uint32_t elements = static_cast<std::uint32_t>(sim::field_elements(field));
-    condition.measure = named<Condition::Measure>(measures, measure);
-    condition.comparison = named<Condition::Comparison>(comparisons, comparison);
-    condition.elements = condition.measure == Condition::Measure::element ? 1 : elements;
-    condition.offset = static_cast<std::uint32_t>(as_object(object.ptr())->memory - condition.instance->memory()) +
-                       field.offset + index * (field.size / elements);
-    condition.type = field.type;
-    condition.constant = constant;
-    condition.text = text;
-    return condition;
+    operand.measure = named<Operand::Measure>(measures, measure);
+    operand.elements = operand.measure == Operand::Measure::element ? 1 : elements;
+    operand.offset = static_cast<std::uint32_t>(as_object(object.ptr())->memory - operand.instance->memory()) +
+                     field.offset + index * (field.size / elements);
+    operand.type = field.type;
+    return operand;
+}
+
+/// A Python number as a double if that is exact, or else as a whole number of 64 bits.
+Operand make_constant(const py::object &x)
+{
+    if (!py::isinstance<py::int_>(x) || py::int_(py::float_(x)).equal(x)) {
+        return Operand::of(x.cast<double>());
+    }
+    return x < py::int_(0) ? Operand::of(x.cast<std::int64_t>()) : Operand::of(x.cast<std::uint64_t>());
+}
+
+py::object constant_of(const Operand &operand)
+{
+    if (operand.instance) {
+        return py::none();
+    }
+    if (operand.type == FLEDGE_F64) {
+        return py::float_(operand.value());
+    }
+    return operand.type == FLEDGE_I64 ? py::object(py::int_(load<std::int64_t>(operand.constant.data())))
+                                      : py::object(py::int_(load<std::uint64_t>(operand.constant.data())));
+}
+
+/// What an assignment to a field would write, which this takes back again: (bytes from the start of the instance's
+/// memory, bytes) of the field, and of its count if it has one.
+std::vector<std::pair<std::uint32_t, py::bytes>> encode(py::handle object, const std::string &name, py::handle value)
+{
+    const Object &to = *as_object(object.ptr());
+    const auto instance = instance_of(py::handle(root_of(object.ptr())));
+    const Member &member = *to.type->find(name);
+    const std::vector<std::byte> before(instance->memory(), instance->memory() + instance->type().size);
+    const auto given = instance->given;
+    const Stored stored = store(object.ptr(), member, value.ptr());
+    std::vector<std::pair<std::uint32_t, py::bytes>> written;
+    for (const Member *one : {&member, member.count}) {
+        if (one) {
+            const std::byte *at = to.memory + one->field->offset;
+            written.emplace_back(static_cast<std::uint32_t>(at - instance->memory()),
+                                 py::bytes(reinterpret_cast<const char *>(at), one->field->size));
+        }
+    }
+    std::copy(before.begin(), before.end(), instance->memory());
+    instance->given = given;
+    if (stored == Stored::needs_count) {
+        complain_of_count(object.ptr(), member);
+    }
+    if (stored != Stored::yes) {
+        throw py::error_already_set();
+    }
+    return written;
 }
 
 /// An event and its process. Python keeps the process alive as long as this object.
@@ -69,8 +119,10 @@ struct OwnEvent {
     std::shared_ptr<sim::Event> event;
 };
 
-OwnEvent add_event(sim::Process &process, const std::string &name, py::object when, Ns hold, bool once,
-                   const std::string &mode, std::function<void()> action)
+OwnEvent add_event(sim::Process &process, const std::string &name, py::object when, std::optional<Condition> until,
+                   Ns hold, std::int32_t count, bool once, bool armed, std::vector<std::string> modes,
+                   const std::string &mode, std::vector<std::pair<std::string, bool>> arms, const py::list &set,
+                   std::function<void()> action)
 {
     sim::Event event;
     event.name = name;
@@ -79,9 +131,19 @@ OwnEvent add_event(sim::Process &process, const std::string &name, py::object wh
     } else {
         event.predicate = when.cast<std::function<bool()>>();
     }
+    event.until = std::move(until);
     event.hold = hold;
+    event.count = count;
     event.once = once;
+    event.armed = armed;
+    event.modes = std::move(modes);
     event.mode = mode;
+    event.arms = std::move(arms);
+    for (py::handle one : set) {
+        const auto [object, offset, bytes] = one.cast<std::tuple<py::object, std::uint32_t, std::string>>();
+        const auto *from = reinterpret_cast<const std::byte *>(bytes.data());
+        event.set.push_back({instance_of(object), offset, {from, from + bytes.size()}});
+    }
     event.action = std::move(action);
     return {&process, process.add_event(std::move(event))};
 }
@@ -204,18 +266,49 @@ void bind_simulation(py::module_ &m)
         return std::shared_ptr<sim::Integrator>(sim::make_adaptive(relative, absolute));
     });
 
-    py::class_<Condition>(m, "Condition", "A comparison of a field with a constant.")
-        .def("__repr__", [](const Condition &c) { return c.text; })
+    py::class_<Operand>(m, "Operand", "What a condition compares: of a field, or a constant.")
+        .def(py::init(&make_operand))
+        .def(py::init(&make_constant))
         .def_property_readonly(
-            "path", [](const Condition &c) { return c.instance->path; }, "of its module or model")
-        .def_readonly("offset", &Condition::offset, "[bytes] of the first element, in its memory")
-        .def_readonly("elements", &Condition::elements)
-        .def_property_readonly("measure", [](const Condition &c) { return measures[static_cast<int>(c.measure)]; })
-        .def_property_readonly("comparison",
-                               [](const Condition &c) { return comparisons[static_cast<int>(c.comparison)]; })
-        .def_readonly("constant", &Condition::constant)
-        .def("__bool__", &Condition::holds);
-    m.def("condition", make_condition);
+            "path", [](const Operand &o) { return o.instance ? py::object(py::str(o.instance->path)) : py::none(); },
+            "of its module or model; None of a constant")
+        .def_readonly("offset", &Operand::offset, "[bytes] of the first element, in its memory")
+        .def_property_readonly("measure", [](const Operand &o) { return measures[static_cast<int>(o.measure)]; })
+        .def_property_readonly("constant", constant_of, "the number; None of a field");
+
+    py::class_<Condition>(m, "Condition", "Comparisons of fields, joined by &, | and ~.")
+        .def(py::init(
+            [](const Operand &left, const std::string &relation, const Operand &right, const std::string &text) {
+                return Condition({left, right, named<sim::Comparison::Relation>(relations, relation)}, text);
+            }))
+        .def(
+            "__and__", [](const Condition &a, const Condition &b) { return Condition(sim::Join::both, a, b); },
+            py::is_operator())
+        .def(
+            "__or__", [](const Condition &a, const Condition &b) { return Condition(sim::Join::either, a, b); },
+            py::is_operator())
+        .def("__invert__", &Condition::operator~)
+        .def("__repr__", &Condition::text)
+        .def("__bool__",
+             [](const Condition &c) -> bool {
+                 throw py::type_error(c.text() + " is only known when the mission runs; join conditions with &, | and "
+                                                 "~, each in parentheses, as in (x > 1) & (x < 2)");
+             })
+        .def("holds", &Condition::holds, "Whether it holds now.")
+        .def_property_readonly(
+            "steps",
+            [](const Condition &c) {
+                return list_of(c.steps(), [](const Condition::Step &step) -> py::object {
+                    if (step.join != sim::Join::none) {
+                        return py::str(joins[static_cast<int>(step.join)]);
+                    }
+                    return py::make_tuple(step.comparison.left, relations[static_cast<int>(step.comparison.relation)],
+                                          step.comparison.right);
+                });
+            },
+            "in postfix order: (operand, relation, operand) of a comparison, or '&', '|' of the two before, '~' of the "
+            "one");
+    m.def("encode", encode);
 
     py::class_<OwnEvent>(m, "Event")
         .def_property_readonly("name", [](const OwnEvent &e) { return e.event->name; })
@@ -224,9 +317,20 @@ void bind_simulation(py::module_ &m)
             [](const OwnEvent &e, bool armed) { e.process->arm(*e.event, armed); })
         .def_property_readonly("fired_at", [](const OwnEvent &e) { return e.process->fired_at(*e.event); })
         .def_property_readonly("condition", [](const OwnEvent &e) { return e.event->condition; })
+        .def_property_readonly("until", [](const OwnEvent &e) { return e.event->until; })
         .def_property_readonly("hold", [](const OwnEvent &e) { return e.event->hold; })
+        .def_property_readonly("count", [](const OwnEvent &e) { return e.event->count; })
         .def_property_readonly("once", [](const OwnEvent &e) { return e.event->once; })
+        .def_property_readonly("starts_armed", [](const OwnEvent &e) { return e.event->armed; })
+        .def_property_readonly("modes", [](const OwnEvent &e) { return e.event->modes; })
         .def_property_readonly("mode", [](const OwnEvent &e) { return e.event->mode; })
+        .def_property_readonly("arms", [](const OwnEvent &e) { return e.event->arms; })
+        .def_property_readonly("set",
+                               [](const OwnEvent &e) {
+                                   return list_of(e.event->set, [](const sim::Setting &s) {
+                                       return py::make_tuple(s.instance->path, s.offset, bytes_of(s.bytes));
+                                   });
+                               })
         .def_property("predicate", nullptr,
                       [](const OwnEvent &e, std::function<bool()> f) { e.event->predicate = std::move(f); })
         .def_property("action", nullptr,

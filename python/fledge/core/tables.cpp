@@ -2,6 +2,7 @@
 // Libraries, their types, and the tables of types and objects.
 #include "core/doc.h"
 #include "core/extension.h"
+#include "core/value.h"
 
 #include "sim/error.h"
 #include "sim/model_library.h"
@@ -269,6 +270,19 @@ void bind_tables(py::module_ &m)
             return v->member ? v->member->field : nullptr;
         },
         py::return_value_policy::reference, "The field of its owner that is this message, or None.");
+    m.def(
+        "row",
+        [](py::handle object, const std::string &name, std::size_t index) {
+            struct_of(object);
+            const Member *member = as_object(object.ptr())->type->find(name);
+            PyObject *row =
+                row_of(object.ptr(), *member, index, as_object(object.ptr())->memory + member->field->offset);
+            if (!row) {
+                throw py::error_already_set();
+            }
+            return py::reinterpret_steal<py::object>(row);
+        },
+        "A row of an array of structs, also one beyond those that count.");
     m.def(
         "given",
         [](py::handle object) {

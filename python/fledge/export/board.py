@@ -3,7 +3,8 @@
 the messages and numbers in the lanes of any board, targets/mission_io.h.
 
 In a board's file, a snorkel or field names what it carries by its path: `carries = "world.nav.attitude"` of a message
-snorkel, `carries = "world.nav.attitude.sigma_BN"` of a field of words, of which the i-th holds the i-th number.
+snorkel, `carries = "world.nav.attitude.sigma_BN"` of a field of words, of which the i-th holds the i-th number, or of a
+field of packets, which holds its `count` numbers in a row.
 """
 from __future__ import annotations
 
@@ -37,11 +38,12 @@ class Lane:
     id: int                          # of the message
     board: int
     lane: int                        # its place among the board's
-    field: int                       # of words
+    field: int                       # of words or packets
     offset: int                      # [bytes] of the first number in the message
     number: str | None               # its type, "f64"; None: a message whole
     count: int
     scale: float                     # of the field
+    tag: int | None = None           # of packets, or 0 of queued words
 
 
 # --- the board that carries messages whole ---------------------------------------------------------
@@ -146,7 +148,11 @@ def read(mission: Mission, texts: Iterable[tuple[Path | str, str]]) -> list[Boar
                 wrong.append(f"{board.file}: the board overlaps {other.file}; move its base")
     if wrong:
         raise ExportError("\n".join(wrong))
-    if all(board.clock is None for board in boards):
+    clocks = [board for board in boards if board.clock is not None]
+    if len(clocks) > 1:
+        raise ExportError(f"{clocks[1].file}: {clocks[0].file} has a [clock] already, which paces flight; write "
+                          "[slave_clock] here")
+    if not clocks:
         raise ExportError(f"{boards[0].file}: no board has a clock, which paces flight; give one of them a [clock]")
     return boards
 
@@ -164,14 +170,14 @@ def lanes(mission: Mission, boards: Sequence[Board]) -> list[Lane]:
     finder.complete(boards)
     if finder.wrong:
         raise ExportError("\n".join(finder.wrong))
-    return sorted(finder.found, key=lambda one: one.id)
+    return sorted(finder.found, key=lambda one: (one.id, one.board, one.lane, one.tag or 0))
 
 
 class _Finder:
     def __init__(self, mission):
         self.mission = mission
         self.messages = {m.path: (i, m) for i, m in enumerate((*mission.inputs, *mission.outputs))}
-        self.found, self.wrong, self.taken = [], [], {}
+        self.found, self.wrong, self.taken, self.kinds = [], [], {}, {}
 
     def refuse(self, board, line, text):
         self.wrong.append(f"{board.file}:{line}: {text}")
@@ -179,19 +185,21 @@ class _Finder:
     def snorkel(self, board, i, snorkel, lane, place):
         if snorkel.carries in PACKETS:
             self.packets(board, snorkel, lane)
-        elif snorkel.carries:
-            found = self.message(board, snorkel.line, snorkel.carries, lane)
+        elif lane.carries:
+            found = self.message(board, lane.line, lane.carries, lane)
             if not found:
                 return
             id, message = found
-            if snorkel.message_size != message.struct.size or lane.variable:
-                self.refuse(board, snorkel.line, f"{message.path} has {message.struct.size} bytes; write size = "
+            if snorkel.message_size != message.struct.size and not (
+                    lane.variable and snorkel.message_size > message.struct.size):
+                self.refuse(board, lane.line, f"{message.path} has {message.struct.size} bytes; write size = "
                             f"{message.struct.size}")
             elif snorkel.message not in (None, message.struct.name):
-                self.refuse(board, snorkel.line, f"{message.path} is a {message.struct.name}, no {snorkel.message}")
-            elif self.take(board, snorkel.line, message, range(message.struct.size)):
+                self.refuse(board, lane.line, f"{message.path} is a {message.struct.name}, no {snorkel.message}")
+            elif self.take(board, lane.line, message, range(message.struct.size)):
                 self.found.append(Lane(message, id, i, place, 0, 0, None, 1, 1.0))
-        for k, field in enumerate(snorkel.fields):
+        shared = lane is not snorkel.lanes[0] and lane.fields is snorkel.lanes[0].fields
+        for k, field in enumerate(() if shared else lane.fields):
             if field.carries:
                 self.field(board, i, lane, place, k, field)
 
@@ -223,9 +231,6 @@ class _Finder:
         return id, message
 
     def field(self, board, i, lane, place, k, field):
-        if lane.queued:
-            self.refuse(board, field.line, "words that carry a message's numbers are not queued; leave out `queue`")
-            return
         parts = field.carries.split(".")
         found = self.message(board, field.line, ".".join(parts[:3]), lane) if len(parts) > 3 else \
             self.refuse(board, field.line, f"`{field.carries}` is no number; write the message and its field, as "
@@ -238,14 +243,21 @@ class _Finder:
         except ExportError as error:
             self.refuse(board, field.line, str(error))
             return
-        if lane.count > n:
-            self.refuse(board, field.line, f"{field.carries} has {n} numbers from there on; the snorkel has "
-                        f"{lane.count} words")
+        count = field.count if lane.form == "packet" else lane.count
+        tag = field.tag if lane.form == "packet" else 0 if lane.queued else None
+        here = message, field.line
+        other, first = here if tag is None else self.kinds.setdefault((i, place, tag), here)
+        if other is not message:
+            self.refuse(board, field.line, "a packet carries numbers of one message, and line "
+                        f"{first} of {other.path}; give {message.path} a packet of its own, or another tag")
+        elif count > n:
+            self.refuse(board, field.line, f"{field.carries} has {n} numbers from there on; the "
+                        + (f"field has {count}" if lane.form == "packet" else f"snorkel has {count} words"))
         elif field.unit not in ("-", unit) and unit:
             self.refuse(board, field.line, f"{field.carries} is in {unit}, the field in {field.unit}; write unit = "
                         f"\"{unit}\", and scale and offset in it")
-        elif self.take(board, field.line, message, range(offset, offset + lane.count * ELEMENTS[type_].size)):
-            self.found.append(Lane(message, id, i, place, k, offset, type_, lane.count, field.scale))
+        elif self.take(board, field.line, message, range(offset, offset + count * ELEMENTS[type_].size)):
+            self.found.append(Lane(message, id, i, place, k, offset, type_, count, field.scale, tag))
 
     def take(self, board, line, message, places):
         """Each byte of a message passes once."""
@@ -351,17 +363,37 @@ def source(mission: Mission, boards: Sequence[Board], found: list[Lane]) -> str:
     places = packet_lanes(boards)
     room = max((lane.capacity for b in boards for one in b.snorkels if one.carries == "commands" for lane in one.lanes),
                default=0)
-    lines += [*["};"] * bool(found), "", *([f"static uint8_t packet[{room}];", ""] if room else []),
-              f"const MissionIo {name}_io = {{",
+    kinds = any(one.tag is not None for one in found)
+    lines += [*["};"] * bool(found), *_packets(boards, found), "",
+              *([f"static uint8_t packet[{room}];", ""] if room else []), f"const MissionIo {name}_io = {{",
               f"    {name}_messages, boards, {'lanes' if found else 0}, {upper}_MESSAGES, {len(boards)}u, "
               f"{len(found)}u,",
+              "    sizeof packets / sizeof packets[0], packets, scratch," if kinds else "    0u, 0, 0,",
               *(f"    {places.get(what, '{MISSION_NO_BOARD, 0u}')}," for what in PACKETS),
               f"    {'packet' if room else '0'}, {room}u", "};", ""]
     return "\n".join(lines)
 
 
+def _packets(boards: Sequence[Board], found: list[Lane]) -> list[str]:
+    """Lines that define the kinds of packets, and memory for each."""
+    rows: list[str] = []
+    lines: list[str] = []
+    longest = 0
+    for board, place, tag in sorted({(one.board, one.lane, one.tag) for one in found if one.tag is not None}):
+        lane = boards[board].lanes[place]
+        size = lane.capacity
+        if lane.variable:
+            size = max(field.end for field in lane.fields if field.tag == tag)
+        longest = max(longest, lane.capacity)
+        lines.append(f"static uint8_t packet_{len(lines)}[{size + 1}];")
+        rows += row(f"{board}u", f"{boards[board].name.upper()}_LANE_{lane.name.upper()}", f"{size}u", f"{tag}u",
+                    f"{int(lane.newest)}u", f"packet_{len(lines) - 1}")
+    return ["", *lines, f"static uint8_t scratch[{longest}];", "", "static const MissionPacket packets[] = {", *rows,
+            "};"] if rows else []
+
+
 def packet_lanes(boards: Sequence[Board]) -> dict[str, str]:
-    """The MissionPackets of the snorkels of commands and telemetry that there are, as C."""
+    """The MissionQueue of the snorkels of commands and telemetry that there are, as C."""
     return {snorkel.carries: f"{{{i}u, {board.name.upper()}_LANE_{snorkel.lanes[0].name.upper()}}}"
             for i, board in enumerate(boards) for snorkel in board.snorkels if snorkel.carries in PACKETS}
 

@@ -8,8 +8,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from fledge.export.c_condition import condition
-from fledge.export.c_text import COLUMNS, broken, comment, doc, seconds, with_notes
+from fledge.export.c_condition import assignments, condition
+from fledge.export.c_text import COLUMNS, doc, seconds, with_notes
+from fledge.export.c_values import integer
 
 if TYPE_CHECKING:
     from fledge.export.read import Mission, Task, Wire
@@ -82,7 +83,7 @@ def restart(mission: Mission) -> str:
         lines += [f"    m->mode.current = {mode(mission, mission.initial_mode)};",
                   "    m->mode.asked = m->mode.current;", "    m->mode.t = -1;"]
     for event in mission.events:
-        lines.append(f"    m->event.{event.name} = exec_armed();")
+        lines.append(f"    m->event.{event.name} = exec_{'armed' if event.armed else 'disarmed'}();")
     for task in mission.tasks:
         active = 1 if task.modes is None else int(mission.initial_mode in task.modes)
         lines.append(f"    m->task.{task.name} = exec_start({rate(task)}, {active}, t);")
@@ -139,19 +140,25 @@ def call_broken(line: str) -> list[str]:
 # --- events ----------------------------------------------------------------------------------------
 
 def events(mission: Mission) -> Iterator[str]:
-    if not mission.events:
-        return
-    lines: list[str] = []
+    modules = {m.path: m for m in mission.modules}
     for event in mission.events:
-        before, holds = condition(event)
-        lines += [""] if lines else []
-        lines += comment(f"{event.title}: {event.condition!r}"
-                         + (f" for {seconds(event.hold)}" if event.hold else ""), "    ")
-        lines += [*before, broken(f"const int {event.name} = {holds};"),
-                  *call_broken(f"    if (exec_fires(&m->event.{event.name}, {event.name}, {event.hold}, "
-                               f"{int(event.once)}, t)) {{"),
-                  f"        m->mode.asked = {mode(mission, event.mode)};", "    }"]
-    yield function(f"static void look_at_events({mission.struct()} *m, int64_t t)", lines)
+        looks = ["    const int looks = " + " || ".join(f"m->mode.current == {mode(mission, m)}" for m in event.modes)
+                 + ";"] * bool(event.modes)
+        again = condition("again", event.until, modules) if event.until else []
+        lines = [*looks, *condition("holds", event.condition, modules, "looks" if looks else ""), *again]
+        lines += call_broken(f"    if (!exec_fires(&m->event.{event.name}, holds, {'again' if again else '!holds'}, "
+                             f"{integer(event.hold)}, {event.count}, {int(event.once)}, t)) {{")
+        lines += ["        return;", "    }"]
+        lines += [f"    m->mode.asked = {mode(mission, event.mode)};"] * bool(event.mode)
+        lines += [f"    m->event.{name}.armed = {int(on)};" for name, on in event.arms]
+        for module, offset, raw in event.settings:
+            lines += assignments(module, offset, raw)
+        lines += [f"    {mission.name}_publish_{m.name}(m, t);" for m in event.publishes]
+        yield function(f"static void look_at_{event.name}({mission.struct()} *m, int64_t t)", lines,
+                       f"{event.title}: {event.text}")
+    if mission.events:
+        yield function(f"static void look_at_events({mission.struct()} *m, int64_t t)",
+                       [f"    look_at_{event.name}(m, t);" for event in mission.events])
 
 
 # --- the tick --------------------------------------------------------------------------------------

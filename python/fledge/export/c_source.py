@@ -116,10 +116,7 @@ def whole(mission: Mission) -> str:
                  "    } mode;"]
     if mission.events:
         rows += ["    struct {",
-                 *with_notes([(f"ExecEvent {e.name};", f"{e.condition!r}"
-                               + (f" for {seconds(e.hold)}" if e.hold else "")
-                               + f": enter {mission.mode_titles[e.mode]}" + (", once" if e.once else ""))
-                              for e in mission.events], "        ", "///<", ""),
+                 *with_notes([(f"ExecEvent {e.name};", e.text) for e in mission.events], "        ", "///<", ""),
                  "    } event;"]
     if mission.inputs:
         rows += ["", f"    {name}In in;"]

@@ -18,6 +18,7 @@ from fledge.elements import ELEMENTS
 from fledge.errors import SetupError
 from fledge.export import names
 from fledge.mission.crossing import crossing_wires
+from fledge.mission.wiring import event_text
 
 
 class ExportError(SetupError):
@@ -64,11 +65,18 @@ class Task:
 class Event:
     name: str
     title: str
-    module: Module
-    condition: Any                   # objects.Condition
+    text: str                        # all of it, in words
+    condition: list                  # steps of an objects.Condition
+    until: list                      # the same, of what arms it again; none: that the condition no longer holds
     hold: int                        # [ns]
+    count: int                       # [instants]
     once: bool
-    mode: str                        # C name of the mode to enter
+    armed: bool                      # from the start
+    modes: list                      # C names of those in which it holds; none: in all
+    mode: str                        # C name of the mode to enter; "": none
+    arms: list                       # (C name of an event, whether to arm or disarm it)
+    settings: list                   # (Module, offset in its memory, bytes) of what it sets
+    publishes: list                  # of Module: the configuration that it sets
 
 
 @dataclass
@@ -287,18 +295,33 @@ class _Reader:
         mission.left_out += [f"the task {t[0]}" for t in self.flight.tasks if t[0] not in chosen]
 
     def read_events(self, mission, mode_names):
-        naming = names.distinct(list(self.flight.events), ("m", "t"))
-        for event in self.flight.events.values():
-            process, name = event.condition.path.split(".")
-            if process != self.flight.name:
-                raise self.refusal(f"event {self.flight.name}.{event.name} looks at {event.condition.path}: flight "
-                                   "cannot see into another process; watch an input of flight, as in "
-                                   "watch(f.tracking.attitude)", event.name)
-            if name not in self.modules:
+        live = self.flight.events.values()
+        naming = names.distinct([e.name for e in live])
+        modules = {m.path: m for m in mission.modules}
+        kept, until = [], {}
+        for event in live:
+            until[event.name] = event.until.steps if event.until is not None else []
+            steps = [*event.condition.steps, *until[event.name]]
+            paths = [one.path for step in steps if not isinstance(step, str) for one in (step[0], step[2]) if one.path]
+            for path in paths:
+                if path.split(".")[0] != self.flight.name:
+                    file, line = event.declared_at
+                    raise ExportError(f"{file}, line {line}: event {self.flight.name}.{event.name} looks at {path}: "
+                                      "flight cannot see into other processes; watch an input of flight, as in "
+                                      "watch(f.tracking.attitude)")
+            if {*paths, *(path for path, _, _ in event.settings)} <= modules.keys():
+                kept.append(event)
+            else:
                 mission.left_out.append(f"the event {event.name}")
-                continue
-            mission.events.append(Event(naming[event.name], event.name, self.modules[name], event.condition,
-                                        event.hold, event.once, mode_names[event.mode]))
+        flying = [event.name for event in kept]
+        for event in kept:
+            settings = [(modules[path], offset, raw) for path, offset, raw in event.settings]
+            mission.events.append(Event(
+                naming[event.name], event.name, event_text(event), event.condition.steps,
+                until[event.name], event.hold, event.count, event.once, event.starts_armed,
+                [mode_names[m] for m in event.modes], mode_names.get(event.mode, ""),
+                [(naming[name], on) for name, on in event.arms if name in flying], settings,
+                [m for m in mission.configuration if any(m is one for one, _, _ in settings)]))
 
     def check_finite(self, module, mission):
         wired = {w.target for wires in (*mission.wires.values(), *mission.published.values()) for w in wires}

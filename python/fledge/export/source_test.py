@@ -207,11 +207,11 @@ def test_a_fault_of_the_world_is_told_with_its_own_file(tmp_path):
         export.read(fledge.load(mission_of(tmp_path, FLIGHT, world)))
 
 
-def test_an_event_that_looks_into_the_world_is_refused(modes):
-    sim = fledge.load(modes)
-    f, w = sim.flight, sim.world
-    f.event("cheat", when=f.watch(w.craft.state).r_BN_N[0] > 1, enter=f.rest)
-    with pytest.raises(SetupError, match=r"flight\.py: event flight\.cheat looks at world\.craft"):
+def test_an_event_that_looks_into_the_world_is_refused_where_it_is_written(tmp_path):
+    cheat = '    f.event("cheat", when=f.watch(w.craft.state).r_BN_N[0] > 1, enter=f.rest)\n'
+    sim = fledge.load(mission_of(tmp_path, FLIGHT, WORLD + cheat))
+    line = WORLD.count("\n") + 1
+    with pytest.raises(SetupError, match=rf"world\.py, line {line}: event flight\.cheat looks at world\.craft"):
         export.read(sim)
 
 

@@ -14,6 +14,8 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Callable, Iterable, Sequence
+from math import isfinite, prod
+from struct import iter_unpack
 from typing import Any, NamedTuple
 
 from fledge import _core
@@ -21,7 +23,7 @@ from fledge.elements import ELEMENTS
 from fledge.errors import SetupError, did_you_mean, listed
 from fledge.mission.commands import Commands
 from fledge.objects.measured import Measured, flat_index, unit_after
-from fledge.objects.si import time_ns
+from fledge.objects.si import short_name, time_ns
 from fledge.objects.wires import Wire, caller
 
 
@@ -30,7 +32,8 @@ from fledge.objects.wires import Wire, caller
 class Watch(Measured):
     """A field of a message or module, by name: `watch(f.tracking.error).sigma_BR[0]`, `.norm()`.
 
-    Comparing it with a constant makes a condition: data, not code, so that it can be exported.
+    Comparing it with a constant or with another field makes a condition: data, not code, so that it can be exported.
+    `&`, `|` and `~` join conditions.
     """
 
     def __init__(self, obj, field=None):
@@ -44,19 +47,80 @@ class Watch(Measured):
         if self._field is None:
             for field in _core.struct(self._object).fields:
                 if field.name == name and not field.spare:
-                    return Watch(getattr(self._object, name)) if field.type == "struct" else Watch(self._object, field)
+                    return Watch(getattr(self._object, name)) if field.type == "struct" and not field.shape else Watch(
+                        self._object, field)
             getattr(self._object, name)  # raises, with the valid names
+        elif self._field.type == "struct":
+            raise AttributeError(f"{self!r} is an array of {self._field.struct.name}; pick one, as in {self!r}[0]")
         raise AttributeError(f"{self!r} is a number or array; it has norm(), max_abs() and [index]")
 
+    def __getitem__(self, index):
+        if self._field is None or self._field.type != "struct":
+            return super().__getitem__(index)
+        if not isinstance(index, int) or not 0 <= index < self._shape[0]:
+            raise SetupError(f"{self!r}[{index}]: expected a whole number below {self._shape[0]}")
+        return Watch(_core.row(self._object, self._field.name, index))
+
+    def _number(self, what: str) -> tuple[int, str]:
+        """(index of the element, measure) of the one number that it is. Raises SetupError if it is no number."""
+        if self._field is None or self._field.type == "struct":
+            struct = self._field.struct if self._field else _core.struct(self._object)
+            raise SetupError(f"{self!r}: {what} one of its fields: "
+                             + listed([f.name for f in struct.fields if not f.spare], none="it has none"))
+        if self._field.type == "char":
+            raise SetupError(f"{self!r} is a text; {what} a number")
+        if _core.root(self._object) is None:
+            raise SetupError(f"{self!r} is in no module or model: {what} a field of one")
+        if isinstance(self._measure, tuple):
+            return flat_index(self._measure, self._shape), "element"
+        return 0, self._measure or "element"
+
     def _compare(self, comparison, constant):
-        if self._field is None:
-            names = ", ".join(f.name for f in _core.struct(self._object).fields if not f.spare)
-            raise SetupError(f"{self!r}: compare one of its fields: {names}")
-        value = self._constant(constant, comparison)
-        index, measure = (flat_index(self._measure, self._shape), "element") if isinstance(self._measure, tuple) else (
-            0, self._measure or "element")
-        return _core.condition(self._object, self._field, index, measure, comparison, value,
-                               f"{self!r} {comparison} {value:g}{unit_after(self._field.unit)}")
+        left = _core.Operand(self._object, self._field, *self._number("compare"))
+        if isinstance(constant, Watch):
+            right, text = self._other(constant, comparison), repr(constant)
+        else:
+            value = self._constant(constant, comparison)
+            if not isfinite(value) or isinstance(value, int) and not -2**63 <= value < 2**64:
+                raise SetupError(f"{self!r} {comparison} {constant!r}: expected a finite number, and a whole one of up "
+                                 "to 64 bits")
+            right, text = _core.Operand(value), _constant_text(value, self._field)
+        return _core.Condition(left, comparison, right, f"{self!r} {comparison} {text}")
+
+    def _other(self, other, comparison):
+        """The operand of another field, which must be a number of the same kind."""
+        for one in (self, other):
+            if one._shape and not one._measure:
+                raise SetupError(f"{one!r} has shape {one._shape}: compare an element, norm() or max_abs()")
+        index, measure = other._number("compare")
+        if repr(self) == repr(other):
+            raise SetupError(f"{self!r} {comparison} {other!r}: this compares a field with itself")
+        ours, theirs = ((f.ctype if f.type == "enum" else f.unit if f.unit == "ns" else f.dims[:7])
+                        for f in (self._field, other._field))
+        if ours != theirs:
+            kinds = (f.ctype if f.type == "enum" else f"in {f.unit}" if f.unit not in ("", "-") else "without unit"
+                     for f in (self._field, other._field))
+            raise SetupError(f"{self!r} {comparison} {other!r}: the first is {next(kinds)}, the second {next(kinds)}")
+        return _core.Operand(other._object, other._field, index, measure)
+
+    def _setting(self, value: Any) -> list[tuple[Any, ...]]:
+        """(instance, offset, bytes) of what an assignment to this field or element writes."""
+        indices: Any = self._measure
+        index, measure = self._number("set")
+        if measure != "element":
+            raise SetupError(f"{self!r}: set an element of it, or the whole field")
+        field, root = self._field, _core.root(self._object)
+        if not self._measure:
+            return [(root, *one) for one in self._encoded(value)]
+        whole = row = getattr(self._object, field.name).tolist()
+        for i in indices[:-1]:
+            row = row[i] if i < len(row) else []
+        if indices[-1] >= len(row):
+            raise SetupError(f"{self!r}: the array has {len(whole)} rows; give it its rows first, or set it whole")
+        row[indices[-1]] = value
+        offset, raw = self._encoded(whole)[0]
+        width = field.size // prod(self._shape)
+        return [(root, offset + index * width, raw[index * width:(index + 1) * width])]
 
     def _encoded(self, value):
         encoded = _core.encode(self._object, self._field.name, value)
@@ -78,6 +142,13 @@ class Watch(Measured):
 
     def __repr__(self):
         return self.measure_text
+
+
+def _constant_text(value, field):
+    """A constant of a condition, as the user would write it."""
+    if field.type == "enum":
+        return next((short_name(field.ctype, name) for name, one in field.enumerators if one == value), f"{value:g}")
+    return (str(value) if isinstance(value, int) else f"{value:g}") + unit_after(field.unit)
 
 
 # --- handles ---------------------------------------------------------------------------------------
@@ -128,6 +199,16 @@ def _mode_name(mode: Mode | str) -> str:
     return mode.name if isinstance(mode, Mode) else mode
 
 
+def _several(value: Any) -> list[Any]:
+    """A list of handles or names, of which one may stand alone."""
+    return list(value) if isinstance(value, (list, tuple)) else [] if value is None else [value]
+
+
+def _value_text(value: Any) -> str:
+    """A value that an event sets, in one line."""
+    return " ".join(str(value).split())
+
+
 class _At(NamedTuple):
     """The condition that a time has come."""
 
@@ -137,8 +218,9 @@ class _At(NamedTuple):
 class Event:
     """An event that was declared. `armed` may be read and set; `fired_at` is the time [s], or None."""
 
-    def __init__(self, process: Process, name: str, when: Any, do: Callable[[], Any] | None) -> None:
-        self.name, self.when, self.do = name, when, do
+    def __init__(self, process: Process, name: str, when: Any, do: Callable[[], Any] | None,
+                 set_text: Sequence[str] = ()) -> None:
+        self.name, self.when, self.do, self.set_text = name, when, do, list(set_text)
         self.declared_at = caller()
         self._process: Callable[[], Any] = weakref.ref(process)
         self._core: Any = None
@@ -153,8 +235,13 @@ class Event:
 
     @property
     def condition(self) -> Any:
-        """The condition as data: path, field, comparison, constant. For events that watch() makes."""
+        """The condition as data: its steps in postfix order, holds(). For events that watch() makes."""
         return self._core.condition
+
+    @property
+    def until(self) -> Any:
+        """The condition that arms it again after it has fired; None: that its condition no longer holds."""
+        return self._core.until
 
     @property
     def hold(self) -> int:
@@ -162,14 +249,39 @@ class Event:
         return self._core.hold
 
     @property
+    def count(self) -> int:
+        """At how many successive instants the condition must hold."""
+        return self._core.count
+
+    @property
     def once(self) -> bool:
         """Whether it stays disarmed after it has fired."""
         return self._core.once
 
     @property
+    def starts_armed(self) -> bool:
+        """Whether it may fire from the start."""
+        return self._core.starts_armed
+
+    @property
+    def modes(self) -> list[str]:
+        """The names of the modes in which its condition may hold; none: in all."""
+        return self._core.modes
+
+    @property
     def mode(self) -> str:
         """The name of the mode that it enters; "" for none."""
         return self._core.mode
+
+    @property
+    def arms(self) -> list[tuple[str, bool]]:
+        """(name, whether it is armed or disarmed) of the events that it arms and disarms."""
+        return self._core.arms
+
+    @property
+    def settings(self) -> list[tuple[str, int, bytes]]:
+        """(path of the module, offset in its memory, bytes) of what it sets."""
+        return self._core.set
 
     @property
     def functions(self) -> list[Callable[[], Any]]:
@@ -367,23 +479,45 @@ class Process:
             raise SetupError(f"watch: expected a port or module; found {port!r}")
         return Watch(port)
 
-    def event(self, name: str, *, when: Any, hold: Any = 0, once: bool = False, enter: Mode | str | None = None,
-              do: Callable[[], Any] | None = None) -> Event:
-        """Something that happens when a condition has held for a time; it arms itself again when the
-        condition no longer holds, unless `once`.
+    def event(self, name: str, *, when: Any, until: Any = None, hold: Any = 0, count: int = 1, once: bool = False,
+              armed: bool = True, modes: Any = None, enter: Mode | str | None = None, arm: Any = None,
+              disarm: Any = None, set: Sequence[tuple[Any, Any]] = (), do: Callable[[], Any] | None = None) -> Event:
+        """Something that happens when a condition has held long enough. Returns a handle, also found as an attribute.
 
-        when: a condition made with watch(); hold: a time; enter: a mode of this process; do: a function
-        without arguments. Returns a handle, also found as an attribute.
+        when: a condition made with watch(), such as (watch(a).x > 1) & ~(watch(b).mode == "SAFE").
+        hold, count: it must hold for this time, and at so many successive instants of the process.
+        modes: modes of this process, in which alone it holds.
+        until: a condition that arms the event again after it has fired; without, it is armed again as soon as `when`
+        no longer holds; with once=True, not at all. armed=False: something must arm it first.
+        enter: a mode of this process. arm, disarm: events of this process, or their names.
+        set: pairs of a parameter or output of this process and its value, as in set=[(watch(a.par).gain, 2)].
+        do: a function without arguments.
         """
         what = f"event {self.name}.{name}"
         self._new_name(name, what)
         self._accept_event(what, when, do)
         if not isinstance(when, (_core.Condition, _At)) and not callable(when):
             raise SetupError(f"{what}: when takes a condition, as in watch(port).field < 1; found {when!r}")
-        event = Event(self, name, when, do)
+        if until is not None and not isinstance(until, _core.Condition):
+            raise SetupError(f"{what}: until takes a condition, as in watch(port).field < 1; found {until!r}")
+        if not isinstance(count, int):
+            raise SetupError(f"{what}: count: expected a whole number; found {count!r}")
+        pairs = list(set)
+        for pair in pairs:
+            if not isinstance(pair, tuple) or len(pair) != 2 or not isinstance(pair[0], Watch):
+                raise SetupError(f"{what}: set takes pairs of a field and a value, as in "
+                                 f"set=[(f.watch(f.module).parameter, 1)]; found {pair!r}")
+        for one in (*_several(modes), *_several(enter), *_several(arm), *_several(disarm)):
+            if isinstance(one, (Mode, Event)) and one._process() is not self:
+                raise SetupError(f"{what}: {one!r} is of another process")
+        event = Event(self, name, when, do, [f"{target!r} = {_value_text(value)}" for target, value in pairs])
         event._core = self._core_process.add_event(
-            name, when if isinstance(when, _core.Condition) else event._predicate(), time_ns(hold, f"{what}: hold"),
-            once, "" if enter is None else _mode_name(enter), event._action() if do else None)
+            name, when if isinstance(when, _core.Condition) else event._predicate(), until,
+            time_ns(hold, f"{what}: hold"), count, once, armed, [_mode_name(m) for m in _several(modes)],
+            "" if enter is None else _mode_name(enter),
+            [(one.name if isinstance(one, Event) else one, on) for these, on in ((arm, True), (disarm, False))
+             for one in _several(these)],
+            [one for target, value in pairs for one in target._setting(value)], event._action() if do else None)
         self._handles[name] = event
         return event
 
@@ -421,7 +555,7 @@ class Process:
             if isinstance(handle, Mode):
                 other._handles[name] = Mode(other, name)
             else:
-                event = Event(other, name, handle.when, handle.do)
+                event = Event(other, name, handle.when, handle.do, handle.set_text)
                 event._core = events[name]
                 if not isinstance(handle.when, _core.Condition):
                     event._core.predicate = event._predicate()
@@ -432,7 +566,7 @@ class Process:
 
 
 class Flight(Process):
-    """Flight software. Its events are data: a condition and a mode."""
+    """Flight software. Its events are data: conditions, and what they do."""
 
     @property
     def commands(self) -> Commands:
@@ -449,7 +583,7 @@ class Flight(Process):
     def _accept_event(self, what, when, do):
         if do is not None or not isinstance(when, _core.Condition):
             raise SetupError(f"{what}: flight's events are data, so that they can be exported: a condition made "
-                             "with watch(), and a mode to enter; Python belongs into the world's events")
+                             "with watch(), and enter, arm, disarm or set; Python belongs into the world's events")
 
 
 class World(Process):

@@ -208,15 +208,25 @@ def condition_text(event: Event) -> str:
 def action_text(event: Event) -> str:
     """What an event does, in words."""
     words = [f"enter {event.mode}"] if event.mode else []
+    words += [f"{'arm' if on else 'disarm'} {name}" for name, on in event.arms]
+    words += [f"set {text}" for text in event.set_text]
     if event.do:
         words.append(f"call {_function_text(event.do)}")
     return ", ".join(words) or "nothing"
 
 
+def rule_text(event: Event) -> str:
+    """How long and when its condition must hold, and when it is armed again, in words."""
+    return ((f" for {event.hold / 1e9:g} s" if event.hold else "")
+            + (f" {event.count} times in a row" if event.count > 1 else "")
+            + (f" in {' or '.join(event.modes)}" if event.modes else "")
+            + (f", again after {event.until!r}" if event.until is not None else ", once" if event.once else "")
+            + (", disarmed at first" if not event.starts_armed else ""))
+
+
 def event_text(event: Event) -> str:
-    hold = f" for {event.hold / 1e9:g} s" if event.hold else ""
-    once = ", once" if event.once else ""
-    return f"{condition_text(event)}{hold}{once}: {action_text(event)}"
+    """What an event does and when, in words."""
+    return f"{condition_text(event)}{rule_text(event)}: {action_text(event)}"
 
 
 def _function_text(function) -> str:

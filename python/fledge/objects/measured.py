@@ -8,7 +8,7 @@ from copy import copy
 from typing import Any
 
 from fledge.errors import SetupError
-from fledge.objects.si import to_si
+from fledge.objects.si import enumerator, to_si
 
 
 class Measured:
@@ -57,10 +57,12 @@ class Measured:
         """A constant to compare with, as a number in the field's unit."""
         if self._shape and not self._measure:
             raise SetupError(f"{self!r} has shape {self._shape}: compare an element, norm() or max_abs()")
+        if self._field.type == "enum":
+            return enumerator(self._field.ctype, self._field.enumerators, constant, f"{self!r} {comparison}")
         value = to_si(constant, repr(self), self._field.unit, self._field.dims, "a number")
         if not isinstance(value, (int, float)):
             raise SetupError(f"{self!r} {comparison} {constant!r}: expected a number")
-        return float(value)
+        return value
 
     def _compare(self, comparison: str, constant: Any) -> Any:
         raise NotImplementedError

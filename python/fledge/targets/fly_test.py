@@ -261,9 +261,9 @@ def derived(mission, scenario, converters, after, end):
     """How far rounding may move the attitude error, by the board's counts.
 
     Closed loop: what rounding does to the attitude is bounded by the loop's own stiffness. The control law cancels all
-    but I dw' + P dw + K dsigma = d per axis, where dsigma' = dw / 4. For one that is not oscillatory (here damping ratios
-    are 1.00 and 1.07) the response to a torque d never turns back, so that no bounded d moves sigma by more than |d| / K.
-    d is what rounding adds, at most half a count of each number:
+    but I dw' + P dw + K dsigma = d per axis, where dsigma' = dw / 4. For one that is not oscillatory (here damping
+    ratios are 1.00 and 1.07) the response to a torque d never turns back, so that no bounded d moves sigma by more than
+    |d| / K. d is what rounding adds, at most half a count of each number:
 
         K q_sigma/2 + P q_omega/2                 feedback of attitude and rate
         + sum over the wheels |a_i| q_u/2         the torques that come out

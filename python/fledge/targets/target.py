@@ -28,6 +28,7 @@ class Flown:
     code: int | None = None  # [bytes] without the C library
     memory: int | None = None
     saturated: int = 0      # numbers that were limited to the range of their words, on either side
+    lost: int = 0           # packets that a full queue refused or dropped, or that a newer one replaced unseen
 
 
 class Target:
@@ -82,7 +83,8 @@ class Target:
     def _flown(self, built, record, figures):
         code, memory = self.sizes(built)
         return Flown(record, int(figures["ticks"]), float(figures["cpu_ns"]) / 1e9, "emulated" if self.emulated else "",
-                     code, memory, sum(int(figures.get(k, 0)) for k in ("saturated", "outside_saturated")))
+                     code, memory, *(sum(int(figures.get(k, 0)) for k in keys) for keys in (
+                         ("saturated", "outside_saturated"), ("lost", "skipped", "outside_skipped"))))
 
 
 def fly(job: Job, on: Mapping[str, Target], name: str, timeout: float = 60.0) -> dict[str, Flown]:

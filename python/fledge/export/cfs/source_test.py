@@ -48,7 +48,7 @@ def test_it_compiles_under_the_flags_and_headers_of_every_version(written, versi
 
 
 def test_an_app_for_flight_has_no_call_of_a_simulation(nadir, written, tmp_path):
-    asked = re.compile(r"\b(getenv|setenv|mmap|futex|open|fopen|clock_gettime)\b")
+    asked = re.compile(r"\b(getenv|setenv|mmap|futex|open|fopen|clock_gettime) *\(")
     texts = {file: file.read_text() for file in written.rglob("*.[ch]")}
     assert [file for file, text in texts.items() if asked.search(re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL))] == []
     assert not [file for file in texts if "registers" in str(file.relative_to(written))]

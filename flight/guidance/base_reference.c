@@ -1,0 +1,54 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* With T the age of the base, the turn of R in N components is phi = omega T + domega T^2 / 2, and
+ *     [RN](t + T) = [RN](t) [M(phi)],   omega(t + T) = omega + domega T */
+#include "flight/guidance/base_reference.h"
+
+#include <string.h>
+
+#include "flight/math/attitude.h"
+
+void base_reference_reset(BaseReference *m)
+{
+    memset(&m->out, 0, sizeof m->out);
+}
+
+static AttReference sensed_base(const NavAttitude *other)
+{
+    AttReference base;
+    base.head = other->head;
+    base.sigma_RN = other->sigma_BN;
+    base.omega_RN_N = mat_transpose_vec(mrp_to_dcm(other->sigma_BN), other->omega_BN_B);
+    base.domega_RN_N = vec3(0.0, 0.0, 0.0); /* a sensor sees none */
+    return base;
+}
+
+/* The MRP of a turn by a vector, whose length is the angle. */
+static Vec3 turn(Vec3 phi)
+{
+    double s, c, angle = vec_norm(phi);
+    fm_sincos(0.5 * angle, &s, &c);
+    return mrp_project(c, angle > 0.0 ? vec_scale(s / angle, phi) : vec3(0.0, 0.0, 0.0), 1.0);
+}
+
+void base_reference_update(BaseReference *m, Tick t)
+{
+    AttReference *out = &m->out.reference;
+    const AttReference base = m->par.source == BASE_SENSED ? sensed_base(&m->in.sensed)
+                              : m->par.source == BASE_OWN  ? m->in.own
+                                                           : m->in.commanded;
+    const double age = tick_seconds(tick_since(t.t, base.head.t));
+
+    AttReference now;
+    Vec3 gained = vec_scale(age, base.domega_RN_N);
+    Vec3 phi = vec_scale(age, vec_add(base.omega_RN_N, vec_scale(0.5, gained)));
+    now.head = head_next(out->head, t.t, quality_through(base.head));
+    now.sigma_RN = mrp_compose(base.sigma_RN, turn(phi));
+    now.omega_RN_N = vec_add(base.omega_RN_N, gained);
+    now.domega_RN_N = base.domega_RN_N;
+    if (head_written(base.head) && age <= m->par.hold && vec_finite(now.sigma_RN) && vec_finite(now.omega_RN_N) &&
+        vec_finite(now.domega_RN_N)) {
+        *out = now;
+    } else {
+        out->head = head_held(out->head);
+    }
+}

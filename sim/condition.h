@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+// Conditions of events as data, so that they can be exported to C: comparisons of fields with constants and with other
+// fields, joined by and, or, not.
+#pragma once
+
+#include "flight/exec/event.h"
+#include "sim/instance.h"
+
+#include <array>
+#include <cstring>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace fledge::sim {
+
+/// A number to compare: an element of a field, a measure of all its elements, or a constant.
+struct Operand {
+    enum class Measure { element, norm, max_abs };
+
+    std::shared_ptr<Instance> instance; ///< null: a constant
+    std::uint32_t offset = 0;           ///< bytes from the start of the instance's memory
+    FledgeType type = FLEDGE_F64;       ///< of the elements, or of the constant
+    std::uint32_t elements = 1;
+    Measure measure = Measure::element;
+    std::array<std::byte, 8> constant{};
+
+    template <class T> static Operand of(T x)
+    {
+        Operand operand;
+        operand.type = std::is_same_v<T, double>         ? FLEDGE_F64
+                       : std::is_same_v<T, std::int64_t> ? FLEDGE_I64
+                                                         : FLEDGE_U64;
+        static_assert(sizeof x == 8);
+        std::memcpy(operand.constant.data(), &x, sizeof x);
+        return operand;
+    }
+    /// Whether a double need not represent it.
+    bool wide() const { return measure == Measure::element && (type == FLEDGE_I64 || type == FLEDGE_U64); }
+    double value() const;
+    ExecNumber number() const; ///< exactly
+};
+
+struct Comparison {
+    enum class Relation { less, less_equal, greater, greater_equal, equal, not_equal };
+
+    Operand left, right;
+    Relation relation = Relation::less;
+
+    bool holds() const;
+};
+
+/// The operations on the two conditions before it in a Condition, or on the one.
+enum class Join { none, both, either, inverse };
+
+class Condition {
+public:
+    struct Step {
+        Join join = Join::none;
+        Comparison comparison; ///< where nothing is joined
+    };
+
+    Condition(Comparison comparison, std::string text);
+    /// Both, or either, of two.
+    Condition(Join join, const Condition &a, const Condition &b);
+    Condition operator~() const;
+
+    bool holds() const;
+    /// Call f with the instance of every field in it.
+    void visit(const std::function<void(std::shared_ptr<Instance> &)> &f);
+
+    const std::vector<Step> &steps() const { return steps_; } ///< in postfix order
+    const std::string &text() const { return text_; }         ///< as the user would write it
+
+private:
+    std::string part_of(Join join) const;
+
+    std::vector<Step> steps_;
+    std::string text_;
+    int depth_ = 1; ///< how many results wait at most
+};
+
+} // namespace fledge::sim
