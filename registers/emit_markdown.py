@@ -15,6 +15,9 @@ def emit(board: Board) -> dict[str, str]:
     if board.clock is not None:
         rows.append((board.clock, "clock", "reads", "tick, time, step", "", "32",
                      board.clock_interrupt or "", "simulated time"))
+    if board.slave:
+        rows.append((board.slave.address, "slave clock", "both", "time, pulses, commands", "", "48",
+                     board.slave.interrupt or "", f"drifts by {board.slave.drift / 1e3:g} ppm"))
     if board.interrupts is not None:
         rows.append((board.interrupts, "interrupts", "both", "counters", "",
                      str(8 * len(board.lines)), "", ", ".join(board.lines)))

@@ -49,11 +49,20 @@ std::string inertia_fault(const std::byte *bytes)
 
 void check_field(const FledgeStruct &type, const FledgeField &field, const std::byte *memory, std::string_view path)
 {
-    if (field.type == FLEDGE_STRUCT || field.type == FLEDGE_CHAR || field.flags & FLEDGE_SPARE) {
+    if (field.type == FLEDGE_CHAR || field.flags & FLEDGE_SPARE) {
         return;
     }
     const std::byte *bytes = memory + field.offset;
     const std::size_t rows = field_rows(type, field, memory);
+    if (field.type == FLEDGE_STRUCT) {
+        for (std::size_t i = 0; i < (field.ndim ? rows : 1); i++) {
+            for (const FledgeField &inner : fields(*field.sub)) {
+                check_field(*field.sub, inner, bytes + i * field.sub->size,
+                            std::string(path) + "." + field.name + index_text(field, i, 1));
+            }
+        }
+        return;
+    }
     const std::size_t row = field.ndim ? field_elements(field) / field.shape[0] : 1;
     const std::string unit = *field.unit && std::strcmp(field.unit, "-") ? " " + std::string(field.unit) : "";
     const auto fail = [&](const std::string &rule, const std::string &found) {

@@ -107,7 +107,8 @@ protected:
                   REGISTER_NOWHERE,
                   0,
                   static_cast<std::uint32_t>(lanes_.size()),
-                  lanes_.data()};
+                  lanes_.data(),
+                  nullptr};
         window_ = register_window(&board_, reinterpret_cast<volatile std::uint32_t *>(memory_.data()));
         io_ = {messages_,
                boards_,
@@ -292,7 +293,7 @@ protected:
         out.capacity = out.stride = 4;
         out.outside = {0, 0, nullptr, 1, 0};
         out.fields = fields_ + 2;
-        board_ = {"bus", 1, 0, 1024, 1, 1000, -1, REGISTER_NOWHERE, 0, 2, lanes_};
+        board_ = {"bus", 1, 0, 1024, 1, 1000, -1, REGISTER_NOWHERE, 0, 2, lanes_, nullptr};
         window_ = register_window(&board_, reinterpret_cast<volatile std::uint32_t *>(memory_.data()));
         std::memset(room_, 0, sizeof room_);
         packets_[0] = {0, 0, 6, 0, newest, room_[0]};

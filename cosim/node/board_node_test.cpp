@@ -82,7 +82,7 @@ const RegisterRun RUNS[] = {{8, 1}, {4, 2}, {8, 2}};
 const RegisterMessage TYPE = {"Number", sizeof(Number), 3, RUNS};
 const RegisterLane LANES[] = {lane(32, false), lane(256, false), lane(480, true), packets(704, false, COMMAND_MAX),
                               packets(2880, true, TELEMETRY_REPORT_MAX)};
-const RegisterBoard BOARD = {"board", 1, 0, 5184, 1, 0, -1, REGISTER_NOWHERE, 0, 5, LANES};
+const RegisterBoard BOARD = {"board", 1, 0, 5184, 1, 0, -1, REGISTER_NOWHERE, 0, 5, LANES, nullptr};
 const RegisterBoard *const BOARDS[] = {&BOARD};
 const MissionMessage MESSAGES[] = {
     {"world.m.a", "Number", offsetof(Flight, a), sizeof(Number), MISSION_IN},

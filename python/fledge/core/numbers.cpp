@@ -11,6 +11,23 @@ bool is_plain_number(PyObject *value)
     return PyFloat_Check(value) || (PyLong_Check(value) && !PyBool_Check(value));
 }
 
+Number number_of(PyObject *value)
+{
+    if (PyLong_Check(value)) {
+        int beyond = 0;
+        const long long x = PyLong_AsLongLongAndOverflow(value, &beyond);
+        if (!beyond) {
+            return static_cast<Number>(x);
+        }
+        const unsigned long long natural = PyLong_AsUnsignedLongLong(value);
+        if (!PyErr_Occurred()) {
+            return static_cast<Number>(natural);
+        }
+        PyErr_Clear();
+    }
+    return static_cast<Number>(PyFloat_AsDouble(value));
+}
+
 namespace {
 
 Read read_sequence(PyObject *value, Numbers &out, int depth)
@@ -42,8 +59,8 @@ Read read_sequence(PyObject *value, Numbers &out, int depth)
             if (depth + 1 != out.ndim) {
                 return Read::ragged;
             }
-            const double x = PyFloat_AsDouble(item);
-            if (x == -1.0 && PyErr_Occurred()) {
+            const Number x = number_of(item);
+            if (x == -1.0L && PyErr_Occurred()) {
                 return Read::error;
             }
             out.values.push_back(x);
@@ -66,8 +83,9 @@ Read read_buffer(PyObject *value, Numbers &out)
     if (buffer.format && !std::strcmp(buffer.format, "d") && buffer.ndim <= FLEDGE_DIMS_MAX) {
         out.ndim = buffer.ndim;
         std::copy_n(buffer.shape, buffer.ndim, out.shape.begin());
-        out.values.resize(static_cast<std::size_t>(buffer.len) / sizeof(double));
-        read = PyBuffer_ToContiguous(out.values.data(), &buffer, buffer.len, 'C') ? Read::error : Read::yes;
+        std::vector<double> values(static_cast<std::size_t>(buffer.len) / sizeof(double));
+        read = PyBuffer_ToContiguous(values.data(), &buffer, buffer.len, 'C') ? Read::error : Read::yes;
+        out.values.assign(values.begin(), values.end());
     }
     PyBuffer_Release(&buffer);
     return read;
@@ -78,7 +96,7 @@ Read read_buffer(PyObject *value, Numbers &out)
 Read read_numbers(PyObject *value, Numbers &out)
 {
     if (is_plain_number(value)) {
-        out.values.push_back(PyFloat_AsDouble(value));
+        out.values.push_back(number_of(value));
         return PyErr_Occurred() ? Read::error : Read::yes;
     }
     if (PyList_Check(value) || PyTuple_Check(value)) {

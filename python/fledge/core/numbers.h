@@ -5,14 +5,19 @@
 #include "core/object.h"
 
 #include <array>
+#include <limits>
 
 namespace fledge::core {
+
+/// Holds every double and every whole number of 64 bits exactly.
+using Number = long double;
+static_assert(std::numeric_limits<Number>::digits >= 64);
 
 /// A nested sequence of numbers, flattened by rows.
 struct Numbers {
     int ndim = 0;
     std::array<std::size_t, FLEDGE_DIMS_MAX> shape{};
-    std::vector<double> values;
+    std::vector<Number> values;
 };
 
 enum class Read {
@@ -21,6 +26,9 @@ enum class Read {
     ragged,
     error ///< an exception is set
 };
+
+/// A Python number; an exception is set if it is none, or beyond a double.
+Number number_of(PyObject *value);
 
 /// A float or int, but no bool.
 bool is_plain_number(PyObject *value);

@@ -83,8 +83,7 @@ PyObject *represent(PyObject *self)
 
 // --- making ----------------------------------------------------------------------------------------
 
-/// Set fields from keywords: in the order of the table, so that the array that sets a count comes
-/// before a number that fills it; then the properties that Python has added to the type.
+/// Set fields from keywords, and the properties that Python has added to the type.
 bool set_keywords(PyObject *self, const Type &type, PyObject *arguments, PyObject *keywords)
 {
     if (PyTuple_GET_SIZE(arguments) > 0) {
@@ -98,52 +97,7 @@ bool set_keywords(PyObject *self, const Type &type, PyObject *arguments, PyObjec
                      example ? example->field->name : "", example ? "=..." : "");
         return false;
     }
-    if (!keywords) {
-        return true;
-    }
-    Py_ssize_t found = 0;
-    std::vector<std::pair<const Member *, PyObject *>> waiting;
-    for (const Member &member : type.members) {
-        PyObject *value = PyDict_GetItemWithError(keywords, member.name);
-        if (!value) {
-            continue;
-        }
-        found++;
-        switch (store(self, member, value)) {
-        case Stored::yes: break;
-        case Stored::no: return false;
-        case Stored::needs_count: waiting.emplace_back(&member, value);
-        }
-    }
-    for (const auto &[member, value] : waiting) {
-        switch (store(self, *member, value)) {
-        case Stored::yes: break;
-        case Stored::needs_count: complain_of_count(self, *member); [[fallthrough]];
-        case Stored::no: return false;
-        }
-    }
-    if (found == PyDict_GET_SIZE(keywords)) {
-        return true;
-    }
-    PyObject *name, *value;
-    for (Py_ssize_t i = 0; PyDict_Next(keywords, &i, &name, &value);) {
-        if (type.find(PyUnicode_AsUTF8(name))) {
-            continue;
-        }
-        PyObject *there = PyObject_GetAttr(reinterpret_cast<PyObject *>(Py_TYPE(self)), name);
-        const bool property = there && PyObject_TypeCheck(there, &PyProperty_Type);
-        Py_XDECREF(there);
-        PyErr_Clear();
-        if (property) {
-            if (PyObject_SetAttr(self, name, value)) {
-                return false;
-            }
-        } else {
-            refuse_name(self, name, PyExc_TypeError);
-            return false;
-        }
-    }
-    return true;
+    return !keywords || set_fields(self, type, keywords, PyExc_TypeError);
 }
 
 Root *allocate_root(const Type &type, std::shared_ptr<sim::Instance> instance)
@@ -311,6 +265,54 @@ PyTypeObject *make_base(const char *name, const char *doc, std::size_t size, PyM
 
 } // namespace
 
+bool set_fields(PyObject *self, const Type &type, PyObject *values, PyObject *unknown)
+{
+    Py_ssize_t found = 0;
+    std::vector<std::pair<const Member *, PyObject *>> waiting;
+    for (const Member &member : type.members) {
+        PyObject *value = PyDict_GetItemWithError(values, member.name);
+        if (!value) {
+            continue;
+        }
+        found++;
+        switch (store(self, member, value)) {
+        case Stored::yes: break;
+        case Stored::no: return false;
+        case Stored::needs_count: waiting.emplace_back(&member, value);
+        }
+    }
+    for (const auto &[member, value] : waiting) {
+        switch (store(self, *member, value)) {
+        case Stored::yes: break;
+        case Stored::needs_count: complain_of_count(self, *member); [[fallthrough]];
+        case Stored::no: return false;
+        }
+    }
+    if (found == PyDict_GET_SIZE(values)) {
+        return true;
+    }
+    PyObject *name, *value;
+    for (Py_ssize_t i = 0; PyDict_Next(values, &i, &name, &value);) {
+        if (PyUnicode_Check(name) && type.find(PyUnicode_AsUTF8(name))) {
+            continue;
+        }
+        PyObject *there =
+            PyUnicode_Check(name) ? PyObject_GetAttr(reinterpret_cast<PyObject *>(Py_TYPE(self)), name) : nullptr;
+        const bool property = there && PyObject_TypeCheck(there, &PyProperty_Type);
+        Py_XDECREF(there);
+        PyErr_Clear();
+        if (property) {
+            if (PyObject_SetAttr(self, name, value)) {
+                return false;
+            }
+        } else {
+            refuse_name(self, name, unknown);
+            return false;
+        }
+    }
+    return true;
+}
+
 const Member *Type::find(std::string_view name) const
 {
     for (const Member &member : members) {
@@ -346,9 +348,7 @@ std::string path_of(PyObject *object)
         return view->type->table->name;
     }
     const FledgeField &field = *view->member->field;
-    const auto at = view->memory - as_object(view->owner)->memory - field.offset;
-    return path_of(view->owner) + "." + field.name +
-           (field.ndim ? sim::index_text(field, static_cast<std::size_t>(at) / view->type->table->size) : "");
+    return path_of(view->owner) + "." + field.name + sim::index_text(field, view->index);
 }
 
 PyObject *root_of(PyObject *object)

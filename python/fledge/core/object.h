@@ -58,6 +58,7 @@ struct Object {
 struct View : Object {
     PyObject *owner;      ///< null: by itself
     const Member *member; ///< as which the owner holds it
+    std::size_t index;    ///< its place in an array of structs
 };
 
 /// A module or model.

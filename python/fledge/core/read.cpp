@@ -73,7 +73,7 @@ PyObject *get_text(PyObject *self, void *closure)
     return PyUnicode_DecodeUTF8(text, static_cast<Py_ssize_t>(strnlen(text, field.size)), "replace");
 }
 
-PyObject *make_view(PyObject *owner, const Member &member, std::byte *memory)
+PyObject *make_view(PyObject *owner, const Member &member, std::byte *memory, std::size_t index = 0)
 {
     View *view = PyObject_New(View, member.sub->python);
     if (view) {
@@ -82,6 +82,7 @@ PyObject *make_view(PyObject *owner, const Member &member, std::byte *memory)
         view->weak = nullptr;
         view->owner = Py_NewRef(owner);
         view->member = &member;
+        view->index = index;
     }
     return reinterpret_cast<PyObject *>(view);
 }
@@ -96,7 +97,7 @@ PyObject *get_struct(PyObject *self, void *closure)
     const std::uint32_t rows = rows_of(*as_object(self), member);
     PyObject *tuple = PyTuple_New(rows);
     for (std::uint32_t i = 0; tuple && i < rows; i++) {
-        PyObject *view = make_view(self, member, memory + i * member.sub->table->size);
+        PyObject *view = make_view(self, member, memory + i * member.sub->table->size, i);
         if (!view) {
             Py_CLEAR(tuple);
         } else {
@@ -136,10 +137,9 @@ PyObject *get_array(PyObject *self, void *closure)
 
 } // namespace
 
-PyObject *row_of(PyObject *object, const Member &member, std::uint32_t index)
+PyObject *row_of(PyObject *object, const Member &member, std::size_t index, std::byte *memory)
 {
-    return make_view(object, member,
-                     as_object(object)->memory + member.field->offset + index * member.sub->table->size);
+    return make_view(object, member, memory + index * member.sub->table->size, index);
 }
 
 getter getter_for(const FledgeField &field)

@@ -25,19 +25,20 @@ std::string expectation(const Member &member)
         return "a text of up to " + std::to_string(field.size - 1) + " bytes";
     }
     if (field.type == FLEDGE_STRUCT) {
-        return field.ctype;
+        const std::string one = std::string(field.ctype) + " or dict of its fields";
+        return field.ndim ? "a list of " + std::string(field.count ? "up to " : "") + std::to_string(field.shape[0]) +
+                                ", each a " + one
+                          : one;
     }
-    if (field.type == FLEDGE_ENUM) {
-        text = "one of ";
-        for (std::uint32_t i = 0; i < field.values->n; i++) {
-            text += (i ? ", " : "") + std::string(field.values->values[i].name);
-        }
-        return text;
-    }
+    const std::string range =
+        is_float(field.type) || field.type == FLEDGE_ENUM ? "" : with_type(field.type, []<class T>(T) {
+            return "from " + std::to_string(std::numeric_limits<T>::min()) + " to " +
+                   std::to_string(std::numeric_limits<T>::max());
+        });
     if (!field.ndim) {
-        text = is_float(field.type) ? "a number" : "a whole number";
+        text = range.empty() ? "a number" : "a whole number " + range;
     } else {
-        text = "shape " + shape_text(field);
+        text = "shape " + shape_text(field) + (range.empty() ? "" : " of whole numbers " + range);
         if (field.count && field.ndim == 1) {
             text += ", or one number for all";
         } else if (!field.count && field.ndim == 2 && field.shape[0] == field.shape[1]) {
@@ -162,13 +163,13 @@ bool obeys(PyObject *object, const Member &member)
 }
 
 /// False with SetupError set if the number does not fit into the field's C type.
-bool write_number(std::byte *to, FledgeType type, double x)
+bool write_number(std::byte *to, FledgeType type, Number x)
 {
     return with_type(type, [&]<class T>(T) {
         if constexpr (!std::is_floating_point_v<T>) {
-            // The upper limit as a double may be one beyond the type's: hence "<".
-            const double beyond = std::ldexp(1.0, std::numeric_limits<T>::digits);
-            if (!(x >= static_cast<double>(std::numeric_limits<T>::min()) && x < beyond) || x != std::floor(x)) {
+            if (!(x >= static_cast<Number>(std::numeric_limits<T>::min()) &&
+                  x <= static_cast<Number>(std::numeric_limits<T>::max())) ||
+                x != std::floor(x)) {
                 return false;
             }
         }
@@ -208,7 +209,7 @@ bool settle_count(PyObject *object, const Member &member, std::uint32_t rows)
 }
 
 /// Spread the given numbers over the elements of the field. `out` gets the size of the field.
-Stored spread(PyObject *object, const Member &member, PyObject *value, const Numbers &in, std::vector<double> &out)
+Stored spread(PyObject *object, const Member &member, PyObject *value, const Numbers &in, std::vector<Number> &out)
 {
     const FledgeField &field = *member.field;
     const std::size_t elements = sim::field_elements(field);
@@ -217,7 +218,7 @@ Stored spread(PyObject *object, const Member &member, PyObject *value, const Num
         return in.ndim == static_cast<int>(field.ndim) &&
                std::equal(field.shape + first, field.shape + field.ndim, in.shape.begin() + first);
     };
-    out.assign(elements, 0.0);
+    out.assign(elements, 0.0L);
     if (member.count) {
         if (in.ndim == 0 && field.ndim == 1) {
             const std::uint32_t rows = rows_of(*as_object(object), member);
@@ -250,7 +251,7 @@ Stored spread(PyObject *object, const Member &member, PyObject *value, const Num
     return refuse(object, member, value, found + (in.ndim ? ")" : ""));
 }
 
-Stored store_array(PyObject *object, const Member &member, PyObject *value)
+Stored store_numbers(PyObject *object, const Member &member, PyObject *value)
 {
     const FledgeField &field = *member.field;
     Numbers numbers;
@@ -272,7 +273,7 @@ Stored store_array(PyObject *object, const Member &member, PyObject *value)
     case Read::error: return refuse(object, member, value);
     }
     Undo undo(*as_object(object), member);
-    std::vector<double> values;
+    std::vector<Number> values;
     if (const Stored stored = spread(object, member, value, numbers, values); stored != Stored::yes) {
         return stored;
     }
@@ -289,6 +290,35 @@ Stored store_array(PyObject *object, const Member &member, PyObject *value)
         return Stored::no;
     }
     return Stored::yes;
+}
+
+/// A new reference to the number of an enumerator, or to nested lists of them; null with an exception set.
+PyObject *to_enumerators(PyObject *object, const Member &member, PyObject *value)
+{
+    const FledgeEnum &values = *member.field->values;
+    PyObject *convert = hook("to_enumerators");
+    PyObject *list = PyList_New(0);
+    for (std::uint32_t i = 0; convert && list && i < values.n; i++) {
+        PyObject *item = Py_BuildValue("(sL)", values.values[i].name, static_cast<long long>(values.values[i].value));
+        if (!item || PyList_Append(list, item)) {
+            Py_CLEAR(list);
+        }
+        Py_XDECREF(item);
+    }
+    const std::string path = path_of(object) + "." + member.field->name;
+    return convert && list ? PyObject_CallFunction(convert, "sNOs", values.name, list, value, path.c_str()) : nullptr;
+}
+
+Stored store_array(PyObject *object, const Member &member, PyObject *value)
+{
+    const FledgeField &field = *member.field;
+    if (field.type == FLEDGE_ENUM && !PyLong_CheckExact(value)) {
+        PyObject *numbers = to_enumerators(object, member, value);
+        const Stored stored = numbers ? store_numbers(object, member, numbers) : Stored::no;
+        Py_XDECREF(numbers);
+        return stored;
+    }
+    return store_numbers(object, member, value);
 }
 
 /// A whole number, without a detour through a double.
@@ -351,22 +381,13 @@ Stored store_scalar(PyObject *object, const Member &member, PyObject *value)
 
 Stored store_enum(PyObject *object, const Member &member, PyObject *value)
 {
-    const FledgeEnum &values = *member.field->values;
-    std::byte *to = as_object(object)->memory + member.field->offset;
-    for (std::uint32_t i = 0; i < values.n; i++) {
-        const FledgeEnumerator &one = values.values[i];
-        bool same = PyLong_Check(value) && PyLong_AsLongLong(value) == one.value;
-        if (PyUnicode_Check(value)) {
-            // "QUALITY_GOOD", or the part of it that the Python class shows: "GOOD".
-            const std::string given = PyUnicode_AsUTF8(value), name = one.name;
-            same = given == name || (name.size() > given.size() && name.ends_with("_" + given));
-        }
-        if (same) {
-            save(to, static_cast<std::int32_t>(one.value));
-            return Stored::yes;
-        }
+    PyObject *number = to_enumerators(object, member, value);
+    if (number && PyLong_Check(number)) {
+        save(as_object(object)->memory + member.field->offset, static_cast<std::int32_t>(PyLong_AsLong(number)));
     }
-    return refuse(object, member, value);
+    const Stored stored = !number ? Stored::no : PyLong_Check(number) ? Stored::yes : refuse(object, member, value);
+    Py_XDECREF(number);
+    return stored;
 }
 
 Stored store_text(PyObject *object, const Member &member, PyObject *value)
@@ -382,13 +403,53 @@ Stored store_text(PyObject *object, const Member &member, PyObject *value)
     return Stored::yes;
 }
 
-/// A message as a whole, by copying its bytes.
+/// A row of `rows`, from a struct of the same type or from a dict: fields that it leaves out become 0.
+bool store_row(PyObject *object, const Member &member, std::size_t index, PyObject *value, std::byte *rows)
+{
+    const Type &type = *member.sub;
+    if (is_view(value) && as_view(value)->type == &type) {
+        std::memcpy(rows + index * type.table->size, as_view(value)->memory, type.table->size);
+        return true;
+    }
+    if (!PyDict_Check(value)) {
+        refuse(object, member, value, is_object(value) ? as_object(value)->type->table->name : "");
+        return false;
+    }
+    PyObject *row = row_of(object, member, index, rows);
+    const bool stored = row && set_fields(row, type, value, setup_error());
+    Py_XDECREF(row);
+    return stored;
+}
+
+/// A struct, or an array of them. They are made aside, because the values may be views of what was there.
 Stored store_struct(PyObject *object, const Member &member, PyObject *value)
 {
-    if (member.field->ndim || !is_view(value) || as_view(value)->type != member.sub) {
-        return refuse(object, member, value, is_object(value) ? as_object(value)->type->table->name : "");
+    const FledgeField &field = *member.field;
+    const bool list = PyList_Check(value) || PyTuple_Check(value);
+    const auto n = static_cast<std::size_t>(list ? PySequence_Fast_GET_SIZE(value) : 1);
+    if (field.ndim > 1 || list != (field.ndim == 1) ||
+        (list && (member.count ? n > field.shape[0] : n != field.shape[0]))) {
+        return refuse(object, member, value,
+                      list && field.ndim ? std::to_string(n)
+                      : is_object(value) ? as_object(value)->type->table->name
+                                         : "");
     }
-    std::memmove(as_object(object)->memory + member.field->offset, as_view(value)->memory, member.field->size);
+    std::vector<std::byte> rows(field.size);
+    for (std::size_t i = 0; i < n; i++) {
+        PyObject *one = list ? PySequence_Fast_GET_ITEM(value, static_cast<Py_ssize_t>(i)) : value;
+        if (!store_row(object, member, i, one, rows.data())) {
+            return Stored::no;
+        }
+    }
+    Undo undo(*as_object(object), member);
+    if (member.count && !settle_count(object, member, static_cast<std::uint32_t>(n))) {
+        return Stored::no;
+    }
+    std::copy(rows.begin(), rows.end(), as_object(object)->memory + field.offset);
+    if (!obeys(object, member)) {
+        undo();
+        return Stored::no;
+    }
     return Stored::yes;
 }
 

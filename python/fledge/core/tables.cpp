@@ -272,10 +272,11 @@ void bind_tables(py::module_ &m)
         py::return_value_policy::reference, "The field of its owner that is this message, or None.");
     m.def(
         "row",
-        [](py::handle object, const std::string &name, std::uint32_t index) {
+        [](py::handle object, const std::string &name, std::size_t index) {
             struct_of(object);
             const Member *member = as_object(object.ptr())->type->find(name);
-            PyObject *row = row_of(object.ptr(), *member, index);
+            PyObject *row =
+                row_of(object.ptr(), *member, index, as_object(object.ptr())->memory + member->field->offset);
             if (!row) {
                 throw py::error_already_set();
             }

@@ -11,8 +11,8 @@ namespace fledge::core {
 getter getter_for(const FledgeField &field);
 setter setter_for(const FledgeField &field);
 
-/// A row of an array of structs. A new reference, or null with an exception set.
-PyObject *row_of(PyObject *object, const Member &member, std::uint32_t index);
+/// A row of an array of structs, whose first is at `memory`. A new reference, or null with an exception set.
+PyObject *row_of(PyObject *object, const Member &member, std::size_t index, std::byte *memory);
 
 enum class Stored {
     yes,
@@ -22,6 +22,10 @@ enum class Stored {
 
 /// Convert, check and write. On failure the memory is as before.
 Stored store(PyObject *object, const Member &member, PyObject *value);
+
+/// Store the items of a dict: in the order of the table, so that the array that sets a count comes before a number that
+/// fills it. A name that is no field raises `unknown`. False with an exception set on failure.
+bool set_fields(PyObject *object, const Type &type, PyObject *values, PyObject *unknown);
 
 /// Set the error of a number for an array without rows.
 void complain_of_count(PyObject *object, const Member &member);

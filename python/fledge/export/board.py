@@ -148,7 +148,11 @@ def read(mission: Mission, texts: Iterable[tuple[Path | str, str]]) -> list[Boar
                 wrong.append(f"{board.file}: the board overlaps {other.file}; move its base")
     if wrong:
         raise ExportError("\n".join(wrong))
-    if all(board.clock is None for board in boards):
+    clocks = [board for board in boards if board.clock is not None]
+    if len(clocks) > 1:
+        raise ExportError(f"{clocks[1].file}: {clocks[0].file} has a [clock] already, which paces flight; write "
+                          "[slave_clock] here")
+    if not clocks:
         raise ExportError(f"{boards[0].file}: no board has a clock, which paces flight; give one of them a [clock]")
     return boards
 

@@ -22,8 +22,8 @@ from fledge import _core
 from fledge.elements import ELEMENTS
 from fledge.errors import SetupError, did_you_mean, listed
 from fledge.mission.commands import Commands
-from fledge.objects.measured import Measured, flat_index, short_name, unit_after
-from fledge.objects.si import time_ns
+from fledge.objects.measured import Measured, flat_index, unit_after
+from fledge.objects.si import short_name, time_ns
 from fledge.objects.wires import Wire, caller
 
 
@@ -147,7 +147,7 @@ class Watch(Measured):
 def _constant_text(value, field):
     """A constant of a condition, as the user would write it."""
     if field.type == "enum":
-        return next((short_name(field, name) for name, one in field.enumerators if one == value), f"{value:g}")
+        return next((short_name(field.ctype, name) for name, one in field.enumerators if one == value), f"{value:g}")
     return (str(value) if isinstance(value, int) else f"{value:g}") + unit_after(field.unit)
 
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from copy import copy
-from enum import Enum
 from typing import Any
 
-from fledge.errors import SetupError, did_you_mean
-from fledge.objects.si import to_si
+from fledge.errors import SetupError
+from fledge.objects.si import enumerator, to_si
 
 
 class Measured:
@@ -59,7 +58,7 @@ class Measured:
         if self._shape and not self._measure:
             raise SetupError(f"{self!r} has shape {self._shape}: compare an element, norm() or max_abs()")
         if self._field.type == "enum":
-            return enumerator(self._field, constant, f"{self!r} {comparison} {constant!r}")
+            return enumerator(self._field.ctype, self._field.enumerators, constant, f"{self!r} {comparison}")
         value = to_si(constant, repr(self), self._field.unit, self._field.dims, "a number")
         if not isinstance(value, (int, float)):
             raise SetupError(f"{self!r} {comparison} {constant!r}: expected a number")
@@ -79,23 +78,6 @@ class Measured:
 
     def __ge__(self, constant: Any) -> Any:
         return self._compare(">=", constant)
-
-
-def short_name(field: Any, name: str) -> str:
-    """An enumerator without the enumeration's name: "GOOD" of QUALITY_GOOD."""
-    return name.removeprefix(f"{field.ctype.upper()}_")
-
-
-def enumerator(field: Any, value: Any, what: str) -> int:
-    """The number of an enumerator, given by its name, short or whole, by its number, or as a Python enum."""
-    names = [short_name(field, name) for name, _ in field.enumerators]
-    foreign = isinstance(value, Enum) and type(value).__name__ != field.ctype
-    for short, (name, number) in zip(names, field.enumerators):
-        if not foreign and not isinstance(value, bool) and value in (short, name, number):
-            return number
-    raise SetupError(f"{what}: expected {field.ctype}, one of {', '.join(names)}"
-                     + (f"; found a {type(value).__name__}" if foreign
-                        else did_you_mean(value, names) if isinstance(value, str) else ""))
 
 
 def flat_index(index: Iterable[int], shape: Iterable[int]) -> int:

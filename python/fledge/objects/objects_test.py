@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from fledge import SetupError, flight as fsw, objects, world
+from fledge.objects.testing import kinds
 from fledge.units import N, deg, kg, km, m, mm, s
 
 AXES = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
@@ -260,3 +261,79 @@ def test_types_cannot_be_subclassed_and_bases_not_made():
     for base in (objects.Module, objects.Model, objects.Message):
         with pytest.raises(TypeError, match="make an object of one of its types instead"):
             base()
+
+
+# --- structs, enumerations and whole numbers of all widths -----------------------------------------
+
+@pytest.fixture
+def noise():
+    return kinds()[1]["Noise"]
+
+
+def test_structs_are_set_from_dicts_and_lists_of_them(noise):
+    n = noise(part={"phase": "SCIENCE", "pairs": [{"x": 2 * km, "count": 2**63 - 1}, {}], "steps": [1, 2, 3, 4]},
+              parts=[{}, {"share": 0.5}, {"phase": "PHASE_DRAIN"}], phases=["SAFE", "DRAIN", -7])
+    assert n.part.phase.name == "SCIENCE" and n.part.pairs[0].x == 2000 and n.part.pairs[0].count == 2**63 - 1
+    assert [p.share for p in n.parts] == [0, 0.5, 0] and n.parts[2].phase.name == "DRAIN"
+    assert n.phases.tolist() == [0, 100, -7] and "[SAFE, DRAIN, NOT_SAFE]" in repr(n)
+    n.part = {"share": 0.25, "steps": n.part.steps, "pairs": n.part.pairs[::-1]}   # views of what is replaced
+    assert n.part.steps.tolist() == [1, 2, 3, 4] and n.part.pairs[1].x == 2000
+    assert n.part.phase.name == "SAFE"                                              # left out: zero
+    n.parts = n.parts[::-1]
+    assert [p.share for p in n.parts] == [0, 0.5, 0] and n.parts[0].phase.name == "DRAIN"
+    n.parts = [n.part, n.parts[0], {}]
+    assert n.parts[0].share == 0.25 and n.parts[1].phase.name == "DRAIN"
+    n.hint = {"x": 3, "parts": [{}, {}, {"steps": [0, 0, 0, -1]}]}
+    assert n.hint.x == 3 and n.hint.parts[2].steps[3] == -1
+
+
+def test_whole_numbers_of_64_bits_in_arrays_are_exact(noise):
+    n = noise(wide=[2**63 - 1, -2**63])
+    assert n.wide.tolist() == [2**63 - 1, -2**63]
+    n.wide = np.array([2**53 + 1, -2**53 - 1])
+    assert n.wide.tolist() == [2**53 + 1, -2**53 - 1]
+
+
+@pytest.mark.parametrize("name, value, text", [
+    ("parts", [{}], ": expected a list of 3, each a Part or dict of its fields; found 1"),
+    ("parts", {}, ": expected a list of 3, each a Part or dict of its fields; found {}"),
+    ("parts", [{}, {}, 3], ": expected a list of 3, each a Part or dict of its fields; found 3"),
+    ("parts", [{"share": 1}, {}, {"fase": 1}],
+     "[2] (Part) has no attribute 'fase'; did you mean 'phase'? fields: phase, share, pairs, steps"),
+    ("parts", [{}, {1: 2}, {}], "[1] (Part) has no attribute '1'; fields: phase, share, pairs, steps"),
+    ("parts", [{"share": 1}, {}, {"pairs": [{"x": 1}, {"x": "a"}]}],
+     "[2].pairs[1].x: expected a number, in m; found 'a'"),
+    ("parts", [{}, {}, {"pairs": [{}, {"x": 1 * s}]}],
+     "[2].pairs[1].x: expected a quantity in m; found 1.0 s"),
+    ("part", [], ": expected Part or dict of its fields; found []"),
+    ("part", {"phase": "SCEINCE"},
+     ".phase: expected one of NOT_SAFE, SAFE, SCIENCE, DRAIN; found 'SCEINCE'; did you mean 'SCIENCE'?"),
+    ("phase", 7, ": expected one of NOT_SAFE, SAFE, SCIENCE, DRAIN; found 7"),
+    ("phase", True, ": expected one of NOT_SAFE, SAFE, SCIENCE, DRAIN; found True"),
+    ("phase", None, ": expected one of NOT_SAFE, SAFE, SCIENCE, DRAIN; found None"),
+    ("phases", ["SAFE", 0, "OFF"], ": expected one of NOT_SAFE, SAFE, SCIENCE, DRAIN; found 'OFF'"),
+    ("phases", ["SAFE"], ": expected shape (3); found shape (1)"),
+    ("wide", [0, 2**63], f": expected shape (2) of whole numbers from {-2**63} to {2**63 - 1}; found [0, {2**63}]"),
+    ("counts", [1.5, 0], ": expected shape (2) of whole numbers from 0 to 65535; found [1.5, 0]"),
+    ("level", 256, ": expected a whole number from 0 to 255; found 256"),
+    ("level", 11, " must be in [0, 10], found 11"),
+])
+def test_a_wrong_struct_enumeration_or_whole_number_changes_nothing(noise, name, value, text):
+    n = noise(part={"share": 1}, level=3)
+    before = objects.memory(n)
+    with pytest.raises(SetupError) as error:
+        setattr(n, name, value)
+    assert str(error.value) == f"Noise.{name}{text}" and objects.memory(n) == before
+
+
+def test_numbers_inside_structs_must_be_finite_to_run(noise):
+    n = noise()
+    n.parts[1].pairs[0].x = float("nan")
+    with pytest.raises(SetupError, match=r"^Noise\.parts\[1\]\.pairs\[0\]\.x must be finite, found nan m$"):
+        n.reset()
+
+
+def test_an_attribute_of_a_module_that_has_few(noise):
+    sink = kinds()[1]["Sink"]()
+    with pytest.raises(AttributeError, match="^Sink has no attribute 'hint'; inputs: kinds$"):
+        sink.hint

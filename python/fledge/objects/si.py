@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from enum import Enum, IntEnum
 from typing import Any
 
-from fledge.errors import SetupError
+from fledge.errors import SetupError, nearest
 from fledge.units import Quantity, UnitError, nanoseconds
 
 
@@ -91,13 +93,45 @@ def time_ns(value: Any, path: str) -> int:
         raise SetupError(f"{path}: {error}") from None
 
 
+def short_name(ctype: str, name: str) -> str:
+    """An enumerator without the enumeration's name: "GOOD" of QUALITY_GOOD."""
+    return name.removeprefix(f"{ctype.upper()}_")
+
+
+def enumerator(ctype: str, enumerators: Sequence[tuple[str, int]], value: Any, path: str) -> int:
+    """The number of an enumerator (name, number), given by its name, short or whole, by its number, or as a Python
+    enum. Raises SetupError for anything else."""
+    foreign = isinstance(value, Enum) and type(value).__name__ != ctype
+    if hasattr(value, "__index__") and not isinstance(value, bool) and not foreign:
+        value = int(value)
+    names = [short_name(ctype, name) for name, _ in enumerators]
+    whole = [name for name, _ in enumerators]
+    for known in (names, whole) if isinstance(value, str) else ():
+        if value in known:
+            return enumerators[known.index(value)][1]
+    endings = [number for name, number in enumerators if isinstance(value, str) and name.endswith(f"_{value}")]
+    if len(endings) == 1:
+        return endings[0]
+    if type(value) is int and any(number == value for _, number in enumerators):
+        return value
+    near = nearest(value, names) if isinstance(value, str) else ""
+    raise SetupError(f"{path}: expected one of {', '.join(names)}; found {value!r}"
+                     + (f"; did you mean '{near}'?" if near else ""))
+
+
+def to_enumerators(ctype: str, enumerators: Sequence[tuple[str, int]], value: Any, path: str) -> Any:
+    """The number of an enumerator, or nested lists of them, from what enumerator() takes."""
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, (list, tuple)):
+        return [to_enumerators(ctype, enumerators, one, path) for one in value]
+    return enumerator(ctype, enumerators, value, path)
+
+
 def enumeration(name: str, doc: str, values: Any) -> Any:
     """A Python enum for one of C: its members without their common prefix."""
-    import enum
-
-    stem = name.upper() + "_"
-    names = [n[len(stem):] if n.startswith(stem) else n for n, _, _ in values]
-    make: Any = enum.IntEnum  # mypy knows only enumerations with a literal name
+    names = [short_name(name, n) for n, _, _ in values]
+    make: Any = IntEnum  # mypy knows only enumerations with a literal name
     made = make(name, list(zip(names, (v for _, v, _ in values))), module="fledge")
     made.__doc__ = doc + "\n\n" + "\n".join(f"{n}: {d}" for n, (_, _, d) in zip(names, values))
     return made

@@ -7,6 +7,7 @@ from typing import Any
 
 from fledge import _core
 from fledge.errors import SetupError, did_you_mean
+from fledge.objects.si import short_name
 
 GROUPS = (("par", "parameters"), ("in", "inputs"), ("out", "outputs"), ("mem", "memory"), ("", "fields"))
 
@@ -27,7 +28,7 @@ def unknown_attribute(obj: Any, name: str) -> str:
     """The error text for an unknown attribute."""
     groups = names_by_group(obj)
     everything = [n for names in groups.values() for n in names]
-    return f"{title(obj)} has no attribute '{name}'{did_you_mean(name, everything)} " + "; ".join(
+    return f"{title(obj)} has no attribute '{name}'{did_you_mean(str(name), everything)} " + "; ".join(
         f"{word}: {', '.join(groups[g])}" for g, word in GROUPS if g in groups)
 
 
@@ -81,7 +82,7 @@ def _row(obj, field):
             quality = value.quality
             text = f"t = {value.t / 1e9:g} s, {getattr(quality, 'name', quality)}, {value.sequence}"
             return field.name, text, ""
-        return field.name, field.struct.name, ""
+        return field.name, (f"{len(value)} " if field.shape else "") + field.struct.name, ""
     note = unit
     if field.group == "par" and field.name not in _core.given(obj):
         note = (unit + "  " if unit else "") + ("required" if field.required and not _any(obj, field) else "")
@@ -97,11 +98,12 @@ def _value(obj, field):
     value = getattr(obj, field.name)
     if not field.shape or field.type == "char":
         return f"{value:.7g}" if isinstance(value, float) else getattr(value, "name", repr(value))
-    return _array(value.tolist())
+    names = {number: short_name(field.ctype, name) for name, number in field.enumerators}
+    return _array(value.tolist(), names)
 
 
-def _array(value):
-    """A nested list on one line; a multiple of the identity and a diagonal as such."""
+def _array(value, names={}):
+    """A nested list on one line; a multiple of the identity and a diagonal as such. names: of an enumeration"""
     if isinstance(value, list) and value and isinstance(value[0], list) and len(value) == len(value[0]):
         diagonal = [row[i] for i, row in enumerate(value)]
         if all(x == 0 for i, row in enumerate(value) for j, x in enumerate(row) if i != j):
@@ -109,8 +111,8 @@ def _array(value):
                 return f"{diagonal[0]:.7g} identity" if diagonal[0] else "0"
             return f"diagonal {_array(diagonal)}"
     if isinstance(value, list):
-        return "[" + ", ".join(_array(x) for x in value) + "]"
-    return f"{value:.7g}" if isinstance(value, float) else str(value)
+        return "[" + ", ".join(_array(x, names) for x in value) + "]"
+    return f"{value:.7g}" if isinstance(value, float) else names.get(value, str(value))
 
 
 def _wiring(obj, field):

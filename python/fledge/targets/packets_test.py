@@ -152,3 +152,18 @@ def test_packets_that_cannot_carry_are_refused_with_their_line(tmp_path, capsys,
     assert fly(tmp_path, text, duration="10s") == 2
     complaint = complaint.format(first=line_of(text, "world.wheels.speeds.Omega"))
     assert f"bus.toml:{line_of(text, where)}: {complaint}" in capsys.readouterr().err
+
+
+def test_a_second_clock_that_paces_is_refused(tmp_path, capsys):
+    other = tmp_path / "other.toml"
+    other.write_text(HEAD.replace("bus", "other").replace("0xA", "0xB"))
+    board = tmp_path / "bus.toml"
+    board.write_text(HEAD + SENSORS + MOTORS)
+    assert cli.main(["fly", "nadir_spin", "--on", "linux", "--for", "5s", "--board", str(board), str(other)]) == 2
+    assert "other.toml: bus.toml has a [clock] already, which paces flight; write [slave_clock]" in capsys.readouterr(
+    ).err
+    slave = HEAD.replace("bus", "other").replace("0xA", "0xB").replace("[clock]", "[slave_clock]\ndrift = -3.5")
+    other.write_text(slave)
+    assert cli.main(["fly", "nadir_spin", "--on", "linux", "--for", "5s", "--board", str(board), str(other), "--out",
+                     str(tmp_path / "out")]) == 0
+    assert ".drift" not in (source := (tmp_path / "out/c/other.c").read_text()) and "-3500, 100000," in source

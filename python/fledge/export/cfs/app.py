@@ -48,7 +48,8 @@ class App:
     def topics(self, mission: Mission) -> dict[str, int]:
         """Macro -> topic, of commands and requests, then of telemetry, then of inputs."""
         commands = {"CMD": 0, "SEND_HK": 1, "WAKEUP": 2}
-        telemetry = {"HK_TLM": 0} | {f"{m.name.upper()}_TLM": 1 + i for i, m in enumerate(mission.outputs)}
+        telemetry = {f"{name}_TLM": i for i, name in enumerate(("FLIGHT", "REPORT", *(m.name.upper() for m in
+                                                                                      mission.outputs), "HK"))}
         inputs = {f"{m.name.upper()}_IN": len(telemetry) + i for i, m in enumerate(mission.inputs)}
         return {f"{self.prefix}_MISSION_{name}_TOPICID": value + self.topic
                 for name, value in (commands | telemetry | inputs).items()}

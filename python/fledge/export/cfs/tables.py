@@ -14,8 +14,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from fledge.commands import reversed_numbers, rules_of
-from fledge.export import commands, names
+from fledge.commands import reversed_numbers
+from fledge.export import names
 from fledge.export.c_text import plain, string, wrap
 from fledge.export.c_values import literal
 from fledge.export.read import Mission, Module
@@ -119,14 +119,6 @@ def nested(field: Any, raw: bytes, shape: list[int]) -> str:
     if field.type == "enum":
         return str(packing.unpack("=i", raw)[0])
     return literal(field, raw)
-
-
-# --- rules -----------------------------------------------------------------------------------------
-
-def rules(app: App, table: Table) -> list[str]:
-    """The CommandRules of a table, as C."""
-    lines = [f"static const CommandRule Rules{table.name}[] = {{"]
-    return [*lines, *commands.rules(list(rules_of(table.fields, table.start))), "};", ""]
 
 
 def layout_checks(app: App, found: Sequence[Table]) -> list[str]:
