@@ -45,8 +45,8 @@ typedef struct RegisterOutside {
     uint8_t swap;        ///< 1: the orders differ
 } RegisterOutside;
 
-/** A part of a word, of `bits` bits from `lsb` up, or numbers of `bits` bits in a packet: value = offset + scale * count.
- *  The members below `is_signed` are of packets. */
+/** A part of a word, of `bits` bits from `lsb` up, or numbers of `bits` bits in a packet:
+ *  value = offset + scale * count. The members below `is_signed` are of packets. */
 typedef struct RegisterField {
     const char *name;
     const char *unit;
@@ -80,6 +80,16 @@ typedef struct RegisterLane {
     const RegisterField *fields;
 } RegisterLane;
 
+/** A clock of its own rate (clock.h). */
+typedef struct RegisterSlave {
+    uint32_t address;
+    int32_t interrupt; ///< the line that a pulse raises, or -1
+    int64_t start;     ///< [ns] its time at simulated time 0
+    int64_t pulse;     ///< [ns] of simulated time, from pulse to pulse
+    int32_t drift;     ///< [ns/s] how much faster than simulated time it runs
+    int32_t slew;      ///< [ns/s] how much faster or slower it runs while it is slewed
+} RegisterSlave;
+
 typedef struct RegisterBoard {
     const char *name;
     uint64_t hash;           ///< of all members below; both sides must come from the same file
@@ -92,6 +102,7 @@ typedef struct RegisterBoard {
     uint32_t n_interrupts;
     uint32_t n_lanes;
     const RegisterLane *lanes;
+    const RegisterSlave *slave; ///< NULL: there is no slave clock
 } RegisterBoard;
 
 #ifdef __cplusplus

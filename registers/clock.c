@@ -69,3 +69,34 @@ int register_clock_stopped(const RegisterWindow *w)
 {
     return register_load(w, w->board->clock + REGISTER_CLOCK_STOP) != 0u;
 }
+
+int64_t register_slave_time(const RegisterWindow *w)
+{
+    return load_long(w, w->board->slave->address + REGISTER_SLAVE_TIME);
+}
+
+uint32_t register_slave_pulses(const RegisterWindow *w, int64_t *tone)
+{
+    if (tone) {
+        *tone = load_long(w, w->board->slave->address + REGISTER_SLAVE_TONE);
+    }
+    return register_load(w, w->board->slave->address + REGISTER_SLAVE_PULSES);
+}
+
+uint32_t register_slave_status(const RegisterWindow *w)
+{
+    return register_load(w, w->board->slave->address + REGISTER_SLAVE_STATUS);
+}
+
+RegisterStatus register_slave_command(const RegisterWindow *w, RegisterSlaveCode code, int64_t value)
+{
+    const uint32_t slave = w->board->slave->address;
+    const uint32_t given = register_load(w, slave + REGISTER_SLAVE_COMMAND);
+    if (given != register_load(w, slave + REGISTER_SLAVE_DONE)) {
+        return REGISTER_FULL;
+    }
+    store_long(w, slave + REGISTER_SLAVE_VALUE, value);
+    register_store(w, slave + REGISTER_SLAVE_CODE, (uint32_t)code);
+    register_store(w, slave + REGISTER_SLAVE_COMMAND, given + 1u);
+    return REGISTER_OK;
+}

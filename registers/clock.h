@@ -1,7 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The board's clock: simulated time comes to flight as a tick, and flight answers when it is done.
- * The outside owns time. Between two ticks flight does not touch the registers: in a tick it reads what
- * the outside wrote before, and the outside reads what flight wrote when the tick is done. */
+/* Two clocks.
+ *
+ * The clock of the board that paces flight: simulated time comes to flight as a tick, and flight answers when it is
+ * done. The outside owns time. Between two ticks flight does not touch the registers: in a tick it reads what the
+ * outside wrote before, and the outside reads what flight wrote when the tick is done.
+ *
+ * A slave clock shows a time of its own, which drifts, and which flight may jam, slew, or align with the pulses of
+ * simulated time. At simulated time t, a time s after its last command,
+ *
+ *     time = base + s + floor(drift s) + the part of a slewed offset that is done, at most floor(slew s)
+ *
+ * where base is its time at that command. It obeys a command when the tick of the command is done, as at its time. A
+ * tick with t < 0 starts it anew. */
 #ifndef REGISTERS_CLOCK_H
 #define REGISTERS_CLOCK_H
 
@@ -21,6 +31,43 @@ enum {
     REGISTER_CLOCK_STOP = 24, ///< outside: 1: there will be no more ticks
     REGISTER_CLOCK_SIZE = 32
 };
+
+/** The block of the slave clock. */
+enum {
+    REGISTER_SLAVE_TIME = 0,     ///< outside: its time [ns], upper word first
+    REGISTER_SLAVE_TONE = 8,     ///< outside: its time at the last pulse [ns], upper word first
+    REGISTER_SLAVE_PULSES = 16,  ///< outside: counts the pulses; the first is at simulated time 0
+    REGISTER_SLAVE_STATUS = 20,  ///< outside: REGISTER_SLEWING ...
+    REGISTER_SLAVE_DONE = 24,    ///< outside: the command that it obeyed last
+    REGISTER_SLAVE_COMMAND = 28, ///< flight: counts the commands, stored last
+    REGISTER_SLAVE_CODE = 32,    ///< flight: RegisterSlaveCode
+    REGISTER_SLAVE_VALUE = 40,   ///< flight: [ns], upper word first
+    REGISTER_SLAVE_SIZE = 48
+};
+
+typedef enum RegisterSlaveCode {
+    REGISTER_JAM = 1,  ///< the clock shows the value at once
+    REGISTER_SLEW = 2, ///< the clock gains the value, or loses it if it is negative, at its slew rate
+    REGISTER_ALIGN = 3 ///< the clock shows the value at the next pulse
+} RegisterSlaveCode;
+
+enum {
+    REGISTER_SLEWING = 1 << 0,  ///< a part of the offset is left
+    REGISTER_ALIGNING = 1 << 1, ///< it waits for the pulse
+    REGISTER_REFUSED = 1 << 2   ///< the last command had an unknown code
+};
+
+/** Flight: the time of the slave clock [ns]. */
+int64_t register_slave_time(const RegisterWindow *w);
+
+/** Flight: how many pulses there were; *tone, unless NULL: the time of the slave clock at the last one [ns]. */
+uint32_t register_slave_pulses(const RegisterWindow *w, int64_t *tone);
+
+/** Flight: REGISTER_SLEWING | REGISTER_ALIGNING | REGISTER_REFUSED. */
+uint32_t register_slave_status(const RegisterWindow *w);
+
+/** Flight: a command to the slave clock. REGISTER_FULL: it has not obeyed the last one yet. */
+RegisterStatus register_slave_command(const RegisterWindow *w, RegisterSlaveCode code, int64_t value);
 
 /** Outside: start a tick. The one before must be done. */
 void register_clock_start(const RegisterWindow *w, Tick tick);

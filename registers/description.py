@@ -17,6 +17,7 @@ from registers.location import line_of
 CONTROL_SIZE = 32      # registers/lane.h
 SLOT_HEAD = 8
 CLOCK_SIZE = 32        # registers/clock.h
+SLAVE_SIZE = 48
 INTERRUPT_SIZE = 8
 CDR_HEAD = 4           # registers/message.h
 SINGLE_SLOTS = 4
@@ -27,7 +28,9 @@ DIRECTIONS = ("read", "write", "both")
 OVERFLOWS = ("refuse", "overwrite")
 UNITS = (1, 2, 4, 8)
 
-_BOARD_KEYS = ("name", "doc", "base", "size", "order", "clock", "interrupts", "snorkel", "bound")
+_BOARD_KEYS = ("name", "doc", "base", "size", "order", "clock", "slave_clock", "interrupts", "snorkel",
+               "bound")
+_SLAVE_KEYS = ("address", "interrupt", "start", "drift", "slew", "pulse")
 _BOUND_KEYS = ("field", "at_most", "after", "scenario")
 NUMBERS = {"f64": (64, True, True), "f32": (32, True, True),      # bits, signed, floating
            **{f"{kind}{bits}": (bits, kind == "i", False) for kind in "iu" for bits in (8, 16, 32, 64)}}
@@ -44,7 +47,7 @@ _ONLY_FOR = {          # keys that only these forms have
     "remove": ("packet",), "add": ("packet",),
     "write_remove": ("packet",), "write_add": ("packet",),
     "unit": ("packet",), "outside_order": ("packet",),
-    "message": ("message",), "header": ("message",), "carries": ("message",),
+    "message": ("message",), "header": ("message",), "carries": ("message", "packet"),
     "write_carries": ("message",),
 }
 _FIELD_KEYS = ("name", "doc", "bits", "signed", "scale", "offset", "unit", "carries")
@@ -154,6 +157,17 @@ class Snorkel:
 
 
 @dataclass(frozen=True)
+class Slave:
+    """A clock of its own rate. Times in ns, rates in ns per second."""
+    address: int
+    interrupt: str | None
+    start: int
+    drift: int
+    slew: int
+    pulse: int
+
+
+@dataclass(frozen=True)
 class Bound:
     """How much a number that flight puts out may differ, through this board, from one whose messages pass whole."""
     field: str              # "flight.tracking.error.sigma_BR"
@@ -177,6 +191,7 @@ class Board:
     snorkels: tuple[Snorkel, ...]
     file: str = field(compare=False)     # without folder
     bounds: tuple[Bound, ...] = field(default=(), compare=False)
+    slave: Slave | None = None
 
     @property
     def lanes(self) -> list[Lane]:
@@ -185,7 +200,7 @@ class Board:
     @property
     def hash(self) -> int:
         """The 64-bit FNV-1a of everything that both sides must agree on."""
-        return fnv1a(repr((self.name, self.size, self.order, self.clock, self.interrupts, self.lines,
+        return fnv1a(repr((self.name, self.size, self.order, self.clock, self.slave, self.interrupts, self.lines,
                            [(lane, s.message) for s in self.snorkels for lane in s.lanes])))
 
 
@@ -260,6 +275,7 @@ class _Reader(Tables):
             clock_interrupt = self.line(table, path, "interrupt", lines, False, "the clock")
             self.take(clock, CLOCK_SIZE, "the clock", (*path, "address"))
 
+        slave = self.slave(data, lines) if "slave_clock" in data else None
         names: dict[str, tuple] = {}
         snorkels = [self.snorkel(table, ("snorkel", i), names, order, lines)
                     for i, table in enumerate(self.tables(data, (), "snorkel"))]
@@ -268,7 +284,24 @@ class _Reader(Tables):
                      clock_interrupt, interrupts, tuple(lines),
                      tuple(s for s in snorkels if s), file,
                      tuple(self.bound(table, ("bound", i))
-                           for i, table in enumerate(self.tables(data, (), "bound"))))
+                           for i, table in enumerate(self.tables(data, (), "bound"))), slave)
+
+    def slave(self, data, lines) -> Slave:
+        table = self.table(data, (), "slave_clock")
+        path = ("slave_clock",)
+        self.keys(table, path, _SLAVE_KEYS)
+        address = self.integer(table, path, "address", 0, 0xFFFFFFF8, multiple=8)
+        self.take(address, SLAVE_SIZE, "the slave clock", (*path, "address"))
+        rates = {}
+        for key, default, low, high, factor, unit in (
+                ("start", 0.0, -9e9, 9e9, 1e9, "s"), ("drift", 0.0, -1e6, 1e6, 1e3, "ppm"),
+                ("slew", 100.0, 1e-3, 1e6, 1e3, "ppm"), ("pulse", 1.0, 1e-6, 9e9, 1e9, "s")):
+            value = self.number(table, path, key, default)
+            if not low <= value <= high:
+                self.refuse((*path, key), f"`{key}` is from {low:g} to {high:g} {unit}", f"it is {value:g}",
+                            "choose one of those")
+            rates[key] = round(value * factor)
+        return Slave(address or 0, self.line(table, path, "interrupt", lines, False, "the slave clock"), **rates)
 
     def bound(self, table, path) -> Bound:
         self.keys(table, path, _BOUND_KEYS)
@@ -519,7 +552,8 @@ class _Reader(Tables):
             scale = self.number(given, here, "scale", 1.0)
             if scale == 0.0:
                 self.refuse((*here, "scale"), "`scale` is not 0", "it is 0", "give the value of one count")
-            one = Field(self.name(given, here, names, "field"), self.text(given, here, "doc", ""), 0, bits, signed, scale,
+            name, doc = self.name(given, here, names, "field"), self.text(given, here, "doc", "")
+            one = Field(name, doc, 0, bits, signed, scale,
                         self.number(given, here, "offset", 0.0), self.text(given, here, "unit", "-"),
                         self.text(given, here, "carries", "") or None, line_of(self.lines, (*here, "carries")),
                         self.integer(given, here, "at", 0, 0xFFFFFF) or 0, type_,
@@ -532,7 +566,8 @@ class _Reader(Tables):
                                 f"{first} bytes in front are the header, `{one.name}` is at {one.at}", "move it")
                 if one.end > lane.capacity:
                     self.refuse((*here, "at"), "numbers stand within the packet",
-                                f"`{one.name}` ends at {one.end} of {lane.capacity} bytes", "move it, or enlarge the packet")
+                                f"`{one.name}` ends at {one.end} of {lane.capacity} bytes",
+                                "move it, or enlarge the packet")
                 if one.tag >= tags:
                     self.refuse((*here, "tag"), f"a tag is from 0 to {tags - 1}, as the descriptor holds it",
                                 f"it is {one.tag}", "choose one of those, or give a `descriptor`")

@@ -27,6 +27,8 @@ def _header(board: Board) -> str:
             (f"{upper}_SIZE", board.size, "[bytes]")]
     if board.clock is not None:
         rows.append((f"{upper}_CLOCK", board.clock, "from the base, as all below"))
+    if board.slave:
+        rows.append((f"{upper}_SLAVE_CLOCK", board.slave.address, "registers/clock.h"))
     rows += [(f"{upper}_INTERRUPT_{line.upper()}", i, "line")
              for i, line in enumerate(board.lines)]
     for snorkel in board.snorkels:
@@ -172,6 +174,10 @@ def _tables(board: Board) -> str:
     lanes = "".join(_lane(board, lane) for lane in board.lanes)
     if lanes:
         parts.append(f"\nstatic const RegisterLane lanes[] = {{\n{lanes}}};\n")
+    if board.slave:
+        s = board.slave
+        parts.append(f"\nstatic const RegisterSlave slave = {{\n    {s.address:#x}u, {_line(board, s.interrupt)}, "
+                     f"INT64_C({s.start}), INT64_C({s.pulse}),\n    {s.drift}, {s.slew},\n}};\n")
     members = [
         ("name", string(board.name)),
         ("hash", f"UINT64_C({board.hash:#018x})"),
@@ -184,6 +190,7 @@ def _tables(board: Board) -> str:
         ("n_interrupts", f"{len(board.lines)}u"),
         ("n_lanes", f"{len(board.lanes)}u"),
         ("lanes", "lanes" if lanes else "0"),
+        ("slave", "&slave" if board.slave else "0"),
     ]
     body = "".join(f"    .{key} = {value},\n" for key, value in members)
     parts.append(f"\nconst RegisterBoard {board.name} = {{\n{body}}};\n")

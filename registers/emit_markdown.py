@@ -15,6 +15,9 @@ def emit(board: Board) -> dict[str, str]:
     if board.clock is not None:
         rows.append((board.clock, "clock", "reads", "tick, time, step", "", "32",
                      board.clock_interrupt or "", "simulated time"))
+    if board.slave:
+        rows.append((board.slave.address, "slave clock", "both", "time, pulses, commands", "", "48",
+                     board.slave.interrupt or "", f"drifts by {board.slave.drift / 1e3:g} ppm"))
     if board.interrupts is not None:
         rows.append((board.interrupts, "interrupts", "both", "counters", "",
                      str(8 * len(board.lines)), "", ", ".join(board.lines)))
@@ -53,8 +56,8 @@ def _row(snorkel: Snorkel, lane: Lane) -> tuple:
 
 def _fields(snorkel: Snorkel) -> str:
     packet = snorkel.lanes[0].form == "packet"
-    head = (f"\n## {snorkel.name}\n\n| {'bytes, tag' if packet else 'bits'} | field | value | range | meaning |\n|---|---|---|---|"
-            "---|\n")
+    head = (f"\n## {snorkel.name}\n\n| {'bytes, tag' if packet else 'bits'} | field | value | range | meaning |\n"
+            "|---|---|---|---|---|\n")
     rows = []
     for f in snorkel.fields:
         sign = "signed, " if f.signed else ""

@@ -272,6 +272,19 @@ RegisterStatus register_take_word(const RegisterWindow *w, const RegisterLane *l
     return REGISTER_OK;
 }
 
+RegisterStatus register_next_tag(const RegisterWindow *w, const RegisterLane *lane, uint32_t *tag)
+{
+    uint32_t taken = register_load(w, lane->address + REGISTER_TAKEN);
+    const uint32_t waiting = register_load(w, lane->address + REGISTER_WRITTEN) - taken;
+    if (waiting == 0u) {
+        return REGISTER_EMPTY;
+    }
+    taken += waiting > lane->depth ? waiting - lane->depth : 0u;
+    const RegisterDescriptor *d = &lane->descriptor;
+    *tag = part(register_load(w, describing_address(lane, taken & (lane->depth - 1u))), d->tag_lsb, d->tag_bits);
+    return REGISTER_OK;
+}
+
 static int is_plain_word(const RegisterLane *lane)
 {
     return lane->form == REGISTER_WORD && (lane->flags & REGISTER_QUEUED) == 0u;

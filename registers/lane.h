@@ -71,6 +71,9 @@ RegisterStatus register_put_word(const RegisterWindow *w, const RegisterLane *la
 /** Read a word: the one of this index of a plain lane, or from the front of a queue (index 0). */
 RegisterStatus register_take_word(const RegisterWindow *w, const RegisterLane *lane, uint32_t index, uint32_t *value);
 
+/** The tag of the packet that the next register_take of a queue reads; REGISTER_EMPTY: there is none. */
+RegisterStatus register_next_tag(const RegisterWindow *w, const RegisterLane *lane, uint32_t *tag);
+
 /** How many are there to be read. Not queued: 1 if there is one not yet read. Plain words: 0. */
 uint32_t register_waiting(const RegisterWindow *w, const RegisterLane *lane);
 

@@ -78,18 +78,44 @@ public:
     double get(std::size_t field, std::uint32_t index = 0) const;
 };
 
+/// The outside's end of a slave clock (clock.h).
+class SlaveClock {
+public:
+    explicit SlaveClock(const RegisterWindow &window) : window_(&window), slave_(window.board->slave) { start(); }
+
+    /// As at simulated time 0, without pulses and commands.
+    void start();
+    /// Show the time, and the pulses until then, at simulated time t >= 0 [ns], which never goes back.
+    void show(std::int64_t t);
+    /// Obey the command of flight, if there is one, at simulated time t [ns].
+    void obey(std::int64_t t);
+    /// Its time [ns] at the simulated time t [ns] if no command comes.
+    std::int64_t at(std::int64_t t) const;
+
+private:
+    void store(std::uint32_t place, std::int64_t value) const;
+    void store_status(std::int64_t t, bool refused);
+
+    const RegisterWindow *window_;
+    const RegisterSlave *slave_;
+    std::int64_t since_, base_, offset_; ///< [ns] of the last command: simulated time, its time, and what it shall gain
+    std::int64_t aligned_;               ///< [ns] its time at the next pulse, if aligning_
+    std::int64_t shown_;                 ///< [ns]
+    bool aligning_;
+};
+
 /// The boards of one flight computer.
 class Outside {
 public:
-    /// Throws Error if no board has a clock. The back end must outlive it and its lanes' ends.
+    /// Throws Error if not exactly one board has a clock. The back end must outlive it and its lanes' ends.
     explicit Outside(Backend &backend);
 
     /// The end of a lane, by the names of board and lane; throws Error. Make only one end of each lane.
     LaneWriter writer(std::string_view board, std::string_view lane) const;
     LaneReader reader(std::string_view board, std::string_view lane) const;
 
-    /// One exchange: set the clocks of all boards, and wait for flight. The first board with a clock is the master:
-    /// flight answers its tick. The clocks of other boards only show the time.
+    /// One exchange: show the time on the slave clocks, start the tick of the clock, wait for flight to answer it, and
+    /// let the slave clocks obey flight. A tick with t < 0 starts these anew.
     Wait tick(Tick tick, std::chrono::nanoseconds timeout);
 
     /// Tell flight that the run has ended.
@@ -101,6 +127,7 @@ private:
 
     Backend &backend_;
     const RegisterWindow *master_ = nullptr;
+    std::vector<SlaveClock> slaves_;
 };
 
 } // namespace fledge::registers

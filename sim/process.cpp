@@ -183,11 +183,20 @@ void Process::enter(const std::string &mode)
     }
 }
 
-const std::string &Process::mode() const
+const std::string &Process::mode_name(int mode) const
 {
     static const std::string none;
-    const int mode = owner_->runtime_ ? owner_->runtime_->of(*this).mode : initial_;
     return mode < 0 ? none : modes_[static_cast<std::size_t>(mode)].name;
+}
+
+const std::string &Process::mode() const
+{
+    return mode_name(owner_->runtime_ ? owner_->runtime_->of(*this).mode : initial_);
+}
+
+const std::string &Process::asked() const
+{
+    return mode_name(owner_->runtime_ ? owner_->runtime_->of(*this).asked : initial_);
 }
 
 bool Process::armed(const Event &event) const
@@ -237,6 +246,29 @@ void Playback::at(Ns t) const
             std::memcpy(memory + one.output->offset, one.bytes.data() + last * size, size);
         }
     }
+}
+
+void Process::set_dictionary(std::shared_ptr<const Dictionary> dictionary)
+{
+    owner_->prepare();
+    dictionary_ = std::move(dictionary);
+    owner_->runtime_->set_commands(*this, dictionary_);
+}
+
+CommandReason Process::command(const std::vector<std::uint8_t> &packet)
+{
+    owner_->prepare();
+    return owner_->runtime_->command(*this, packet);
+}
+
+std::vector<CommandReply> Process::take_reports()
+{
+    return owner_->runtime_ ? owner_->runtime_->of(*this).commands->take_reports() : std::vector<CommandReply>{};
+}
+
+CommandCounters Process::command_counters() const
+{
+    return owner_->runtime_ ? owner_->runtime_->of(*this).commands->counters() : CommandCounters{};
 }
 
 bool Process::runs_in(const Task &task, int mode) const

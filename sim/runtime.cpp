@@ -120,6 +120,9 @@ Runtime::Runtime(const Structure &built, Roles roles, Recorder &recorder)
     for (const auto &process : structure.processes) {
         RunProcess &run = processes_.emplace_back();
         run.process = process.get();
+        if (process->dictionary()) {
+            run.commands = std::make_unique<Commands>(*this, *process, process->dictionary());
+        }
         run.events.resize(process->events().size());
         has_events_ |= !run.events.empty();
         for (const Task *task : in_order(*process)) {
@@ -153,7 +156,7 @@ Runtime::Runtime(const Structure &built, Roles roles, Recorder &recorder)
         for (const auto &instance : process->instances()) {
             note_parameters(*instance, known_.emplace_back(instance.get(), std::vector<std::byte>{}).second);
             if (roles_.at(instance.get()).configuration) {
-                Configuration module{instance.get(), {}};
+                Configuration module{instance.get(), &run, {}};
                 for (const Wire &wire : structure.wires) {
                     if (wire.from.instance == instance) {
                         module.copies.push_back(copy_of(wire, words(wire.from.bytes())));
@@ -195,26 +198,20 @@ void Runtime::reset(Ns after)
     failure_.clear();
     pace = {};
     health.reset();
-    mode_asked_ = false;
+    changes_ = false;
     for (const Wire &wire : structure.wires) {
         std::memset(wire.to.bytes(), 0, wire.to.field->size);
     }
     for (RunProcess &process : processes_) {
-        process.mode = process.asked = process.process->initial_mode();
-        process.ran = -1;
-        for (const auto &instance : process.process->instances()) {
-            if (!roles_.at(instance.get()).part) {
-                reset_instance(*instance, start);
-            }
-        }
-        for (std::size_t i = 0; i < process.events.size(); i++) {
-            process.events[i] = {process.process->events()[i]->armed ? exec_armed() : exec_disarmed(), 0};
+        begin(process, start);
+        if (process.commands) {
+            process.commands->begin();
         }
     }
     for (RunTask &task : tasks_) {
-        task.state = exec_start(task.rate, task.process->process->runs_in(*task.task, task.process->mode), after + 1);
+        task.state = exec_start(task.rate, task.state.active, after + 1);
     }
-    for (const Configuration &module : configuration_) {
+    for (Configuration &module : configuration_) {
         publish(module, start);
     }
     for (Exchange &exchange : exchanges_) {
@@ -224,8 +221,55 @@ void Runtime::reset(Ns after)
     next = next_instant();
 }
 
-void Runtime::publish(const Configuration &module, Ns t)
+/// Its modules, mode, events and tasks as at the start of a run at t.
+void Runtime::begin(RunProcess &process, Ns t)
 {
+    process.mode = process.asked = process.process->initial_mode();
+    process.ran = -1;
+    process.publishes = 0;
+    for (const auto &instance : process.process->instances()) {
+        if (!roles_.at(instance.get()).part) {
+            reset_instance(*instance, t);
+        }
+    }
+    for (std::size_t i = 0; i < process.events.size(); i++) {
+        process.events[i] = {process.process->events()[i]->armed ? exec_armed() : exec_disarmed(), 0};
+    }
+    for (RunTask &task : tasks_) {
+        if (task.process == &process) {
+            task.state = exec_start(task.rate, process.process->runs_in(*task.task, process.mode), t);
+        }
+    }
+}
+
+/// The process alone begins again, as MISSION_restart of an exported mission.
+void Runtime::restart(RunProcess &process, Ns t)
+{
+    for (const Wire &wire : structure.wires) {
+        if (roles_.at(wire.to.instance.get()).process == process.process) {
+            std::memset(wire.to.bytes(), 0, wire.to.field->size);
+        }
+    }
+    begin(process, t);
+    for (Configuration &module : configuration_) {
+        if (module.process == &process) {
+            publish(module, t);
+        }
+    }
+}
+
+void Runtime::publish(const Instance &instance, Ns t)
+{
+    for (Configuration &module : configuration_) {
+        if (module.instance == &instance) {
+            publish(module, t);
+        }
+    }
+}
+
+void Runtime::publish(Configuration &module, Ns t)
+{
+    module.changed = 0;
     update_of (*module.instance)(module.instance->memory(), {t, 0});
     for (const Copy &copy : module.copies) {
         carry(copy, t);
@@ -261,9 +305,12 @@ void Runtime::take_parameters()
         if (instance->model()) {
             instance->model()->refresh();
         }
-        for (const Configuration &module : configuration_) {
-            if (module.instance == instance) {
-                publish(module, std::max<Ns>(time(), 0));
+        for (Configuration &module : configuration_) {
+            if (module.instance == instance && now < 0) {
+                publish(module, 0);
+            } else if (module.instance == instance) {
+                module.changed = module.process->publishes = 1;
+                changes_ = true;
             }
         }
         for (auto &[other, seen] : known_) {
@@ -316,7 +363,7 @@ RunEvent &Runtime::of(const Process &process, const Event &event)
 void Runtime::enter(const Process &process, int mode)
 {
     of(process).asked = mode;
-    mode_asked_ = true;
+    changes_ = true;
     next = next_instant(); // a task of that mode may come sooner than what was next
 }
 
@@ -327,10 +374,35 @@ void Runtime::event_added(const Process &process)
     has_events_ = true;
 }
 
+void Runtime::set_commands(Process &process, std::shared_ptr<const Dictionary> dictionary)
+{
+    of(process).commands = std::make_unique<Commands>(*this, process, std::move(dictionary));
+}
+
+CommandReason Runtime::command(const Process &process, const std::vector<std::uint8_t> &packet)
+{
+    // A target's clock ticks on the grids of all tasks.
+    Ns last = -1;
+    for (const RunTask &task : tasks_) {
+        if (task.process->process == &process && time() >= task.rate.offset) {
+            last = std::max(last, time() - (time() - task.rate.offset) % task.rate.period);
+        }
+    }
+    const CommandReason reason = of(process).commands->accept(packet, last);
+    if (reason == COMMAND_OK) {
+        changes_ = true;
+        next = next_instant();
+    }
+    return reason;
+}
+
 /// The next instant of a task, in the mode that its process is in or was asked to enter.
 inline Ns Runtime::next_of(const RunTask &task) const
 {
     const RunProcess &process = *task.process;
+    if (process.commands && process.commands->waiting()) {
+        return exec_on_grid(task.rate, exec_later(time(), 1)); // as a target ticks, whatever its mode
+    }
     const bool asked = process.asked != process.mode && task.runs_in[static_cast<std::size_t>(process.asked)];
     return exec_next(&task.state, task.rate, asked, time());
 }
@@ -344,13 +416,30 @@ Ns Runtime::next_instant() const
     return t;
 }
 
-/// Enter the mode that was asked for, if this is an instant of the process: its computer does not see the
-/// instants of other processes. Called when the process' turn comes, so that the processes before it still
-/// see its old mode.
-void Runtime::enter_mode(RunProcess &process, Ns t)
+/// What was changed since the process' last instant: it publishes its configuration, executes its commands
+/// and enters the mode that was asked for, if this is an instant of it: its computer does not see the instants of other
+/// processes. Called when the process' turn comes, so that the processes before it still see it as it was.
+void Runtime::make_changes(RunProcess &process, Ns t)
 {
+    const bool commanded = process.commands && process.commands->waiting();
+    if (process.asked == process.mode && !process.publishes && !commanded) {
+        return;
+    }
     const auto runs_now = [&](const RunTask &task) { return task.process == &process && next_of(task) == t; };
     if (std::none_of(tasks_.begin(), tasks_.end(), runs_now)) {
+        return;
+    }
+    for (Configuration &module : configuration_) {
+        if (module.process == &process && module.changed) {
+            publish(module, t);
+        }
+    }
+    process.publishes = 0;
+    if (commanded) {
+        process.commands->execute(t);
+        see_parameters(*process.process);
+    }
+    if (process.asked == process.mode) {
         return;
     }
     process.mode = process.asked;
@@ -360,6 +449,16 @@ void Runtime::enter_mode(RunProcess &process, Ns t)
             for (const auto &instance : task.task->run) {
                 reset_instance(*instance, t);
             }
+        }
+    }
+}
+
+/// The parameters of a process are as they should be: its commands have changed them.
+void Runtime::see_parameters(const Process &process)
+{
+    for (auto &[instance, seen] : known_) {
+        if (roles_.at(instance).process == &process && !unchanged(*instance, seen)) {
+            note_parameters(*instance, seen);
         }
     }
 }
@@ -447,11 +546,7 @@ void Runtime::act(RunProcess &process, const Event &event, Ns t)
         const auto sets = [&, &one = instance](const Setting &setting) { return setting.instance.get() == one; };
         if (std::any_of(event.set.begin(), event.set.end(), sets)) {
             note_parameters(*instance, seen);
-            for (const Configuration &module : configuration_) {
-                if (module.instance == instance) {
-                    publish(module, t);
-                }
-            }
+            publish(*instance, t);
         }
     }
     if (event.action) {
@@ -470,17 +565,21 @@ void Runtime::instant()
             copy_words(exchange.from, exchange.held.data(), exchange.words);
         }
     }
+    const RunProcess *turn = nullptr;
     for (RunTask &task : tasks_) {
-        if (mode_asked_ && task.process->asked != task.process->mode) {
-            enter_mode(*task.process, t);
+        if (changes_ && task.process != turn) {
+            turn = task.process;
+            make_changes(*task.process, t);
         }
         if (exec_due(&task.state, t)) {
             run_task(task, t);
         }
     }
-    if (mode_asked_) {
-        mode_asked_ = std::any_of(processes_.begin(), processes_.end(),
-                                  [](const RunProcess &process) { return process.asked != process.mode; });
+    if (changes_) {
+        changes_ = std::any_of(processes_.begin(), processes_.end(), [](const RunProcess &process) {
+            return process.asked != process.mode || process.publishes ||
+                   (process.commands && process.commands->waiting());
+        });
     }
     now = t;
     if (has_events_) {
@@ -568,9 +667,18 @@ void Runtime::visit_state(const std::function<void(void *, std::size_t)> &block)
         block(exchange.held.data(), exchange.words * sizeof(Word));
     }
     health.visit_state(block);
+    for (Configuration &module : configuration_) {
+        const auto seen = std::find_if(known_.begin(), known_.end(),
+                                       [&](const auto &entry) { return entry.first == module.instance; });
+        if (now >= 0 && !unchanged(*module.instance, seen->second)) {
+            module.changed = module.process->publishes = 1; // after a restore they are as if seen
+        }
+        value(module.changed);
+    }
     for (RunProcess &process : processes_) {
         value(process.mode);
         value(process.asked);
+        value(process.publishes);
         for (RunEvent &event : process.events) {
             value(event.state);
         }
@@ -589,12 +697,36 @@ void Runtime::visit_state(const std::function<void(void *, std::size_t)> &block)
 void Runtime::restored()
 {
     failure_.clear();
-    mode_asked_ = true; // the next instant checks it again
+    changes_ = true; // the next instant checks it again
     for (auto &[instance, seen] : known_) {
         if (instance->model() && !unchanged(*instance, seen)) {
             instance->model()->refresh(); // quantities that the model derives from its parameters
         }
         note_parameters(*instance, seen);
+    }
+}
+
+void Runtime::visit_commands(const std::function<void(void *, std::size_t)> &block)
+{
+    for (RunProcess &process : processes_) {
+        if (process.commands) {
+            process.commands->visit_state(block);
+        }
+    }
+}
+
+bool Runtime::commands_used() const
+{
+    return std::any_of(processes_.begin(), processes_.end(),
+                       [](const RunProcess &process) { return process.commands && process.commands->used(); });
+}
+
+void Runtime::forget_commands()
+{
+    for (RunProcess &process : processes_) {
+        if (process.commands) {
+            process.commands->begin();
+        }
     }
 }
 

@@ -6,6 +6,7 @@
 
 #include "flight/exec/event.h"
 #include "flight/exec/task.h"
+#include "sim/commands.h"
 #include "sim/health.h"
 #include "sim/simulation.h"
 
@@ -41,6 +42,8 @@ struct RunProcess {
     std::int32_t mode, asked; ///< the mode in force, and the one that was asked for; -1: it has no modes
     Ns ran = -1;              ///< the last instant at which one of its tasks ran
     std::vector<RunEvent> events;
+    std::int32_t publishes = 0;         ///< 1: some of its configuration is changed
+    std::unique_ptr<Commands> commands; ///< null: it has no dictionary
 };
 
 struct RunTask {
@@ -62,10 +65,12 @@ struct Exchange {
     std::vector<std::uint64_t> held;
 };
 
-/// A module in no task: its parameters are published at the start and whenever they were changed.
+/// A module in no task: its parameters are published at the start, and after a change at its process' next instant.
 struct Configuration {
     Instance *instance;
+    RunProcess *process;
     std::vector<Copy> copies; ///< the wires from it
+    std::int32_t changed = 0; ///< 1: it is published at the next instant of its process
 };
 
 class Runtime {
@@ -88,11 +93,21 @@ public:
     RunEvent &of(const Process &process, const Event &event);
     void enter(const Process &process, int mode);
     void event_added(const Process &process);
+    void set_commands(Process &process, std::shared_ptr<const Dictionary> dictionary);
+    CommandReason command(const Process &process, const std::vector<std::uint8_t> &packet);
+
+    // What commands do.
+    void publish(const Instance &module, Ns t);
+    void restart(RunProcess &process, Ns t);
 
     /// Call with every block of memory that changes during a run, for saving and for restoring alike.
     void visit_state(const std::function<void(void *, std::size_t)> &block);
     /// The state was restored: derive anew what follows from it.
     void restored();
+    /// The same for the state of the commands of all processes, which a snapshot has only if they were used.
+    void visit_commands(const std::function<void(void *, std::size_t)> &block);
+    bool commands_used() const;
+    void forget_commands();
 
     const Structure &structure;
     Ns now = -1;
@@ -107,12 +122,14 @@ private:
     void instant(); ///< run one
     Ns next_of(const RunTask &task) const;
     Ns next_instant() const;
-    void enter_mode(RunProcess &process, Ns t);
+    void make_changes(RunProcess &process, Ns t);
+    void see_parameters(const Process &process);
+    void begin(RunProcess &process, Ns t);
     void run_task(RunTask &task, Ns t);
     void run_events(Ns t);
     bool run_event(RunProcess &process, std::size_t i, Ns t); ///< returns whether it fired
     void act(RunProcess &process, const Event &event, Ns t);
-    void publish(const Configuration &module, Ns t);
+    void publish(Configuration &module, Ns t);
 
     Roles roles_;
     Recorder &recorder_;
@@ -123,7 +140,7 @@ private:
     std::vector<Exchange> exchanges_;
     std::vector<Configuration> configuration_;
     std::vector<std::pair<Instance *, std::vector<std::byte>>> known_; ///< parameters as last seen
-    bool mode_asked_ = false; ///< some process was asked for a mode, and has not entered it yet
+    bool changes_ = false; ///< some process has a change before it, which counts at its next instant
     bool has_events_ = false;
     std::string failure_; ///< why the run cannot go on; "" if it can
 };

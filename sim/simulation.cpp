@@ -23,6 +23,9 @@ void Simulation::set_up_again()
                          "; reset it before its structure or seed changes");
     }
     runtime_.reset();
+    for (const auto &process : processes()) {
+        process->dictionary_ = nullptr;
+    }
 }
 
 Process &Simulation::add_process(const std::string &name)
@@ -249,6 +252,9 @@ std::unique_ptr<Simulation> Simulation::clone() const
         wire.from.instance = clones.at(wire.from.instance.get());
         wire.to.instance = clones.at(wire.to.instance.get());
         copy->structure_.wires.push_back(std::move(wire));
+    }
+    for (std::size_t i = 0; i < processes().size(); i++) {
+        copy->processes()[i]->dictionary_ = processes()[i]->dictionary_;
     }
     if (runtime_) {
         copy->prepare();

@@ -33,6 +33,9 @@ std::vector<std::byte> save(Runtime &runtime)
     const std::uint64_t hash = hash_of(runtime);
     append(&hash, sizeof hash);
     runtime.visit_state(append);
+    if (runtime.commands_used()) {
+        runtime.visit_commands(append);
+    }
     return bytes;
 }
 
@@ -44,16 +47,24 @@ void restore(Runtime &runtime, std::span<const std::byte> bytes)
     if (bytes.size() >= sizeof hash) {
         std::memcpy(&hash, bytes.data(), sizeof hash);
     }
-    if (hash != hash_of(runtime) || bytes.size() != size) {
+    std::size_t commands = 0;
+    runtime.visit_commands([&](void *, std::size_t n) { commands += n; });
+    const bool commanded = commands && bytes.size() == size + commands;
+    if (hash != hash_of(runtime) || (bytes.size() != size && !commanded)) {
         throw SetupError("this snapshot (" + std::to_string(bytes.size()) +
                          " bytes) is of a simulation with other modules, tasks or events; this one's have " +
                          std::to_string(size) + " bytes");
     }
     const std::byte *from = bytes.data() + sizeof hash;
-    runtime.visit_state([&](void *to, std::size_t n) {
+    const auto take = [&](void *to, std::size_t n) {
         std::memcpy(to, from, n);
         from += n;
-    });
+    };
+    runtime.visit_state(take);
+    runtime.forget_commands();
+    if (commanded) {
+        runtime.visit_commands(take);
+    }
     runtime.restored();
 }
 

@@ -4,6 +4,7 @@
 // state of the run.
 #pragma once
 
+#include "flight/command/command.h"
 #include "sim/condition.h"
 #include "sim/error.h"
 #include "sim/instance.h"
@@ -107,6 +108,26 @@ struct Playback {
     void at(Ns t) const;
 };
 
+/// What a process can be commanded, as data for its CommandTable: fledge.commands makes it of the live objects.
+struct Dictionary {
+    struct Block {
+        std::string instance;
+        std::uint32_t offset = 0, size = 0; ///< [bytes] of its parameters in its memory
+        bool configuration = false;
+        std::vector<ExecRun> runs;
+        std::vector<CommandRule> rules; ///< without texts
+    };
+    std::uint16_t stream = 0, version = 0, n_outputs = 0;
+    std::uint32_t room = 0; ///< [bytes] for commands that wait
+    std::vector<Block> blocks;
+};
+
+/// A report, and the bytes that were read back.
+struct CommandReply {
+    CommandReport report;
+    std::vector<std::uint8_t> data;
+};
+
 /// The tasks of one computer or model world: "flight" or "world".
 class Process {
 public:
@@ -135,10 +156,10 @@ public:
     const std::vector<Mode> &modes() const { return modes_; }
     const std::vector<std::shared_ptr<Event>> &events() const { return events_; }
     std::shared_ptr<Instance> find(std::string_view instance) const; ///< or null
-    std::shared_ptr<Event> event(std::string_view event_name) const; ///< or null
     const std::map<const Instance *, Playback> &playback() const { return playback_; }
-    int initial_mode() const { return initial_; }   ///< -1: the process has no modes
-    bool runs_in(const Task &task, int mode) const; ///< whether the task is active in the mode
+    std::shared_ptr<Event> event(std::string_view event_name) const; ///< or null
+    int initial_mode() const { return initial_; }                    ///< -1: the process has no modes
+    bool runs_in(const Task &task, int mode) const;                  ///< whether the task is active in the mode
 
     // The state of the run. Before a run is prepared, the mode is the initial one and events are as they start.
 
@@ -146,14 +167,27 @@ public:
     void enter(const std::string &mode);
     /// The mode in force; "" if the process has none.
     const std::string &mode() const;
+    /// The mode that it was last asked to enter, which may be in force.
+    const std::string &asked() const;
     bool armed(const Event &event) const;
     void arm(const Event &event, bool armed);
     Ns fired_at(const Event &event) const; ///< when it last fired; -1: never
+
+    // Commands, of a process that has a dictionary. The next change of the structure takes it away.
+
+    void set_dictionary(std::shared_ptr<const Dictionary> dictionary);
+    const std::shared_ptr<const Dictionary> &dictionary() const { return dictionary_; }
+    /// Accept or refuse a packet; what is accepted counts at the next instant of one of its tasks, active or not.
+    CommandReason command(const std::vector<std::uint8_t> &packet);
+    /// The reports since the last call, of a run that is prepared.
+    std::vector<CommandReply> take_reports();
+    CommandCounters command_counters() const;
 
 private:
     friend class Simulation;
     Process(Simulation &owner, std::string process_name);
 
+    const std::string &mode_name(int mode) const;  ///< "" of -1
     int mode_index(const std::string &mode) const; ///< throws SetupError with the valid names
 
     Simulation *owner_;
@@ -163,6 +197,7 @@ private:
     std::vector<std::shared_ptr<Event>> events_;
     std::shared_ptr<const Integrator> integrator_;
     std::map<const Instance *, Playback> playback_;
+    std::shared_ptr<const Dictionary> dictionary_;
     int initial_ = -1;
 };
 

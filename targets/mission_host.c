@@ -3,16 +3,48 @@
 
 #include <string.h>
 
+/* Where reports and packets go. */
+typedef struct Link {
+    const MissionHost *host;
+    const RegisterWindow *w;
+    MissionIoCounts *counts;
+} Link;
+
+static void send_packet(void *user, const uint8_t *packet, uint32_t n)
+{
+    const Link *link = user;
+    (void)mission_io_send(link->host->io, link->w, link->host->io->telemetry, packet, n, link->counts);
+}
+
+static void send_report(void *user, const CommandReport *report, const uint8_t *data)
+{
+    const Link *link = user;
+    telemetry_report(link->host->telemetry, report, data, send_packet, user);
+}
+
 void mission_host_exchange(const MissionHost *host, const RegisterWindow *w, int64_t t, MissionIoCounts *counts)
 {
+    Link link = {host, w, counts};
+    const MissionIo *io = host->io;
+    uint32_t n;
     if (t < 0) {
         host->reset();
-        mission_io_forget(host->io, w);
+        mission_io_forget(io, w);
+        command_begin(host->state);
+        telemetry_begin(host->telemetry);
+        while (mission_io_receive(io, w, io->commands, io->packet, io->room, counts) != 0u) {
+        } /* commands of the last run */
     } else {
-        mission_io_read(host->io, w, host->mission, t, counts);
+        while ((n = mission_io_receive(io, w, io->commands, io->packet, io->room, counts)) != 0u) {
+            (void)command_accept(host->state, host->commands, io->packet, n, send_report, &link);
+        }
+        /* Before the inputs are read, because a reset of flight forgets them. */
+        command_execute(host->state, host->commands, host->mission, t, send_report, &link);
+        mission_io_read(io, w, host->mission, t, counts);
         host->tick(t);
+        telemetry_send(host->telemetry, host->mission, t, host->state, send_packet, &link);
     }
-    mission_io_write(host->io, w, host->mission, counts);
+    mission_io_write(io, w, host->mission, counts);
 }
 
 McapStatus mission_record_open(MissionRecord *r, const MissionHost *host, McapWrite write, void *user,

@@ -4,6 +4,7 @@
 #ifndef TARGETS_MISSION_HOST_H
 #define TARGETS_MISSION_HOST_H
 
+#include "flight/telemetry/telemetry.h"
 #include "record/mcap.h"
 #include "targets/mission_io.h"
 
@@ -44,6 +45,9 @@ typedef struct MissionHost {
     const MissionTopic *topics; ///< of each message, by id
     const MissionDefinition *definitions;
     const ExecRate *rates;
+    const CommandTable *commands;
+    const TelemetryTable *telemetry;
+    CommandState *state;   ///< memory for that of the commands
     McapSchema *schemas;   ///< memory for the schemas of the record
     McapChannel *channels; ///< memory for the channels of the record
     uint16_t n_schemas;
@@ -53,8 +57,8 @@ typedef struct MissionHost {
 
 extern const MissionHost fledge_mission;
 
-/** One exchange: with t < 0 reset flight, else read, tick; then write. The caller calls register_clock_finish when it
- *  has finished its own work of this tick. */
+/** One exchange: with t < 0 reset flight; else execute the commands that came, read, tick, and send telemetry; then
+ *  write. The caller calls register_clock_finish when it has finished its own work of this tick. */
 void mission_host_exchange(const MissionHost *host, const RegisterWindow *w, int64_t t, MissionIoCounts *counts);
 
 /** Records every output of flight at every tick, as MCAP, without a heap. */

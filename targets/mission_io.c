@@ -100,19 +100,6 @@ static void write_head(uint8_t *message, int64_t t)
     memcpy(message, &head, sizeof head);
 }
 
-/* A new block of parameters replaces the present one as a whole. */
-static void take_parameters(const MissionIo *io, const RegisterWindow *w, const MissionLane *row, uint8_t *mission,
-                            MissionIoCounts *counts)
-{
-    const MissionParameters *block = &io->parameters[row->message - io->n_messages];
-    RegisterInfo info;
-    const RegisterStatus status = register_take_message(w + row->board, lane_of(io, row), row->type, io->block, &info);
-    if (status == REGISTER_OK) {
-        memcpy(mission + block->offset, io->block, block->size);
-    }
-    counts->corrupt += status == REGISTER_CORRUPT || status == REGISTER_SIZE;
-}
-
 /* ---- packets */
 
 /* A packet begins with the header that the outside's end adds for flight. */
@@ -152,22 +139,43 @@ static RegisterStatus take_packet(const MissionIo *io, const RegisterWindow *w, 
     return status;
 }
 
+/* The kind of a packet with this tag in the same lane as another kind; NULL: unknown. */
+static const MissionPacket *kind_of(const MissionIo *io, const MissionPacket *other, uint32_t tag)
+{
+    for (uint32_t i = 0u; i < io->n_packets; i++) {
+        const MissionPacket *p = &io->packets[i];
+        if (p->board == other->board && p->lane == other->lane && p->tag == tag) {
+            return p;
+        }
+    }
+    return 0;
+}
+
 /* Keep the packet in io->scratch as the last of its kind. */
-static void keep_packet(const MissionIo *io, const MissionPacket *like, const RegisterLane *lane,
+static void keep_packet(const MissionIo *io, const MissionPacket *kind, const RegisterLane *lane,
                         const RegisterInfo *info, MissionIoCounts *counts)
 {
     const uint32_t add = (lane->flags & REGISTER_FROM_FLIGHT) == 0u ? lane->outside.add : 0u;
-    for (uint32_t i = 0u; i < io->n_packets; i++) {
-        const MissionPacket *p = &io->packets[i];
-        if (p->board == like->board && p->lane == like->lane && p->tag == info->tag && info->n >= p->size &&
-            (add == 0u || memcmp(io->scratch, lane->outside.head, add) == 0)) {
-            counts->skipped += p->memory[p->size];
-            memcpy(p->memory, io->scratch, p->size);
-            p->memory[p->size] = 1u;
-            return;
-        }
+    if (!kind || info->n < kind->size || (add != 0u && memcmp(io->scratch, lane->outside.head, add) != 0)) {
+        counts->corrupt++; /* of no known kind, too short, or without its header */
+        return;
     }
-    counts->corrupt++; /* of no known kind, too short, or without its header */
+    counts->skipped += kind->memory[kind->size];
+    memcpy(kind->memory, io->scratch, kind->size);
+    kind->memory[kind->size] = 1u;
+}
+
+/* Whether the next packet of a queue must wait: one of its kind has not been seen yet, and a reader sees each. */
+static int must_wait(const MissionIo *io, const RegisterWindow *w, const MissionPacket *packet,
+                     const RegisterLane *lane)
+{
+    uint32_t tag;
+    if (packet->newest != 0u || lane->form == REGISTER_WORD || (lane->flags & REGISTER_QUEUED) == 0u ||
+        register_next_tag(w, lane, &tag) != REGISTER_OK) {
+        return 0;
+    }
+    const MissionPacket *kind = kind_of(io, packet, tag);
+    return kind && kind->memory[kind->size] != 0u;
 }
 
 /* Whether there is a packet of this kind that was not seen; it is seen then. Others of its lane that come before it are
@@ -177,11 +185,15 @@ static int fetch_packet(const MissionIo *io, const RegisterWindow *w, const Miss
 {
     const RegisterLane *lane = &io->boards[packet->board]->lanes[packet->lane];
     uint8_t *fresh = &packet->memory[packet->size];
+    w += packet->board;
     for (uint32_t k = 0u; k <= lane->depth && (*fresh == 0u || packet->newest != 0u); k++) {
         RegisterInfo info;
-        const RegisterStatus status = take_packet(io, w + packet->board, lane, &info);
+        if (must_wait(io, w, packet, lane)) {
+            break;
+        }
+        const RegisterStatus status = take_packet(io, w, lane, &info);
         if (status == REGISTER_OK) {
-            keep_packet(io, packet, lane, &info, counts);
+            keep_packet(io, kind_of(io, packet, info.tag), lane, &info, counts);
         } else if (status == REGISTER_CORRUPT || status == REGISTER_SIZE) {
             counts->corrupt++;
         } else {
@@ -282,10 +294,7 @@ void mission_io_read(const MissionIo *io, const RegisterWindow *w, void *mission
 {
     for (uint32_t i = 0u; i < io->n_lanes;) {
         const MissionLane *row = &io->lanes[i];
-        if (row->message >= io->n_messages) {
-            take_parameters(io, w, row, mission, counts);
-            i++;
-        } else if (io->messages[row->message].direction == MISSION_IN) {
+        if (io->messages[row->message].direction == MISSION_IN) {
             i = take_message(io, w, i, (uint8_t *)mission + io->messages[row->message].offset, t, counts);
         } else {
             i++;
@@ -297,13 +306,40 @@ void mission_io_write(const MissionIo *io, const RegisterWindow *w, const void *
 {
     for (uint32_t i = 0u; i < io->n_lanes;) {
         const MissionLane *row = &io->lanes[i];
-        if (row->message < io->n_messages && io->messages[row->message].direction != MISSION_IN) {
+        if (io->messages[row->message].direction != MISSION_IN) {
             const MissionMessage *m = &io->messages[row->message];
             i = put_message(io, w, i, (const uint8_t *)mission + m->offset, counts);
         } else {
             i++;
         }
     }
+}
+
+/* ---- packets */
+
+uint32_t mission_io_receive(const MissionIo *io, const RegisterWindow *w, MissionQueue queue, void *packet,
+                            uint32_t room, MissionIoCounts *counts)
+{
+    RegisterInfo info;
+    if (queue.board == MISSION_NO_BOARD) {
+        return 0u;
+    }
+    const RegisterStatus status =
+        register_take(&w[queue.board], &io->boards[queue.board]->lanes[queue.lane], packet, room, &info);
+    counts->corrupt += status == REGISTER_CORRUPT || status == REGISTER_SIZE;
+    return status == REGISTER_OK ? info.n : 0u;
+}
+
+int mission_io_send(const MissionIo *io, const RegisterWindow *w, MissionQueue queue, const void *packet, uint32_t n,
+                    MissionIoCounts *counts)
+{
+    if (queue.board == MISSION_NO_BOARD) {
+        return 0;
+    }
+    const int sent =
+        register_put(&w[queue.board], &io->boards[queue.board]->lanes[queue.lane], packet, n, 0u) == REGISTER_OK;
+    counts->refused += sent == 0;
+    return sent;
 }
 
 /* ---- outside */

@@ -10,11 +10,10 @@
  *
  * A packet carries numbers of one message in fields of its own, at their places in bytes. So does a queued word. The
  * reader writes the head when a packet arrives; without a new one, the message stays as it is, and ages. Of a queue a
- * reader sees one packet of each kind at each reading: the oldest that it has not seen, or the newest, and then counts
- * those that it skips.
+ * reader sees one packet of each kind at each reading: the oldest that it has not seen, and packets behind it wait; or
+ * the newest, and then it counts those that it skips.
  *
- * A message lane also carries whole blocks of parameters, from the ground: flight uses a block from the tick in which
- * it arrives. Modules that publish their parameters cannot be changed this way.
+ * Two queues carry packets: commands to flight, and telemetry from it.
  *
  * Time comes from the clock of the first board that has one. A tick with t < 0 resets flight, which then writes all
  * outputs; no module runs. Each later tick is one exchange: mission_io_read, the mission's tick, mission_io_write,
@@ -44,13 +43,21 @@ typedef struct MissionPacket {
 /** A message in a message lane, or some of its numbers in a field of a lane of words or packets. */
 typedef struct MissionLane {
     const RegisterMessage *type; ///< of a message lane; NULL: a lane of words
-    uint16_t message;            ///< its id; n_messages + k is the k-th block of parameters
+    uint16_t message;            ///< its id
     uint16_t board;              ///< the index of the board
     uint16_t lane;               ///< the index of the lane in the board
     uint16_t field;              ///< the index of the field in the words or packets
     uint32_t offset;             ///< [bytes] of the first number in the message
     FledgeType number;
 } MissionLane;
+
+/** A queue of packets. */
+typedef struct MissionQueue {
+    uint16_t board; ///< the index of the board; MISSION_NO_BOARD: there is no such queue
+    uint16_t lane;  ///< the index of the lane in the board
+} MissionQueue;
+
+enum { MISSION_NO_BOARD = 0xFFFF };
 
 /** The table of a mission. The lanes of one message are adjacent. */
 typedef struct MissionIo {
@@ -60,12 +67,13 @@ typedef struct MissionIo {
     uint32_t n_messages;
     uint32_t n_boards;
     uint32_t n_lanes;
-    uint32_t n_parameters;               ///< 0: no lane carries parameters
-    const MissionParameters *parameters; ///< NULL: none
-    void *block;                         ///< memory for the largest block that a lane carries
     uint32_t n_packets;
     const MissionPacket *packets; ///< those of one lane are adjacent
     uint8_t *scratch;             ///< memory for the longest packet of these lanes
+    MissionQueue commands;
+    MissionQueue telemetry;
+    uint8_t *packet; ///< memory for the longest command that can come
+    uint32_t room;   ///< [bytes] of it
 } MissionIo;
 
 /** Counters of faults. */
@@ -73,7 +81,7 @@ typedef struct MissionIoCounts {
     uint32_t refused;   ///< messages not written: the queue was full, or the size is wrong
     uint32_t corrupt;   ///< messages with invalid bytes; the reader sees a message that was never written
     uint32_t saturated; ///< numbers limited to the range of their field
-    uint32_t skipped;   ///< packets that a newer one of a queue has replaced before they were seen
+    uint32_t skipped;   ///< packets replaced by a newer one before they were seen
 } MissionIoCounts;
 
 /** The index of the board whose clock paces flight; n_boards if no board has a clock. */
@@ -90,6 +98,14 @@ uint32_t mission_io_lost(const MissionIo *io, const RegisterWindow *w);
 
 /** Flight: write all outputs that a lane carries. */
 void mission_io_write(const MissionIo *io, const RegisterWindow *w, const void *mission, MissionIoCounts *counts);
+
+/** Take the next packet of a queue; returns its size [bytes], 0 if there is none. */
+uint32_t mission_io_receive(const MissionIo *io, const RegisterWindow *w, MissionQueue queue, void *packet,
+                            uint32_t room, MissionIoCounts *counts);
+
+/** Put a packet into a queue, if there is one. Returns 1 if it was put. */
+int mission_io_send(const MissionIo *io, const RegisterWindow *w, MissionQueue queue, const void *packet, uint32_t n,
+                    MissionIoCounts *counts);
 
 /** Outside: write a message to flight, by its id. */
 void mission_io_put(const MissionIo *io, const RegisterWindow *w, uint32_t id, const void *message,

@@ -107,10 +107,22 @@ protected:
                   REGISTER_NOWHERE,
                   0,
                   static_cast<std::uint32_t>(lanes_.size()),
-                  lanes_.data()};
+                  lanes_.data(),
+                  nullptr};
         window_ = register_window(&board_, reinterpret_cast<volatile std::uint32_t *>(memory_.data()));
-        io_ = {messages_, boards_, rows_.data(), 4, 1,       static_cast<std::uint32_t>(rows_.size()),
-               0,         nullptr, nullptr,      0, nullptr, nullptr};
+        io_ = {messages_,
+               boards_,
+               rows_.data(),
+               4,
+               1,
+               static_cast<std::uint32_t>(rows_.size()),
+               0,
+               nullptr,
+               nullptr,
+               {MISSION_NO_BOARD, 0},
+               {MISSION_NO_BOARD, 0},
+               nullptr,
+               0};
     }
 
     // Random numbers that their types, and 32 bits, hold.
@@ -237,5 +249,217 @@ TEST_P(MissionIoTest, NumbersPassAsTheTableStates)
 
 INSTANTIATE_TEST_SUITE_P(Orders, MissionIoTest, ::testing::Bool(),
                          [](const auto &order) { return order.param ? "big" : "little"; });
+
+// Two kinds of packets in one queue to flight, behind a header; queued words from flight.
+struct Pair {
+    Head head;
+    double x[2];
+};
+
+struct PacketMission {
+    Pair a, b, burn;
+};
+
+class PacketTest : public ::testing::Test {
+protected:
+    void lay_out(std::uint32_t flags, bool newest)
+    {
+        fields_[0] = {"a", "-", 0.5, 0.0, 0, 16, 1, 0, 2, 2, 0, 0};    // i16 at 2
+        fields_[1] = {"b", "-", 1.0, 0.0, 0, 32, 1, 1, 5, 2, 1, 3};    // f32, little-endian, at 5, of the tag 3
+        fields_[2] = {"ms", "-", 0.001, 0.0, 0, 16, 0, 0, 0, 0, 0, 0}; // of a word
+        fields_[3] = {"which", "-", 1.0, 0.0, 16, 16, 0, 0, 0, 0, 0, 0};
+        RegisterLane &in = lanes_[0], &out = lanes_[1];
+        in = {};
+        in.name = "in";
+        in.form = REGISTER_PACKET;
+        in.flags = REGISTER_QUEUED | REGISTER_VARIABLE | flags;
+        in.address = 128;
+        in.descriptors = 64;
+        in.capacity = 16;
+        in.stride = 24;
+        in.depth = 4;
+        in.count = 1;
+        in.interrupt = -1;
+        in.descriptor = {0, 12, 16, 8, 31, 1};
+        in.outside = {0, 2, HEADER, 1, 0};
+        in.n_fields = 2;
+        in.fields = fields_;
+        out = in;
+        out.name = "out";
+        out.form = REGISTER_WORD;
+        out.flags = REGISTER_FROM_FLIGHT | REGISTER_QUEUED;
+        out.address = 512;
+        out.descriptors = REGISTER_NOWHERE;
+        out.capacity = out.stride = 4;
+        out.outside = {0, 0, nullptr, 1, 0};
+        out.fields = fields_ + 2;
+        board_ = {"bus", 1, 0, 1024, 1, 1000, -1, REGISTER_NOWHERE, 0, 2, lanes_, nullptr};
+        window_ = register_window(&board_, reinterpret_cast<volatile std::uint32_t *>(memory_.data()));
+        std::memset(room_, 0, sizeof room_);
+        packets_[0] = {0, 0, 6, 0, newest, room_[0]};
+        packets_[1] = {0, 0, 13, 3, newest, room_[1]};
+        packets_[2] = {0, 1, 4, 0, 0, room_[2]};
+        io_ = {};
+        io_.messages = messages_;
+        io_.boards = boards_;
+        io_.lanes = rows_;
+        io_.n_messages = 3;
+        io_.n_boards = 1;
+        io_.n_lanes = 4;
+        io_.n_packets = 3;
+        io_.packets = packets_;
+        io_.scratch = scratch_;
+    }
+
+    void put(std::uint32_t id, double x, double y)
+    {
+        const Pair pair{{}, {x, y}};
+        mission_io_put(&io_, &window_, id, &pair, &counts_);
+    }
+
+    const Pair &read(std::int64_t t, std::uint32_t id = 0)
+    {
+        mission_io_read(&io_, &window_, &mission_, t, &counts_);
+        return id ? mission_.b : mission_.a;
+    }
+
+    static constexpr std::uint8_t HEADER[] = {0xC0, 0xDE};
+    RegisterField fields_[4];
+    RegisterLane lanes_[2];
+    RegisterBoard board_{};
+    const RegisterBoard *boards_[1] = {&board_};
+    std::array<std::uint64_t, 128> memory_{};
+    RegisterWindow window_{};
+    std::uint8_t room_[3][17] = {}, scratch_[16] = {};
+    MissionPacket packets_[3];
+    const MissionLane rows_[4] = {
+        {nullptr, 0, 0, 0, 0, offsetof(Pair, x), FLEDGE_F64},
+        {nullptr, 1, 0, 0, 1, offsetof(Pair, x), FLEDGE_F64},
+        {nullptr, 2, 0, 1, 0, offsetof(Pair, x), FLEDGE_F64},
+        {nullptr, 2, 0, 1, 1, offsetof(Pair, x) + sizeof(double), FLEDGE_F64},
+    };
+    const MissionMessage messages_[3] = {
+        {"world.a", "Pair", offsetof(PacketMission, a), sizeof(Pair), MISSION_IN},
+        {"world.b", "Pair", offsetof(PacketMission, b), sizeof(Pair), MISSION_IN},
+        {"flight.burn", "Pair", offsetof(PacketMission, burn), sizeof(Pair), MISSION_OUT},
+    };
+    MissionIo io_{};
+    MissionIoCounts counts_{};
+    PacketMission mission_{};
+};
+
+TEST_F(PacketTest, OfAQueueFlightSeesTheOldestOfEachKindAtEachTick)
+{
+    lay_out(0, false);
+    put(0, 1.0, -1.5);
+    put(0, 2.0, -2.5);
+    put(1, 0.25, 7.0);
+    const auto *slot = reinterpret_cast<const std::uint8_t *>(memory_.data()) + 128 + 32 + 8;
+    EXPECT_EQ(std::vector(slot, slot + 6), (std::vector<std::uint8_t>{0xC0, 0xDE, 0, 2, 0xFF, 0xFD}));
+    EXPECT_EQ(register_load(&window_, 64 + 8), 1u << 31 | 3u << 16 | 13u); // the third's descriptor
+    EXPECT_EQ(read(10).x[1], -1.5);
+    EXPECT_EQ(mission_.a.head.t, 10);
+    EXPECT_EQ(mission_.b.x[1], 7.0);
+    EXPECT_EQ(read(20).x[1], -2.5);
+    EXPECT_EQ(mission_.a.head.t, 20);
+    EXPECT_EQ(mission_.b.head.t, 10); // nothing new: it ages
+    EXPECT_EQ(read(30).head.t, 20);
+    EXPECT_EQ(counts_.refused + counts_.corrupt + counts_.saturated + counts_.skipped, 0u);
+    // Those of one kind that come before another's are all seen.
+    put(0, 3.0, 0.0);
+    put(0, 4.0, 0.0);
+    put(0, 5.0, 0.0);
+    put(1, 1.0, 1.0);
+    EXPECT_EQ(read(40).x[0], 3.0);
+    EXPECT_EQ(mission_.b.head.t, 10);
+    EXPECT_EQ(read(50).x[0], 4.0);
+    EXPECT_EQ(mission_.b.head.t, 50);
+    EXPECT_EQ(read(60).x[0], 5.0);
+    EXPECT_EQ(read(70).head.t, 60);
+    EXPECT_EQ(counts_.corrupt + counts_.skipped, 0u);
+}
+
+TEST_F(PacketTest, OrTheNewestAndCountsThoseThatItSkips)
+{
+    lay_out(0, true);
+    put(0, 1.0, 0.0);
+    put(0, 2.0, 0.0);
+    put(0, 3.0, 0.0);
+    EXPECT_EQ(read(10).x[0], 3.0);
+    EXPECT_EQ(counts_.skipped, 2u);
+    EXPECT_EQ(read(20).head.t, 10);
+    EXPECT_EQ(mission_io_lost(&io_, &window_), 0u);
+}
+
+TEST_F(PacketTest, AFullQueueLosesTheNewestOrTheOldestAndCountsThem)
+{
+    for (const bool overwrite : {false, true}) {
+        memory_ = {};
+        lay_out(overwrite ? std::uint32_t{REGISTER_OVERWRITE} : 0u, false);
+        counts_ = {};
+        for (int i = 1; i <= 7; i++) {
+            put(0, i, 0.0);
+        }
+        EXPECT_EQ(counts_.refused, overwrite ? 0u : 3u);
+        for (int i = 1; i <= 4; i++) {
+            EXPECT_EQ(read(10 * i).x[0], overwrite ? i + 3 : i);
+        }
+        EXPECT_EQ(mission_io_lost(&io_, &window_), 3u);
+        EXPECT_EQ(read(90).head.t, 40);
+    }
+}
+
+TEST_F(PacketTest, WhatIsNoPacketOfAKnownKindIsCountedAndPassedOver)
+{
+    lay_out(0, false);
+    const std::uint8_t good[] = {0xC0, 0xDE, 0, 8, 0, 9}, other[] = {0xC0, 0xDF, 0, 8, 0, 9};
+    register_put(&window_, &lanes_[0], other, 6, 0); // another header
+    register_put(&window_, &lanes_[0], good, 6, 7);  // another tag
+    register_put(&window_, &lanes_[0], good, 5, 0);  // too short
+    register_put(&window_, &lanes_[0], good, 6, 0);
+    EXPECT_EQ(read(10).x[1], 4.5);
+    EXPECT_EQ(counts_.corrupt, 3u);
+    EXPECT_EQ(mission_.b.head.quality, QUALITY_NONE);
+    register_store(&window_, 64, 1u << 31 | 4000u); // its length lies
+    register_put(&window_, &lanes_[0], good, 6, 0);
+    register_store(&window_, 64, 1u << 31 | 4000u);
+    EXPECT_EQ(read(20).head.t, 10);
+    EXPECT_EQ(counts_.corrupt, 4u);
+}
+
+TEST_F(PacketTest, QueuedWordsPassInTheirOrder)
+{
+    lay_out(0, false);
+    Pair burn{};
+    for (int i = 1; i <= 2; i++) {
+        mission_.burn.x[0] = 0.25 * i;
+        mission_.burn.x[1] = i;
+        mission_io_write(&io_, &window_, &mission_, &counts_);
+    }
+    EXPECT_EQ(register_load(&window_, 512 + 32), 1u << 16 | 250u);
+    for (int i = 1; i <= 2; i++) {
+        mission_io_take(&io_, &window_, 2, &burn, 10 * i, &counts_);
+        EXPECT_EQ(burn.x[0], 0.25 * i);
+        EXPECT_EQ(burn.x[1], i);
+        EXPECT_EQ(burn.head.t, 10 * i);
+    }
+    mission_io_take(&io_, &window_, 2, &burn, 30, &counts_);
+    EXPECT_EQ(burn.head.t, 20);
+}
+
+TEST_F(PacketTest, AResetForgetsWhatWaits)
+{
+    lay_out(0, false);
+    put(0, 1.0, 0.0);
+    put(0, 2.0, 0.0);
+    put(1, 3.0, 0.0);
+    read(10);
+    put(0, 5.0, 0.0);
+    mission_io_forget(&io_, &window_);
+    mission_ = {};
+    EXPECT_EQ(read(0).head.quality, QUALITY_NONE);
+    put(0, 4.0, 0.0);
+    EXPECT_EQ(read(10).x[0], 4.0);
+}
 
 } // namespace

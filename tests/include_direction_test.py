@@ -26,7 +26,7 @@ FLIGHT_LIBRARY = {"float.h", "limits.h", "math.h", "stdbool.h", "stddef.h", "std
 LAYERS = [
     {"units", "elements", "errors", "files", "columns", "interruption", "progress"},
     {"series"},
-    {"objects", "archive", "attitude", "plot"},
+    {"objects", "archive", "attitude", "plot", "commands"},
     {"flight"},
     {"world"},
     {"scan", "trajectory"},

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "cosim/controller/schedule.h"
+#include "cosim/controller/topic_map.h"
 #include "cosim/protocol/words.h"
 
 namespace fledge::cosim {
@@ -40,6 +41,7 @@ struct NodeConfig {
     bool rejoins = false;         ///< after it left or was given up (hold, drop), it may come again
     Ns save_every = 0;            ///< simulated time between snapshots; 0: when the log is full
     std::vector<Rate> steps = {}; ///< the required rates; empty: any
+    TopicMap names = {};          ///< its names of topics
 };
 
 /// A program that does not step (a ground system): the controller gives its messages a time.

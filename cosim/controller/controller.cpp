@@ -44,6 +44,9 @@ void ControllerConfig::check() const
             throw std::invalid_argument(node.name + " joins after " + when(node.joins_after) +
                                         "; expected a time from 0 to before the end at " + when(end));
         }
+        if (const std::string fault = node.names.fault(); !fault.empty()) {
+            throw std::invalid_argument(node.name + ": " + fault);
+        }
         if (node.save_every < 0) {
             throw std::invalid_argument(node.name + " saves every " + std::to_string(node.save_every) +
                                         " ns; expected a time > 0, or 0 to save when the log is full");

@@ -97,8 +97,16 @@ void Controller::reply(NodeId id, Desired &m)
 {
     NodeState &node = nodes_[id];
     node.stage = Stage::desired;
+    const TopicMap &names = node.config.names;
+    for (Subscription &subscription : m.subscriptions) {
+        const std::string ours = std::exchange(subscription.topic, names.to_run(subscription.topic));
+        if (names.to_node(subscription.topic) != ours) {
+            return lost(id, "its topics " + ours + " and " + *names.to_node(subscription.topic) + " both become " +
+                                subscription.topic);
+        }
+    }
     if (node.returning) {
-        return m.subscriptions == node.subscriptions ? ask<Matched>(id, wiring_.request_for(id))
+        return m.subscriptions == node.subscriptions ? ask<Matched>(id, wiring_.request_for(id, node.config.names))
                                                      : lost(id, "it came back with other subscriptions");
     }
     node.subscriptions = std::move(m.subscriptions);
@@ -151,7 +159,7 @@ void Controller::begin_matching()
     for (NodeId id = 0; id < nodes_.size(); id++) {
         if (nodes_[id].matching) {
             nodes_[id].stage = Stage::desired;
-            ask<Matched>(id, wiring_.request_for(id));
+            ask<Matched>(id, wiring_.request_for(id, nodes_[id].config.names));
         }
     }
 }

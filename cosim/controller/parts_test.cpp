@@ -34,6 +34,24 @@ TEST(Schedule, AnInvalidScheduleIsReported)
     EXPECT_EQ(format_rates({{1'000'000'000, 0}, {500'000'000, 250'000'000}}), "1 s and 0.5 s from 0.25 s on");
 }
 
+TEST(TopicMap, TopicsHaveAPrefixOrAnotherName)
+{
+    const TopicMap plain, map{"a", {{"/x", "/b/y"}, {"/z", "/a/w"}}};
+    EXPECT_EQ(plain.to_run("/x"), "/x");
+    EXPECT_EQ(plain.to_node("/x"), "/x");
+    EXPECT_EQ(map.to_run("/world/q"), "/a/world/q");
+    EXPECT_EQ(map.to_node("/a/world/q"), "/world/q");
+    EXPECT_EQ(map.to_node("/world/q"), std::nullopt);
+    EXPECT_EQ(map.to_node("/ab/world/q"), std::nullopt);
+    EXPECT_EQ(map.to_run("/x"), "/b/y");
+    EXPECT_EQ(map.to_node("/b/y"), "/x");
+    EXPECT_EQ(map.to_node("/a/x"), std::nullopt); // it is called otherwise
+    EXPECT_EQ(map.to_node("/a/w"), "/z");
+    EXPECT_EQ(map.fault(), "");
+    EXPECT_EQ((TopicMap{"", {{"/x", "/q"}, {"/y", "/q"}}}).fault(), "two of its topics become /q");
+    EXPECT_EQ((TopicMap{"", {{"x", "/q"}}}).fault(), "its topics begin with a slash; found x as /q");
+}
+
 Wire wire(Latency latency, Ns exchange = 100)
 {
     Wire w(0, 1);

@@ -2,6 +2,7 @@
 // Listeners, such as records and the broker, see all messages between nodes without taking part in the run.
 #pragma once
 
+#include "cosim/controller/topic_map.h"
 #include "cosim/protocol/protocol.h"
 
 namespace fledge::cosim {
@@ -14,6 +15,7 @@ struct Exchange {
         std::vector<Rate> rates;
         bool any_time = false;
         std::vector<Subscription> subscriptions; ///< also optional ones without a writer
+        TopicMap names;
     };
     struct Topic {
         std::string name;

@@ -66,14 +66,15 @@ void Wiring::begin_matching(const Nodes &nodes, const std::vector<std::string> &
     }
 }
 
-Match Wiring::request_for(NodeId id) const
+Match Wiring::request_for(NodeId id, const TopicMap &names) const
 {
     Match match;
     for (std::uint32_t channel = 0; channel < topics_.size(); channel++) {
         const Topic &topic = topics_[channel];
-        if (contains(watched_, topic.name) ||
-            std::any_of(topic.readers.begin(), topic.readers.end(), [&](NodeId reader) { return reader != id; })) {
-            match.asked.push_back({channel, topic.name, topic.schema});
+        const std::optional<std::string> ours = names.to_node(topic.name);
+        if (ours && (contains(watched_, topic.name) || std::any_of(topic.readers.begin(), topic.readers.end(),
+                                                                   [&](NodeId reader) { return reader != id; }))) {
+            match.asked.push_back({channel, *ours, topic.schema});
         }
     }
     return match;
@@ -311,7 +312,7 @@ Start Wiring::start(NodeId id, const NodeState &node)
     for (const std::size_t w : links_[id].in) {
         Wire &wire = wires_[w];
         const Topic &topic = topics_[wire.channel];
-        start.wired.push_back({wire.channel, topic.name, topic.schema});
+        start.wired.push_back({wire.channel, node.config.names.to_node(topic.name).value(), topic.schema});
         wire.restart();
         if (node.returning && !node.log.kept()) {
             wire.resend_last(node.reached);
@@ -519,8 +520,8 @@ Exchange Wiring::exchange(const Nodes &nodes) const
     Exchange exchange;
     exchange.after = boundary_;
     for (const NodeState &node : nodes) {
-        exchange.members.push_back(
-            {node.name(), !node.over(), node.schedule.rates, node.schedule.any_time, node.subscriptions});
+        exchange.members.push_back({node.name(), !node.over(), node.schedule.rates, node.schedule.any_time,
+                                    node.subscriptions, node.config.names});
     }
     for (const Topic &topic : topics_) {
         exchange.topics.push_back(

@@ -41,12 +41,12 @@ public:
 
     /// `boundary`: the instant at which nodes join; `first`: the matching before the run.
     void begin_matching(const Nodes &nodes, const std::vector<std::string> &watched, Ns boundary, bool first);
-    /// The topics that other nodes read; the node answers which of these it writes.
-    Match request_for(NodeId id) const;
+    /// The topics that other nodes read, by the node's own names; the node answers which of these it writes.
+    Match request_for(NodeId id, const TopicMap &names) const;
     /// All nodes have answered: take their publications and connect the wires. Notes are for the user.
     void connect(Nodes &nodes, std::vector<std::string> &notes);
     const std::string &faults() const { return faults_; }
-    /// The topics that the node will read. Its counts begin at 1.
+    /// The topics that the node will read, by its own names. Its counts begin at 1.
     Start start(NodeId id, const NodeState &node);
     void end_matching() { matching_ = false; }
     /// Whether a restarted node publishes the same topics as before.

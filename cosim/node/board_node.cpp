@@ -27,21 +27,17 @@ BoardNode::BoardNode(const MissionHost &mission, registers::Backend &backend, st
         one.carried = mission_io_carries(&io, id) != 0;
         messages_.push_back(std::move(one));
     }
+    if (const MissionQueue lane = io.telemetry; lane.board != MISSION_NO_BOARD) {
+        packet_.resize(io.boards[lane.board]->lanes[lane.lane].capacity);
+    }
 }
 
-void BoardNode::load(Ns after, std::uint32_t id, Bytes block)
+void BoardNode::command(Ns after, std::vector<std::uint8_t> packet)
 {
-    const MissionIo &io = *mission_.io;
-    const std::uint32_t place = id - io.n_messages;
-    if (id < io.n_messages || place >= io.n_parameters || !mission_io_carries(&io, id)) {
-        throw registers::Error("no snorkel carries parameters of the id " + std::to_string(id));
+    if (mission_.io->commands.board == MISSION_NO_BOARD) {
+        throw registers::Error("no snorkel carries commands; add one with carries = \"commands\"");
     }
-    if (block.size() != io.parameters[place].size) {
-        throw registers::Error(std::string("the parameters of ") + io.parameters[place].path + " have " +
-                               std::to_string(io.parameters[place].size) + " bytes, found " +
-                               std::to_string(block.size()));
-    }
-    loads_.push_back({after, id, std::move(block)});
+    script_.push_back({after, std::move(packet)});
 }
 
 Initialized BoardNode::initialize(const Initialize &request)
@@ -58,7 +54,7 @@ Initialized BoardNode::initialize(const Initialize &request)
         }
     }
     reached_ = -1;
-    loaded_ = 0;
+    sent_ = 0;
     exchange(-1);
     Initialized answer;
     for (std::uint16_t i = 0; i < mission_.n_rates; i++) {
@@ -121,10 +117,7 @@ Tock BoardNode::tick(const Tick &tick)
             read_payload(record.payload, messages_[id].fields, messages_[id].held);
             mission_io_put(mission_.io, backend_.windows().data(), id, messages_[id].held.data(), &counts_);
         });
-        for (; loaded_ < loads_.size() && loads_[loaded_].after < t; loaded_++) {
-            const Load &load = loads_[loaded_];
-            mission_io_put(mission_.io, backend_.windows().data(), load.id, load.block.data(), &counts_);
-        }
+        send_commands(t);
         exchange(t);
         outbox_.collect(t, tock.records);
         reached_ = t;
@@ -147,6 +140,20 @@ Ns BoardNode::next_after(Ns t) const
     return next;
 }
 
+/// Put the commands of the script before t into their lane.
+void BoardNode::send_commands(Ns t)
+{
+    const MissionIo &io = *mission_.io;
+    for (; sent_ < script_.size() && script_[sent_].after < t; sent_++) {
+        const Command &one = script_[sent_];
+        if (!mission_io_send(&io, backend_.windows().data(), io.commands, one.packet.data(),
+                             static_cast<std::uint32_t>(one.packet.size()), &counts_)) {
+            throw registers::Error("the snorkel of commands has no room for those of " + sim::format_time(one.after) +
+                                   ": it needs a longer queue or a larger capacity");
+        }
+    }
+}
+
 /// Let flight step at t, and take its outputs.
 void BoardNode::exchange(Ns t)
 {
@@ -162,6 +169,15 @@ void BoardNode::exchange(Ns t)
         Message &message = messages_[id];
         if (!message.to_flight && message.carried) {
             mission_io_take(mission_.io, backend_.windows().data(), id, message.held.data(), t, &counts_);
+        }
+    }
+    const auto receive = [&] {
+        return mission_io_receive(mission_.io, backend_.windows().data(), mission_.io->telemetry, packet_.data(),
+                                  static_cast<std::uint32_t>(packet_.size()), &counts_);
+    };
+    for (std::uint32_t n = receive(); n != 0; n = receive()) {
+        if (telemetry) {
+            telemetry(t, {packet_.data(), n});
         }
     }
 }

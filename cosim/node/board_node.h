@@ -10,7 +10,9 @@
 #include "registers/outside.h"
 #include "targets/mission_host.h"
 
+#include <functional>
 #include <map>
+#include <span>
 
 namespace fledge::cosim {
 
@@ -20,10 +22,12 @@ public:
     /// Both live as long as the node. `reply_timeout`: for flight to answer a tick.
     BoardNode(const MissionHost &mission, registers::Backend &backend, std::chrono::nanoseconds reply_timeout);
 
-    /// Parameters from the ground: the node puts them into their lane before flight's first instant after `after`.
-    /// `id`: the number of messages plus the block's place. Call it in the order of time, before the run. Throws
-    /// registers::Error if no lane carries that block, or its size is wrong.
-    void load(Ns after, std::uint32_t id, Bytes block);
+    /// A command: the node puts it into its lane before flight's first instant after `after`. Call it in the order of
+    /// time, before the run. Throws registers::Error if no lane carries commands.
+    void command(Ns after, std::vector<std::uint8_t> packet);
+
+    /// Called with each packet of telemetry, and the instant of flight after which the node found it.
+    std::function<void(Ns t, std::span<const std::uint8_t> packet)> telemetry;
 
     /// Resets flight, and reads its initial outputs. Throws registers::Error if it does not answer.
     Initialized initialize(const Initialize &request) override;
@@ -46,6 +50,7 @@ private:
     };
 
     Ns next_after(Ns t) const;
+    void send_commands(Ns t);
     void exchange(Ns t);
 
     const MissionHost &mission_;
@@ -56,13 +61,13 @@ private:
     std::map<std::uint32_t, std::uint32_t> inputs_; ///< channel -> id
     Inbox inbox_;
     Outbox outbox_;
-    struct Load {
+    struct Command {
         Ns after;
-        std::uint32_t id;
-        Bytes block;
+        std::vector<std::uint8_t> packet;
     };
-    std::vector<Load> loads_;
-    std::size_t loaded_ = 0;
+    std::vector<Command> script_;
+    std::size_t sent_ = 0;
+    std::vector<std::uint8_t> packet_; ///< room for a packet of telemetry
     MissionIoCounts counts_{};
     Ns reached_ = -1;
 };

@@ -66,10 +66,23 @@ RegisterLane lane(std::uint32_t address, bool from_flight)
     return l;
 }
 
+/// A queue of four packets.
+RegisterLane packets(std::uint32_t address, bool from_flight, std::uint32_t capacity)
+{
+    RegisterLane l = lane(address, from_flight);
+    l.form = REGISTER_PACKET;
+    l.flags |= REGISTER_VARIABLE | REGISTER_QUEUED;
+    l.descriptor = {0, 16, 16, 0, 16, 0};
+    l.capacity = capacity;
+    l.stride = capacity + 8;
+    return l;
+}
+
 const RegisterRun RUNS[] = {{8, 1}, {4, 2}, {8, 2}};
 const RegisterMessage TYPE = {"Number", sizeof(Number), 3, RUNS};
-const RegisterLane LANES[] = {lane(32, false), lane(256, false), lane(480, true), lane(704, false)};
-const RegisterBoard BOARD = {"board", 1, 0, 1024, 1, 0, -1, REGISTER_NOWHERE, 0, 4, LANES};
+const RegisterLane LANES[] = {lane(32, false), lane(256, false), lane(480, true), packets(704, false, COMMAND_MAX),
+                              packets(2880, true, TELEMETRY_REPORT_MAX)};
+const RegisterBoard BOARD = {"board", 1, 0, 5184, 1, 0, -1, REGISTER_NOWHERE, 0, 5, LANES, nullptr};
 const RegisterBoard *const BOARDS[] = {&BOARD};
 const MissionMessage MESSAGES[] = {
     {"world.m.a", "Number", offsetof(Flight, a), sizeof(Number), MISSION_IN},
@@ -77,14 +90,34 @@ const MissionMessage MESSAGES[] = {
     {"flight.n.out", "Number", offsetof(Flight, out), sizeof(Number), MISSION_OUT},
     {"flight.n.inner", "Number", offsetof(Flight, inner), sizeof(Number), MISSION_INSIDE},
 };
-const MissionLane ROWS[] = {{&TYPE, 0, 0, 0, 0, 0, FLEDGE_F64},
-                            {&TYPE, 1, 0, 1, 0, 0, FLEDGE_F64},
-                            {&TYPE, 2, 0, 2, 0, 0, FLEDGE_F64},
-                            {&TYPE, 5, 0, 3, 0, 0, FLEDGE_F64}}; // the second block of parameters
-const MissionParameters PARAMETERS[] = {{"flight.m", "M", offsetof(Flight, inner), sizeof(Number)},
-                                        {"flight.n", "N", offsetof(Flight, inner), sizeof(Number)}};
-Number block;
-const MissionIo IO = {MESSAGES, BOARDS, ROWS, 4, 1, 4, 2, PARAMETERS, &block};
+const MissionLane ROWS[] = {
+    {&TYPE, 0, 0, 0, 0, 0, FLEDGE_F64}, {&TYPE, 1, 0, 1, 0, 0, FLEDGE_F64}, {&TYPE, 2, 0, 2, 0, 0, FLEDGE_F64}};
+std::uint8_t room[COMMAND_MAX];
+const MissionIo IO = {MESSAGES, BOARDS, ROWS, 4, 1, 3, 0, nullptr, nullptr, {0, 3}, {0, 4}, room, sizeof room};
+// Two parameters of flight: x and y of `inner`.
+const ExecRun NUMBERS[] = {{8, 2}};
+const CommandBlock BLOCKS[] = {{NUMBERS, nullptr, 16, 1, 0, 0, 0}};
+std::uint8_t staged[16], waiting[64], packet[TELEMETRY_REPORT_MAX];
+TelemetryRate rates[2];
+const CommandTable COMMANDS = {
+    0x1880,
+    0x1234,
+    1,
+    0,
+    0,
+    0,
+    BLOCKS,
+    staged,
+    waiting,
+    sizeof waiting,
+    [](void *mission, std::uint16_t) -> void * { return &static_cast<Flight *>(mission)->inner.x; },
+    nullptr,
+    nullptr,
+    nullptr,
+    nullptr,
+    nullptr};
+const TelemetryTable TELEMETRY = {0x0880, 0, nullptr, rates, packet, [](const void *) -> std::uint16_t { return 0; }};
+CommandState state;
 const MissionTopic TOPICS[] = {{"/world/m/a", 0, 0, 0},
                                {"/world/m/b", 0, MISSION_NEXT_EXCHANGE, 1},
                                {"/flight/n/out", 0, 0, 0},
@@ -104,6 +137,9 @@ MissionHost host()
     h.definitions = DEFINITIONS;
     h.rates = RATES;
     h.n_rates = 2;
+    h.commands = &COMMANDS;
+    h.telemetry = &TELEMETRY;
+    h.state = &state;
     return h;
 }
 
@@ -226,32 +262,78 @@ TEST_F(BoardNodeTest, FlightSeesWhatIsThereAtEachOfItsInstantsHoweverTheyComeInT
     EXPECT_EQ(node_.counts().corrupt + node_.counts().refused + node_.counts().saturated, 0u);
 }
 
-TEST_F(BoardNodeTest, ParametersFromTheGroundCountFromTheNextInstantOnAndOnce)
+/// A command that writes x.
+std::vector<std::uint8_t> write_x(double x)
 {
-    const auto bytes = [](double x) {
-        const Number n = {{0, QUALITY_NONE, 0}, x, -x};
-        const auto view = std::as_bytes(std::span(&n, 1));
-        return Bytes(view.begin(), view.end());
+    std::vector<std::uint8_t> p{0x18, 0x80, 0xC0, 0, 0, 17, COMMAND_WRITE, 0, 0x12, 0x34, 0, 0, 0, 0, 0, 0};
+    std::uint64_t bits;
+    std::memcpy(&bits, &x, sizeof bits);
+    for (int shift = 56; shift >= 0; shift -= 8) {
+        p.push_back(static_cast<std::uint8_t>(bits >> shift));
+    }
+    std::uint8_t sum = 0xFF;
+    for (const std::uint8_t byte : p) {
+        sum ^= byte;
+    }
+    p[7] = sum;
+    return p;
+}
+
+TEST_F(BoardNodeTest, ACommandOfTheScriptCountsFromTheNextInstantOnAndOnce)
+{
+    std::vector<std::pair<Ns, std::vector<std::uint8_t>>> sent;
+    node_.telemetry = [&](Ns t, std::span<const std::uint8_t> p) {
+        sent.emplace_back(t, std::vector(p.begin(), p.end()));
     };
+    node_.command(-1, write_x(1));
+    node_.command(40, write_x(2));
+    node_.command(50, write_x(3)); // at 50 it is too late for that instant
+    node_.command(55, write_x(4)); // and comes after the one before
+    for (int run = 0; run < 2; run++) {
+        start();
+        sent.clear();
+        for (const Ns until : {45, 50, 200}) {
+            node_.tick({until, {}});
+        }
+        const std::pair<Ns, double> expected[] = {{0, 1}, {10, 1}, {40, 1}, {50, 2}, {70, 4}, {100, 4}};
+        for (std::size_t i = 0; i < 6; i++) {
+            EXPECT_EQ(seen[i].first, expected[i].first);
+            EXPECT_EQ(seen[i].second.inner.x, expected[i].second) << seen[i].first;
+        }
+        const Ns reported[] = {0, 0, 50, 50, 70, 70, 70, 70}; // acceptance and execution of each
+        ASSERT_EQ(sent.size(), 8u);
+        for (std::size_t i = 0; i < 8; i++) {
+            EXPECT_EQ(sent[i].first, reported[i]);
+            EXPECT_EQ(sent[i].second[1], 0x81);
+        }
+        EXPECT_EQ(state.counters.executed, 4u);
+    }
+}
+
+TEST_F(BoardNodeTest, AScriptThatFillsTheQueueIsAnErrorThatSaysWhen)
+{
+    for (int i = 0; i < 5; i++) {
+        node_.command(40, write_x(i));
+    }
     start();
-    node_.load(-1, 5, bytes(1));
-    node_.load(40, 5, bytes(2));
-    node_.load(50, 5, bytes(3)); // at 50 it is too late for that instant
-    node_.load(55, 5, bytes(4)); // and takes the place of the one before
-    for (const Ns until : {45, 50, 200}) {
-        node_.tick({until, {}});
-        flight.inner.y = 7; // flight's own, as no new block has come
+    node_.tick({40, {}});
+    try {
+        node_.tick({60, {}});
+        FAIL();
+    } catch (const registers::Error &error) {
+        const std::string text = error.what();
+        EXPECT_NE(text.find("no room for those of 0.00000004 s"), text.npos) << text;
     }
-    const std::pair<Ns, double> expected[] = {{0, 1}, {10, 1}, {40, 1}, {50, 2}, {70, 4}, {100, 4}};
-    for (std::size_t i = 0; i < 6; i++) {
-        EXPECT_EQ(seen[i].first, expected[i].first);
-        EXPECT_EQ(seen[i].second.inner.x, expected[i].second) << seen[i].first;
-    }
-    EXPECT_EQ(seen[3].second.inner.y, -2);
-    EXPECT_EQ(seen[5].second.inner.y, -4);
-    EXPECT_THROW(node_.load(300, 4, bytes(5)), registers::Error); // no lane carries the first block
-    EXPECT_THROW(node_.load(300, 3, bytes(5)), registers::Error); // this is a message
-    EXPECT_THROW(node_.load(300, 5, Bytes(8)), registers::Error);
+}
+
+TEST_F(BoardNodeTest, WithoutALaneForThemThereAreNoCommands)
+{
+    MissionIo io = IO;
+    io.commands.board = MISSION_NO_BOARD;
+    MissionHost mission = host();
+    mission.io = &io;
+    BoardNode node(mission, backend_, 1ms);
+    EXPECT_THROW(node.command(0, write_x(1)), registers::Error);
 }
 
 TEST_F(BoardNodeTest, AMessageThatIsNotTheNextOneIsAnError)

@@ -4,6 +4,7 @@
 
 #include <CLI/CLI.hpp>
 
+#include <charconv>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
@@ -11,6 +12,7 @@
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <fstream>
+#include <optional>
 #include <string_view>
 #include <sys/prctl.h>
 #include <sys/wait.h>
@@ -23,7 +25,7 @@ using namespace fledge;
 using namespace std::chrono_literals;
 
 struct Options {
-    std::string tables, registers, loads;
+    std::string tables, registers, script, telemetry;
     std::vector<std::string> command;
     cosim::MemberConfig delegate;
     std::chrono::nanoseconds reply = 60s;
@@ -66,9 +68,10 @@ Options parse(int argc, char **argv)
     text("--tables", o.tables, "the mission and its boards as data: a shared object, as ./fledge fly builds it")
         ->required();
     text("--registers", o.registers, "the register file to be made; flight attaches to it by itself");
-    text("--loads", o.loads,
-         "parameters from the ground: lines of a time [ns], a block's id, and its bytes in\n"
-         "hexadecimal; flight gets each before its first instant after that time");
+    text("--script", o.script,
+         "commands: lines of a time [ns] and the bytes of a packet in hexadecimal; flight gets\n"
+         "each before its first instant after that time");
+    text("--telemetry", o.telemetry, "a file for flight's packets, in lines of the same form, with the instant");
     text("--simulation", o.delegate.simulation, "of the run; default: FLEDGE_SIMULATION, else the mission's name");
     text("--node", o.delegate.node, "of this node; default: FLEDGE_NODE, else flight");
     text("--address", o.delegate.address, "of the controller; default: FLEDGE_ADDRESS, else tcp://127.0.0.1:7000");
@@ -197,36 +200,78 @@ private:
     bool ended_ = false;
 };
 
-void read_loads(const std::string &path, cosim::BoardNode &node)
+void read_script(const std::string &path, cosim::BoardNode &node)
 {
     std::ifstream file(path);
     cosim::Ns after = 0;
-    std::uint32_t id = 0;
     std::string digits;
-    for (int line = 1; file >> after >> id >> digits; line++) {
-        cosim::Bytes block;
-        for (std::size_t i = 0; i + 1 < digits.size(); i += 2) {
-            block.push_back(static_cast<std::byte>(std::stoi(digits.substr(i, 2), nullptr, 16)));
+    while (file >> after >> digits) {
+        std::vector<std::uint8_t> packet(digits.size() / 2);
+        for (std::size_t i = 0; i < packet.size(); i++) {
+            const auto end = digits.data() + 2 * i + 2;
+            if (std::from_chars(end - 2, end, packet[i], 16).ptr != end) {
+                throw registers::Error("--script " + path + ": '" + digits + "' is not hexadecimal");
+            }
         }
-        node.load(after, id, std::move(block));
+        node.command(after, std::move(packet));
     }
     if (!file.eof()) {
-        throw registers::Error("--loads " + path + ": expected lines of a time, an id and bytes");
+        throw registers::Error("--script " + path + ": expected lines of a time [ns] and the bytes of a packet");
     }
 }
+
+/// Writes packets as lines into a file.
+class TelemetryFile {
+public:
+    explicit TelemetryFile(const std::string &path) : path_(path), file_(path) { check(); }
+    void add(cosim::Ns t, std::span<const std::uint8_t> packet)
+    {
+        static constexpr char digits[] = "0123456789abcdef";
+        file_ << t << ' ';
+        for (const std::uint8_t byte : packet) {
+            file_ << digits[byte >> 4] << digits[byte & 15];
+        }
+        file_ << '\n';
+        check();
+    }
+    void close()
+    {
+        file_.close();
+        check();
+    }
+
+private:
+    void check() const
+    {
+        if (!file_) {
+            throw registers::Error("--telemetry " + path_ + ": cannot be written");
+        }
+    }
+    std::string path_;
+    std::ofstream file_;
+};
 
 /// Returns the reason of an early end, "" for the regular end.
 std::string serve(const Options &o, const MissionHost &mission, registers::Backend &backend)
 {
     zmq::context_t context;
     cosim::BoardNode node(mission, backend, o.reply);
-    if (!o.loads.empty()) {
-        read_loads(o.loads, node);
+    if (!o.script.empty()) {
+        read_script(o.script, node);
+    }
+    std::optional<TelemetryFile> telemetry;
+    if (!o.telemetry.empty()) {
+        telemetry.emplace(o.telemetry);
+        node.telemetry = [&](cosim::Ns t, std::span<const std::uint8_t> packet) { telemetry->add(t, packet); };
     }
     std::string reason = cosim::Delegate(context, o.delegate).serve(node);
+    if (telemetry) {
+        telemetry->close();
+    }
     const MissionIoCounts &counts = node.counts();
-    std::printf("outside_refused %u\noutside_corrupt %u\noutside_saturated %u\n", counts.refused, counts.corrupt,
-                counts.saturated);
+    std::printf("outside_refused %u\noutside_corrupt %u\noutside_saturated %u\noutside_skipped %u\nlost %u\n",
+                counts.refused, counts.corrupt, counts.saturated, counts.skipped,
+                mission_io_lost(mission.io, backend.windows().data()));
     return reason;
 }
 

@@ -78,11 +78,15 @@ void add_node(Options &o, const std::string &text)
             node.rejoins = true;
         } else if (key == "save") {
             node.save_every = time();
+        } else if (key == "prefix") {
+            node.names.prefix = equals == std::string::npos ? "" : word->substr(equals + 1);
+        } else if (const auto arrow = word->find('>'); key == "topic" && arrow != std::string::npos) {
+            node.names.topics[word->substr(equals + 1, arrow - equals - 1)] = word->substr(arrow + 1);
         } else if (key == "reply") {
             reply = std::chrono::milliseconds(time() / 1'000'000);
         } else {
-            throw CLI::ValidationError(option, "expected joins=SECONDS, joins=any, rejoins, save=SECONDS or "
-                                               "reply=SECONDS, found " +
+            throw CLI::ValidationError(option, "expected joins=SECONDS, joins=any, rejoins, save=SECONDS, "
+                                               "reply=SECONDS, prefix=NAME or topic=/ITS>/OF_THE_RUN, found " +
                                                    *word);
         }
     }
@@ -128,7 +132,8 @@ Options parse(int argc, char **argv)
           "restart (another program goes on from its snapshot).\n"
           "More options behind commas: joins=SECONDS (it takes part after that time;\n"
           "joins=any: when it comes), rejoins (it may come again), save=SECONDS (from\n"
-          "one snapshot to the next), reply=SECONDS")
+          "one snapshot to the next), reply=SECONDS, prefix=NAME (its topics begin with\n"
+          "/NAME in the run), topic=/ITS>/OF_THE_RUN (another name for one)")
         ->required();
     text("--address", o.router.address, "ADDRESS", "where programs greet: tcp://127.0.0.1:7000 (default), ipc://@NAME");
     texts("--asynchronous", o.asynchronous, "NAME[:TOPIC,TOPIC...]",

@@ -33,10 +33,21 @@ sim::Pairs pairs_of(const Exchange::Member &member)
         const std::string latency(word_for(latency_words, subscription.latency));
         reads += subscription.topic + " " + latency + (subscription.optional ? " optional" : "") + "\n";
     }
-    return {{member.name + ".present", member.present ? "1" : "0"},
-            {member.name + ".rates", rates},
-            {member.name + ".any_time", member.any_time ? "1" : "0"},
-            {member.name + ".reads", reads}};
+    sim::Pairs pairs = {{member.name + ".present", member.present ? "1" : "0"},
+                        {member.name + ".rates", rates},
+                        {member.name + ".any_time", member.any_time ? "1" : "0"},
+                        {member.name + ".reads", reads}};
+    if (!member.names.prefix.empty()) {
+        pairs.emplace_back(member.name + ".prefix", member.names.prefix);
+    }
+    std::string topics;
+    for (const auto &[ours, of_run] : member.names.topics) {
+        topics += ours + " " + of_run + "\n";
+    }
+    if (!topics.empty()) {
+        pairs.emplace_back(member.name + ".topics", topics);
+    }
+    return pairs;
 }
 
 } // namespace

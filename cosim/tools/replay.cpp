@@ -17,6 +17,7 @@ ControllerConfig controller_of(const ReplayConfig &config)
     controller.seed = config.seed;
     controller.end = config.end;
     controller.nodes = {{config.node, Policy::abort}, {listener, Policy::abort}};
+    controller.nodes.front().names = config.names;
     for (const Part &part : config.others) {
         controller.nodes.push_back({part.node, Policy::abort});
         for (const Part::Topic &topic : part.topics) {

@@ -66,6 +66,7 @@ struct ReplayConfig {
     std::vector<Part> others;        ///< all other nodes
     std::vector<std::string> topics; ///< that the node wrote
     std::string record;              ///< archive of the replay
+    TopicMap names;                  ///< of the replayed node
 };
 
 /// A run of one node with players for the others, in this program.

@@ -46,7 +46,7 @@ typedef enum CommandCode {                             /* arguments, behind the 
                            COMMAND_ARM = 8,          ///< event, 1 or 0
                            COMMAND_READ = 9,         ///< module, offset, n: the report of the execution has n bytes
                            COMMAND_TELEMETRY =
-                               10, ///< output, n_outputs: housekeeping, or COMMAND_ALL; 1 or 0; sent at every so many writings
+                               10, ///< output, n_outputs (housekeeping) or COMMAND_ALL; 1 or 0; every how many writings
                            COMMAND_CODES
 } CommandCode;
 

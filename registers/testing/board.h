@@ -6,7 +6,7 @@
 #include <cstring>
 #include <vector>
 
-#include "registers/lane.h"
+#include "registers/clock.h"
 
 namespace fledge::registers::testing {
 
@@ -32,7 +32,8 @@ struct Shape {
 /// Lane addresses follow from the shapes; the clock is at 0 and eight interrupts are behind it.
 class Bench {
 public:
-    Bench(std::vector<Shape> shapes, bool big_endian)
+    /// slave: a slave clock, which gets its address here.
+    Bench(std::vector<Shape> shapes, bool big_endian, const RegisterSlave *slave = nullptr)
     {
         std::uint32_t at = 32 + 8 * 8;
         for (const Shape &s : shapes) {
@@ -59,8 +60,23 @@ public:
             at = (at + 7) / 8 * 8;
             lanes_.push_back(lane);
         }
-        board_ = {"bench",      1, 0x80000000u, at, big_endian, 0, -1, 32, 8, static_cast<std::uint32_t>(lanes_.size()),
-                  lanes_.data()};
+        if (slave) {
+            slave_ = *slave;
+            slave_.address = at;
+            at += REGISTER_SLAVE_SIZE;
+        }
+        board_ = {"bench",
+                  1,
+                  0x80000000u,
+                  at,
+                  big_endian,
+                  0,
+                  -1,
+                  32,
+                  8,
+                  static_cast<std::uint32_t>(lanes_.size()),
+                  lanes_.data(),
+                  slave ? &slave_ : nullptr};
         words_.resize(at / 4);
         window_ = register_window(&board_, words_.data());
     }
@@ -74,6 +90,7 @@ public:
 
 private:
     std::vector<RegisterLane> lanes_;
+    RegisterSlave slave_{};
     RegisterBoard board_{};
     std::vector<std::uint32_t> words_;
     RegisterWindow window_{};

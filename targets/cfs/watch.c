@@ -32,6 +32,12 @@ static int64_t processor_time(void)
 static void start(const void *mission)
 {
     const char *path = getenv("FLEDGE_RECORD");
+    char name[256];
+    /* The record of an app that was here before it was started again stays. */
+    for (int i = 2; path != NULL && access(path, F_OK) == 0; i++) {
+        (void)snprintf(name, sizeof name, "%s.%d", getenv("FLEDGE_RECORD"), i);
+        path = name;
+    }
     watch.host = fledge_mission;
     watch.host.mission = (void *)(uintptr_t)mission;
     watch.before = processor_time();
@@ -42,21 +48,26 @@ static void start(const void *mission)
     }
 }
 
-static void finish(const MissionIoCounts *counts)
+static void leave(void)
 {
-    const double spent = (double)(processor_time() - watch.before);
     if (watch.open) {
         const int whole = mission_record_close(&watch.record) == MCAP_OK && !watch.failed;
         watch.failed = file_sink_close(&watch.sink, whole) != 0 || !whole;
         watch.open = 0;
     }
+}
+
+static void finish(const MissionIoCounts *counts)
+{
+    const double spent = (double)(processor_time() - watch.before);
+    leave();
     if (watch.failed) {
         (void)printf("the record could not be written\n");
     } else {
         (void)printf("ticks %" PRIu32 "\ncpu_ns %.0f\nrefused %" PRIu32 "\ncorrupt %" PRIu32 "\nsaturated %" PRIu32
-                     "\n",
+                     "\nskipped %" PRIu32 "\n",
                      watch.ticks, spent / (watch.ticks > 0u ? watch.ticks : 1u), counts->refused, counts->corrupt,
-                     counts->saturated);
+                     counts->saturated, counts->skipped);
     }
     (void)fflush(stdout);
     if (getenv("FLEDGE_END") != NULL) {
@@ -67,7 +78,7 @@ static void finish(const MissionIoCounts *counts)
 void fledge_watch(const void *mission, int64_t t, const MissionIoCounts *counts)
 {
     if (t < 0) {
-        finish(counts);
+        t < -1 ? leave() : finish(counts);
         return;
     }
     if (watch.ticks == 0u) {

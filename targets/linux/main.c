@@ -174,8 +174,8 @@ static void report(const Options *o, int no_fifo, int no_lock)
 {
     const double mean = runner.ticks > 0u ? (double)runner.cpu / runner.ticks : 0.0;
     printf("ticks %" PRIu32 "\ncpu_ns %.0f\ncpu_ns_most %" PRId64 "\n", runner.ticks, mean, runner.cpu_most);
-    printf("refused %" PRIu32 "\ncorrupt %" PRIu32 "\nsaturated %" PRIu32 "\n", runner.counts.refused,
-           runner.counts.corrupt, runner.counts.saturated);
+    printf("refused %" PRIu32 "\ncorrupt %" PRIu32 "\nsaturated %" PRIu32 "\nskipped %" PRIu32 "\n",
+           runner.counts.refused, runner.counts.corrupt, runner.counts.saturated, runner.counts.skipped);
     if (!o->clock) {
         return;
     }

@@ -36,11 +36,11 @@ def add(command: Callable) -> None:
                      "default: a topic of the app's")
     one.add_argument("--input", metavar="PATH=ID", action="append", default=[], help="cfs: the message id of an input, "
                      "as in world.nav.attitude=0x08D3; default: a topic of the app's")
+    one.add_argument("--keep", metavar="NAMES", help="cfs: what outlives the app, in a critical data store: "
+                     "parameters, or modules, as in flight.control")
     one.add_argument("--simulated", action="store_true", help="cfs: with registers in a file, for a simulation")
     one.add_argument("--order", choices=["little", "big"], default=None, help="cfs: byte order of the target, for .tbl "
                      "files; default: little")
-    one.add_argument("--ground", metavar="MODULES", help="modules whose parameters the ground can change through "
-                     "the board, as in flight.control,flight.spin")
     one.add_argument("--out", metavar="DIR", help="default: runs/MISSION/c, or runs/MISSION/cfs/APP")
     add_parameters(one)
 
@@ -54,11 +54,9 @@ def export(options: argparse.Namespace) -> int:
     tasks = [name.strip() for name in options.tasks.split(",")] if options.tasks is not None else None
     if options.form == "cfs" and not options.app:
         raise Failure("export cfs: name the app, as in --app nav")
-    for name in ("app", "topic", "wakeup", "input", "simulated", "order"):
+    for name in ("app", "topic", "wakeup", "input", "keep", "simulated", "order"):
         if options.form == "c" and getattr(options, name):
             raise Failure(f"export c: --{name} is for `export cfs`")
-    if options.ground and (options.form != "c" or options.board != []):
-        raise Failure("export: --ground is for the mission's own board; give --board, without files")
     if options.outputs and options.board:
         raise Failure("export: --outputs is for the mission's own board; give --board without files")
     if options.outputs and options.board is None and options.form == "c":
@@ -71,7 +69,8 @@ def export(options: argparse.Namespace) -> int:
     else:
         more = {}
         if options.board is not None:
-            more = exports.emit_board(mission, options.board, outputs_of(options.outputs), listed(options.ground))
+            more = (exports.emit_board(mission, options.board, outputs_of(options.outputs))
+                    | exports.emit_commands(mission))
         paths = exports.write(mission, folder, more)
     if options.form == "c":
         for path in paths:
@@ -98,7 +97,8 @@ def export_cfs(mission: Mission, options: argparse.Namespace, folder: Path) -> l
     wires = {path.strip(): number(f"--input {path}", mid) for path, _, mid in
              (one.partition("=") for one in options.input)}
     app = cfs.App(options.app, number("--topic", options.topic or "0xC0"), options.order or "little",
-                  number("--wakeup", options.wakeup) if options.wakeup else None, wires)
+                  number("--wakeup", options.wakeup) if options.wakeup else None,
+                  listed(options.keep), wires)
     ours = project.folder()
     files = () if options.outputs and options.board is None else options.board   # --outputs: of a board
     return cfs.write(mission, app, folder, files, outputs_of(options.outputs), [ours] if ours else [],

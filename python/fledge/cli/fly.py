@@ -253,6 +253,8 @@ def _rounded(desktop, archive, part, flown, bounds):
                  f"{max(one.worst for one in numbers):.3g}" if numbers else "none"]
     if flown.saturated:
         texts.append(f"{flown.saturated} numbers beyond the range of their words")
+    if flown.lost:
+        texts.append(f"{flown.lost} packets lost in queues, or skipped")
     return "; ".join(texts), ok
 
 

@@ -228,9 +228,11 @@ public:
 
     Replay(const std::string &simulation, const std::string &node, std::uint64_t seed, Ns end,
            const std::vector<Part> &others, const std::vector<std::string> &topics, const std::string &record,
-           const std::string &address, const std::string &keys, double join, double reply)
+           const std::string &address, const std::string &keys, double join, double reply, const std::string &prefix,
+           const std::map<std::string, std::string> &names)
     {
         cosim::ReplayConfig config;
+        config.names = {prefix, names};
         config.simulation = simulation;
         config.node = node;
         config.seed = seed;
@@ -304,7 +306,7 @@ void bind_cosim(py::module_ &m)
     py::class_<Replay>(m, "Replay", "A node of a co-simulation alone, against the record of the others.")
         .def(py::init<const std::string &, const std::string &, std::uint64_t, Ns, const std::vector<Replay::Part> &,
                       const std::vector<std::string> &, const std::string &, const std::string &, const std::string &,
-                      double, double>())
+                      double, double, const std::string &, const std::map<std::string, std::string> &>())
         .def_property_readonly("address", &Replay::address)
         .def("run", &Replay::run);
 }

@@ -182,6 +182,45 @@ void step(sim::Simulation &simulation, std::uint64_t n)
     }
 }
 
+/// A rule as fledge.commands has it.
+using RuleRow =
+    std::tuple<std::uint32_t, std::uint32_t, std::uint32_t, py::object, std::uint32_t, std::uint32_t, double, double>;
+/// (instance, offset, size, configuration, runs, rules) of a block.
+using BlockRow = std::tuple<std::string, std::uint32_t, std::uint32_t, bool,
+                            std::vector<std::pair<std::uint32_t, std::uint32_t>>, std::vector<RuleRow>>;
+
+void set_dictionary(sim::Process &process, std::uint16_t stream, std::uint16_t version, std::uint16_t n_outputs,
+                    std::uint32_t room, const std::vector<BlockRow> &rows)
+{
+    auto dictionary = std::make_shared<sim::Dictionary>();
+    dictionary->stream = stream;
+    dictionary->version = version;
+    dictionary->n_outputs = n_outputs;
+    dictionary->room = room;
+    for (const auto &[instance, offset, size, configuration, runs, rules] : rows) {
+        sim::Dictionary::Block block{instance, offset, size, configuration, {}, {}};
+        for (const auto &[width, n] : runs) {
+            block.runs.push_back({width, n});
+        }
+        for (const auto &[at, n, row, rows_at, flags, number, low, high] : rules) {
+            block.rules.push_back({"", "", at, n, row,
+                                   rows_at.is_none() ? COMMAND_ALL_ROWS : rows_at.cast<std::uint32_t>(), flags,
+                                   static_cast<FledgeType>(number), low, high});
+        }
+        dictionary->blocks.push_back(std::move(block));
+    }
+    process.set_dictionary(std::move(dictionary));
+}
+
+py::list reports(sim::Process &process)
+{
+    return list_of(process.take_reports(), [](const sim::CommandReply &one) {
+        const CommandReport &r = one.report;
+        return py::make_tuple(r.t, r.sequence, r.code, r.executed != 0, r.reason, r.detail,
+                              py::bytes(reinterpret_cast<const char *>(one.data.data()), one.data.size()));
+    });
+}
+
 /// New objects for the instances of a process, by name, each with its parts.
 py::dict wrap_instances(const sim::Process &process)
 {
@@ -331,6 +370,23 @@ void bind_simulation(py::module_ &m)
         .def("play", play)
         .def("enter", &sim::Process::enter)
         .def_property_readonly("mode", &sim::Process::mode)
+        .def_property_readonly("asked", &sim::Process::asked)
+        .def("set_dictionary", set_dictionary)
+        .def_property_readonly("has_dictionary", [](const sim::Process &p) { return p.dictionary() != nullptr; })
+        .def("command",
+             [](sim::Process &p, const py::bytes &bytes) {
+                 const std::string_view view = bytes;
+                 return static_cast<int>(p.command({view.begin(), view.end()}));
+             })
+        .def("take_reports", reports, "(t, sequence, code, executed, reason, detail, bytes read back) of each")
+        .def_property_readonly(
+            "command_counters",
+            [](const sim::Process &p) {
+                const CommandCounters c = p.command_counters();
+                return py::make_tuple(c.accepted, c.executed, c.refused,
+                                      std::vector<std::uint32_t>(c.reasons, c.reasons + COMMAND_REASONS));
+            },
+            "(accepted, executed, refused, refused for each reason)")
         .def_property(
             "integrator", [](const sim::Process &p) { return p.integrator().describe(); },
             [](sim::Process &p, std::shared_ptr<sim::Integrator> i) { p.set_integrator(std::move(i)); })

@@ -23,10 +23,11 @@ from fledge.errors import SetupError
 
 __all__ = ["Exchange", "Replayed", "replay"]
 
-Member = namedtuple("Member", "name present rates any_time reads")
+Member = namedtuple("Member", "name present rates any_time reads prefix topics")
 Member.__doc__ = """A node of the recorded run, or an asynchronous program, which has no rates.
 
-present: it took part from the start; rates: (period, offset) [ns]; reads: topic -> latency.
+present: it took part from the start; rates: (period, offset) [ns]; reads: topic -> latency; prefix, topics: its own
+names of topics, as in a SIM.toml.
 """
 
 Replayed = namedtuple("Replayed", "record topics until messages differences outcome")
@@ -70,7 +71,9 @@ class Exchange:
             topic, latency, *_ = line.split()
             reads[topic] = latency
         any_time = metadata[f"{name}.any_time"] == "1" or not rates
-        return Member(name, metadata[f"{name}.present"] == "1", rates, any_time, reads)
+        topics = dict(line.split() for line in metadata.get(f"{name}.topics", "").splitlines())
+        return Member(name, metadata[f"{name}.present"] == "1", rates, any_time, reads,
+                      metadata.get(f"{name}.prefix", ""), topics)
 
     def written_by(self, node: str) -> list[str]:
         """The topics that a node wrote, and others read."""
@@ -137,7 +140,7 @@ def replay(exchange: Exchange, node: str, command: list[str] | None = None, *, o
     Path(out).unlink(missing_ok=True)  # of an earlier replay: if this one fails at once, it is not its record
     core = _core.Replay(exchange.simulation, node, exchange.seed, last, others, topics, str(out),
                         address or f"ipc://@fledge-replay-{os.getpid()}", str(keys or ""), float(timeout),
-                        float(reply))
+                        float(reply), exchange.nodes[node].prefix, exchange.nodes[node].topics)
     if listening:
         listening(core.address)
     if command is None:

@@ -15,22 +15,27 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from fledge.commands import byte_runs
 from fledge.elements import ELEMENTS
 from fledge.export import names
 from fledge.export.c_source import extern, row, written
-from fledge.export.read import ExportError, Message, Mission, leaves
+from fledge.export.commands import dictionary
+from fledge.export.read import ExportError, Message, Mission
 
 if TYPE_CHECKING:
     from registers.description import Board
 
 BASE, CLOCK, INTERRUPTS, FIRST = 0xA0000000, 0x0, 0x20, 0x40
+PACKETS = {"commands": "packets to flight, flight/command/command.h",
+           "telemetry": "packets from flight, flight/telemetry/telemetry.h"}
+COMMAND_MAX, REPORT_MAX = 528, 552                           # [bytes]
 
 
 @dataclass
 class Lane:
-    """A message, some of its numbers, or a block of parameters, in a lane."""
-    message: Message                 # of parameters: one like it
-    id: int                          # of the message; of parameters: behind all messages
+    """A message, or some of its numbers, in a lane."""
+    message: Message
+    id: int                          # of the message
     board: int
     lane: int                        # its place among the board's
     field: int                       # of words or packets
@@ -41,50 +46,19 @@ class Lane:
     tag: int | None = None           # of packets, or 0 of queued words
 
 
-@dataclass
-class Block:
-    """The parameters of a module, as a message has a struct."""
-    name: str
-    size: int
-    fields: list
-
-
-def blocks(mission: Mission) -> dict[str, Message | None]:
-    """Path -> Message of each module's parameters, as MISSION_parameters has them. Those of modules that publish them
-    are None: they take effect when the module publishes them."""
-    found = {}
-    for module in mission.modules:
-        fields = module.fields("par")
-        if fields:
-            end = max(f.offset + f.size for f in fields)
-            block = Block(f"parameters_{module.name}", end - min(f.offset for f in fields), fields)
-            found[module.path] = None if module in mission.configuration else Message(
-                f"{module.name}_parameters", module.path, block, "", "in", [])
-    return found
-
-
-def _block(mission, path):
-    found = blocks(mission)
-    if not found.get(path):
-        what = "publishes its parameters, which no snorkel can change" if path in found else "has no parameters"
-        raise ExportError(f"{mission.title}: {path} {what}; choose of {', '.join(p for p, b in found.items() if b)}")
-    return found[path]
-
-
 # --- the board that carries messages whole ---------------------------------------------------------
 
-def toml(mission: Mission, outputs: Sequence[str] | str = (), parameters: Sequence[str] = ()) -> str:
+def toml(mission: Mission, outputs: Sequence[str] | str = ()) -> str:
     """The file of the mission's own board: a message snorkel for every message that flight or the outside reads, and
-    for further outputs by their paths; `outputs` "all": for every one. parameters: paths of modules whose parameters
-    can be changed by it. Words are big-endian; it has the clock."""
+    for further outputs by their paths; `outputs` "all": for every one; and queues of commands and telemetry. Words are
+    big-endian; it has the clock."""
     known = {m.path for m in mission.outputs}
     unknown = [] if outputs == "all" else sorted(set(outputs) - known)
     if unknown:
         raise ExportError(f"{mission.title}: flight puts out no {unknown[0]}; it has {', '.join(sorted(known))}")
     carried = [m for m in (*mission.inputs, *mission.outputs)
                if m.direction != "inside" or outputs == "all" or m.path in outputs]
-    carried += [_block(mission, path) for path in parameters]
-    snorkels = _distinct([m.name for m in carried])
+    snorkels = _distinct([*PACKETS, *(m.name for m in carried)])[len(PACKETS):]
     at, parts = FIRST, []
     for message, name in zip(carried, snorkels):
         # registers/lane.h: a control block, then four slots with their heads.
@@ -100,6 +74,23 @@ address   = {at:#x}
 carries   = "{message.path}"
 ''')
         at += size
+    found = dictionary(mission)
+    most = max([REPORT_MAX, *(16 + o.size for o in found.outputs)])
+    for name, direction, capacity, queue in (
+            ("commands", "read", COMMAND_MAX, found.packets),
+            ("telemetry", "write", most, 1 << (2 * found.packets + len(found.outputs)).bit_length())):
+        parts.append(f'''
+[[snorkel]]
+name      = "{name}"
+doc       = "{PACKETS[name]}"
+form      = "packet"
+direction = "{direction}"
+address   = {at:#x}
+capacity  = {capacity}
+queue     = {queue}
+carries   = "{name}"
+''')
+        at += 32 + queue * (-(-(8 + capacity) // 8) * 8)
     return f'''# SPDX-License-Identifier: Apache-2.0
 # The board of {mission.title}: its messages as they are. Written by `fledge export`; a board of your own
 # says with `carries`, as this one, what passes through a snorkel.
@@ -124,14 +115,10 @@ def board_name(mission: Mission) -> str:
 
 
 def _typed(message):
-    if isinstance(message.struct, Block):
-        return ""
     return f'message   = "{message.struct.name}"\nheader    = "{message.struct.header}"\n'
 
 
 def _doc(message):
-    if isinstance(message.struct, Block):
-        return f"parameters of {message.path}"
     ends = ", ".join(message.ends)
     return f"{message.path} >> {ends}" if ends else message.path
 
@@ -161,7 +148,11 @@ def read(mission: Mission, texts: Iterable[tuple[Path | str, str]]) -> list[Boar
                 wrong.append(f"{board.file}: the board overlaps {other.file}; move its base")
     if wrong:
         raise ExportError("\n".join(wrong))
-    if all(board.clock is None for board in boards):
+    clocks = [board for board in boards if board.clock is not None]
+    if len(clocks) > 1:
+        raise ExportError(f"{clocks[1].file}: {clocks[0].file} has a [clock] already, which paces flight; write "
+                          "[slave_clock] here")
+    if not clocks:
         raise ExportError(f"{boards[0].file}: no board has a clock, which paces flight; give one of them a [clock]")
     return boards
 
@@ -186,14 +177,15 @@ class _Finder:
     def __init__(self, mission):
         self.mission = mission
         self.messages = {m.path: (i, m) for i, m in enumerate((*mission.inputs, *mission.outputs))}
-        self.blocks = blocks(mission)
         self.found, self.wrong, self.taken, self.kinds = [], [], {}, {}
 
     def refuse(self, board, line, text):
         self.wrong.append(f"{board.file}:{line}: {text}")
 
     def snorkel(self, board, i, snorkel, lane, place):
-        if lane.carries:
+        if snorkel.carries in PACKETS:
+            self.packets(board, snorkel, lane)
+        elif lane.carries:
             found = self.message(board, lane.line, lane.carries, lane)
             if not found:
                 return
@@ -211,20 +203,25 @@ class _Finder:
             if field.carries:
                 self.field(board, i, lane, place, k, field)
 
+    def packets(self, board, snorkel, lane):
+        """A snorkel of commands or telemetry."""
+        what = snorkel.carries
+        least = COMMAND_MAX if what == "commands" else 16 + 24
+        if lane.form != "packet" or lane.from_flight != (what == "telemetry") or not lane.variable or not lane.queued:
+            self.refuse(board, snorkel.line, f"{what} pass in a queue of packets of variable size: form = \"packet\", "
+                        f"direction = \"{'write' if what == 'telemetry' else 'read'}\", a capacity and a queue")
+        elif lane.capacity < least:
+            self.refuse(board, snorkel.line, f"{what} need a capacity of {least} bytes; it is {lane.capacity}")
+        elif what in self.taken:
+            self.refuse(board, snorkel.line, f"{what} pass already by {self.taken[what]}")
+        else:
+            self.taken[what] = f"{board.file}:{snorkel.line}"
+
     def message(self, board, line, path, lane):
         """(id, message) of a path, if it passes in that direction."""
-        if path in self.blocks:
-            if not self.blocks[path]:
-                self.refuse(board, line, f"{path} publishes its parameters, which no snorkel can change")
-            elif lane.from_flight or lane.form != "message":
-                self.refuse(board, line, f"the parameters of {path} pass whole to flight: a message with direction "
-                            "\"read\"")
-            else:
-                return len(self.messages) + list(self.blocks).index(path), self.blocks[path]
-            return None
         if path not in self.messages:
             self.refuse(board, line, f"there is no message {path} in {self.mission.title}; choose of "
-                        f"{', '.join(self.messages)}")
+                        f"{', '.join((*self.messages, *PACKETS))}")
             return None
         id, message = self.messages[path]
         if lane.from_flight == (message.direction == "in"):
@@ -248,11 +245,11 @@ class _Finder:
             return
         count = field.count if lane.form == "packet" else lane.count
         tag = field.tag if lane.form == "packet" else 0 if lane.queued else None
-        other, first = self.kinds.setdefault((i, place, tag), (message, field.line)
-                                             ) if tag is not None else (message, 0)
+        here = message, field.line
+        other, first = here if tag is None else self.kinds.setdefault((i, place, tag), here)
         if other is not message:
-            self.refuse(board, field.line, f"a packet carries numbers of one message, and line {first} of {other.path}; "
-                        f"give {message.path} a packet of its own, or another tag")
+            self.refuse(board, field.line, "a packet carries numbers of one message, and line "
+                        f"{first} of {other.path}; give {message.path} a packet of its own, or another tag")
         elif count > n:
             self.refuse(board, field.line, f"{field.carries} has {n} numbers from there on; the "
                         + (f"field has {count}" if lane.form == "packet" else f"snorkel has {count} words"))
@@ -318,18 +315,17 @@ def _numbers(struct, parts, path):
 
 # --- in C ------------------------------------------------------------------------------------------
 
-def emit_board(mission: Mission, files: Sequence[Path | str] = (), outputs: Sequence[str] | str = (),
-               parameters: Sequence[str] = ()) -> dict[str, str]:
+def emit_board(mission: Mission, files: Sequence[Path | str] = (), outputs: Sequence[str] | str = ()
+               ) -> dict[str, str]:
     """File name -> text: the boards' headers, tables and documentation, and the table of messages in lanes.
 
     files: of boards of the user. Without any, the mission's own, whose file is among the results; `outputs`
-    are paths of outputs that it carries besides what the world reads, or "all"; parameters: of modules whose
-    parameters the ground can change by it.
+    are paths of outputs that it carries besides what the world reads, or "all".
     """
     from registers import emit_c, emit_markdown
 
     texts = [(Path(file), Path(file).read_text(encoding="utf-8")) for file in files]
-    own = {} if texts else {f"{board_name(mission)}.toml": toml(mission, outputs, parameters)}
+    own = {} if texts else {f"{board_name(mission)}.toml": toml(mission, outputs)}
     boards = read(mission, texts or own.items())
     found = lanes(mission, boards)
     for board in boards:
@@ -352,14 +348,7 @@ def header(mission: Mission) -> str:
 def source(mission: Mission, boards: Sequence[Board], found: list[Lane]) -> str:
     name, upper = mission.name, mission.name.upper()
     lines = [*written(mission), f'#include "{name}_io.h"', "", *(f'#include "{b.name}.h"' for b in boards)]
-    whole = {one.message.struct.name: one.message.struct for one in found if one.number is None
-             and not isinstance(one.message.struct, Block)}
-    loads = [one for one in found if isinstance(one.message.struct, Block)]
-    for one in loads:
-        lines += message(one.message.struct, f"static const RegisterMessage {one.message.struct.name}")
-    if loads:
-        largest = max(one.message.struct.size for one in loads)
-        lines += ["", f"static uint64_t block[{-(-largest // 8)}];"]
+    whole = {one.message.struct.name: one.message.struct for one in found if one.number is None}
     for struct in whole.values():
         declared = f"const RegisterMessage fledge_message_{struct.name}"
         lines += message(struct, declared, [f"extern {declared};"])
@@ -367,19 +356,21 @@ def source(mission: Mission, boards: Sequence[Board], found: list[Lane]) -> str:
               *["", "static const MissionLane lanes[] = {"] * bool(found)]
     for one in found:
         board = boards[one.board]
-        n = len(mission.inputs) + len(mission.outputs)
-        typed = one.message.struct.name if one in loads else f"fledge_message_{one.message.struct.name}"
-        lines += row("0" if one.number else f"&{typed}",
-                     f"{upper}_MESSAGES + {one.id - n}" if one in loads else f"{upper}_MSG_{one.message.name.upper()}",
-                     f"{one.board}u",
+        lines += row("0" if one.number else f"&fledge_message_{one.message.struct.name}",
+                     f"{upper}_MSG_{one.message.name.upper()}", f"{one.board}u",
                      f"{board.name.upper()}_LANE_{board.lanes[one.lane].name.upper()}", f"{one.field}u",
                      f"{one.offset}u", f"FLEDGE_{(one.number or 'enum').upper()}")
-    lines += [*["};"] * bool(found), *_packets(boards, found), "", f"const MissionIo {name}_io = {{",
+    places = packet_lanes(boards)
+    room = max((lane.capacity for b in boards for one in b.snorkels if one.carries == "commands" for lane in one.lanes),
+               default=0)
+    kinds = any(one.tag is not None for one in found)
+    lines += [*["};"] * bool(found), *_packets(boards, found), "",
+              *([f"static uint8_t packet[{room}];", ""] if room else []), f"const MissionIo {name}_io = {{",
               f"    {name}_messages, boards, {'lanes' if found else 0}, {upper}_MESSAGES, {len(boards)}u, "
               f"{len(found)}u,",
-              f"    {upper}_PARAMETERS, {name}_parameters, block," if loads else "    0u, 0, 0,",
-              "    sizeof packets / sizeof packets[0], packets, scratch" if any(one.tag is not None for one in found)
-              else "    0u, 0, 0", "};", ""]
+              "    sizeof packets / sizeof packets[0], packets, scratch," if kinds else "    0u, 0, 0,",
+              *(f"    {places.get(what, '{MISSION_NO_BOARD, 0u}')}," for what in PACKETS),
+              f"    {'packet' if room else '0'}, {room}u", "};", ""]
     return "\n".join(lines)
 
 
@@ -401,21 +392,15 @@ def _packets(boards: Sequence[Board], found: list[Lane]) -> list[str]:
             "};"] if rows else []
 
 
+def packet_lanes(boards: Sequence[Board]) -> dict[str, str]:
+    """The MissionQueue of the snorkels of commands and telemetry that there are, as C."""
+    return {snorkel.carries: f"{{{i}u, {board.name.upper()}_LANE_{snorkel.lanes[0].name.upper()}}}"
+            for i, board in enumerate(boards) for snorkel in board.snorkels if snorkel.carries in PACKETS}
+
+
 def message(struct: Any, declared: str, before: Sequence[str] = ()) -> list[str]:
     """Lines that define a RegisterMessage."""
-    found = byte_runs(struct)
+    found = byte_runs(struct.fields)
     runs = ", ".join(f"{{{width}u, {n}u}}" for width, n in found)
     return ["", f"static const RegisterRun runs_{struct.name}[] = {{{runs}}};", *before,
             f'{declared} = {{"{struct.name}", {struct.size}u, {len(found)}u,', f"    runs_{struct.name}}};"]
-
-
-def byte_runs(struct: Any) -> list[tuple[int, int]]:
-    """(width in bytes, how many) of a message's numbers in the order of memory, as introspect/emit/orders.py."""
-    merged: list[tuple[int, int]] = []
-    for _, field, _ in leaves(struct.fields):
-        width = ELEMENTS[field.type].size
-        n = field.size // width
-        if merged and merged[-1][0] == width:
-            n += merged.pop()[1]
-        merged.append((width, n))
-    return merged

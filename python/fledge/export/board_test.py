@@ -279,42 +279,39 @@ def test_a_board_that_does_not_fit_is_refused_and_nothing_is_written(change, com
     assert complaint in str(refused.value)
 
 
-def test_parameters_pass_as_a_block(tmp_path):
+QUEUES = """
+[[snorkel]]
+name      = "uplink"
+doc       = "-"
+form      = "packet"
+direction = "read"
+address   = 0x4000
+capacity  = 1024
+queue     = 4
+carries   = "commands"
+"""
+
+
+def test_a_board_of_words_can_have_the_queues_too(tmp_path):
     mission = export.read(fledge.load("nadir_spin"))
-    (tmp_path / "own.toml").write_text(boards.toml(mission, parameters=["flight.control", "flight.spin"]))
-    c = OnBoard(mission, tmp_path / "out", [tmp_path / "own.toml"])
-    before = c.memory.raw
-    control = next(m for m in mission.modules if m.name == "control")
-    K, fields = next(f for f in control.fields("par") if f.name == "K"), control.fields("par")
-    size = boards.blocks(mission)[control.path].struct.size
-    block = bytearray(control.memory[fields[0].offset:fields[0].offset + size])
-    struct.pack_into("=d", block, K.offset - fields[0].offset, 3.5)
-    n = len(mission.inputs) + len(mission.outputs)
-    c.board.outside_put(n + list(boards.blocks(mission)).index("flight.control"), bytes(block))
-    c.tick(0)
-    at = c.memory.raw.find(struct.pack("=d", 3.5))
-    assert before.find(struct.pack("=d", 3.5)) == -1 and before[at:at + 8] == struct.pack("=d", 2.531)
-    assert c.trouble() == [0, 0, 0]
+    (tmp_path / "converters.toml").write_text(WORDS.replace("size  = 0x1000", "size  = 0x8000") + QUEUES)
+    io = export.emit_board(mission, [tmp_path / "converters.toml"])["nadir_spin_io.c"]
+    assert "{0u, CONVERTERS_LANE_UPLINK}," in io and "{MISSION_NO_BOARD, 0u}," in io and "packet, 1024u" in io
 
 
-def test_parameters_that_are_published_do_not_pass(tmp_path):
-    mission = export.read(fledge.load("nadir_spin"))
-    text = boards.toml(mission, parameters=["flight.control"])
-    (tmp_path / "own.toml").write_text(text.replace('"flight.control"', '"flight.wheels"'))
-    with pytest.raises(export.ExportError, match="flight.wheels publishes its parameters, which no snorkel can change"):
-        export.emit_board(mission, [tmp_path / "own.toml"])
-    at = text.rindex('direction = "read"')
-    (tmp_path / "own.toml").write_text(text[:at] + text[at:].replace("read", "write", 1))
-    with pytest.raises(export.ExportError, match="the parameters of flight.control pass whole to flight"):
-        export.emit_board(mission, [tmp_path / "own.toml"])
-
-
-@pytest.mark.parametrize("path, complaint", [
-    ("flight.wheels", "publishes its parameters, which no snorkel can change; choose of flight.spin, "),
-    ("flight.guidance", "has no parameters; choose of"), ("world.nav", "has no parameters; choose of")])
-def test_parameters_that_cannot_be_changed_are_refused(path, complaint):
+@pytest.mark.parametrize("change, complaint", [
+    (("queue     = 4\n", ""), "commands pass in a queue of packets of variable size"),
+    (("capacity  = 1024", "size = 1024"), "commands pass in a queue of packets of variable size"),
+    (('"read"', '"write"'), 'direction = "read", a capacity and a queue'),
+    (("capacity  = 1024", "capacity = 512"), "commands need a capacity of 528 bytes; it is 512"),
+    (('"commands"', '"telemetry"'), 'direction = "write", a capacity and a queue'),
+])
+def test_a_queue_that_does_not_fit_is_refused(change, complaint, tmp_path):
+    assert change[0] in QUEUES
+    (tmp_path / "converters.toml").write_text(WORDS.replace("size  = 0x1000", "size  = 0x8000")
+                                              + QUEUES.replace(*change))
     with pytest.raises(export.ExportError) as refused:
-        boards.toml(export.read(fledge.load("nadir_spin")), parameters=[path])
+        export.emit_board(export.read(fledge.load("nadir_spin")), [tmp_path / "converters.toml"])
     assert complaint in str(refused.value)
 
 

@@ -66,7 +66,7 @@ def tasks(mission: Mission) -> Iterator[str]:
                        f"The task {task.title}, every {seconds(task.period)}{where}.")
 
 
-def reset(mission: Mission) -> str:
+def restart(mission: Mission) -> str:
     """Wires to zero, modules, events and tasks to their beginning, and the configuration published."""
     lines = ["    memset(&m->in, 0, sizeof m->in);"] if mission.inputs else []
     wired = {w.target for wires in (*mission.wires.values(), *mission.published.values()) for w in wires}
@@ -86,10 +86,14 @@ def reset(mission: Mission) -> str:
         lines.append(f"    m->event.{event.name} = exec_{'armed' if event.armed else 'disarmed'}();")
     for task in mission.tasks:
         active = 1 if task.modes is None else int(mission.initial_mode in task.modes)
-        lines.append(f"    m->task.{task.name} = exec_start({rate(task)}, {active}, 0);")
+        lines.append(f"    m->task.{task.name} = exec_start({rate(task)}, {active}, t);")
     if mission.configuration:
-        lines += ["", *(f"    {mission.name}_publish_{m.name}(m, 0);" for m in mission.configuration)]
-    return function(f"void {mission.name}_reset({mission.struct()} *m)", lines)
+        lines += ["", *(f"    {mission.name}_publish_{m.name}(m, t);" for m in mission.configuration)]
+    return function(f"void {mission.name}_restart({mission.struct()} *m, int64_t t)", lines)
+
+
+def reset(mission: Mission) -> str:
+    return function(f"void {mission.name}_reset({mission.struct()} *m)", [f"    {mission.name}_restart(m, 0);"])
 
 
 # --- modes -----------------------------------------------------------------------------------------

@@ -132,6 +132,8 @@ def functions(mission: Mission) -> str:
     name, struct = mission.name, mission.struct()
     found = [("Set the parameters of flight.py, then reset.", f"void {name}_init({struct} *m);"),
              ("Back to the start; the parameters stay.", f"void {name}_reset({struct} *m);"),
+             ("Begin again at t [ns], in flight: the first tick is at or after it. The parameters stay.",
+              f"void {name}_restart({struct} *m, int64_t t);"),
              ("The time of the next tick [ns]; INT64_MAX if no task is active.",
               f"int64_t {name}_next(const {struct} *m);"),
              ("Run what is due at t [ns], in the order of the desktop. Times rise from tick to tick; one at which "
@@ -165,7 +167,8 @@ def source(mission: Mission) -> str:
     """mission.c"""
     parts = ["\n".join([*written(mission), f'#include "{mission.name}.h"', "", "#include <string.h>", ""]),
              *c_run.rates(mission), init(mission), *c_run.configuration(mission), *c_run.tasks(mission),
-             c_run.reset(mission), *c_run.modes(mission), *c_run.events(mission), c_run.tick(mission),
+             c_run.restart(mission), c_run.reset(mission), *c_run.modes(mission), *c_run.events(mission),
+             c_run.tick(mission),
              c_run.next_tick(mission), messages(mission), parameters(mission)]
     return "\n".join(part for part in parts if part)
 

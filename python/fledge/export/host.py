@@ -18,10 +18,11 @@ def emit_host(mission: Mission) -> dict[str, str]:
     messages = [*mission.inputs, *mission.outputs]
     types = list({m.struct.name: m.struct for m in messages}.values())
     recorded = {m.struct.name for m in mission.outputs}
-    lines = [*written(mission), f'#include "{name}_io.h"', '#include "targets/mission_host.h"', "",
+    lines = [*written(mission), f'#include "{name}_commands.h"', f'#include "{name}_io.h"',
+             '#include "targets/mission_host.h"', "",
              f"extern const MissionDefinition {name}_definitions[];", f"static {struct} m;",
              f"static McapSchema schemas[{len(recorded)}];",
-             f"static McapChannel channels[{len(mission.outputs)}];", ""]
+             f"static McapChannel channels[{len(mission.outputs)}];", "static CommandState commands;", ""]
     for function, result, parameter, argument in (("init", "void", "void", ""), ("reset", "void", "void", ""),
                                                   ("next", "int64_t", "void", ""),
                                                   ("tick", "void", "int64_t t", ", t")):
@@ -39,7 +40,8 @@ def emit_host(mission: Mission) -> dict[str, str]:
     lines += [f"    .{key} = {value}," for key, value in (
         ("name", f'"{mission.folder}"'), ("mission", "&m"), ("init", "init"), ("reset", "reset"), ("next", "next"),
         ("tick", "tick"), ("io", f"&{name}_io"), ("topics", "topics"), ("definitions", f"{name}_definitions"),
-        ("rates", "rates"), ("schemas", "schemas"), ("channels", "channels"), ("n_schemas", f"{len(recorded)}u"),
+        ("rates", "rates"), ("commands", f"&{name}_commands"), ("telemetry", f"&{name}_telemetry"),
+        ("state", "&commands"), ("schemas", "schemas"), ("channels", "channels"), ("n_schemas", f"{len(recorded)}u"),
         ("n_channels", f"{len(mission.outputs)}u"), ("n_rates", f"{len(mission.tasks)}u"))]
     return {f"{name}_host.c": "\n".join([*lines, "};", ""]), f"{name}_definitions.c": definitions(mission, types)}
 

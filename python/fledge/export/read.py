@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from fledge import objects
+from fledge.commands import leaves
 from fledge.elements import ELEMENTS
 from fledge.errors import SetupError
 from fledge.export import names
@@ -349,20 +350,10 @@ class _Reader:
         return ExportError(f"{path}: {text}")
 
 
-def leaves(fields: Sequence[Any], path: str = "", base: int = 0) -> Iterator[tuple[str, Any, int]]:
-    """(path, field, offset) of every field that is no struct; of an array of structs, of each element."""
-    for f in fields:
-        if f.type == "struct":
-            for i, at in enumerate(range(base + f.offset, base + f.offset + f.size, f.struct.size)):
-                yield from leaves(f.struct.fields, f"{path}{f.name}" + (f"[{i}]" if f.shape else "") + ".", at)
-        else:
-            yield path + f.name, f, base + f.offset
-
-
 def floats(struct: Any, memory: bytes) -> Iterator[tuple[str, float]]:
     """(path, value) of every floating-point number in an object of that struct."""
     for port in struct.fields:
-        for path, f, at in leaves([port], f"{port.group}." if port.group else ""):
+        for path, f, at in leaves([port], prefix=f"{port.group}." if port.group else ""):
             if ELEMENTS[f.type].is_float:
                 values = packing.unpack_from(f"={f.size // ELEMENTS[f.type].size}{ELEMENTS[f.type].code}", memory, at)
                 yield from ((path + (f"[{i}]" if f.shape else ""), v) for i, v in enumerate(values))

@@ -161,9 +161,10 @@ def test_a_flight_that_exchanges_nothing_compiles(two, compiler, tmp_path):
     for mission in export.read_all(fledge.load(two)):
         assert not mission.inputs and {m.direction for m in mission.outputs} == {"inside"}
         folder = tmp_path / mission.name
-        written = export.write(mission, folder, export.emit_board(mission) | export.emit_host(mission))
+        written = export.write(mission, folder, export.emit_board(mission) | export.emit_host(mission)
+                               | export.emit_commands(mission))
         sources = [path for path in written if path.suffix == ".c"]
-        assert len(sources) == 5
+        assert len(sources) == 6
         subprocess.run([compiler, *STRICT, "-O2", "-I", ROOT, "-I", folder, "-c", *sources], check=True, cwd=folder)
 
 

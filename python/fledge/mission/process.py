@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 from fledge import _core
 from fledge.elements import ELEMENTS
 from fledge.errors import SetupError, did_you_mean, listed
+from fledge.mission.commands import Commands
 from fledge.objects.measured import Measured, flat_index, unit_after
 from fledge.objects.si import short_name, time_ns
 from fledge.objects.wires import Wire, caller
@@ -325,6 +326,7 @@ class Process:
         put(self, "_gone", "")     # the reason, if it runs in another program
         put(self, "_handles", {})  # modes and events
         put(self, "_declared_at", {})   # (file, line) of instances by name, and of wires by their readers' paths
+        put(self, "_commands", None)
         put(self, "_tasks", {})    # apart, because a task may have the name of an instance
 
     @property
@@ -399,6 +401,11 @@ class Process:
     def active_mode(self) -> str:
         """The name of the mode that the process is in; "" if it has none."""
         return self._core_process.mode
+
+    @property
+    def requested_mode(self) -> str:
+        """The name of the mode that the process was last asked to enter, which it may be in."""
+        return self._core_process.asked
 
     @property
     def events(self) -> dict[str, Event]:
@@ -560,6 +567,13 @@ class Process:
 
 class Flight(Process):
     """Flight software. Its events are data: conditions, and what they do."""
+
+    @property
+    def commands(self) -> Commands:
+        """Commands by packets, as its targets get them."""
+        if self._commands is None or not self._core_process.has_dictionary:
+            object.__setattr__(self, "_commands", Commands(self, self._core_process))
+        return self._commands
 
     def _accept(self, name, value):
         if isinstance(value, _core.Model):

@@ -275,6 +275,8 @@ class Simulation:
         """
         if not isinstance(snapshot, bytes):
             raise SetupError(f"restore: expected the bytes that snapshot() gives; found {snapshot!r:.40}")
+        for flight in self.flights:
+            flight.commands     # the snapshot may have some that wait
         self._core.restore(snapshot)
 
     def clone(self) -> Simulation:

@@ -23,6 +23,7 @@ FLAGS = ["-std=c99", "-Os", "-pedantic", "-Wall", "-Wextra", "-ffp-contract=off"
          "-ffunction-sections", "-fdata-sections", "-fno-asynchronous-unwind-tables", "-DMCAP_CRC_TABLES=0",
          "-DFILE_SINK_PATH_MAX=256"]
 
+COMMAND = ["flight/command/command.c", "flight/command/rules.c", "flight/telemetry/telemetry.c"]
 RUNNER = ["targets/mission_io.c", "targets/mission_host.c", "targets/linux/main.c", "targets/linux/pace.c",
           "record/mcap.c", "record/mcap_crc.c", "record/file_sink.c", "registers/lane.c", "registers/field.c",
           "registers/clock.c", "registers/message.c", "registers/shared_file.c"]

@@ -35,7 +35,10 @@ class Cfs(Target):
     def app(self, part: Part) -> Path:
         """Write the app, and return its folder."""
         folder = part.folder / self.name / APP.name
-        cfs.write(part.mission, APP, folder, part.board_files(), (), part.roots[:-1], simulated=True, watched=True)
+        written = cfs.write(part.mission, APP, folder, part.board_files(), (), part.roots[:-1], simulated=True,
+                            watched=True)
+        for old in {file for file in folder.rglob("*") if file.is_file()} - set(written):
+            old.unlink()                # of an earlier export
         return folder.resolve()
 
     def build(self, part: Part) -> Path:
@@ -80,7 +83,8 @@ class RealCfs(Cfs):
         copy = self.copied((part.folder / "cfs_tree").resolve())
         definitions = defined(copy)
         app = self.app(part)
-        shutil.copytree(app, copy / "apps" / APP.name, dirs_exist_ok=True)
+        shutil.rmtree(copy / "apps" / APP.name, ignore_errors=True)
+        shutil.copytree(app, copy / "apps" / APP.name)
         targets = definitions / "targets.cmake"
         text = targets.read_text(encoding="utf-8")
         if around.targets(APP) not in text:

@@ -103,7 +103,7 @@ def test_latency_and_random_draws_cross_a_board_too(tmp_path):
     assert compare(*(Archive(tmp_path / f"out{seed}/linux.mcap") for seed in ("7", "8"))) != []
 
 
-def test_parameters_from_the_ground_cross_a_board_too(tmp_path, capsys):
+def test_parameters_that_a_scenario_changes_cross_a_board_too(tmp_path, capsys):
     """Parameters that a scenario changes between its runs reach a target of the other byte order."""
     on = "linux,sparc64" if not TARGETS["sparc64"].missing() else "linux"
     span = [] if WHOLE else ["--for", "61min"]
@@ -115,70 +115,49 @@ def test_parameters_from_the_ground_cross_a_board_too(tmp_path, capsys):
         status = record["guidance.status.secondary"]
         assert (status[~late] == 2).all() and (status[late][:60] == 1).all()     # the Sun is given up
     board = (tmp_path / "c/two_body_pointing_mission_board.toml").read_text()
-    assert 'carries   = "flight.guidance"' in board and 'carries   = "flight.control"' not in board
-
-
-# --- several flight processes ----------------------------------------------------------------------
-
-@pytest.fixture(scope="module")
-def two(tmp_path_factory):
-    """Two flight processes that read one another, and no world."""
-    from fledge.export.source_test import MISSION
-
-    folder = tmp_path_factory.mktemp("several") / "two"
-    folder.mkdir()
-    (folder / "mission.py").write_text(MISSION)
-    return folder
-
-
-def test_each_flight_process_flies_on_a_target_of_its_own(two, capsys):
-    far = "linux" if TARGETS["sparc64"].missing() else "sparc64"
-    out = two.parent / "out"
-    assert cli.main(["fly", str(two), "--free", "--for", "30s", "--on", f"linux,slow={far}", "--out", str(out)]) == 0
-    rows = [line.split() for line in capsys.readouterr().out.splitlines() if " on " in line]
-    assert [row[:4] for row in rows] == [["fast", "on", "desktop", "121"], ["slow", "on", "desktop", "31"],
-                                         ["fast", "on", "linux", "121"], ["slow", "on", "linux", "31"],
-                                         ["fast", "on", "desktop", "121"], ["slow", "on", far, "31"]]
-    assert [row[4] for row in rows[:2]] == [row[4] for row in rows[2:4]] == [row[4] for row in rows[4:]]
-    assert all(row[5] == "none" for row in rows[2:])
-    for record in ("fast/linux", "slow/linux", "fast/node", f"slow/{far}"):
-        assert len(Archive(out / f"{record}.mcap").time_ns("turn.reference")) in (121, 31)
-
-
-def test_a_difference_in_one_process_is_seen_in_the_others(two, capsys, monkeypatch):
-    real = Linux.build
-
-    def spoiled(self, part):
-        source = next((path for path in part.written if path.name == "two_slow.c"), None)
-        if source:
-            source.write_text(source.read_text().replace("turn.par.rates = vec3(3.0,", "turn.par.rates = vec3(3.5,"))
-        return real(self, part)
-
-    monkeypatch.setattr(Linux, "build", spoiled)
-    assert cli.main(["fly", str(two), "--free", "--for", "5s", "--on", "slow=linux", "--out",
-                     str(two.parent / "other")]) == 1
-    fast, slow = (line for line in capsys.readouterr().out.splitlines()[4:6])
-    # Both in the first second: slow at 0 s writes what fast reads from 0.25 s on.
-    assert "fast on desktop" in fast and "t = 0.25 s  fast.top." in fast
-    assert "slow on linux" in slow and "t = 0 s  slow.turn." in slow
+    assert 'carries   = "commands"' in board and 'carries   = "telemetry"' in board
 
 
 PLAYS = """
 from fledge.units import s
 
-def mode(sim):
+def all(sim):
+    f = sim.flight
+    f.commands.arm("off", False)
+    f.settled.armed = False
     sim.run(5 * s)
-    sim.flight.enter("rest")
+    f.enter("rest")
+    f.commands.noop()
+    sim.run(5.3 * s)
+    f.vehicle.I_B = [700, 700, 801]                 # of the configuration
+    f.switch.rates = [0, 0, 0.01]
     sim.run(5 * s)
+    f.control.K = 3
+    f.commands.send(f.commands.packets.write("flight.control", K=-3)[0])    # breaks a rule
+    f.commands.write("control", K_I=0.02)
+    f.commands.read(f.control, "K")
+    f.commands.mode("point")
+    sim.run(4 * s)
+    f.commands.load(f.control, f.control)
+    f.commands.reset()
+    f.commands.publish(f.wheels)
+    sim.run(7 * s)
+    f.start.armed = False
+    f.commands.send(b"nonsense")
+    f.commands.telemetry("flight.control.torque", every=3)
+    sim.run(5 * s)
+    f.commands.reset_counters()
+    sim.run(1 * s)
 
 def world(sim):
     sim.run(5 * s)
     sim.world.nav.rate_noise = [1e-5] * 3
     sim.run(5 * s)
 
-def published(sim):
+def event(sim):
+    tick = sim.world.at(60 * s, lambda: None)
     sim.run(5 * s)
-    sim.flight.vehicle.I_B = [700, 700, 801]
+    tick.armed = False
     sim.run(5 * s)
 
 def both(sim):
@@ -200,23 +179,53 @@ def nothing(sim):
 """
 
 
+def plays(folder):
+    """The folder of a mission with these scenarios."""
+    from fledge.export.run_test import FLIGHT, WORLD
+
+    mission = folder / "plays"
+    mission.mkdir()
+    (mission / "flight.py").write_text(FLIGHT)
+    (mission / "world.py").write_text(WORLD)
+    (mission / "scenarios.py").write_text(PLAYS)
+    return mission
+
+
+def test_what_a_scenario_changes_is_commanded_on_every_target(tmp_path, capsys):
+    """Modes, configuration, parameters, events, a reset, and wrong commands: the same bits and the same reports."""
+    from fledge.commands import Code, Reason
+    from fledge.targets.job import Job
+
+    on = [name for name in ("linux", "aarch64", "sparc64") if not TARGETS[name].missing()]
+    mission, out = plays(tmp_path), tmp_path / "out"
+    assert cli.main(["fly", str(mission), "all", "--on", ",".join(on), "--out", str(out)]) == 0, capsys.readouterr()
+    sim = fledge.load(mission)
+    sim.scenarios["all"]()
+    expected = [one._replace(sequence=0) for one in sim.flight.commands.reports]
+    assert {one.reason for one in expected} == {Reason.OK, Reason.RULE, Reason.LENGTH}
+    assert {one.code for one in expected if one.executed} == set(Code) - {Code.STAGE, Code.COMMIT} | {4, 5}
+    job = Job(str(mission), "all", folder=out)
+    direct = {Code.MODE: 1, Code.WRITE: 3, Code.ARM: 2}     # what it changed otherwise, as commands
+    for name in on:
+        found = [one._replace(sequence=0) for one in job.parts[0].reports(name)]
+        for one in expected:
+            assert one in found
+            found.remove(one)
+        for code, n in direct.items():
+            assert sum(one.code == code for one in found) == 2 * n
+        assert len(found) == 12 and all(one.good for one in found)
+
+
 @pytest.mark.parametrize("play, complaint", [
-    ("mode", "asks for a mode between its runs, which no target takes"),
     ("world", "changes world.nav between its runs; a target takes only parameters of flight"),
-    ("published", "changes flight.vehicle between its runs, which flight publishes: targets do not take these"),
+    ("event", "asks for a mode or arms an event of world between its runs; a target takes only those of flight"),
     ("both", "changes world.nav before it runs, and flight between its runs: the world's program can have only one"),
     ("steps", "the scenario steps does more than run"),
     ("fails", "the scenario fails fails on the desktop: it was not good"),
     ("nothing", "the scenario nothing runs nothing"),
 ])
 def test_changes_that_no_target_takes_are_refused(play, complaint, tmp_path, capsys):
-    from fledge.export.run_test import FLIGHT, WORLD
-
-    mission = tmp_path / "plays"
-    mission.mkdir()
-    (mission / "flight.py").write_text(FLIGHT)
-    (mission / "world.py").write_text(WORLD)
-    (mission / "scenarios.py").write_text(PLAYS)
+    mission = plays(tmp_path)
     assert cli.main(["fly", str(mission), play, "--out", str(tmp_path / "out")]) == (1 if play == "fails" else 2)
     assert complaint in capsys.readouterr().err
     assert not (tmp_path / "out").exists()

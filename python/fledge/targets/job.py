@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fledge import export
+from fledge.commands import Report, Timed, decoded, read_script, script
 from fledge.errors import Failure
 from fledge.objects import project
 from fledge.targets import build
-from fledge.targets.rehearsal import Load, rehearse
+from fledge.targets.rehearsal import rehearse
 
 if TYPE_CHECKING:
     from fledge.export.read import Mission
@@ -31,11 +32,16 @@ class Part:
         self.job, self.mission, self.process, self.folder = job, mission, mission.process, folder
         self.boards = [Path(path).resolve() for path in boards]
         self.outputs = [export.host.topic(m.path) for m in mission.outputs]
-        self.loads: list[Load] = [load for load in job.loads if load.path.partition(".")[0] == self.process]
-        changed = list(dict.fromkeys(load.path for load in self.loads))
-        self.files = export.emit_board(mission, self.boards, parameters=changed) | export.emit_host(mission)
+        self.script = [Timed(one.after, one.packet) for one in job.script if one.process == self.process]
+        self.files = (export.emit_board(mission, self.boards) | export.emit_commands(mission)
+                      | export.emit_host(mission))
         self.rounds = any(field.carries for board in self.described() for snorkel in board.snorkels
                           for field in snorkel.fields)      # some numbers pass as counts
+        if self.script and self.boards and not any(snorkel.carries == "commands" for board in self.described()
+                                                   for snorkel in board.snorkels):
+            raise Failure(f"the scenario {job.scenario} changes {self.process} between its runs, by commands, which no "
+                          f"snorkel of {', '.join(path.name for path in self.boards)} carries; add one with carries = "
+                          "\"commands\"")
 
     @cached_property
     def written(self) -> list[Path]:
@@ -46,12 +52,20 @@ class Part:
         """The files of the given boards, or that of the mission's own board, which this writes."""
         return self.boards or [path.resolve() for path in self.written if path.suffix == ".toml"]
 
-    def write_loads(self) -> Path:
-        """The file of the parameters from the ground, for the node of the board."""
-        ids = list(export.board.blocks(self.mission))
-        n = len(self.mission.inputs) + len(self.mission.outputs)
-        text = "".join(f"{load.after} {n + ids.index(load.path)} {load.block.hex()}\n" for load in self.loads)
-        return export.write_files({"loads.txt": text}, self.folder)[0]
+    def write_script(self) -> Path:
+        """The file of its commands, for the node of the board."""
+        return export.write_files({"script.txt": script(self.script)}, self.folder)[0]
+
+    def telemetry(self, target: str) -> Path:
+        """The file of the packets that it sent on a target: lines as of the script."""
+        return self.folder / f"{target}.telemetry.txt"
+
+    def reports(self, target: str) -> list[Report]:
+        """The reports of commands among them."""
+        file = self.telemetry(target)
+        found = export.dictionary(self.mission)
+        packets = [decoded(found, one.packet) for one in read_script(file.read_text(encoding="utf-8"))]
+        return [one.content for one in packets if one.path == "reports"]
 
     def bounds(self) -> list[tuple[str, float, float, str]]:
         """(field, how much it may differ from the desktop's, [s] from when on, "file:line") by the files of the
@@ -71,9 +85,10 @@ class Part:
         return [*([own] if own else []), build.ROOT]
 
     def sources(self) -> list[Path]:
-        """All sources of flight: the exported ones, those of its modules, and flight/math."""
+        """All sources of flight: the exported ones, those of its modules, of commands, and flight/math."""
         written = [path.resolve() for path in self.written if path.suffix == ".c"]
-        return [*written, *build.module_sources(self.mission, self.roots), *build.math_sources()]
+        return [*written, *build.module_sources(self.mission, self.roots), *build.math_sources(),
+                *(build.ROOT / path for path in build.COMMAND)]
 
     def includes(self) -> list[Path]:
         return [(self.folder / "c").resolve(), *self.roots]
@@ -107,7 +122,7 @@ class Job:
     it for each.
 
     scenario: its name; None: the mission's first. duration: [s]; None: as long as the scenario runs. The desktop
-    rehearses the scenario: its changes of flight between its runs go to targets as parameters from the ground.
+    rehearses the scenario: its changes of flight between its runs go to targets as commands.
     boards: files of boards, by flight process; "" stands for the only one. free: take no scenario.
     parameters: of the mission, as fledge.load() takes them.
     """
@@ -117,7 +132,7 @@ class Job:
                  free: bool = False, parameters: dict[str, Any] | None = None) -> None:
         self.asked, self.parameters, self.seed = mission, parameters or {}, seed    # as other programs are to load it
         play = rehearse(mission, scenario, duration, seed, free, self.parameters)
-        self.scenario, self.duration, self.loads = play.name, play.duration, play.loads
+        self.scenario, self.duration, self.script = play.name, play.duration, play.script
         self.start, self.whole = play.start, play.whole
         self.title = play.missions[0].folder
         self.folder = Path(folder) if folder else Path("runs") / self.title / "fly"

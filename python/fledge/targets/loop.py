@@ -51,15 +51,15 @@ def meeting(job: Job) -> list[Any]:
 def python_node(job: Job, process: str, options: list[Any]) -> list[Any]:
     """The command of a process that flies on the desktop's code."""
     return [sys.executable, "-P", "-m", "fledge.cli", "node", job.asked, process,
-            *(["--free"] if job.scenario == "free" or job.loads else [job.scenario]), "--name", process, *options,
+            *(["--free"] if job.scenario == "free" or job.script else [job.scenario]), "--name", process, *options,
             *(word for name, value in job.parameters.items() for word in ("--set", f"{name}={value!r}"))]
 
 
-def board_node(part: Part, options: list[Any], target: list[str]) -> list[Any]:
-    """The command of a target's board, which starts the command `target`."""
-    loads = ["--loads", part.write_loads().resolve()] if part.loads else []
-    return [build.native("fledge_board_node", "cosim"), *options, "--tables", part.tables().resolve(), *loads, "--",
-            *target]
+def board_node(part: Part, options: list[Any], target: list[str], name: str) -> list[Any]:
+    """The command of a target's board, which starts the command `target`; name: of the target."""
+    script = ["--script", part.write_script().resolve()] if part.script else []
+    return [build.native("fledge_board_node", "cosim"), *options, "--tables", part.tables().resolve(), *script,
+            "--telemetry", part.telemetry(name).resolve(), "--", *target]
 
 
 def join(part: Part, target: list[str], name: str, address: str, simulation: str, node: str,
@@ -68,7 +68,7 @@ def join(part: Part, target: list[str], name: str, address: str, simulation: str
     options: list[Any] = ["--address", address, "--simulation", simulation, "--node", node]
     if keys:
         options += ["--keys", Path(keys).resolve()]
-    return _run(part.job, name, {part.process: board_node(part, options, target)})[part.process]
+    return _run(part.job, name, {part.process: board_node(part, options, target, name)})[part.process]
 
 
 def _run(job, name, commands):

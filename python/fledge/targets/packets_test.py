@@ -3,7 +3,6 @@
 
 import re
 
-import numpy as np
 import pytest
 
 from fledge import cli
@@ -127,6 +126,44 @@ def test_packets_with_descriptors_in_queues_carry_numbers_to_the_bit(tmp_path, c
         assert compare(desktop, one, outputs, ignore=["sequence"]) == []
         assert compare(flown[0], one, outputs) == []
     page = (tmp_path / "out/c/bus.md").read_text()
-    assert "| 35..58, 2 | rate | 3 x f64, little-endian, 1 rad/s per count, from 0 | |  |" in page
+    assert "| 35..58, 2 | rate | 3 x f64, little-endian, 1 - per count, from 0 | |  |" in page
     header = (tmp_path / "out/c/bus.h").read_text()
     assert re.search(r"#define BUS_SENSORS_RATE_AT +0x23u", header)
+
+
+def line_of(text, words):
+    return text[:text.index(words)].count("\n") + 1
+
+
+@pytest.mark.parametrize("old, new, where, complaint", [
+    ('tag     = 2\nat      = 35', 'at      = 88', "world.nav.attitude.omega",
+     "a packet carries numbers of one message, and line {first} of world.wheels.speeds; give world.nav.attitude"),
+    ("count   = 8\nunit    = \"rad/s\"", "count   = 9\nunit    = \"rad/s\"", "world.wheels.speeds.Omega",
+     "world.wheels.speeds.Omega has 8 numbers from there on; the field has 9"),
+    ('unit    = "N m"', 'unit    = "A"', "flight.motor.command.u", "flight.motor.command.u is in N m, the field in A"),
+    ('direction  = "write"', 'direction  = "read"', "flight.motor.command.u",
+     'flight puts out flight.motor.command; the snorkel\'s direction must be "write"'),
+    ("world.nav.orbit.r_BN_N", "world.nav.orbit.head", "world.nav.orbit.head", "world.nav.orbit.head is a struct"),
+    ("world.nav.orbit.v_BN_N", "world.nav.orbit.r_BN_N[1]",
+     "world.nav.orbit.r_BN_N[1]", "world.nav.orbit.r_BN_N[1] has 2 numbers from"),
+])
+def test_packets_that_cannot_carry_are_refused_with_their_line(tmp_path, capsys, old, new, where, complaint):
+    text = (HEAD + SENSORS + MOTORS).replace(old, new)
+    assert fly(tmp_path, text, duration="10s") == 2
+    complaint = complaint.format(first=line_of(text, "world.wheels.speeds.Omega"))
+    assert f"bus.toml:{line_of(text, where)}: {complaint}" in capsys.readouterr().err
+
+
+def test_a_second_clock_that_paces_is_refused(tmp_path, capsys):
+    other = tmp_path / "other.toml"
+    other.write_text(HEAD.replace("bus", "other").replace("0xA", "0xB"))
+    board = tmp_path / "bus.toml"
+    board.write_text(HEAD + SENSORS + MOTORS)
+    assert cli.main(["fly", "nadir_spin", "--on", "linux", "--for", "5s", "--board", str(board), str(other)]) == 2
+    assert "other.toml: bus.toml has a [clock] already, which paces flight; write [slave_clock]" in capsys.readouterr(
+    ).err
+    slave = HEAD.replace("bus", "other").replace("0xA", "0xB").replace("[clock]", "[slave_clock]\ndrift = -3.5")
+    other.write_text(slave)
+    assert cli.main(["fly", "nadir_spin", "--on", "linux", "--for", "5s", "--board", str(board), str(other), "--out",
+                     str(tmp_path / "out")]) == 0
+    assert ".drift" not in (source := (tmp_path / "out/c/other.c").read_text()) and "-3500, 100000," in source

@@ -1,25 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A scenario on the desktop, to find its set-up, its duration and its changes between its runs. Its plots are left
-out; its checks must hold, as far as it is flown."""
+"""A scenario on the desktop, to find its set-up, its duration and its changes of flight between its runs, which become
+commands. Its plots are left out; its checks must hold, as far as it is flown."""
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, NoReturn
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple, NoReturn
 
 from fledge import export, mission as missions, objects
 from fledge.errors import Failure, SetupError
+from fledge.mission.commands import parameters
 from fledge.mission.scenario import chosen
 from fledge.objects.si import time_ns
 
 
-@dataclass
-class Load:
-    """Parameters of a module of flight that the scenario changes between two runs."""
-    after: int              # [ns] the last instant of the run before
-    path: str               # flight.turn
-    block: bytes
-    snapshot: bytes         # of the desktop, with all changes of that time
+class Command(NamedTuple):
+    """What a scenario changes of flight between two runs, as one command."""
+    after: int              # [ns] the end of the run before; -1: before the first
+    process: str
+    packet: bytes
 
 
 class _Ends(BaseException):
@@ -27,10 +25,10 @@ class _Ends(BaseException):
 
 
 def rehearse(mission: str, scenario: str | None = None, duration: float | None = None, seed: int = 0,
-             free: bool = False, parameters: dict[str, Any] | None = None) -> Rehearsal:
+             free: bool = False, given: dict[str, Any] | None = None) -> Rehearsal:
     """Returns a Rehearsal. duration: [s], of what is to be flown; None: all that the scenario runs."""
     def load():
-        return missions.load(mission, **(parameters or {}))
+        return missions.load(mission, **(given or {}))
 
     sim = load()
     sim.seed = seed
@@ -62,7 +60,7 @@ def rehearse(mission: str, scenario: str | None = None, duration: float | None =
 
 class Rehearsal:
     """name; duration [s]; whole: whether the scenario came to its end; start: the simulation as it stood before its
-    first run, and missions: its flight processes, exported; loads."""
+    first run, and missions: its flight processes, exported; script: its commands, in the order of time."""
 
     def __init__(self, sim: Any, duration: float | None) -> None:
         self.sim, self.duration = sim, duration
@@ -70,11 +68,22 @@ class Rehearsal:
         self.whole = False      # the scenario came to its end
         self.start: Any = None
         self.missions: list[Any] = []
-        self.loads: list[Load] = []
+        self.script: list[Command] = []
 
     def begin(self) -> None:
         self.missions = export.read_all(self.sim)
+        self.sent = {flight.name: 0 for flight in self.sim.flights}
+        for flight in self.sim.flights:
+            packets = flight.commands.packets
+            asked = [packets.mode(flight.requested_mode)] if flight.requested_mode != flight.active_mode else []
+            self.add(-1, flight, [*(packets.arm(e, False) for e in flight.events.values() if not e.armed), *asked])
         self.start = self.sim.clone()
+
+    def add(self, now: int, flight: Any, packets: Iterable[bytes]) -> None:
+        """Add commands to the script, then those that the scenario itself has sent since the last time."""
+        sent = [packet for _, packet in flight.commands.sent[self.sent[flight.name]:]]
+        self.sent[flight.name] += len(sent)
+        self.script += [Command(now, flight.name, packet) for packet in (*packets, *sent)]
 
     def run(self, duration: Any = None, *, until: Any = None, **_) -> None:
         """In place of the simulation's run()."""
@@ -89,33 +98,38 @@ class Rehearsal:
         if limit is not None and end > limit:
             raise _Ends
         type(sim).run(sim, until=end / 1e9, progress=False)
-        self.before = sim.snapshot(), _memory(sim)
+        self.before = _memory(sim), _asked(sim)
 
     def flies(self, path: str) -> bool:
         """Whether an instance is of a flight process."""
         return path.partition(".")[0] in [flight.name for flight in self.sim.flights]
 
     def compare(self, now: int) -> None:
-        """Add the changes of the scenario since the last run to `loads`."""
-        sim, (snapshot, before) = self.sim, self.before
-        after, changed = _memory(sim), []
+        """Add the changes of the scenario since the last run to the script."""
+        sim, (before, asked) = self.sim, self.before
+        after, now_asked = _memory(sim), _asked(sim)
         for path, memory in after.items():
-            if memory == before[path]:
-                continue
             low, high = _parameters(sim, path)
             same = memory[:low] == before[path][:low] and memory[high:] == before[path][high:]
-            if not self.flies(path) or not same:
+            if memory != before[path] and not (self.flies(path) and same):
                 what = "" if same else ", and not only parameters,"
                 raise Failure(f"the scenario {self.name} changes {path}{what} between its runs; a target "
                               "takes only parameters of flight")
-            if any(m.path == path for mission in self.missions for m in mission.configuration):
-                raise Failure(f"the scenario {self.name} changes {path} between its runs, which flight publishes: "
-                              "targets do not take these")
-            changed.append((path, memory[low:high]))
-        if not changed and sim.snapshot() != snapshot:
-            raise Failure(f"the scenario {self.name} asks for a mode between its runs, which no target takes")
-        now_so = sim.snapshot() if changed else b""
-        self.loads += [Load(now, path, block, now_so) for path, block in changed]
+        for process in sim.processes:
+            if not self.flies(f"{process.name}."):
+                if asked[process.name] != now_asked[process.name]:
+                    raise Failure(f"the scenario {self.name} asks for a mode or arms an event of {process.name} "
+                                  "between its runs; a target takes only those of flight")
+                continue
+            packets = process.commands.packets
+            found: list[bytes] = []
+            for name, one in process.instances.items():
+                path = f"{process.name}.{name}"
+                if after[path] != before[path]:
+                    found += packets.change(path, parameters(one, before[path]), parameters(one))
+            (mode, armed), (now_mode, now_armed) = asked[process.name], now_asked[process.name]
+            found += [packets.arm(event, on) for event, on in now_armed.items() if armed.get(event) != on]
+            self.add(now, process, found if mode == now_mode else [*found, packets.mode(now_mode)])
 
     def refused(self, *_, **__) -> NoReturn:
         raise SetupError(f"the scenario {self.name} does more than run: steps, resets and restored states cannot be "
@@ -124,7 +138,7 @@ class Rehearsal:
     def finish(self, load: Callable[[], Any], seed: int) -> None:
         if self.duration is None:
             self.duration = self.sim.time
-        if self.loads:
+        if self.script:
             # The world's program flies without the scenario then, so it must be as its file makes it.
             fresh = load()
             fresh.seed = seed
@@ -140,6 +154,11 @@ def _memory(sim):
     """Path -> bytes of every instance."""
     return {f"{process.name}.{name}": objects.memory(one) for process in sim.processes
             for name, one in process.instances.items()}
+
+
+def _asked(sim):
+    """Process -> (the mode that it is in or shall enter, {event: whether it is armed})."""
+    return {p.name: (p.requested_mode, {name: one.armed for name, one in p.events.items()}) for p in sim.processes}
 
 
 def _parameters(sim, path):

@@ -28,6 +28,7 @@ class Flown:
     code: int | None = None  # [bytes] without the C library
     memory: int | None = None
     saturated: int = 0      # numbers that were limited to the range of their words, on either side
+    lost: int = 0           # packets that a full queue refused or dropped, or that a newer one replaced unseen
 
 
 class Target:
@@ -65,7 +66,8 @@ class Target:
         """(the command of its node in a run, a function from the figures that this prints to a Flown)."""
         built, record = self.build(part), new_record(part.folder, self.name)
         return (loop.board_node(part, [*options, "--node", part.process, "--reply", timeout],
-                                self.command(built, record.name)), lambda figures: self._flown(built, record, figures))
+                                self.command(built, record.name), self.name),
+                lambda figures: self._flown(built, record, figures))
 
     def fly(self, job: Job, timeout: float = 60.0) -> dict[str, Flown]:
         """Build and fly a job in the closed loop, all its flight processes here; returns a Flown of each."""
@@ -81,7 +83,8 @@ class Target:
     def _flown(self, built, record, figures):
         code, memory = self.sizes(built)
         return Flown(record, int(figures["ticks"]), float(figures["cpu_ns"]) / 1e9, "emulated" if self.emulated else "",
-                     code, memory, sum(int(figures.get(k, 0)) for k in ("saturated", "outside_saturated")))
+                     code, memory, *(sum(int(figures.get(k, 0)) for k in keys) for keys in (
+                         ("saturated", "outside_saturated"), ("lost", "skipped", "outside_skipped"))))
 
 
 def fly(job: Job, on: Mapping[str, Target], name: str, timeout: float = 60.0) -> dict[str, Flown]:
@@ -116,9 +119,9 @@ class Desktop(Target):
     about = "the run in one program, under Python"
 
     def prepared(self, part: Part, options: list[Any], timeout: float) -> tuple[list[Any], Callable[..., Flown]]:
-        if part.loads:
-            raise Failure(f"the scenario {part.job.scenario} changes {part.loads[0].path} between its runs, which only "
-                          f"targets take: give {part.process} one, as in --on {part.process}=linux")
+        if part.script:
+            raise Failure(f"the scenario {part.job.scenario} changes {part.process} between its runs, by commands, "
+                          f"which beside targets only targets take: give it one, as in --on {part.process}=linux")
         record = new_record(part.folder, "node")
         command = loop.python_node(part.job, part.process, [*options, "--patience", timeout, "--outputs", record])
 
@@ -138,9 +141,10 @@ class Desktop(Target):
         sim.archive(record, mission=sim.name, target="desktop")
         start = process_time()
         try:
-            for load in job.loads:
-                sim.run(until=load.after / 1e9)
-                sim.restore(load.snapshot)
+            for one in job.script:
+                if one.after >= 0:          # those before the first run wait in `start` already
+                    sim.run(until=one.after / 1e9)
+                    sim.process(one.process).commands.send(one.packet)
             sim.run(until=job.duration)
         finally:
             sim.close_archive()

@@ -65,8 +65,14 @@ class Program:
     rejoins: bool = _key("flag", False, of="node")
     save_every: float = _key("seconds", 0.0, of="node")         # [s] simulated
     reply: float | None = _key("seconds", of="node")            # [s]; None: as the others
+    prefix: str = _key("prefix", "", of="node")                 # its topics begin with it in the run
+    topics: dict[str, str] = _key("topic_map", dict, of="node")     # its name of a topic -> that of the run
     writes: list[str] = _key("topics", list, of="asynchronous")
     asynchronous: bool = False
+
+    def named(self, topic: str) -> str:
+        """What the run calls a topic of it."""
+        return self.topics.get(topic) or (f"/{self.prefix}{topic}" if self.prefix else topic)
 
 
 @dataclass
@@ -174,6 +180,7 @@ class _Reader(Tables):
         super().__init__(str(path), lines)
         self.folder, self.stem = path.resolve().parent, path.stem
         self.names: dict[str, tuple] = {}
+        self.written: dict[str, list[str]] = {}     # the topics that a process of a mission writes, by program
 
     def plan(self, data: dict) -> Plan:
         plan = Plan(self.stem, file=self.file)
@@ -190,8 +197,23 @@ class _Reader(Tables):
         if plan.nodes and all(p.joins is not None for p in plan.nodes):
             self.refuse(("node", 0, "joins"), "some node is there at the start", "all join later",
                         "leave `joins` out of one")
+        self.writers(plan)
         self.network(plan)
         return plan
+
+    def writers(self, plan: Plan) -> None:
+        """Refuse a map that gives a topic two writers, as far as the missions tell."""
+        found: dict[str, tuple[tuple, Program]] = {}
+        for path, p in plan.tables():
+            for topic in self.written.get(p.name, ()):
+                place, other = found.setdefault(p.named(topic), (path, p))
+                mapped = next(((where, one) for where, one in ((path, p), (place, other)) if one.topics or one.prefix),
+                              None)
+                if other is not p and mapped:
+                    self.refuse((*mapped[0], "topics" if mapped[1].topics else "prefix"), "a topic has one writer",
+                                f"{other.name} and {p.name} both write {p.named(topic)}",
+                                "give one of them another prefix, or this topic another name")
+                    break
 
     def fill(self, made: Plan | Program, table: dict, path: tuple, kind: str, others: tuple[str, ...] = ()) -> None:
         """Fill a Plan or Program from a table. A wrong value leaves the default. others: further keys of the table."""
@@ -335,7 +357,7 @@ class _Reader(Tables):
 
         p.mission = str(self.folder / mission) if os.sep in mission else mission
         try:
-            processes = processes_of(p.mission, p.parameters)
+            processes = topics_of(p.mission, p.parameters)
         except SetupError as error:
             self.refuse((*path, "mission"), "the mission can be loaded", str(error), "see ./fledge list")
             return
@@ -344,6 +366,22 @@ class _Reader(Tables):
             self.refuse((*path, "process" if "process" in table else "name"), "the process is one of the mission's",
                         f"{table['mission']} has no `{process}`",
                         f"did you mean `{near[0]}`?" if near else f"choose {', '.join(processes)}")
+            return
+        writes, reads = processes[process]
+        self.written[p.name] = writes
+        known = [*writes, *reads]
+        for topic in p.topics:
+            if topic not in known:
+                near = difflib.get_close_matches(topic, known, 1)
+                self.refuse((*path, "topics"), "`topics` renames what the process reads or writes",
+                            f"{process} has no {topic}", f"did you mean {near[0]}?" if near else
+                            f"choose of {', '.join(known)}")
+        for topic in known:
+            other = next((one for one in p.topics if one != topic and p.topics[one] == p.named(topic)), None)
+            if other:
+                self.refuse((*path, "topics"), "topics stay apart", f"{other} and {topic} of {process} both become "
+                            f"{p.named(topic)}", "choose another name")
+                break
 
     # ---- values
 
@@ -409,6 +447,27 @@ class _Reader(Tables):
             return None
         return value
 
+    def prefix(self, table: dict, path: tuple, key: str) -> str:
+        prefix = self.text(table, path, key)
+        if isinstance(table[key], str) and not _NAME.fullmatch(prefix):
+            self.refuse((*path, key), "`prefix` is of letters, digits, `_`, `-` and `.`", f"it is {shown(prefix)}",
+                        'write for example prefix = "a": /world/x of the node is /a/world/x in the run')
+            return ""
+        return prefix
+
+    def topic_map(self, table: dict, path: tuple, key: str) -> dict[str, str] | None:
+        found = self.table(table, path, key)
+        for ours, of_run in found.items():
+            if not all(isinstance(t, str) and re.fullmatch(r"/[^,>\s]{1,254}", t) and t.isprintable()
+                       for t in (ours, of_run)):
+                self.refuse((*path, key), "`topics` renames topics", f"{shown(ours)} is {shown(of_run)}",
+                            'write for example topics = { "/world/nav/orbit" = "/other/orbit" }')
+                return None
+        for of_run in {t for t in found.values() if list(found.values()).count(t) > 1}:
+            self.refuse((*path, key), "topics stay apart", f"two of them become {of_run}", "choose another name")
+            return None
+        return found
+
     def environment(self, table: dict, path: tuple, key: str) -> dict[str, str] | None:
         env = self.table(table, path, key)
         for name, value in env.items():
@@ -419,11 +478,18 @@ class _Reader(Tables):
         return env
 
 
-def processes_of(mission: str, parameters: dict) -> list[str]:
-    """The names of a mission's processes. Raises SetupError."""
+def topics_of(mission: str, parameters: dict) -> dict[str, tuple[list[str], list[str]]]:
+    """(topics that it writes, that it reads of others) of a mission's processes, by name. Raises SetupError."""
+    from fledge import objects
     from fledge.mission import load
+    from fledge.mission.crossing import crossing_wires
 
-    return [p.name for p in load(mission, **parameters).processes]
+    sim = load(mission, **parameters)
+    crossing = crossing_wires(sim)
+    return {p.name: ([f"/{p.name}/{name}/{f.name}" for name, one in p.instances.items()
+                      for f in objects.struct(one).fields if f.group == "out"],
+                     list(dict.fromkeys(wire.topic for wire in crossing if wire.port.startswith(p.name + "."))))
+            for p in sim.processes}
 
 
 def unreachable(host: str) -> str:

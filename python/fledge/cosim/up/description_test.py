@@ -78,6 +78,55 @@ def test_what_is_not_said_has_a_default(folder):
     assert plan.programs[0].restarts == 3
 
 
+NADIR = """
+[[node]]
+name = "a_world"
+mission = "nadir_spin"
+process = "world"
+prefix = "a"
+[[node]]
+name = "a_flight"
+mission = "nadir_spin"
+process = "flight"
+prefix = "a"
+[[node]]
+name = "world"
+mission = "nadir_spin"
+[[node]]
+name = "flight"
+mission = "nadir_spin"
+"""
+
+
+def test_two_missions_stay_apart_by_a_prefix_or_by_other_names(folder):
+    plan = read(write(folder, NADIR))
+    assert [p.named("/world/nav/orbit") for p in plan.nodes] == ["/a/world/nav/orbit"] * 2 + ["/world/nav/orbit"] * 2
+    plan = read(write(folder, NADIR + 'topics = { "/world/nav/orbit" = "/a/world/nav/orbit" }'))
+    assert plan.nodes[3].named("/world/nav/orbit") == "/a/world/nav/orbit"     # it reads that of the other mission
+
+
+@pytest.mark.parametrize("old, new, line, complaint", [
+    ('prefix = "a"', 'prefix = "/a"', 6, "`prefix` is of letters, digits, `_`, `-` and `.`; it is \"/a\"; write for "
+     "example prefix = \"a\": /world/x of the node is /a/world/x in the run"),
+    ('prefix = "a"', 'prefix = "a"\ntopics = { "/world/nav/orbt" = "/x" }', 7, "`topics` renames what the process reads or writes; "
+     "world has no /world/nav/orbt; did you mean /world/nav/orbit?"),
+    ('prefix = "a"', 'topics = { "/world/nav/orbit" = 3 }', 6, "`topics` renames topics; \"/world/nav/orbit\" is 3; "
+     'write for example topics = { "/world/nav/orbit" = "/other/orbit" }'),
+    ('prefix = "a"', 'prefix = "a"\ntopics = { "/world/nav/orbit" = "/world/nav/orbit" }', 7, "a topic has one writer; "
+     "a_world and world both write /world/nav/orbit; give one of them another prefix, or this topic another name"),
+    ('prefix = "a"', 'prefix = "a"\ntopics = { "/world/nav/orbit" = "/x", "/world/nav/attitude" = "/x" }', 7,
+     "topics stay apart; two of them become /x; choose another name"),
+    ('prefix = "a"', 'prefix = "a"\ntopics = { "/world/nav/orbit" = "/a/world/nav/attitude" }', 7,
+     "topics stay apart; /world/nav/orbit and /world/nav/attitude of world both become /a/world/nav/attitude; choose "
+     "another name"),
+    ('process = "flight"\nprefix = "a"', 'process = "world"\nprefix = "a"', 11, "a topic has one writer; a_world and "
+     "a_flight both write /a/world/wheels/speeds; give one of them another prefix, or this topic another name"),
+])
+def test_a_map_that_joins_topics_is_refused(folder, old, new, line, complaint):
+    assert old in NADIR
+    assert complaints(folder, NADIR.replace(old, new, 1)) == [(line, complaint)]
+
+
 NODE = '[[node]]\nname = "mass"\ncommand = ["python3", "mass.py"]\n'
 
 

@@ -222,7 +222,9 @@ class Session:
             joins = "any" if p.joins == WHEN_IT_COMES else repr(p.joins)
             command += ["--node", ",".join([
                 f"{p.name}:{p.on_loss}", *[f"joins={joins}"] * (p.joins is not None), *["rejoins"] * p.rejoins,
-                *[f"save={p.save_every!r}"] * bool(p.save_every), *[f"reply={p.reply!r}"] * (p.reply is not None)])]
+                *[f"save={p.save_every!r}"] * bool(p.save_every), *[f"reply={p.reply!r}"] * (p.reply is not None),
+                *[f"prefix={p.prefix}"] * bool(p.prefix),
+                *(f"topic={ours}>{of_run}" for ours, of_run in p.topics.items())])]
         return command
 
     def _start(self, name: str, command: list[str], guard=None, **options) -> Process:

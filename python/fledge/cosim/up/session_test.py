@@ -44,6 +44,36 @@ def test_two_programs_fly_to_the_end(mark, tmp_path):
     assert re.search(r"^ +\d+\.\d{3} spring     \| the spring is there$", said["all"], re.M)
 
 
+def test_two_missions_fly_in_one_run(mark, tmp_path):
+    """Both nadir spins, one under a prefix, and a third flight computer that hears the first world: all as alone."""
+    from fledge.archive import Archive
+    from fledge.archive.compare import compare
+    from fledge.cosim.replay import Exchange
+    from fledge.cosim.up.description_test import NADIR
+
+    third = """
+[[node]]
+name = "listener"
+mission = "nadir_spin"
+process = "flight"
+prefix = "c"
+topics = { "/world/nav/orbit" = "/a/world/nav/orbit", "/world/nav/attitude" = "/a/world/nav/attitude", \
+"/world/wheels/speeds" = "/world/wheels/speeds" }
+"""
+    (tmp_path / "pair.toml").write_text("until = 20\n" + NADIR + third.replace("\\\n", ""))
+    done = up(tmp_path / "pair.toml", "--exchange", mark=mark)
+    assert done.returncode == 0, done.stdout + done.stderr
+    runs = tmp_path / "runs/pair"
+    alone = Archive(runs / "flight.mcap")
+    for other in ("a_flight", "listener"):
+        assert compare(alone, Archive(runs / f"{other}.mcap")) == []       # a process records by its own names
+    exchange = Exchange(runs / "exchange.mcap")
+    assert {t for t in exchange.archive.topics if t.endswith("command")} == {"/a/flight/motor/command",
+                                                                             "/flight/motor/command"}
+    assert exchange.nodes["a_flight"].prefix == "a" and exchange.nodes["listener"].topics["/world/nav/orbit"] == \
+        "/a/world/nav/orbit"
+
+
 def test_over_tcp_and_with_a_record_of_the_exchange(mark, tmp_path):
     (tmp_path / "here").mkdir()
     (tmp_path / "here/other.mcap").write_text("somebody else's")

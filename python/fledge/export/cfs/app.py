@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -29,6 +29,7 @@ class App:
     topic: int = 0xC0
     order: str = "little"            # of the target's processor, for .tbl files
     wakeup: int | None = None        # message id of the scheduler; None: a topic of its own
+    keep: Sequence[str] = ()         # in a critical data store: "parameters", or paths of modules
     wires: Mapping[str, int] = field(default_factory=dict)  # path of an input -> message id of another app's packets
 
     def __post_init__(self) -> None:
@@ -47,7 +48,8 @@ class App:
     def topics(self, mission: Mission) -> dict[str, int]:
         """Macro -> topic, of commands and requests, then of telemetry, then of inputs."""
         commands = {"CMD": 0, "SEND_HK": 1, "WAKEUP": 2}
-        telemetry = {"HK_TLM": 0} | {f"{m.name.upper()}_TLM": 1 + i for i, m in enumerate(mission.outputs)}
+        telemetry = {f"{name}_TLM": i for i, name in enumerate(("FLIGHT", "REPORT", *(m.name.upper() for m in
+                                                                                      mission.outputs), "HK"))}
         inputs = {f"{m.name.upper()}_IN": len(telemetry) + i for i, m in enumerate(mission.inputs)}
         return {f"{self.prefix}_MISSION_{name}_TOPICID": value + self.topic
                 for name, value in (commands | telemetry | inputs).items()}

@@ -6,16 +6,19 @@ import struct
 import pytest
 
 import fledge
-from fledge import export
+from fledge import commands, export
 from fledge.export import cfs
 from fledge.export.cfs import tables
 from fledge.export.cfs.testing import Core, Outside, command, linked
 from fledge.export.run_test import FLIGHT, WORLD
 
-CMD, SEND_HK, WAKEUP, HK = 0x18C0, 0x18C1, 0x18C2, 0x08C0
-HOUSEKEEPING = ("time commands command_errors spare bad_checksum bad_length unknown_code refused mode table_updates "
-                "table_refusals ticks overdue wakeups_ignored io_refused io_corrupt io_saturated inputs "
-                "inputs_refused").split()
+CMD, SEND_HK, WAKEUP = 0x18C0, 0x18C1, 0x18C2
+FLIGHT_TLM, REPORT = 0x08C0, 0x08C1
+REASONS = "ok length checksum stream unknown version place value rule initial busy not_staged crc".split()
+HOUSEKEEPING = ("time command_counter command_errors spare mode accepted executed refused", " ".join(REASONS),
+                "request_errors table_updates table_refusals ticks overdue wakeups_ignored io_refused io_corrupt "
+                "io_saturated inputs inputs_refused spare2")
+HOUSEKEEPING = " ".join(HOUSEKEEPING).split()
 
 
 @pytest.fixture(scope="module")
@@ -40,6 +43,8 @@ def core(built):
     outside = built[4].begin()
     core = Core(built[3], outside, listen="0x08C0-0x08E0")
     core.outside = outside
+    core.app, core.mission = built[1], built[0]
+    core.version = struct.pack(">H", export.dictionary(built[0], CMD).version)
     try:
         core.until("NAV flies modes")
         yield core
@@ -53,10 +58,27 @@ def housekeeping(core, first=None):
     core.send(command(SEND_HK, 0))
     if first:
         core.until(first)
-    raw = core.telemetry(HK)
-    assert len(raw) == 88
-    return dict(zip(HOUSEKEEPING, struct.unpack("<qBBH15I", raw[16:]), strict=True)) | {
-        "stamp": struct.unpack(">IH", raw[6:12])}
+    raw = core.telemetry(core.app.ids(core.mission)["NAV_HK_TLM_MID"])
+    assert len(raw) == 144
+    found = dict(zip(HOUSEKEEPING, struct.unpack("<qBBH29I", raw[16:]), strict=True))
+    assert found["command_counter"] == found["accepted"] % 256
+    assert found["command_errors"] == (found["refused"] + found["request_errors"]) % 256
+    assert found["refused"] == sum(found[reason] for reason in REASONS)
+    return found | {"stamp": struct.unpack(">IH", raw[6:12])}
+
+
+def flown(core, code, *arguments, sequence=0):
+    """A command for this dictionary; `arguments` are of 16 bits."""
+    version = int.from_bytes(core.version, "big")
+    return command(CMD, code, struct.pack(f">{1 + len(arguments)}H", version, *arguments), sequence=sequence)
+
+
+def report(core):
+    """The next report: t, sequence, code, executed, reason, detail, bytes."""
+    raw = core.telemetry(REPORT)
+    t, sequence, code, executed, reason, detail, n = struct.unpack_from("<q6H", raw, 16)
+    assert len(raw) == 16 + 24 + n
+    return t, sequence, code, executed, REASONS[reason], detail, raw[40:]
 
 
 def table_file(built, name, **changes):
@@ -72,47 +94,65 @@ def table_file(built, name, **changes):
     return "/ram/new.tbl"
 
 
-def load(name, file):
-    return command(CMD, 3, struct.pack("16s64s", name.encode(), file.encode()))
+def upload(core, name, file):
+    """Replace a table by the services of cFE: load, validate, activate."""
+    table = f"NAV.{name}".encode()
+    core.send(command(0x1804, 2, struct.pack("64s", file.encode())))
+    core.send(command(0x1804, 4, struct.pack("H40s", 0, table)))
+    housekeeping(core)
+    core.send(command(0x1804, 5, struct.pack("40s", table)))
+    return housekeeping(core)
 
 
 def test_noop_and_reset_of_the_counters(core):
-    core.send(command(CMD, 0))
-    core.until("NAV 2: No operation: NAV version ")
+    core.outside.tick(-1)
+    core.send(command(CMD, 0, sequence=7))
+    assert report(core) == (-1, 7, 0, 0, "ok", 0, b"")      # accepted, and done at the next instant
     core.send(command(CMD, 9))
-    core.until("NAV 23:")
-    assert {k: v for k, v in housekeeping(core).items() if v} == {
-        "time": -1, "commands": 1, "command_errors": 1, "unknown_code": 1, "stamp": (0, 0)}
+    assert report(core) == (-1, 0, 9, 0, "length", 0, b"")
+    core.told("NAV 3: Command 9, sequence 0, is refused: length")
+    core.outside.tick(0)
+    assert report(core) == (0, 7, 0, 1, "ok", 0, b"")
+    core.told("NAV 2: Command 0, sequence 7, is done; NAV ")
+    found = housekeeping(core)
+    assert (found["accepted"], found["executed"], found["refused"], found["length"]) == (1, 1, 1, 1)
     core.send(command(CMD, 1))
-    core.until("NAV 3: Counters are reset")
-    assert {k: v for k, v in housekeeping(core).items() if v} == {"time": -1, "stamp": (0, 0)}
+    report(core)
+    core.outside.tick(100_000_000)
+    core.told("NAV 2: Command 1, sequence 0, is done")
+    assert {k: v for k, v in housekeeping(core).items() if v} == {
+        "time": 100_000_000, "ticks": 2, "stamp": (0, int(0.1 * 2**16))}
 
 
 REFUSED = [
-    (command(CMD, 0, checksum=0x17), "NAV 21: Command refused: its checksum is wrong; code, found 0", "bad_checksum"),
-    (bytes.fromhex("18c0c000000000"), "NAV 22: Command refused: it is shorter than its header, found 7", "bad_length"),
-    (command(CMD, 0, b"x"), "NAV 22: Command refused: its length is not that of its code, found 9", "bad_length"),
-    (command(CMD, 2, b"\0\0\0"), "NAV 22: Command refused: its length is not that of its code, found 11",
-     "bad_length"),
-    (command(CMD, 5), "NAV 23: Command refused: its code is unknown, found 5", "unknown_code"),
-    (command(CMD, 127), "NAV 23: Command refused: its code is unknown, found 127", "unknown_code"),
-    (command(CMD, 2, struct.pack("<I", 3)), "NAV 5: Command refused: there is no such mode, found 3", "refused"),
-    (command(SEND_HK, 0, b"xx"), "NAV 22: A request has 10 bytes, expected 8", "bad_length"),
-    (command(WAKEUP, 0, b"xx"), "NAV 22: A request has 10 bytes, expected 8", "bad_length"),
-    (load("Nothing", "/cf/nav_control.tbl"), "NAV 7: Table Nothing is not loaded", "refused"),
-    (load("Control", "/cf/absent.tbl"), "NAV 7: Table Control is not loaded from /cf/absent.tbl: 0xCC00002C",
-     "refused"),
-    (load("Control", "/cf/nav_motor.tbl"), "NAV 7: Table Control is not loaded", "refused"),
+    (command(CMD, 0, checksum=0x17), "checksum"),
+    (bytes.fromhex("18c0c000000000"), "length"),
+    (command(CMD, 0, b"x"), "length"),
+    (command(CMD, 2, b"\0\0\0"), "length"),
+    (command(CMD, 11), "unknown"),
+    (command(CMD, 127), "unknown"),
+    (command(CMD, 2, bytes(4)), "version"),
+    (lambda core: flown(core, 2, 3), "place"),
+    (lambda core: flown(core, 6, 99), "place"),
+    (lambda core: flown(core, 10, 0, 2, 1), "value"),
+    (lambda core: flown(core, 10, 0, 1, 0), "value"),
 ]
 
 
-@pytest.mark.parametrize("packet, event, counter", REFUSED, ids=[f"{p[:8].hex()}" for p, _, _ in REFUSED])
-def test_what_is_refused_is_an_event_and_a_counter(core, packet, event, counter):
-    core.send(packet)
-    core.until(event)
+@pytest.mark.parametrize("packet, reason", REFUSED)
+def test_what_is_refused_is_an_event_a_report_and_a_counter(core, packet, reason):
+    core.send(packet(core) if callable(packet) else packet)
+    assert report(core)[3:5] == (0, reason)
+    core.told(f"is refused: {reason.replace('unknown', 'unknown code')}")
     found = housekeeping(core)
-    assert found["commands"] == 0 and found["command_errors"] == 1 and found[counter] == 1
-    assert sum(found[c] for c in ("bad_checksum", "bad_length", "unknown_code", "refused")) == 1
+    assert found["accepted"] == 0 and found["refused"] == 1 and found[reason] == 1
+
+
+@pytest.mark.parametrize("packet", [command(SEND_HK, 0, b"xx"), command(WAKEUP, 0, b"xx")])
+def test_a_request_of_the_wrong_length_is_told(core, packet):
+    core.send(packet)
+    core.until("NAV 22: A request has 10 bytes, expected 8")
+    assert housekeeping(core)["request_errors"] == 1
 
 
 def test_a_wakeup_without_a_tick_changes_nothing(core):
@@ -121,7 +161,8 @@ def test_a_wakeup_without_a_tick_changes_nothing(core):
 
 
 def test_a_pipe_that_is_full_of_commands_lets_the_rest_in(built):
-    core = Core(built[3], listen="0x08C0", hold=True)
+    core = Core(built[3], listen="0x08C0-0x08E0", hold=True)
+    core.app, core.mission = built[1], built[0]
     try:
         core.until("NAV flies modes")
         for _ in range(6):                          # the app still waits for the system to be operational
@@ -129,7 +170,7 @@ def test_a_pipe_that_is_full_of_commands_lets_the_rest_in(built):
         for _ in range(2):
             core.until("CFE_SB 17: Message 0x18C0 lost: too many of them wait in pipe NAV_PIPE")
         core.write("go")
-        assert housekeeping(core)["commands"] == 4
+        assert housekeeping(core)["accepted"] == 4
         assert core.stop()["overflow"] == 2
     finally:
         core.kill()
@@ -138,37 +179,40 @@ def test_a_pipe_that_is_full_of_commands_lets_the_rest_in(built):
 def test_a_mode_is_entered_at_the_next_tick(core):
     core.outside.tick(-1)
     core.outside.tick(0)
-    assert housekeeping(core)["mode"] == 0
-    core.send(command(CMD, 2, struct.pack("<I", 1)))
-    core.until("NAV 4: Mode 1 is entered at the next tick")
+    core.send(flown(core, 2, 1, sequence=5))
+    assert report(core) == (0, 5, 2, 0, "ok", 0, b"")
     assert housekeeping(core)["mode"] == 0
     core.outside.tick(100_000_000)
+    assert report(core) == (100_000_000, 5, 2, 1, "ok", 0, b"")
     found = housekeeping(core)
     assert found["mode"] == 1 and found["ticks"] == 2 and found["time"] == 100_000_000
     assert found["stamp"] == (0, int(0.1 * 2**16))
 
 
-def test_parameters_from_the_ground_count_from_the_next_tick(core, built):
-    mission = built[0]
-    vehicle = "flight.vehicle.vehicle"
-    at = next(f.offset for m in mission.outputs if m.path == vehicle for f in m.struct.fields if f.name == "I_B")
+def inertia(core):
+    """I_B[0][0] as flight publishes it."""
+    message = next(m for m in core.mission.outputs if m.path == "flight.vehicle.vehicle")
+    at = next(f.offset for f in message.struct.fields if f.name == "I_B")
+    return struct.unpack_from("<d", core.outside.take(message.path, 0), at)[0]
+
+
+def test_parameters_come_by_command_and_by_table_and_the_table_shows_both(core, built):
+    """flight/command writes flight's memory, cFE's table services check and bring files: the table has what flies."""
     core.outside.tick(-1)
     core.outside.tick(0)
-    assert struct.unpack_from("<d", core.outside.take(vehicle, 0), at)[0] == 700.0
-    core.send(load("Vehicle", table_file(built, "Vehicle", I_B=[600.0, 0, 0, 0, 700, 0, 0, 0, 800])))
-    core.until("NAV 6: Table Vehicle is loaded from /ram/new.tbl")
+    assert inertia(core) == 700.0
+    for packet in commands.Packets(export.dictionary(core.mission, CMD)).write("flight.vehicle", I_B=[
+            [600.0, 0, 0], [0, 700, 0], [0, 0, 800]]):
+        core.send(packet)
+        assert report(core)[3:5] == (0, "ok")
     core.outside.tick(100_000_000)
-    assert struct.unpack_from("<d", core.outside.take(vehicle, 0), at)[0] == 600.0
-    # Again, by the services of the tables: nothing counts before the request for housekeeping.
-    file = table_file(built, "Vehicle", I_B=[650.0, 0, 0, 0, 700, 0, 0, 0, 800])
-    core.send(command(0x1804, 2, struct.pack("64s", file.encode())))
-    core.send(command(0x1804, 4, struct.pack("H40s", 0, b"NAV.Vehicle")))
-    assert housekeeping(core, "CFE_TBL 13: NAV.Vehicle: the load is valid")["table_updates"] == 1
-    core.send(command(0x1804, 5, struct.pack("40s", b"NAV.Vehicle")))
-    assert housekeeping(core, "NAV 30: Table Vehicle is in effect")["table_updates"] == 2
+    assert report(core)[3:5] == (1, "ok")
+    assert inertia(core) == 600.0
+    assert upload(core, "Vehicle", table_file(built, "Vehicle", I_B=[650.0, 0, 0, 0, 700, 0, 0, 0, 800]))[
+        "table_updates"] == 1
     core.outside.tick(200_000_000)
-    assert struct.unpack_from("<d", core.outside.take(vehicle, 0), at)[0] == 650.0
-    assert housekeeping(core)["table_updates"] == 2
+    assert inertia(core) == 650.0
+    assert housekeeping(core)["table_updates"] == 1     # what came by command was no update of a table
 
 
 @pytest.mark.parametrize("table, change, says", [
@@ -178,11 +222,9 @@ def test_parameters_from_the_ground_count_from_the_next_tick(core, built):
     ("Vehicle", {"I_B": [-1.0]}, "NAV 32: Vehicle.I_B, number 0, must be 0 or of size 1e-100 to 1e100, inertia"),
 ])
 def test_parameters_that_break_a_rule_stay_out(core, built, table, change, says):
-    core.send(load(table, table_file(built, table, **change)))
-    core.until(says)
-    core.until(f"NAV 7: Table {table} is not loaded from /ram/new.tbl: 0xFFFFFFFF")
-    found = housekeeping(core)
-    assert found["table_refusals"] == 1 and found["refused"] == 1 and found["table_updates"] == 0
+    found = upload(core, table, table_file(built, table, **change))
+    assert any(says in line for line in core.seen)
+    assert found["table_refusals"] == 1 and found["table_updates"] == 0
 
 
 def test_without_its_tables_it_flies_with_those_it_was_exported_with(built):
@@ -203,29 +245,33 @@ def test_without_its_tables_it_flies_with_those_it_was_exported_with(built):
             file.write_bytes(raw)
 
 
-def test_outputs_go_out_as_packets_stamped_by_flight(core, built):
-    mission = built[0]
+def test_outputs_go_out_as_packets_at_the_rate_that_is_asked_for(core):
+    mission = core.mission
     core.outside.tick(-1)
+    place = [m.path for m in mission.outputs].index("flight.wheels.wheels")
+    core.send(flown(core, 10, place, 1, 2))             # every second writing
+    report(core)
     core.outside.tick(0)
-    ids = {m.path: 0x08C1 + i for i, m in enumerate(mission.outputs)}
-    wheels = core.telemetry(ids["flight.wheels.wheels"])
-    assert wheels[16:] == core.outside.take("flight.wheels.wheels", 0)
-    assert struct.unpack(">IH", wheels[6:12]) == (0, 0)
-    core.outside.tick(100_000_000)
-    core.send(load("Wheels", table_file(built, "Wheels", J=[0.25])))
-    core.until("NAV 6: Table Wheels is loaded")
-    core.outside.tick(200_000_000)
-    wheels = core.telemetry(ids["flight.wheels.wheels"])    # not again before it was written again
-    assert struct.unpack(">H", wheels[2:4])[0] == 0xC002 and wheels[16:24] == struct.pack("<q", 100_000_000)
+    report(core)
+    for i in range(1, 5):
+        core.send(flown(core, 6, 1))                    # the module of the wheels publishes
+        report(core)
+        core.outside.tick(i * 100_000_000)
+        report(core)
+    sent = [bytes.fromhex(line[4:]) for line in core.seen if line.startswith(f"TLM {0x08C2 + place:04x}")]
+    for k, (wheels, t) in enumerate(zip(sent, (100_000_000, 300_000_000), strict=True)):
+        assert struct.unpack(">H", wheels[2:4])[0] == 0xC000 + k and struct.unpack("<q", wheels[16:24])[0] == t
+        assert struct.unpack(">IH", wheels[6:12]) == (0, t * 2**16 // 1_000_000_000)
 
 
 def test_flight_begins_anew_where_it_is_told_to(core):
     core.outside.tick(-1)
     core.outside.tick(0)
     core.outside.tick(700_000_000)
-    core.send(command(CMD, 4))
-    core.until("NAV 8: Flight is reset")
+    core.send(flown(core, 7))
+    report(core)
     core.outside.tick(800_000_000)
+    assert report(core)[3:5] == (1, "ok")
     assert core.outside.take("flight.wheels.wheels", 0)[12:16] == struct.pack("<I", 1)   # published once since
 
 
@@ -234,13 +280,13 @@ def test_an_app_that_is_started_again_in_place_flies_on_from_nothing(core):
     core.outside.tick(0)
     core.outside.tick(100_000_000)
     core.send(command(CMD, 0))
-    core.until("NAV 2:")
+    report(core)
     for _ in range(3):
         core.write("restart NAV")
         core.until("CFE_ES_ExitApp: NAV ends with status 5")
         core.until("NAV flies modes")
         found = housekeeping(core)
-        assert (found["ticks"], found["commands"], found["time"]) == (0, 0, -1)
+        assert (found["ticks"], found["accepted"], found["time"]) == (0, 0, -1)
         core.outside.tick(200_000_000)              # it still has the registers, and the time is theirs
         found = housekeeping(core)
         assert (found["ticks"], found["time"]) == (1, 200_000_000)
@@ -271,3 +317,59 @@ def test_it_ends_with_the_run_and_with_its_surroundings(built):
     finally:
         core.kill()
         outside.close()
+
+
+def test_what_is_kept_outlives_the_app_and_the_rest_begins_anew(built, tmp_path):
+    mission = built[0]
+    app = cfs.App("nav", keep=["parameters", "flight.control"])
+    cfs.write(mission, app, tmp_path / "nav", outputs="all", simulated=True)
+    program = linked.build([(app, tmp_path / "nav")], tmp_path / "run", options=["-O1"])
+    vehicle = "flight.vehicle.vehicle"
+    at = next(f.offset for m in mission.outputs if m.path == vehicle for f in m.struct.fields if f.name == "I_B")
+    outside = built[4].begin()
+    core = Core(program, outside, listen="0x08C0-0x08E0")
+    core.app, core.mission = app, mission
+    try:
+        core.until("NAV flies modes")
+        outside.tick(-1)
+        outside.tick(0)
+        file = table_file(built, "Vehicle", I_B=[600.0, 0, 0, 0, 700, 0, 0, 0, 800])
+        (tmp_path / "run/ram/new.tbl").write_bytes((built[2] / "run/ram/new.tbl").read_bytes())
+        upload(core, "Vehicle", file)
+        outside.tick(100_000_000)
+        core.write("restart NAV")
+        core.until("NAV 35: Flight has what was kept")
+        core.until("NAV 40: The registers are there")
+        outside.tick(200_000_000)
+        assert struct.unpack_from("<d", outside.take(vehicle, 0), at)[0] == 600.0
+        assert outside.take(vehicle, 0)[12:16] == struct.pack("<I", 1)      # flight itself began anew
+    finally:
+        core.kill()
+        outside.close()
+
+
+def test_two_apps_at_one_register_file_are_told(tmp_path, built):
+    mission, _, _, _, outside = built
+    apps = [(cfs.App("nav"), tmp_path / "nav"), (cfs.App("two", 0xE0), tmp_path / "two")]
+    for app, folder in apps:
+        cfs.write(mission, app, folder, outputs="all", simulated=True)
+    program = linked.build(apps, tmp_path / "run", options=["-O0"])
+    outside.begin()
+    core = Core(program, outside, variables={"TWO_REGISTERS": f"/dev/fd/{outside.fd}"})
+    try:
+        line = core.until(lambda line: " 41: Registers /dev/fd/" in line)
+        assert ("NAV 41" in line and line.endswith(": the app TWO")) or ("TWO 41" in line and
+                                                                         line.endswith(": the app NAV"))
+        outside.tick(-1)
+        outside.tick(0)                             # the other one flies
+    finally:
+        core.kill()
+        outside.close()
+
+
+def test_an_app_tells_what_it_waits_for(built):
+    core = Core(built[3], variables={"NAV_REGISTERS": "/dev/shm/fledge_no_such_registers"})
+    try:
+        core.until("NAV 44: Waits for the registers in /dev/shm/fledge_no_such_registers")
+    finally:
+        core.kill()

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 from fledge.export import board as boards_of
 from fledge.export import c_source
 from fledge.export.cfs import around, joint, packets, sources, tables
-from fledge.export.cfs.app import App, check_taken
+from fledge.export.cfs.app import CMD, TLM, App, check_taken
+from fledge.export.commands import emit_commands
 from fledge.export.host import emit_host
 from fledge.export.read import ExportError, Mission
 from fledge.export.write import write_files
@@ -30,12 +31,15 @@ def emit(mission: Mission, app: App, files: Sequence[Path | str] | None = None, 
     found = tables.tables(mission, app)
     registers = simulated or files is not None
     flown, boards = flown_by(mission, files or (), outputs) if registers else (c_source.emit(mission), [])
+    of_bus = emit_commands(mission, CMD + app.topic, TLM + app.topic, app.order)
+    of_board = emit_commands(mission) if registers else of_bus
+    flown |= {file: text for file, text in of_board.items() if not file.endswith(".json")}
     flown |= emit_host(mission) if watched else {}
     prefix, name = app.prefix, app.name
 
     src: dict[str, str] = {}
     inc: dict[str, str] = {}
-    left_out = (() if registers else ("registers.c",)) + (
+    left_out = (() if joint.kept(mission, app) else ("keep.c",)) + (() if registers else ("registers.c",)) + (
         () if simulated else ("attach_file.c",)) + (("attach_memory.c",) if simulated or not registers else ())
     for template in sorted((HERE / "templates").glob("*.in")):
         what = template.name.removesuffix(".in")
@@ -45,7 +49,7 @@ def emit(mission: Mission, app: App, files: Sequence[Path | str] | None = None, 
         text = text.replace("@mission@", mission.name).replace("@title@", mission.title)
         what = "attach.c" if what.startswith("attach") else what
         (inc if what == "eventids.h" else src)[f"{name}_{what}"] = text
-    headers = packets.config(mission, app, found)
+    headers = packets.config(mission, app, found, simulated)
     config = {f"{name}_{one}.h": text for one, text in headers.items()}
     src |= {f"{name}_mission.h": joint.header(mission, app, found, boards, watched),
             f"{name}_mission.c": joint.source(mission, app, found),
@@ -66,6 +70,7 @@ def emit(mission: Mission, app: App, files: Sequence[Path | str] | None = None, 
     out |= {f"fsw/src/{file}": text for file, text in src.items()}
     out |= {f"fsw/tables/{t.stem}.c": tables.source(app, t) for t in found}
     out |= {f"cf/{t.stem}.tbl": tables.tbl(app, t) for t in found}
+    out |= {f"ground/{file}": text for file, text in of_bus.items() if file.endswith(".json")}
     out |= {f"board/{file}": text for file, text in flown.items() if not file.endswith((".c", ".h"))}
     out |= {"CMakeLists.txt": around.cmake(app, sorted(code), found), "README.md": around.readme(mission, app, found),
             "mission_build.cmake": around.configured(app, "mission", packets.MISSION),

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+import zlib
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from fledge.export import c_run
 from fledge.export.c_source import row
 from fledge.export.c_text import comment
 from fledge.export.cfs.packets import guarded
-from fledge.export.cfs.tables import HEAD_SIZE, Table, layout_checks, rules
+from fledge.export.cfs.tables import HEAD_SIZE, Table, described, layout_checks
+from fledge.export.read import ExportError
 
 if TYPE_CHECKING:
     from fledge.export.cfs.app import App
@@ -23,87 +24,88 @@ def step(mission: Mission) -> int:
     return math.gcd(*(n for task in mission.tasks for n in (task.period, task.offset)))
 
 
+def kept(mission: Mission, app: App) -> list[tuple[str, str, str]]:
+    """(member, offset, size) of what outlives the app, as C: of a module its parameters and its memory."""
+    found = []
+    for what in app.keep:
+        if what != "parameters" and what not in [m.path for m in mission.modules]:
+            raise ExportError(f"--keep {what}: {mission.title} has no such module; keep parameters, or any of "
+                              f"{', '.join(m.path for m in mission.modules)}")
+    for module in mission.modules:
+        for group in ("par", "mem"):
+            if module.fields(group) and (module.path in app.keep or group == "par" and "parameters" in app.keep):
+                member = f"{module.name}.{group}"
+                found.append((member, f"offsetof({mission.struct()}, {member})",
+                              f"sizeof((({mission.struct()} *)0)->{member})"))
+    return found
+
+
 def header(mission: Mission, app: App, found: Sequence[Table], boards: Sequence[Board], watched: bool = False) -> str:
     prefix, upper = app.prefix, mission.name.upper()
-    longest = max((m.struct.size for m in mission.outputs), default=0)
     longest_table = HEAD_SIZE + max((len(t.content) for t in found), default=0)
     return guarded(app, "mission", f"What {prefix} flies: {mission.title}.", [
-        '#include "cfe.h"', "", f'#include "{mission.name}.h"', *
-        ([f'#include "{mission.name}_io.h"'] if boards else []),
-        '#include "flight/command/rules.h"', "",
+        '#include "cfe.h"', "", f'#include "{mission.name}.h"',
+        *([f'#include "{mission.name}_io.h"'] if boards else []), f'#include "{mission.name}_commands.h"', "",
         f"typedef {mission.struct()} {prefix}_Mission_t;", "",
         *(['#include "targets/cfs/watch.h"', f"#define {prefix}_WATCH fledge_watch", ""] if watched else []),
         f"#define {prefix}_MESSAGES {upper}_MESSAGES",
-        f"#define {prefix}_LONGEST_MESSAGE {longest} /* [bytes] */",
         f"#define {prefix}_INPUTS {len(mission.inputs)}u /* the first of the messages */",
         f"#define {prefix}_STEP_NS INT64_C({step(mission)}) /* between two wake-ups */",
         f"#define {prefix}_BOARDS {len(boards)}",
+        *keeping(mission, app),
         f"#define {prefix}_TABLES {len(found)}",
         f"#define {prefix}_TABLE_HEAD {HEAD_SIZE} /* [bytes] in front of the parameters */",
         f"#define {prefix}_LONGEST_TABLE {longest_table} /* [bytes] */", "",
         "/** The parameters of a module as a table. */", f"typedef struct {prefix}_Table {{",
         "    const char *Name; /* as the bus knows it, without the app's */",
         "    const char *File; /* what it is loaded from at the start */",
-        "    uint32 Layout;    /* what its first word must be */", "    const CommandRule *Rules;",
-        "    uint32 NumRules;", "    int32 (*Validate)(void *Content);", f"}} {prefix}_Table_t;", "",
+        "    uint32 Layout;    /* what its first word must be */",
+        "    int32 (*Validate)(void *Content);", f"}} {prefix}_Table_t;", "",
         f"extern const {prefix}_Table_t {prefix}_Tables[{prefix}_TABLES + 1];", "",
-        "/** The message ids of inputs and outputs, in the order of the messages. */",
+        "/** The message ids of inputs, and of flight's telemetry, in their orders. */",
         f"extern const CFE_SB_MsgId_Atom_t {prefix}_InputIds[{prefix}_INPUTS + 1];",
-        f"extern const CFE_SB_MsgId_Atom_t {prefix}_OutputIds[{prefix}_MESSAGES - {prefix}_INPUTS + 1];", "",
+        f"extern const CFE_SB_MsgId_Atom_t {prefix}_TelemetryIds[];", "",
         "/** Look at what a table shall hold: CFE_SUCCESS, or an error after an event. */",
-        f"int32 {prefix}_ValidateTable(uint32 Index, const void *Content);", "",
-        "/** A module's parameters were changed: publish them to their readers, at t [ns]. */",
-        f"void {prefix}_Publish({prefix}_Mission_t *Mission, uint32 Index, int64 t);", "",
-        "/** Ask for a mode; false: there is none of this number. */",
-        f"bool {prefix}_Enter({prefix}_Mission_t *Mission, uint32 Mode);", "",
-        "/** The mode in effect. */", f"uint32 {prefix}_ModeOf(const {prefix}_Mission_t *Mission);", "",
-        "/** Flight's time [ns] as cFE's. */", f"CFE_TIME_SysTime_t {prefix}_SysTime(int64 t);", ""])
+        f"int32 {prefix}_ValidateTable(uint32 Index, const void *Content);", ""])
+
+
+def keeping(mission: Mission, app: App) -> list[str]:
+    prefix, ranges = app.prefix, kept(mission, app)
+    lines = [f"#define {prefix}_KEPT {len(ranges)}"]
+    if ranges:
+        layout = [(m.path, described(m.fields(group))) for m in mission.modules for group in ("par", "mem")
+                  if f"{m.name}.{group}" in [one for one, _, _ in ranges]]
+        lines += [f"#define {prefix}_KEPT_LAYOUT 0x{zlib.crc32(repr(layout).encode()):08X}u",
+                  f"#define {prefix}_KEPT_BYTES ( \\", *(f"    {size} + \\" for _, _, size in ranges), "    0)",
+                  "", "/** A part of flight's memory that is kept. */", f"typedef struct {prefix}_Range {{",
+                  "    uint32 Offset;", "    uint32 Size;", f"}} {prefix}_Range_t;",
+                  f"extern const {prefix}_Range_t {prefix}_Kept[{prefix}_KEPT];", ""]
+    return lines
 
 
 def source(mission: Mission, app: App, found: Sequence[Table]) -> str:
-    prefix, name = app.prefix, mission.name
+    prefix = app.prefix
     lines = ["/* SPDX-License-Identifier: Apache-2.0 */",
-             *comment(f"What is {mission.title}'s own in {prefix}: the rules of its parameters, and its calls."),
+             *comment(f"What is {mission.title}'s own in {prefix}: its tables and message ids."),
              f'#include "{app.name}_mission.h"', f'#include "{app.name}_msgids.h"', f'#include "{app.name}_tbl.h"', "",
              "#include <stddef.h>", "",
              "/* A table is the bytes of its module's parameters: a compiler refuses another layout. */",
              "#define SAME(a, b, name) typedef char same_##name[(a) == (b) ? 1 : -1]",
              *layout_checks(app, found), ""]
     for i, table in enumerate(found):
-        lines += rules(app, table)
         lines += [f"static int32 Validate{table.name}(void *Content)", "{",
                   f"    return {prefix}_ValidateTable({i}, Content);", "}", ""]
     lines += [f"const {prefix}_Table_t {prefix}_Tables[{prefix}_TABLES + 1] = {{"]
     for table in found:
         lines += row(f'"{table.name}"', f'"{table.file}"', f"{prefix}_{table.name.upper()}_LAYOUT",
-                     f"Rules{table.name}", f"sizeof Rules{table.name} / sizeof Rules{table.name}[0]",
                      f"Validate{table.name}")
-    lines += ["    {NULL, NULL, 0, NULL, 0, NULL},", "};", ""]
-    for kind, messages, ends in (("Input", mission.inputs, "IN"), ("Output", mission.outputs, "TLM")):
-        listed = [f"{prefix}_{m.name.upper()}_{ends}_MID," for m in messages]
+    lines += ["    {NULL, NULL, 0, NULL},", "};", ""]
+    if kept(mission, app):
+        lines += [f"const {prefix}_Range_t {prefix}_Kept[{prefix}_KEPT] = {{",
+                  *(f"    {{{offset}, {size}}}," for _, offset, size in kept(mission, app)), "};", ""]
+    telemetry = ["FLIGHT", "REPORT", *(m.name.upper() for m in mission.outputs)]
+    for kind, listed in (("Input", [f"{m.name.upper()}_IN" for m in mission.inputs] + [""]),
+                         ("Telemetry", [f"{one}_TLM" for one in telemetry])):
         lines += [f"const CFE_SB_MsgId_Atom_t {prefix}_{kind}Ids[] = {{",
-                  *(f"    {one}" for one in listed), "    0};", ""]
-    lines += [
-        f"void {prefix}_Publish({prefix}_Mission_t *Mission, uint32 Index, int64 t)", "{"]
-    configuration = [(i, t.module) for i, t in enumerate(found) if t.module in mission.configuration]
-    if configuration:
-        lines.append("    switch (Index) {")
-        for i, module in configuration:
-            lines += [f"    case {i}:", f"        {name}_publish_{module.name}(Mission, t);", "        break;"]
-        lines += ["    default:", "        break; /* read where it stands, at the next tick */", "    }"]
-    else:
-        lines += ["    (void)Mission;", "    (void)Index;", "    (void)t;"]
-    lines += ["}", "", f"bool {prefix}_Enter({prefix}_Mission_t *Mission, uint32 Mode)", "{"]
-    if mission.modes:
-        last = c_run.mode(mission, mission.modes[-1])
-        lines += [f"    if (Mode > {last}) {{", "        return false;", "    }",
-                  f"    {name}_enter(Mission, ({mission.struct()}Mode)Mode);", "    return true;"]
-    else:
-        lines += ["    (void)Mission;", "    (void)Mode;", "    return false;"]
-    lines += ["}", "", f"uint32 {prefix}_ModeOf(const {prefix}_Mission_t *Mission)", "{"]
-    lines += ["    return (uint32)Mission->mode.current;"] if mission.modes else ["    (void)Mission;", "    return 0;"]
-    lines += ["}", "", f"CFE_TIME_SysTime_t {prefix}_SysTime(int64 t)", "{", "    CFE_TIME_SysTime_t Time = {0, 0};",
-              "    if (t > 0) {", "        Time.Seconds = (uint32)(t / 1000000000);",
-              "        Time.Subseconds = (uint32)(((uint64)(t % 1000000000) << 32) / 1000000000u);", "    }",
-              "    return Time;", "}", ""]
+                  *(f"    {prefix}_{one}_MID," if one else "    0," for one in listed), "};", ""]
     return "\n".join(lines)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from fledge.commands import DATA_MAX, Code, Reason
 from fledge.elements import ELEMENTS
 from fledge.export import names
 from fledge.export.c_text import comment, doc, plain, with_notes, wrap
@@ -59,10 +60,16 @@ MISSION = ("topicids", "fcncodes", "interface_cfg", "mission_cfg", "msgdefs", "m
            "tblstruct", "tbl")
 PLATFORM = ("msgids", "internal_cfg", "platform_cfg", "perfids")
 HEAD = ["uint32 Layout; /* ..._LAYOUT: tells byte order and version of what follows */", "uint32 Spare;"]
-CODES = ("NOOP", "RESET_COUNTERS", "ENTER_MODE", "LOAD_PARAMETERS", "RESET_FLIGHT")
 
 
-def config(mission: Mission, app: App, found: Sequence[Any]) -> dict[str, str]:
+ARGUMENTS: dict[Code, dict[str, int]] = {
+    Code.MODE: {"Mode": 2}, Code.WRITE: {"Module": 2, "Offset": 4, "Bytes": DATA_MAX},
+    Code.STAGE: {"Module": 2, "Offset": 4, "Bytes": DATA_MAX}, Code.COMMIT: {"Module": 2, "Crc": 2},
+    Code.PUBLISH: {"Module": 2}, Code.RESET_FLIGHT: {}, Code.ARM: {"Event": 2, "On": 2},
+    Code.READ: {"Module": 2, "Offset": 4, "Count": 2}, Code.TELEMETRY: {"Output": 2, "On": 2, "Every": 2}}
+
+
+def config(mission: Mission, app: App, found: Sequence[Any], simulated: bool = False) -> dict[str, str]:
     """The headers that a mission may replace by its own: name -> text, of all in MISSION and PLATFORM."""
     prefix, name = app.prefix, app.name
     topics = app.topics(mission)
@@ -76,7 +83,7 @@ def config(mission: Mission, app: App, found: Sequence[Any]) -> dict[str, str]:
         "topicids": (f"The topics of {prefix}: of commands and requests, of telemetry, and of the packets that are its "
                      "inputs.", defines({one: f"0x{value:02X}" for one, value in topics.items()})),
         "fcncodes": (f"The function codes of {prefix}'s commands.",
-                     defines({f"{prefix}_{code}_CC": str(i) for i, code in enumerate(CODES)})),
+                     defines({f"{prefix}_{code.name}_CC": str(int(code)) for code in Code})),
         "interface_cfg": (f"What others know of {prefix}: the names of its tables.",
                           defines({f"{prefix}_{t.name.upper()}_TABLE": f'"{prefix}.{t.name}"' for t in found})),
         "mission_cfg": (f"What is the same on all processors of a mission with {prefix}.",
@@ -95,7 +102,9 @@ def config(mission: Mission, app: App, found: Sequence[Any]) -> dict[str, str]:
             f"#define {prefix}_WAIT_MS 500", "",
             "/* Without registers, flight's time is: 1: the mission elapsed time of a wake-up, to the nearest step;",
             " * 0: a step more than at the wake-up before. */", f"#ifndef {prefix}_TIME_FROM_MET",
-            f"#define {prefix}_TIME_FROM_MET 1", "#endif", ""]),
+            f"#define {prefix}_TIME_FROM_MET 1", "#endif", "",
+            "/* 1: outputs that others read are sent from the start; 0: what a command turns on. */",
+            f"#define {prefix}_OUTPUTS_ON {0 if simulated else 1}", ""]),
         "platform_cfg": (f"What {prefix} needs of a processor.", [
             f'#include "{name}_mission_cfg.h"', f'#include "{name}_internal_cfg.h"', "",
             "/* At most 4 messages of each id wait in a pipe of this depth, so none keeps out another. */",
@@ -136,24 +145,33 @@ def structs(app: App, found: Sequence[Table]) -> list[str]:
     return parts
 
 
+def title(code: Code) -> str:
+    return code.name.title().replace("_", "")
+
+
+def command(prefix: str, code: Code) -> list[str]:
+    """The payload of a command."""
+    name = f"{prefix}_{title(code)}Cmd_Payload"
+    return [f"typedef struct {name} {{", "    uint8 Version[2];",
+            *(f"    uint8 {argument}[{size}];" for argument, size in ARGUMENTS[code].items()), f"}} {name}_t;", ""]
+
+
 def payloads(mission: Mission, app: App) -> list[str]:
     prefix = app.prefix
     modes = [f"{i} {mission.mode_titles[m]}" for i, m in enumerate(mission.modes)] or ["this mission has none"]
     parts = ['#include "common_types.h"', f'#include "{app.name}_fcncodes.h"', "",
-             f"typedef struct {prefix}_EnterModeCmd_Payload {{",
-             *wrap(f"uint32 Mode; /* {plain(', '.join(modes))} */".split(), " " * 4, " " * 7),
-             f"}} {prefix}_EnterModeCmd_Payload_t;", "",
-             f"typedef struct {prefix}_LoadParametersCmd_Payload {{",
-             f"    char Table[16]; /* without the app's name: Control, not {prefix}.Control */",
-             "    char File[64];  /* as /cf/x.tbl */", f"}} {prefix}_LoadParametersCmd_Payload_t;", "",
+             "/* Commands: numbers are big-endian, and the first is the version of the dictionary. */", "",
+             *(line for code in ARGUMENTS for line in command(prefix, code)),
              f"typedef struct {prefix}_HkTlm_Payload {{",
              *with_notes([("int64 Time;", "[ns] of flight, at the last tick; -1: none yet"),
-                          ("uint8 CommandCounter;", "commands that were done"),
-                          ("uint8 CommandErrorCounter;", "commands and requests that were refused, for:"),
-                          ("uint16 Spare;", ""),
-                          ("uint32 BadChecksum;", ""), ("uint32 BadLength;", ""), ("uint32 UnknownCode;", ""),
-                          ("uint32 Refused;", "what they ask for is not possible"),
-                          ("uint32 Mode;", ", ".join(modes)),
+                          ("uint8 CommandCounter;", "the low bits of Accepted"),
+                          ("uint8 CommandErrorCounter;", "the low bits of Refused and RequestErrors"),
+                          ("uint16 Spare;", ""), ("uint32 Mode;", ", ".join(modes)),
+                          ("uint32 Accepted;", "commands"), ("uint32 Executed;", ""),
+                          ("uint32 Refused;", "at acceptance or execution"),
+                          (f"uint32 Reasons[{len(Reason)}];", "of the refusals: " + ", ".join(
+                              f"{int(one)} {one.name.lower()}" for one in Reason)),
+                          ("uint32 RequestErrors;", "other messages that were not as expected"),
                           ("uint32 TableUpdates;", "parameters that were taken over since the start"),
                           ("uint32 TableRefusals;", "parameters that break their rules"),
                           ("uint32 Ticks;", "of flight"),
@@ -163,7 +181,7 @@ def payloads(mission: Mission, app: App) -> list[str]:
                           ("uint32 IoCorrupt;", "messages that were none"),
                           ("uint32 IoSaturated;", "numbers beyond the range of their field"),
                           ("uint32 Inputs;", "packets that are inputs"),
-                          ("uint32 InputsRefused;", "of the wrong length")], "    "),
+                          ("uint32 InputsRefused;", "of the wrong length"), ("uint32 Spare2;", "")], "    "),
              f"}} {prefix}_HkTlm_Payload_t;", "",
              "/* Inputs and outputs of flight: host byte order, without padding. */", ""]
     done: set[str] = set()
@@ -184,8 +202,8 @@ def packets(mission: Mission, app: App) -> list[str]:
                 f"}} {prefix}_{name}_t;", ""]
 
     parts = ['#include "cfe.h"', "", f'#include "{app.name}_msgdefs.h"', "", *packet("NoArgsCmd", "Command", "")]
-    for name in ("EnterModeCmd", "LoadParametersCmd"):
-        parts += packet(name, "Command", f"{prefix}_{name}_Payload")
+    for code in ARGUMENTS:
+        parts += packet(f"{title(code)}Cmd", "Command", f"{prefix}_{title(code)}Cmd_Payload")
     parts += packet("HkTlm", "Telemetry", f"{prefix}_HkTlm_Payload")
     for message in (*mission.inputs, *mission.outputs):
         kind = "In" if message in mission.inputs else "Tlm"

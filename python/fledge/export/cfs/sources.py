@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from fledge.export.cfs.app import App
 
 # Of Fledge's own, what every app needs besides its modules.
-ALWAYS = ["flight/command/rules.c"]
+ALWAYS = ["flight/command/command.c", "flight/command/rules.c", "flight/telemetry/telemetry.c"]
 REGISTERS = ["registers/lane.c", "registers/field.c",
              "registers/clock.c", "registers/message.c", "targets/mission_io.c"]
 SIMULATED = ["registers/shared_file.c"]

@@ -14,11 +14,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from fledge.export import c_source, names
-from fledge.elements import ELEMENTS
+from fledge.commands import reversed_numbers
+from fledge.export import names
 from fledge.export.c_text import plain, string, wrap
 from fledge.export.c_values import literal
-from fledge.export.read import Mission, Module, leaves
+from fledge.export.read import Mission, Module
 
 if TYPE_CHECKING:
     from fledge.export.cfs.app import App
@@ -80,19 +80,9 @@ def shortened(text: str, longest: int, taken: set[str]) -> str:
 def tbl(app: App, table: Table) -> bytes:
     """The bytes of a .tbl file. It holds no time, so that the same parameters give the same bytes."""
     content = packing.pack({"little": "<II", "big": ">II"}[app.order], table.layout, 0)
-    content += table.content if app.order == "little" else swapped(table.fields, table.content, table.start)
+    content += table.content if app.order == "little" else reversed_numbers(table.fields, table.content, table.start)
     header = packing.pack(">4s7I32s", b"cFE1", 8, 64, 0, 0, 0, 0, 0, f"{table.module.path} parameters".encode()[:31])
     return header + packing.pack(">3I40s", 0, 0, len(content), f"{app.prefix}.{table.name}".encode()) + content
-
-
-def swapped(fields: Sequence[Any], content: bytes, start: int = 0) -> bytes:
-    """The same numbers in the other byte order."""
-    out = bytearray(content)
-    for _, field, at in leaves(fields, base=-start):
-        width = ELEMENTS[field.type].size
-        for i in range(at, at + field.size, width):
-            out[i:i + width] = content[i:i + width][::-1]
-    return bytes(out)
 
 
 def source(app: App, table: Table) -> str:
@@ -129,45 +119,6 @@ def nested(field: Any, raw: bytes, shape: list[int]) -> str:
     if field.type == "enum":
         return str(packing.unpack("=i", raw)[0])
     return literal(field, raw)
-
-
-# --- rules -----------------------------------------------------------------------------------------
-
-def rules(app: App, table: Table) -> list[str]:
-    """The CommandRules of a table, as C."""
-    lines = [f"static const CommandRule Rules{table.name}[] = {{"]
-    for row in rule_rows(table.fields, table.start):
-        lines += c_source.row(*row)
-    return [*lines, "};", ""]
-
-
-def rule_rows(fields: Sequence[Any], start: int, prefix: str = "", base: int = 0) -> Iterator[list[str]]:
-    places = {f.name: f.offset - start + base for f in fields}
-    for f in fields:
-        at = f.offset - start + base
-        if f.type == "struct":
-            for i, k in enumerate(range(at, at + f.size, f.struct.size)):
-                index = f"[{i}]" if f.shape else ""
-                yield from rule_rows(f.struct.fields, 0, f"{prefix}{f.name}{index}.", k)
-            continue
-        if f.type == "char" or f.spare:
-            continue
-        low, high, low_open, high_open = f.bounds
-        flags = [name for name, on in (
-            ("FLEDGE_HAS_LO", low is not None), ("FLEDGE_HAS_HI", high is not None),
-            ("FLEDGE_LO_OPEN", low_open and low is not None), ("FLEDGE_HI_OPEN", high_open and high is not None),
-            ("COMMAND_NON_ZERO", f.non_zero), ("COMMAND_INERTIA", f.inertia)) if on]
-        if not ELEMENTS[f.type].is_float and not flags:
-            continue                                   # all are allowed
-        n = f.size // ELEMENTS[f.type].size
-        rule = f.rule.removeprefix("required").removeprefix(", ")
-        text = "0 or of size 1e-100 to 1e100" if ELEMENTS[f.type].is_float else "whole"
-        text += f", {rule}" if rule else ""
-        text += f" {f.unit}" if f.unit not in ("", "-") and (low is not None or high is not None) else ""
-        yield [string((prefix + f.name).encode()), string(text.encode()), f"{at}u", f"{n}u",
-               f"{n // f.shape[0] if f.shape else 1}u", f"{places[f.count]}u" if f.count else "COMMAND_ALL_ROWS",
-               " | ".join(flags) or "0u", f"FLEDGE_{f.type.upper()}",
-               repr(low or 0.0), repr(high or 0.0)]
 
 
 def layout_checks(app: App, found: Sequence[Table]) -> list[str]:

@@ -93,9 +93,11 @@ int32 CFE_MSG_ValidateChecksum(const CFE_MSG_Message_t *, bool *);
 int32 CFE_MSG_GenerateChecksum(CFE_MSG_Message_t *);
 int32 CFE_MSG_SetMsgTime(CFE_MSG_Message_t *, CFE_TIME_SysTime_t);
 int32 CFE_MSG_SetSequenceCount(CFE_MSG_Message_t *, CFE_MSG_SequenceCount_t);
+int32 CFE_MSG_SetMsgId(CFE_MSG_Message_t *, CFE_SB_MsgId_t);
 int32 CFE_TBL_Register(CFE_TBL_Handle_t *, const char *, size_t, uint16, CFE_TBL_CallbackFuncPtr_t);
 int32 CFE_TBL_Load(CFE_TBL_Handle_t, CFE_TBL_SrcEnum_t, const void *);
 int32 CFE_TBL_Manage(CFE_TBL_Handle_t);
+int32 CFE_TBL_Modified(CFE_TBL_Handle_t);
 int32 CFE_TBL_GetAddress(void **, CFE_TBL_Handle_t);
 int32 CFE_TBL_ReleaseAddress(CFE_TBL_Handle_t);
 

@@ -103,9 +103,11 @@ CFE_Status_t CFE_MSG_ValidateChecksum(const CFE_MSG_Message_t *, bool *);
 CFE_Status_t CFE_MSG_GenerateChecksum(CFE_MSG_Message_t *);
 CFE_Status_t CFE_MSG_SetMsgTime(CFE_MSG_Message_t *, CFE_TIME_SysTime_t);
 CFE_Status_t CFE_MSG_SetSequenceCount(CFE_MSG_Message_t *, CFE_MSG_SequenceCount_t);
+CFE_Status_t CFE_MSG_SetMsgId(CFE_MSG_Message_t *, CFE_SB_MsgId_t);
 CFE_Status_t CFE_TBL_Register(CFE_TBL_Handle_t *, const char *, size_t, uint16, CFE_TBL_CallbackFuncPtr_t);
 CFE_Status_t CFE_TBL_Load(CFE_TBL_Handle_t, CFE_TBL_SrcEnum_t, const void *);
 CFE_Status_t CFE_TBL_Manage(CFE_TBL_Handle_t);
+CFE_Status_t CFE_TBL_Modified(CFE_TBL_Handle_t);
 CFE_Status_t CFE_TBL_GetAddress(void **, CFE_TBL_Handle_t);
 CFE_Status_t CFE_TBL_ReleaseAddress(CFE_TBL_Handle_t);
 

@@ -111,6 +111,10 @@ class Core:
             if wanted(line) if callable(wanted) else wanted in line:
                 return line
 
+    def told(self, wanted):
+        """A line that has this text in it, now or before: lines of several tasks may change places."""
+        return next((line for line in self.seen if wanted in line), None) or self.until(wanted)
+
     def telemetry(self, mid):
         """The next packet of an id, as bytes."""
         return bytes.fromhex(self.until(lambda line: line.startswith(f"TLM {mid:04x}"))[4:])
@@ -136,10 +140,10 @@ class Core:
         self.process.stdin.close()
 
 
-def command(mid, code, payload=b"", checksum=None):
+def command(mid, code, payload=b"", checksum=None, sequence=0):
     """A command's bytes, written out once more from the contract."""
     size = 8 + len(payload)
-    packet = bytearray(struct.pack(">HHHBB", mid, 0xC000, size - 7, code, 0) + payload)
+    packet = bytearray(struct.pack(">HHHBB", mid, 0xC000 | sequence, size - 7, code, 0) + payload)
     sum_ = 0xFF
     for byte in packet:
         sum_ ^= byte

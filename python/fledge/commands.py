@@ -1,0 +1,543 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Commands to a flight process as packets, flight/command/command.h.
+
+    packets = Packets(Dictionary.load("nadir_spin_packets.json"))
+    packets.mode("science")                     # the bytes of one command
+    packets.write("flight.control", K=3.0)      # a list of them; numbers in the units of the header
+    packets.load("flight.control", block)       # the whole block of a module
+
+A Dictionary is what a mission can be commanded and what it sends: the export writes it as MISSION_packets.json, and the
+desktop makes the same one of the live objects.
+"""
+from __future__ import annotations
+
+import binascii
+import json
+import struct as packing
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass, field as with_default
+from enum import IntEnum
+from functools import reduce
+from operator import xor
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from fledge.elements import ELEMENTS
+from fledge.errors import SetupError, did_you_mean, listed
+
+COMMANDS, TELEMETRY = 0x1880, 0x0880     # the streams of a mission's own board
+HOUSEKEEPING, REPORTS, OUTPUTS = 0, 1, 2  # of telemetry: places behind its first stream
+DATA_MAX = 512                           # [bytes] of parameters in one command
+ALL = 0xFFFF                             # all outputs
+
+
+class Code(IntEnum):
+    """Function codes."""
+    NOOP = 0
+    RESET_COUNTERS = 1
+    MODE = 2
+    WRITE = 3
+    STAGE = 4
+    COMMIT = 5
+    PUBLISH = 6
+    RESET_FLIGHT = 7
+    ARM = 8
+    READ = 9
+    TELEMETRY = 10
+
+
+class Reason(IntEnum):
+    """Why a command was refused."""
+    OK = 0
+    LENGTH = 1
+    CHECKSUM = 2
+    STREAM = 3
+    UNKNOWN = 4
+    VERSION = 5
+    PLACE = 6
+    VALUE = 7
+    RULE = 8
+    INITIAL = 9
+    BUSY = 10
+    NOT_STAGED = 11
+    CRC = 12
+
+
+ARGUMENTS = {
+    Code.NOOP: [], Code.RESET_COUNTERS: [], Code.RESET_FLIGHT: ["version"], Code.MODE: ["version", "mode"],
+    Code.WRITE: ["version", "module", "offset", "bytes"], Code.STAGE: ["version", "module", "offset", "bytes"],
+    Code.COMMIT: ["version", "module", "crc"], Code.PUBLISH: ["version", "module"],
+    Code.ARM: ["version", "event", "on"], Code.READ: ["version", "module", "offset", "n"],
+    Code.TELEMETRY: ["version", "output", "on", "every"]}
+
+
+# --- the dictionary --------------------------------------------------------------------------------
+
+@dataclass
+class Field:
+    """A field of parameters or of a message."""
+    name: str
+    type: str                   # f64, ..., enum, char, struct
+    offset: int                 # [bytes] in its block, message or struct
+    size: int                   # [bytes] of all its elements
+    shape: list[int]
+    unit: str
+    meaning: str
+    enumerators: dict[str, int] = with_default(default_factory=dict)
+    fields: list[Field] = with_default(default_factory=list)    # of a struct
+    rule: str = ""              # "> 0"
+
+
+class Rule(NamedTuple):
+    """CommandRule of flight/command/rules.h."""
+    name: str
+    text: str
+    offset: int
+    n: int
+    row: int
+    rows_at: int | None         # None: all rows
+    flags: int
+    number: str                 # f64, ...
+    low: float
+    high: float
+
+
+NUMBERS = ["f64", "f32", "i8", "u8", "i16", "u16", "i32", "u32", "i64", "u64", "char", "enum"]    # FledgeType
+FLAGS = {"FLEDGE_HAS_LO": 1, "FLEDGE_HAS_HI": 2, "FLEDGE_LO_OPEN": 4, "FLEDGE_HI_OPEN": 8, "COMMAND_NON_ZERO": 16,
+         "COMMAND_INERTIA": 32, "COMMAND_START": 64}
+
+
+@dataclass
+class Block:
+    """The parameters of a module."""
+    path: str                   # flight.control
+    type: str
+    size: int                   # [bytes]
+    configuration: bool         # a change publishes it
+    fields: list[Field]
+    runs: list[tuple[int, int]]  # (width in bytes, how many) of its numbers
+    rules: list[Rule]
+
+
+@dataclass
+class Output:
+    """A message that flight puts out, and the stream of its packets."""
+    path: str                   # flight.control.torque
+    type: str
+    size: int
+    stream: int
+    fields: list[Field]
+
+
+@dataclass
+class Dictionary:
+    name: str
+    stream: int                 # of commands
+    telemetry: int              # the first stream of telemetry
+    modes: list[str]
+    events: list[str]
+    blocks: list[Block]
+    outputs: list[Output]
+
+    @classmethod
+    def of(cls, name: str, modules: Iterable[tuple[str, Any, bool]], modes: Sequence[str], events: Sequence[str],
+           stream: int = COMMANDS, telemetry: int = TELEMETRY) -> Dictionary:
+        """modules: (path, struct, whether it is of the configuration) of each, in the order of the mission."""
+        modules = list(modules)
+        blocks = [block for path, struct, configuration in modules
+                  if (block := block_of(path, struct, configuration))]
+        ports = [(f"{path}.{f.name}", f.struct) for path, struct, _ in modules for f in struct.fields
+                 if f.group == "out"]
+        outputs = [Output(path, struct.name, struct.size, telemetry + OUTPUTS + i, described(struct.fields))
+                   for i, (path, struct) in enumerate(ports)]
+        return cls(name, stream, telemetry, list(modes), list(events), blocks, outputs)
+
+    @property
+    def version(self) -> int:
+        """Changes with the names, places, types and units of all that it lists; not with the streams."""
+        lists = [self.modes, self.events, [(b.path, b.configuration, _layout(b.fields)) for b in self.blocks],
+                 [(o.path, _layout(o.fields)) for o in self.outputs]]
+        return binascii.crc_hqx(repr(lists).encode(), 0xFFFF)
+
+    @property
+    def room(self) -> int:
+        """[bytes] of the queue: for all blocks at one instant, and some more."""
+        return sum(sum(map(len, _parts(16, b.size))) + 14 for b in self.blocks) + 1024
+
+    @property
+    def packets(self) -> int:
+        """How many commands all blocks at one instant are, and some more: a power of two."""
+        n = sum(1 + len(_parts(16, b.size)) for b in self.blocks) + 8
+        return 1 << (n - 1).bit_length()
+
+    def block(self, path: str) -> tuple[int, Block]:
+        """(place, block) of a module's path."""
+        return _place(self.blocks, [b.path for b in self.blocks], path, "module with parameters", self.name)
+
+    def output(self, path: str) -> tuple[int, Output]:
+        return _place(self.outputs, [o.path for o in self.outputs], path, "output", self.name)
+
+    # --- as a file ---
+
+    def text(self, order: str | None = None) -> str:
+        """The file MISSION_packets.json. order: of telemetry's numbers, "big" or "little"; None: the target's, which
+        each packet says."""
+        commands = [{"name": code.name.lower(), "code": int(code), "arguments": ARGUMENTS[code]} for code in Code]
+        whole = {"name": self.name, "version": self.version, "commands": {"stream": self.stream, "order": "big",
+                 "list": commands, "reasons": {r.name.lower(): int(r) for r in Reason}},
+                 "telemetry": {"stream": self.telemetry, "housekeeping": self.telemetry + HOUSEKEEPING,
+                               "reports": self.telemetry + REPORTS, "order": order or "target"},
+                 "modes": self.modes, "events": self.events,
+                 "modules": [_plain(b) for b in self.blocks], "outputs": [_plain(o) for o in self.outputs]}
+        return json.dumps(whole, indent=1) + "\n"
+
+    @classmethod
+    def load(cls, file: Path | str) -> Dictionary:
+        """That of a file MISSION_packets.json."""
+        whole = json.loads(Path(file).read_text(encoding="utf-8"))
+
+        def fields(rows):
+            return [Field(**{**row, "fields": fields(row["fields"])}) for row in rows]
+
+        blocks = [Block(**{**row, "fields": fields(row["fields"]), "runs": [tuple(r) for r in row["runs"]],
+                           "rules": [Rule(*r) for r in row["rules"]]}) for row in whole["modules"]]
+        found = cls(whole["name"], whole["commands"]["stream"], whole["telemetry"]["stream"], whole["modes"],
+                    whole["events"], blocks, [Output(**{**row, "fields": fields(row["fields"])})
+                                              for row in whole["outputs"]])
+        if found.version != whole["version"]:
+            raise SetupError(f"{file}: its version is {whole['version']}, but that of its lists {found.version}: it "
+                             "was changed by hand, or is of another version of Fledge; export it again")
+        return found
+
+
+def _plain(one):
+    return {key: [list(r) for r in value] if key in ("rules", "runs") else value for key, value in asdict(one).items()}
+
+
+def _layout(fields):
+    return [(f.name, f.type, tuple(f.shape), f.offset, f.unit, sorted(f.enumerators.items()), _layout(f.fields))
+            for f in fields]
+
+
+def _place(items, names, name, what, where):
+    if name not in names:
+        raise SetupError(f"{where} has no {what} '{name}'{did_you_mean(name, names)} it has "
+                         + listed(names, none="none"))
+    return names.index(name), items[names.index(name)]
+
+
+def _parts(head, size):
+    """The commands of a block, as empty bytes of their lengths."""
+    return [bytes(head + min(DATA_MAX, size - at)) for at in range(0, size, DATA_MAX)]
+
+
+def described(fields: Sequence[Any], start: int = 0) -> list[Field]:
+    """Fields of the tables of the headers as data."""
+    return [Field(f.name, f.type, f.offset - start, f.size, list(f.shape), f.unit, f.doc,
+                  dict(f.enumerators) if f.type == "enum" else {},
+                  described(f.struct.fields) if f.type == "struct" else [], f.rule) for f in fields]
+
+
+def block_of(path: str, struct: Any, configuration: bool) -> Block | None:
+    """The parameters of a module; None if it has none."""
+    fields = [f for f in struct.fields if f.group == "par"]
+    if not fields:
+        return None
+    start, end = fields[0].offset, fields[-1].offset + fields[-1].size
+    return Block(path, struct.name, end - start, configuration, described(fields, start), byte_runs(fields),
+                 list(rules_of(fields, start)))
+
+
+def leaves(fields: Sequence[Any], base: int = 0, prefix: str = "") -> Iterator[tuple[str, Any, int]]:
+    """(path, field, offset) of every field that is no struct; of an array of structs, of each element."""
+    for f in fields:
+        if f.type == "struct":
+            inner = f.fields if isinstance(f, Field) else f.struct.fields
+            n = 1
+            for length in f.shape:
+                n *= length
+            for i, at in enumerate(range(base + f.offset, base + f.offset + f.size, f.size // n)):
+                yield from leaves(inner, at, f"{prefix}{f.name}" + (f"[{i}]" if f.shape else "") + ".")
+        else:
+            yield prefix + f.name, f, base + f.offset
+
+
+def byte_runs(fields: Sequence[Any]) -> list[tuple[int, int]]:
+    """(width in bytes, how many) of the numbers in the order of memory, as introspect/emit/orders.py."""
+    merged: list[tuple[int, int]] = []
+    for _, f, _ in leaves(fields):
+        width = ELEMENTS[f.type].size
+        n = f.size // width
+        if merged and merged[-1][0] == width:
+            n += merged.pop()[1]
+        merged.append((width, n))
+    return merged
+
+
+def rules_of(fields: Sequence[Any], start: int, prefix: str = "", base: int = 0, initial: bool = False
+             ) -> Iterator[Rule]:
+    """The rules of the headers' fields, whose block begins at `start`."""
+    places = {f.name: f.offset - start + base for f in fields}
+    for f in fields:
+        at = f.offset - start + base
+        if f.type == "struct":
+            for i, k in enumerate(range(at, at + f.size, f.struct.size)):
+                index = f"[{i}]" if f.shape else ""
+                yield from rules_of(f.struct.fields, 0, f"{prefix}{f.name}{index}.", k, initial or f.initial)
+            continue
+        if f.type == "char" or f.spare:
+            continue
+        low, high, low_open, high_open = f.bounds
+        flags = sum(FLAGS[name] for name, on in (
+            ("FLEDGE_HAS_LO", low is not None), ("FLEDGE_HAS_HI", high is not None),
+            ("FLEDGE_LO_OPEN", low_open and low is not None), ("FLEDGE_HI_OPEN", high_open and high is not None),
+            ("COMMAND_NON_ZERO", f.non_zero), ("COMMAND_INERTIA", f.inertia),
+            ("COMMAND_START", initial or f.initial)) if on)
+        if not ELEMENTS[f.type].is_float and not flags:
+            continue                                   # all are allowed
+        n = f.size // ELEMENTS[f.type].size
+        rule = f.rule.removeprefix("required").removeprefix(", ")
+        text = "0 or of size 1e-100 to 1e100" if ELEMENTS[f.type].is_float else "whole"
+        text += f", {rule}" if rule else ""
+        text += f" {f.unit}" if f.unit not in ("", "-") and (low is not None or high is not None) else ""
+        yield Rule(prefix + f.name, text, at, n, n // f.shape[0] if f.shape else 1,
+                   places[f.count] if f.count else None, flags, f.type, low or 0.0, high or 0.0)
+
+
+# --- packets of commands ---------------------------------------------------------------------------
+
+class Packets:
+    """Makes packets by a dictionary, with a sequence of their own."""
+
+    def __init__(self, dictionary: Dictionary) -> None:
+        self.dictionary = dictionary
+        self.sequence = 0
+
+    def packet(self, code: int, rest: bytes = b"", version: int | None = None) -> bytes:
+        """A packet with any code and any bytes behind its header: version, None: that of the dictionary."""
+        if code > Code.RESET_COUNTERS:
+            rest = (self.dictionary.version if version is None else version).to_bytes(2, "big") + rest
+        head = packing.pack(">3H2B", self.dictionary.stream, 0xC000 | self.sequence & 0x3FFF, 8 + len(rest) - 7, code,
+                            0)
+        self.sequence += 1
+        return head[:7] + bytes([reduce(xor, head + rest, 0xFF)]) + rest
+
+    def noop(self) -> bytes:
+        return self.packet(Code.NOOP)
+
+    def reset_counters(self) -> bytes:
+        return self.packet(Code.RESET_COUNTERS)
+
+    def mode(self, mode: Any) -> bytes:
+        """Request a mode, by its name or handle."""
+        modes = self.dictionary.modes
+        place, _ = _place(modes, modes, getattr(mode, "name", mode), "mode", self.dictionary.name)
+        return self.packet(Code.MODE, packing.pack(">H", place))
+
+    def arm(self, event: Any, on: bool = True) -> bytes:
+        """Arm an event, by its name or handle, or disarm it."""
+        events = self.dictionary.events
+        place, _ = _place(events, events, getattr(event, "name", event), "event", self.dictionary.name)
+        return self.packet(Code.ARM, packing.pack(">HH", place, bool(on)))
+
+    def publish(self, module: str) -> bytes:
+        """Publish the parameters of a module of the configuration."""
+        return self.packet(Code.PUBLISH, packing.pack(">H", self.dictionary.block(module)[0]))
+
+    def reset(self) -> bytes:
+        """Flight begins again; its parameters stay."""
+        return self.packet(Code.RESET_FLIGHT)
+
+    def telemetry(self, output: str | None = None, on: bool = True, every: int = 1) -> bytes:
+        """Send packets of an output, or of all, at every so many of its writings."""
+        place = ALL if output is None else self.dictionary.output(output)[0]
+        return self.packet(Code.TELEMETRY, packing.pack(">3H", place, bool(on), every))
+
+    def read(self, module: str, field: str | None = None) -> list[bytes]:
+        """Read back a field of the parameters, or all; their reports have the bytes."""
+        place, block = self.dictionary.block(module)
+        one = self._field(block, field) if field else None
+        at, end = (one.offset, one.offset + one.size) if one else (0, block.size)
+        return [self.packet(Code.READ, packing.pack(">HIH", place, k, min(DATA_MAX, end - k)))
+                for k in range(at, end, DATA_MAX)]
+
+    def write(self, module: str, **values: Any) -> list[bytes]:
+        """Write fields of the parameters: numbers in the units of the header, arrays as lists, enumerators by name,
+        structs as dicts. Fields that lie side by side are one command, as far as it holds them."""
+        block = self.dictionary.block(module)[1]
+        pieces = {f.offset: encoded(f, values[f.name]) for f in
+                  sorted((self._field(block, name) for name in values), key=lambda f: f.offset)}
+        return self.write_bytes(module, pieces)
+
+    def write_bytes(self, module: str, pieces: dict[int, bytes]) -> list[bytes]:
+        """The same of big-endian bytes by their offsets, which rise."""
+        place, runs = self.dictionary.block(module)[0], []
+        for at, data in pieces.items():
+            if runs and runs[-1][0] + len(runs[-1][1]) == at:
+                runs[-1][1].extend(data)
+            else:
+                runs.append((at, bytearray(data)))
+        return [self.packet(Code.WRITE, packing.pack(">HI", place, at + k) + data[k:k + DATA_MAX])
+                for at, data in runs for k in range(0, len(data), DATA_MAX)]
+
+    def load(self, module: str, block: bytes) -> list[bytes]:
+        """The whole block of a module, big-endian, staged and committed."""
+        place, found = self.dictionary.block(module)
+        if len(block) != found.size:
+            raise SetupError(f"{module} has {found.size} bytes of parameters; found {len(block)}")
+        parts = [self.packet(Code.STAGE, packing.pack(">HI", place, k) + block[k:k + DATA_MAX])
+                 for k in range(0, len(block), DATA_MAX)]
+        return [*parts, self.packet(Code.COMMIT, packing.pack(">HH", place, binascii.crc_hqx(block, 0xFFFF)))]
+
+    def change(self, module: str, before: bytes, after: bytes) -> list[bytes]:
+        """What makes of a block, big-endian, another one, as a whole."""
+        fields = self.dictionary.block(module)[1].fields
+        changed = [(at, at + f.size) for _, f, at in leaves(fields) if before[at:at + f.size] != after[at:at + f.size]]
+        if not changed:
+            return []
+        low, high = changed[0][0], changed[-1][1]
+        return self.write_bytes(module, {low: after[low:high]}) if high - low <= DATA_MAX else self.load(module, after)
+
+    def _field(self, block, name):
+        return _place(block.fields, [f.name for f in block.fields], name, "parameter", block.path)[1]
+
+
+def encoded(field: Field, value: Any, shape: Sequence[int] | None = None) -> bytes:
+    """A value in big-endian bytes."""
+    shape = field.shape if shape is None else shape
+    if field.type == "char" and shape:
+        if len(shape) == 1 and isinstance(value, str):
+            raw = value.encode()
+            if len(raw) > shape[0]:
+                raise SetupError(f"{field.name} has room for {shape[0]} bytes; '{value}' has {len(raw)}")
+            return raw.ljust(shape[0], b"\0")
+    if shape:
+        if not hasattr(value, "__len__") or len(value) != shape[0]:
+            raise SetupError(f"{field.name} has the shape {list(field.shape)}; found {value!r}")
+        return b"".join(encoded(field, one, shape[1:]) for one in value)
+    if field.type == "struct":
+        missing = [f.name for f in field.fields if f.name not in value]
+        if missing:
+            raise SetupError(f"{field.name}: give {listed(missing)} too")
+        return b"".join(encoded(f, value[f.name]) for f in field.fields)
+    if field.type == "enum" and isinstance(value, str):
+        value = _place(list(field.enumerators.values()), list(field.enumerators), value, "enumerator", field.name)[1]
+    element = ELEMENTS[field.type]
+    try:
+        return packing.pack(">" + element.code, float(value) if element.is_float else int(value))
+    except (packing.error, TypeError, OverflowError) as error:
+        raise SetupError(f"{field.name} is a {element.ctype}: {error}; found {value!r}") from None
+
+
+def reversed_numbers(fields: Sequence[Any], content: bytes, start: int = 0) -> bytes:
+    """The same numbers in the other byte order."""
+    out = bytearray(content)
+    for _, f, at in leaves(fields, -start):
+        width = ELEMENTS[f.type].size
+        for i in range(at, at + f.size, width):
+            out[i:i + width] = content[i:i + width][::-1]
+    return bytes(out)
+
+
+# --- reports ---------------------------------------------------------------------------------------
+
+class Report(NamedTuple):
+    """What was done with a command: a CommandReport."""
+    t: int                      # [ns] of its execution; of its acceptance: the last instant before, -1: none
+    sequence: int
+    code: int
+    executed: bool              # False: about its acceptance
+    reason: Reason
+    detail: int                 # of a rule: its place in the module's list
+    data: bytes                 # read back, big-endian
+
+    @property
+    def good(self) -> bool:
+        return self.reason == Reason.OK
+
+    def __repr__(self) -> str:
+        name = Code(self.code).name.lower() if self.code in Code._value2member_map_ else f"code {self.code}"
+        what = "executed" if self.executed and self.good else "accepted" if self.good else "refused: "
+        why = "" if self.good else self.reason.name.lower() + (f", rule {self.detail}" if self.detail else "")
+        return f"<{name} {self.sequence} {what}{why}, t = {self.t / 1e9:g} s>"
+
+
+# --- packets of telemetry --------------------------------------------------------------------------
+
+HOUSEKEEPING_FIELDS = [("t", "q"), ("mode", "I"), ("staged", "I"), ("accepted", "I"), ("executed", "I"),
+                       ("refused", "I")]
+REPORT = "qHHHHHH4x"                # CommandReport, behind its byte order
+
+
+class Telemetry(NamedTuple):
+    """A packet of telemetry."""
+    path: str                   # flight.control.torque; "housekeeping" or "reports"
+    sequence: int
+    time: float                 # [s] of flight, by the header: to 2^-16 s
+    content: Any                # of an output: field -> value; of a report: a Report
+
+
+def decoded(dictionary: Dictionary, packet: bytes) -> Telemetry:
+    """A packet of telemetry by the dictionary. Raises SetupError if it is none."""
+    if len(packet) < 16 or len(packet) != int.from_bytes(packet[4:6], "big") + 7:
+        raise SetupError(f"a packet of telemetry has 16 bytes or more, and the length of its header; found "
+                         f"{packet[:16].hex()}..., {len(packet)} bytes")
+    stream, sequence, _, seconds, part, order = packing.unpack_from(">HHHIHB", packet)
+    mark = {1: "<", 2: ">"}.get(order)
+    place, body = stream - dictionary.telemetry, packet[16:]
+    outputs = dictionary.outputs
+    if mark is None or not 0 <= place < OUTPUTS + len(outputs):
+        raise SetupError(f"{dictionary.name} sends no packet {packet[:16].hex()}...")
+    if place == HOUSEKEEPING:
+        numbers = packing.unpack_from(mark + "".join(code for _, code in HOUSEKEEPING_FIELDS), body)
+        content: Any = dict(zip([name for name, _ in HOUSEKEEPING_FIELDS], numbers))
+        reasons = packing.unpack_from(f"{mark}{len(Reason)}I", body, 28)
+        content["reasons"] = {Reason(i): n for i, n in enumerate(reasons) if n}
+        path = "housekeeping"
+    elif place == REPORTS:
+        t, number, code, executed, reason, detail, n = packing.unpack_from(mark + REPORT, body)
+        content = Report(t, number, code, bool(executed), Reason(reason), detail, body[24:24 + n])
+        path = "reports"
+    else:
+        output = outputs[place - OUTPUTS]
+        if len(body) != output.size:
+            raise SetupError(f"{output.path} has {output.size} bytes; the packet has {len(body)}")
+        content, path = values(output.fields, body, mark), output.path
+    return Telemetry(path, sequence & 0x3FFF, seconds + part / 65536, content)
+
+
+def values(fields: Sequence[Field], raw: bytes, mark: str = ">") -> dict[str, Any]:
+    """Field -> value of a block or message: numbers, texts, enumerators by name, lists, dicts. mark: ">" big-endian."""
+    return {f.name: _value(f, raw[f.offset:f.offset + f.size], f.shape, mark) for f in fields}
+
+
+def _value(field, raw, shape, mark):
+    if field.type == "char" and len(shape) == 1:
+        return raw.rstrip(b"\0").decode(errors="replace")
+    if shape:
+        size = len(raw) // shape[0]
+        return [_value(field, raw[i * size:(i + 1) * size], shape[1:], mark) for i in range(shape[0])]
+    if field.type == "struct":
+        return values(field.fields, raw, mark)
+    value = packing.unpack(mark + ELEMENTS[field.type].code, raw)[0]
+    if field.type == "enum":
+        return next((name for name, number in field.enumerators.items() if number == value), value)
+    return value
+
+
+# --- packets in files ------------------------------------------------------------------------------
+
+class Timed(NamedTuple):
+    """A command that flight gets before its first instant after a time, or a packet of telemetry and its instant."""
+    t: int                      # [ns]
+    packet: bytes
+
+
+def script(packets: Iterable[Timed]) -> str:
+    """The lines of a file of packets, for --script of fledge_board_node."""
+    return "".join(f"{one.t} {one.packet.hex()}\n" for one in packets)
+
+
+def read_script(text: str) -> list[Timed]:
+    """The packets of such a file."""
+    return [Timed(int(t), bytes.fromhex(digits)) for t, digits in (line.split() for line in text.splitlines())]

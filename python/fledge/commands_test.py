@@ -1,0 +1,245 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Commands and telemetry as packets: what Python makes and reads, byte by byte, and on the desktop's C."""
+import struct
+
+import pytest
+
+import fledge
+from fledge import export, objects
+from fledge.commands import (Code, Dictionary, Field, Packets, Reason, Report, decoded, encoded, read_script, script,
+                             values)
+from fledge.errors import SetupError
+from fledge.export.run_test import FLIGHT, WORLD
+from fledge.units import N, kg, m, s
+
+
+def by_hand(code, rest=b"", sequence=0, stream=0x1880):
+    """A command, put together without the module under test."""
+    head = struct.pack(">HHHBB", stream, 0xC000 + sequence, len(rest) + 1, code, 0)
+    checksum = 0xFF
+    for byte in head + rest:
+        checksum ^= byte
+    return head[:7] + bytes([checksum]) + rest
+
+
+@pytest.fixture
+def mission(tmp_path):
+    (tmp_path / "flight.py").write_text(FLIGHT)
+    (tmp_path / "world.py").write_text(WORLD)
+    return fledge.load(tmp_path)
+
+
+def test_packets_are_those_of_the_header(mission):
+    found = mission.flight.commands.dictionary
+    packets, version = Packets(found), found.version.to_bytes(2, "big")
+    modules = [name for name, one in mission.flight.instances.items()
+               if any(f.group == "par" for f in objects.struct(one).fields)]
+    control = modules.index("control").to_bytes(2, "big")
+    wheels = modules.index("wheels").to_bytes(2, "big")
+    place = {f.name: f.offset - objects.struct(mission.flight.control).fields[0].offset
+             for f in objects.struct(mission.flight.control).fields if f.group == "par"}
+    first = min(place.values())
+    for built, expected in (
+            (packets.noop(), (0, b"")), (packets.reset_counters(), (1, b"")),
+            (packets.mode("rest"), (2, version + b"\0\2")),
+            (packets.write("flight.control", K=2.0, P=[[1, 0, 0], [0, 2, 0], [0, 0, 3]])[0],
+             (3, version + control + struct.pack(">I10d", place["K"] - first, 2, 1, 0, 0, 0, 2, 0, 0, 0, 3))),
+            (packets.publish("flight.wheels"), (6, version + wheels)), (packets.reset(), (7, version)),
+            (packets.arm("late"), (8, version + b"\0\2\0\1")), (packets.arm("wide", False), (8, version + b"\0\4\0\0")),
+            (packets.read("flight.control", "K")[0], (9, version +
+             control + struct.pack(">IH", place["K"] - first, 8))),
+            (packets.telemetry(), (10, version + b"\xFF\xFF\0\1\0\1")),
+            (packets.telemetry("flight.vehicle.vehicle", False, 7), (10, version + b"\0\0\0\0\0\7"))):
+        assert built == by_hand(*expected, sequence=built[3])
+    two = packets.write("flight.control", K=2.0, u_I_max=1.0)       # other fields are between them
+    assert [one[6] for one in two] == [3, 3] and [struct.unpack(">d", one[16:])[0] for one in two] == [2, 1]
+
+
+def test_the_live_dictionary_is_that_of_the_export(mission, tmp_path):
+    live = mission.flight.commands.dictionary
+    for sim in (mission, fledge.load("nadir_spin"), fledge.load("asterisk_scan")):
+        exported = export.read(sim)
+        assert export.dictionary(exported).version == sim.flight.commands.dictionary.version
+        file = tmp_path / "packets.json"
+        file.write_text(export.emit_commands(exported)[f"{exported.name}_packets.json"])
+        read = Dictionary.load(file)
+        assert read == export.dictionary(exported)
+    file.write_text(file.read_text().replace('"unit": "N m"', '"unit": "N"', 1))
+    with pytest.raises(SetupError, match="its version is .* but that of its lists"):
+        Dictionary.load(file)
+    mission.flight.control.K = 7                    # values are not of the dictionary
+    assert fledge.load(mission.mission.folder).flight.commands.dictionary == live
+
+
+def test_the_version_changes_with_names_and_layouts(tmp_path):
+    versions = set()
+    for change in (("", ""), ('"settled"', '"calm"'), ('"rest"', '"idle"'), ("f.switch ", "f.turn "),
+                   ("f.spin     = fsw.InertialSpin(omega_RR0_R0=[0.001, 0, 0])", "f.spin = fsw.EulerRotation()")):
+        text = FLIGHT.replace(*change).replace("f.rest)", "'idle')" if change[0] == '"rest"' else "f.rest)")
+        text = text.replace("f.switch", "f.turn") if change[0] == "f.switch " else text
+        folder = tmp_path / str(len(versions))
+        folder.mkdir()
+        (folder / "flight.py").write_text(text)
+        (folder / "world.py").write_text(WORLD)
+        versions.add(fledge.load(folder).flight.commands.dictionary.version)
+    assert len(versions) == 5
+
+
+# --- the desktop's process -------------------------------------------------------------------------
+
+def test_commands_do_what_the_attributes_do(mission):
+    sim, other = mission, mission.clone()
+    f, g = sim.flight, other.flight
+    for one in (sim, other):
+        one.run(5 * s)
+    f.commands.mode("rest")
+    f.commands.write(f.control, K=3 * N * m)
+    f.commands.write("vehicle", I_B=[700, 700, 801] * kg * m**2)
+    f.commands.write("flight.switch", rates=[0, 0, 0.01])
+    f.commands.arm(f.wide, False)
+    assert f.control.K == 2.5 and f.active_mode == "wait" and f.wide.armed       # until the next instant
+    g.enter("rest")
+    g.control.K, g.vehicle.I_B, g.switch.rates, g.late.armed = 3, [700, 700, 801], [0, 0, 0.01], False
+    for one in (sim, other):
+        one.run(2 * s)
+    assert f.control.K == 3 and f.active_mode == "rest" and not f.wide.armed
+    for name, one in f.instances.items():
+        assert objects.memory(one) == objects.memory(g.instances[name]), name
+    assert objects.memory(sim.world.craft) == objects.memory(other.world.craft)
+    assert f.vehicle.vehicle.head.t == 5_100_000_000                              # track is every 0.1 s
+    assert f.commands.counters[:3] == (5, 5, 0)
+
+
+def test_a_reset_restarts_flight_alone(mission):
+    mission.run(30 * s)
+    f = mission.flight
+    assert f.active_mode != "wait" and f.start.fired_at
+    attitude = objects.memory(mission.world.craft)
+    f.commands.reset()
+    mission.run(0.1 * s)
+    assert f.active_mode == "wait" and f.start.fired_at is None and f.start.armed
+    assert objects.memory(mission.world.craft) != attitude and mission.time == pytest.approx(30.1)
+    assert f.wheels.wheels.head.sequence == 1 and f.wheels.wheels.head.t == 30_100_000_000
+    assert f.control.torque.head.sequence == 0                                   # not in this mode
+    mission.run(10 * s)
+    assert f.spin.reference.head.t == 39_900_000_000                             # on its grid of 0.7 s
+
+
+@pytest.mark.parametrize("packet, reason", [
+    (b"", Reason.LENGTH), (by_hand(2, b"\0\0\0\1")[:-1], Reason.LENGTH), (by_hand(0, b"\0"), Reason.LENGTH),
+    (by_hand(0)[:7] + b"\0", Reason.CHECKSUM), (by_hand(0, stream=0x1881),
+                                                Reason.STREAM), (by_hand(99), Reason.UNKNOWN),
+    (by_hand(2, b"\0\0\0\1"), Reason.VERSION)])
+def test_a_wrong_packet_is_reported_and_counted(mission, packet, reason):
+    mission.run(2 * s)
+    before = mission.snapshot()
+    report, = mission.flight.commands.send(packet)
+    assert report.reason == reason and not report.executed and not report.good
+    assert mission.flight.commands.counters == (0, 0, 1, {reason: 1})
+    other = mission.clone()
+    mission.run(5 * s)
+    other.restore(before)
+    other.run(5 * s)
+    for name, one in mission.flight.instances.items():
+        assert objects.memory(one) == objects.memory(other.flight.instances[name])
+
+
+def test_refusals_of_what_was_accepted(mission):
+    c = mission.flight.commands
+    version = c.dictionary.version
+    control = c.dictionary.block("flight.control")[0]
+    mission.run(2 * s)
+    with pytest.raises(SetupError, match="flight has no mode 'nap'; it has wait, point, rest"):
+        c.mode("nap")
+    assert c.send(c.packets.packet(Code.MODE, b"\0\3"))[0].reason == Reason.PLACE
+    c.send(c.packets.write("flight.control", K=-2.0)[0])
+    c.load(mission.flight.control, mission.flight.control)      # staged, and committed
+    c.send(c.packets.packet(Code.STAGE, struct.pack(">HI8s", control, 0, bytes(8))))
+    c.reset()                                                   # forgets it
+    c.send(c.packets.packet(Code.COMMIT, struct.pack(">HH", control, 0)))
+    c.send(c.packets.packet(Code.MODE, b"\0\1", version ^ 1))
+    mission.run(1 * s)
+    found = [(Code(r.code).name, r.reason) for r in c.reports if not r.good]
+    assert found == [("MODE", Reason.PLACE), ("MODE", Reason.VERSION), ("WRITE", Reason.RULE),
+                     ("COMMIT", Reason.NOT_STAGED)]
+    rule = next(r for r in c.reports if r.reason == Reason.RULE)
+    assert c.dictionary.block("flight.control")[1].rules[rule.detail].name == "K"
+    assert mission.flight.control.K == 2.5
+
+
+def test_a_full_queue_is_reported_and_survived(mission):
+    c = mission.flight.commands
+    mission.run(1 * s)
+    reasons = [c.noop()[0].reason for _ in range(c.dictionary.room // 8 + 2)]
+    assert reasons[:-2] == [Reason.OK] * (len(reasons) - 2) and reasons[-2:] == [Reason.BUSY] * 2
+    mission.run(1 * s)
+    assert c.counters.executed == len(reasons) - 2 and c.noop()[0].good
+
+
+def test_snapshots_and_clones_keep_commands_that_wait(mission):
+    f = mission.flight
+    mission.run(3 * s)
+    plain = mission.snapshot()
+    f.commands.write("control", K=3)
+    f.vehicle.I_B = [700, 700, 801]
+    waiting, other, fresh = mission.snapshot(), mission.clone(), fledge.load(mission.mission.folder)
+    mission.run(5 * s)
+    end = mission.snapshot()
+    other.run(5 * s)
+    fresh.restore(waiting)
+    fresh.run(5 * s)
+    assert other.snapshot() == end and fresh.snapshot() == end
+    mission.restore(plain)
+    mission.run(5 * s)
+    assert f.control.K == 2.5 and mission.snapshot() != end
+
+
+def test_what_is_read_back_is_what_was_written(mission):
+    c = mission.flight.commands
+    c.write("control", K=3, P=[[1, 2, 3], [4, 5, 6], [7, 8, 9]])
+    c.read("control")
+    mission.run(1 * s)
+    block = c.dictionary.block("flight.control")[1]
+    found = values(block.fields, c.reports[-1].data)
+    assert found["K"] == 3 and found["P"] == [[1, 2, 3], [4, 5, 6], [7, 8, 9]] and found["u_I_max"] == 0.1
+
+
+# --- values and telemetry --------------------------------------------------------------------------
+
+FIELDS = [Field("a", "f64", 0, 16, [2], "m", ""), Field("e", "enum", 16, 4, [], "", "", {"LOW": -1, "HIGH": 4}),
+          Field("t", "char", 20, 4, [4], "", ""),
+          Field("s", "struct", 24, 16, [2], "", "", {}, [Field("u", "u16", 0, 4, [2], "", ""),
+                                                         Field("i", "i32", 4, 4, [], "", "")])]
+
+
+def test_any_value_is_encoded_and_decoded():
+    given = {"a": [1.5, -2.0], "e": "HIGH", "t": "ab", "s": [{"u": [1, 65535], "i": -7}, {"u": [2, 3], "i": 8}]}
+    raw = b"".join(encoded(f, given[f.name]) for f in FIELDS)
+    assert raw == struct.pack(">2di4s", 1.5, -2, 4, b"ab") + struct.pack(">HHiHHi", 1, 65535, -7, 2, 3, 8)
+    assert values(FIELDS, raw) == given
+
+
+@pytest.mark.parametrize("field, value, complaint", [
+    (0, [1.0], "a has the shape"), (0, 3.0, "a has the shape"), (1, "MIDDLE", "e has no enumerator 'MIDDLE'"),
+    (2, "abcde", "t has room for 4 bytes"), (3, [{"u": [1, 2]}, {"u": [1, 2], "i": 1}], "s: give i too"),
+    (3, [{"u": [1, 70000], "i": 1}] * 2, "u is a uint16_t")])
+def test_a_value_that_does_not_fit_is_refused(field, value, complaint):
+    with pytest.raises(SetupError, match=complaint):
+        encoded(FIELDS[field], value)
+
+
+def test_a_script_is_read_as_it_was_written():
+    lines = "-1 1880c000\n5000000000 00ff\n"
+    assert script(read_script(lines)) == lines
+
+
+def test_a_packet_that_is_none_is_refused(mission):
+    found = mission.flight.commands.dictionary
+    good = struct.pack(">HHHIHB3x", 0x0881, 0xC000 + 3, 16 + 24 - 7, 7, 0x8000, 2) + struct.pack(
+        ">qHHHHHH4x", 5, 9, 2, 1, 8, 4, 0)
+    telemetry = decoded(found, good)
+    assert telemetry[:3] == ("reports", 3, 7.5)
+    assert telemetry.content == Report(5, 9, 2, True, Reason.RULE, 4, b"")
+    for bad in (good[:-1], good[:10], b"\x08\xFF" + good[2:], good[:12] + b"\0" + good[13:]):
+        with pytest.raises(SetupError, match="packet"):
+            decoded(found, bad)

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The tables of a mission's commands and telemetry, flight/command/command.h and flight/telemetry/telemetry.h, in C,
+and their description for the ground, MISSION_packets.json (fledge.commands)."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from fledge.commands import COMMANDS, FLAGS, TELEMETRY, Dictionary, Rule
+from fledge.export.c_source import extern, row, written
+from fledge.export.c_text import string, wrap
+
+if TYPE_CHECKING:
+    from fledge.export.read import Mission
+
+HEADER = 16 + 24 + 512          # TELEMETRY_REPORT_MAX
+
+
+def dictionary(mission: Mission, stream: int = COMMANDS, telemetry: int = TELEMETRY) -> Dictionary:
+    """What a mission can be commanded, and what it sends."""
+    modules = [(m.path, m.struct, m in mission.configuration) for m in mission.modules]
+    return Dictionary.of(mission.title, modules, [mission.mode_titles[m] for m in mission.modes],
+                         [e.title for e in mission.events], stream, telemetry)
+
+
+def emit_commands(mission: Mission, stream: int = COMMANDS, telemetry: int = TELEMETRY, order: str | None = None
+                  ) -> dict[str, str]:
+    """File name -> text. stream: of commands; telemetry: the first of telemetry; order: of the target, if known."""
+    found = dictionary(mission, stream, telemetry)
+    name = mission.name
+    return {f"{name}_commands.h": header(mission), f"{name}_commands.c": source(mission, found),
+            f"{name}_packets.json": found.text(order)}
+
+
+def header(mission: Mission) -> str:
+    name, guard = mission.name, f"{mission.name.upper()}_COMMANDS_H"
+    return "\n".join([*written(mission), f"#ifndef {guard}\n#define {guard}\n", f'#include "{name}.h"',
+                      '#include "flight/telemetry/telemetry.h"\n',
+                      f"/** What can be commanded; the `mission` of its functions is a {mission.struct()}. */",
+                      extern("CommandTable", f"{name}_commands"), "/** What is sent. */",
+                      extern("TelemetryTable", f"{name}_telemetry"), "#endif\n"])
+
+
+def source(mission: Mission, found: Dictionary) -> str:
+    name, struct, n = mission.name, mission.struct(), len(mission.outputs)
+    largest = max((b.size for b in found.blocks), default=1)
+    packet = max([HEADER, *(16 + o.size for o in found.outputs)])
+    lines = [*written(mission), f'#include "{name}_commands.h"', "", f"static uint8_t staged[{largest}];",
+             f"static uint8_t queue[{found.room}];", f"static uint8_t packet[{packet}];",
+             f"static TelemetryRate rates[{2 + n}];", ""]
+    for i, block in enumerate(found.blocks):
+        runs = [f"{{{width}u, {count}u}}" for width, count in block.runs]
+        lines += [*wrap([f"{run}," for run in runs[:-1]] + runs[-1:], f"static const ExecRun runs_{i}[] = {{", "    ",
+                        "};")]
+        if block.rules:
+            lines += [f"static const CommandRule rules_{i}[] = {{ /* {block.path} */", *rules(block.rules), "};"]
+    if found.blocks:
+        lines += ["", "static const CommandBlock blocks[] = {"]
+        for i, block in enumerate(found.blocks):
+            lines += row(f"runs_{i}", f"rules_{i}" if block.rules else "0", f"{block.size}u", f"{len(block.runs)}u",
+                         f"{len(block.rules)}u", f"{int(block.configuration)}u", "0u")
+        lines += ["};"]
+    if n:
+        lines += ["", "static const TelemetryOutput outputs[] = {"]
+        for message in mission.outputs:
+            lines += row(f"offsetof({struct}, {message.member})", f"sizeof({message.struct.name})")
+        lines += ["};"]
+    lines += ["", *functions(mission, found), f"const TelemetryTable {name}_telemetry = {{",
+              f"    {found.telemetry:#06x}u, {n}u, {'outputs' if n else '0'}, rates, packet, mode", "};", "",
+              *function("static void telemetry(void *mission, uint16_t output, int on, uint16_t every)",
+                        ["    (void)mission;", f"    telemetry_rate(&{name}_telemetry, output, on, every);"]),
+              f"const CommandTable {name}_commands = {{"]
+    lines += [f"    .{key} = {value}," for key, value in (
+        ("stream", f"{found.stream:#06x}u"), ("version", f"{found.version:#06x}u"),
+        ("n_blocks", f"{len(found.blocks)}u"), ("n_modes", f"{len(found.modes)}u"),
+        ("n_events", f"{len(found.events)}u"), ("n_outputs", f"{n}u"), ("blocks", "blocks" if found.blocks else "0"),
+        ("staged", "staged"), ("queue", "queue"), ("room", "sizeof queue"), ("parameters", "parameters"),
+        ("enter", "enter"), ("publish", "publish"), ("arm", "arm"), ("reset", "reset"), ("telemetry", "telemetry"))]
+    return "\n".join([*lines, "};", ""])
+
+
+def functions(mission: Mission, found: Dictionary) -> list[str]:
+    """What the commands do to the mission."""
+    name, struct = mission.name, mission.struct()
+    memory = ([f"    return (uint8_t *)mission + {name}_parameters[block].offset;"] if found.blocks
+              else ["    (void)block;", "    return mission;"])
+    enter = ([f"    {name}_enter(mission, ({struct}Mode)mode);"] if mission.modes
+             else ["    (void)mission;", "    (void)mode;"])
+    mode = [f"    return (uint16_t)((const {struct} *)mission)->mode.current;"] if mission.modes else [
+        "    (void)mission;", "    return 0u;"]
+    published = {m.path: m.name for m in mission.configuration}
+    publish = [f"    case {i}: {name}_publish_{published[b.path]}(mission, t); break;"
+               for i, b in enumerate(found.blocks) if b.path in published]
+    publish = ["    switch (block) {", *publish, "    default: break;", "    }"] if publish else [
+        "    (void)mission;", "    (void)block;", "    (void)t;"]
+    arm = [f"    case {i}: m->event.{e.name}.armed = on; break;" for i, e in enumerate(mission.events)]
+    arm = [f"    {struct} *m = mission;", "    switch (event) {", *arm, "    default: break;", "    }"] if arm else [
+        "    (void)mission;", "    (void)event;", "    (void)on;"]
+    return [*function("static void *parameters(void *mission, uint16_t block)", memory),
+            *function("static void enter(void *mission, uint16_t mode)", enter),
+            *function("static uint16_t mode(const void *mission)", mode),
+            *function("static void publish(void *mission, uint16_t block, int64_t t)", publish),
+            *function("static void arm(void *mission, uint16_t event, int on)", arm),
+            *function("static void reset(void *mission, int64_t t)", [f"    {name}_restart(mission, t);"])]
+
+
+def function(head: str, lines: Sequence[str]) -> list[str]:
+    return [head, "{", *lines, "}", ""]
+
+
+def rules(found: Sequence[Rule]) -> list[str]:
+    """Rows of CommandRules."""
+    return [line for r in found for line in row(
+        string(r.name.encode()), string(r.text.encode()), f"{r.offset}u", f"{r.n}u", f"{r.row}u",
+        "COMMAND_ALL_ROWS" if r.rows_at is None else f"{r.rows_at}u",
+        " | ".join(name for name, bit in FLAGS.items() if r.flags & bit) or "0u", f"FLEDGE_{r.number.upper()}",
+        repr(r.low), repr(r.high))]

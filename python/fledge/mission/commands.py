@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Commands to a flight process of a running mission, by the packets and the code of its targets (flight/command).
+
+    sim.run(10 * minute)
+    sim.flight.commands.mode("science")
+    sim.flight.commands.write(sim.flight.control, K=3 * N * m)
+    sim.run(10 * minute)
+    sim.flight.commands.reports
+"""
+from __future__ import annotations
+
+import sys
+import weakref
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from fledge import _core
+from fledge.commands import NUMBERS, Dictionary, Packets, Reason, Report, reversed_numbers
+from fledge.errors import SetupError
+
+if TYPE_CHECKING:
+    from fledge.mission.process import Flight
+
+
+class Counters(NamedTuple):
+    accepted: int
+    executed: int
+    refused: int                # at either time
+    reasons: dict[Reason, int]  # of those refused
+
+
+def dictionary(process: Flight) -> Dictionary:
+    """What a flight process can be commanded."""
+    running = {name for task in process.tasks for name in task.run}
+    modules = [(f"{process.name}.{name}", _core.struct(one), name not in running)
+               for name, one in process.instances.items()]
+    return Dictionary.of(process.name, modules, [name for name, _ in process.modes], list(process.events))
+
+
+class Commands:
+    """Sends commands to a process, which executes them at its next instant, before its tasks.
+
+    Each method returns the reports of the acceptance of its packets; `reports` has all so far. `module` is the object,
+    its name, or its path. sent: (time [ns], packet) of each.
+    """
+
+    def __init__(self, process: Flight, core: Any) -> None:
+        self._process: Callable[[], Any] = weakref.ref(process)
+        self._core = core
+        self.dictionary = dictionary(process)
+        self.packets = Packets(self.dictionary)
+        self.sent: list[tuple[int, bytes]] = []
+        self._reports: list[Report] = []
+        self._attach()
+
+    def _attach(self):
+        """Give the dictionary to the kernel, which forgets it when the structure of the mission changes."""
+        if self._core.has_dictionary:
+            return
+        process = self._process()
+        rows = []
+        for block in self.dictionary.blocks:
+            name = block.path.partition(".")[2]
+            start = next(f.offset for f in _core.struct(process.instances[name]).fields if f.group == "par")
+            rules = [(r.offset, r.n, r.row, r.rows_at, r.flags, NUMBERS.index(r.number), r.low, r.high)
+                     for r in block.rules]
+            rows.append((name, start, block.size, block.configuration, block.runs, rules))
+        d = self.dictionary
+        self._core.set_dictionary(d.stream, d.version, len(d.outputs), d.room, rows)
+
+    # --- the commands ---
+
+    def mode(self, mode: Any) -> list[Report]:
+        """Request a mode, by its name or handle."""
+        return self._send([self.packets.mode(mode)])
+
+    def write(self, module: Any, **values: Any) -> list[Report]:
+        """Write parameters of a module, with units as when it was made."""
+        path, one = self._module(module)
+        copy = type(one)(**values)
+        fields = sorted((f for f in _core.struct(one).fields if f.group == "par" and f.name in values),
+                        key=lambda f: f.offset)
+        first = min(f.offset for f in _core.struct(one).fields if f.group == "par")
+        memory = _big([f for f in _core.struct(one).fields if f.group == "par"], _core.memory(copy))
+        return self._send(self.packets.write_bytes(
+            path, {f.offset - first: memory[f.offset:f.offset + f.size] for f in fields}))
+
+    def load(self, module: Any, like: Any) -> list[Report]:
+        """Stage all parameters of `like`, a module of the same type, and commit them."""
+        path, one = self._module(module)
+        if type(like) is not type(one):
+            raise SetupError(f"load: {path} is a {_core.struct(one).name}; found {like!r}")
+        return self._send(self.packets.load(path, parameters(like)))
+
+    def publish(self, module: Any) -> list[Report]:
+        """Publish the parameters of a module of the configuration."""
+        return self._send([self.packets.publish(self._module(module)[0])])
+
+    def reset(self) -> list[Report]:
+        """Let the process begin again; its parameters stay."""
+        return self._send([self.packets.reset()])
+
+    def arm(self, event: Any, on: bool = True) -> list[Report]:
+        """Arm an event, by its name or handle, or disarm it."""
+        return self._send([self.packets.arm(event, on)])
+
+    def read(self, module: Any, field: str | None = None) -> list[Report]:
+        """Read back a parameter, or all: the reports of the execution have the bytes, big-endian."""
+        return self._send(self.packets.read(self._module(module)[0], field))
+
+    def telemetry(self, output: str | None = None, on: bool = True, every: int = 1) -> list[Report]:
+        """The rate of packets of an output, or of all. On the desktop it changes nothing: record() has them."""
+        return self._send([self.packets.telemetry(output, on, every)])
+
+    def noop(self) -> list[Report]:
+        return self._send([self.packets.noop()])
+
+    def reset_counters(self) -> list[Report]:
+        return self._send([self.packets.reset_counters()])
+
+    def send(self, packet: bytes) -> list[Report]:
+        """Send any bytes."""
+        return self._send([packet])
+
+    # --- what became of them ---
+
+    @property
+    def reports(self) -> list[Report]:
+        """All reports since these commands were first used, in order."""
+        self._reports += [Report(t, sequence, code, executed, Reason(reason), detail, data)
+                          for t, sequence, code, executed, reason, detail, data in self._core.take_reports()]
+        return list(self._reports)
+
+    @property
+    def counters(self) -> Counters:
+        accepted, executed, refused, reasons = self._core.command_counters
+        return Counters(accepted, executed, refused, {Reason(i): n for i, n in enumerate(reasons) if n})
+
+    def _send(self, packets: Iterable[bytes]) -> list[Report]:
+        before = len(self.reports)
+        for packet in packets:
+            self.sent.append((self._process()._core_simulation.time, packet))
+            self._core.command(packet)
+        return self.reports[before:]
+
+    def _module(self, module):
+        """(path, object) of what a caller names."""
+        process = self._process()
+        names = {id(one): name for name, one in process.instances.items()}
+        name = names.get(id(module)) or str(module).removeprefix(f"{process.name}.")
+        self.dictionary.block(f"{process.name}.{name}")     # refuses what is not there
+        return f"{process.name}.{name}", process.instances[name]
+
+
+def parameters(module: Any, memory: bytes | None = None) -> bytes:
+    """The parameters of a module, or in the memory of one like it, big-endian."""
+    fields = [f for f in _core.struct(module).fields if f.group == "par"]
+    start, end = fields[0].offset, fields[-1].offset + fields[-1].size
+    return _big(fields, _core.memory(module) if memory is None else memory)[start:end]
+
+
+def _big(fields, memory):
+    """The memory of a module with its parameters big-endian."""
+    return reversed_numbers(fields, memory) if sys.byteorder == "little" else memory
