@@ -32,7 +32,7 @@ class Part:
         self.job, self.mission, self.process, self.folder = job, mission, mission.process, folder
         self.boards = [Path(path).resolve() for path in boards]
         self.outputs = [export.host.topic(m.path) for m in mission.outputs]
-        self.script = [Timed(one.after, one.packet) for one in job.script if one.process == self.process]
+        self.script: list[Timed] = [Timed(one.after, one.packet) for one in job.script if one.process == self.process]
         self.files = (export.emit_board(mission, self.boards) | export.emit_commands(mission)
                       | export.emit_host(mission))
         self.rounds = any(field.carries for board in self.described() for snorkel in board.snorkels
