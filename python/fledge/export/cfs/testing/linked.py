@@ -36,8 +36,8 @@ def build(apps, folder, compiler="gcc", options=("-O2",), loaded=False):
     listed.write_text(app_list([] if loaded else [app for app, _ in apps]))
     run(compiler, *FLAGS, *options, *included(), "-c", listed, "-o", objects / "apps.o")
     program = folder / "core"
-    run(compiler, *options, *(["-rdynamic"] if loaded else []), *linked, objects / "apps.o", *pocket(compiler, tuple(options)), "-lpthread", "-lm", "-o",
-        program)
+    run(compiler, *options, *(["-rdynamic"] if loaded else []), *linked, objects / "apps.o",
+        *pocket(compiler, tuple(options)), "-lpthread", "-lm", "-o", program)
     return program
 
 
