@@ -120,8 +120,8 @@ class Desktop(Target):
 
     def prepared(self, part: Part, options: list[Any], timeout: float) -> tuple[list[Any], Callable[..., Flown]]:
         if part.script:
-            raise Failure(f"the scenario {part.job.scenario} changes {part.process} between its runs, by commands, "
-                          f"which beside targets only targets take: give it one, as in --on {part.process}=linux")
+            raise Failure(f"the scenario {part.job.scenario} changes {part.process} between its runs, which a `fledge "
+                          f"node` does not: give it a target, as in --on {part.process}=linux")
         record = new_record(part.folder, "node")
         command = loop.python_node(part.job, part.process, [*options, "--patience", timeout, "--outputs", record])
 
