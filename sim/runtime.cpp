@@ -55,7 +55,7 @@ using ModuleUpdate = void (*)(void *, Tick);
 
 void update_playback(void *playback, Tick tick)
 {
-    static_cast<const Playback *>(playback)->at(tick.t);
+    static_cast<Playback *>(playback)->at(tick.t);
 }
 
 ModuleUpdate update_of(const Instance &module)
@@ -142,8 +142,7 @@ Runtime::Runtime(const Structure &built, Roles roles, Recorder &recorder)
                 }
                 const auto last = static_cast<std::uint32_t>(copies_.size());
                 if (!process->playback().empty()) {
-                    steps_.push_back({update_playback, const_cast<Playback *>(&process->playback().at(instance.get())),
-                                      first, last});
+                    steps_.push_back({update_playback, &process->playback().at(instance.get()), first, last});
                 } else if (Model *model = instance->model()) {
                     steps_.push_back({update_model, model, first, last});
                 } else {
@@ -177,7 +176,9 @@ void Runtime::lay_out_wires(const Instance &consumer)
         if (wire.to.instance.get() != &consumer || roles_.at(wire.from.instance.get()).configuration) {
             continue; // the output of a configuration module is copied when it changes
         }
-        const Word *from = words(wire.from.bytes());
+        const Process &reader = *roles_.at(&consumer).process;
+        const auto *from =
+            reinterpret_cast<const Word *>(roles_.at(wire.from.instance.get()).process->given(wire.from, reader));
         if (wire.options.latency) {
             const std::uint32_t n = wire.from.field->size / 8;
             const Ns period = std::max(longest_period(*roles_.at(wire.from.instance.get()).process),

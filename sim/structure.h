@@ -98,6 +98,8 @@ struct Played {
     const FledgeField *output = nullptr;
     std::vector<Ns> times;        ///< rising
     std::vector<std::byte> bytes; ///< a message for each time
+    bool sent = false;            ///< these are what other processes read, which need not be what was put out
+    std::vector<std::byte> held;  ///< with `sent`: the last one
 };
 
 /// An instance that does not run: at each of its instants its outputs become the last messages until then.
@@ -105,7 +107,7 @@ struct Playback {
     std::byte *memory = nullptr;
     std::vector<Played> outputs;
 
-    void at(Ns t) const;
+    void at(Ns t);
 };
 
 /// What a process can be commanded, as data for its CommandTable: fledge.commands makes it of the live objects.
@@ -156,7 +158,9 @@ public:
     const std::vector<Mode> &modes() const { return modes_; }
     const std::vector<std::shared_ptr<Event>> &events() const { return events_; }
     std::shared_ptr<Instance> find(std::string_view instance) const; ///< or null
-    const std::map<const Instance *, Playback> &playback() const { return playback_; }
+    std::map<const Instance *, Playback> &playback() { return playback_; }
+    /// What a port gives to a reader: its message, or what a playback has for other processes.
+    const std::byte *given(const Port &port, const Process &reader) const;
     std::shared_ptr<Event> event(std::string_view event_name) const; ///< or null
     int initial_mode() const { return initial_; }                    ///< -1: the process has no modes
     bool runs_in(const Task &task, int mode) const;                  ///< whether the task is active in the mode
@@ -170,6 +174,7 @@ public:
     /// The mode that it was last asked to enter, which may be in force.
     const std::string &asked() const;
     bool armed(const Event &event) const;
+    int arming(const Event &event) const; ///< ExecEvent::armed
     void arm(const Event &event, bool armed);
     Ns fired_at(const Event &event) const; ///< when it last fired; -1: never
 

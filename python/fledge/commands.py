@@ -349,8 +349,10 @@ class Packets:
         return self.packet(Code.RESET_FLIGHT)
 
     def telemetry(self, output: str | None = None, on: bool = True, every: int = 1) -> bytes:
-        """Send packets of an output, or of all, at every so many of its writings."""
-        place = ALL if output is None else self.dictionary.output(output)[0]
+        """Send packets of an output, or of all, at every so many of its writings. output: its path, or "housekeeping",
+        which is written at each instant."""
+        found = self.dictionary
+        place = ALL if output is None else len(found.outputs) if output == "housekeeping" else found.output(output)[0]
         return self.packet(Code.TELEMETRY, packing.pack(">3H", place, bool(on), every))
 
     def read(self, module: str, field: str | None = None) -> list[bytes]:

@@ -148,12 +148,13 @@ OwnEvent add_event(sim::Process &process, const std::string &name, py::object wh
     return {&process, process.add_event(std::move(event))};
 }
 
-/// times: [ns] as int64 in bytes, as numpy has them; messages: their bytes.
-void play(sim::Process &process, py::handle output, const py::bytes &times, const py::bytes &messages)
+/// times: [ns] as int64 in bytes, as numpy has them; messages: their bytes; sent: they are what other processes read.
+void play(sim::Process &process, py::handle output, const py::bytes &times, const py::bytes &messages, bool sent)
 {
     const sim::Port port = port_of(output);
     const std::string_view t = times, bytes = messages;
-    sim::Played played{port.field, std::vector<Ns>(t.size() / sizeof(Ns)), std::vector<std::byte>(bytes.size())};
+    sim::Played played{
+        port.field, std::vector<Ns>(t.size() / sizeof(Ns)), std::vector<std::byte>(bytes.size()), sent, {}};
     std::memcpy(played.times.data(), t.data(), played.times.size() * sizeof(Ns));
     std::memcpy(played.bytes.data(), bytes.data(), bytes.size());
     process.play(*port.instance, std::move(played));
@@ -315,6 +316,7 @@ void bind_simulation(py::module_ &m)
         .def_property(
             "armed", [](const OwnEvent &e) { return e.process->armed(*e.event); },
             [](const OwnEvent &e, bool armed) { e.process->arm(*e.event, armed); })
+        .def_property_readonly("arming", [](const OwnEvent &e) { return e.process->arming(*e.event); })
         .def_property_readonly("fired_at", [](const OwnEvent &e) { return e.process->fired_at(*e.event); })
         .def_property_readonly("condition", [](const OwnEvent &e) { return e.event->condition; })
         .def_property_readonly("until", [](const OwnEvent &e) { return e.event->until; })

@@ -234,6 +234,11 @@ class Event:
         self._core.armed = bool(value)
 
     @property
+    def arming(self) -> int:
+        """1: it is armed; 0: not before something arms it; -1: it has fired, and arms itself again."""
+        return self._core.arming
+
+    @property
     def condition(self) -> Any:
         """The condition as data: its steps in postfix order, holds(). For events that watch() makes."""
         return self._core.condition

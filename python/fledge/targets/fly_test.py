@@ -10,6 +10,7 @@ import os
 import re
 import shutil
 import signal
+import struct
 import subprocess
 import sys
 import time
@@ -149,6 +150,15 @@ def all(sim):
     f.commands.reset_counters()
     sim.run(1 * s)
 
+def downlink(sim):
+    f = sim.flight
+    f.commands.telemetry()
+    f.commands.telemetry("flight.switch.reference", every=3)
+    sim.run(5 * s)
+    f.commands.telemetry("flight.spin.reference", on=False)
+    f.commands.telemetry("housekeeping", every=10)
+    sim.run(5 * s)
+
 def world(sim):
     sim.run(5 * s)
     sim.world.nav.rate_noise = [1e-5] * 3
@@ -229,6 +239,50 @@ def test_changes_that_no_target_takes_are_refused(play, complaint, tmp_path, cap
     assert cli.main(["fly", str(mission), play, "--out", str(tmp_path / "out")]) == (1 if play == "fails" else 2)
     assert complaint in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_telemetry_is_what_the_record_has(tmp_path):
+    """Each packet of each output, its rate and its header, on machines of both byte orders."""
+    from fledge import export
+    from fledge.commands import decoded, read_script
+
+    on = [name for name in ("linux", "sparc64") if not TARGETS[name].missing()]
+    out = str(tmp_path / "out")
+    assert cli.main(["fly", str(plays(tmp_path)), "downlink", "--on", ",".join(on), "--out", out]) == 0
+    mission = export.read(fledge.load(tmp_path / "plays"))
+    found = export.dictionary(mission)
+    for name in on:
+        packets = read_script((tmp_path / f"out/{name}.telemetry.txt").read_text())
+        record, sequences = Archive(tmp_path / f"out/{name}.mcap"), {}
+        for t, raw in packets:
+            stream, sequence, length, seconds, part, order = struct.unpack(">HHHIHB", raw[:13])
+            assert sequence == 0xC000 + sequences.get(stream, 0) and length == len(raw) - 7
+            assert abs(seconds + part / 65536 - t / 1e9) < 1 / 65536 or stream == 0x881
+            assert order == (2 if name == "sparc64" else 1)
+            sequences[stream] = sequences.get(stream, 0) + 1
+        contents = [(t, decoded(found, raw)) for t, raw in packets]
+        for place, output in enumerate(found.outputs):
+            times = record.time_ns(export.host.topic(output.path))
+            written = np.diff(record[f"{output.path}.head.sequence"], prepend=0) != 0
+            written = [int(t) for t, new in zip(times, written) if new]
+            if output.path == "flight.switch.reference":
+                written = written[2::3]
+            if output.path == "flight.spin.reference":
+                written = [t for t in written if t <= 5 * 10**9]
+            sent = [(t, one) for t, one in contents if one.path == output.path]
+            assert [t for t, _ in sent] == written and sequences.get(0x882 + place, 0) == len(written)
+            for t, one in sent:
+                now = int(np.searchsorted(times, t))
+                for field, value in one.content.items():
+                    if field != "head" and not isinstance(value, (dict, str)) and not isinstance(
+                            np.asarray(value).flat[0], (dict, str)):
+                        assert np.array_equal(record[f"{output.path}.{field}"][now], value)
+                assert one.content["head"]["sequence"] == record[f"{output.path}.head.sequence"][now]
+        assert sequences[0x882 + [o.path for o in found.outputs].index("flight.tracking.error")] > 50
+        housekeeping = [(t, one.content) for t, one in contents if one.path == "housekeeping"]
+        assert [t for t, _ in housekeeping][-1] > 9 * 10**9 and all(one["t"] == t for t, one in housekeeping)
+        assert housekeeping[0][1]["accepted"] == 2 and housekeeping[-1][1]["executed"] == 4
+        assert found.modes[housekeeping[-1][1]["mode"]] == "point"
 
 
 # --- several flight processes ----------------------------------------------------------------------

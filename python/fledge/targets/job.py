@@ -38,8 +38,8 @@ class Part:
                       | export.emit_host(mission))
         self.rounds = any(field.carries for board in self.described() for snorkel in board.snorkels
                           for field in snorkel.fields)      # some numbers pass as counts
-        if self.script and self.boards and not any(snorkel.carries == "commands" for board in self.described()
-                                                   for snorkel in board.snorkels):
+        if self.script and self.boards and not any(lane.carries == "commands" for board in self.described()
+                                                   for lane in board.lanes):
             raise Failure(f"the scenario {job.scenario} changes {self.process} between its runs, by commands, which no "
                           f"snorkel of {', '.join(path.name for path in self.boards)} carries; add one with carries = "
                           "\"commands\"")
