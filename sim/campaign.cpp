@@ -50,45 +50,74 @@ std::vector<std::string> dispersible(const FledgeStruct &type)
 {
     std::vector<std::string> names;
     for (const FledgeField &field : fields(type)) {
-        if (field.group == FLEDGE_PAR && field.type == FLEDGE_F64) {
+        if (field.group == FLEDGE_PAR && field.type != FLEDGE_CHAR && !(field.flags & FLEDGE_SPARE)) {
             names.emplace_back(field.name);
         }
     }
     return names;
 }
 
-/// An instance and the field of a path "process.instance.field"; throws SetupError.
-std::pair<std::shared_ptr<Instance>, const FledgeField *> find_path(const Simulation &simulation,
-                                                                    const std::string &path)
+/// A field of an instance, or of a struct inside it.
+struct Place {
+    std::shared_ptr<Instance> instance;
+    const FledgeField *top = nullptr; ///< the instance's, null if the path names none
+    const FledgeField *field = nullptr;
+    const FledgeStruct *type = nullptr; ///< that has the field
+    std::size_t base = 0;               ///< of that struct in the instance's memory
+
+    std::byte *element(std::byte *memory, std::size_t i) const
+    {
+        return memory + base + field->offset + i * element_size(field->type);
+    }
+    double nominal(std::size_t i) const { return element_read(field->type, element(instance->memory(), i)); }
+    bool whole() const { return field->type != FLEDGE_F64 && field->type != FLEDGE_F32; }
+    /// The element across the diagonal of an inertia; of anything else, the element itself.
+    std::size_t mirror(std::size_t i) const { return field->flags & FLEDGE_INERTIA ? i % 3 * 3 + i / 3 : i; }
+    /// Returns the number as the type of the field holds it, or throws SetupError.
+    double set(std::byte *memory, std::size_t i, double x, const std::string &path) const
+    {
+        for (const std::size_t one : {i, mirror(i)}) {
+            element_write(field->type, element(memory, one), x);
+        }
+        const double held = element_read(field->type, element(memory, i));
+        if (whole() && std::abs(held - x) > 0.5) {
+            throw SetupError(path + index_text(*field, i) + " cannot be " + format_number(x) + ": it is of type " +
+                             field->ctype);
+        }
+        return held;
+    }
+};
+
+/// What a path "process.instance.field" or "process.instance.field[1].inner" names; throws SetupError.
+Place find_path(const Simulation &simulation, const std::string &path)
 {
-    const auto dot = path.rfind('.');
+    const auto dot = path.find('.', path.find('.') + 1);
     const std::string owner = path.substr(0, dot == std::string::npos ? 0 : dot);
-    const auto instance = find_instance(simulation, owner);
-    if (!instance) {
+    Place place{find_instance(simulation, owner)};
+    if (!place.instance) {
         throw SetupError(path + ": there is no instance " + (owner.empty() ? path : owner) + "; there are " +
                          format_list(instance_paths(simulation)));
     }
-    return {instance, find_field(instance->type(), path.substr(dot + 1))};
-}
-
-double nominal_value(const Instance &instance, const FledgeField &field, std::size_t element)
-{
-    double x;
-    std::memcpy(&x, instance.memory() + field.offset + element * sizeof x, sizeof x);
-    return x;
-}
-
-/// The element across the diagonal of an inertia; of anything else, the element itself.
-std::size_t mirror(const FledgeField &field, std::size_t element)
-{
-    return field.flags & FLEDGE_INERTIA ? element % 3 * 3 + element / 3 : element;
-}
-
-void set_element(const FledgeField &field, std::byte *memory, std::size_t element, double x)
-{
-    for (const std::size_t i : {element, mirror(field, element)}) {
-        std::memcpy(memory + field.offset + i * sizeof x, &x, sizeof x);
+    const FledgeStruct *type = &place.instance->type();
+    std::string_view rest = std::string_view(path).substr(dot + 1);
+    while (!rest.empty()) {
+        std::string_view name = rest.substr(0, rest.find('.'));
+        rest.remove_prefix(std::min(rest.size(), name.size() + 1));
+        const auto bracket = name.find('[');
+        const std::size_t row = bracket == name.npos ? 0 : std::strtoul(name.data() + bracket + 1, nullptr, 10);
+        const FledgeField *field = type ? find_field(*type, name.substr(0, bracket)) : nullptr;
+        if (!field || row >= (field->ndim ? field->shape[0] : 1)) {
+            place.field = nullptr;
+            break;
+        }
+        place.base += place.field ? place.field->offset : 0;
+        place.field = field;
+        place.type = type;
+        place.top = place.top ? place.top : field;
+        type = field->sub;
+        place.base += type ? row * type->size : 0;
     }
+    return place;
 }
 
 /// sigma = q_v / (1 + q_0) of a uniformly distributed quaternion (Shoemake 1992), |sigma| <= 1.
@@ -108,13 +137,22 @@ double absolute(const Distribution &distribution, double nominal, double x)
     return distribution.relative ? nominal * x : distribution.about ? nominal + x : x;
 }
 
-double draw(const Distribution &distribution, Random &random, double nominal, const std::string &path)
+double draw(const Distribution &distribution, Random &random, double nominal, bool whole, const std::string &path)
 {
+    const bool steps = whole && !distribution.relative; // else the product is rounded
+    if (distribution.kind == Distribution::Kind::choice) {
+        const auto n = static_cast<double>(distribution.choices.size());
+        return absolute(distribution, nominal, distribution.choices[static_cast<std::size_t>(n * random.uniform())]);
+    }
     if (distribution.kind == Distribution::Kind::uniform) {
-        return absolute(distribution, nominal, distribution.a + (distribution.b - distribution.a) * random.uniform());
+        const double low = steps ? std::ceil(distribution.a) : distribution.a;
+        const double width = steps ? std::floor(distribution.b) - low + 1.0 : distribution.b - distribution.a;
+        const double x = low + width * random.uniform();
+        return absolute(distribution, nominal, steps ? std::floor(x) : x);
     }
     for (int i = 0; i < draws_max; i++) {
-        const double x = distribution.a + distribution.b * random.normal();
+        const double drawn = distribution.a + distribution.b * random.normal();
+        const double x = steps ? std::round(drawn) : drawn;
         if (x >= distribution.lo && x <= distribution.hi) {
             return absolute(distribution, nominal, x);
         }
@@ -124,20 +162,28 @@ double draw(const Distribution &distribution, Random &random, double nominal, co
 }
 
 /// Whether the draws of one element can keep the rule in the header. Throws SetupError.
-void check_reach(const Instance &instance, const FledgeField &field, std::size_t element, const Distribution &d)
+void check_reach(const Place &place, std::size_t element, const Distribution &d, const std::string &path)
 {
-    const double nominal = nominal_value(instance, field, element);
-    const FledgeStruct &type = instance.type();
+    const double nominal = place.nominal(element);
+    const Instance &instance = *place.instance;
     const auto fault = [&](double x) -> std::string {
-        std::vector<std::byte> bytes(instance.memory(), instance.memory() + type.size);
-        set_element(field, bytes.data(), element, absolute(d, nominal, x));
+        std::vector<std::byte> bytes(instance.memory(), instance.memory() + instance.type().size);
         try {
-            check_field(type, field, bytes.data(), instance.path);
+            place.set(bytes.data(), element, absolute(d, nominal, x), path);
+            check_field(instance.type(), *place.top, bytes.data(), instance.path);
         } catch (const SetupError &error) {
             return error.what();
         }
         return "";
     };
+    for (const double x : d.choices) {
+        if (const std::string text = fault(x); !text.empty()) {
+            throw SetupError(text);
+        }
+    }
+    if (d.kind == Distribution::Kind::choice) {
+        return;
+    }
     const bool normal = d.kind == Distribution::Kind::normal;
     const double low = normal ? std::max(d.lo, d.a - far * d.b) : d.a;
     const double high = normal ? std::min(d.hi, d.a + far * d.b) : d.b;
@@ -159,8 +205,8 @@ public:
         : nominal_(nominal), own_(own), plan_(plan)
     {
         for (const Retained &variable : plan.retained) {
-            const auto [instance, field] = find_path(own, variable.port);
-            logs_.push_back(own.recorder().record(instance, *field, plan.every));
+            const Place place = find_path(own, variable.port);
+            logs_.push_back(own.recorder().record(place.instance, *place.field, plan.every));
         }
     }
 
@@ -202,7 +248,9 @@ private:
                                     : last           ? index(log.times[i]) + 1
                                                      : index(log.times[i + 1]);
             for (; k < std::min(samples, end); k++) {
-                std::memcpy(to + k * variable.elements, from, variable.elements * sizeof(double));
+                for (std::size_t j = 0; j < variable.elements; j++) {
+                    to[k * variable.elements + j] = element_read(variable.type, from + j * element_size(variable.type));
+                }
             }
         }
     }
@@ -258,10 +306,11 @@ bool has_callables(const Simulation &simulation)
 
 void check_dispersion(const Simulation &nominal, const Dispersion &dispersion)
 {
-    const auto [instance, field] = find_path(nominal, dispersion.path);
-    if (!field || field->group != FLEDGE_PAR || field->type != FLEDGE_F64) {
-        throw SetupError(dispersion.path + " is no parameter that can be dispersed; " + instance->path + " has " +
-                         format_list(dispersible(instance->type())));
+    const Place place = find_path(nominal, dispersion.path);
+    const FledgeField *field = place.field;
+    if (!field || place.top->group != FLEDGE_PAR || !element_size(field->type) || field->type == FLEDGE_CHAR) {
+        throw SetupError(dispersion.path + " is no parameter that can be dispersed; " + place.instance->path + " has " +
+                         format_list(dispersible(place.instance->type())));
     }
     const std::size_t n = field_elements(*field);
     for (std::size_t element : dispersion.elements) {
@@ -269,17 +318,33 @@ void check_dispersion(const Simulation &nominal, const Dispersion &dispersion)
             throw SetupError(dispersion.path + " has " + std::to_string(n) + " elements; there is no element " +
                              std::to_string(element));
         }
+        if (place.whole() && std::abs(place.nominal(element)) > 9.0e15) {
+            throw SetupError(dispersion.path + index_text(*field, element) +
+                             " is beyond the whole numbers that can be "
+                             "dispersed, 9e15");
+        }
     }
     const Distribution &d = dispersion.distribution;
     const auto refuse = [&](const std::string &rule) { throw SetupError(dispersion.path + ": " + rule); };
     if (!std::isfinite(d.a) || !std::isfinite(d.b) || std::isnan(d.lo) || std::isnan(d.hi)) {
         refuse("a distribution needs finite numbers");
     }
+    if (field->type == FLEDGE_ENUM && d.kind != Distribution::Kind::choice) {
+        refuse("an enumeration is drawn by a choice");
+    }
     switch (d.kind) {
     case Distribution::Kind::uniform:
         if (!(d.a <= d.b)) {
             refuse("uniform between " + format_number(d.a) + " and " + format_number(d.b) +
                    ": the lower bound is above the upper one");
+        }
+        if (place.whole() && !d.relative && std::ceil(d.a) > d.b) {
+            refuse("there is no whole number between " + format_number(d.a) + " and " + format_number(d.b));
+        }
+        break;
+    case Distribution::Kind::choice:
+        if (d.choices.empty()) {
+            refuse("there is nothing to choose from");
         }
         break;
     case Distribution::Kind::normal:
@@ -292,28 +357,29 @@ void check_dispersion(const Simulation &nominal, const Dispersion &dispersion)
         }
         break;
     case Distribution::Kind::attitude:
-        if (dispersion.elements != std::vector<std::size_t>{0, 1, 2} || n != 3) {
+        if (dispersion.elements != std::vector<std::size_t>{0, 1, 2} || n != 3 || field->type != FLEDGE_F64) {
             refuse("a random attitude needs the three elements of an MRP");
         }
         return;
     }
-    const auto still = [&](std::size_t i) { return nominal_value(*instance, *field, i) == 0.0; };
+    const auto still = [&](std::size_t i) { return place.nominal(i) == 0.0; };
     if (d.relative && std::all_of(dispersion.elements.begin(), dispersion.elements.end(), still)) {
         refuse("its nominal value is 0, which no factor changes");
     }
     for (std::size_t element : dispersion.elements) {
-        check_reach(*instance, *field, element, d);
+        check_reach(place, element, d, dispersion.path);
     }
 }
 
 void check_retained(const Simulation &nominal, const Retained &variable)
 {
-    const auto [instance, field] = find_path(nominal, variable.port);
+    const Place place = find_path(nominal, variable.port);
+    const FledgeField *field = place.field;
     if (!field || field->type != FLEDGE_STRUCT || (field->group != FLEDGE_IN && field->group != FLEDGE_OUT)) {
-        throw SetupError(variable.port + " is no input or output, and only these are retained; " + instance->path +
-                         " has " + format_list(field_names(instance->type(), FLEDGE_OUT)));
+        throw SetupError(variable.port + " is no input or output, and only these are retained; " +
+                         place.instance->path + " has " + format_list(field_names(place.instance->type(), FLEDGE_OUT)));
     }
-    if (variable.offset + variable.elements * sizeof(double) > field->size) {
+    if (variable.offset + variable.elements * element_size(variable.type) > field->size) {
         throw SetupError(variable.port + ": the retained field lies outside the message");
     }
 }
@@ -332,9 +398,10 @@ void check_plan(const Simulation &nominal, const CampaignPlan &plan)
     std::vector<std::string> drawn;
     for (const Dispersion &dispersion : plan.dispersions) {
         check_dispersion(nominal, dispersion);
-        const FledgeField &field = *find_path(nominal, dispersion.path).second;
+        const Place place = find_path(nominal, dispersion.path);
         for (std::size_t element : dispersion.elements) {
-            const std::string path = dispersion.path + index_text(field, std::min(element, mirror(field, element)));
+            const std::string path =
+                dispersion.path + index_text(*place.field, std::min(element, place.mirror(element)));
             if (std::find(drawn.begin(), drawn.end(), path) != drawn.end()) {
                 throw SetupError(path + " is dispersed twice");
             }
@@ -353,11 +420,10 @@ std::vector<double> disperse(const Simulation &nominal, Simulation &simulation, 
     simulation.set_seed(Random(plan.seed, run).bits());
     std::vector<double> draws;
     for (const Dispersion &dispersion : plan.dispersions) {
-        const auto [from, field] = find_path(nominal, dispersion.path);
-        const auto to = find_instance(simulation, from->path);
+        const Place from = find_path(nominal, dispersion.path);
+        const auto to = find_instance(simulation, from.instance->path);
         const auto set = [&](std::size_t element, double x) {
-            set_element(*field, to->memory(), element, x);
-            draws.push_back(x);
+            draws.push_back(from.set(to->memory(), element, x, dispersion.path));
         };
         if (dispersion.distribution.kind == Distribution::Kind::attitude) {
             Random random(plan.seed, run + " " + dispersion.path);
@@ -369,9 +435,9 @@ std::vector<double> disperse(const Simulation &nominal, Simulation &simulation, 
         }
         for (std::size_t element : dispersion.elements) {
             // A stream for each element, so that one dispersion more changes no other's draws.
-            const std::string path = dispersion.path + index_text(*field, element);
+            const std::string path = dispersion.path + index_text(*from.field, element);
             Random random(plan.seed, run + " " + path);
-            set(element, draw(dispersion.distribution, random, nominal_value(*from, *field, element), path));
+            set(element, draw(dispersion.distribution, random, from.nominal(element), from.whole(), path));
         }
     }
     return draws;

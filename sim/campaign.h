@@ -20,20 +20,23 @@ struct Distribution {
         uniform,  ///< between a and b
         normal,   ///< mean a, standard deviation b; cut to [lo, hi]
         attitude, ///< of an MRP vector: uniform over all attitudes
+        choice,   ///< one of `choices`, each with equal probability
     };
     Kind kind = Kind::uniform;
     double a = 0.0, b = 0.0;
     double lo, hi;         ///< of a normal distribution: draws outside are repeated
     bool relative = false; ///< a and b (lo, hi) are factors of the nominal value
     bool about = false;    ///< a and b (lo, hi) are added to the nominal value
+    std::vector<double> choices;
 
     Distribution();
 };
 
 /// A parameter that differs from run to run, or some of its elements. Each element has a random stream of its own. An
-/// inertia stays symmetric: a draw sets an element and its mirror image.
+/// inertia stays symmetric: a draw sets an element and its mirror image. Of whole numbers, uniform() gives each one
+/// between its ends the same probability, and others are rounded.
 struct Dispersion {
-    std::string path; ///< "world.craft.I_B"
+    std::string path; ///< "world.craft.I_B", "flight.camera.parts[2].phase"
     std::vector<std::size_t> elements;
     Distribution distribution;
 };
@@ -42,7 +45,8 @@ struct Dispersion {
 struct Retained {
     std::string port;         ///< "flight.tracking.error"
     std::uint32_t offset = 0; ///< of the field, bytes from the start of the message
-    std::size_t elements = 1; ///< doubles
+    std::size_t elements = 1;
+    FledgeType type = FLEDGE_F64;
 };
 
 struct CampaignPlan {

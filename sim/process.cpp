@@ -199,9 +199,14 @@ const std::string &Process::asked() const
     return mode_name(owner_->runtime_ ? owner_->runtime_->of(*this).asked : initial_);
 }
 
+int Process::arming(const Event &event) const
+{
+    return owner_->runtime_ ? owner_->runtime_->of(*this, event).state.armed : event.armed;
+}
+
 bool Process::armed(const Event &event) const
 {
-    return owner_->runtime_ ? owner_->runtime_->of(*this, event).state.armed == 1 : event.armed;
+    return arming(event) == 1;
 }
 
 void Process::arm(const Event &event, bool armed)
@@ -264,9 +269,18 @@ void Playback::at(Ns t)
 
 void Process::set_dictionary(std::shared_ptr<const Dictionary> dictionary)
 {
-    owner_->prepare();
     dictionary_ = std::move(dictionary);
-    owner_->runtime_->set_commands(*this, dictionary_);
+    if (owner_->runtime_) {
+        owner_->runtime_->set_commands(*this, dictionary_);
+    }
+}
+
+void Process::set_script(std::vector<ScriptedCommand> script)
+{
+    script_ = std::move(script);
+    if (owner_->runtime_) {
+        owner_->runtime_->find_places();
+    }
 }
 
 CommandReason Process::command(const std::vector<std::uint8_t> &packet)

@@ -2,7 +2,8 @@
 """Recorded fields by name: the part that a Log and an Archive have in common.
 
 Names are read from the end and may be as short as they are unique: "flight.tracking.error.sigma_BR",
-"error.sigma_BR", "sigma_BR". "error" alone is the whole message, "sigma_BR[0]" an element.
+"error.sigma_BR", "sigma_BR". "error" alone is the whole message, "sigma_BR[0]" an element, "wheels[2].axis_B" a field of
+a row of an array of structs, "wheels.axis_B" that of all rows.
 """
 
 from __future__ import annotations
@@ -46,8 +47,9 @@ class Series:
 class Records:
     """Messages by the names of their ports, and fields by their own.
 
-    A port has `name`, "flight.tracking.error", `fields`, name -> field, and `names`, of its fields and of the nested
-    messages that hold them.
+    A port has `name`, "flight.tracking.error", `fields`, name -> field, `parts`, name -> the names and shapes of its
+    parts, and `names`, of its fields and of the nested messages that hold them. A field of an array of structs has the
+    dimensions of both.
     """
 
     _error: type[Exception] = SetupError
@@ -66,8 +68,9 @@ class Records:
 
     def _find(self, key):
         """(port, name of a field or None, indices) of a key. Ports come before fields, full names before endings."""
-        key, indices = re.sub(r"\[\d+\]", "", key), tuple(int(i) for i in re.findall(r"\[(\d+)\]", key))
-        dotted = key.replace("/", ".").strip(".")
+        tokens = re.findall(r"[^.\[\]]+(?:\[[\d, ]+\])*", key.replace("/", ".").strip("."))
+        given = [tuple(int(i) for i in re.findall(r"\d+", one.partition("[")[2])) for one in tokens]
+        dotted = ".".join(one.partition("[")[0] for one in tokens)
         tail, ports = "." + dotted, self._ports()
         for exact in (True, False):
             def fits(full):
@@ -78,7 +81,7 @@ class Records:
                 (p, n) for p in ports for n in p.names if fits(f"{p.name}.{n}")
                 and (exact or not n.startswith(HEAD) or f".{HEAD}" in tail)]
             if len(found) == 1:
-                return *found[0], indices
+                return *found[0], self._index(key, *found[0], given)
             if found:
                 raise self._error(f"{self._label}: '{key}' is ambiguous: it may be "
                                   + listed([full_name(p, n) for p, n in found], most=12) + "; write more of the name")
@@ -92,33 +95,57 @@ class Records:
                           + (f"did you mean {listed(near, most=12)}?" if near else
                              f"there are {listed([p.name for p in ports], most=12)}"))
 
+    def _index(self, key, port, name, given):
+        """The index of samples, from the indices that a key gives to each part of a name: () of none, slices where an
+        inner part alone is indexed, as in "parts.steps[2]"."""
+        parts = self._parts(port, name)
+        missing = len(parts) - len(given)
+        at = [()] * missing + given if missing > 0 else given[-len(parts):] if parts else []
+        index: list[Any] = []
+        for (_, shape), one in zip(parts, at):
+            if len(one) > len(shape) or any(i >= n for i, n in zip(one, shape)):
+                break
+            index += [*one, *[slice(None)] * (len(shape) - len(one))]
+        else:
+            if not any(given[:max(-missing, 0)]):
+                return tuple(index) if any(at) else ()
+        raise self._error(f"{self._label}: '{key}' is out of range: {full_name(port, name)} has the shape "
+                          f"{tuple(n for _, shape in parts for n in shape)}")
+
+    def _parts(self, port, name):
+        """((name, shape), ...) of the parts of a field's name, or of a nested message's."""
+        if not name:
+            return ()
+        return next(parts for one, parts in port.parts.items() if f"{one}.".startswith(f"{name}."))[:name.count(".") + 1]
+
     def __getitem__(self, key: str) -> Any:
         """The values of a field as an (n, ...) array, of an element as (n,), of a message as structured (n,).
 
         The arrays are read-only.
         """
         port, name, indices = self._find(key)
-        values = part(self._values(port), name)
-        if indices:
-            if len(indices) >= values.ndim or any(i >= n for i, n in zip(indices, values.shape[1:])):
-                raise self._error(f"{self._label}: '{key}' is out of range: {full_name(port, name)} has the shape "
-                                  f"{values.shape[1:]}")
-            values = values[(slice(None), *indices)]
-        return values
+        return part(self._values(port), name)[(slice(None), *indices)]
 
     def field(self, key: str) -> Any:
         """The declaration of a field: its unit, shape and meaning."""
         port, name, _ = self._find(key)
         if name not in port.fields:
             raise SetupError(f"'{key}' is a whole message; name one of its fields: "
-                             + ", ".join(n for n in port.fields if not n.startswith(HEAD)))
+                             + listed([n for n in port.fields if not n.startswith(HEAD)
+                                       and (not name or n.startswith(f"{name}."))]))
         return port.fields[name]
 
     def series(self, key: str) -> Series:
         """The Series of a field or element, for plots."""
         field = self.field(key)
-        port, name, indices = self._find(key)
-        short = name.rpartition(".")[2] + "".join(f"[{i}]" for i in indices)
+        port, name, index = self._find(key)
+        shown, rest = [], list(index)
+        for one, shape in self._parts(port, name):
+            inside = [i for i in rest[:len(shape)] if isinstance(i, int)]
+            shown.append(one + "".join(f"[{i}]" for i in inside))
+            del rest[:len(shape)]
+        outer = [i for i, one in enumerate(shown[:-1]) if "[" in one]
+        short = ".".join(shown[min(outer, default=-1):])
         return Series(key, short, port.name, self._time(port), self[key], field.unit,
                       field.meaning if hasattr(field, "meaning") else field.doc, words_of(field))
 
@@ -133,6 +160,24 @@ class Records:
 def full_name(port: Any, name: str | None) -> str:
     """ "flight.tracking.error.sigma_BR", or the port's name"""
     return f"{port.name}.{name}" if name else port.name
+
+
+def nested_names(fields: Iterable[str]) -> list[str]:
+    """The names of fields, and of the nested messages that hold them."""
+    parts = [name.split(".") for name in fields]
+    return list(dict.fromkeys(".".join(p[:i]) for p in parts for i in range(1, len(p) + 1)))
+
+
+def element_names(parts: Sequence[tuple[str, Sequence[int]]]) -> list[str]:
+    """The names of a field's elements in memory order: "sigma_BR[0]", "wheels[2].axis_B[0]"."""
+    names = [""]
+    for one, shape in parts:
+        elements = [""]
+        for n in shape:
+            elements = [f"{e}[{i}]" for e in elements for i in range(n)]
+        dot = "." if names != [""] else ""
+        names = [f"{prefix}{dot}{one}{e}" for prefix in names for e in elements]
+    return names
 
 
 def part(values: Any, name: str | None) -> Any:

@@ -33,7 +33,7 @@ from fledge.archive import mcap
 from fledge.errors import listed
 from fledge.files import Part
 from fledge.archive.rosmsg import Field
-from fledge.series import HEAD, Records, frame_of, head_column, head_columns, in_words, part, words_of
+from fledge.series import HEAD, Records, frame_of, head_column, head_columns, in_words, nested_names, part, words_of
 
 __all__ = ["Archive", "ArchiveError", "Channel", "Field"]
 
@@ -79,8 +79,12 @@ class Channel:
     @property
     def names(self) -> list[str]:
         """The names of the fields, and of the nested messages that hold them."""
-        parts = [f.name.split(".") for f in self._raw.struct.fields()] if self._raw.struct else []
-        return list(dict.fromkeys(".".join(p[:i]) for p in parts for i in range(1, len(p) + 1)))
+        return nested_names(f.name for f in self._raw.struct.fields()) if self._raw.struct else []
+
+    @property
+    def parts(self) -> dict[str, tuple]:
+        """The names and shapes of the parts of each field's name."""
+        return {f.name: f.parts for f in self._struct().fields()}
 
     def __repr__(self):
         return f"<Channel {self.topic}: {self.count} x {self.schema}>"

@@ -24,6 +24,8 @@ from functools import lru_cache
 from math import prod
 from typing import TYPE_CHECKING, Any
 
+from fledge.series import element_names
+
 if TYPE_CHECKING:
     import numpy
 
@@ -67,14 +69,7 @@ class Field:
 
     def columns(self) -> list[str]:
         """The names of its elements in memory order: "sigma_BR[0]", "wheels[2].axis_B[0]"."""
-        names = [""]
-        for part, shape in self.parts:
-            elements = [""]
-            for n in shape:
-                elements = [f"{e}[{i}]" for e in elements for i in range(n)]
-            dot = "." if names != [""] else ""
-            names = [f"{prefix}{dot}{part}{e}" for prefix in names for e in elements]
-        return names
+        return element_names(self.parts)
 
 
 @dataclass(frozen=True)

@@ -16,11 +16,11 @@ namespace {
 using sim::Distribution;
 using sim::Ns;
 
-const char *const kinds[] = {"uniform", "normal", "attitude", nullptr}; // of Distribution::Kind
+const char *const kinds[] = {"uniform", "normal", "attitude", "choice", nullptr}; // of Distribution::Kind
 
 void add_dispersion(sim::CampaignPlan &plan, const sim::Simulation &nominal, const std::string &path,
                     std::vector<std::size_t> elements, const std::string &kind, double a, double b, double lo,
-                    double hi, const std::string &scale)
+                    double hi, const std::string &scale, std::vector<double> choices)
 {
     sim::Dispersion dispersion{path, std::move(elements), {}};
     Distribution &d = dispersion.distribution;
@@ -31,14 +31,15 @@ void add_dispersion(sim::CampaignPlan &plan, const sim::Simulation &nominal, con
     d.hi = hi;
     d.relative = scale == "relative";
     d.about = scale == "about";
+    d.choices = std::move(choices);
     sim::check_dispersion(nominal, dispersion);
     plan.dispersions.push_back(std::move(dispersion));
 }
 
 void add_retained(sim::CampaignPlan &plan, const sim::Simulation &nominal, const std::string &port,
-                  std::uint32_t offset, std::size_t elements)
+                  std::uint32_t offset, std::size_t elements, const FledgeField &field)
 {
-    sim::Retained variable{port, offset, elements};
+    sim::Retained variable{port, offset, elements, field.type};
     sim::check_retained(nominal, variable);
     plan.retained.push_back(std::move(variable));
 }
@@ -87,7 +88,7 @@ void bind_campaign(py::module_ &m)
         .def_readwrite("duration", &Plan::duration)
         .def_readwrite("every", &Plan::every)
         .def("disperse", add_dispersion, py::arg("nominal"), py::arg("path"), py::arg("elements"), py::arg("kind"),
-             py::arg("a"), py::arg("b"), py::arg("lo"), py::arg("hi"), py::arg("scale"),
+             py::arg("a"), py::arg("b"), py::arg("lo"), py::arg("hi"), py::arg("scale"), py::arg("choices"),
              "scale: '' (values), 'about' (added to the nominal value) or 'relative' (factors of it).")
         .def("retain", add_retained)
         .def("check", [](const Plan &plan, const sim::Simulation &nominal) { sim::check_plan(nominal, plan); });

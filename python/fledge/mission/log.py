@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from fledge.elements import ELEMENTS
 from fledge.errors import SetupError
-from fledge.series import HEAD, Records, frame_of, head_column, head_columns, part
+from fledge.series import HEAD, Records, element_names, frame_of, head_column, head_columns, nested_names, part
 
 if TYPE_CHECKING:
     from fledge.mission.simulation import Simulation
@@ -46,15 +46,16 @@ def dtype_of(struct: Any) -> Any:
     return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": struct.size})
 
 
-def leaves(struct: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """(name, Field) of every number in a message, with dots: "head.t", "sigma_BR"."""
+def leaves(struct: Any, parts: tuple = ()) -> Iterator[tuple[str, Any, tuple]]:
+    """(name, Field, (name, shape) of each part of the name) of every number in a message: "head.t", "parts.share"."""
     for field in struct.fields:
         if field.spare:
             continue
-        if field.type == "struct" and not field.shape:
-            yield from leaves(field.struct, f"{prefix}{field.name}.")
+        own = (*parts, (field.name, () if field.type == "char" else field.shape))
+        if field.type == "struct":
+            yield from leaves(field.struct, own)
         else:
-            yield prefix + field.name, field
+            yield ".".join(name for name, _ in own), field, own
 
 
 class _Samples:
@@ -63,8 +64,10 @@ class _Samples:
     def __init__(self, core):
         self.core = core
         self.name = core.path
-        self.fields = dict(leaves(core.struct))
-        self.names = list(self.fields)
+        found = list(leaves(core.struct))
+        self.fields = {name: field for name, field, _ in found}
+        self.parts = {name: parts for name, _, parts in found}
+        self.names = nested_names(self.fields)
         self._decoded = None
 
     def decoded(self):
@@ -96,7 +99,7 @@ class Log(Records):
     @property
     def names(self) -> list[str]:
         """The full names of all fields but the heads'."""
-        return [f"{path}.{name}" for path, s in self._samples.items() for name in s.names if not name.startswith(HEAD)]
+        return [f"{path}.{name}" for path, s in self._samples.items() for name in s.fields if not name.startswith(HEAD)]
 
     @property
     def plots(self) -> Any:
@@ -145,11 +148,12 @@ class Log(Records):
             wanted = [name for port, name in found if port is samples]
             columns = {}
             for name, field in samples.fields.items():
-                if name not in wanted and (None not in wanted or name.startswith(HEAD)):
+                chosen = any(f"{name}.".startswith(f"{one}.") for one in wanted if one)
+                if not chosen and (None not in wanted or name.startswith(HEAD)):
                     continue
                 values = part(self._values(samples), name)
-                for index in np.ndindex(values.shape[1:]):
-                    column = f"{self._short_name(samples)}.{name}" + "".join(f"[{i}]" for i in index)
+                for index, element in zip(np.ndindex(values.shape[1:]), element_names(samples.parts[name])):
+                    column = f"{self._short_name(samples)}.{element}"
                     columns[column] = values[(slice(None), *index)]
                     units[column], meanings[column] = field.unit, field.doc
             for name, source in (head_columns(samples.fields) if head and None in wanted else {}).items():

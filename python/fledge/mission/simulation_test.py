@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 import fledge
-from fledge import SetupError, flight as fsw, world
+from fledge import SetupError, flight as fsw, objects, world
+from fledge.objects.testing import decoded, kinds
 from fledge.units import N, m, minute, ms, rad, s
 
 
@@ -290,6 +291,62 @@ def test_a_log_and_its_archive_agree(tmp_path):
     assert archive.metadata["run"]["note"] == "a test" and archive.metadata["run"]["seed"] == "0"
 
 
+def test_every_kind_of_field_is_recorded_by_name(tmp_path):
+    import h5py
+    import pandas as pd
+
+    sim = fledge.Simulation()
+    f = sim.flight
+    f.noise = kinds()[1]["Noise"](seed=5, x=1)
+    f.task("all", every=1 * s, run=[f.noise])
+    log = sim.record(f.noise.kinds, every=1 * s)
+    sim.archive(tmp_path / "run.mcap")
+    expected = []
+    for t in range(20):
+        sim.run(until=t * s)
+        expected.append(decoded(objects.struct(f.noise.kinds), objects.memory(f.noise.kinds)))
+    sim.close_archive()
+    archive = fledge.Archive(tmp_path / "run.mcap")
+    for key, read in {
+            "i64": lambda k: k["i64"], "u64": lambda k: k["u64"], "serials[1]": lambda k: k["serials"][1],
+            "phases": lambda k: k["phases"], "part.phase": lambda k: k["part"]["phase"],
+            "grid[1][2]": lambda k: k["grid"][1][2], "grid[1, 2]": lambda k: k["grid"][1][2],
+            "parts[1].phase": lambda k: k["parts"][1]["phase"],
+            "kinds.parts.phase": lambda k: [p["phase"] for p in k["parts"]],
+            "parts[2].pairs[1].count": lambda k: k["parts"][2]["pairs"][1]["count"],
+            "parts.pairs[0].count": lambda k: [p["pairs"][0]["count"] for p in k["parts"]],
+            "parts[1].steps": lambda k: k["parts"][1]["steps"],
+            "parts.steps[2]": lambda k: [p["steps"][2] for p in k["parts"]]}.items():
+        for source in (log, archive):
+            assert source[key].tolist() == list(map(read, expected)), key
+        assert log.series(key).name == archive.series(key).name
+    assert log.series("parts[1].phase").name == "parts[1].phase" and log.series("kinds.i64").name == "i64"
+    assert log["parts"]["share"].shape == archive["parts"]["share"].shape == (20, 3)
+    assert log.series("parts[1].phase").words == {-7: "not safe", 0: "safe", 3: "science", 100: "drain"}
+    one, other = log.frame(), archive.frame()
+    assert [c for c in one if "label" not in c] == [c for c in other if "label" not in c]
+    assert list(log.frame("parts.share")) == [f"kinds.parts[{i}].share" for i in range(3)]
+    table = pd.read_csv(archive.to_csv(tmp_path / "csv")[0], float_precision="round_trip")
+    assert table["parts[2].pairs[1].count [-]"].tolist() == [k["parts"][2]["pairs"][1]["count"] for k in expected]
+    with h5py.File(archive.to_hdf5(tmp_path / "run.h5")) as file:
+        assert (file["flight/noise/kinds/parts.pairs.count"][:] == log["parts.pairs.count"]).all()
+    assert len(log.plot("kinds.phase", "parts[1].phase", "phases", "i64", "parts.pairs.count").axes) == 5
+
+
+@pytest.mark.parametrize("key, text", [
+    ("parts[3].share", "'parts[3].share' is out of range: flight.noise.kinds.parts.share has the shape (3,)"),
+    ("parts[1].share[0]", "'parts[1].share[0]' is out of range: flight.noise.kinds.parts.share has the shape (3,)"),
+    ("noise[1].kinds.i64", "'noise[1].kinds.i64' is out of range: flight.noise.kinds.i64 has the shape ()"),
+    ("parts[1].shape", "there is no 'parts[1].shape'; did you mean parts.share?"),
+])
+def test_a_wrong_place_in_an_array_of_structs_is_told(key, text):
+    sim = fledge.Simulation()
+    sim.flight.noise = kinds()[1]["Noise"]()
+    with pytest.raises(SetupError) as error:
+        sim.record(sim.flight.noise.kinds)[key]
+    assert str(error.value) == f"the log: {text}"
+
+
 def test_a_reset_begins_a_new_archive(tmp_path):
     sim = spinner()
     sim.record(sim.flight.tracking.error, every=1 * s)
@@ -532,3 +589,22 @@ def test_a_simulation_of_several_spacecraft():
         sim.add_flight("b c")
     with pytest.raises(fledge.SetupError, match="fleet has no process 'c'; it has w, a, b"):
         sim.process("c")
+
+
+def test_what_an_event_sets_reaches_a_process_that_runs_later_at_the_same_instant():
+    """As where each process is a program of its own: there the event has happened before the other steps."""
+    sim = fledge.Simulation("events", empty=True)
+    early, first, later = (sim.add_flight(name) for name in ("early", "first", "later"))
+    first.still = fsw.InertialPointing()
+    for f in (early, first, later):
+        f.turn = fsw.EulerRotation(rates=[0.1, 0, 0])
+        f.connect(first.still.reference >> f.turn.base)
+        f.task("turn", every=1, run=[f.turn])
+    first.event("now", when=first.watch(first.turn.euler).angles[0] > 0.45, once=True,
+                set=[(first.watch(first.still).sigma_RN, [0.5, 0, 0])])
+    seen = {f.name: sim.record(f.turn.base, every=1) for f in (early, later)}
+    sim.run(8)
+    assert first.now.fired_at == 5
+    for name, at in (("early", 6), ("later", 5)):
+        log = seen[name]
+        assert log.time[(log["base.sigma_RN"][:, 0] == 0.5).argmax()] == at, name

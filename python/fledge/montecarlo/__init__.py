@@ -24,6 +24,7 @@ from fledge.errors import SetupError
 from fledge.mission.folder import MissionFiles, first_line, functions_of
 from fledge.mission.simulation import Finding
 from fledge.montecarlo.dispersions import Dispersions
+from fledge.montecarlo.field_path import FieldPath
 
 if TYPE_CHECKING:
     import numpy as np
@@ -95,13 +96,7 @@ class Campaign:
 
     def drawn(self, simulation: Simulation) -> dict[str, float]:
         """The values of the dispersed parameters in a simulation of this mission: path -> number."""
-        values = {}
-        for path in self.dispersions.columns:
-            name, _, index = path.partition("[")
-            process, instance, field = name.split(".")
-            value = getattr(getattr(getattr(simulation, process), instance), field)
-            values[path] = float(value[tuple(map(int, index.rstrip("]").split(",")))] if index else value)
-        return values
+        return {path: FieldPath(simulation, path).value() for path in self.dispersions.columns}
 
     def judge(self, log: Log, seed: int = 0) -> Result:
         """The Result of one run that was flown by hand, from its records every `every`."""

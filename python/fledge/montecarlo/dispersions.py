@@ -10,6 +10,7 @@
         d["world.craft.omega_BN_B"] = d.normal(0, 0.5 * deg / s)
         d["world.craft.I_B[0, 0]"]  = d.nominal + d.normal(0, 10 * kg * m**2)
         d["world.wheels.J"]         = d.nominal * d.uniform(0.95, 1.05)
+        d["flight.camera.mode"]     = d.choice("SURVEY", "STARE")
 
         error = d.retain("flight.tracking.error.sigma_BR")
         d.check(error.norm().final < 1e-3, "the attitude did not settle")
@@ -24,8 +25,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from fledge import _core
-from fledge.errors import SetupError
-from fledge.objects.si import time_ns, to_si
+from fledge.errors import SetupError, listed
+from fledge.objects.si import enumerator, short_name, time_ns, to_number, to_si
 from fledge.montecarlo.field_path import FieldPath, index_text, names_of
 from fledge.montecarlo.requirements import Requirement, Variable
 
@@ -41,7 +42,7 @@ _INFINITY = float("inf")
 # --- what is drawn ---------------------------------------------------------------------------------
 
 class Draw:
-    """A distribution: made by uniform(), normal() and attitude() of `d`."""
+    """A distribution: made by uniform(), normal(), choice() and attitude() of `d`."""
 
     def __init__(self, kind: str, numbers: tuple[Any, ...] = (), low: Any = None, high: Any = None,
                  scale: str = "") -> None:
@@ -137,16 +138,23 @@ class Dispersions:
     nominal = _Nominal()
 
     def uniform(self, low: Any, high: Any) -> Draw:
-        """Anything between two values: `d.uniform(9 * N, 11 * N)`, `d.nominal * d.uniform(0.9, 1.1)`."""
+        """Anything between two values: `d.uniform(9 * N, 11 * N)`, `d.nominal * d.uniform(0.9, 1.1)`.
+
+        Of a whole number, each between the two, and they themselves, has the same probability.
+        """
         return Draw("uniform", (low, high))
 
     def normal(self, mean: Any, sigma: Any, *, low: Any = None, high: Any = None) -> Draw:
         """Normal with a mean and a standard deviation; truncated, if low or high are given: draws
         outside are drawn again. `d.nominal + d.normal(0, 2 * deg, low=-6 * deg, high=6 * deg)`.
 
-        A list gives each element of an array its own number.
+        A list gives each element of an array its own number. Draws of a whole number are rounded.
         """
         return Draw("normal", (mean, sigma), low, high)
+
+    def choice(self, *values: Any) -> Draw:
+        """One of some values, each with equal probability: `d.choice("SAFE", "SCIENCE")`, `d.choice(1 * N, 5 * N)`."""
+        return Draw("choice", values)
 
     def attitude(self) -> Draw:
         """Any attitude with equal probability, for an MRP."""
@@ -155,13 +163,16 @@ class Dispersions:
     def __setitem__(self, path: str, draw: Draw) -> None:
         """Disperse a parameter of any instance: all its elements, those of a row, or one."""
         if not isinstance(draw, Draw):
-            raise SetupError(f"{path}: expected something drawn, such as d.normal(...), d.uniform(...) or "
-                             f"d.attitude(); found {_short(draw)}")
+            raise SetupError(f"{path}: expected something drawn, such as d.normal(...), d.uniform(...), "
+                             f"d.choice(...) or d.attitude(); found {_short(draw)}")
         target = FieldPath(self.simulation, path)
-        if target.field.group != "par":
+        if target.group != "par":
             raise SetupError(f"{path} is no parameter, and only these can be dispersed; {_core.path(target.owner)} has "
-                             + ", ".join(f.name for f in _core.struct(target.owner).fields
-                                         if f.group == "par" and f.type == "f64" and not f.spare))
+                             + listed([f.name for f in _core.struct(target.owner).fields
+                                       if f.group == "par" and f.type != "char" and not f.spare]))
+        counted = [f.name for f in _core.struct(target.holder).fields if f.count == target.field.name]
+        if counted:
+            raise SetupError(f"{path} is how many rows of {', '.join(counted)} count, and cannot be dispersed")
         # Of a whole inertia the upper triangle is drawn; the kernel keeps it symmetric.
         inertia = "inertia" in target.field.rule
         whole = inertia and len(target.elements) == 9
@@ -172,7 +183,15 @@ class Dispersions:
             mirror = target.full + index_text(e % 3 * 3 + e // 3, (3, 3)) if inertia else names[k]
             if names[k] in self.columns or mirror in self.columns:
                 raise SetupError(f"{names[k]} is dispersed twice")
-        numbers = [self._numbers(value, target, draw) for value in draw.numbers] or [[0.0] * len(target.elements)] * 2
+        if target.field.type == "enum" and draw.kind != "choice":
+            raise SetupError(f"{path} = {draw!r}: {target.field.ctype} is an enumeration; draw it by d.choice(...), of "
+                             + ", ".join(short_name(target.field.ctype, name) for name, _ in target.field.enumerators))
+        choice = draw.kind == "choice"
+        choices = [self._choice(value, target, draw) for value in draw.numbers] if choice else []
+        if choice and not choices:
+            raise SetupError(f"{path} = {draw!r}: name what to choose from")
+        numbers = [self._numbers(value, target, draw) for value in draw.numbers] if not choice else []
+        numbers = numbers or [[0.0] * len(target.elements)] * 2
         numbers += [self._numbers(draw.low, target, draw, -_INFINITY),
                     self._numbers(draw.high, target, draw, _INFINITY)]
         groups: dict[tuple[float, ...], list[int]] = {}  # elements with the same numbers
@@ -180,9 +199,17 @@ class Dispersions:
             groups.setdefault(tuple(one[k] for one in numbers), []).append(k)
         for (a, b, low, high), group in groups.items():
             self._plan.disperse(self.simulation.kernel, target.full, [target.elements[k] for k in group], draw.kind,
-                                a, b, low, high, draw.scale)
+                                a, b, low, high, draw.scale, choices)
             self.columns.update((names[k], target.unit) for k in group)
         self.draws[target.path] = draw
+
+    def _choice(self, value, target, draw):
+        """A value of a choice as a number."""
+        field, shown = target.field, f"{target.path} = {draw!r}"
+        if field.type == "enum":
+            return float(enumerator(field.ctype, field.enumerators, value, shown))
+        relative = draw.scale == "relative"
+        return to_number(value, shown, "-" if relative else field.unit, _NUMBER if relative else field.dims)
 
     def _numbers(self, value, target, draw, default=None):
         """A number for each element, in the parameter's unit; factors have none."""
@@ -218,10 +245,10 @@ class Dispersions:
         if target.port is None:
             raise SetupError(f"{path} is no field of an input or output, and only these are retained; "
                              f"{_core.path(target.owner)} has "
-                             + ", ".join(names_of(_core.struct(target.owner), ("in", "out"))))
+                             + listed(names_of(_core.struct(target.owner), ("in", "out"))))
         if target.path not in self.retained:
-            self._plan.retain(self.simulation.kernel, target.port, target.offset + 8 * target.elements[0],
-                              len(target.elements))
+            self._plan.retain(self.simulation.kernel, target.port, target.offset + target.width * target.elements[0],
+                              len(target.elements), target.field)
             self.retained[target.path] = Variable(target, lambda: self._duration)
         return self.retained[target.path]
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a campaign declares: paths, units, distributions, requirements, and the words for what is wrong."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 
@@ -41,7 +43,7 @@ def drawn(d, runs, seed=0):
     ("world.craft.mass[0]", "world.craft.mass is a single number; there is no element [0]"),
     ("world.wheels.J[4]", "world.wheels.J has shape (4,); there is no element [4]"),
     ("world.craft.mass.x", "world.craft.mass is a number or array, and has no 'x'"),
-    ("world.wheels.n", "is of type uint32_t; a path here names floating-point numbers"),
+    ("world.wheels.n", "is how many rows of axes_B, J, u_max"),
 ])
 def test_unknown_paths_are_answered(d, path, words):
     with pytest.raises(fledge.SetupError) as error:
@@ -233,3 +235,110 @@ def test_units_of_limits(d):
     assert repr(torque.final < 200 * N * m) == "flight.motor.command.u[0] at the end < 200 N m"
     rate = d.retain("flight.tracking.error.omega_BR_B")
     assert (rate[2] < 1 * deg / s).limit == pytest.approx(np.pi / 180)
+
+
+# --- whole numbers, enumerations, structs ----------------------------------------------------------
+
+@pytest.fixture
+def every_kind(tmp_path):
+    """A mission whose module has parameters and outputs of every kind."""
+    (tmp_path / "mission.py").write_text('''
+"""Every kind of number."""
+from fledge.objects.testing import kinds
+
+
+def build(sim):
+    f, Noise = sim.add_flight("flight"), kinds()[1]["Noise"]
+    f.noise = Noise(step=10, x=5, part={"share": 0.5, "pairs": [{"count": 7}, {}]})
+    f.task("all", every=1, run=[f.noise])
+''')
+    return tmp_path
+
+
+def flown(folder, declare, runs=400):
+    def campaign(d):
+        d.duration, d.every = 4, 1
+        declare(d)
+    return Campaign(folder, campaign).fly(runs, seed=5, threads=2)
+
+
+def test_whole_numbers_and_enumerations_are_dispersed_in_structs_too(every_kind):
+    def declare(d):
+        d["flight.noise.step"] = d.nominal + d.uniform(-3, 3.5)
+        d["flight.noise.level"] = d.normal(5, 2, low=0, high=10)
+        d["flight.noise.wide[1]"] = d.uniform(2**40, 2**40 + 1)
+        d["flight.noise.phase"] = d.choice("SAFE", "PHASE_DRAIN", 3)
+        d["flight.noise.phases"] = d.choice("SAFE", "SCIENCE")
+        d["flight.noise.part.share"] = d.nominal * d.uniform(0.5, 1.5)
+        d["flight.noise.part.pairs[0].count"] = d.nominal * d.uniform(0, 2)
+        d["flight.noise.parts[2].steps[1]"] = d.choice(-5, 5)
+        d["flight.noise.parts[1].pairs[1].x"] = d.choice(1 * m, 2 * m)
+
+    result = flown(every_kind, declare)
+    assert not result.failures, result.failures
+    draws = result.draws
+    values, counts = np.unique(draws["flight.noise.step"], return_counts=True)
+    assert values.tolist() == [*range(7, 14)] and counts.min() > 30
+    assert set(draws["flight.noise.level"]) == set(range(11))
+    assert set(draws["flight.noise.wide[1]"]) == {2**40, 2**40 + 1}
+    assert set(draws["flight.noise.phase"]) == {0, 3, 100}
+    assert set(zip(*(draws[f"flight.noise.phases[{i}]"] for i in range(3)))) == set(product((0, 3), repeat=3))
+    assert set(draws["flight.noise.part.pairs[0].count"]) == set(range(15))
+    assert draws["flight.noise.part.share"].std() > 0.1 and set(draws["flight.noise.parts[2].steps[1]"]) == {-5, 5}
+    sim = result.campaign.simulation(17, seed=5)
+    assert result.campaign.drawn(sim) == {path: one[17] for path, one in draws.items()}
+    assert sim.flight.noise.parts[1].pairs[1].x == draws["flight.noise.parts[1].pairs[1].x"][17]
+    assert sim.flight.noise.phase == draws["flight.noise.phase"][17]
+
+
+def test_numbers_of_every_type_are_retained(every_kind):
+    paths = ["i8", "u8", "i16", "u32", "single", "u16", "u16[1]", "i64", "u64", "phase", "phases", "part.phase",
+             "parts[1].share", "parts[2].pairs[1].count", "parts[0].steps[2]", "turn", "grid[1]"]
+
+    def declare(d):
+        d["flight.noise.seed"] = d.uniform(0, 1000)
+        d.retain(*(f"flight.noise.kinds.{path}" for path in paths))
+        d.check(d.retain("flight.noise.kinds.phase").final == "SAFE", "not safe")
+        d.check(d.retain("flight.noise.kinds.parts[1].phase") != "PHASE_DRAIN")
+
+    result = flown(every_kind, declare, 20)
+    sim = result.campaign.simulation(7, seed=5)
+    log = sim.record(sim.flight.noise.kinds, every=1)
+    sim.run(4)
+    for path in paths:
+        assert (result.retained[f"flight.noise.kinds.{path}"][7] == log[f"flight.noise.kinds.{path}"]).all(), path
+    judged = result.campaign.judge(log)
+    assert judged.failures.get(0) == result.failures.get(7)
+    last = result.retained["flight.noise.kinds.phase"][:, -1]
+    drained = (result.retained["flight.noise.kinds.parts[1].phase"] == 100).any(axis=1)
+    for run in range(20):
+        text = result.failures.get(run, "")
+        assert ("not safe: flight.noise.kinds.phase is " in text) == (last[run] != 0)
+        assert ("flight.noise.kinds.parts[1].phase is DRAIN at " in text) == drained[run]
+    assert 0 < drained.sum() < 20 and "at 4 s, not == SAFE" in str(result.failures)
+
+
+@pytest.mark.parametrize("line, text", [
+    ('d["flight.noise.phase"] = d.uniform(0, 3)', "Phase is an enumeration; draw it by d.choice(...), of NOT_SAFE,"),
+    ('d["flight.noise.phase"] = d.choice("SAVE")', "expected one of NOT_SAFE, SAFE, SCIENCE, DRAIN; found 'SAVE'; did"),
+    ('d["flight.noise.phase"] = d.choice()', "name what to choose from"),
+    ('d["flight.noise.step"] = d.uniform(0.2, 0.8)', "there is no whole number between 0.2 and 0.8"),
+    ('d["flight.noise.step"] = d.choice(1, 200)', "flight.noise.step must be in [-100, 100], found 200"),
+    ('d["flight.noise.counts"] = d.uniform(0, 65536)', "counts[0] cannot be 65536: it is of type uint16_t"),
+    ('d["flight.noise.seed"] = d.uniform(0, 1e17)', "flight.noise.seed cannot be 1e+17: it is of type uint64_t"),
+    ('d["flight.noise.parts.share"] = d.uniform(0, 1)',
+     "parts has 3 rows; name one, as in flight.noise.parts[0]"),
+    ('d["flight.noise.parts[3].share"] = d.uniform(0, 1)', "flight.noise.parts has 3 rows; name one"),
+    ('d["flight.noise.part[0].share"] = d.uniform(0, 1)', "flight.noise.part is no array"),
+    ('d["flight.noise.part"] = d.uniform(0, 1)', "is a whole message; name one of its fields: phase, share, pairs, steps"),
+    ('d["flight.noise.part.pairs[0].y"] = d.uniform(0, 1)', "flight.noise.part.pairs[0] has no 'y'; it has count, x"),
+    ('d["flight.noise.kinds.x"] = d.uniform(0, 1)', "flight.noise has x, seed, step, level, phase, phases, counts"),
+    ('d.retain("flight.noise.kinds.label")', "flight.noise.kinds.label is a text; a path here names numbers"),
+    ('d.retain("flight.noise.kinds.parts[0]")', "is a whole message; name one of its fields: phase, share, pairs"),
+    ('d.retain("flight.noise.step")', "flight.noise has hint, kinds"),
+    ('d.check(d.retain("flight.noise.kinds.phase") == "OFF")', "expected one of NOT_SAFE, SAFE, SCIENCE, DRAIN; found"),
+])
+def test_a_wrong_number_enumeration_or_struct_is_refused(every_kind, line, text):
+    with pytest.raises(fledge.SetupError) as error:
+        Campaign(every_kind, lambda d: exec(line, {"d": d}))
+    assert text in str(error.value)

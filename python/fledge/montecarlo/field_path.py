@@ -9,7 +9,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from fledge import _core
-from fledge.errors import SetupError, did_you_mean
+from fledge.elements import ELEMENTS
+from fledge.errors import SetupError, did_you_mean, listed
 from fledge.objects.measured import flat_index
 
 if TYPE_CHECKING:
@@ -19,54 +20,64 @@ if TYPE_CHECKING:
 class FieldPath:
     """The field that a path names, and the elements that it selects.
 
-    owner: the module or model; port: the input or output that has the field, or None; offset: of the
-    field in the port [bytes]; elements: flat indices; shape: of the elements together.
+    owner: the module or model; holder: it, or the struct in it that has the field; port: the input or output that has the field, or None; offset: of the
+    field in the port [bytes]; elements: flat indices; shape: of the elements together; full: the path without them.
     """
 
     def __init__(self, simulation: Simulation, path: str) -> None:
         self.path = " ".join(path.split())
-        match = re.fullmatch(r"(\w+(?:\.\w+)*)((?:\[[\d, ]+\])*)", self.path)
-        names = match[1].split(".") if match else []
-        if not match or len(names) < 3:
+        parts = re.fullmatch(r"(\w+)\.(\w+)((?:\.\w+(?:\[[\d, ]+\])*)+)", self.path)
+        if not parts:
             raise SetupError(f"'{path}': expected process.instance.name, as in world.craft.I_B or "
                              "world.craft.I_B[0, 0]")
         processes = {p.name: p for p in simulation.processes}
-        if names[0] not in processes:
-            raise SetupError(f"{path}: there is no process '{names[0]}'; there are {', '.join(processes)}")
-        process = processes[names[0]]
-        if names[1] not in process.instances:
-            raise SetupError(f"{path}: {process.unknown(names[1])}")
-        self.owner = process.instances[names[1]]
+        if parts[1] not in processes:
+            raise SetupError(f"{path}: there is no process '{parts[1]}'; there are {', '.join(processes)}")
+        process = processes[parts[1]]
+        if parts[2] not in process.instances:
+            raise SetupError(f"{path}: {process.unknown(parts[2])}")
+        self.owner = process.instances[parts[2]]
         self.port: str | None = None
         self.offset = 0
-        struct, at = _core.struct(self.owner), ".".join(names[:2])
-        for i, name in enumerate(names[2:], 3):
+        struct, at, self.holder = _core.struct(self.owner), f"{parts[1]}.{parts[2]}", self.owner
+        names = [(m[1], [int(i) for i in re.findall(r"\d+", m[2])]) for m in re.finditer(r"\.(\w+)([^.]*)", parts[3])]
+        for i, (name, indices) in enumerate(names, 1):
             self.field = _member(struct, name, at, path)
             at = f"{at}.{name}"
+            if i == 1:
+                self.group = self.field.group
+            if self.port is not None:
+                self.offset += self.field.offset
             if self.field.type != "struct":
                 break
-            if self.port is None:
+            if self.group != "par" and self.port is None:
                 self.port = at
-            else:
-                self.offset += self.field.offset
-            struct = self.field.struct
+            row, inside = self._row(indices, at)
+            struct, at = self.field.struct, at + inside
+            self.offset += row * struct.size
+            self.holder = _core.row(self.holder, name, row)
         else:
-            raise SetupError(f"{path} is a whole message; name one of its fields: {', '.join(names_of(struct))}")
+            raise SetupError(f"{path} is a whole message; name one of its fields: " + listed(names_of(struct)))
         if i < len(names):
-            raise SetupError(f"{path}: {at} is a number or array, and has no '{names[i]}'")
-        if self.field.type != "f64":
-            raise SetupError(f"{path} is of type {self.field.ctype}; a path here names floating-point numbers")
-        if self.port is not None:
-            self.offset += self.field.offset
+            raise SetupError(f"{path}: {at} is a number or array, and has no '{names[i][0]}'")
+        if self.field.type == "char":
+            raise SetupError(f"{path} is a text; a path here names numbers")
         self.full = at
-        self.elements, self.shape = self._select(match[2])
+        self.elements, self.shape = self._select(indices)
 
-    def _select(self, text):
-        """(flat indices, shape) of "[0, 1]" or "[2]", in the rows that are in use."""
+    def _row(self, indices, at):
+        """(index, "[index]") of a struct, in an array of them."""
+        shape = self.field.shape
+        if len(indices) != len(shape) or any(i >= n for i, n in zip(indices, shape)):
+            raise SetupError(f"{self.path}: {at} " + (f"has {shape[0]} rows; name one, as in {at}[0]" if shape
+                                                      else "is no array"))
+        return (indices[0], f"[{indices[0]}]") if shape else (0, "")
+
+    def _select(self, indices):
+        """(flat indices, shape) of [0, 1] or [2], in the rows that are in use."""
         shape = self.field.shape
         if shape and self.field.count and self.port is None:
-            shape = (int(getattr(self.owner, self.field.count)), *shape[1:])
-        indices = [int(i) for i in re.findall(r"\d+", text)]
+            shape = (int(getattr(self.holder, self.field.count)), *shape[1:])
         if len(indices) > len(shape) or any(i >= n for i, n in zip(indices, shape)):
             what = f"has shape {shape}" if shape else "is a single number"
             raise SetupError(f"{self.path}: {self.full} {what}; there is no element "
@@ -75,6 +86,17 @@ class FieldPath:
         n = math.prod(rest)
         first = flat_index(indices, self.field.shape) * n
         return list(range(first, first + n)), tuple(rest)
+
+    def value(self) -> float:
+        """The number there, of a path that selects one element."""
+        import numpy as np
+
+        return float(np.ravel(getattr(self.holder, self.field.name))[self.elements[0]])
+
+    @property
+    def width(self) -> int:
+        """[bytes] of an element."""
+        return ELEMENTS[self.field.type].size
 
     def names(self) -> list[str]:
         """The path of each element: "world.craft.I_B[0, 1]"."""
@@ -103,7 +125,8 @@ def _member(struct, name, owner, path):
         if field.name == name and not field.spare:
             return field
     known = names_of(struct)
-    raise SetupError(f"{path}: {owner} has no '{name}'{did_you_mean(name, known)} it has {', '.join(known)}")
+    raise SetupError(f"{path}: {owner} has no '{name}'{did_you_mean(name, known)} it has "
+                     + listed(known, none="no parameters, inputs or outputs"))
 
 
 def port(simulation: Simulation, path: str) -> Any:

@@ -8,13 +8,14 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from fledge.errors import SetupError
 from fledge.montecarlo.field_path import FieldPath, port
 from fledge.objects.measured import Measured, unit_after
-from fledge.objects.si import time_ns
+from fledge.objects.si import short_name, time_ns
 
 if TYPE_CHECKING:
     import numpy as np
@@ -63,6 +64,14 @@ class Variable(Measured):
         if not math.isfinite(value):
             raise SetupError(f"{self!r} {comparison} {limit!r}: expected a finite number")
         return Requirement(self, comparison, value)
+
+    def __eq__(self, limit: Any) -> Any:
+        return self._compare("==", limit)
+
+    def __ne__(self, limit: Any) -> Any:
+        return self._compare("!=", limit)
+
+    __hash__ = object.__hash__
 
     # --- values ---
 
@@ -114,7 +123,7 @@ class Variable(Measured):
 
 
 class Requirement:
-    """A number that must stay on one side of a limit. `message`: what a failure means"""
+    """A number that must stay on one side of a limit, or be one, or not. `message`: what a failure means"""
 
     def __init__(self, variable: Variable, comparison: str, limit: float) -> None:
         self.variable, self.comparison, self.limit, self.message = variable, comparison, limit, ""
@@ -130,17 +139,26 @@ class Requirement:
         part = self.variable.samples(result.ns)
         values = self.variable.values(result)[:, part]
         # argmin and argmax take the first NaN there is, and no NaN holds.
-        at = np.argmax(values, axis=1) if self.comparison in ("<", "<=") else np.argmin(values, axis=1)
+        if self.comparison in ("==", "!="):
+            at = np.argmax((values != self.limit) == (self.comparison == "=="), axis=1)
+        else:
+            at = np.argmax(values, axis=1) if self.comparison in ("<", "<=") else np.argmin(values, axis=1)
         worst = values[np.arange(len(values)), at]
-        holds = {"<": worst < self.limit, "<=": worst <= self.limit, ">": worst > self.limit, ">=": worst >= self.limit}
-        return worst, result.ns[part][at] / 1e9, holds[self.comparison]
+        holds = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge,
+                 "==": operator.eq, "!=": operator.ne}[self.comparison](worst, self.limit)
+        return worst, result.ns[part][at] / 1e9, holds & ~np.isnan(worst)
 
     def failure(self, value: float, time: float) -> str:
         """The text for a run that does not fulfil it."""
-        unit = unit_after(self.variable.unit)
-        text = (f"{self.variable.measure_text} is {value:.4g}{unit} at {time:g} s, "
-                f"not {self.comparison} {self.limit:g}{unit}")
+        text = (f"{self.variable.measure_text} is {self._shown(value, '.4g')} at {time:g} s, "
+                f"not {self.comparison} {self._shown(self.limit)}")
         return f"{self.message}: {text}" if self.message else text
 
     def __repr__(self):
-        return f"{self.variable!r} {self.comparison} {self.limit:g}{unit_after(self.variable.unit)}"
+        return f"{self.variable!r} {self.comparison} {self._shown(self.limit)}"
+
+    def _shown(self, value, form="g"):
+        """A number of the variable with its unit, or the name of an enumerator."""
+        field = self.variable.field_path.field
+        names = {number: short_name(field.ctype, name) for name, number in field.enumerators}
+        return names.get(value, f"{value:{form}}{unit_after(self.variable.unit)}")

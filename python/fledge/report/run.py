@@ -185,7 +185,7 @@ def _final(log) -> tuple:
 
     quality = dict(enumerate(QUALITIES)).get(read("head.quality"), read("head.quality"))
     return log, read("head.t"), quality, [_Value(name, read(name), field.unit, field.doc)
-                                          for name, field in leaves(log.struct) if not name.startswith("head.")]
+                                          for name, field, _ in leaves(log.struct) if not name.startswith("head.")]
 
 
 # --- words -----------------------------------------------------------------------------------------

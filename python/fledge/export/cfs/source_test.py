@@ -63,6 +63,8 @@ def test_the_build_names_every_file_and_no_other(written):
     listed = set(re.findall(r"fsw/\S+\.c", text))
     there = {file.relative_to(written).as_posix() for file in written.glob("fsw/**/*.c")}
     assert listed == there
+    assert set(re.findall(r"fsw/\S+\.c", (written / "unit-test/CMakeLists.txt").read_text())) == {
+        file for file in there if "/src/" in file}
     assert "-ffp-contract=off" in text and "project(CFE_NADIR C)" in text
     headers = re.findall(r"nadir_\w+\.h", "".join((written / f"{scope}_build.cmake").read_text()
                                                   for scope in ("mission", "arch")))
