@@ -64,8 +64,8 @@ typedef struct MissionPacket {
     uint8_t *memory; ///< size + 1 bytes: the last packet, then 1 until the reader has seen it
 } MissionPacket;
 
-/** How packets pass (mission_packets.h). `put` and `take` begin with the i-th row, and return the first row that is not of
- *  its packet and message; they return i if the row is not of a packet. */
+/** How packets pass (mission_packets.h). `put` and `take` begin with the i-th row, and return the first row that is not
+ *  of its packet and message; they return i if the row is not of a packet. */
 typedef struct MissionPacketFunctions {
     uint32_t (*put)(const MissionIo *io, const RegisterWindow *w, uint32_t i, const uint8_t *message,
                     MissionIoCounts *counts);
