@@ -55,6 +55,7 @@ def program(folder: Path | str, name: str, sources: Sequence[Path], includes: Se
     if not shutil.which(compiler):
         raise Failure(f"{compiler} is not installed")
     flags = [*FLAGS, *flags, *(f"-I{path}" for path in includes)]
+    cached = "ccache " if shutil.which("ccache") else ""    # most sources are the same for all missions
     objects: list[str] = []
     lines: list[str] = []
     for source in sources:
@@ -63,7 +64,7 @@ def program(folder: Path | str, name: str, sources: Sequence[Path], includes: Se
         lines.append(f"build {stem}: cc {_escaped(source)}")
     whole = f"{name}.o"
     text = "\n".join([
-        "builddir = .", "rule cc", f"  command = {compiler} {_words(flags)} -MMD -MF $out.d -c $in -o $out",
+        "builddir = .", "rule cc", f"  command = {cached}{compiler} {_words(flags)} -MMD -MF $out.d -c $in -o $out",
         "  depfile = $out.d", "  deps = gcc", "  description = compiling $in",
         "rule link", f"  command = {compiler} $in {_words(link)} -Wl,--gc-sections -o $out",
         "  description = linking $out",
