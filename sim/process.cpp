@@ -269,9 +269,18 @@ void Playback::at(Ns t)
 
 void Process::set_dictionary(std::shared_ptr<const Dictionary> dictionary)
 {
-    owner_->prepare();
     dictionary_ = std::move(dictionary);
-    owner_->runtime_->set_commands(*this, dictionary_);
+    if (owner_->runtime_) {
+        owner_->runtime_->set_commands(*this, dictionary_);
+    }
+}
+
+void Process::set_script(std::vector<ScriptedCommand> script)
+{
+    script_ = std::move(script);
+    if (owner_->runtime_) {
+        owner_->runtime_->find_places();
+    }
 }
 
 CommandReason Process::command(const std::vector<std::uint8_t> &packet)

@@ -200,7 +200,7 @@ void Runtime::reset(Ns after)
     failure_.clear();
     pace = {};
     health.reset();
-    changes_ = false;
+    changes_ = true; // the first instant checks it
     for (const Wire &wire : structure.wires) {
         std::memset(wire.to.bytes(), 0, wire.to.field->size);
     }
@@ -248,7 +248,13 @@ void Runtime::begin(RunProcess &process, Ns t)
 void Runtime::restart(RunProcess &process, Ns t)
 {
     for (const Wire &wire : structure.wires) {
-        if (roles_.at(wire.to.instance.get()).process == process.process) {
+        const Role &from = roles_.at(wire.from.instance.get());
+        if (roles_.at(wire.to.instance.get()).process != process.process) {
+            continue;
+        }
+        if (from.configuration && from.process != process.process) { // as the exchange still holds it
+            carry({words(wire.from.bytes()), words(wire.to.bytes()), wire.to.field->size / 8, 0, 0}, t);
+        } else {
             std::memset(wire.to.bytes(), 0, wire.to.field->size);
         }
     }
@@ -382,16 +388,21 @@ void Runtime::set_commands(Process &process, std::shared_ptr<const Dictionary> d
     of(process).commands = std::make_unique<Commands>(*this, process, std::move(dictionary));
 }
 
-CommandReason Runtime::command(const Process &process, const std::vector<std::uint8_t> &packet)
+/// The last instant until t at which a target's clock ticks: on the grids of all tasks; -1: none.
+Ns Runtime::last_tick(const Process &process, Ns t) const
 {
-    // A target's clock ticks on the grids of all tasks.
     Ns last = -1;
     for (const RunTask &task : tasks_) {
-        if (task.process->process == &process && time() >= task.rate.offset) {
-            last = std::max(last, time() - (time() - task.rate.offset) % task.rate.period);
+        if (task.process->process == &process && t >= task.rate.offset) {
+            last = std::max(last, t - (t - task.rate.offset) % task.rate.period);
         }
     }
-    const CommandReason reason = of(process).commands->accept(packet, last);
+    return last;
+}
+
+CommandReason Runtime::command(const Process &process, const std::vector<std::uint8_t> &packet)
+{
+    const CommandReason reason = of(process).commands->accept(packet, last_tick(process, time()));
     if (reason == COMMAND_OK) {
         changes_ = true;
         next = next_instant();
@@ -403,11 +414,15 @@ CommandReason Runtime::command(const Process &process, const std::vector<std::ui
 inline Ns Runtime::next_of(const RunTask &task) const
 {
     const RunProcess &process = *task.process;
+    Ns commanded = never; // at which a target ticks, whatever its mode
     if (process.commands && process.commands->waiting()) {
-        return exec_on_grid(task.rate, exec_later(time(), 1)); // as a target ticks, whatever its mode
+        commanded = time();
+    } else if (process.commands) {
+        commanded = process.commands->scripted() < never ? std::max(process.commands->scripted(), time()) : never;
     }
     const bool asked = process.asked != process.mode && task.runs_in[static_cast<std::size_t>(process.asked)];
-    return exec_next(&task.state, task.rate, asked, time());
+    return std::min(exec_next(&task.state, task.rate, asked, time()),
+                    commanded == never ? never : exec_on_grid(task.rate, exec_later(commanded, 1)));
 }
 
 Ns Runtime::next_instant() const
@@ -424,7 +439,7 @@ Ns Runtime::next_instant() const
 /// processes. Called when the process' turn comes, so that the processes before it still see it as it was.
 void Runtime::make_changes(RunProcess &process, Ns t)
 {
-    const bool commanded = process.commands && process.commands->waiting();
+    const bool commanded = process.commands && (process.commands->waiting() || process.commands->scripted() < t);
     if (process.asked == process.mode && !process.publishes && !commanded) {
         return;
     }
@@ -439,6 +454,7 @@ void Runtime::make_changes(RunProcess &process, Ns t)
     }
     process.publishes = 0;
     if (commanded) {
+        process.commands->accept_script(t, last_tick(*process.process, t - 1));
         process.commands->execute(t);
         see_parameters(*process.process);
     }
@@ -613,7 +629,7 @@ void Runtime::instant()
     if (changes_) {
         changes_ = std::any_of(processes_.begin(), processes_.end(), [](const RunProcess &process) {
             return process.asked != process.mode || process.publishes ||
-                   (process.commands && process.commands->waiting());
+                   (process.commands && (process.commands->waiting() || process.commands->scripted() < never));
         });
     }
     now = t;
@@ -732,13 +748,24 @@ void Runtime::visit_state(const std::function<void(void *, std::size_t)> &block)
 void Runtime::restored()
 {
     failure_.clear();
-    changes_ = true; // the next instant checks it again
+    find_places();
     for (auto &[instance, seen] : known_) {
         if (instance->model() && !unchanged(*instance, seen)) {
             instance->model()->refresh(); // quantities that the model derives from its parameters
         }
         note_parameters(*instance, seen);
     }
+}
+
+void Runtime::find_places()
+{
+    changes_ = true;
+    for (RunProcess &process : processes_) {
+        if (process.commands) {
+            process.commands->find_place(last_tick(*process.process, now));
+        }
+    }
+    next = next_instant();
 }
 
 void Runtime::visit_commands(const std::function<void(void *, std::size_t)> &block)

@@ -105,6 +105,8 @@ public:
     void visit_state(const std::function<void(void *, std::size_t)> &block);
     /// The state was restored: derive anew what follows from it.
     void restored();
+    /// Scripts go on from here.
+    void find_places();
     /// The same for the state of the commands of all processes, which a snapshot has only if they were used.
     void visit_commands(const std::function<void(void *, std::size_t)> &block);
     bool commands_used() const;
@@ -121,6 +123,7 @@ private:
     void lay_out_wires(const Instance &consumer);
     void take_parameters();
     void instant(); ///< run one
+    Ns last_tick(const Process &process, Ns t) const;
     Ns next_of(const RunTask &task) const;
     Ns next_instant() const;
     void make_changes(RunProcess &process, Ns t);

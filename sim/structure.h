@@ -124,6 +124,11 @@ struct Dictionary {
     std::vector<Block> blocks;
 };
 
+struct ScriptedCommand {
+    Ns after;
+    std::vector<std::uint8_t> packet;
+};
+
 /// A report, and the bytes that were read back.
 struct CommandReply {
     CommandReport report;
@@ -178,12 +183,15 @@ public:
     void arm(const Event &event, bool armed);
     Ns fired_at(const Event &event) const; ///< when it last fired; -1: never
 
-    // Commands, of a process that has a dictionary. The next change of the structure takes it away.
+    // Commands, of a process that has a dictionary.
 
     void set_dictionary(std::shared_ptr<const Dictionary> dictionary);
     const std::shared_ptr<const Dictionary> &dictionary() const { return dictionary_; }
     /// Accept or refuse a packet; what is accepted counts at the next instant of one of its tasks, active or not.
     CommandReason command(const std::vector<std::uint8_t> &packet);
+    /// Commands for later, in the order of time: each is accepted before the first instant after its time.
+    void set_script(std::vector<ScriptedCommand> script);
+    const std::vector<ScriptedCommand> &script() const { return script_; }
     /// The reports since the last call, of a run that is prepared.
     std::vector<CommandReply> take_reports();
     CommandCounters command_counters() const;
@@ -203,6 +211,7 @@ private:
     std::shared_ptr<const Integrator> integrator_;
     std::map<const Instance *, Playback> playback_;
     std::shared_ptr<const Dictionary> dictionary_;
+    std::vector<ScriptedCommand> script_;
     int initial_ = -1;
 };
 

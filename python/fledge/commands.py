@@ -373,7 +373,8 @@ class Packets:
 
     def write_bytes(self, module: str, pieces: dict[int, bytes]) -> list[bytes]:
         """The same of big-endian bytes by their offsets, which rise."""
-        place, runs = self.dictionary.block(module)[0], []
+        place = self.dictionary.block(module)[0]
+        runs: list[tuple[int, bytearray]] = []
         for at, data in pieces.items():
             if runs and runs[-1][0] + len(runs[-1][1]) == at:
                 runs[-1][1].extend(data)

@@ -374,11 +374,19 @@ void bind_simulation(py::module_ &m)
         .def_property_readonly("mode", &sim::Process::mode)
         .def_property_readonly("asked", &sim::Process::asked)
         .def("set_dictionary", set_dictionary)
-        .def_property_readonly("has_dictionary", [](const sim::Process &p) { return p.dictionary() != nullptr; })
         .def("command",
              [](sim::Process &p, const py::bytes &bytes) {
                  const std::string_view view = bytes;
                  return static_cast<int>(p.command({view.begin(), view.end()}));
+             })
+        .def("set_script",
+             [](sim::Process &p, const std::vector<std::pair<Ns, py::bytes>> &rows) {
+                 std::vector<sim::ScriptedCommand> script;
+                 for (const auto &[after, packet] : rows) {
+                     const std::string_view view = packet;
+                     script.push_back({after, {view.begin(), view.end()}});
+                 }
+                 p.set_script(std::move(script));
              })
         .def("take_reports", reports, "(t, sequence, code, executed, reason, detail, bytes read back) of each")
         .def_property_readonly(

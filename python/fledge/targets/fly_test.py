@@ -140,7 +140,12 @@ def all(sim):
     f.commands.mode("point")
     sim.run(4 * s)
     f.commands.load(f.control, f.control)
-    f.commands.reset()
+    stage, commit = f.commands.packets.load("flight.control", bytes(104))
+    f.commands.send(stage)
+    f.commands.reset()                              # in the middle of a block
+    f.commands.send(commit)
+    f.commands.send(f.commands.packets.packet(2, b"\\0\\1", version=1))
+    f.commands.send(f.commands.packets.packet(2, b"\\0\\7"))
     f.commands.publish(f.wheels)
     sim.run(7 * s)
     f.start.armed = False
@@ -206,13 +211,14 @@ def test_what_a_scenario_changes_is_commanded_on_every_target(tmp_path, capsys):
     from fledge.commands import Code, Reason
     from fledge.targets.job import Job
 
-    on = [name for name in ("linux", "aarch64", "sparc64") if not TARGETS[name].missing()]
+    on = [name for name in ("linux", "aarch64", "sparc64", "cfs") if not TARGETS[name].missing()]
     mission, out = plays(tmp_path), tmp_path / "out"
     assert cli.main(["fly", str(mission), "all", "--on", ",".join(on), "--out", str(out)]) == 0, capsys.readouterr()
     sim = fledge.load(mission)
     sim.scenarios["all"]()
     expected = [one._replace(sequence=0) for one in sim.flight.commands.reports]
-    assert {one.reason for one in expected} == {Reason.OK, Reason.RULE, Reason.LENGTH}
+    assert {one.reason for one in expected} == {Reason.OK, Reason.RULE, Reason.LENGTH, Reason.VERSION, Reason.PLACE,
+                                                Reason.NOT_STAGED}
     assert {one.code for one in expected if one.executed} == set(Code) - {Code.STAGE, Code.COMMIT} | {4, 5}
     job = Job(str(mission), "all", folder=out)
     direct = {Code.MODE: 1, Code.WRITE: 3, Code.ARM: 2}     # what it changed otherwise, as commands
@@ -239,6 +245,32 @@ def test_changes_that_no_target_takes_are_refused(play, complaint, tmp_path, cap
     assert cli.main(["fly", str(mission), play, "--out", str(tmp_path / "out")]) == (1 if play == "fails" else 2)
     assert complaint in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_commands_reach_a_process_on_the_desktops_code_beside_targets(tmp_path, capsys):
+    """Configuration that crosses, parameters and a reset, each process on either side."""
+    from fledge.export.source_test import MISSION
+
+    mission = tmp_path / "two"
+    mission.mkdir()
+    (mission / "mission.py").write_text(MISSION)
+    (mission / "scenarios.py").write_text("""
+def changes(sim):
+    fast, slow = sim.flights
+    sim.run(3)
+    fast.still.sigma_RN = [0.3, 0.2, 0.1]
+    slow.turn.rates = [1, 1, 1]
+    sim.run(2.6)
+    slow.commands.reset()
+    fast.commands.write("top", rates=[3, 0, 0])
+    sim.run(3)
+""")
+    other = "sparc64" if not TARGETS["sparc64"].missing() else "linux"
+    for on in ("fast=linux", f"slow={other}", f"fast={other},slow=linux"):
+        out = tmp_path / on
+        assert cli.main(["fly", str(mission), "changes", "--on", on, "--out", str(out)]) == 0, capsys.readouterr()
+        rows = [line for line in capsys.readouterr().out.splitlines() if " on " in line]
+        assert len(rows) == 4 and all(" none " in row for row in rows[2:])
 
 
 def test_telemetry_is_what_the_record_has(tmp_path):

@@ -82,9 +82,9 @@ class Rehearsal:
 
     def add(self, now: int, flight: Any, packets: Iterable[bytes]) -> None:
         """Add commands to the script, then those that the scenario itself has sent since the last time."""
-        sent = [packet for _, packet in flight.commands.sent[self.sent[flight.name]:]]
+        sent = flight.commands.sent[self.sent[flight.name]:]
         self.sent[flight.name] += len(sent)
-        self.script += [Command(now, flight.name, packet) for packet in (*packets, *sent)]
+        self.script += [Command(t, flight.name, packet) for t, packet in (*((now, one) for one in packets), *sent)]
 
     def run(self, duration: Any = None, *, until: Any = None, **_) -> None:
         """In place of the simulation's run()."""
@@ -139,6 +139,7 @@ class Rehearsal:
     def finish(self, load: Callable[[], Any], seed: int) -> None:
         if self.duration is None:
             self.duration = self.sim.time
+        self.script.sort(key=lambda one: one.after)
         if self.script:
             # The world's program flies without the scenario then, so it must be as its file makes it.
             fresh = load()
