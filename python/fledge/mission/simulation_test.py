@@ -597,14 +597,14 @@ def test_what_an_event_sets_reaches_a_process_that_runs_later_at_the_same_instan
     early, first, later = (sim.add_flight(name) for name in ("early", "first", "later"))
     first.still = fsw.InertialPointing()
     for f in (early, first, later):
-        f.turn = fsw.EulerRotation(rates=[0.1, 0, 0])
+        f.turn = fsw.EulerRotation(rates=[0.1 * (f is first), 0, 0])
         f.connect(first.still.reference >> f.turn.base)
         f.task("turn", every=1, run=[f.turn])
     first.event("now", when=first.watch(first.turn.euler).angles[0] > 0.45, once=True,
                 set=[(first.watch(first.still).sigma_RN, [0.5, 0, 0])])
-    seen = {f.name: sim.record(f.turn.base, every=1) for f in (early, later)}
+    seen = {f.name: sim.record(f.turn.reference, every=1) for f in (early, later)}
     sim.run(8)
     assert first.now.fired_at == 5
     for name, at in (("early", 6), ("later", 5)):
         log = seen[name]
-        assert log.time[(log["base.sigma_RN"][:, 0] == 0.5).argmax()] == at, name
+        assert log.time[(log["reference.sigma_RN"][:, 0] > 0.4).argmax()] == at, name

@@ -181,8 +181,8 @@ static uint64_t digest(const Kinds *k)
 {
     const double reals[] = {k->x, k->y, k->rate, k->single, k->v.v[1], k->turn.m[2][2], k->grid[1][1],
                             k->parts[2].share, k->parts[1].pairs[1].x};
-    const int64_t whole[] = {k->head.t, (int64_t)k->head.quality, k->head.sequence, k->i8, k->u8, k->i16, k->i32, k->u32,
-                             k->u16[1], k->i64, (int64_t)k->u64, k->since, k->wide[1], (int64_t)k->serials[0],
+    const int64_t whole[] = {k->head.t, (int64_t)k->head.quality, k->head.sequence, k->i8, k->u8, k->i16, k->i32,
+                             k->u32, k->u16[1], k->i64, (int64_t)k->u64, k->since, k->wide[1], (int64_t)k->serials[0],
                              (int64_t)k->phase, (int64_t)k->phases[2], (int64_t)k->parts[0].phase,
                              k->parts[1].pairs[0].count, k->part.steps[3], k->label[0]};
     uint64_t sum = 0;

@@ -125,7 +125,8 @@ def _events(dice, f):
             actions[dice.choice(["arm", "disarm"])] = dice.choice(names)
         once = dice.random() < 0.2
         f.event(name, when=_condition(dice, f, ports), hold=dice.choice([0, 0, 40, 110]) * MS, count=dice.randint(1, 3),
-                once=once, armed=dice.random() < 0.8, modes=dice.sample(modes, 1) if modes and dice.random() < 0.3 else None,
+                once=once, armed=dice.random() < 0.8,
+                modes=dice.sample(modes, 1) if modes and dice.random() < 0.3 else None,
                 until=_condition(dice, f, ports, 0) if not once and dice.random() < 0.3 else None, **actions)
         names.append(name)
 
