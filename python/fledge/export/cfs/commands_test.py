@@ -373,3 +373,18 @@ def test_an_app_tells_what_it_waits_for(built):
         core.until("NAV 44: Waits for the registers in /dev/shm/fledge_no_such_registers")
     finally:
         core.kill()
+
+
+def test_a_restart_in_the_middle_of_a_table_load_loses_the_load_and_is_told(core, built):
+    core.outside.tick(-1)
+    core.outside.tick(0)
+    file = table_file(built, "Vehicle", I_B=[600.0, 0, 0, 0, 700, 0, 0, 0, 800])
+    core.send(command(0x1804, 2, struct.pack("64s", file.encode())))
+    core.until("CFE_TBL 12: Command 2 accepted /ram/new.tbl")
+    core.write("restart NAV")
+    core.until("NAV 40: The registers are there")
+    core.send(command(0x1804, 4, struct.pack("H40s", 0, b"NAV.Vehicle")))
+    core.until("CFE_TBL 50: Command 4 refused")         # there is no load
+    core.outside.tick(100_000_000)
+    assert inertia(core) == 700.0
+    assert core.stop()["table_errors"] == 1

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 from xml.sax.saxutils import quoteattr
 
+from fledge.commands import Code
 from fledge.elements import ELEMENTS
 from fledge.export import names
 from fledge.export.cfs.packets import ARGUMENTS, housekeeping, title
@@ -84,8 +85,8 @@ def sheet(mission: Mission, app: App) -> str:
     types = Types()
     command = types.container("CommandBase", [], "CFE_HDR/CommandHeader")
     request = types.container("RequestCmd", [], "CFE_HDR/CommandHeader")
-    for code in ("NOOP", "RESET_COUNTERS"):
-        types.container(f"{code.title().replace('_', '')}Cmd", [], command, code=["NOOP", "RESET_COUNTERS"].index(code))
+    for plain in (Code.NOOP, Code.RESET_COUNTERS):
+        types.container(f"{title(plain)}Cmd", [], command, code=int(plain))
     for code, arguments in ARGUMENTS.items():
         octets = {"Version": 2} | arguments
         payload = types.container(f"{title(code)}Cmd_Payload", [
