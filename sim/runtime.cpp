@@ -125,6 +125,7 @@ Runtime::Runtime(const Structure &built, Roles roles, Recorder &recorder)
         }
         run.events.resize(process->events().size());
         has_events_ |= !run.events.empty();
+        find_own_events(run);
         for (const Task *task : in_order(*process)) {
             RunTask entry{{}, {task->period, task->offset}, &run, static_cast<std::uint32_t>(steps_.size()), 0, task,
                           {}};
@@ -378,6 +379,7 @@ void Runtime::event_added(const Process &process)
 {
     // The process checks it from the next instant on: an action may add an event that adds another one.
     of(process).events.push_back({process.events().back()->armed ? exec_armed() : exec_disarmed(), now + 1});
+    find_own_events(of(process));
     has_events_ = true;
 }
 
@@ -496,6 +498,29 @@ inline void Runtime::run_task(RunTask &task, Ns t)
     task.process->ran = t;
 }
 
+void Runtime::find_own_events(RunProcess &process)
+{
+    process.own_events = true;
+    for (const auto &event : process.process->events()) {
+        event->visit([&](const std::shared_ptr<Instance> &used) {
+            process.own_events =
+                process.own_events && (!event->is_data() || roles_.at(used.get()).process == process.process);
+        });
+    }
+}
+
+/// At the end of the process' turn: the processes that run later at the same instant see what the events have changed,
+/// as they do where each is a program of its own.
+void Runtime::run_own_events(RunProcess &process, Ns t)
+{
+    for (std::size_t i = 0; process.own_events && process.ran == t && i < process.events.size(); i++) {
+        if (process.process->events()[i]->is_data()) {
+            (void)run_event(process, i, t);
+        }
+    }
+}
+
+/// What is left: Python, and what reaches other processes.
 void Runtime::run_events(Ns t)
 {
     bool first = true, fired = true;
@@ -506,7 +531,7 @@ void Runtime::run_events(Ns t)
                 continue; // flight checks its events when it runs, as on its own computer
             }
             for (std::size_t i = 0; i < process.events.size(); i++) {
-                if (!first && process.process->events()[i]->is_data()) {
+                if ((!first || process.own_events) && process.process->events()[i]->is_data()) {
                     continue;
                 }
                 ExecEvent &state = process.events[i].state;
@@ -582,16 +607,25 @@ void Runtime::instant()
             copy_words(exchange.from, exchange.held.data(), exchange.words);
         }
     }
-    const RunProcess *turn = nullptr;
+    RunProcess *turn = nullptr;
+    const auto end_turn = [&] {
+        if (turn && has_events_) {
+            run_own_events(*turn, t);
+        }
+    };
     for (RunTask &task : tasks_) {
-        if (changes_ && task.process != turn) {
+        if (task.process != turn) {
+            end_turn();
             turn = task.process;
-            make_changes(*task.process, t);
+            if (changes_) {
+                make_changes(*task.process, t);
+            }
         }
         if (exec_due(&task.state, t)) {
             run_task(task, t);
         }
     }
+    end_turn();
     if (changes_) {
         changes_ = std::any_of(processes_.begin(), processes_.end(), [](const RunProcess &process) {
             return process.asked != process.mode || process.publishes ||

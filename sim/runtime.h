@@ -42,6 +42,7 @@ struct RunProcess {
     std::int32_t mode, asked; ///< the mode in force, and the one that was asked for; -1: it has no modes
     Ns ran = -1;              ///< the last instant at which one of its tasks ran
     std::vector<RunEvent> events;
+    bool own_events = true;             ///< its events of data reach nothing of other processes
     std::int32_t publishes = 0;         ///< 1: some of its configuration is changed
     std::unique_ptr<Commands> commands; ///< null: it has no dictionary
 };
@@ -129,6 +130,8 @@ private:
     void see_parameters(const Process &process);
     void begin(RunProcess &process, Ns t);
     void run_task(RunTask &task, Ns t);
+    void find_own_events(RunProcess &process);
+    void run_own_events(RunProcess &process, Ns t);
     void run_events(Ns t);
     bool run_event(RunProcess &process, std::size_t i, Ns t); ///< returns whether it fired
     void act(RunProcess &process, const Event &event, Ns t);

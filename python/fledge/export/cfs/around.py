@@ -116,8 +116,8 @@ def app_list(apps: Sequence[App]) -> str:
                       *(f"void {app.prefix}_AppMain(void);" for app in apps), "",
                       "extern const PocketApp fledge_apps[];", "extern const uint32 fledge_apps_n;",
                       "const PocketApp fledge_apps[] = {",
-                      *(f'    {{"{app.prefix}_AppMain", {app.prefix}_AppMain}},' for app in apps), "};",
-                      f"const uint32 fledge_apps_n = {len(apps)};", ""])
+                      *(f'    {{"{app.prefix}_AppMain", {app.prefix}_AppMain}},' for app in apps),
+                      "    {0, 0},", "};", f"const uint32 fledge_apps_n = {len(apps)};", ""])
 
 
 def readme(mission: Mission, app: App, found: Sequence[Table]) -> str:
