@@ -185,6 +185,7 @@ def test_snapshots_and_clones_keep_commands_that_wait(mission):
     waiting, other, fresh = mission.snapshot(), mission.clone(), fledge.load(mission.mission.folder)
     mission.run(5 * s)
     end = mission.snapshot()
+    assert other.flight.commands.counters.accepted == 1
     other.run(5 * s)
     fresh.restore(waiting)
     fresh.run(5 * s)

@@ -122,6 +122,8 @@ def test_ctrl_c_leaves_readable_records(tmp_path):
     (["nadir_spin", "ground"], "nadir_spin has no process 'ground'; it has world, flight"),
     (["nadir_spin", "flight,ground"], "nadir_spin has no process 'ground'"),
     (["nadir_spin", "all", "--name", "one"], "--name is for one process"),
+    (["nadir_spin", "world", "--script", "x"], "--script is for one flight process"),
+    (["nadir_spin", "flight", "--script", __file__], "expected lines of a time [ns] and hexadecimal"),
     (["nadir_spin", "flight", "--seed", 3], "the seed is the controller's to give"),
     (["nadir_spin", "all", "--until", "soon"], "--until: expected a duration such as 90s, 10min or 2h; found 'soon'"),
     (["nadir_spin", "flight", "spni"], "the mission nadir_spin has no scenario 'spni'; it has spin"),
@@ -160,7 +162,7 @@ def test_a_node_keeps_no_samples_in_memory(tmp_path, monkeypatch):
     scenario = set_up(sim)
     monkeypatch.setattr(cosim, "split", lambda sim, *_: SimpleNamespace(serve=lambda *_, **__: sim.run(60.0) or ""))
     options = SimpleNamespace(name=None, record=str(tmp_path), address=None, simulation=None, keys=None, patience=1.0,
-                              delay=0.0, until=None, outputs=None)
+                              delay=0.0, until=None, outputs=None, script=None)
     assert _one(sim, scenario, "world", options) == 0
     assert sim.records and sum(map(len, sim.records)) == 0
     archive = Archive(tmp_path / "world.mcap")

@@ -379,6 +379,9 @@ void bind_simulation(py::module_ &m)
                  const std::string_view view = bytes;
                  return static_cast<int>(p.command({view.begin(), view.end()}));
              })
+        .def_property_readonly(
+            "dictionary", [](const sim::Process &p) { return p.dictionary() ? int{p.dictionary()->version} : -1; },
+            "its version; -1: none")
         .def("set_script",
              [](sim::Process &p, const std::vector<std::pair<Ns, py::bytes>> &rows) {
                  std::vector<sim::ScriptedCommand> script;

@@ -54,7 +54,9 @@ class Commands:
         self._attach()
 
     def _attach(self):
-        """Give the dictionary to the kernel."""
+        """Give the dictionary to the kernel. A clone has it, with the commands that wait."""
+        if self._core.dictionary == self.dictionary.version:
+            return
         process = self._process()
         rows = []
         for block in self.dictionary.blocks:

@@ -155,6 +155,37 @@ def all(sim):
     f.commands.reset_counters()
     sim.run(1 * s)
 
+def at_random(sim):
+    import random
+
+    draw, f = random.Random(21), sim.flight
+    c = f.commands
+    for _ in range(60):
+        for _ in range(draw.randrange(4)):
+            what = draw.randrange(9)
+            if what == 0:
+                c.mode(draw.choice(["wait", "point", "rest"]))
+            elif what == 1:
+                c.write("control", K=draw.uniform(1, 5), P=draw.uniform(20, 60))
+            elif what == 2:
+                c.write("switch", rates=[draw.uniform(-0.01, 0.01) for _ in range(3)])
+            elif what == 3:
+                c.write("vehicle", I_B=[draw.uniform(650, 700), 700, draw.uniform(750, 800)])
+            elif what == 4:
+                c.arm(draw.choice(list(f.events)), draw.random() < 0.6)
+            elif what == 5 and draw.random() < 0.3:
+                c.reset()
+            elif what == 6:
+                c.publish(draw.choice(["vehicle", "wheels"]))
+            elif what == 7:
+                f.enter(draw.choice(["wait", "point", "rest"]))
+                f.spin.omega_RR0_R0 = [draw.uniform(0, 0.002), 0, 0]
+            else:
+                wrong = bytearray(c.packets.write("flight.control", K=draw.uniform(-1, 5))[0])
+                wrong[draw.randrange(len(wrong))] ^= draw.choice([0, 1, 128])
+                c.send(bytes(wrong))
+        sim.run(draw.choice([0.05, 0.3, 0.7, 1, 1.37, 4]) * s)
+
 def downlink(sim):
     f = sim.flight
     f.commands.telemetry()
@@ -245,6 +276,15 @@ def test_changes_that_no_target_takes_are_refused(play, complaint, tmp_path, cap
     assert cli.main(["fly", str(mission), play, "--out", str(tmp_path / "out")]) == (1 if play == "fails" else 2)
     assert complaint in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_random_commands_right_and_wrong_at_random_times_give_the_same_bits(tmp_path, capsys):
+    """Some of them before the first run, some of them wrong in one bit."""
+    on = "linux,sparc64" if not TARGETS["sparc64"].missing() else "linux"
+    assert cli.main(["fly", str(plays(tmp_path)), "at_random", "--on", on, "--out", str(tmp_path / "out")]) == 0, \
+        capsys.readouterr()
+    script = (tmp_path / "out/script.txt").read_text().splitlines()
+    assert len(script) > 60 and script[0].startswith("-1 ") and int(script[-1].split()[0]) > 50 * 10**9
 
 
 def test_commands_reach_a_process_on_the_desktops_code_beside_targets(tmp_path, capsys):
