@@ -14,7 +14,6 @@ int shared; // guarded by the mutex only: the thread sanitizer watches
 
 extern "C" void adder(void)
 {
-    OS_TaskDelay(5); // until all of them run
     for (int i = 0; i < 500; i++) {
         OS_MutSemTake(mutex_id);
         OS_MutSemTake(mutex_id); // its owner may take it again

@@ -24,9 +24,10 @@ FLAGS = ["-std=c99", "-Os", "-pedantic", "-Wall", "-Wextra", "-ffp-contract=off"
          "-DFILE_SINK_PATH_MAX=256"]
 
 COMMAND = ["flight/command/command.c", "flight/command/rules.c", "flight/telemetry/telemetry.c"]
-RUNNER = ["targets/mission_io.c", "targets/mission_host.c", "targets/linux/main.c", "targets/linux/pace.c",
-          "record/mcap.c", "record/mcap_crc.c", "record/file_sink.c", "registers/lane.c", "registers/field.c",
-          "registers/clock.c", "registers/message.c", "registers/shared_file.c"]
+RUNNER = ["targets/mission_io.c", "targets/mission_packets.c", "targets/mission_host.c", "targets/linux/main.c",
+          "targets/linux/pace.c", "record/mcap.c", "record/mcap_crc.c", "record/file_sink.c", "registers/lane.c",
+          "registers/field.c", "registers/clock.c", "registers/message.c", "registers/shared_file.c"]
+TABLES = ["targets/mission_packets.c", "registers/lane.c", "registers/field.c"]    # what a mission's tables refer to
 
 
 def math_sources() -> list[Path]:

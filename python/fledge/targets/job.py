@@ -96,7 +96,8 @@ class Part:
 
     def tables(self) -> Path:
         """The mission and its boards as data for the outside: a shared object for this machine."""
-        return build.program(self.folder / "tables", f"{self.mission.name}.so", self.sources(), self.includes(),
+        sources = [*self.sources(), *(build.ROOT / path for path in build.TABLES)]
+        return build.program(self.folder / "tables", f"{self.mission.name}.so", sources, self.includes(),
                              flags=["-fPIC"], link=["-shared", "-Wl,-z,defs"], entry="fledge_mission")
 
     def fields(self) -> list[str]:

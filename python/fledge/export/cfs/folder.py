@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from fledge.export import board as boards_of
 from fledge.export import c_source
-from fledge.export.cfs import around, joint, packets, sources, tables
+from fledge.export.cfs import around, eds, joint, packets, sources, tables
 from fledge.export.cfs.app import CMD, TLM, App, check_taken
 from fledge.export.commands import emit_commands
 from fledge.export.host import emit_host
@@ -77,6 +77,7 @@ def emit(mission: Mission, app: App, files: Sequence[Path | str] | None = None, 
     out |= {"CMakeLists.txt": around.cmake(app, sorted(code), found), "README.md": around.readme(mission, app, found),
             "mission_build.cmake": around.configured(app, "mission", packets.MISSION),
             "arch_build.cmake": around.configured(app, "platform", packets.PLATFORM),
+            f"eds/{name}.xml": eds.sheet(mission, app),
             "unit-test/CMakeLists.txt": around.unit_test(app, sorted(code)),
             f"unit-test/coveragetest_{name}.c": filled(HERE / "templates/unit-test/coveragetest.c.in"),
             "install/targets.cmake": around.targets(app), "install/cfe_es_startup.scr": around.startup(app),
