@@ -12,7 +12,6 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 from fledge.montecarlo import cores
-from fledge.progress import Progress
 from fledge.targets.testing import fly_mission
 
 
@@ -33,10 +32,8 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--verbose", action="store_true", help="a line for each mission")
     chosen = parser.parse_args(arguments)
     wrong, processes = [], 0
-    with ProcessPoolExecutor(cores()) as pool, Progress("flights", 0, chosen.count) as bar:
-        numbers = range(chosen.seed, chosen.seed + chosen.count)
-        for n, (number, flown, problem) in enumerate(pool.map(one, numbers), 1):
-            bar.at(n)
+    with ProcessPoolExecutor(cores()) as pool:
+        for number, flown, problem in pool.map(one, range(chosen.seed, chosen.seed + chosen.count)):
             processes += flown.count("=")
             if chosen.verbose:
                 print(f"{number:6}  {flown}", flush=True)

@@ -133,7 +133,7 @@ def readme(mission: Mission, app: App, found: Sequence[Table]) -> str:
     command, request, wakeup = (ids[f"{prefix}_{one}_MID"] for one in ("CMD", "SEND_HK", "WAKEUP"))
     return f"""# {prefix}: {mission.title} as an app of the core Flight System
 
-Written by `fledge export cfs {mission.title} --app {name}`; change the mission instead. The folder needs nothing
+Written by `fledge export cfs {mission.words} --app {name}`; change the mission instead. The folder needs nothing
 else of Fledge. It is made for cFS Caelum, Draco and 7.x, in pure C99.
 
 ## Into a tree, in five steps

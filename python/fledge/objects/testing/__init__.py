@@ -273,7 +273,7 @@ def kinds():
     (root / "kinds" / "noise.h").write_text(HEADER)
     (root / "kinds" / "noise.c").write_text(SOURCE)
     subprocess.run([sys.executable, "-m", "introspect", "--library", "kinds", "--root", root, "--modules", "kinds",
-                    "--include", ROOT, "--out", root], check=True, cwd=ROOT)
+                    "--include", ROOT, "--out", root], check=True, cwd=ROOT, stdout=subprocess.DEVNULL)
     subprocess.run(["gcc", "-Wall", "-Wextra", "-Werror", "-Wconversion", "-shared", "-fPIC", "-ffp-contract=off",
                     "-I", root, "-I", ROOT, "-o", root / "kinds.so", root / "kinds_tables.c",
                     root / "kinds" / "noise.c"], check=True)
