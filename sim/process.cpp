@@ -204,6 +204,11 @@ bool Process::armed(const Event &event) const
     return owner_->runtime_ ? owner_->runtime_->of(*this, event).state.armed == 1 : event.armed;
 }
 
+bool Process::waits(const Event &event) const
+{
+    return owner_->runtime_ && owner_->runtime_->of(*this, event).state.armed < 0;
+}
+
 void Process::arm(const Event &event, bool armed)
 {
     if (owner_->runtime_) {

@@ -170,6 +170,7 @@ public:
     /// The mode that it was last asked to enter, which may be in force.
     const std::string &asked() const;
     bool armed(const Event &event) const;
+    bool waits(const Event &event) const; ///< whether it has fired, and will arm itself again
     void arm(const Event &event, bool armed);
     Ns fired_at(const Event &event) const; ///< when it last fired; -1: never
 

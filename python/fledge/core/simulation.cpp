@@ -315,6 +315,7 @@ void bind_simulation(py::module_ &m)
         .def_property(
             "armed", [](const OwnEvent &e) { return e.process->armed(*e.event); },
             [](const OwnEvent &e, bool armed) { e.process->arm(*e.event, armed); })
+        .def_property_readonly("waits", [](const OwnEvent &e) { return e.process->waits(*e.event); })
         .def_property_readonly("fired_at", [](const OwnEvent &e) { return e.process->fired_at(*e.event); })
         .def_property_readonly("condition", [](const OwnEvent &e) { return e.event->condition; })
         .def_property_readonly("until", [](const OwnEvent &e) { return e.event->until; })

@@ -76,7 +76,8 @@ class Rehearsal:
         for flight in self.sim.flights:
             packets = flight.commands.packets
             asked = [packets.mode(flight.requested_mode)] if flight.requested_mode != flight.active_mode else []
-            self.add(-1, flight, [*(packets.arm(e, False) for e in flight.events.values() if not e.armed), *asked])
+            armed = [packets.arm(e, e.armed) for e in flight.events.values() if e.armed != e.starts_armed]
+            self.add(-1, flight, [*armed, *asked])
         self.start = self.sim.clone()
 
     def add(self, now: int, flight: Any, packets: Iterable[bytes]) -> None:
@@ -128,7 +129,8 @@ class Rehearsal:
                 if after[path] != before[path]:
                     found += packets.change(path, parameters(one, before[path]), parameters(one))
             (mode, armed), (now_mode, now_armed) = asked[process.name], now_asked[process.name]
-            found += [packets.arm(event, on) for event, on in now_armed.items() if armed.get(event) != on]
+            found += [packets.arm(event, on) for event, (on, waits) in now_armed.items()
+                      if armed.get(event) != (on, waits)]
             self.add(now, process, found if mode == now_mode else [*found, packets.mode(now_mode)])
 
     def refused(self, *_, **__) -> NoReturn:
@@ -157,8 +159,9 @@ def _memory(sim):
 
 
 def _asked(sim):
-    """Process -> (the mode that it is in or shall enter, {event: whether it is armed})."""
-    return {p.name: (p.requested_mode, {name: one.armed for name, one in p.events.items()}) for p in sim.processes}
+    """Process -> (the mode that it is in or shall enter, {event: whether it is armed, and whether it waits})."""
+    return {p.name: (p.requested_mode, {name: (one.armed, one.waits) for name, one in p.events.items()})
+            for p in sim.processes}
 
 
 def _parameters(sim, path):
