@@ -26,7 +26,7 @@ MACHINES = {
 def build(folder: Path, program: str, compiler: str) -> Path:
     out = folder / f"{program}_{compiler}"
     library = [str(ROOT / f"registers/{name}.c")
-               for name in ("lane", "field", "clock", "message", "shared_file")]
+               for name in ("lane", "field", "clock", "slave_clock", "message", "shared_file")]
     boards = [str(folder / f"{name}.c") for name in ("io_board_a", "single_board_computer")]
     subprocess.run([compiler, *FLAGS, f"-I{folder}", "-static",
                     str(ROOT / f"registers/testing/{program}.c"), *boards, *library, "-o",
@@ -74,6 +74,17 @@ def expected(k: int) -> str:
     """What flight answers to the models' k-th tick, worked out here once more."""
     sigma = [0.1 * k / (i + 1) for i in range(3)]
     sun = min(int(0.0005 * k / 2.44140625e-6 + 0.5), 4095) * 2.44140625e-6
-    u = [*sigma, *[-1e-300 / k] * 3, sun, 0.0]
+    u = [*sigma, *[-1e-300 / k] * 3, sun, float(slave_time(0x0123456789 * k, 0x0123456789))]
     bits = " ".join(struct.pack(">d", v).hex() for v in u)
     return f"{0x0123456789 * k + 1000 + k} 2 7 {bits} {int(sigma[0] * 3276.8 + 0.5):08x}"
+
+
+def slave_time(t: int, tick: int) -> int:
+    """The slave clock [ns] at simulated time t: it starts at 1000 s, drifts by -3.75 ppm, is jammed to -5 s at the 5th
+    tick, and gains 777777 ns from the 10th on, by 100 ppm."""
+    if t <= 5 * tick:
+        return 1000 * 10**9 + t + t * -3750 // 10**9
+    s = min(t, 10 * tick) - 5 * tick
+    time = -5 * 10**9 + s + s * -3750 // 10**9
+    s = max(t - 10 * tick, 0)
+    return time + s + s * -3750 // 10**9 + min(777777, s * 100_000 // 10**9)

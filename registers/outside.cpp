@@ -130,114 +130,12 @@ double LaneReader::get(std::size_t field, std::uint32_t index) const
     return register_field_value(&f, register_field_count(&f, word));
 }
 
-namespace {
-
-constexpr std::int64_t second = 1'000'000'000;
-
-/// The largest integer up to s * rate, of a time s >= 0 [ns] and a rate [ns/s].
-std::int64_t scaled(std::int64_t s, std::int64_t rate)
-{
-    const std::int64_t part = s % second * rate; // at most 1e9 times 2e9
-    return s / second * rate + part / second - (part % second < 0);
-}
-
-/// a + b of any two times; beyond the range it wraps, as a counter does.
-std::int64_t sum(std::int64_t a, std::int64_t b)
-{
-    return static_cast<std::int64_t>(static_cast<std::uint64_t>(a) + static_cast<std::uint64_t>(b));
-}
-
-} // namespace
-
-void SlaveClock::start()
-{
-    since_ = offset_ = aligned_ = 0;
-    base_ = slave_->start;
-    shown_ = -1;
-    aligning_ = false;
-    store(REGISTER_SLAVE_TIME, base_);
-    store(REGISTER_SLAVE_TONE, base_);
-    register_store(window_, slave_->address + REGISTER_SLAVE_PULSES, 0u);
-    register_store(window_, slave_->address + REGISTER_SLAVE_DONE,
-                   register_load(window_, slave_->address + REGISTER_SLAVE_COMMAND));
-    store_status(0, false);
-}
-
-std::int64_t SlaveClock::at(std::int64_t t) const
-{
-    const std::int64_t s = t - since_, slewed = scaled(s, slave_->slew);
-    const std::int64_t gained = std::clamp(offset_, -slewed, slewed);
-    return sum(sum(base_, s + scaled(s, slave_->drift)), gained);
-}
-
-void SlaveClock::show(std::int64_t t)
-{
-    // The pulses at the multiples of `pulse` in (shown_, t].
-    const std::int64_t first = shown_ < 0 ? 0 : shown_ / slave_->pulse + 1, last = t / slave_->pulse;
-    if (first <= last) {
-        if (aligning_) {
-            since_ = first * slave_->pulse;
-            base_ = aligned_;
-            offset_ = 0;
-            aligning_ = false;
-        }
-        store(REGISTER_SLAVE_TONE, at(last * slave_->pulse));
-        register_store(window_, slave_->address + REGISTER_SLAVE_PULSES, static_cast<std::uint32_t>(last + 1));
-        for (std::int64_t k = first; k <= last && slave_->interrupt >= 0; k++) {
-            register_raise(window_, static_cast<std::uint32_t>(slave_->interrupt));
-        }
-    }
-    shown_ = t;
-    store(REGISTER_SLAVE_TIME, at(t));
-    store_status(t, register_slave_status(window_) & REGISTER_REFUSED);
-}
-
-void SlaveClock::obey(std::int64_t t)
-{
-    const std::uint32_t address = slave_->address;
-    const std::uint32_t given = register_load(window_, address + REGISTER_SLAVE_COMMAND);
-    if (given == register_load(window_, address + REGISTER_SLAVE_DONE)) {
-        return;
-    }
-    const std::uint64_t high = register_load(window_, address + REGISTER_SLAVE_VALUE);
-    const auto value =
-        static_cast<std::int64_t>(high << 32 | register_load(window_, address + REGISTER_SLAVE_VALUE + 4));
-    const std::uint32_t code = register_load(window_, address + REGISTER_SLAVE_CODE);
-    if (code == REGISTER_JAM || code == REGISTER_SLEW) {
-        base_ = code == REGISTER_JAM ? value : at(t);
-        offset_ = code == REGISTER_JAM ? 0 : value;
-        since_ = t;
-        aligning_ = false;
-    } else if (code == REGISTER_ALIGN) {
-        aligned_ = value;
-        aligning_ = true;
-    }
-    store_status(t, code < REGISTER_JAM || code > REGISTER_ALIGN);
-    register_store(window_, address + REGISTER_SLAVE_DONE, given);
-}
-
-void SlaveClock::store(std::uint32_t place, std::int64_t value) const
-{
-    const auto bits = static_cast<std::uint64_t>(value);
-    register_store(window_, slave_->address + place, static_cast<std::uint32_t>(bits >> 32));
-    register_store(window_, slave_->address + place + 4, static_cast<std::uint32_t>(bits));
-}
-
-void SlaveClock::store_status(std::int64_t t, bool refused)
-{
-    const std::int64_t slewed = scaled(t - since_, slave_->slew);
-    const bool slewing = std::clamp(offset_, -slewed, slewed) != offset_;
-    const std::uint32_t status = std::uint32_t{REGISTER_SLEWING} * slewing |
-                                 std::uint32_t{REGISTER_ALIGNING} * aligning_ |
-                                 std::uint32_t{REGISTER_REFUSED} * refused;
-    register_store(window_, slave_->address + REGISTER_SLAVE_STATUS, status);
-}
-
 Outside::Outside(Backend &backend) : backend_(backend)
 {
     for (const RegisterWindow &w : backend_.windows()) {
         if (w.board->slave) {
-            slaves_.emplace_back(w);
+            slaves_.push_back({&w, 0, 0, 0, 0, 0, 0});
+            register_slave_start(&slaves_.back());
         }
         if (w.board->clock != REGISTER_NOWHERE) {
             if (master_) {
@@ -292,18 +190,18 @@ LaneReader Outside::reader(std::string_view board, std::string_view name) const
 
 Wait Outside::tick(Tick tick, std::chrono::nanoseconds timeout)
 {
-    for (SlaveClock &slave : slaves_) {
+    for (RegisterSlaveClock &slave : slaves_) {
         if (tick.t < 0) {
-            slave.start();
+            register_slave_start(&slave);
         } else {
-            slave.show(tick.t);
+            register_slave_show(&slave, tick.t);
         }
     }
     register_clock_start(master_, tick);
     const Wait wait = backend_.await_done(*master_, timeout);
-    for (SlaveClock &slave : slaves_) {
+    for (RegisterSlaveClock &slave : slaves_) {
         if (wait == Wait::done) {
-            slave.obey(std::max<std::int64_t>(tick.t, 0));
+            register_slave_obey(&slave, std::max<std::int64_t>(tick.t, 0));
         }
     }
     return wait;

@@ -15,6 +15,7 @@
 #include "registers/backend.h"
 #include "registers/field.h"
 #include "registers/message.h"
+#include "registers/slave_clock.h"
 
 namespace fledge::registers {
 
@@ -78,32 +79,6 @@ public:
     double get(std::size_t field, std::uint32_t index = 0) const;
 };
 
-/// The outside's end of a slave clock (clock.h).
-class SlaveClock {
-public:
-    explicit SlaveClock(const RegisterWindow &window) : window_(&window), slave_(window.board->slave) { start(); }
-
-    /// As at simulated time 0, without pulses and commands.
-    void start();
-    /// Show the time, and the pulses until then, at simulated time t >= 0 [ns], which never goes back.
-    void show(std::int64_t t);
-    /// Obey the command of flight, if there is one, at simulated time t [ns].
-    void obey(std::int64_t t);
-    /// Its time [ns] at the simulated time t [ns] if no command comes.
-    std::int64_t at(std::int64_t t) const;
-
-private:
-    void store(std::uint32_t place, std::int64_t value) const;
-    void store_status(std::int64_t t, bool refused);
-
-    const RegisterWindow *window_;
-    const RegisterSlave *slave_;
-    std::int64_t since_, base_, offset_; ///< [ns] of the last command: simulated time, its time, and what it shall gain
-    std::int64_t aligned_;               ///< [ns] its time at the next pulse, if aligning_
-    std::int64_t shown_;                 ///< [ns]
-    bool aligning_;
-};
-
 /// The boards of one flight computer.
 class Outside {
 public:
@@ -127,7 +102,7 @@ private:
 
     Backend &backend_;
     const RegisterWindow *master_ = nullptr;
-    std::vector<SlaveClock> slaves_;
+    std::vector<RegisterSlaveClock> slaves_;
 };
 
 } // namespace fledge::registers

@@ -30,22 +30,24 @@ struct SlaveClockTest : ::testing::TestWithParam<bool> {
     {
         const RegisterSlave slave = {0, 3, 50 * s, pulse, drift, slew};
         bench.emplace(std::vector<testing::Shape>{}, GetParam(), &slave);
-        clock.emplace(*bench->window());
+        clock = {};
+        clock.window = bench->window();
+        register_slave_start(&clock);
     }
     std::int64_t shown(std::int64_t t)
     {
-        clock->show(t);
+        register_slave_show(&clock, t);
         return register_slave_time(bench->window());
     }
     void command(RegisterSlaveCode code, std::int64_t value, std::int64_t t)
     {
         EXPECT_EQ(register_slave_command(bench->window(), code, value), REGISTER_OK);
-        clock->obey(t);
+        register_slave_obey(&clock, t);
     }
     std::uint32_t status() { return register_slave_status(bench->window()); }
 
     std::optional<testing::Bench> bench;
-    std::optional<SlaveClock> clock;
+    RegisterSlaveClock clock{};
 };
 
 TEST_P(SlaveClockTest, DriftsAtItsRateWithoutError)
@@ -58,7 +60,7 @@ TEST_P(SlaveClockTest, DriftsAtItsRateWithoutError)
             ASSERT_EQ(shown(t), 50 * s + t + exact(t, drift)) << t << " at " << drift;
         }
         EXPECT_EQ(status(), 0u);
-        clock->start();
+        register_slave_start(&clock);
         EXPECT_EQ(shown(0), 50 * s);
     }
 }
@@ -70,8 +72,8 @@ TEST_P(SlaveClockTest, IsJammedWhenTheTickIsDone)
     EXPECT_EQ(register_slave_command(bench->window(), REGISTER_JAM, -7 * s), REGISTER_OK);
     EXPECT_EQ(register_slave_command(bench->window(), REGISTER_JAM, 1), REGISTER_FULL); // one at a time
     EXPECT_EQ(register_slave_time(bench->window()), 60 * s + 200'000);
-    clock->obey(10 * s);
-    clock->obey(10 * s); // once
+    register_slave_obey(&clock, 10 * s);
+    register_slave_obey(&clock, 10 * s); // once
     EXPECT_EQ(shown(12 * s), -5 * s + exact(2 * s, 20'000));
     constexpr std::int64_t most = std::numeric_limits<std::int64_t>::max();
     command(REGISTER_JAM, most - s, 12 * s);

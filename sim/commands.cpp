@@ -57,12 +57,31 @@ void Commands::begin()
 {
     command_begin(&state_);
     reports_.clear();
+    place_ = 0;
 }
 
 CommandReason Commands::accept(const std::vector<std::uint8_t> &packet, Ns last)
 {
     state_.t = last;
     return command_accept(&state_, &table_, packet.data(), static_cast<std::uint32_t>(packet.size()), report, this);
+}
+
+void Commands::accept_script(Ns t, Ns last)
+{
+    for (; scripted() < t; place_++) {
+        accept(process_.script()[place_].packet, last);
+    }
+}
+
+Ns Commands::scripted() const
+{
+    return place_ < process_.script().size() ? process_.script()[place_].after : Runtime::never;
+}
+
+void Commands::find_place(Ns t)
+{
+    for (place_ = 0; scripted() < t; place_++) {
+    }
 }
 
 void Commands::execute(Ns t)

@@ -21,6 +21,12 @@ public:
 
     /// Nothing waits, and nothing was counted.
     void begin();
+    /// Accept what the script has for the instant t; `last` is the one before it.
+    void accept_script(Ns t, Ns last);
+    /// The time after which the next command of the script comes; never if there is none.
+    Ns scripted() const;
+    /// The instant t is the last one that has run.
+    void find_place(Ns t);
     CommandReason accept(const std::vector<std::uint8_t> &packet, Ns last); ///< after the instant `last`
     void execute(Ns t);
 
@@ -44,6 +50,7 @@ private:
     CommandTable table_{};
     CommandState state_{};
     std::vector<CommandReply> reports_;
+    std::size_t place_ = 0; ///< in the script
 };
 
 } // namespace fledge::sim

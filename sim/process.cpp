@@ -199,14 +199,14 @@ const std::string &Process::asked() const
     return mode_name(owner_->runtime_ ? owner_->runtime_->of(*this).asked : initial_);
 }
 
-bool Process::armed(const Event &event) const
+int Process::arming(const Event &event) const
 {
-    return owner_->runtime_ ? owner_->runtime_->of(*this, event).state.armed == 1 : event.armed;
+    return owner_->runtime_ ? owner_->runtime_->of(*this, event).state.armed : event.armed;
 }
 
-bool Process::waits(const Event &event) const
+bool Process::armed(const Event &event) const
 {
-    return owner_->runtime_ && owner_->runtime_->of(*this, event).state.armed < 0;
+    return arming(event) == 1;
 }
 
 void Process::arm(const Event &event, bool armed)
@@ -238,26 +238,49 @@ void Process::play(const Instance &instance, Played output)
     for (const auto &one : instances_) {
         playback_[one.get()].memory = one->memory();
     }
+    output.held.resize(output.sent ? field.size : 0);
     playback_[&instance].outputs.push_back(std::move(output));
 }
 
-void Playback::at(Ns t) const
+const std::byte *Process::given(const Port &port, const Process &reader) const
 {
-    for (const Played &one : outputs) {
+    const auto found = playback_.find(port.instance.get());
+    if (found != playback_.end() && &reader != this) {
+        for (const Played &one : found->second.outputs) {
+            if (one.sent && one.output == port.field) {
+                return one.held.data();
+            }
+        }
+    }
+    return port.bytes();
+}
+
+void Playback::at(Ns t)
+{
+    for (Played &one : outputs) {
         const auto after = std::upper_bound(one.times.begin(), one.times.end(), t);
         if (after != one.times.begin()) {
             const auto last = static_cast<std::size_t>(after - one.times.begin()) - 1;
             const std::uint32_t size = one.output->size;
-            std::memcpy(memory + one.output->offset, one.bytes.data() + last * size, size);
+            std::memcpy(one.sent ? one.held.data() : memory + one.output->offset, one.bytes.data() + last * size, size);
         }
     }
 }
 
 void Process::set_dictionary(std::shared_ptr<const Dictionary> dictionary)
 {
-    owner_->prepare();
     dictionary_ = std::move(dictionary);
-    owner_->runtime_->set_commands(*this, dictionary_);
+    if (owner_->runtime_) {
+        owner_->runtime_->set_commands(*this, dictionary_);
+    }
+}
+
+void Process::set_script(std::vector<ScriptedCommand> script)
+{
+    script_ = std::move(script);
+    if (owner_->runtime_) {
+        owner_->runtime_->find_places();
+    }
 }
 
 CommandReason Process::command(const std::vector<std::uint8_t> &packet)

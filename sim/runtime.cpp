@@ -55,7 +55,7 @@ using ModuleUpdate = void (*)(void *, Tick);
 
 void update_playback(void *playback, Tick tick)
 {
-    static_cast<const Playback *>(playback)->at(tick.t);
+    static_cast<Playback *>(playback)->at(tick.t);
 }
 
 ModuleUpdate update_of(const Instance &module)
@@ -125,6 +125,7 @@ Runtime::Runtime(const Structure &built, Roles roles, Recorder &recorder)
         }
         run.events.resize(process->events().size());
         has_events_ |= !run.events.empty();
+        find_own_events(run);
         for (const Task *task : in_order(*process)) {
             RunTask entry{{}, {task->period, task->offset}, &run, static_cast<std::uint32_t>(steps_.size()), 0, task,
                           {}};
@@ -141,8 +142,7 @@ Runtime::Runtime(const Structure &built, Roles roles, Recorder &recorder)
                 }
                 const auto last = static_cast<std::uint32_t>(copies_.size());
                 if (!process->playback().empty()) {
-                    steps_.push_back({update_playback, const_cast<Playback *>(&process->playback().at(instance.get())),
-                                      first, last});
+                    steps_.push_back({update_playback, &process->playback().at(instance.get()), first, last});
                 } else if (Model *model = instance->model()) {
                     steps_.push_back({update_model, model, first, last});
                 } else {
@@ -176,7 +176,9 @@ void Runtime::lay_out_wires(const Instance &consumer)
         if (wire.to.instance.get() != &consumer || roles_.at(wire.from.instance.get()).configuration) {
             continue; // the output of a configuration module is copied when it changes
         }
-        const Word *from = words(wire.from.bytes());
+        const Process &reader = *roles_.at(&consumer).process;
+        const auto *from =
+            reinterpret_cast<const Word *>(roles_.at(wire.from.instance.get()).process->given(wire.from, reader));
         if (wire.options.latency) {
             const std::uint32_t n = wire.from.field->size / 8;
             const Ns period = std::max(longest_period(*roles_.at(wire.from.instance.get()).process),
@@ -198,7 +200,7 @@ void Runtime::reset(Ns after)
     failure_.clear();
     pace = {};
     health.reset();
-    changes_ = false;
+    changes_ = true; // the first instant checks it
     for (const Wire &wire : structure.wires) {
         std::memset(wire.to.bytes(), 0, wire.to.field->size);
     }
@@ -246,7 +248,13 @@ void Runtime::begin(RunProcess &process, Ns t)
 void Runtime::restart(RunProcess &process, Ns t)
 {
     for (const Wire &wire : structure.wires) {
-        if (roles_.at(wire.to.instance.get()).process == process.process) {
+        const Role &from = roles_.at(wire.from.instance.get());
+        if (roles_.at(wire.to.instance.get()).process != process.process) {
+            continue;
+        }
+        if (from.configuration && from.process != process.process) { // as the exchange still holds it
+            carry({words(wire.from.bytes()), words(wire.to.bytes()), wire.to.field->size / 8, 0, 0}, t);
+        } else {
             std::memset(wire.to.bytes(), 0, wire.to.field->size);
         }
     }
@@ -371,6 +379,7 @@ void Runtime::event_added(const Process &process)
 {
     // The process checks it from the next instant on: an action may add an event that adds another one.
     of(process).events.push_back({process.events().back()->armed ? exec_armed() : exec_disarmed(), now + 1});
+    find_own_events(of(process));
     has_events_ = true;
 }
 
@@ -379,16 +388,21 @@ void Runtime::set_commands(Process &process, std::shared_ptr<const Dictionary> d
     of(process).commands = std::make_unique<Commands>(*this, process, std::move(dictionary));
 }
 
-CommandReason Runtime::command(const Process &process, const std::vector<std::uint8_t> &packet)
+/// The last instant until t at which a target's clock ticks: on the grids of all tasks; -1: none.
+Ns Runtime::last_tick(const Process &process, Ns t) const
 {
-    // A target's clock ticks on the grids of all tasks.
     Ns last = -1;
     for (const RunTask &task : tasks_) {
-        if (task.process->process == &process && time() >= task.rate.offset) {
-            last = std::max(last, time() - (time() - task.rate.offset) % task.rate.period);
+        if (task.process->process == &process && t >= task.rate.offset) {
+            last = std::max(last, t - (t - task.rate.offset) % task.rate.period);
         }
     }
-    const CommandReason reason = of(process).commands->accept(packet, last);
+    return last;
+}
+
+CommandReason Runtime::command(const Process &process, const std::vector<std::uint8_t> &packet)
+{
+    const CommandReason reason = of(process).commands->accept(packet, last_tick(process, time()));
     if (reason == COMMAND_OK) {
         changes_ = true;
         next = next_instant();
@@ -400,11 +414,15 @@ CommandReason Runtime::command(const Process &process, const std::vector<std::ui
 inline Ns Runtime::next_of(const RunTask &task) const
 {
     const RunProcess &process = *task.process;
+    Ns commanded = never; // at which a target ticks, whatever its mode
     if (process.commands && process.commands->waiting()) {
-        return exec_on_grid(task.rate, exec_later(time(), 1)); // as a target ticks, whatever its mode
+        commanded = time();
+    } else if (process.commands) {
+        commanded = process.commands->scripted() < never ? std::max(process.commands->scripted(), time()) : never;
     }
     const bool asked = process.asked != process.mode && task.runs_in[static_cast<std::size_t>(process.asked)];
-    return exec_next(&task.state, task.rate, asked, time());
+    return std::min(exec_next(&task.state, task.rate, asked, time()),
+                    commanded == never ? never : exec_on_grid(task.rate, exec_later(commanded, 1)));
 }
 
 Ns Runtime::next_instant() const
@@ -421,7 +439,7 @@ Ns Runtime::next_instant() const
 /// processes. Called when the process' turn comes, so that the processes before it still see it as it was.
 void Runtime::make_changes(RunProcess &process, Ns t)
 {
-    const bool commanded = process.commands && process.commands->waiting();
+    const bool commanded = process.commands && (process.commands->waiting() || process.commands->scripted() < t);
     if (process.asked == process.mode && !process.publishes && !commanded) {
         return;
     }
@@ -436,6 +454,7 @@ void Runtime::make_changes(RunProcess &process, Ns t)
     }
     process.publishes = 0;
     if (commanded) {
+        process.commands->accept_script(t, last_tick(*process.process, t - 1));
         process.commands->execute(t);
         see_parameters(*process.process);
     }
@@ -479,6 +498,29 @@ inline void Runtime::run_task(RunTask &task, Ns t)
     task.process->ran = t;
 }
 
+void Runtime::find_own_events(RunProcess &process)
+{
+    process.own_events = true;
+    for (const auto &event : process.process->events()) {
+        event->visit([&](const std::shared_ptr<Instance> &used) {
+            process.own_events =
+                process.own_events && (!event->is_data() || roles_.at(used.get()).process == process.process);
+        });
+    }
+}
+
+/// At the end of the process' turn: the processes that run later at the same instant see what the events have changed,
+/// as they do where each is a program of its own.
+void Runtime::run_own_events(RunProcess &process, Ns t)
+{
+    for (std::size_t i = 0; process.own_events && process.ran == t && i < process.events.size(); i++) {
+        if (process.process->events()[i]->is_data()) {
+            (void)run_event(process, i, t);
+        }
+    }
+}
+
+/// What is left: Python, and what reaches other processes.
 void Runtime::run_events(Ns t)
 {
     bool first = true, fired = true;
@@ -489,7 +531,7 @@ void Runtime::run_events(Ns t)
                 continue; // flight checks its events when it runs, as on its own computer
             }
             for (std::size_t i = 0; i < process.events.size(); i++) {
-                if (!first && process.process->events()[i]->is_data()) {
+                if ((!first || process.own_events) && process.process->events()[i]->is_data()) {
                     continue;
                 }
                 ExecEvent &state = process.events[i].state;
@@ -565,20 +607,29 @@ void Runtime::instant()
             copy_words(exchange.from, exchange.held.data(), exchange.words);
         }
     }
-    const RunProcess *turn = nullptr;
+    RunProcess *turn = nullptr;
+    const auto end_turn = [&] {
+        if (turn && has_events_) {
+            run_own_events(*turn, t);
+        }
+    };
     for (RunTask &task : tasks_) {
-        if (changes_ && task.process != turn) {
+        if (task.process != turn) {
+            end_turn();
             turn = task.process;
-            make_changes(*task.process, t);
+            if (changes_) {
+                make_changes(*task.process, t);
+            }
         }
         if (exec_due(&task.state, t)) {
             run_task(task, t);
         }
     }
+    end_turn();
     if (changes_) {
         changes_ = std::any_of(processes_.begin(), processes_.end(), [](const RunProcess &process) {
             return process.asked != process.mode || process.publishes ||
-                   (process.commands && process.commands->waiting());
+                   (process.commands && (process.commands->waiting() || process.commands->scripted() < never));
         });
     }
     now = t;
@@ -697,13 +748,24 @@ void Runtime::visit_state(const std::function<void(void *, std::size_t)> &block)
 void Runtime::restored()
 {
     failure_.clear();
-    changes_ = true; // the next instant checks it again
+    find_places();
     for (auto &[instance, seen] : known_) {
         if (instance->model() && !unchanged(*instance, seen)) {
             instance->model()->refresh(); // quantities that the model derives from its parameters
         }
         note_parameters(*instance, seen);
     }
+}
+
+void Runtime::find_places()
+{
+    changes_ = true;
+    for (RunProcess &process : processes_) {
+        if (process.commands) {
+            process.commands->find_place(last_tick(*process.process, now));
+        }
+    }
+    next = next_instant();
 }
 
 void Runtime::visit_commands(const std::function<void(void *, std::size_t)> &block)

@@ -42,6 +42,7 @@ struct RunProcess {
     std::int32_t mode, asked; ///< the mode in force, and the one that was asked for; -1: it has no modes
     Ns ran = -1;              ///< the last instant at which one of its tasks ran
     std::vector<RunEvent> events;
+    bool own_events = true;             ///< its events of data reach nothing of other processes
     std::int32_t publishes = 0;         ///< 1: some of its configuration is changed
     std::unique_ptr<Commands> commands; ///< null: it has no dictionary
 };
@@ -104,6 +105,8 @@ public:
     void visit_state(const std::function<void(void *, std::size_t)> &block);
     /// The state was restored: derive anew what follows from it.
     void restored();
+    /// Scripts go on from here.
+    void find_places();
     /// The same for the state of the commands of all processes, which a snapshot has only if they were used.
     void visit_commands(const std::function<void(void *, std::size_t)> &block);
     bool commands_used() const;
@@ -120,12 +123,15 @@ private:
     void lay_out_wires(const Instance &consumer);
     void take_parameters();
     void instant(); ///< run one
+    Ns last_tick(const Process &process, Ns t) const;
     Ns next_of(const RunTask &task) const;
     Ns next_instant() const;
     void make_changes(RunProcess &process, Ns t);
     void see_parameters(const Process &process);
     void begin(RunProcess &process, Ns t);
     void run_task(RunTask &task, Ns t);
+    void find_own_events(RunProcess &process);
+    void run_own_events(RunProcess &process, Ns t);
     void run_events(Ns t);
     bool run_event(RunProcess &process, std::size_t i, Ns t); ///< returns whether it fired
     void act(RunProcess &process, const Event &event, Ns t);

@@ -23,9 +23,6 @@ void Simulation::set_up_again()
                          "; reset it before its structure or seed changes");
     }
     runtime_.reset();
-    for (const auto &process : processes()) {
-        process->dictionary_ = nullptr;
-    }
 }
 
 Process &Simulation::add_process(const std::string &name)
@@ -255,6 +252,7 @@ std::unique_ptr<Simulation> Simulation::clone() const
     }
     for (std::size_t i = 0; i < processes().size(); i++) {
         copy->processes()[i]->dictionary_ = processes()[i]->dictionary_;
+        copy->processes()[i]->script_ = processes()[i]->script_;
     }
     if (runtime_) {
         copy->prepare();

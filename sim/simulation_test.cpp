@@ -178,18 +178,18 @@ TEST(Playback, PutsOutWhatWasPutOutElsewhereWhateverParametersAndModesSay)
         return bytes;
     };
     EXPECT_THAT(error_of([&] {
-                    flight.play(*tank, {output, {0}, messages({1.0})});
+                    flight.play(*tank, {output, {0}, messages({1.0}), false, {}});
                 }),
                 HasSubstr("world.tank.product is not of the process flight"));
     EXPECT_THAT(error_of([&] {
-                    flight.play(*scale, {output, {0, 0}, messages({1.0, 2.0})});
+                    flight.play(*scale, {output, {0, 0}, messages({1.0, 2.0}), false, {}});
                 }),
                 HasSubstr("with rising times"));
     EXPECT_THAT(error_of([&] {
-                    flight.play(*scale, {output, {0, 500 * ms}, messages({1.0})});
+                    flight.play(*scale, {output, {0, 500 * ms}, messages({1.0}), false, {}});
                 }),
                 HasSubstr("flight.scale.product: a playback takes the messages of an output, of 24 bytes each"));
-    flight.play(*scale, {output, {0, 1000 * ms}, messages({2.0, -3.0})});
+    flight.play(*scale, {output, {0, 1000 * ms}, messages({2.0, -3.0}), false, {}});
     const auto level = [](Simulation &one) { return interface<Tank>(one.process("world").find("tank")).out.level.x; };
     for (Simulation *one : {&sim, sim.clone().release()}) {
         one->run_until(1000 * ms);
@@ -206,7 +206,37 @@ TEST(Playback, PutsOutWhatWasPutOutElsewhereWhateverParametersAndModesSay)
             delete one;
         }
     }
-    EXPECT_THAT(error_of([&] { flight.play(*scale, {output, {0}, messages({1.0})}); }), HasSubstr("has run until 2 s"));
+    EXPECT_THAT(error_of([&] {
+                    flight.play(*scale, {output, {0}, messages({1.0}), false, {}});
+                }),
+                HasSubstr("has run until 2 s"));
+}
+
+TEST(Playback, OtherProcessesReadWhatWasSentToThem)
+{
+    Simulation sim;
+    Process &flight = sim.add_process("flight");
+    Process &world = sim.add_process("world");
+    auto source = make(flight, "source", source_type);
+    auto own = make(flight, "own", scale_type), other = make(world, "other", scale_type);
+    interface<Source>(source).par.value = interface<Scale>(own).par.gain = interface<Scale>(other).par.gain = 1.0;
+    flight.add_task({"gnc", 10 * ms, 0, 0, {source, own}});
+    world.add_task({"dynamics", 10 * ms, 0, 0, {other}});
+    sim.connect(port(source, "number"), port(own, "number"));
+    sim.connect(port(source, "number"), port(other, "number"));
+    for (const bool sent : {false, true}) {
+        Number number{};
+        number.x = sent ? 2.5 : 2.4375;
+        const auto *first = reinterpret_cast<const std::byte *>(&number);
+        flight.play(*source, {port(source, "number").field, {0}, {first, first + sizeof number}, sent, {}});
+    }
+    sim.step();
+    for (int again = 0; again < 2; again++) {
+        EXPECT_EQ(interface<Source>(source).out.number.x, 2.4375);
+        EXPECT_EQ(interface<Scale>(own).in.number.x, 2.4375);
+        EXPECT_EQ(interface<Scale>(other).in.number.x, 2.5);
+        sim.step();
+    }
 }
 
 TEST(Configuration, IsPublishedAtTheStartAndWhenItsParametersChange)

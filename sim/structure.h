@@ -98,6 +98,8 @@ struct Played {
     const FledgeField *output = nullptr;
     std::vector<Ns> times;        ///< rising
     std::vector<std::byte> bytes; ///< a message for each time
+    bool sent = false;            ///< these are what other processes read, which need not be what was put out
+    std::vector<std::byte> held;  ///< with `sent`: the last one
 };
 
 /// An instance that does not run: at each of its instants its outputs become the last messages until then.
@@ -105,7 +107,7 @@ struct Playback {
     std::byte *memory = nullptr;
     std::vector<Played> outputs;
 
-    void at(Ns t) const;
+    void at(Ns t);
 };
 
 /// What a process can be commanded, as data for its CommandTable: fledge.commands makes it of the live objects.
@@ -120,6 +122,11 @@ struct Dictionary {
     std::uint16_t stream = 0, version = 0, n_outputs = 0;
     std::uint32_t room = 0; ///< [bytes] for commands that wait
     std::vector<Block> blocks;
+};
+
+struct ScriptedCommand {
+    Ns after;
+    std::vector<std::uint8_t> packet;
 };
 
 /// A report, and the bytes that were read back.
@@ -156,7 +163,9 @@ public:
     const std::vector<Mode> &modes() const { return modes_; }
     const std::vector<std::shared_ptr<Event>> &events() const { return events_; }
     std::shared_ptr<Instance> find(std::string_view instance) const; ///< or null
-    const std::map<const Instance *, Playback> &playback() const { return playback_; }
+    std::map<const Instance *, Playback> &playback() { return playback_; }
+    /// What a port gives to a reader: its message, or what a playback has for other processes.
+    const std::byte *given(const Port &port, const Process &reader) const;
     std::shared_ptr<Event> event(std::string_view event_name) const; ///< or null
     int initial_mode() const { return initial_; }                    ///< -1: the process has no modes
     bool runs_in(const Task &task, int mode) const;                  ///< whether the task is active in the mode
@@ -170,16 +179,19 @@ public:
     /// The mode that it was last asked to enter, which may be in force.
     const std::string &asked() const;
     bool armed(const Event &event) const;
-    bool waits(const Event &event) const; ///< whether it has fired, and will arm itself again
+    int arming(const Event &event) const; ///< ExecEvent::armed
     void arm(const Event &event, bool armed);
     Ns fired_at(const Event &event) const; ///< when it last fired; -1: never
 
-    // Commands, of a process that has a dictionary. The next change of the structure takes it away.
+    // Commands, of a process that has a dictionary.
 
     void set_dictionary(std::shared_ptr<const Dictionary> dictionary);
     const std::shared_ptr<const Dictionary> &dictionary() const { return dictionary_; }
     /// Accept or refuse a packet; what is accepted counts at the next instant of one of its tasks, active or not.
     CommandReason command(const std::vector<std::uint8_t> &packet);
+    /// Commands for later, in the order of time: each is accepted before the first instant after its time.
+    void set_script(std::vector<ScriptedCommand> script);
+    const std::vector<ScriptedCommand> &script() const { return script_; }
     /// The reports since the last call, of a run that is prepared.
     std::vector<CommandReply> take_reports();
     CommandCounters command_counters() const;
@@ -199,6 +211,7 @@ private:
     std::shared_ptr<const Integrator> integrator_;
     std::map<const Instance *, Playback> playback_;
     std::shared_ptr<const Dictionary> dictionary_;
+    std::vector<ScriptedCommand> script_;
     int initial_ = -1;
 };
 

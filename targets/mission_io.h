@@ -26,19 +26,11 @@
 #include "registers/message.h"
 #include "targets/mission.h"
 
+#include <string.h>
+
 #ifdef __cplusplus
 extern "C" {
 #endif
-
-/** A kind of packets in a lane, by its tag; or a queued word, as a packet of 4 bytes. */
-typedef struct MissionPacket {
-    uint16_t board;  ///< the index of the board
-    uint16_t lane;   ///< the index of the lane in the board
-    uint32_t size;   ///< [bytes] to the end of the last number; of packets of fixed size: theirs
-    uint8_t tag;     ///< from the descriptor; 0 without one
-    uint8_t newest;  ///< of a queue, 1: the reader sees the newest packet; 0: the oldest
-    uint8_t *memory; ///< size + 1 bytes: the last packet, then 1 until the reader has seen it
-} MissionPacket;
 
 /** A message in a message lane, or some of its numbers in a field of a lane of words or packets. */
 typedef struct MissionLane {
@@ -59,30 +51,61 @@ typedef struct MissionQueue {
 
 enum { MISSION_NO_BOARD = 0xFFFF };
 
+typedef struct MissionIo MissionIo;
+typedef struct MissionIoCounts MissionIoCounts;
+
+/** A kind of packets in a lane, by its tag; or a queued word, as a packet of 4 bytes. */
+typedef struct MissionPacket {
+    uint16_t board;  ///< the index of the board
+    uint16_t lane;   ///< the index of the lane in the board
+    uint32_t size;   ///< [bytes] to the end of the last number; of packets of fixed size: theirs
+    uint8_t tag;     ///< from the descriptor; 0 without one
+    uint8_t newest;  ///< of a queue, 1: the reader sees the newest packet; 0: the oldest
+    uint8_t *memory; ///< size + 1 bytes: the last packet, then 1 until the reader has seen it
+} MissionPacket;
+
+/** How packets pass (mission_packets.h). `put` and `take` begin with the i-th row, and return the first row that is not of
+ *  its packet and message; they return i if the row is not of a packet. */
+typedef struct MissionPacketFunctions {
+    uint32_t (*put)(const MissionIo *io, const RegisterWindow *w, uint32_t i, const uint8_t *message,
+                    MissionIoCounts *counts);
+    /** *headed: whether the message has got its head. */
+    uint32_t (*take)(const MissionIo *io, const RegisterWindow *w, uint32_t i, uint8_t *message, int64_t t, int *headed,
+                     MissionIoCounts *counts);
+    void (*forget)(const MissionIo *io, const RegisterWindow *w);
+    uint32_t (*lost)(const MissionIo *io, const RegisterWindow *w);
+} MissionPacketFunctions;
+
+/** The kinds of packets of a mission. */
+typedef struct MissionPackets {
+    const MissionPacketFunctions *functions;
+    const MissionPacket *kinds; ///< those of one lane are adjacent
+    uint32_t n;
+    uint8_t *scratch; ///< memory for the longest packet of these lanes
+} MissionPackets;
+
 /** The table of a mission. The lanes of one message are adjacent. */
-typedef struct MissionIo {
+struct MissionIo {
     const MissionMessage *messages;
     const RegisterBoard *const *boards;
     const MissionLane *lanes;
     uint32_t n_messages;
     uint32_t n_boards;
     uint32_t n_lanes;
-    uint32_t n_packets;
-    const MissionPacket *packets; ///< those of one lane are adjacent
-    uint8_t *scratch;             ///< memory for the longest packet of these lanes
+    const MissionPackets *packets; ///< the kinds of packets with numbers; NULL: none
     MissionQueue commands;
     MissionQueue telemetry;
     uint8_t *packet; ///< memory for the longest command that can come
     uint32_t room;   ///< [bytes] of it
-} MissionIo;
+};
 
 /** Counters of faults. */
-typedef struct MissionIoCounts {
+struct MissionIoCounts {
     uint32_t refused;   ///< messages not written: the queue was full, or the size is wrong
     uint32_t corrupt;   ///< messages with invalid bytes; the reader sees a message that was never written
     uint32_t saturated; ///< numbers limited to the range of their field
     uint32_t skipped;   ///< packets replaced by a newer one before they were seen
-} MissionIoCounts;
+};
 
 /** The index of the board whose clock paces flight; n_boards if no board has a clock. */
 uint32_t mission_io_clock(const MissionIo *io);
@@ -114,6 +137,15 @@ void mission_io_put(const MissionIo *io, const RegisterWindow *w, uint32_t id, c
 /** Outside: read a message of flight, by its id, at t. Numbers that no lane carries do not change. */
 void mission_io_take(const MissionIo *io, const RegisterWindow *w, uint32_t id, void *message, int64_t t,
                      MissionIoCounts *counts);
+
+/** Write the head of a message that passes in words or packets. Rows of head fields replace these values afterwards. */
+static inline void mission_io_head(uint8_t *message, int64_t t)
+{
+    Head head;
+    memcpy(&head, message, sizeof head);
+    head = head_next(head, t, QUALITY_GOOD);
+    memcpy(message, &head, sizeof head);
+}
 
 /** Whether a lane carries a part of this message. */
 int mission_io_carries(const MissionIo *io, uint32_t id);

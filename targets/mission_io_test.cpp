@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Messages through lanes by a table: whole, and as numbers of every type in words.
-#include "targets/mission_io.h"
+#include "targets/mission_packets.h"
 
 #include "registers/field.h"
 
@@ -116,8 +116,6 @@ protected:
                4,
                1,
                static_cast<std::uint32_t>(rows_.size()),
-               0,
-               nullptr,
                nullptr,
                {MISSION_NO_BOARD, 0},
                {MISSION_NO_BOARD, 0},
@@ -306,9 +304,7 @@ protected:
         io_.n_messages = 3;
         io_.n_boards = 1;
         io_.n_lanes = 4;
-        io_.n_packets = 3;
-        io_.packets = packets_;
-        io_.scratch = scratch_;
+        io_.packets = &all_;
     }
 
     void put(std::uint32_t id, double x, double y)
@@ -331,6 +327,7 @@ protected:
     std::array<std::uint64_t, 128> memory_{};
     RegisterWindow window_{};
     std::uint8_t room_[3][17] = {}, scratch_[16] = {};
+    const MissionPackets all_ = {&mission_packet_functions, packets_, 3, scratch_};
     MissionPacket packets_[3];
     const MissionLane rows_[4] = {
         {nullptr, 0, 0, 0, 0, offsetof(Pair, x), FLEDGE_F64},

@@ -93,7 +93,7 @@ const MissionMessage MESSAGES[] = {
 const MissionLane ROWS[] = {
     {&TYPE, 0, 0, 0, 0, 0, FLEDGE_F64}, {&TYPE, 1, 0, 1, 0, 0, FLEDGE_F64}, {&TYPE, 2, 0, 2, 0, 0, FLEDGE_F64}};
 std::uint8_t room[COMMAND_MAX];
-const MissionIo IO = {MESSAGES, BOARDS, ROWS, 4, 1, 3, 0, nullptr, nullptr, {0, 3}, {0, 4}, room, sizeof room};
+const MissionIo IO = {MESSAGES, BOARDS, ROWS, 4, 1, 3, nullptr, {0, 3}, {0, 4}, room, sizeof room};
 // Two parameters of flight: x and y of `inner`.
 const ExecRun NUMBERS[] = {{8, 2}};
 const CommandBlock BLOCKS[] = {{NUMBERS, nullptr, 16, 1, 0, 0, 0}};

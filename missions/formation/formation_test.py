@@ -1,14 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """The formation as numbers; and each computer on a target of its own, of both byte orders."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
 import fledge
 from fledge import cli
 from fledge.archive import Archive
+from fledge.archive.compare import compare
 from fledge.cosim import crossing_wires
-from fledge.targets import TARGETS
+from fledge.targets import TARGETS, loop
 from fledge.units import minute, s
 
 
@@ -27,9 +31,9 @@ def test_three_computers_and_what_passes_between_them():
                 if not w.source.startswith(("chief_world", "deputy_world"))}
     assert crossing == {
         ("chief_guidance.offset.reference", "chief.base.commanded"): "same_instant",
-        ("chief_guidance.vehicle.vehicle", "chief.control.vehicle"): "next_instant",
-        ("chief_guidance.wheels.wheels", "chief.control.wheels"): "next_instant",
-        ("chief_guidance.wheels.wheels", "chief.motor.wheels"): "next_instant",
+        ("chief_guidance.vehicle.vehicle", "chief.control.vehicle"): "same_instant",
+        ("chief_guidance.wheels.wheels", "chief.control.wheels"): "same_instant",
+        ("chief_guidance.wheels.wheels", "chief.motor.wheels"): "same_instant",
         ("chief_guidance.offset.reference", "deputy.base.commanded"): "next_exchange",
         ("chief_guidance.beacon.body", "deputy.look.primary"): "next_exchange",
         ("chief.motor.command", "chief_world.wheels.command"): "next_instant",
@@ -86,6 +90,33 @@ def flown(on, folder, capsys, targets):
     assert [(row[0], row[3]) for row in apart] == [("chief_guidance", "121"), ("chief", "481"), ("deputy", "241")]
     assert [row[4] for row in apart] == [row[4] for row in desktop] and all(row[5] == "none" for row in apart)
     assert np.abs(Archive(folder / "desktop.mcap")["deputy.motor.command.u"]).max() > 0.1     # it did fly
+    records = [str(folder / name) for name in ("desktop.mcap", f"deputy/{targets[2]}.mcap")]
+    assert cli.main(["compare", *records, "--topics", "chief"]) == 1                # the deputy's has none of these
+    assert cli.main(["compare", *records, "--topics", "deputy"]) == 0
+
+
+def test_one_computer_joins_a_run_elsewhere_on_its_target(tmp_path):
+    """As a node of `fledge up`; the other programs fly the desktop's code."""
+    nodes = "".join(f'[[node]]\nmission = "formation"\nprocess = "{name}"\n'
+                    for name in ("chief_world", "deputy_world", "chief_guidance", "deputy"))
+    (tmp_path / "sim.toml").write_text(f'''
+simulation = "formation"
+until = 30
+{nodes}
+[[node]]
+name = "chief"
+command = ["{sys.executable}", "-m", "fledge.cli", "fly", "formation", "--on", "chief=linux", "--join", "--out", "fly"]
+''')
+    done = subprocess.run([sys.executable, "-m", "fledge.cli", "up", "sim.toml"], cwd=tmp_path, capture_output=True,
+                          text=True, timeout=120, env=loop.environment())
+    assert done.returncode == 0, done.stdout + done.stderr
+    sim = fledge.load("formation")
+    sim.record(*sim.process("chief"), every=0.25 * s)
+    sim.archive(tmp_path / "desktop.mcap")
+    sim.run(30 * s)
+    sim.close_archive()
+    desktop, linux = Archive(tmp_path / "desktop.mcap"), Archive(tmp_path / "fly/chief/linux.mcap")
+    assert len(linux.topics) == 5 and compare(desktop, linux) == []
 
 
 def test_a_change_between_runs_reaches_the_deputy_on_its_target(tmp_path, capsys):
@@ -101,4 +132,4 @@ def test_a_change_between_runs_reaches_the_deputy_on_its_target(tmp_path, capsys
 def test_what_only_a_target_takes_is_refused_elsewhere(tmp_path, capsys):
     assert cli.main(["fly", "formation", "changes", "--for", "31min", "--on", "chief=linux", "--out",
                      str(tmp_path)]) == 1
-    assert "changes deputy.base between its runs, which only targets take: give deputy one" in capsys.readouterr().err
+    assert "changes deputy between its runs" in capsys.readouterr().err

@@ -349,8 +349,10 @@ class Packets:
         return self.packet(Code.RESET_FLIGHT)
 
     def telemetry(self, output: str | None = None, on: bool = True, every: int = 1) -> bytes:
-        """Send packets of an output, or of all, at every so many of its writings."""
-        place = ALL if output is None else self.dictionary.output(output)[0]
+        """Send packets of an output, or of all, at every so many of its writings. output: its path, or "housekeeping",
+        which is written at each instant."""
+        found = self.dictionary
+        place = ALL if output is None else len(found.outputs) if output == "housekeeping" else found.output(output)[0]
         return self.packet(Code.TELEMETRY, packing.pack(">3H", place, bool(on), every))
 
     def read(self, module: str, field: str | None = None) -> list[bytes]:
@@ -371,7 +373,8 @@ class Packets:
 
     def write_bytes(self, module: str, pieces: dict[int, bytes]) -> list[bytes]:
         """The same of big-endian bytes by their offsets, which rise."""
-        place, runs = self.dictionary.block(module)[0], []
+        place = self.dictionary.block(module)[0]
+        runs: list[tuple[int, bytearray]] = []
         for at, data in pieces.items():
             if runs and runs[-1][0] + len(runs[-1][1]) == at:
                 runs[-1][1].extend(data)

@@ -27,6 +27,15 @@ static int fly(const RegisterWindow *sbc, const RegisterWindow *ioa, Tick tick)
         out.u[3u + i] = nav.omega_BN_B.v[i];
     }
     out.u[6] = io_board_a_sun_sensor_current(ioa, 5u);
+    /* Jammed at the 5th tick, slewed from the 10th on. */
+    const int64_t time = register_slave_time(sbc);
+    const uint32_t seconds = register_slave_pulses(sbc, 0);
+    out.u[7] = (double)time;
+    if (register_handle(sbc, SINGLE_BOARD_COMPUTER_INTERRUPT_SECOND) == 0u || seconds == 0u ||
+        (info.sequence == 5u && register_slave_command(sbc, REGISTER_JAM, -INT64_C(5000000000)) != REGISTER_OK) ||
+        (info.sequence == 10u && register_slave_command(sbc, REGISTER_SLEW, 777777) != REGISTER_OK)) {
+        return 6;
+    }
     if (io_board_a_wheel_volts_set_command(ioa, 3u, nav.sigma_BN.v[0]) != 0) {
         return 3;
     }

@@ -10,6 +10,7 @@
 #include <single_board_computer.h>
 
 #include "registers/shared_file.h"
+#include "registers/slave_clock.h"
 
 #define LONG_NS INT64_C(60000000000)
 
@@ -23,7 +24,8 @@ static uint32_t word_of(const RegisterField *field, double value)
     return register_field_place(field, 0u, register_field_quantise(field, value, NULL));
 }
 
-static int exchange(RegisterFile *file, const RegisterWindow *sbc, const RegisterWindow *ioa, int k)
+static int exchange(RegisterFile *file, const RegisterWindow *sbc, const RegisterWindow *ioa, RegisterSlaveClock *slave,
+                    int k)
 {
     const RegisterLane *sun = &io_board_a.lanes[IO_BOARD_A_LANE_SUN_SENSOR];
     const RegisterLane *nav = &single_board_computer.lanes[SINGLE_BOARD_COMPUTER_LANE_NAV_ATTITUDE];
@@ -40,12 +42,14 @@ static int exchange(RegisterFile *file, const RegisterWindow *sbc, const Registe
         register_put_word(ioa, sun, 5u, word_of(&sun->fields[0], 0.0005 * k)) != REGISTER_OK) {
         return 2;
     }
+    register_slave_show(slave, tick.t);
     register_clock_start(sbc, tick);
     while (!register_clock_is_done(sbc)) {
         if (register_file_wait(file, LONG_NS) != REGISTER_FILE_RANG) {
             return 3;
         }
     }
+    register_slave_obey(slave, tick.t);
     if (register_take_message(sbc, command, &fledge_message_WheelCommand, &answer, &info) != REGISTER_OK) {
         return 4;
     }
@@ -69,8 +73,10 @@ int main(int argc, char **argv)
     }
     printf("ready\n");
     fflush(stdout);
+    RegisterSlaveClock slave = {.window = &w[0]};
+    register_slave_start(&slave);
     for (int k = 1; k <= 20; k++) {
-        const int failed = exchange(&file, &w[0], &w[1], k);
+        const int failed = exchange(&file, &w[0], &w[1], &slave, k);
         if (failed) {
             return failed;
         }

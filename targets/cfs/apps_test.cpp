@@ -129,7 +129,7 @@ TEST_F(Apps, AScriptWithAMistakeStartsNothing)
     const std::pair<std::string, std::string> mistakes[] = {
         {"CFE_APP, echo, ECHO_AppMain, ECHO, 55, 16384, 0x0;\n", "line 2: a line must have 8 fields"},
         {"CFE_LIB, echo, ECHO_AppMain, ECHO, 55, 16384, 0x0, 0;\n", "the kind must be CFE_APP"},
-        {"CFE_APP, echo, NO_AppMain, ECHO, 55, 16384, 0x0, 0;\n", "the program has no such entry point: NO_AppMain"},
+        {"CFE_APP, echo, NO_AppMain, ECHO, 55, 16384, 0x0, 0;\n", "there is no such entry point: NO_AppMain"},
         {"CFE_APP, echo, ECHO_AppMain, ECHO, 300, 16384, 0x0, 0;\n", "a priority must be 0 to 255: 300"},
         {"CFE_APP, echo, ECHO_AppMain, ECHO, 55, none, 0x0, 0;\n", "a stack must have"},
         {"CFE_APP, echo, ECHO_AppMain, , 55, 16384, 0x0, 0;\n", "a name must have 1 to 19 characters"},

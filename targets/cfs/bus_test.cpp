@@ -294,6 +294,23 @@ TEST_F(Bus, SequencesCountPerIdAndWrap)
     }
 }
 
+TEST_F(Bus, TheBusWritesTheTimeOfWhatItNumbers)
+{
+    const auto p = pipe(4);
+    ASSERT_EQ(CFE_SB_Subscribe(id(0x0801), p), 0);
+    CFE_MSG_TelemetryHeader_t m;
+    ASSERT_EQ(CFE_MSG_Init(&m.Msg, id(0x0801), sizeof m), 0);
+    ASSERT_EQ(CFE_MSG_SetMsgTime(&m.Msg, {0x01020304, 0}), 0);
+    for (const bool origination : {true, false}) {
+        CFE_SB_Buffer_t *b;
+        CFE_TIME_SysTime_t t;
+        ASSERT_EQ(CFE_SB_TransmitMsg(&m.Msg, origination), 0);
+        ASSERT_EQ(CFE_SB_ReceiveBuffer(&b, p, CFE_SB_POLL), 0);
+        ASSERT_EQ(CFE_MSG_GetMsgTime(&b->Msg, &t), 0);
+        EXPECT_EQ(t.Seconds == 0x01020304u, !origination);
+    }
+}
+
 TEST_F(Bus, UnreadMessagesExhaustTheBuffersUntilTheyAreRead)
 {
     std::vector<CFE_SB_PipeId_t> pipes;

@@ -55,12 +55,6 @@
 #ifndef POCKET_SEMAPHORES
 #define POCKET_SEMAPHORES 24u
 #endif
-#ifndef POCKET_QUEUES
-#define POCKET_QUEUES 8u
-#endif
-#ifndef POCKET_QUEUE_BYTES
-#define POCKET_QUEUE_BYTES 1024u ///< [bytes] of one queue
-#endif
 #ifndef POCKET_FILES
 #define POCKET_FILES 8u
 #endif

@@ -12,7 +12,7 @@
 
 /* An id consists of kind, generation and index. Its generation tells the id of a deleted object from the id of the
  * object that took its place. */
-enum { KIND_APP = 1, KIND_TASK, KIND_PIPE, KIND_STORE, KIND_MUTEX, KIND_BINARY, KIND_COUNTING, KIND_QUEUE, KIND_FILE };
+enum { KIND_APP = 1, KIND_TASK, KIND_PIPE, KIND_STORE, KIND_MUTEX, KIND_BINARY, KIND_COUNTING, KIND_FILE };
 
 static inline uint32 make_id(uint32 kind, uint32 generation, uint32 index)
 {
@@ -28,7 +28,10 @@ static inline uint32 index_of(uint32 id, uint32 kind, uint32 n)
 
 typedef struct App {
     char name[CFE_MISSION_MAX_API_LEN];
-    const PocketApp *program;
+    void (*entry)(void);
+    void *code; ///< of an app that is loaded, not linked
+    char file[CFE_MISSION_MAX_FILE_LEN];
+    char entry_name[CFE_MISSION_MAX_FILE_LEN];
     uint32 priority;
     size_t stack_size;
     uint32 main_task;
@@ -93,8 +96,8 @@ uint32 pocket_task_of_locked(uint32 id);
 /** Copy a name; false if it is empty or does not fit. */
 bool pocket_name(char *to, size_t room, const char *name);
 
-/** The linked program with this entry point, or NULL. */
-const PocketApp *pocket_program(const char *entry_name);
+/** Whether there is an app with this entry point, linked or in this file. */
+bool pocket_program(const char *file, const char *entry_name);
 /** Print to the console of the port. */
 void pocket_print(const char *format, va_list list);
 

@@ -65,7 +65,7 @@ PocketCounts pocket_counts(void)
 static void main_task(void)
 {
     pocket_lock();
-    void (*entry)(void) = pocket_core.apps[pocket_self_app_locked()].program->entry;
+    void (*entry)(void) = pocket_core.apps[pocket_self_app_locked()].entry;
     pocket_unlock();
     entry();
     CFE_ES_ExitApp(CFE_ES_RunStatus_APP_ERROR); /* an app must not return */
@@ -79,21 +79,40 @@ static bool start_main_locked(uint32 index)
     return slot < POCKET_TASKS;
 }
 
-const PocketApp *pocket_program(const char *entry_name)
+/* Find the entry point of an app: linked with the program, or in a file. */
+static bool find(App *app)
 {
     for (uint32 i = 0; i < pocket_core.n_programs; i++) {
-        if (strcmp(pocket_core.programs[i].entry_name, entry_name) == 0) {
-            return &pocket_core.programs[i];
+        if (strcmp(pocket_core.programs[i].entry_name, app->entry_name) == 0) {
+            app->entry = pocket_core.programs[i].entry;
+            return true;
         }
     }
-    return NULL;
+    app->code = port_load(app->file, app->entry_name, &app->entry);
+    return app->code != NULL && app->entry != NULL;
 }
 
-CFE_Status_t pocket_start_app(const char *entry_name, const char *name, uint32 priority, size_t stack_size)
+bool pocket_program(const char *file, const char *entry_name)
+{
+    App probe = {.priority = 0};
+    const bool found = pocket_name(probe.file, sizeof probe.file, file) &&
+                       pocket_name(probe.entry_name, sizeof probe.entry_name, entry_name) && find(&probe);
+    if (probe.code != NULL) {
+        port_unload(probe.code);
+    }
+    return found;
+}
+
+CFE_Status_t pocket_start_app(const char *file, const char *entry_name, const char *name, uint32 priority,
+                              size_t stack_size)
 {
     CFE_Status_t status = CFE_ES_NO_RESOURCE_IDS_AVAILABLE;
-    const PocketApp *program = pocket_program(entry_name);
-    if (program == NULL) {
+    App fresh = {.priority = priority, .stack_size = stack_size};
+    (void)pocket_name(fresh.file, sizeof fresh.file, file);
+    if (!pocket_name(fresh.name, sizeof fresh.name, name)) {
+        return CFE_ES_BAD_ARGUMENT;
+    }
+    if (!pocket_name(fresh.entry_name, sizeof fresh.entry_name, entry_name) || !find(&fresh)) {
         return CFE_ES_ERR_NAME_NOT_FOUND;
     }
     pocket_lock();
@@ -106,15 +125,11 @@ CFE_Status_t pocket_start_app(const char *entry_name, const char *name, uint32 p
             }
             continue;
         }
-        const uint16 generation = app->generation;
-        memset(app, 0, sizeof *app);
-        app->generation = generation;
-        app->program = program;
-        app->priority = priority;
-        app->stack_size = stack_size;
-        app->used = pocket_name(app->name, sizeof app->name, name);
-        status = app->used ? CFE_SUCCESS : CFE_ES_BAD_ARGUMENT;
-        if (app->used && !start_main_locked(i)) {
+        fresh.generation = app->generation;
+        *app = fresh;
+        app->used = true;
+        status = CFE_SUCCESS;
+        if (!start_main_locked(i)) {
             app->used = false;
             status = CFE_ES_ERR_APP_CREATE;
         }
@@ -271,7 +286,11 @@ void CFE_ES_ExitApp(uint32 ExitStatus)
     app->events = false;
     app->n_filters = 0;
     app->generation++;
-    const bool again = app->restart && !stuck;
+    bool again = app->restart && !stuck;
+    if (app->code != NULL && !stuck) {
+        port_unload(app->code);
+        again = again && find(app); /* its static data begin anew */
+    }
     app->restart = false;
     app->restarted = again;
     app->asked = 0;

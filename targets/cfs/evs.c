@@ -30,7 +30,6 @@ static void send(const char *name, uint16 id, uint16 type, const char *text)
     event.Payload.PacketID.SpacecraftID = SPACECRAFT;
     event.Payload.PacketID.ProcessorID = PROCESSOR;
     (void)strcpy(event.Payload.Message, text);
-    CFE_SB_TimeStampMsg(&event.TelemetryHeader.Msg);
 
     pocket_lock();
     const bool quiet = pocket_core.quiet;

@@ -3,8 +3,8 @@
 
 #include <string.h>
 
-/* One table holds all semaphores, then all queues, then all open files. */
-enum { FIRST_QUEUE = POCKET_SEMAPHORES, FIRST_FILE = FIRST_QUEUE + POCKET_QUEUES, OBJECTS = FIRST_FILE + POCKET_FILES };
+/* One table holds all semaphores, then all open files. */
+enum { FIRST_FILE = POCKET_SEMAPHORES, OBJECTS = FIRST_FILE + POCKET_FILES };
 
 typedef struct Object {
     char name[OS_MAX_API_NAME];
@@ -15,16 +15,11 @@ typedef struct Object {
     uint32 value;   ///< of a semaphore; of a mutex: how often its owner has taken it
     uint32 owner;   ///< of a mutex: the id of a task
     uint32 flushed; ///< of a binary semaphore: how often a task has flushed it
-    uint32 depth;   ///< of a queue
-    uint32 size;    ///< of a queue: [bytes] of an item
-    uint32 first;   ///< of a queue
-    uint32 n;       ///< of a queue: items in it
     int32 port;     ///< of a file: the port's number
 } Object;
 
 static struct {
     Object objects[OBJECTS];
-    uint8 queues[POCKET_QUEUES][POCKET_QUEUE_BYTES];
 } os;
 
 void pocket_osal_start(void)
@@ -108,8 +103,8 @@ static Object *object_of(osal_id_t id, uint32 kind)
 /* Create an object of the calling app. Files have no name. */
 static int32 create_locked(osal_id_t *id, const char *name, uint32 kind, Object **created)
 {
-    const uint32 first = kind == KIND_FILE ? FIRST_FILE : kind == KIND_QUEUE ? FIRST_QUEUE : 0u;
-    const uint32 end = kind == KIND_FILE ? OBJECTS : kind == KIND_QUEUE ? FIRST_FILE : FIRST_QUEUE;
+    const uint32 first = kind == KIND_FILE ? FIRST_FILE : 0u;
+    const uint32 end = kind == KIND_FILE ? OBJECTS : FIRST_FILE;
     Object *object = NULL;
     for (uint32 i = first; i < end; i++) {
         Object *o = &os.objects[i];
@@ -330,103 +325,6 @@ int32 OS_CountSemGive(osal_id_t sem_id)
 int32 OS_CountSemDelete(osal_id_t sem_id)
 {
     return delete_object(sem_id, KIND_COUNTING);
-}
-
-/* ---- queues */
-
-/* Item i of a queue, counted from its first one. */
-static uint8 *item_at(const Object *q, uint32 i)
-{
-    return os.queues[q - os.objects - FIRST_QUEUE] + (q->first + i) % q->depth * q->size;
-}
-
-int32 OS_QueueCreate(osal_id_t *queue_id, const char *queue_name, size_t queue_depth, size_t data_size, uint32 flags)
-{
-    char name[OS_MAX_API_NAME];
-    Object *q;
-    (void)flags;
-    if (queue_id == NULL || queue_name == NULL) {
-        return OS_INVALID_POINTER;
-    }
-    if (!pocket_name(name, sizeof name, queue_name)) {
-        return OS_ERR_NAME_TOO_LONG;
-    }
-    if (queue_depth == 0u || data_size == 0u || data_size > POCKET_QUEUE_BYTES ||
-        queue_depth > POCKET_QUEUE_BYTES / data_size) {
-        return OS_QUEUE_INVALID_SIZE;
-    }
-    pocket_lock();
-    const int32 status = create_locked(queue_id, name, KIND_QUEUE, &q);
-    if (status == OS_SUCCESS) {
-        q->depth = (uint32)queue_depth;
-        q->size = (uint32)data_size;
-    }
-    pocket_unlock();
-    return status;
-}
-
-int32 OS_QueueGet(osal_id_t queue_id, void *data, size_t size, size_t *size_copied, int32 timeout)
-{
-    int32 status = OS_SUCCESS;
-    if (data == NULL || size_copied == NULL) {
-        return OS_INVALID_POINTER;
-    }
-    *size_copied = 0;
-    pocket_lock();
-    const int64 until = pocket_until(timeout);
-    Object *q = object_of(queue_id, KIND_QUEUE);
-    if (q != NULL && size < q->size) {
-        status = OS_QUEUE_INVALID_SIZE;
-    }
-    while (q != NULL && status == OS_SUCCESS && q->n == 0u) {
-        if (timeout == OS_CHECK) {
-            status = OS_QUEUE_EMPTY;
-        } else if (!pocket_sleep_locked(q, until)) {
-            status = OS_QUEUE_TIMEOUT;
-        }
-        q = object_of(queue_id, KIND_QUEUE);
-    }
-    if (q == NULL) {
-        status = OS_ERR_INVALID_ID;
-    } else if (status == OS_SUCCESS) {
-        memcpy(data, item_at(q, 0), q->size);
-        q->first = (q->first + 1u) % q->depth;
-        q->n--;
-        *size_copied = q->size;
-    }
-    pocket_unlock();
-    return status;
-}
-
-int32 OS_QueuePut(osal_id_t queue_id, const void *data, size_t size, uint32 flags)
-{
-    int32 status = OS_SUCCESS;
-    (void)flags;
-    if (data == NULL) {
-        return OS_INVALID_POINTER;
-    }
-    pocket_lock();
-    Object *q = object_of(queue_id, KIND_QUEUE);
-    if (q == NULL) {
-        status = OS_ERR_INVALID_ID;
-    } else if (size > q->size) {
-        status = OS_QUEUE_INVALID_SIZE;
-    } else if (q->n == q->depth) {
-        status = OS_QUEUE_FULL;
-    } else {
-        uint8 *item = item_at(q, q->n);
-        memset(item, 0, q->size);
-        memcpy(item, data, size);
-        q->n++;
-        pocket_wake_locked(q);
-    }
-    pocket_unlock();
-    return status;
-}
-
-int32 OS_QueueDelete(osal_id_t queue_id)
-{
-    return delete_object(queue_id, KIND_QUEUE);
 }
 
 /* ---- files */

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// OSAL: semaphores, queues and files, used by tasks at the same time.
+// OSAL: semaphores and files, used by tasks at the same time.
 #include "targets/cfs/testing/pocket.h"
 
 #include <atomic>
@@ -9,7 +9,7 @@ namespace {
 class Osal : public Pocket {};
 
 std::atomic<int> inside, most, count;
-osal_id_t mutex_id, binary, counting, queue, done;
+osal_id_t mutex_id, binary, counting, done;
 int shared; // guarded by the mutex only: the thread sanitizer watches
 
 extern "C" void adder(void)
@@ -42,42 +42,6 @@ TEST_F(Osal, AMutexLetsInOneTask)
     EXPECT_EQ(shared, 2000);
     EXPECT_EQ(most, 1);
     EXPECT_EQ(OS_MutSemGive(mutex_id), OS_SEM_FAILURE); // no task holds it
-}
-
-extern "C" void producer(void)
-{
-    const int n = count++;
-    for (int i = 0; i < 300; i++) {
-        const int item = 1000 * n + i;
-        while (OS_QueuePut(queue, &item, sizeof item, 0) == OS_QUEUE_FULL) {
-            OS_TaskDelay(1);
-        }
-    }
-}
-
-TEST_F(Osal, AQueueKeepsOrderAndLosesNothing)
-{
-    count = 0;
-    ASSERT_EQ(OS_QueueCreate(&queue, "q", 5, sizeof(int), 0), 0);
-    osal_id_t task;
-    for (int i = 0; i < 3; i++) {
-        ASSERT_EQ(OS_TaskCreate(&task, "producer", producer, nullptr, 16384, 50, 0), 0);
-    }
-    int next[3] = {0, 0, 0}, item;
-    std::size_t n;
-    for (int i = 0; i < 900; i++) {
-        ASSERT_EQ(OS_QueueGet(queue, &item, sizeof item, &n, 60000), 0);
-        ASSERT_EQ(n, sizeof item);
-        ASSERT_EQ(item % 1000, next[item / 1000]++);
-    }
-    EXPECT_EQ(OS_QueueGet(queue, &item, sizeof item, &n, OS_CHECK), OS_QUEUE_EMPTY);
-    EXPECT_EQ(OS_QueueGet(queue, &item, sizeof item, &n, 1), OS_QUEUE_TIMEOUT);
-    EXPECT_EQ(OS_QueueGet(queue, &item, 2, &n, OS_CHECK), OS_QUEUE_INVALID_SIZE);
-    for (int i = 0; i < 5; i++) {
-        EXPECT_EQ(OS_QueuePut(queue, &i, sizeof i, 0), 0);
-    }
-    EXPECT_EQ(OS_QueuePut(queue, &item, sizeof item, 0), OS_QUEUE_FULL);
-    EXPECT_EQ(OS_QueueCreate(&queue, "big", 1000, 1000, 0), OS_QUEUE_INVALID_SIZE);
 }
 
 extern "C" void pong(void)

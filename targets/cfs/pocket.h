@@ -16,7 +16,7 @@
 
 #include "cfe.h"
 
-/** An app that is linked with the program. */
+/** An app that is linked with the program. A restart leaves its static data as they are. */
 typedef struct PocketApp {
     const char *entry_name; ///< its name in start-up scripts
     void (*entry)(void);
@@ -42,8 +42,9 @@ typedef struct PocketCounts {
 
 /** Call it once, and again only after pocket_stop. `root` is the folder that holds cf and ram. */
 void pocket_boot(const char *root, const PocketApp *apps, uint32 n_apps);
-/** Start one app. */
-CFE_Status_t pocket_start_app(const char *entry_name, const char *name, uint32 priority, size_t stack_size);
+/** Start one app. file: its name below /cf without .so, if it is not linked with the program. */
+CFE_Status_t pocket_start_app(const char *file, const char *entry_name, const char *name, uint32 priority,
+                              size_t stack_size);
 /** Start the apps of a start-up script. Returns their number, or an error: then the console names the wrong lines, and
  *  no app runs. */
 int32 pocket_run_script(const char *path);

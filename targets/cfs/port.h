@@ -27,6 +27,11 @@ void port_block(int64 until_ns);
 /** Unblock task `slot`. The caller holds the lock. */
 void port_unblock(uint32 slot);
 
+/** Load the code of an app, the file NAME.so below /cf, and find its entry point; NULL: there is none. */
+void *port_load(const char *name, const char *entry_name, void (**entry)(void));
+/** Unload it: static data begin anew when it is loaded again. */
+void port_unload(void *code);
+
 /** [ns] of a monotonic clock. */
 int64 port_now(void);
 

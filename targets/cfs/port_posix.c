@@ -5,9 +5,11 @@
 #include "targets/cfs/config.h"
 #include "targets/cfs/port.h"
 
+#include <dlfcn.h>
 #include <fcntl.h>
 #include <limits.h>
 #include <pthread.h>
+#include <setjmp.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <string.h>
@@ -16,7 +18,7 @@
 
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
 static pthread_cond_t conditions[POCKET_TASKS];
-static pthread_key_t self_key;
+static pthread_key_t self_key, end_key;
 static pthread_once_t once = PTHREAD_ONCE_INIT;
 static void (*entries[POCKET_TASKS])(uint32);
 static char folder[256] = ".";
@@ -25,6 +27,7 @@ static void make_once(void)
 {
     pthread_condattr_t attributes;
     (void)pthread_key_create(&self_key, NULL);
+    (void)pthread_key_create(&end_key, NULL);
     (void)pthread_condattr_init(&attributes);
     (void)pthread_condattr_setclock(&attributes, CLOCK_MONOTONIC);
     for (uint32 i = 0; i < POCKET_TASKS; i++) {
@@ -55,11 +58,15 @@ void port_unlock(void)
 static void *run(void *slot)
 {
     const uint32 number = (uint32)(uintptr_t)slot;
+    jmp_buf end;
     (void)pthread_setspecific(self_key, slot);
+    (void)pthread_setspecific(end_key, &end);
     port_lock();
     void (*entry)(uint32) = entries[number];
     port_unlock();
-    entry(number);
+    if (setjmp(end) == 0) {
+        entry(number);
+    }
     return NULL;
 }
 
@@ -87,7 +94,7 @@ int port_task_start(uint32 slot, void (*entry)(uint32 slot), void *stack, size_t
 
 void port_task_end(void)
 {
-    pthread_exit(NULL);
+    longjmp(*(jmp_buf *)pthread_getspecific(end_key), 1); /* pthread_exit looks at code that is unloaded by now */
 }
 
 uint32 port_task_self(void)
@@ -134,6 +141,20 @@ static int translate(const char *path, char *to, size_t room)
     }
     const int n = snprintf(to, room, "%s%s", folder, path);
     return n > 0 && (size_t)n < room;
+}
+
+void *port_load(const char *name, const char *entry_name, void (**entry)(void))
+{
+    char path[512];
+    const int n = snprintf(path, sizeof path, "%s/cf/%s.so", folder, name);
+    void *code = n > 0 && (size_t)n < sizeof path && name[0] != '\0' ? dlopen(path, RTLD_NOW | RTLD_LOCAL) : NULL;
+    *(void **)entry = code != NULL ? dlsym(code, entry_name) : NULL;
+    return code;
+}
+
+void port_unload(void *code)
+{
+    (void)dlclose(code);
 }
 
 int32 port_file_open(const char *path, int access, int create, int truncate)

@@ -364,6 +364,7 @@ static CFE_Status_t deliver(const CFE_MSG_Message_t *m, size_t size, bool origin
             sb.messages[message].size = (uint32)size;
             if (origination) {
                 (void)CFE_MSG_SetSequenceCount(copy, sequence);
+                (void)CFE_MSG_SetMsgTime(copy, CFE_TIME_GetTime()); /* as Draco and 7.x; Caelum leaves it alone */
                 (void)CFE_MSG_GenerateChecksum(copy);
             }
         }

@@ -3,8 +3,8 @@
  *
  *     CFE_APP, nav, NAV_AppMain, NAV, 55, 16384, 0x0, 0;
  *
- * The fields are: kind, file, entry point, name, priority, stack size, load address, exception action. The pocket
- * ignores the file, because apps are linked, and the last two. A `!` ends the script. */
+ * The fields are: kind, file, entry point, name, priority, stack size, load address, exception action. An app that is
+ * not linked with the program is loaded from its file, /cf/nav.so. The last two are ignored. A `!` ends the script. */
 #include "targets/cfs/core.h"
 
 #include <stdio.h>
@@ -16,7 +16,8 @@
 #define MOST POCKET_APPS
 
 typedef struct Line {
-    char entry[OS_MAX_PATH_LEN];
+    char file[CFE_MISSION_MAX_FILE_LEN];
+    char entry[CFE_MISSION_MAX_FILE_LEN];
     char name[CFE_MISSION_MAX_API_LEN];
     uint32 priority;
     size_t stack;
@@ -72,8 +73,8 @@ static void read_line(Script *script, char *text)
         complain(script, "a line must have 8 fields", trimmed(text));
     } else if (strcmp(field[0], "CFE_APP") != 0) {
         complain(script, "the kind must be CFE_APP", field[0]);
-    } else if (pocket_program(field[2]) == NULL) {
-        complain(script, "the program has no such entry point", field[2]);
+    } else if (!pocket_program(field[1], field[2])) {
+        complain(script, "there is no such entry point", field[2]);
     } else if (strlen(field[2]) >= sizeof script->lines[0].entry || field[3][0] == '\0' ||
                strlen(field[3]) >= sizeof script->lines[0].name) {
         complain(script, "a name must have 1 to 19 characters", field[3]);
@@ -85,6 +86,7 @@ static void read_line(Script *script, char *text)
         complain(script, "there are too many apps", field[3]);
     } else {
         Line *line = &script->lines[script->n++];
+        (void)strcpy(line->file, field[1]);
         (void)strcpy(line->entry, field[2]);
         (void)strcpy(line->name, field[3]);
         line->priority = (uint32)priority;
@@ -131,7 +133,7 @@ int32 pocket_run_script(const char *path)
     }
     for (uint32 i = 0; i < script.n; i++) {
         const Line *line = &script.lines[i];
-        const CFE_Status_t status = pocket_start_app(line->entry, line->name, line->priority, line->stack);
+        const CFE_Status_t status = pocket_start_app(line->file, line->entry, line->name, line->priority, line->stack);
         if (status != CFE_SUCCESS) {
             OS_printf("start-up script: %s does not start: 0x%08X\n", line->name, (unsigned)status);
             return status;

@@ -204,6 +204,40 @@ TEST_F(Tables, TheGroundLoadsValidatesAndActivates)
     EXPECT_EQ(pocket_counts().table_commands, 3u);
 }
 
+TEST_F(Tables, ALoadOfTheGroundIsKeptFromTheOwner)
+{
+    ASSERT_EQ(CFE_TBL_Load(handle, CFE_TBL_SRC_FILE, write(good(2.5, 3))), 0);
+    now(CFE_TBL_INFO_UPDATED);
+    write(good(8, 4));
+    EXPECT_TRUE(ingest(command(CFE_TBL_CMD_MID, CFE_TBL_LOAD_CC, text("/cf/gains.tbl", 64))));
+    const Gains own{1, 1, 0};
+    EXPECT_EQ(CFE_TBL_Load(handle, CFE_TBL_SRC_ADDRESS, &own), CFE_TBL_ERR_LOAD_IN_PROGRESS);
+    EXPECT_TRUE(ingest(command(CFE_TBL_CMD_MID, CFE_TBL_VALIDATE_CC, text(std::string("\0\0HOST.Gains", 12), 42))));
+    EXPECT_EQ(CFE_TBL_Manage(handle), 0);
+    EXPECT_TRUE(ingest(command(CFE_TBL_CMD_MID, CFE_TBL_ACTIVATE_CC, text("HOST.Gains", 40))));
+    EXPECT_EQ(CFE_TBL_Manage(handle), 0);
+    EXPECT_EQ(now(CFE_TBL_INFO_UPDATED).n, 4u);
+}
+
+TEST_F(Tables, WhatIsActiveCanBeValidatedAndDumped)
+{
+    ASSERT_EQ(CFE_TBL_Load(handle, CFE_TBL_SRC_FILE, write(good(2.5, 3))), 0);
+    now(CFE_TBL_INFO_UPDATED);
+    const Bytes active = text(std::string("\1\0HOST.Gains", 12), 42);
+    EXPECT_TRUE(ingest(command(CFE_TBL_CMD_MID, CFE_TBL_VALIDATE_CC, active)));
+    EXPECT_EQ(CFE_TBL_Manage(handle), 0);
+    EXPECT_EQ(validations, 2);
+    Bytes dump = active;
+    const Bytes path = text("/ram/dump.tbl", 64);
+    dump.insert(dump.end(), path.begin(), path.end());
+    EXPECT_TRUE(ingest(command(CFE_TBL_CMD_MID, CFE_TBL_DUMP_CC, dump)));
+    EXPECT_EQ(pocket_counts().table_errors, 0u);
+    const Gains other{1, 1, 0};
+    ASSERT_EQ(CFE_TBL_Load(handle, CFE_TBL_SRC_ADDRESS, &other), 0);
+    ASSERT_EQ(CFE_TBL_Load(handle, CFE_TBL_SRC_FILE, "/ram/dump.tbl"), 0);
+    EXPECT_EQ(now(CFE_TBL_INFO_UPDATED).n, 3u);
+}
+
 TEST_F(Tables, WhatTheGroundGetsWrongIsCounted)
 {
     const auto refused = [&](unsigned code, const Bytes &payload) {
@@ -219,10 +253,11 @@ TEST_F(Tables, WhatTheGroundGetsWrongIsCounted)
     f.table = "NAV.Gains";
     write(f, "/cf/other.tbl");
     refused(CFE_TBL_LOAD_CC, text("/cf/other.tbl", 64));
-    refused(CFE_TBL_VALIDATE_CC, text(std::string("\1\0HOST.Gains", 12), 42));
-    refused(CFE_TBL_ACTIVATE_CC, text("HOST.Gains", 40)); // nothing is loaded
+    refused(CFE_TBL_VALIDATE_CC, text(std::string("\0\0HOST.Gains", 12), 42)); // nothing is loaded
+    refused(CFE_TBL_ACTIVATE_CC, text("HOST.Gains", 40));                      // nothing is loaded
     refused(CFE_TBL_ACTIVATE_CC, text("HOST.None", 40));
-    refused(3, text("", 42));
+    refused(CFE_TBL_DUMP_CC, text(std::string("\1\0HOST.None", 11), 2 + 40 + 64));
+    refused(CFE_TBL_DUMP_CC, text("", 42));
     refused(77, {});
     Bytes bad = command(CFE_TBL_CMD_MID, CFE_TBL_NOOP_CC);
     bad[7] ^= 0x10;

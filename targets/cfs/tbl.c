@@ -39,6 +39,7 @@ typedef struct Table {
     bool busy;    ///< its owner validates it, or a load is in progress
     bool good;    ///< the load passed validation
     bool validate_asked;
+    bool active; ///< what is to be validated: the table itself, not its load
     bool update_asked;
 } Table;
 
@@ -257,24 +258,26 @@ CFE_Status_t CFE_TBL_Validate(CFE_TBL_Handle_t TblHandle)
 {
     pocket_lock();
     Table *table = table_of_locked(TblHandle);
-    if (table == NULL || !table->validate_asked || table->load == NONE) {
+    if (table == NULL || !table->validate_asked) {
         pocket_unlock();
         return table == NULL ? CFE_TBL_ERR_INVALID_HANDLE : CFE_TBL_INFO_NO_VALIDATION_PENDING;
     }
     table->validate_asked = false;
     table->busy = true;
-    void *bytes = tbl.loads[table->load].bytes;
+    const bool active = table->active;
+    void *bytes = active ? tbl.pool.bytes + table->at : tbl.loads[table->load].bytes;
     pocket_unlock();
     const int32 verdict = table->validate != NULL ? table->validate(bytes) : CFE_SUCCESS;
     pocket_lock();
     table->busy = false;
-    table->good = verdict == CFE_SUCCESS;
+    table->good = active ? table->good : verdict == CFE_SUCCESS;
     pocket_unlock();
+    const char *what = active ? "table" : "load";
     if (verdict == CFE_SUCCESS) {
-        pocket_event("CFE_TBL", VALID_EVENT, CFE_EVS_EventType_INFORMATION, "%s: the load is valid", table->name);
+        pocket_event("CFE_TBL", VALID_EVENT, CFE_EVS_EventType_INFORMATION, "%s: the %s is valid", table->name, what);
     } else {
-        pocket_event("CFE_TBL", INVALID_EVENT, CFE_EVS_EventType_ERROR, "%s: the load is not valid: 0x%08X",
-                     table->name, (unsigned)verdict);
+        pocket_event("CFE_TBL", INVALID_EVENT, CFE_EVS_EventType_ERROR, "%s: the %s is not valid: 0x%08X", table->name,
+                     what, (unsigned)verdict);
     }
     return CFE_SUCCESS;
 }
@@ -384,12 +387,12 @@ static CFE_Status_t read_image(const Image *image, uint8 *bytes, uint32 size, bo
 }
 
 /* Give a table a buffer that holds a copy of its content. */
-static CFE_Status_t begin_load_locked(Table *table)
+static CFE_Status_t begin_load_locked(Table *table, bool ground)
 {
-    if (table->busy) {
+    if (table->busy || (table->load != NONE && !ground)) {
         return CFE_TBL_ERR_LOAD_IN_PROGRESS;
     }
-    drop_load_locked(table); /* a new load replaces one that is not active yet */
+    drop_load_locked(table); /* a new load of the ground replaces one that is not active yet */
     for (uint32 i = 0; i < POCKET_LOADS; i++) {
         if (!tbl.loading[i]) {
             tbl.loading[i] = true;
@@ -430,7 +433,7 @@ CFE_Status_t CFE_TBL_Load(CFE_TBL_Handle_t TblHandle, CFE_TBL_SrcEnum_t SrcType,
     }
     pocket_lock();
     Table *table = table_of_locked(TblHandle);
-    CFE_Status_t status = table == NULL ? CFE_TBL_ERR_INVALID_HANDLE : begin_load_locked(table);
+    CFE_Status_t status = table == NULL ? CFE_TBL_ERR_INVALID_HANDLE : begin_load_locked(table, false);
     pocket_unlock();
     if (status != CFE_SUCCESS) {
         return status;
@@ -471,7 +474,7 @@ static CFE_Status_t load_command(const char *path)
     }
     pocket_lock();
     Table *table = table_named_locked(image.table);
-    status = table == NULL ? CFE_TBL_ERR_FILE_FOR_WRONG_TABLE : begin_load_locked(table);
+    status = table == NULL ? CFE_TBL_ERR_FILE_FOR_WRONG_TABLE : begin_load_locked(table, true);
     pocket_unlock();
     if (status != CFE_SUCCESS) {
         (void)OS_close(image.file);
@@ -487,14 +490,14 @@ static CFE_Status_t load_command(const char *path)
     return status;
 }
 
-static CFE_Status_t request(const char *name, bool update)
+static CFE_Status_t request(const char *name, bool update, bool active)
 {
     CFE_Status_t status = CFE_SUCCESS;
     pocket_lock();
     Table *table = table_named_locked(name);
     if (table == NULL) {
         status = CFE_TBL_ERR_INVALID_NAME;
-    } else if (table->load == NONE) {
+    } else if (table->load == NONE && !active) {
         status = CFE_TBL_INFO_NO_UPDATE_PENDING;
     } else if (update && !table->good) {
         status = CFE_TBL_INFO_VALIDATION_PENDING;
@@ -502,21 +505,56 @@ static CFE_Status_t request(const char *name, bool update)
         table->update_asked = true;
     } else {
         table->validate_asked = true;
+        table->active = active;
     }
     pocket_unlock();
+    return status;
+}
+
+/* Write a table, or its load, into a file that can be loaded again. */
+static CFE_Status_t dump(const char *name, const char *path, bool active)
+{
+    const uint32 head[] = {CONTENT, TABLE_IMAGE, FILE_HEADER, 0, 0, 0, 0, 0};
+    uint8 header[FILE_HEADER + TABLE_HEADER] = {0};
+    static Bytes copy; /* only one task dumps */
+    CFE_Status_t status = CFE_TBL_ERR_ACCESS;
+    osal_id_t file;
+    pocket_lock();
+    const Table *table = table_named_locked(name);
+    const uint32 size = table != NULL ? table->size : 0u;
+    if (table != NULL && (active || table->load != NONE)) {
+        memcpy(copy.bytes, active ? tbl.pool.bytes + table->at : tbl.loads[table->load].bytes, size);
+    }
+    const bool there = table != NULL && (active || table->load != NONE);
+    pocket_unlock();
+    for (uint32 i = 0; i < 32u; i++) {
+        header[i] = (uint8)(head[i / 4u] >> (24u - 8u * (i % 4u)));
+    }
+    for (uint32 i = 0; i < 4u; i++) {
+        header[FILE_HEADER + 8u + i] = (uint8)(size >> (24u - 8u * i));
+    }
+    (void)pocket_name((char *)header + FILE_HEADER + 12, 40, name);
+    if (!there) {
+        return table == NULL ? CFE_TBL_ERR_INVALID_NAME : CFE_TBL_INFO_NO_UPDATE_PENDING;
+    }
+    if (OS_OpenCreate(&file, path, OS_FILE_FLAG_CREATE | OS_FILE_FLAG_TRUNCATE, OS_WRITE_ONLY) == OS_SUCCESS) {
+        const bool whole = OS_write(file, header, sizeof header) == (int32)sizeof header &&
+                           OS_write(file, copy.bytes, size) == (int32)size;
+        status = OS_close(file) == OS_SUCCESS && whole ? CFE_SUCCESS : CFE_TBL_ERR_ACCESS;
+    }
     return status;
 }
 
 void pocket_tbl_command(const CFE_MSG_Message_t *message, size_t size)
 {
     const uint8 *p = (const uint8 *)message;
-    char text[CFE_MISSION_MAX_PATH_LEN + 1] = {0};
+    char text[40 + CFE_MISSION_MAX_PATH_LEN + 1] = {0};
     CFE_MSG_FcnCode_t code = 0;
     bool valid = false;
     static const struct {
         size_t size;
         uint32 text;
-    } commands[] = {{8, 0}, {8, 0}, {8 + 64, 8}, {0, 0}, {8 + 2 + 40, 10}, {8 + 40, 8}};
+    } commands[] = {{8, 0}, {8, 0}, {8 + 64, 8}, {8 + 2 + 40 + 64, 10}, {8 + 2 + 40, 10}, {8 + 40, 8}};
     CFE_Status_t status = CFE_STATUS_WRONG_MSG_LENGTH;
     (void)CFE_MSG_ValidateChecksum(message, &valid);
     (void)CFE_MSG_GetFcnCode(message, &code);
@@ -528,10 +566,11 @@ void pocket_tbl_command(const CFE_MSG_Message_t *message, size_t size)
             if (start > 0u) {
                 memcpy(text, p + start, size - start);
             }
-            status = code == CFE_TBL_LOAD_CC ? load_command(text)
-                     : code == CFE_TBL_VALIDATE_CC
-                         ? (p[8] != 0u || p[9] != 0u ? CFE_TBL_BAD_ARGUMENT : request(text, false))
-                     : code == CFE_TBL_ACTIVATE_CC ? request(text, true)
+            const bool active = p[8] != 0u || p[9] != 0u;
+            status = code == CFE_TBL_LOAD_CC       ? load_command(text)
+                     : code == CFE_TBL_DUMP_CC     ? dump(text, text + 40, active)
+                     : code == CFE_TBL_VALIDATE_CC ? request(text, false, active)
+                     : code == CFE_TBL_ACTIVATE_CC ? request(text, true, false)
                                                    : CFE_SUCCESS;
         }
     }

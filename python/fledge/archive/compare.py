@@ -124,7 +124,7 @@ def _at(text, element):
 
 
 def chosen(a: Archive, b: Archive, topics: Iterable[str] | None = None) -> list[str]:
-    """The topics of two Archives with these names or endings; None: all."""
+    """The topics of two Archives with these names or endings, or of a process or instance by its name; None: all."""
     names = list(dict.fromkeys([*a.topics, *b.topics]))
     if topics is None:
         return names
@@ -133,6 +133,10 @@ def chosen(a: Archive, b: Archive, topics: Iterable[str] | None = None) -> list[
         dotted = topic.replace("/", ".").strip(".")
         exact = [n for n in names if n.strip("/").replace("/", ".") == dotted]
         hits = exact or [n for n in names if n.replace("/", ".").endswith("." + dotted)]
+        within = [n for n in names if n.strip("/").replace("/", ".").startswith(dotted + ".")]
+        if within and not hits:
+            wanted += within
+            continue
         if len(hits) != 1:
             raise ArchiveError(f"there is {'no' if not hits else 'more than one'} topic {topic}; there are "
                                f"{listed(sorted(n.strip('/').replace('/', '.') for n in hits or names))}")

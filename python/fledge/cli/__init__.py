@@ -393,6 +393,7 @@ def main(arguments: list[str] | None = None) -> int:
     cut = arguments.index("--") if "--" in arguments else len(arguments)
     options = parser().parse_args(arguments[:cut])
     options.after_dashes = arguments[cut + 1:]
+    options.words = arguments
     if isinstance(sys.stdout, io.TextIOWrapper):    # a character that the user's encoding lacks is no error
         sys.stdout.reconfigure(errors="backslashreplace")
     try:

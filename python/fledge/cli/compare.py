@@ -19,7 +19,8 @@ def add(command: Callable) -> None:
     one = command("compare", compare, "show where two records first differ",
                   "compare runs/nadir_spin/fly/desktop.mcap runs/nadir_spin/fly/linux.mcap")
     one.add_argument("runs", nargs=2, metavar="RUN", help=WHAT)
-    one.add_argument("--topics", nargs="+", metavar="TOPIC", help="only these, as in tracking.error; default: all")
+    one.add_argument("--topics", nargs="+", metavar="TOPIC", help="only these, as in tracking.error, or "
+                     "those of a process or module, as in chief; default: all")
     one.add_argument("--ignore", nargs="+", default=[], metavar="FIELD", help="fields that do not count, as in "
                      "head.sequence")
     one.add_argument("--tolerance", type=number(), default=0.0, metavar="X", help="differences of numbers up to this "

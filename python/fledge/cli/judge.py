@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import shlex
-import sys
 from pathlib import Path
 
 from fledge.cli.console import Plots, say, trace
@@ -60,6 +59,6 @@ def judge(options: argparse.Namespace, job: Job, target: str, records: dict[str,
     path = sim.close_archive(outcome=problem or "passed", ended=f"{sim.time:g} s")
     page = report.write(folder / "report.html", Outcome(
         "failed" if problem else "passed", (problem or "").removeprefix("failed: "), Path(path) if path else None,
-        plots.whole(), shlex.join(["./fledge", *sys.argv[1:]])))
+        plots.whole(), shlex.join(["./fledge", *options.words])))
     say(f"  report   {page}")
     return problem or ""

@@ -50,6 +50,8 @@ def add(command: Callable) -> None:
     one.add_argument("--record", metavar="DIR", help="write the record of this process into DIR/NODE.mcap")
     one.add_argument("--outputs", metavar="FILE", help="write a record of all outputs of this process, at each of its "
                      "instants")
+    one.add_argument("--script", metavar="FILE", help="commands to this flight process: lines of a time [ns] and the "
+                     "bytes of a packet in hexadecimal; each comes before the first instant after its time")
     one.add_argument("--keys", metavar="PATH", help="the keys of this node (fledge keys); default: FLEDGE_KEYS")
     seconds = number("a number of seconds")
     one.add_argument("--patience", type=seconds, default=60.0, metavar="S", help="how long to wait for the controller; "
@@ -70,6 +72,8 @@ def node(options: argparse.Namespace) -> int:
         sim.process(name)  # raises for an unknown name
     if options.outputs and (options.record or len(names) > 1):
         raise Failure("node: --outputs is for one process, and writes its only record; leave out --record")
+    if options.script and (len(names) > 1 or names[0] not in [flight.name for flight in sim.flights]):
+        raise Failure("node: --script is for one flight process")
     if len(names) > 1 and options.name:
         raise Failure("node: --name is for one process; several are called as they are")
     if options.record:
@@ -94,6 +98,15 @@ def _one(sim, scenario, process, options, crossing=None, address=None, quiet=Fal
     part = cosim.split(sim, process, crossing)
     if options.outputs:
         sim.record(*sim.process(process))
+    if options.script:
+        from fledge.commands import read_script
+
+        try:
+            packets = read_script(Path(options.script).read_text(encoding="utf-8"))
+        except ValueError as error:
+            raise Failure(f"node: --script {options.script}: expected lines of a time [ns] and hexadecimal: {error}"
+                          ) from None
+        sim.process(process).commands.script(packets)
     for log in sim.records:
         log.keep = False    # it goes into the file; this program may run for weeks
     name = options.name or (not quiet and os.environ.get("FLEDGE_NODE")) or process

@@ -148,12 +148,13 @@ OwnEvent add_event(sim::Process &process, const std::string &name, py::object wh
     return {&process, process.add_event(std::move(event))};
 }
 
-/// times: [ns] as int64 in bytes, as numpy has them; messages: their bytes.
-void play(sim::Process &process, py::handle output, const py::bytes &times, const py::bytes &messages)
+/// times: [ns] as int64 in bytes, as numpy has them; messages: their bytes; sent: they are what other processes read.
+void play(sim::Process &process, py::handle output, const py::bytes &times, const py::bytes &messages, bool sent)
 {
     const sim::Port port = port_of(output);
     const std::string_view t = times, bytes = messages;
-    sim::Played played{port.field, std::vector<Ns>(t.size() / sizeof(Ns)), std::vector<std::byte>(bytes.size())};
+    sim::Played played{
+        port.field, std::vector<Ns>(t.size() / sizeof(Ns)), std::vector<std::byte>(bytes.size()), sent, {}};
     std::memcpy(played.times.data(), t.data(), played.times.size() * sizeof(Ns));
     std::memcpy(played.bytes.data(), bytes.data(), bytes.size());
     process.play(*port.instance, std::move(played));
@@ -315,7 +316,7 @@ void bind_simulation(py::module_ &m)
         .def_property(
             "armed", [](const OwnEvent &e) { return e.process->armed(*e.event); },
             [](const OwnEvent &e, bool armed) { e.process->arm(*e.event, armed); })
-        .def_property_readonly("waits", [](const OwnEvent &e) { return e.process->waits(*e.event); })
+        .def_property_readonly("arming", [](const OwnEvent &e) { return e.process->arming(*e.event); })
         .def_property_readonly("fired_at", [](const OwnEvent &e) { return e.process->fired_at(*e.event); })
         .def_property_readonly("condition", [](const OwnEvent &e) { return e.event->condition; })
         .def_property_readonly("until", [](const OwnEvent &e) { return e.event->until; })
@@ -373,11 +374,19 @@ void bind_simulation(py::module_ &m)
         .def_property_readonly("mode", &sim::Process::mode)
         .def_property_readonly("asked", &sim::Process::asked)
         .def("set_dictionary", set_dictionary)
-        .def_property_readonly("has_dictionary", [](const sim::Process &p) { return p.dictionary() != nullptr; })
         .def("command",
              [](sim::Process &p, const py::bytes &bytes) {
                  const std::string_view view = bytes;
                  return static_cast<int>(p.command({view.begin(), view.end()}));
+             })
+        .def("set_script",
+             [](sim::Process &p, const std::vector<std::pair<Ns, py::bytes>> &rows) {
+                 std::vector<sim::ScriptedCommand> script;
+                 for (const auto &[after, packet] : rows) {
+                     const std::string_view view = packet;
+                     script.push_back({after, {view.begin(), view.end()}});
+                 }
+                 p.set_script(std::move(script));
              })
         .def("take_reports", reports, "(t, sequence, code, executed, reason, detail, bytes read back) of each")
         .def_property_readonly(

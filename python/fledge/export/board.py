@@ -348,7 +348,9 @@ def header(mission: Mission) -> str:
 
 def source(mission: Mission, boards: Sequence[Board], found: list[Lane]) -> str:
     name, upper = mission.name, mission.name.upper()
-    lines = [*written(mission), f'#include "{name}_io.h"', "", *(f'#include "{b.name}.h"' for b in boards)]
+    kinds = any(one.tag is not None for one in found)
+    lines = [*written(mission), f'#include "{name}_io.h"', *['#include "targets/mission_packets.h"']
+             * kinds, "", *(f'#include "{b.name}.h"' for b in boards)]
     whole = {one.message.struct.name: one.message.struct for one in found if one.number is None}
     for struct in whole.values():
         declared = f"const RegisterMessage fledge_message_{struct.name}"
@@ -364,12 +366,11 @@ def source(mission: Mission, boards: Sequence[Board], found: list[Lane]) -> str:
     places = packet_lanes(boards)
     room = max((lane.capacity for b in boards for one in b.snorkels if one.carries == "commands" for lane in one.lanes),
                default=0)
-    kinds = any(one.tag is not None for one in found)
     lines += [*["};"] * bool(found), *_packets(boards, found), "",
               *([f"static uint8_t packet[{room}];", ""] if room else []), f"const MissionIo {name}_io = {{",
               f"    {name}_messages, boards, {'lanes' if found else 0}, {upper}_MESSAGES, {len(boards)}u, "
               f"{len(found)}u,",
-              "    sizeof packets / sizeof packets[0], packets, scratch," if kinds else "    0u, 0, 0,",
+              "    &packets," if kinds else "    0,",
               *(f"    {places.get(what, '{MISSION_NO_BOARD, 0u}')}," for what in PACKETS),
               f"    {'packet' if room else '0'}, {room}u", "};", ""]
     return "\n".join(lines)
@@ -389,8 +390,9 @@ def _packets(boards: Sequence[Board], found: list[Lane]) -> list[str]:
         lines.append(f"static uint8_t packet_{len(lines)}[{size + 1}];")
         rows += row(f"{board}u", f"{boards[board].name.upper()}_LANE_{lane.name.upper()}", f"{size}u", f"{tag}u",
                     f"{int(lane.newest)}u", f"packet_{len(lines) - 1}")
-    return ["", *lines, f"static uint8_t scratch[{longest}];", "", "static const MissionPacket packets[] = {", *rows,
-            "};"] if rows else []
+    return ["", *lines, f"static uint8_t scratch[{longest}];", "", "static const MissionPacket kinds[] = {", *rows, "};",
+            "", "static const MissionPackets packets = {&mission_packet_functions, kinds, sizeof kinds / sizeof kinds[0],",
+            "                                       scratch};"] if rows else []
 
 
 def packet_lanes(boards: Sequence[Board]) -> dict[str, str]:

@@ -78,7 +78,7 @@ class OnBoard(Compiled):
         flags = [f for f in STRICT if f != "-Wstrict-prototypes"]
         sources = [path for path in written if path.suffix == ".c" and path.stem != mission.name]
         library = [ROOT / f"{name}.c" for name in ("registers/lane", "registers/field", "registers/clock",
-                                                   "registers/message", "targets/mission_io")]
+                                                   "registers/message", "targets/mission_io", "targets/mission_packets")]
         subprocess.run(["gcc", *flags, "-O2", "-shared", "-fPIC", "-I", folder, "-I", ROOT, "-o", so, glue, *sources,
                         *library, self.so._name], check=True)
         self.board = ctypes.CDLL(str(so))

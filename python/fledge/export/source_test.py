@@ -142,7 +142,7 @@ def test_a_wire_from_another_flight_process_is_an_input(two):
     assert [(m.path, m.name, m.latency, m.ends) for m in fast.inputs + slow.inputs] == [
         ("slow.turn.reference", "slow_turn_reference", "next_instant", ["fast.top.base"]),
         ("fast.turn.reference", "fast_turn_reference", "same_instant", ["slow.turn.base"]),
-        ("fast.still.reference", "fast_still_reference", "next_instant", ["slow.own.base"])]
+        ("fast.still.reference", "fast_still_reference", "same_instant", ["slow.own.base"])]
     assert [w.stale_after for wires in slow.wires.values() for w in wires] == [500_000_000, 0]  # configuration never is
     assert [(m.path, m.direction) for m in fast.outputs] == [("fast.still.reference", "out"),
                                                              ("fast.turn.reference", "out"),

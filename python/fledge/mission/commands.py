@@ -54,9 +54,7 @@ class Commands:
         self._attach()
 
     def _attach(self):
-        """Give the dictionary to the kernel, which forgets it when the structure of the mission changes."""
-        if self._core.has_dictionary:
-            return
+        """Give the dictionary to the kernel."""
         process = self._process()
         rows = []
         for block in self.dictionary.blocks:
@@ -121,6 +119,10 @@ class Commands:
     def send(self, packet: bytes) -> list[Report]:
         """Send any bytes."""
         return self._send([packet])
+
+    def script(self, packets: Iterable[tuple[int, bytes]]) -> None:
+        """Send packets at times [ns], which rise: each before the first instant after its time."""
+        self._core.set_script(list(packets))
 
     # --- what became of them ---
 

@@ -30,12 +30,11 @@ def crossing_wires(simulation: Simulation) -> list[Crossing]:
         if writer == reader:
             continue
         field = _field(simulation, port)
-        name = "next_exchange" if latency else (
-            "same_instant" if order.index(writer) < order.index(reader) else "next_instant")
         owner = source.rpartition(".")[0]
         if owner not in run and isinstance(_instance(simulation, owner), _core.Module):
-            # Configuration: written once, before the first step, and never stale.
-            name, stale_after = "next_instant", 0
+            latency = stale_after = 0   # configuration: carried when it is published, and never stale
+        name = "next_exchange" if latency else (
+            "same_instant" if order.index(writer) < order.index(reader) else "next_instant")
         found.append(Crossing("/" + source.replace(".", "/"), source, port, name, stale_after, field.struct,
                               field.optional))
     return found

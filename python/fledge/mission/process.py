@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 from fledge import _core
 from fledge.elements import ELEMENTS
 from fledge.errors import SetupError, did_you_mean, listed
-from fledge.mission.commands import Commands
+from fledge.mission.commands import Commands, dictionary
 from fledge.objects.measured import Measured, flat_index, unit_after
 from fledge.objects.si import short_name, time_ns
 from fledge.objects.wires import Wire, caller
@@ -234,9 +234,9 @@ class Event:
         self._core.armed = bool(value)
 
     @property
-    def waits(self) -> bool:
-        """Whether it has fired, and will arm itself again."""
-        return self._core.waits
+    def arming(self) -> int:
+        """1: it is armed; 0: not before something arms it; -1: it has fired, and arms itself again."""
+        return self._core.arming
 
     @property
     def condition(self) -> Any:
@@ -576,7 +576,8 @@ class Flight(Process):
     @property
     def commands(self) -> Commands:
         """Commands by packets, as its targets get them."""
-        if self._commands is None or not self._core_process.has_dictionary:
+        known = self._commands
+        if known is None or self._core_simulation.time < 0 and known.dictionary != dictionary(self):
             object.__setattr__(self, "_commands", Commands(self, self._core_process))
         return self._commands
 

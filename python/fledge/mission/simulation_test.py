@@ -589,3 +589,22 @@ def test_a_simulation_of_several_spacecraft():
         sim.add_flight("b c")
     with pytest.raises(fledge.SetupError, match="fleet has no process 'c'; it has w, a, b"):
         sim.process("c")
+
+
+def test_what_an_event_sets_reaches_a_process_that_runs_later_at_the_same_instant():
+    """As where each process is a program of its own: there the event has happened before the other steps."""
+    sim = fledge.Simulation("events", empty=True)
+    early, first, later = (sim.add_flight(name) for name in ("early", "first", "later"))
+    first.still = fsw.InertialPointing()
+    for f in (early, first, later):
+        f.turn = fsw.EulerRotation(rates=[0.1 * (f is first), 0, 0])
+        f.connect(first.still.reference >> f.turn.base)
+        f.task("turn", every=1, run=[f.turn])
+    first.event("now", when=first.watch(first.turn.euler).angles[0] > 0.45, once=True,
+                set=[(first.watch(first.still).sigma_RN, [0.5, 0, 0])])
+    seen = {f.name: sim.record(f.turn.reference, every=1) for f in (early, later)}
+    sim.run(8)
+    assert first.now.fired_at == 5
+    for name, at in (("early", 6), ("later", 5)):
+        log = seen[name]
+        assert log.time[(log["reference.sigma_RN"][:, 0] > 0.4).argmax()] == at, name

@@ -24,9 +24,10 @@ FLAGS = ["-std=c99", "-Os", "-pedantic", "-Wall", "-Wextra", "-ffp-contract=off"
          "-DFILE_SINK_PATH_MAX=256"]
 
 COMMAND = ["flight/command/command.c", "flight/command/rules.c", "flight/telemetry/telemetry.c"]
-RUNNER = ["targets/mission_io.c", "targets/mission_host.c", "targets/linux/main.c", "targets/linux/pace.c",
-          "record/mcap.c", "record/mcap_crc.c", "record/file_sink.c", "registers/lane.c", "registers/field.c",
-          "registers/clock.c", "registers/message.c", "registers/shared_file.c"]
+RUNNER = ["targets/mission_io.c", "targets/mission_packets.c", "targets/mission_host.c", "targets/linux/main.c",
+          "targets/linux/pace.c", "record/mcap.c", "record/mcap_crc.c", "record/file_sink.c", "registers/lane.c",
+          "registers/field.c", "registers/clock.c", "registers/message.c", "registers/shared_file.c"]
+TABLES = ["targets/mission_packets.c", "registers/lane.c", "registers/field.c"]    # what a mission's tables refer to
 
 
 def math_sources() -> list[Path]:
@@ -55,6 +56,7 @@ def program(folder: Path | str, name: str, sources: Sequence[Path], includes: Se
     if not shutil.which(compiler):
         raise Failure(f"{compiler} is not installed")
     flags = [*FLAGS, *flags, *(f"-I{path}" for path in includes)]
+    cached = "ccache " if shutil.which("ccache") else ""    # most sources are the same for all missions
     objects: list[str] = []
     lines: list[str] = []
     for source in sources:
@@ -63,7 +65,7 @@ def program(folder: Path | str, name: str, sources: Sequence[Path], includes: Se
         lines.append(f"build {stem}: cc {_escaped(source)}")
     whole = f"{name}.o"
     text = "\n".join([
-        "builddir = .", "rule cc", f"  command = {compiler} {_words(flags)} -MMD -MF $out.d -c $in -o $out",
+        "builddir = .", "rule cc", f"  command = {cached}{compiler} {_words(flags)} -MMD -MF $out.d -c $in -o $out",
         "  depfile = $out.d", "  deps = gcc", "  description = compiling $in",
         "rule link", f"  command = {compiler} $in {_words(link)} -Wl,--gc-sections -o $out",
         "  description = linking $out",

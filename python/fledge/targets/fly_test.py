@@ -10,6 +10,7 @@ import os
 import re
 import shutil
 import signal
+import struct
 import subprocess
 import sys
 import time
@@ -139,7 +140,12 @@ def all(sim):
     f.commands.mode("point")
     sim.run(4 * s)
     f.commands.load(f.control, f.control)
-    f.commands.reset()
+    stage, commit = f.commands.packets.load("flight.control", bytes(104))
+    f.commands.send(stage)
+    f.commands.reset()                              # in the middle of a block
+    f.commands.send(commit)
+    f.commands.send(f.commands.packets.packet(2, b"\\0\\1", version=1))
+    f.commands.send(f.commands.packets.packet(2, b"\\0\\7"))
     f.commands.publish(f.wheels)
     sim.run(7 * s)
     f.start.armed = False
@@ -148,6 +154,15 @@ def all(sim):
     sim.run(5 * s)
     f.commands.reset_counters()
     sim.run(1 * s)
+
+def downlink(sim):
+    f = sim.flight
+    f.commands.telemetry()
+    f.commands.telemetry("flight.switch.reference", every=3)
+    sim.run(5 * s)
+    f.commands.telemetry("flight.spin.reference", on=False)
+    f.commands.telemetry("housekeeping", every=10)
+    sim.run(5 * s)
 
 def world(sim):
     sim.run(5 * s)
@@ -196,13 +211,14 @@ def test_what_a_scenario_changes_is_commanded_on_every_target(tmp_path, capsys):
     from fledge.commands import Code, Reason
     from fledge.targets.job import Job
 
-    on = [name for name in ("linux", "aarch64", "sparc64") if not TARGETS[name].missing()]
+    on = [name for name in ("linux", "aarch64", "sparc64", "cfs") if not TARGETS[name].missing()]
     mission, out = plays(tmp_path), tmp_path / "out"
     assert cli.main(["fly", str(mission), "all", "--on", ",".join(on), "--out", str(out)]) == 0, capsys.readouterr()
     sim = fledge.load(mission)
     sim.scenarios["all"]()
     expected = [one._replace(sequence=0) for one in sim.flight.commands.reports]
-    assert {one.reason for one in expected} == {Reason.OK, Reason.RULE, Reason.LENGTH}
+    assert {one.reason for one in expected} == {Reason.OK, Reason.RULE, Reason.LENGTH, Reason.VERSION, Reason.PLACE,
+                                                Reason.NOT_STAGED}
     assert {one.code for one in expected if one.executed} == set(Code) - {Code.STAGE, Code.COMMIT} | {4, 5}
     job = Job(str(mission), "all", folder=out)
     direct = {Code.MODE: 1, Code.WRITE: 3, Code.ARM: 2}     # what it changed otherwise, as commands
@@ -229,6 +245,151 @@ def test_changes_that_no_target_takes_are_refused(play, complaint, tmp_path, cap
     assert cli.main(["fly", str(mission), play, "--out", str(tmp_path / "out")]) == (1 if play == "fails" else 2)
     assert complaint in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_commands_reach_a_process_on_the_desktops_code_beside_targets(tmp_path, capsys):
+    """Configuration that crosses, parameters and a reset, each process on either side."""
+    from fledge.export.source_test import MISSION
+
+    mission = tmp_path / "two"
+    mission.mkdir()
+    (mission / "mission.py").write_text(MISSION)
+    (mission / "scenarios.py").write_text("""
+def changes(sim):
+    fast, slow = sim.flights
+    sim.run(3)
+    fast.still.sigma_RN = [0.3, 0.2, 0.1]
+    slow.turn.rates = [1, 1, 1]
+    sim.run(2.6)
+    slow.commands.reset()
+    fast.commands.write("top", rates=[3, 0, 0])
+    sim.run(3)
+""")
+    other = "sparc64" if not TARGETS["sparc64"].missing() else "linux"
+    for on in ("fast=linux", f"slow={other}", f"fast={other},slow=linux"):
+        out = tmp_path / on
+        assert cli.main(["fly", str(mission), "changes", "--on", on, "--out", str(out)]) == 0, capsys.readouterr()
+        rows = [line for line in capsys.readouterr().out.splitlines() if " on " in line]
+        assert len(rows) == 4 and all(" none " in row for row in rows[2:])
+
+
+def test_telemetry_is_what_the_record_has(tmp_path):
+    """Each packet of each output, its rate and its header, on machines of both byte orders."""
+    from fledge import export
+    from fledge.commands import decoded, read_script
+
+    on = [name for name in ("linux", "sparc64") if not TARGETS[name].missing()]
+    out = str(tmp_path / "out")
+    assert cli.main(["fly", str(plays(tmp_path)), "downlink", "--on", ",".join(on), "--out", out]) == 0
+    mission = export.read(fledge.load(tmp_path / "plays"))
+    found = export.dictionary(mission)
+    for name in on:
+        packets = read_script((tmp_path / f"out/{name}.telemetry.txt").read_text())
+        record, sequences = Archive(tmp_path / f"out/{name}.mcap"), {}
+        for t, raw in packets:
+            stream, sequence, length, seconds, part, order = struct.unpack(">HHHIHB", raw[:13])
+            assert sequence == 0xC000 + sequences.get(stream, 0) and length == len(raw) - 7
+            assert abs(seconds + part / 65536 - t / 1e9) < 1 / 65536 or stream == 0x881
+            assert order == (2 if name == "sparc64" else 1)
+            sequences[stream] = sequences.get(stream, 0) + 1
+        contents = [(t, decoded(found, raw)) for t, raw in packets]
+        for place, output in enumerate(found.outputs):
+            times = record.time_ns(export.host.topic(output.path))
+            written = np.diff(record[f"{output.path}.head.sequence"], prepend=0) != 0
+            written = [int(t) for t, new in zip(times, written) if new]
+            if output.path == "flight.switch.reference":
+                written = written[2::3]
+            if output.path == "flight.spin.reference":
+                written = [t for t in written if t <= 5 * 10**9]
+            sent = [(t, one) for t, one in contents if one.path == output.path]
+            assert [t for t, _ in sent] == written and sequences.get(0x882 + place, 0) == len(written)
+            for t, one in sent:
+                now = int(np.searchsorted(times, t))
+                for field, value in one.content.items():
+                    if field != "head" and not isinstance(value, (dict, str)) and not isinstance(
+                            np.asarray(value).flat[0], (dict, str)):
+                        assert np.array_equal(record[f"{output.path}.{field}"][now], value)
+                assert one.content["head"]["sequence"] == record[f"{output.path}.head.sequence"][now]
+        assert sequences[0x882 + [o.path for o in found.outputs].index("flight.tracking.error")] > 50
+        housekeeping = [(t, one.content) for t, one in contents if one.path == "housekeeping"]
+        assert [t for t, _ in housekeeping][-1] > 9 * 10**9 and all(one["t"] == t for t, one in housekeeping)
+        assert housekeeping[0][1]["accepted"] == 2 and housekeeping[-1][1]["executed"] == 4
+        assert found.modes[housekeeping[-1][1]["mode"]] == "point"
+
+
+# --- several flight processes ----------------------------------------------------------------------
+
+@pytest.fixture(scope="module")
+def two(tmp_path_factory):
+    """Two flight processes that read one another, and no world."""
+    from fledge.export.source_test import MISSION
+
+    folder = tmp_path_factory.mktemp("several") / "two"
+    folder.mkdir()
+    (folder / "mission.py").write_text(MISSION)
+    return folder
+
+
+def test_each_flight_process_flies_on_a_target_of_its_own(two, capsys):
+    far = "linux" if TARGETS["sparc64"].missing() else "sparc64"
+    out = two.parent / "out"
+    assert cli.main(["fly", str(two), "--free", "--for", "30s", "--on", f"linux,slow={far}", "--out", str(out)]) == 0
+    rows = [line.split() for line in capsys.readouterr().out.splitlines() if " on " in line]
+    assert [row[:4] for row in rows] == [["fast", "on", "desktop", "121"], ["slow", "on", "desktop", "31"],
+                                         ["fast", "on", "linux", "121"], ["slow", "on", "linux", "31"],
+                                         ["fast", "on", "desktop", "121"], ["slow", "on", far, "31"]]
+    assert [row[4] for row in rows[:2]] == [row[4] for row in rows[2:4]] == [row[4] for row in rows[4:]]
+    assert all(row[5] == "none" for row in rows[2:])
+    for record in ("fast/linux", "slow/linux", "fast/node", f"slow/{far}"):
+        assert len(Archive(out / f"{record}.mcap").time_ns("turn.reference")) in (121, 31)
+
+
+def test_configuration_that_crosses_arrives_when_it_is_published(tmp_path):
+    """At the next instant of the process that has it: there at once for the process that runs later, and at the next
+    instant of one that ran before."""
+    mission = tmp_path / "crossing"
+    mission.mkdir()
+    (mission / "mission.py").write_text('''
+from fledge import flight as fsw
+
+
+def build(sim):
+    early, middle, late = sim.add_flight("early"), sim.add_flight("middle"), sim.add_flight("late")
+    middle.still = fsw.InertialPointing(sigma_RN=[0.1, 0.2, 0.3])
+    for f, every in ((early, 0.1), (middle, 0.5), (late, 0.25)):
+        f.turn = fsw.EulerRotation()
+        f.connect(middle.still.reference >> f.turn.base)
+        f.task("work", every=every, run=[f.turn])
+''')
+    (mission / "scenarios.py").write_text('''
+def change(sim):
+    sim.run(1.8)
+    sim.process("middle").still.sigma_RN = [0.3, 0.2, 0.1]
+    sim.run(1.2)
+''')
+    assert cli.main(["fly", str(mission), "--on", "linux", "--out", str(tmp_path / "out")]) == 0
+    for process, first in (("early", 2.1), ("middle", 2.0), ("late", 2.0)):
+        with Archive(tmp_path / f"out/{process}/linux.mcap") as record:
+            turned = record["turn.reference.sigma_RN"][:, 0] > 0.2
+            assert record.time("turn.reference")[np.argmax(turned)] == first and turned[-1]
+
+
+def test_a_difference_in_one_process_is_seen_in_the_others(two, capsys, monkeypatch):
+    real = Linux.build
+
+    def spoiled(self, part):
+        source = next((path for path in part.written if path.name == "two_slow.c"), None)
+        if source:
+            source.write_text(source.read_text().replace("turn.par.rates = vec3(3.0,", "turn.par.rates = vec3(3.5,"))
+        return real(self, part)
+
+    monkeypatch.setattr(Linux, "build", spoiled)
+    assert cli.main(["fly", str(two), "--free", "--for", "5s", "--on", "slow=linux", "--out",
+                     str(two.parent / "other")]) == 1
+    fast, slow = (line for line in capsys.readouterr().out.splitlines()[4:6])
+    # Both in the first second: slow at 0 s writes what fast reads from 0.25 s on.
+    assert "fast on desktop" in fast and "t = 0.25 s  fast.top." in fast
+    assert "slow on linux" in slow and "t = 0 s  slow.turn." in slow
 
 
 def test_without_a_scenario(folder, capsys):

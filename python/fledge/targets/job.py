@@ -31,14 +31,15 @@ class Part:
     def __init__(self, job: Job, mission: Mission, boards: Sequence[Path | str], folder: Path) -> None:
         self.job, self.mission, self.process, self.folder = job, mission, mission.process, folder
         self.boards = [Path(path).resolve() for path in boards]
+        self.instants: Any = None       # [ns] of the desktop's flight
         self.outputs = [export.host.topic(m.path) for m in mission.outputs]
-        self.script = [Timed(one.after, one.packet) for one in job.script if one.process == self.process]
+        self.script: list[Timed] = [Timed(one.after, one.packet) for one in job.script if one.process == self.process]
         self.files = (export.emit_board(mission, self.boards) | export.emit_commands(mission)
                       | export.emit_host(mission))
         self.rounds = any(field.carries for board in self.described() for snorkel in board.snorkels
                           for field in snorkel.fields)      # some numbers pass as counts
-        if self.script and self.boards and not any(snorkel.carries == "commands" for board in self.described()
-                                                   for snorkel in board.snorkels):
+        if self.script and self.boards and not any(lane.carries == "commands" for board in self.described()
+                                                   for lane in board.lanes):
             raise Failure(f"the scenario {job.scenario} changes {self.process} between its runs, by commands, which no "
                           f"snorkel of {', '.join(path.name for path in self.boards)} carries; add one with carries = "
                           "\"commands\"")
@@ -82,7 +83,7 @@ class Part:
     def roots(self) -> list[Path]:
         """The folders with headers and sources of modules."""
         own = project.folder()
-        return [*([own] if own else []), build.ROOT]
+        return [*self.job.roots, *([own] if own else []), build.ROOT]
 
     def sources(self) -> list[Path]:
         """All sources of flight: the exported ones, those of its modules, of commands, and flight/math."""
@@ -95,7 +96,8 @@ class Part:
 
     def tables(self) -> Path:
         """The mission and its boards as data for the outside: a shared object for this machine."""
-        return build.program(self.folder / "tables", f"{self.mission.name}.so", self.sources(), self.includes(),
+        sources = [*self.sources(), *(build.ROOT / path for path in build.TABLES)]
+        return build.program(self.folder / "tables", f"{self.mission.name}.so", sources, self.includes(),
                              flags=["-fPIC"], link=["-shared", "-Wl,-z,defs"], entry="fledge_mission")
 
     def fields(self) -> list[str]:
@@ -104,9 +106,12 @@ class Part:
                 for name, _, _ in export.leaves(m.struct.fields)]
 
     def is_instant(self, t: np.ndarray) -> np.ndarray:
-        """Of an array of times [ns], which are its: on the grid of any of its tasks."""
+        """Of an array of times [ns], which are its: on the grid of any of its tasks. Once the desktop has flown, only
+        those at which a task was active there: a target also ticks when none is."""
         import numpy as np
 
+        if self.instants is not None:
+            return np.isin(t, self.instants)
         found = np.zeros(len(t), bool)
         for task in self.mission.tasks:
             found |= (t >= task.offset) & ((t - task.offset) % task.period == 0)
@@ -124,13 +129,15 @@ class Job:
     scenario: its name; None: the mission's first. duration: [s]; None: as long as the scenario runs. The desktop
     rehearses the scenario: its changes of flight between its runs go to targets as commands.
     boards: files of boards, by flight process; "" stands for the only one. free: take no scenario.
-    parameters: of the mission, as fledge.load() takes them.
+    parameters: of the mission, as fledge.load() takes them. roots: further folders with headers and sources of
+    modules.
     """
 
     def __init__(self, mission: str, scenario: str | None = None, duration: float | None = None, seed: int = 0,
                  boards: Mapping[str, Sequence[Path | str]] | None = None, folder: Path | str | None = None,
-                 free: bool = False, parameters: dict[str, Any] | None = None) -> None:
+                 free: bool = False, parameters: dict[str, Any] | None = None, roots: Sequence[Path] = ()) -> None:
         self.asked, self.parameters, self.seed = mission, parameters or {}, seed    # as other programs are to load it
+        self.roots = list(roots)
         play = rehearse(mission, scenario, duration, seed, free, self.parameters)
         self.scenario, self.duration, self.script = play.name, play.duration, play.script
         self.start, self.whole = play.start, play.whole

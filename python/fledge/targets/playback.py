@@ -25,8 +25,9 @@ def stand_in(sim: Any, records: dict[str, Archive], exchange: Archive | None = N
             for field in objects.struct(instance).fields:
                 if field.group == "out":
                     topic = export.host.topic(f"{name}.{one}.{field.name}")
-                    source = exchange if exchange and topic in exchange.topics else record
-                    if topic not in source.topics:
-                        raise Failure(f"{source.path}: it has no {topic}, so {name} cannot be judged by it")
-                    sim.kernel.process(name).play(getattr(instance, field.name), source.time_ns(topic).tobytes(),
-                                                  source[topic].tobytes())
+                    if topic not in record.topics:
+                        raise Failure(f"{record.path}: it has no {topic}, so {name} cannot be judged by it")
+                    for source, sent in ((record, False), (exchange, True)):
+                        if source and topic in source.topics:
+                            times, messages = source.time_ns(topic).tobytes(), source[topic].tobytes()
+                            sim.kernel.process(name).play(getattr(instance, field.name), times, messages, sent)

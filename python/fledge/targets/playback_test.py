@@ -92,7 +92,7 @@ def test_the_checks_of_a_scenario_judge_the_record(tmp_path, capsys):
     out = capsys.readouterr().out
     assert "  passed   desktop, linux\n" in out
     page = (tmp_path / "linux_run/report.html").read_text()
-    assert "passed" in page and "spin, on linux" in page
+    assert "passed" in page and "spin, on linux" in page and "./fledge fly nadir_spin --on linux --out" in page
     assert (tmp_path / "linux_run/nadir_spin.png").is_file()
     assert cli.main(["run", "nadir_spin", "--out", str(tmp_path / "run"), "--no-plots"]) == 0
     assert compare(*(Archive(tmp_path / one / "run.mcap") for one in ("run", "linux_run"))) == []

@@ -82,9 +82,9 @@ class Rehearsal:
 
     def add(self, now: int, flight: Any, packets: Iterable[bytes]) -> None:
         """Add commands to the script, then those that the scenario itself has sent since the last time."""
-        sent = [packet for _, packet in flight.commands.sent[self.sent[flight.name]:]]
+        sent = flight.commands.sent[self.sent[flight.name]:]
         self.sent[flight.name] += len(sent)
-        self.script += [Command(now, flight.name, packet) for packet in (*packets, *sent)]
+        self.script += [Command(t, flight.name, packet) for t, packet in (*((now, one) for one in packets), *sent)]
 
     def run(self, duration: Any = None, *, until: Any = None, **_) -> None:
         """In place of the simulation's run()."""
@@ -129,8 +129,7 @@ class Rehearsal:
                 if after[path] != before[path]:
                     found += packets.change(path, parameters(one, before[path]), parameters(one))
             (mode, armed), (now_mode, now_armed) = asked[process.name], now_asked[process.name]
-            found += [packets.arm(event, on) for event, (on, waits) in now_armed.items()
-                      if armed.get(event) != (on, waits)]
+            found += [packets.arm(event, on == 1) for event, on in now_armed.items() if armed.get(event) != on]
             self.add(now, process, found if mode == now_mode else [*found, packets.mode(now_mode)])
 
     def refused(self, *_, **__) -> NoReturn:
@@ -140,6 +139,7 @@ class Rehearsal:
     def finish(self, load: Callable[[], Any], seed: int) -> None:
         if self.duration is None:
             self.duration = self.sim.time
+        self.script.sort(key=lambda one: one.after)
         if self.script:
             # The world's program flies without the scenario then, so it must be as its file makes it.
             fresh = load()
@@ -159,9 +159,8 @@ def _memory(sim):
 
 
 def _asked(sim):
-    """Process -> (the mode that it is in or shall enter, {event: whether it is armed, and whether it waits})."""
-    return {p.name: (p.requested_mode, {name: (one.armed, one.waits) for name, one in p.events.items()})
-            for p in sim.processes}
+    """Process -> (the mode that it is in or shall enter, {event: whether and how it is armed})."""
+    return {p.name: (p.requested_mode, {name: one.arming for name, one in p.events.items()}) for p in sim.processes}
 
 
 def _parameters(sim, path):

@@ -119,11 +119,10 @@ class Desktop(Target):
     about = "the run in one program, under Python"
 
     def prepared(self, part: Part, options: list[Any], timeout: float) -> tuple[list[Any], Callable[..., Flown]]:
-        if part.script:
-            raise Failure(f"the scenario {part.job.scenario} changes {part.process} between its runs, by commands, "
-                          f"which beside targets only targets take: give it one, as in --on {part.process}=linux")
         record = new_record(part.folder, "node")
-        command = loop.python_node(part.job, part.process, [*options, "--patience", timeout, "--outputs", record])
+        script = ["--script", part.write_script()] if part.script else []
+        command = loop.python_node(part.job, part.process, [*options, "--patience", timeout, "--outputs", record,
+                                                            *script])
 
         def flown(_: dict[str, str]) -> Flown:
             with Archive(record) as archive:
@@ -137,21 +136,23 @@ class Desktop(Target):
             flight = sim.process(part.process)
             sim.record(*(getattr(getattr(flight, one), port) for one, port in
                          (m.path.split(".")[1:] for m in part.mission.outputs)), every=part.step() / 1e9)
+            # What comes before the first run waits in `start` already.
+            flight.commands.script([one for one in part.script if one.t >= 0])
         record = new_record(job.folder, self.name)
         sim.archive(record, mission=sim.name, target="desktop")
         start = process_time()
         try:
-            for one in job.script:
-                if one.after >= 0:          # those before the first run wait in `start` already
-                    sim.run(until=one.after / 1e9)
-                    sim.process(one.process).commands.send(one.packet)
             sim.run(until=job.duration)
         finally:
             sim.close_archive()
         spent = process_time() - start
         with Archive(record) as archive:
-            done = {part.process: steps(part, archive) for part in job.parts}
-        return {process: Flown(record, n, spent / sum(done.values()), "world too") for process, n in done.items()}
+            for part in job.parts:
+                times = archive.time_ns(part.outputs[0])
+                part.instants = times[part.is_instant(times)]
+        total = sum(len(part.instants) for part in job.parts)
+        return {part.process: Flown(record, len(part.instants), spent / total if total else None, "world too")
+                for part in job.parts}
 
 
 def steps(part: Part, archive: Archive) -> int:

@@ -11,7 +11,8 @@
 #define CFE_TBL_NOOP_CC 0
 #define CFE_TBL_RESET_COUNTERS_CC 1
 #define CFE_TBL_LOAD_CC 2     ///< char LoadFilename[64]: load a file into the inactive image
-#define CFE_TBL_VALIDATE_CC 4 ///< uint16 ActiveTableFlag (must be 0), char TableName[40]
+#define CFE_TBL_DUMP_CC 3     ///< uint16 ActiveTableFlag, char TableName[40], char DumpFilename[64]
+#define CFE_TBL_VALIDATE_CC 4 ///< uint16 ActiveTableFlag, char TableName[40]
 #define CFE_TBL_ACTIVATE_CC 5 ///< char TableName[40]: activate a load that passed validation
 
 #define CFE_TBL_OPT_SNGL_BUFFER 0x0000

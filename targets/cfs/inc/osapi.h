@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* OSAL: tasks, semaphores, queues, files. */
+/* OSAL: tasks, semaphores, files. */
 #ifndef OSAPI_H
 #define OSAPI_H
 
@@ -21,10 +21,6 @@ typedef void (*osal_task_entry)(void);
 #define OS_ERROR_TIMEOUT (-4)
 #define OS_SEM_FAILURE (-6)
 #define OS_SEM_TIMEOUT (-7)
-#define OS_QUEUE_EMPTY (-8)
-#define OS_QUEUE_FULL (-9)
-#define OS_QUEUE_TIMEOUT (-10)
-#define OS_QUEUE_INVALID_SIZE (-11)
 #define OS_ERR_NAME_TOO_LONG (-13)
 #define OS_ERR_NO_FREE_IDS (-14)
 #define OS_ERR_NAME_TAKEN (-15)
@@ -76,11 +72,6 @@ int32 OS_CountSemTake(osal_id_t sem_id);
 int32 OS_CountSemTimedWait(osal_id_t sem_id, uint32 msecs);
 int32 OS_CountSemGive(osal_id_t sem_id);
 int32 OS_CountSemDelete(osal_id_t sem_id);
-
-int32 OS_QueueCreate(osal_id_t *queue_id, const char *queue_name, size_t queue_depth, size_t data_size, uint32 flags);
-int32 OS_QueueGet(osal_id_t queue_id, void *data, size_t size, size_t *size_copied, int32 timeout);
-int32 OS_QueuePut(osal_id_t queue_id, const void *data, size_t size, uint32 flags);
-int32 OS_QueueDelete(osal_id_t queue_id);
 
 /** Files below /cf and /ram. The results are counts of bytes, or a negative error. */
 int32 OS_OpenCreate(osal_id_t *filedes, const char *path, int32 flags, int32 access_mode);

@@ -79,7 +79,8 @@ int main(void)
     }
     window = register_window(board, at);
     pocket_boot("", fledge_apps, 1);
-    if (pocket_start_app(fledge_apps[0].entry_name, "FSW", 55, 16384) != CFE_SUCCESS || !pocket_operational(1000)) {
+    if (pocket_start_app("fsw", fledge_apps[0].entry_name, "FSW", 55, 16384) != CFE_SUCCESS ||
+        !pocket_operational(1000)) {
         return 2;
     }
     while (pocket_running() > 0u) {

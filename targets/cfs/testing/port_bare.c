@@ -169,3 +169,16 @@ int32 port_file_remove(const char *path)
     (void)path;
     return -1;
 }
+
+void *port_load(const char *name, const char *entry_name, void (**entry)(void))
+{
+    (void)name;
+    (void)entry_name;
+    *entry = NULL;
+    return NULL;
+}
+
+void port_unload(void *code)
+{
+    (void)code;
+}

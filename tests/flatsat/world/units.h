@@ -27,11 +27,11 @@ typedef struct Units {
         RecorderState recorder;
     } out;
     struct {
-        double s_N[3];     ///< [-] required: unit vector to the Sun
-        double current;    ///< [A] required, > 0: of a sensor that faces the Sun
-        double motor;      ///< [N m / V] required, > 0: torque of a motor per volt
+        double s_N[3];      ///< [-] required: unit vector to the Sun
+        double current;     ///< [A] required, > 0: of a sensor that faces the Sun
+        double motor;       ///< [N m / V] required, > 0: torque of a motor per volt
         int64_t burns_from; ///< [ns] required, > 0: when the ground asks for burns
-        double full;       ///< [s] required, > 0: in which the recorder is full
+        double full;        ///< [s] required, > 0: in which the recorder is full
     } par;
     struct {
         double burnt[12];  ///< [s] by each thruster

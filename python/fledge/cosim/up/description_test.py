@@ -108,8 +108,8 @@ def test_two_missions_stay_apart_by_a_prefix_or_by_other_names(folder):
 @pytest.mark.parametrize("old, new, line, complaint", [
     ('prefix = "a"', 'prefix = "/a"', 6, "`prefix` is of letters, digits, `_`, `-` and `.`; it is \"/a\"; write for "
      "example prefix = \"a\": /world/x of the node is /a/world/x in the run"),
-    ('prefix = "a"', 'prefix = "a"\ntopics = { "/world/nav/orbt" = "/x" }', 7, "`topics` renames what the process reads or writes; "
-     "world has no /world/nav/orbt; did you mean /world/nav/orbit?"),
+    ('prefix = "a"', 'prefix = "a"\ntopics = { "/world/nav/orbt" = "/x" }', 7, "`topics` renames what the process "
+     "reads or writes; world has no /world/nav/orbt; did you mean /world/nav/orbit?"),
     ('prefix = "a"', 'topics = { "/world/nav/orbit" = 3 }', 6, "`topics` renames topics; \"/world/nav/orbit\" is 3; "
      'write for example topics = { "/world/nav/orbit" = "/other/orbit" }'),
     ('prefix = "a"', 'prefix = "a"\ntopics = { "/world/nav/orbit" = "/world/nav/orbit" }', 7, "a topic has one writer; "

@@ -12,6 +12,6 @@ def plan_of(name: str, scenario: str | None, parameters: dict) -> Plan:
 
     sim = load(name, **parameters)
     nodes = [Program(p.name, mission=str(sim.mission.folder), process=p.name, scenario=scenario,
-                     parameters=parameters) for p in sim.processes]
+                     parameters=parameters) for p in sim.processes if p.tasks]
     duration = set_up(sim, chosen(sim, scenario)[1]) if scenario or sim.mission.scenarios else None
     return Plan(sim.name, duration, nodes, file=sim.name)

@@ -36,7 +36,16 @@ def cmake(app: App, sources: Sequence[str], tables: Sequence[Table]) -> str:
              f"    set_property(TARGET {app.name} APPEND PROPERTY INTERFACE_LINK_LIBRARIES m)", "endif()"]
     if tables:
         lines += ["", f"add_cfe_tables({app.name}", "\n".join(f"    fsw/tables/{t.stem}.c" for t in tables) + ")"]
+    lines += ["", "if(ENABLE_UNIT_TESTS)", "    add_subdirectory(unit-test)", "endif()"]
     return "\n".join([*lines, ""])
+
+
+def unit_test(app: App, sources: Sequence[str]) -> str:
+    """unit-test/CMakeLists.txt: all sources of the app, with coverage, linked with cFE's stubs."""
+    listed = "\n".join(f"    ../fsw/src/{path}" for path in sources)
+    return "\n".join(["# SPDX-License-Identifier: Apache-2.0",
+                      f'add_cfe_coverage_test({app.name} ALL "${{CMAKE_CURRENT_SOURCE_DIR}}/coveragetest_{app.name}.c"',
+                      listed + ")", f"target_link_libraries(coverage-{app.name}-ALL-testrunner m)", ""])
 
 
 def startup(app: App) -> str:
@@ -107,8 +116,8 @@ def app_list(apps: Sequence[App]) -> str:
                       *(f"void {app.prefix}_AppMain(void);" for app in apps), "",
                       "extern const PocketApp fledge_apps[];", "extern const uint32 fledge_apps_n;",
                       "const PocketApp fledge_apps[] = {",
-                      *(f'    {{"{app.prefix}_AppMain", {app.prefix}_AppMain}},' for app in apps), "};",
-                      f"const uint32 fledge_apps_n = {len(apps)};", ""])
+                      *(f'    {{"{app.prefix}_AppMain", {app.prefix}_AppMain}},' for app in apps),
+                      "    {0, 0},", "};", f"const uint32 fledge_apps_n = {len(apps)};", ""])
 
 
 def readme(mission: Mission, app: App, found: Sequence[Table]) -> str:
@@ -158,16 +167,24 @@ of the export makes an input of another app's packets, `--wakeup ID` takes a sch
 
 ## Commands, on {command:#06x}
 
-| code | | payload |
-|---|---|---|
-| 0 | no operation | |
-| 1 | reset the counters | |
-| 2 | enter a mode, at the next tick | `uint32` number of the mode |
-| 3 | load a table from a file, now | `char[16]` its name without `{prefix}.`, `char[64]` the file |
-| 4 | reset flight: what it remembers begins anew, its parameters stay | |
+`ground/{mission.name}_packets.json` describes all commands and telemetry. The numbers of a command are big-endian,
+and the first is the version of that dictionary: a command for another version is refused.
 
-Length and checksum are both looked at; what is refused is an event and a counter. {request:#06x} asks for
-housekeeping and lets the tables take over what the ground loaded.
+| code | | arguments |
+|---|---|---|
+| 0, 1 | no operation (the event tells {prefix}'s version); reset the counters | |
+| 2 | enter a mode | its place |
+| 3 | write parameters | module, offset (32 bits), bytes |
+| 4, 5 | stage a part of a block; commit the staged block | module, offset, bytes; module, CRC |
+| 6 | publish configuration | module |
+| 7 | reset flight; its parameters stay | |
+| 8 | arm or disarm an event | event, 1 or 0 |
+| 9 | read parameters back, into the report | module, offset, count |
+| 10 | telemetry of an output | output, 1 or 0, every how many of its writings |
+
+Each command is reported twice, when it is accepted and when it is executed, at the next wake-up; a refused one is an
+event and a counter too, with its reason. {request:#06x} asks for housekeeping and lets the tables take over what the
+ground loaded.
 
 ## Tables
 
@@ -179,16 +196,19 @@ names the number. `config/default_{name}_tblstruct.h` has their structs, with un
 |---|---|---|---|
 {tables}
 
-They are also replaced the usual way: load, validate and activate by cFE's table services; the next request for
-housekeeping takes them over, between two ticks.
+They are replaced by load, validate and activate of cFE's table services; the next request for housekeeping takes
+them over, between two ticks. Parameters that a command writes are shown in the table: a dump has what flies.
 
 ## Telemetry
 
 Flight's time is the packets' time. Payloads are in the processor's byte order, without padding
-(`config/default_{name}_msgdefs.h`). An output is sent when it was written anew.
+(`config/default_{name}_msgdefs.h`). An output is sent when it was written anew, at the rate of command 10: from the
+start those that others read (`{prefix}_OUTPUTS_ON`), the rest after a command.
 
 | id | | payload | bytes |
 |---|---|---|---|
-| {ids[f"{prefix}_HK_TLM_MID"]:#06x} | housekeeping | | 88 |
+| {ids[f"{prefix}_HK_TLM_MID"]:#06x} | housekeeping of the app, when it is asked for | | 144 |
+| {ids[f"{prefix}_FLIGHT_TLM_MID"]:#06x} | counters of commands, by command 10 | | 96 |
+| {ids[f"{prefix}_REPORT_TLM_MID"]:#06x} | reports of commands | | 40, and the bytes read |
 {packets(mission.outputs, "TLM")}
 """

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from fledge.export import board as boards_of
 from fledge.export import c_source
-from fledge.export.cfs import around, joint, packets, sources, tables
+from fledge.export.cfs import around, eds, joint, packets, sources, tables
 from fledge.export.cfs.app import CMD, TLM, App, check_taken
 from fledge.export.commands import emit_commands
 from fledge.export.host import emit_host
@@ -37,6 +37,10 @@ def emit(mission: Mission, app: App, files: Sequence[Path | str] | None = None, 
     flown |= emit_host(mission) if watched else {}
     prefix, name = app.prefix, app.name
 
+    def filled(template):
+        text = template.read_text(encoding="utf-8").replace("@APP@", prefix).replace("@app@", name)
+        return text.replace("@mission@", mission.name).replace("@title@", mission.title)
+
     src: dict[str, str] = {}
     inc: dict[str, str] = {}
     left_out = (() if joint.kept(mission, app) else ("keep.c",)) + (() if registers else ("registers.c",)) + (
@@ -45,10 +49,8 @@ def emit(mission: Mission, app: App, files: Sequence[Path | str] | None = None, 
         what = template.name.removesuffix(".in")
         if what in left_out:
             continue
-        text = template.read_text(encoding="utf-8").replace("@APP@", prefix).replace("@app@", name)
-        text = text.replace("@mission@", mission.name).replace("@title@", mission.title)
         what = "attach.c" if what.startswith("attach") else what
-        (inc if what == "eventids.h" else src)[f"{name}_{what}"] = text
+        (inc if what == "eventids.h" else src)[f"{name}_{what}"] = filled(template)
     headers = packets.config(mission, app, found, simulated)
     config = {f"{name}_{one}.h": text for one, text in headers.items()}
     src |= {f"{name}_mission.h": joint.header(mission, app, found, boards, watched),
@@ -75,6 +77,9 @@ def emit(mission: Mission, app: App, files: Sequence[Path | str] | None = None, 
     out |= {"CMakeLists.txt": around.cmake(app, sorted(code), found), "README.md": around.readme(mission, app, found),
             "mission_build.cmake": around.configured(app, "mission", packets.MISSION),
             "arch_build.cmake": around.configured(app, "platform", packets.PLATFORM),
+            f"eds/{name}.xml": eds.sheet(mission, app),
+            "unit-test/CMakeLists.txt": around.unit_test(app, sorted(code)),
+            f"unit-test/coveragetest_{name}.c": filled(HERE / "templates/unit-test/coveragetest.c.in"),
             "install/targets.cmake": around.targets(app), "install/cfe_es_startup.scr": around.startup(app),
             "install/sch_lab_table.c": around.schedule(mission, app),
             "install/to_lab_sub.c": around.downlink(mission, app)}

@@ -156,32 +156,36 @@ def command(prefix: str, code: Code) -> list[str]:
             *(f"    uint8 {argument}[{size}];" for argument, size in ARGUMENTS[code].items()), f"}} {name}_t;", ""]
 
 
+def housekeeping(mission: Mission) -> list[tuple[str, str, str]]:
+    """(name, type, meaning) of what the app's housekeeping has."""
+    modes = [f"{i} {mission.mode_titles[m]}" for i, m in enumerate(mission.modes)] or ["this mission has none"]
+    return [("Time", "int64", "[ns] of flight, at the last tick; -1: none yet"),
+            ("CommandCounter", "uint8", "the low bits of Accepted"),
+            ("CommandErrorCounter", "uint8", "the low bits of Refused and RequestErrors"),
+            ("Spare", "uint16", ""), ("Mode", "uint32", ", ".join(modes)), ("Accepted", "uint32", "commands"),
+            ("Executed", "uint32", ""), ("Refused", "uint32", "at acceptance or execution"),
+            ("Reasons", f"uint32[{len(Reason)}]", "of the refusals: " + ", ".join(
+                f"{int(one)} {one.name.lower()}" for one in Reason)),
+            ("RequestErrors", "uint32", "other messages that were not as expected"),
+            ("TableUpdates", "uint32", "parameters that were taken over since the start"),
+            ("TableRefusals", "uint32", "parameters that break their rules"), ("Ticks", "uint32", "of flight"),
+            ("Overdue", "uint32", "ticks that took longer than they may"),
+            ("WakeupsIgnored", "uint32", "without a tick"),
+            ("IoRefused", "uint32", "messages that a lane did not take"),
+            ("IoCorrupt", "uint32", "messages that were none"),
+            ("IoSaturated", "uint32", "numbers beyond the range of their field"),
+            ("Inputs", "uint32", "packets that are inputs"), ("InputsRefused", "uint32", "of the wrong length"),
+            ("Spare2", "uint32", "")]
+
+
 def payloads(mission: Mission, app: App) -> list[str]:
     prefix = app.prefix
-    modes = [f"{i} {mission.mode_titles[m]}" for i, m in enumerate(mission.modes)] or ["this mission has none"]
     parts = ['#include "common_types.h"', f'#include "{app.name}_fcncodes.h"', "",
              "/* Commands: numbers are big-endian, and the first is the version of the dictionary. */", "",
              *(line for code in ARGUMENTS for line in command(prefix, code)),
              f"typedef struct {prefix}_HkTlm_Payload {{",
-             *with_notes([("int64 Time;", "[ns] of flight, at the last tick; -1: none yet"),
-                          ("uint8 CommandCounter;", "the low bits of Accepted"),
-                          ("uint8 CommandErrorCounter;", "the low bits of Refused and RequestErrors"),
-                          ("uint16 Spare;", ""), ("uint32 Mode;", ", ".join(modes)),
-                          ("uint32 Accepted;", "commands"), ("uint32 Executed;", ""),
-                          ("uint32 Refused;", "at acceptance or execution"),
-                          (f"uint32 Reasons[{len(Reason)}];", "of the refusals: " + ", ".join(
-                              f"{int(one)} {one.name.lower()}" for one in Reason)),
-                          ("uint32 RequestErrors;", "other messages that were not as expected"),
-                          ("uint32 TableUpdates;", "parameters that were taken over since the start"),
-                          ("uint32 TableRefusals;", "parameters that break their rules"),
-                          ("uint32 Ticks;", "of flight"),
-                          ("uint32 Overdue;", "ticks that took longer than they may"),
-                          ("uint32 WakeupsIgnored;", "without a tick"),
-                          ("uint32 IoRefused;", "messages that a lane did not take"),
-                          ("uint32 IoCorrupt;", "messages that were none"),
-                          ("uint32 IoSaturated;", "numbers beyond the range of their field"),
-                          ("uint32 Inputs;", "packets that are inputs"),
-                          ("uint32 InputsRefused;", "of the wrong length"), ("uint32 Spare2;", "")], "    "),
+             *with_notes([(f"{type_.partition('[')[0]} {name}{''.join(type_.partition('[')[1:])};", about)
+                          for name, type_, about in housekeeping(mission)], "    "),
              f"}} {prefix}_HkTlm_Payload_t;", "",
              "/* Inputs and outputs of flight: host byte order, without padding. */", ""]
     done: set[str] = set()

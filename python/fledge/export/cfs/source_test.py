@@ -4,6 +4,7 @@
 import re
 import struct
 import subprocess
+from xml.etree import ElementTree
 
 import pytest
 
@@ -63,10 +64,48 @@ def test_the_build_names_every_file_and_no_other(written):
     listed = set(re.findall(r"fsw/\S+\.c", text))
     there = {file.relative_to(written).as_posix() for file in written.glob("fsw/**/*.c")}
     assert listed == there
+    assert set(re.findall(r"fsw/\S+\.c", (written / "unit-test/CMakeLists.txt").read_text())) == {
+        file for file in there if "/src/" in file}
     assert "-ffp-contract=off" in text and "project(CFE_NADIR C)" in text
     headers = re.findall(r"nadir_\w+\.h", "".join((written / f"{scope}_build.cmake").read_text()
                                                   for scope in ("mission", "arch")))
     assert {f"default_{header}" for header in headers} == {file.name for file in (written / "config").iterdir()}
+
+
+def test_the_data_sheet_has_every_packet_with_its_size_and_topic(nadir, written):
+    ns = {"s": "http://www.ccsds.org/schema/sois/seds"}
+    package = ElementTree.parse(written / "eds/nadir.xml").getroot().find("s:Package", ns)
+    types = {one.get("name"): one for one in package.find("s:DataTypeSet", ns)}
+    sizes = {"CFE_HDR/TelemetryHeader": 16, "CFE_HDR/CommandHeader": 8, "BASE_TYPES/double": 8, "BASE_TYPES/float": 4}
+    sizes |= {f"BASE_TYPES/{sign}int{bits}": bits // 8 for sign in ("", "u") for bits in (8, 16, 32, 64)}
+
+    def size(name):
+        if name in sizes:
+            return sizes[name]
+        one = types[name]
+        if one.tag.endswith("ArrayDataType"):
+            n = 1
+            for dimension in one.iter(f"{{{ns['s']}}}Dimension"):
+                n *= int(dimension.get("size"))
+            return n * size(one.get("dataTypeRef"))
+        if one.tag.endswith("EnumeratedDataType"):
+            return 4
+        return (size(one.get("baseType")) if one.get("baseType") else 0) + sum(
+            size(entry.get("type")) for entry in one.iter(f"{{{ns['s']}}}Entry"))
+
+    app = cfs.App("nadir")
+    component = package.find("s:ComponentSet/s:Component", ns)
+    packets = {one.get("name"): one.find("s:GenericTypeMapSet/s:GenericTypeMap", ns).get("type")
+               for one in component.find("s:RequiredInterfaceSet", ns)}
+    assert {f"NADIR_MISSION_{name}_TOPICID" for name in packets} == set(app.topics(nadir))
+    numbers = {one.get("name"): int(one.get("initialValue")) for one in component.iter(f"{{{ns['s']}}}Variable")}
+    for one in component.iter(f"{{{ns['s']}}}ParameterMap"):
+        assert numbers[one.get("variableRef")] == app.topics(nadir)[f"NADIR_MISSION_{one.get('interface')}_TOPICID"]
+    for kind, messages in (("TLM", nadir.outputs), ("IN", nadir.inputs)):
+        for message in messages:
+            assert size(packets[f"{message.name.upper()}_{kind}"]) == 16 + message.struct.size
+    assert (size(packets["HK_TLM"]), size(packets["FLIGHT_TLM"]), size(packets["REPORT_TLM"])) == (144, 96, 40)
+    assert size("WriteCmd") == 16 + 512 and size("ArmCmd") == 14
 
 
 def test_copies_are_the_files_as_they_are(written):

@@ -49,6 +49,8 @@ def collect(mission: Mission, roots: Sequence[Path], generated: dict[str, str], 
                 take(other, name)
     for path in [*mission.sources(), *ALWAYS, *more]:
         take(path, mission.title)
+    if "targets/mission_packets.h" in found:    # a board has numbers in packets
+        take("targets/mission_packets.c", mission.title)
     # Functions that are called and not defined yet: take the C files beside the headers that define them.
     beside = candidates(found, roots)
     while True:

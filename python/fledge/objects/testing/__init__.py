@@ -71,7 +71,7 @@ typedef struct Kinds {
 /** Put out its parameters, shuffled and changed at each update. */
 typedef struct Noise {
     struct {
-        Kinds hint; ///< optional: not used
+        Kinds hint; ///< optional: what it holds changes the draws
     } in;
     struct {
         Kinds kinds; ///< what it made
@@ -176,11 +176,35 @@ void noise_reset(Noise *m)
     m->mem.state = m->par.seed;
 }
 
+/* A number of all numbers of a message, the same in any byte order. */
+static uint64_t digest(const Kinds *k)
+{
+    const double reals[] = {k->x, k->y, k->rate, k->single, k->v.v[1], k->turn.m[2][2], k->grid[1][1],
+                            k->parts[2].share, k->parts[1].pairs[1].x};
+    const int64_t whole[] = {k->head.t, (int64_t)k->head.quality, k->head.sequence, k->i8, k->u8, k->i16, k->i32,
+                             k->u32, k->u16[1], k->i64, (int64_t)k->u64, k->since, k->wide[1], (int64_t)k->serials[0],
+                             (int64_t)k->phase, (int64_t)k->phases[2], (int64_t)k->parts[0].phase,
+                             k->parts[1].pairs[0].count, k->part.steps[3], k->label[0]};
+    uint64_t sum = 0;
+    for (size_t i = 0; i < sizeof whole / sizeof whole[0]; i++) {
+        sum = sum * UINT64_C(0x100000001B3) + (uint64_t)whole[i];
+    }
+    for (size_t i = 0; i < sizeof reals / sizeof reals[0]; i++) {
+        uint64_t bits;
+        memcpy(&bits, &reals[i], sizeof bits);
+        sum = sum * UINT64_C(0x100000001B3) + bits;
+    }
+    return sum;
+}
+
 void noise_update(Noise *m, Tick t)
 {
     uint64_t *s = &m->mem.state;
     Kinds *k = &m->out.kinds;
-    const Head head = head_next(k->head, t.t, QUALITY_GOOD);
+    const Head head = head_next(k->head, t.t, quality_optional(m->in.hint.head));
+    if (head_written(m->in.hint.head)) {
+        *s ^= digest(&m->in.hint);
+    }
     memset(k, 0, sizeof *k);
     k->head = head;
     k->x = m->par.x + (double)small(s);

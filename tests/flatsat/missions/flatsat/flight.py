@@ -11,7 +11,7 @@ def build(f):
     f.tracking = fsw.TrackingError()
     f.control  = fsw.MrpFeedback(K=2.531 * N * m, P=45.0 * N * m * s)
     f.motor    = fsw.WheelTorques()
-    f.avionics = fsw.Avionics(motor=0.025 * N * m / V, cold=290 * K, warm=4 * K, 
+    f.avionics = fsw.Avionics(motor=0.025 * N * m / V, cold=290 * K, warm=4 * K,
                               volts_min=20 * V)
     f.connect(
         f.guidance.reference >> f.tracking.reference,

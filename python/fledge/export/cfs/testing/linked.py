@@ -14,25 +14,30 @@ FLAGS = ["-std=c99", "-pedantic", "-Wall", "-Wstrict-prototypes", "-Wwrite-strin
 EXACT = ["-ffp-contract=off", "-fno-math-errno"]
 
 
-def build(apps, folder, compiler="gcc", options=("-O2",)):
-    """Compile (App, its folder) pairs, and link them into folder/core; the tables and the start-up script go to
-    folder/cf. Returns the program. Raises CalledProcessError with what the compiler says."""
+def build(apps, folder, compiler="gcc", options=("-O2",), loaded=False):
+    """Compile (App, its folder) pairs, and link them into folder/core, or, loaded, into files of their own; tables,
+    start-up script and files go to folder/cf. Returns the program. Raises CalledProcessError with what the compiler
+    says."""
     folder = Path(folder)
     objects = folder / "objects"
     (folder / "cf").mkdir(parents=True, exist_ok=True)
     (folder / "ram").mkdir(exist_ok=True)
     linked = []
     for app, source in apps:
-        linked += compiled(app, source, objects / app.name, compiler, options)
+        made = compiled(app, source, objects / app.name, compiler, [*options, *(["-fPIC"] if loaded else [])])
+        if loaded:
+            run(compiler, *options, "-shared", *made, "-lm", "-o", folder / f"cf/{app.name}.so")
+        else:
+            linked += made
         for table in sorted(Path(source, "cf").glob("*.tbl")):
             (folder / "cf" / table.name).write_bytes(table.read_bytes())
     (folder / "cf/cfe_es_startup.scr").write_text("".join(startup(app) for app, _ in apps) + "!\n")
     listed = objects / "apps.c"
-    listed.write_text(app_list([app for app, _ in apps]))
+    listed.write_text(app_list([] if loaded else [app for app, _ in apps]))
     run(compiler, *FLAGS, *options, *included(), "-c", listed, "-o", objects / "apps.o")
     program = folder / "core"
-    run(compiler, *options, *linked, objects / "apps.o", *pocket(compiler, tuple(options)), "-lpthread", "-lm", "-o",
-        program)
+    run(compiler, *options, *(["-rdynamic"] if loaded else []), *linked, objects / "apps.o",
+        *pocket(compiler, tuple(options)), "-lpthread", "-lm", "-o", program)
     return program
 
 
