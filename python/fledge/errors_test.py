@@ -5,6 +5,7 @@ import pytest
 
 import fledge
 from fledge import Orbit, RunError, SetupError, flight as fsw, world
+from fledge.montecarlo.dispersions import Dispersions
 from fledge.objects.testing import kinds
 from fledge.units import deg, kg, km, m, ms, s
 
@@ -364,6 +365,25 @@ def test_what_an_event_does():
     assert str(error.value).splitlines()[:3] == [
         "event flight.a arms b; the events of flight are a", "event flight.a disarms c; the events of flight are a",
         "event flight.a sets flight.flags.kinds, which follows from the parameters of a module in no task: set those"]
+
+
+def test_lists_of_what_there_is_are_never_empty():
+    sim = fledge.Simulation("kinds")
+    f, types = sim.flight, kinds()[1]
+    f.noise, f.sink = types["Noise"](), types["Sink"]()
+    d = Dispersions(sim)
+    says("flight.sink.kinds.x is no parameter, and only these can be dispersed; flight.sink has none",
+         lambda: d.__setitem__("flight.sink.kinds.x", d.uniform(0, 1)))
+    says("flight.sink.kinds >> flight.noise.hint: flight.sink.kinds is no output; flight.sink has the outputs (none)",
+         lambda: f.sink.kinds >> f.noise.hint)
+    says("flight.noise.kinds >> flight.sink: name an input, not the module; it has the inputs kinds",
+         lambda: f.noise.kinds >> f.sink)
+    says("process flight has no mode safe; it has (none)", lambda: f.enter("safe"))
+    f.task("all", every=1 * s, run=[f.sink])
+    f.mode("rest", [])
+    assert repr(f).endswith("  mode rest: no task of its own")
+    with pytest.raises(SetupError, match=r"flight.noise is in no task$"):
+        sim.prepare()
 
 
 def test_an_event_that_arms_itself_ends_the_run():

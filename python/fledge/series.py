@@ -2,8 +2,8 @@
 """Recorded fields by name: the part that a Log and an Archive have in common.
 
 Names are read from the end and may be as short as they are unique: "flight.tracking.error.sigma_BR",
-"error.sigma_BR", "sigma_BR". "error" alone is the whole message, "sigma_BR[0]" an element, "wheels[2].axis_B" a field of
-a row of an array of structs, "wheels.axis_B" that of all rows.
+"error.sigma_BR", "sigma_BR". "error" alone is the whole message, "sigma_BR[0]" an element, "wheels[2].axis_B" a field
+of a row of an array of structs, "wheels.axis_B" that of all rows.
 """
 
 from __future__ import annotations
@@ -116,7 +116,8 @@ class Records:
         """((name, shape), ...) of the parts of a field's name, or of a nested message's."""
         if not name:
             return ()
-        return next(parts for one, parts in port.parts.items() if f"{one}.".startswith(f"{name}."))[:name.count(".") + 1]
+        parts = next(parts for one, parts in port.parts.items() if f"{one}.".startswith(f"{name}."))
+        return parts[:name.count(".") + 1]
 
     def __getitem__(self, key: str) -> Any:
         """The values of a field as an (n, ...) array, of an element as (n,), of a message as structured (n,).

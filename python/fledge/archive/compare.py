@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from fledge.archive import ArchiveError
+from fledge.errors import listed
 from fledge.series import part
 
 if TYPE_CHECKING:
@@ -138,7 +139,7 @@ def chosen(a: Archive, b: Archive, topics: Iterable[str] | None = None) -> list[
             continue
         if len(hits) != 1:
             raise ArchiveError(f"there is {'no' if not hits else 'more than one'} topic {topic}; there are "
-                               f"{', '.join(sorted(n.strip('/').replace('/', '.') for n in hits or names))}")
+                               f"{listed(sorted(n.strip('/').replace('/', '.') for n in hits or names))}")
         wanted += hits
     return wanted
 

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from fledge.commands import byte_runs
 from fledge.elements import ELEMENTS
+from fledge.errors import listed
 from fledge.export import names
 from fledge.export.c_source import extern, row, written
 from fledge.export.commands import dictionary
@@ -55,7 +56,7 @@ def toml(mission: Mission, outputs: Sequence[str] | str = ()) -> str:
     known = {m.path for m in mission.outputs}
     unknown = [] if outputs == "all" else sorted(set(outputs) - known)
     if unknown:
-        raise ExportError(f"{mission.title}: flight puts out no {unknown[0]}; it has {', '.join(sorted(known))}")
+        raise ExportError(f"{mission.title}: flight puts out no {unknown[0]}; it has {listed(sorted(known))}")
     carried = [m for m in (*mission.inputs, *mission.outputs)
                if m.direction != "inside" or outputs == "all" or m.path in outputs]
     snorkels = _distinct([*PACKETS, *(m.name for m in carried)])[len(PACKETS):]

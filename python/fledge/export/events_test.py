@@ -230,3 +230,66 @@ def test_a_snapshot_and_a_clone_have_the_events_state(seed):
     sim.restore(saved)
     sim.step(200)
     assert sim.snapshot() == end
+
+
+# --- without modes, and of a part of flight --------------------------------------------------------
+
+def plain_mission():
+    types = kinds()[1]
+    sim = Simulation("plain")
+    f = sim.flight
+    f.noise, f.other, f.flags, f.sink = types["Noise"](), types["Noise"](), types["Flags"](), types["Sink"]()
+    f.connect(f.flags.kinds >> f.sink.kinds)
+    f.task("one", every=1, run=[f.noise, f.sink])
+    f.task("two", every=1, run=[f.other])
+    k = f.watch(f.noise.kinds)
+    f.event("flag", when=k.x > 0, arm="last", set=[(f.watch(f.flags).i64, 5)])
+    f.event("both", when=f.watch(f.other.kinds).x > f.watch(f.noise.kinds).x, set=[(f.watch(f.flags).x, 2)])
+    f.event("far", when=k.x > 0, set=[(f.watch(f.other).step, 2)])
+    f.event("last", when=k.x > 0, armed=False, count=2, disarm=[
+            "flag", "both"], set=[(f.watch(f.flags).phase, "DRAIN")])
+    return sim
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+def test_a_mission_without_modes_has_events(compiler, tmp_path):
+    sim = plain_mission()
+    c = Compiled(export.read(sim), tmp_path, roots=[kinds()[0]], compiler=compiler)
+    for t in range(40):
+        sim.step()
+        c("tick", sim.kernel.now)
+        for path in ("noise", "other", "flags"):
+            assert c.get(f"flight.{path}.kinds") == objects.memory(getattr(sim.flight, path).kinds), (t, path)
+    assert sim.flight.last.fired_at and not sim.flight.flag.armed and sim.flight.flags.phase.name == "DRAIN"
+
+
+def test_a_part_of_flight_leaves_out_the_events_of_the_rest(tmp_path):
+    mission = export.read(plain_mission(), tasks=["one"])
+    assert [(e.name, e.arms) for e in mission.events] == [("flag", [("last", True)]), ("last", [("flag", False)])]
+    assert {"the event both", "the event far"} <= set(mission.left_out)
+    Compiled(mission, tmp_path, roots=[kinds()[0]])
+
+
+def test_what_an_event_sets_is_no_change_by_hand():
+    """The next run takes a parameter that an event has set as it is, and does not publish it again."""
+    sim = plain_mission()
+    for t in range(20):
+        sim.step()
+        written = sim.flight.flags.kinds.head.sequence
+        sim.run(until=t + 0.5)      # no instant
+        assert sim.flight.flags.kinds.head.sequence == written
+    assert sim.flight.flags.i64 == 5 and written > 2
+
+
+def test_events_see_what_earlier_ones_arm_at_once_and_later_ones_at_the_next_instant():
+    types = kinds()[1]
+    sim = Simulation("order")
+    f = sim.flight
+    f.noise = types["Noise"](x=100)
+    f.task("all", every=1, run=[f.noise])
+    high = f.watch(f.noise.kinds).x > 0
+    f.event("before", when=high, armed=False, enter=f.mode("a", []))
+    f.event("middle", when=high, once=True, arm=["before", "after"])
+    f.event("after", when=high, armed=False, enter="a")
+    sim.step(2)
+    assert [f.before.fired_at, f.middle.fired_at, f.after.fired_at] == [1, 0, 0]

@@ -172,7 +172,7 @@ class _Reader:
             raise ExportError(f"{sim.name}: {flight.name} has no task, so there is nothing to fly")
         for name in tasks or []:
             if name not in known:
-                raise ExportError(f"{sim.name} has no task '{name}'; {flight.name} has {', '.join(known)}")
+                raise ExportError(f"{sim.name} has no task '{name}'; {flight.name} has {', '.join(known) or 'none'}")
         self.chosen = [t for t in sorted(self.flight.tasks, key=lambda t: -t[3]) if not tasks or t[0] in tasks]
         self.partial = len(self.chosen) < len(known)
         self.modules = self.read_modules(memory)

@@ -17,7 +17,7 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from fledge.elements import ELEMENTS
-from fledge.errors import SetupError
+from fledge.errors import SetupError, listed
 from fledge.series import HEAD, Records, element_names, frame_of, head_column, head_columns, nested_names, part
 
 if TYPE_CHECKING:
@@ -174,5 +174,5 @@ class Log(Records):
 
     def __repr__(self):
         return "\n".join(["log of"] + [f"  {path}, {len(s.core)} samples: "
-                                       + ", ".join(n for n in s.fields if not n.startswith(HEAD))
+                                       + listed([n for n in s.fields if not n.startswith(HEAD)], none="a head alone")
                                        for path, s in self._samples.items()])

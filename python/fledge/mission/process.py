@@ -542,7 +542,7 @@ class Process:
         for name, period, offset, priority, run in self._core_process.tasks:
             lines.append(f"  task {name}, every {period / 1e9:g} s: {', '.join(run)}")
         for name, tasks in self._core_process.modes:
-            lines.append(f"  mode {name}: {', '.join(tasks)}")
+            lines.append(f"  mode {name}: {', '.join(tasks) or 'no task of its own'}")
         return "\n".join(lines)
 
     # --- clones ---

@@ -172,7 +172,7 @@ class _Process:
                 if by_name[name].task is None:
                     by_name[name].task, by_name[name].slot = task.name, (i, j)
         for node in self.nodes:
-            for k, part in enumerate(getattr(node.instance, "parts", ())):
+            for k, part in enumerate(_attached(node.instance, "parts")):
                 child = by_name.get(_core.name(part))
                 if child is not None:
                     child.host = node.path
@@ -236,8 +236,13 @@ def _function_text(function) -> str:
 
 def _notes(instance) -> list[str]:
     """Notes beside its name and type: the bodies that attract a craft."""
-    names = ", ".join(getattr(b, "name", None) or _core.path(b) for b in getattr(instance, "gravity", ()))
+    names = ", ".join(getattr(b, "name", None) or _core.path(b) for b in _attached(instance, "gravity"))
     return [f"gravity: {names}"] if names else []
+
+
+def _attached(instance, name: str):
+    """What Python has attached to a model under a name; a parameter may have the same one."""
+    return getattr(instance, name) if isinstance(vars(type(instance)).get(name), property) else ()
 
 
 def _owner(port: str) -> str:

@@ -9,6 +9,7 @@ import pytest
 
 import fledge
 from fledge import SetupError, Simulation, cli, flight as fsw, objects, world
+from fledge.objects.testing import kinds
 from fledge.units import s
 from fledge.mission.wiring import Wiring
 from fledge.wiring_picture import dot, render, save
@@ -106,6 +107,21 @@ def test_without_the_world_its_wires_end_at_names(sim):
     assert shown_nodes(text) == Counter(f"flight.{objects.name(one)}" for one in sim.flight)
     assert shown_edges(text) == Counter(w for w in wires(sim) if not w.startswith("world.craft"))
     assert "ReactionWheels" not in wiring.outline() and "<< world.nav.attitude" in wiring.outline()
+
+
+def test_a_parameter_may_be_called_parts_and_an_event_says_all_that_it_does(sim):
+    f = sim.flight
+    f.noise = kinds()[1]["Noise"](parts=[{"share": 1}, {}, {}])
+    f.task("noise", every=1 * s, run=[f.noise])
+    k = f.watch(f.noise.kinds)
+    f.event("odd", when=(k.phase == "SAFE") & ~((k.parts[1].pairs[0].count > 2**53 + 1) | (k.x < k.y)), hold=2 * s,
+            count=3, modes=[f.science], until=k.phase != "SAFE", armed=False, arm="settled", disarm=["settled"],
+            enter=f.science, set=[(f.watch(f.noise).step, 7), (f.watch(f.noise).phases, ["SAFE", "DRAIN", 3])])
+    says = ("  event odd: (flight.noise.kinds.phase == SAFE) & ~((flight.noise.kinds.parts[1].pairs[0].count > "
+            "9007199254740993) | (flight.noise.kinds.x < flight.noise.kinds.y)) for 2 s 3 times in a row in science, "
+            "again after flight.noise.kinds.phase != SAFE, disarmed at first: enter science, arm settled, "
+            "disarm settled, set flight.noise.step = 7, set flight.noise.phases = ['SAFE', 'DRAIN', 3]\n")
+    assert says in Wiring(sim).outline()
 
 
 def test_the_same_text_each_time(sim):

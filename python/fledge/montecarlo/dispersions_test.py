@@ -330,7 +330,7 @@ def test_numbers_of_every_type_are_retained(every_kind):
      "parts has 3 rows; name one, as in flight.noise.parts[0]"),
     ('d["flight.noise.parts[3].share"] = d.uniform(0, 1)', "flight.noise.parts has 3 rows; name one"),
     ('d["flight.noise.part[0].share"] = d.uniform(0, 1)', "flight.noise.part is no array"),
-    ('d["flight.noise.part"] = d.uniform(0, 1)', "is a whole message; name one of its fields: phase, share, pairs, steps"),
+    ('d["flight.noise.part"] = d.uniform(0, 1)', "is a whole message; name one of its fields: phase, share, pairs"),
     ('d["flight.noise.part.pairs[0].y"] = d.uniform(0, 1)', "flight.noise.part.pairs[0] has no 'y'; it has count, x"),
     ('d["flight.noise.kinds.x"] = d.uniform(0, 1)', "flight.noise has x, seed, step, level, phase, phases, counts"),
     ('d.retain("flight.noise.kinds.label")', "flight.noise.kinds.label is a text; a path here names numbers"),

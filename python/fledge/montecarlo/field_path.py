@@ -20,8 +20,9 @@ if TYPE_CHECKING:
 class FieldPath:
     """The field that a path names, and the elements that it selects.
 
-    owner: the module or model; holder: it, or the struct in it that has the field; port: the input or output that has the field, or None; offset: of the
-    field in the port [bytes]; elements: flat indices; shape: of the elements together; full: the path without them.
+    owner: the module or model; holder: it, or the struct in it that has the field; port: the input or output that has
+    the field, or None; offset: of the field in the port [bytes]; elements: flat indices; shape: of the elements
+    together; full: the path without them.
     """
 
     def __init__(self, simulation: Simulation, path: str) -> None:
@@ -32,7 +33,7 @@ class FieldPath:
                              "world.craft.I_B[0, 0]")
         processes = {p.name: p for p in simulation.processes}
         if parts[1] not in processes:
-            raise SetupError(f"{path}: there is no process '{parts[1]}'; there are {', '.join(processes)}")
+            raise SetupError(f"{path}: there is no process '{parts[1]}'; there are {listed(list(processes))}")
         process = processes[parts[1]]
         if parts[2] not in process.instances:
             raise SetupError(f"{path}: {process.unknown(parts[2])}")
