@@ -390,9 +390,9 @@ def _packets(boards: Sequence[Board], found: list[Lane]) -> list[str]:
         lines.append(f"static uint8_t packet_{len(lines)}[{size + 1}];")
         rows += row(f"{board}u", f"{boards[board].name.upper()}_LANE_{lane.name.upper()}", f"{size}u", f"{tag}u",
                     f"{int(lane.newest)}u", f"packet_{len(lines) - 1}")
-    return ["", *lines, f"static uint8_t scratch[{longest}];", "", "static const MissionPacket kinds[] = {", *rows, "};",
-            "", "static const MissionPackets packets = {&mission_packet_functions, kinds, sizeof kinds / sizeof kinds[0],",
-            "                                       scratch};"] if rows else []
+    return ["", *lines, f"static uint8_t scratch[{longest}];", "", "static const MissionPacket kinds[] = {", *rows,
+            "};", "", "static const MissionPackets packets = {",
+            "    &mission_packet_functions, kinds, sizeof kinds / sizeof kinds[0], scratch};"] if rows else []
 
 
 def packet_lanes(boards: Sequence[Board]) -> dict[str, str]:
