@@ -32,22 +32,20 @@
 extern "C" {
 #endif
 
-typedef enum CommandCode {                             /* arguments, behind the version */
-                           COMMAND_NOOP = 0,           ///< none, and no version
-                           COMMAND_RESET_COUNTERS = 1, ///< none, and no version
-                           COMMAND_MODE = 2,           ///< mode
-                           COMMAND_WRITE =
-                               3, ///< module, offset, then bytes of its parameters; all rules must hold afterwards
-                           COMMAND_STAGE =
-                               4, ///< the same, into a block that counts when it is committed; it begins as zeros
-                           COMMAND_COMMIT = 5,       ///< module, command_crc of its whole staged block
-                           COMMAND_PUBLISH = 6,      ///< module of the configuration
-                           COMMAND_RESET_FLIGHT = 7, ///< none; the parameters stay
-                           COMMAND_ARM = 8,          ///< event, 1 or 0
-                           COMMAND_READ = 9,         ///< module, offset, n: the report of the execution has n bytes
-                           COMMAND_TELEMETRY =
-                               10, ///< output, n_outputs (housekeeping) or COMMAND_ALL; 1 or 0; every how many writings
-                           COMMAND_CODES
+/** Function codes, with the arguments behind the version. */
+typedef enum CommandCode {
+    COMMAND_NOOP = 0,           ///< none, and no version
+    COMMAND_RESET_COUNTERS = 1, ///< none, and no version
+    COMMAND_MODE = 2,           ///< mode
+    COMMAND_WRITE = 3,          ///< module, offset, bytes of its parameters; all rules must hold afterwards
+    COMMAND_STAGE = 4,          ///< the same, into a block that begins as zeros, and counts when it is committed
+    COMMAND_COMMIT = 5,         ///< module, command_crc of its whole staged block
+    COMMAND_PUBLISH = 6,        ///< module of the configuration
+    COMMAND_RESET_FLIGHT = 7,   ///< none; the parameters stay
+    COMMAND_ARM = 8,            ///< event, 1 or 0
+    COMMAND_READ = 9,           ///< module, offset, n: the report of the execution has n bytes
+    COMMAND_TELEMETRY = 10,     ///< output, n_outputs (housekeeping) or COMMAND_ALL; 1 or 0; every how many writings
+    COMMAND_CODES
 } CommandCode;
 
 /** Why a command was refused. Operators read these numbers: append, do not renumber. */
