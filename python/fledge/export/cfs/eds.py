@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 from xml.sax.saxutils import quoteattr
 
-from fledge.commands import Code
+from fledge.commands import Code, Reason
 from fledge.elements import ELEMENTS
 from fledge.export import names
 from fledge.export.cfs.packets import ARGUMENTS, housekeeping, title
@@ -64,7 +64,7 @@ class Types:
         if field.type == "struct":
             of = self.struct(field.struct)
         elif field.type == "enum":
-            rows = [f'  <Enumeration label="{label}" value="{value}" />' for value, label in field.enumerators]
+            rows = [f'  <Enumeration label="{label}" value="{value}" />' for label, value in field.enumerators]
             of = self.add("EnumeratedDataType", f"{owner}_{field.name}", "", [
                 '<IntegerDataEncoding sizeInBits="32" encoding="twosComplement" />', "<EnumerationList>", *rows,
                 "</EnumerationList>"])
@@ -97,7 +97,7 @@ def sheet(mission: Mission, app: App) -> str:
     report = [("Time", "int64", "of flight [ns]"), *((name, "uint16", "") for name in (
         "Sequence", "Code", "Executed", "Reason", "Detail", "Count", "Spare1", "Spare2"))]
     flight = [("Time", "int64", "of flight [ns]"), *((name, "uint32", "") for name in (
-        "Mode", "Staged", "Accepted", "Executed", "Refused")), ("Reasons", "uint32[13]", "")]
+        "Mode", "Staged", "Accepted", "Executed", "Refused")), ("Reasons", f"uint32[{len(Reason)}]", "")]
     for name, rows in (("FLIGHT", flight), ("REPORT", report), ("HK", housekeeping(mission))):
         entries = []
         for entry, type_, doc in rows:

@@ -79,6 +79,9 @@ def test_the_data_sheet_has_every_packet_with_its_size_and_topic(nadir, written)
     sizes = {"CFE_HDR/TelemetryHeader": 16, "CFE_HDR/CommandHeader": 8, "BASE_TYPES/double": 8, "BASE_TYPES/float": 4}
     sizes |= {f"BASE_TYPES/{sign}int{bits}": bits // 8 for sign in ("", "u") for bits in (8, 16, 32, 64)}
 
+    labels = {one.get("label"): one.get("value") for one in types["Head_quality"].iter(f"{{{ns['s']}}}Enumeration")}
+    assert labels == {"QUALITY_NONE": "0", "QUALITY_STALE": "1", "QUALITY_DEGRADED": "2", "QUALITY_GOOD": "3"}
+
     def size(name):
         if name in sizes:
             return sizes[name]
