@@ -27,7 +27,10 @@ from fledge.errors import SetupError, did_you_mean, listed
 
 COMMANDS, TELEMETRY = 0x1880, 0x0880     # the streams of a mission's own board
 HOUSEKEEPING, REPORTS, OUTPUTS = 0, 1, 2  # of telemetry: places behind its first stream
-DATA_MAX = 512                           # [bytes] of parameters in one command
+DATA_MAX = 512                           # [bytes] of parameters in one command or report
+HEADER = 16                              # [bytes] of a command in front of them, and of a packet of telemetry
+COMMAND_MAX = HEADER + DATA_MAX
+REPORT_LEAST = HEADER + 24               # with a CommandReport
 ALL = 0xFFFF                             # all outputs
 
 
@@ -169,6 +172,11 @@ class Dictionary:
         """How many commands all blocks at one instant are, and some more: a power of two."""
         n = sum(1 + len(_parts(16, b.size)) for b in self.blocks) + 8
         return 1 << (n - 1).bit_length()
+
+    @property
+    def longest(self) -> int:
+        """[bytes] of the longest packet of telemetry."""
+        return max([REPORT_LEAST + DATA_MAX, *(HEADER + o.size for o in self.outputs)])
 
     def block(self, path: str) -> tuple[int, Block]:
         """(place, block) of a module's path."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fledge.commands import byte_runs
+from fledge.commands import COMMAND_MAX, REPORT_LEAST, byte_runs
 from fledge.elements import ELEMENTS
 from fledge.errors import listed
 from fledge.export import names
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 BASE, CLOCK, INTERRUPTS, FIRST = 0xA0000000, 0x0, 0x20, 0x40
 PACKETS = {"commands": "packets to flight, flight/command/command.h",
            "telemetry": "packets from flight, flight/telemetry/telemetry.h"}
-COMMAND_MAX, REPORT_MAX = 528, 552                           # [bytes]
 
 
 @dataclass
@@ -76,10 +75,9 @@ carries   = "{message.path}"
 ''')
         at += size
     found = dictionary(mission)
-    most = max([REPORT_MAX, *(16 + o.size for o in found.outputs)])
     for name, direction, capacity, queue in (
             ("commands", "read", COMMAND_MAX, found.packets),
-            ("telemetry", "write", most, 1 << (2 * found.packets + len(found.outputs)).bit_length())):
+            ("telemetry", "write", found.longest, 1 << (2 * found.packets + len(found.outputs)).bit_length())):
         parts.append(f'''
 [[snorkel]]
 name      = "{name}"
@@ -207,7 +205,7 @@ class _Finder:
     def packets(self, board, snorkel, lane):
         """A snorkel of commands or telemetry."""
         what = snorkel.carries
-        least = COMMAND_MAX if what == "commands" else 16 + 24
+        least = COMMAND_MAX if what == "commands" else REPORT_LEAST
         if lane.form != "packet" or lane.from_flight != (what == "telemetry") or not lane.variable or not lane.queued:
             self.refuse(board, snorkel.line, f"{what} pass in a queue of packets of variable size: form = \"packet\", "
                         f"direction = \"{'write' if what == 'telemetry' else 'read'}\", a capacity and a queue")

@@ -13,8 +13,6 @@ from fledge.export.c_text import string, wrap
 if TYPE_CHECKING:
     from fledge.export.read import Mission
 
-HEADER = 16 + 24 + 512          # TELEMETRY_REPORT_MAX
-
 
 def dictionary(mission: Mission, stream: int = COMMANDS, telemetry: int = TELEMETRY) -> Dictionary:
     """What a mission can be commanded, and what it sends."""
@@ -44,9 +42,8 @@ def header(mission: Mission) -> str:
 def source(mission: Mission, found: Dictionary) -> str:
     name, struct, n = mission.name, mission.struct(), len(mission.outputs)
     largest = max((b.size for b in found.blocks), default=1)
-    packet = max([HEADER, *(16 + o.size for o in found.outputs)])
     lines = [*written(mission), f'#include "{name}_commands.h"', "", f"static uint8_t staged[{largest}];",
-             f"static uint8_t queue[{found.room}];", f"static uint8_t packet[{packet}];",
+             f"static uint8_t queue[{found.room}];", f"static uint8_t packet[{found.longest}];",
              f"static TelemetryRate rates[{2 + n}];", ""]
     for i, block in enumerate(found.blocks):
         runs = [f"{{{width}u, {count}u}}" for width, count in block.runs]
