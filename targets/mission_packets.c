@@ -10,17 +10,25 @@ static const RegisterLane *lane_of(const MissionIo *io, const MissionLane *row)
     return &io->boards[row->board]->lanes[row->lane];
 }
 
+/* The kind of the packets with a tag in a lane; NULL: there is none. */
+static const MissionPacket *kind_of(const MissionPackets *packets, uint16_t board, uint16_t lane, uint32_t tag)
+{
+    for (uint32_t i = 0u; i < packets->n; i++) {
+        const MissionPacket *kind = &packets->kinds[i];
+        if (kind->board == board && kind->lane == lane && kind->tag == tag) {
+            return kind;
+        }
+    }
+    return 0;
+}
+
 /* The kind of packets that a row is a part of; NULL: a whole message, plain words, or beyond the last row. */
 static const MissionPacket *packet_of(const MissionIo *io, uint32_t i)
 {
     const MissionLane *row = &io->lanes[i];
-    for (uint32_t k = 0u; i < io->n_lanes && !row->type && k < io->packets->n; k++) {
-        const MissionPacket *p = &io->packets->kinds[k];
-        if (p->board == row->board && p->lane == row->lane && p->tag == lane_of(io, row)->fields[row->field].tag) {
-            return p;
-        }
-    }
-    return 0;
+    return i < io->n_lanes && !row->type
+               ? kind_of(io->packets, row->board, row->lane, lane_of(io, row)->fields[row->field].tag)
+               : 0;
 }
 
 /* ---- numbers */
@@ -100,18 +108,6 @@ static RegisterStatus take_packet(const MissionIo *io, const RegisterWindow *w, 
     return status;
 }
 
-/* The kind of a packet with this tag in the same lane as another kind; NULL: unknown. */
-static const MissionPacket *kind_of(const MissionIo *io, const MissionPacket *other, uint32_t tag)
-{
-    for (uint32_t i = 0u; i < io->packets->n; i++) {
-        const MissionPacket *p = &io->packets->kinds[i];
-        if (p->board == other->board && p->lane == other->lane && p->tag == tag) {
-            return p;
-        }
-    }
-    return 0;
-}
-
 /* Keep the packet in io->packets->scratch as the last of its kind. */
 static void keep_packet(const MissionIo *io, const MissionPacket *kind, const RegisterLane *lane,
                         const RegisterInfo *info, MissionIoCounts *counts)
@@ -135,7 +131,7 @@ static int must_wait(const MissionIo *io, const RegisterWindow *w, const Mission
         register_next_tag(w, lane, &tag) != REGISTER_OK) {
         return 0;
     }
-    const MissionPacket *kind = kind_of(io, packet, tag);
+    const MissionPacket *kind = kind_of(io->packets, packet->board, packet->lane, tag);
     return kind && kind->memory[kind->size] != 0u;
 }
 
@@ -154,7 +150,7 @@ static int fetch_packet(const MissionIo *io, const RegisterWindow *w, const Miss
         }
         const RegisterStatus status = take_packet(io, w, lane, &info);
         if (status == REGISTER_OK) {
-            keep_packet(io, kind_of(io, packet, info.tag), lane, &info, counts);
+            keep_packet(io, kind_of(io->packets, packet->board, packet->lane, info.tag), lane, &info, counts);
         } else if (status == REGISTER_CORRUPT || status == REGISTER_SIZE) {
             counts->corrupt++;
         } else {
