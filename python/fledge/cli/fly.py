@@ -7,6 +7,7 @@ or a board is wrong; 130 Ctrl-C.
 from __future__ import annotations
 
 import argparse
+import functools
 import os
 import re
 import sys
@@ -87,7 +88,7 @@ def fly(options: argparse.Namespace) -> int:
         raise Failure("--within is for boards with words that round; messages that pass whole are the same bits")
     bounds = [*job.bounds(), *((field, bound, settled, "--within") for field, bound in options.within)]
     for field, _, _, where in bounds:
-        if not any(f".{known}".endswith(f".{field}") for one in job.parts for known in one.fields()):
+        if not any(one.puts_out(field) for one in job.parts):
             raise Failure(f"{where}: flight puts out no field {field}"
                           + (f"; its processes are {', '.join(one.process for one in job.parts)}"
                              if len(job.parts) > 1 else ""))
@@ -138,7 +139,7 @@ def _fly(options, job, runs, bounds):
     from fledge.targets import TARGETS, fly, table
 
     whole = f"{job.title}, {job.scenario}, {job.duration:g} s"
-    boards = [path.name for part in job.parts for path in part.boards]
+    boards = [path.name for path in job.boards]
     say(whole + (f", through {', '.join(boards)}" if boards else ""))
 
     rows, same, first, archives, records = [], True, {}, {}, {}
@@ -231,6 +232,7 @@ def _rounded(desktop, archive, part, flown, bounds):
     bounds: (field, bound, [s] from when on, place) of each."""
     from fledge.archive.compare import compare
 
+    @functools.cache
     def differences(after):
         return compare(desktop, archive, part.outputs, ignore=["sequence"],
                        times=lambda t: part.is_instant(t) & (t >= after * 1e9))
@@ -241,7 +243,7 @@ def _rounded(desktop, archive, part, flown, bounds):
         return str(structure), False
     ok, texts = True, []
     for field, bound, after, _ in bounds:
-        if after > part.job.duration or not any(f".{known}".endswith(f".{field}") for known in part.fields()):
+        if after > part.job.duration or not part.puts_out(field):
             continue    # later, or of another process
         near = [one for one in differences(after) if f".{one.topic}.{_plain(one.name)}".endswith("." + field)]
         worst = max((one.worst for one in near), default=0.0)

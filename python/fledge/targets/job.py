@@ -105,6 +105,10 @@ class Part:
         return [re.sub(r"\[\d+\]", "", f"{m.path}.{name}") for m in self.mission.outputs
                 for name, _, _ in export.leaves(m.struct.fields)]
 
+    def puts_out(self, field: str) -> bool:
+        """Whether `field` is the end of the name of one of them: "tracking.error.sigma_BR"."""
+        return any(f".{known}".endswith(f".{field}") for known in self.fields())
+
     def is_instant(self, t: np.ndarray) -> np.ndarray:
         """Of an array of times [ns], which are its: on the grid of any of its tasks. Once the desktop has flown, only
         those at which a task was active there: a target also ticks when none is."""
