@@ -415,10 +415,8 @@ inline Ns Runtime::next_of(const RunTask &task) const
 {
     const RunProcess &process = *task.process;
     Ns commanded = never; // at which a target ticks, whatever its mode
-    if (process.commands && process.commands->waiting()) {
-        commanded = time();
-    } else if (process.commands) {
-        commanded = process.commands->scripted() < never ? std::max(process.commands->scripted(), time()) : never;
+    if (process.commands) {
+        commanded = process.commands->waiting() ? time() : std::max(process.commands->scripted(), time());
     }
     const bool asked = process.asked != process.mode && task.runs_in[static_cast<std::size_t>(process.asked)];
     return std::min(exec_next(&task.state, task.rate, asked, time()),

@@ -243,7 +243,7 @@ static CommandReason commit(CommandState *s, const CommandTable *table, uint8_t 
 static CommandReason execute(CommandState *s, const CommandTable *table, void *mission, const uint8_t *packet,
                              CommandReport *report, uint8_t *data)
 {
-    const uint16_t place = length_of(packet) > (uint32_t)SECOND - 1u ? word(packet, FIRST) : 0u;
+    const uint16_t place = length_of(packet) >= (uint32_t)SECOND ? word(packet, FIRST) : 0u;
     CommandReason reason = COMMAND_OK;
     switch (report->code) {
     case COMMAND_MODE: table->enter(mission, place); break;
