@@ -246,12 +246,17 @@ def described(fields: Sequence[Any], start: int = 0) -> list[Field]:
                   described(f.struct.fields) if f.type == "struct" else [], f.rule) for f in fields]
 
 
+def parameters(struct: Any) -> tuple[list[Any], int, int]:
+    """(fields, from, to [bytes]) of the parameters in a module's struct; [], 0, 0 if it has none."""
+    fields = [f for f in struct.fields if f.group == "par"]
+    return (fields, fields[0].offset, fields[-1].offset + fields[-1].size) if fields else ([], 0, 0)
+
+
 def block_of(path: str, struct: Any, configuration: bool) -> Block | None:
     """The parameters of a module; None if it has none."""
-    fields = [f for f in struct.fields if f.group == "par"]
+    fields, start, end = parameters(struct)
     if not fields:
         return None
-    start, end = fields[0].offset, fields[-1].offset + fields[-1].size
     return Block(path, struct.name, end - start, configuration, described(fields, start), byte_runs(fields),
                  list(rules_of(fields, start)))
 

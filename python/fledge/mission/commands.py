@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fledge import _core
-from fledge.commands import NUMBERS, Dictionary, Packets, Reason, Report, reversed_numbers
+from fledge.commands import NUMBERS, Dictionary, Packets, Reason, Report, parameters, reversed_numbers
 from fledge.errors import SetupError
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ class Commands:
         rows = []
         for block in self.dictionary.blocks:
             name = block.path.partition(".")[2]
-            start = next(f.offset for f in _core.struct(process.instances[name]).fields if f.group == "par")
+            _, start, _ = parameters(_core.struct(process.instances[name]))
             rules = [(r.offset, r.n, r.row, r.rows_at, r.flags, NUMBERS.index(r.number), r.low, r.high)
                      for r in block.rules]
             rows.append((name, start, block.size, block.configuration, block.runs, rules))
@@ -78,19 +78,17 @@ class Commands:
         """Write parameters of a module, with units as when it was made."""
         path, one = self._module(module)
         copy = type(one)(**values)
-        fields = sorted((f for f in _core.struct(one).fields if f.group == "par" and f.name in values),
-                        key=lambda f: f.offset)
-        first = min(f.offset for f in _core.struct(one).fields if f.group == "par")
-        memory = _big([f for f in _core.struct(one).fields if f.group == "par"], _core.memory(copy))
-        return self._send(self.packets.write_bytes(
-            path, {f.offset - first: memory[f.offset:f.offset + f.size] for f in fields}))
+        fields, start, _ = parameters(_core.struct(one))
+        block = block_bytes(copy)
+        return self._send(self.packets.write_bytes(path, {
+            f.offset - start: block[f.offset - start:f.offset - start + f.size] for f in fields if f.name in values}))
 
     def load(self, module: Any, like: Any) -> list[Report]:
         """Stage all parameters of `like`, a module of the same type, and commit them."""
         path, one = self._module(module)
         if type(like) is not type(one):
             raise SetupError(f"load: {path} is a {_core.struct(one).name}; found {like!r}")
-        return self._send(self.packets.load(path, parameters(like)))
+        return self._send(self.packets.load(path, block_bytes(like)))
 
     def publish(self, module: Any) -> list[Report]:
         """Publish the parameters of a module of the configuration."""
@@ -156,13 +154,8 @@ class Commands:
         return f"{process.name}.{name}", process.instances[name]
 
 
-def parameters(module: Any, memory: bytes | None = None) -> bytes:
+def block_bytes(module: Any, memory: bytes | None = None) -> bytes:
     """The parameters of a module, or in the memory of one like it, big-endian."""
-    fields = [f for f in _core.struct(module).fields if f.group == "par"]
-    start, end = fields[0].offset, fields[-1].offset + fields[-1].size
-    return _big(fields, _core.memory(module) if memory is None else memory)[start:end]
-
-
-def _big(fields, memory):
-    """The memory of a module with its parameters big-endian."""
-    return reversed_numbers(fields, memory) if sys.byteorder == "little" else memory
+    fields, start, end = parameters(_core.struct(module))
+    block = (_core.memory(module) if memory is None else memory)[start:end]
+    return reversed_numbers(fields, block, start) if sys.byteorder == "little" else block

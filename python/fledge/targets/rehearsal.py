@@ -7,8 +7,9 @@ from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple, NoReturn
 
 from fledge import export, mission as missions, objects
+from fledge.commands import parameters
 from fledge.errors import Failure, SetupError
-from fledge.mission.commands import parameters
+from fledge.mission.commands import block_bytes
 from fledge.mission.scenario import chosen
 from fledge.objects.si import time_ns
 
@@ -110,7 +111,8 @@ class Rehearsal:
         sim, (before, asked) = self.sim, self.before
         after, now_asked = _memory(sim), _asked(sim)
         for path, memory in after.items():
-            low, high = _parameters(sim, path)
+            process, name = path.split(".")
+            _, low, high = parameters(objects.struct(sim.process(process).instances[name]))
             same = memory[:low] == before[path][:low] and memory[high:] == before[path][high:]
             if memory != before[path] and not (self.flies(path) and same):
                 what = "" if same else ", and not only parameters,"
@@ -127,7 +129,7 @@ class Rehearsal:
             for name, one in process.instances.items():
                 path = f"{process.name}.{name}"
                 if after[path] != before[path]:
-                    found += packets.change(path, parameters(one, before[path]), parameters(one))
+                    found += packets.change(path, block_bytes(one, before[path]), block_bytes(one))
             (mode, armed), (now_mode, now_armed) = asked[process.name], now_asked[process.name]
             found += [packets.arm(event, on == 1) for event, on in now_armed.items() if armed.get(event) != on]
             self.add(now, process, found if mode == now_mode else [*found, packets.mode(now_mode)])
@@ -161,10 +163,3 @@ def _memory(sim):
 def _asked(sim):
     """Process -> (the mode that it is in or shall enter, {event: whether and how it is armed})."""
     return {p.name: (p.requested_mode, {name: one.arming for name, one in p.events.items()}) for p in sim.processes}
-
-
-def _parameters(sim, path):
-    """(from, to) of the parameters in an instance's bytes."""
-    process, name = path.split(".")
-    fields = [f for f in objects.struct(sim.process(process).instances[name]).fields if f.group == "par"]
-    return (fields[0].offset, max(f.offset + f.size for f in fields)) if fields else (0, 0)
