@@ -236,7 +236,13 @@ def _place(items, names, name, what, where):
 
 def _parts(head, size):
     """The commands of a block, as empty bytes of their lengths."""
-    return [bytes(head + min(DATA_MAX, size - at)) for at in range(0, size, DATA_MAX)]
+    return [bytes(head + high - low) for low, high in _cuts(0, size)]
+
+
+def _cuts(at, end):
+    """(from, to) of the commands for a part of a block. Multiples of DATA_MAX cut no number of 8 bytes."""
+    places = [at, *range((at // DATA_MAX + 1) * DATA_MAX, end, DATA_MAX), end]
+    return list(zip(places, places[1:]))
 
 
 def described(fields: Sequence[Any], start: int = 0) -> list[Field]:
@@ -373,8 +379,7 @@ class Packets:
         place, block = self.dictionary.block(module)
         one = self._field(block, field) if field else None
         at, end = (one.offset, one.offset + one.size) if one else (0, block.size)
-        return [self.packet(Code.READ, packing.pack(">HIH", place, k, min(DATA_MAX, end - k)))
-                for k in range(at, end, DATA_MAX)]
+        return [self.packet(Code.READ, packing.pack(">HIH", place, low, high - low)) for low, high in _cuts(at, end)]
 
     def write(self, module: str, **values: Any) -> list[bytes]:
         """Write fields of the parameters: numbers in the units of the header, arrays as lists, enumerators by name,
@@ -393,16 +398,16 @@ class Packets:
                 runs[-1][1].extend(data)
             else:
                 runs.append((at, bytearray(data)))
-        return [self.packet(Code.WRITE, packing.pack(">HI", place, at + k) + data[k:k + DATA_MAX])
-                for at, data in runs for k in range(0, len(data), DATA_MAX)]
+        return [self.packet(Code.WRITE, packing.pack(">HI", place, low) + data[low - at:high - at])
+                for at, data in runs for low, high in _cuts(at, at + len(data))]
 
     def load(self, module: str, block: bytes) -> list[bytes]:
         """The whole block of a module, big-endian, staged and committed."""
         place, found = self.dictionary.block(module)
         if len(block) != found.size:
             raise SetupError(f"{module} has {found.size} bytes of parameters; found {len(block)}")
-        parts = [self.packet(Code.STAGE, packing.pack(">HI", place, k) + block[k:k + DATA_MAX])
-                 for k in range(0, len(block), DATA_MAX)]
+        parts = [self.packet(Code.STAGE, packing.pack(">HI", place, low) + block[low:high])
+                 for low, high in _cuts(0, len(block))]
         return [*parts, self.packet(Code.COMMIT, packing.pack(">HH", place, binascii.crc_hqx(block, 0xFFFF)))]
 
     def change(self, module: str, before: bytes, after: bytes) -> list[bytes]:

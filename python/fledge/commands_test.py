@@ -6,8 +6,8 @@ import pytest
 
 import fledge
 from fledge import export, objects
-from fledge.commands import (Code, Dictionary, Field, Packets, Reason, Report, decoded, encoded, read_script, script,
-                             values)
+from fledge.commands import (Block, Code, Dictionary, Field, Packets, Reason, Report, decoded, encoded, read_script,
+                             script, values)
 from fledge.errors import SetupError
 from fledge.export.run_test import FLIGHT, WORLD
 from fledge.units import N, kg, m, s
@@ -227,6 +227,22 @@ def test_any_value_is_encoded_and_decoded():
 def test_a_value_that_does_not_fit_is_refused(field, value, complaint):
     with pytest.raises(SetupError, match=complaint):
         encoded(FIELDS[field], value)
+
+
+def test_long_parts_of_a_block_are_cut_between_numbers():
+    fields = [Field("n", "u32", 0, 4, [], "-", ""), Field("k", "u32", 4, 4, [], "-", ""),
+              Field("table", "f64", 8, 1600, [200], "-", "")]
+    block = Block("flight.part", "Part", 1608, False, fields, [(4, 2), (8, 200)], [])
+    packets = Packets(Dictionary("cut", 0x1880, 0x0880, [], [], [block], []))
+    written = packets.write("flight.part", k=7, table=[float(i) for i in range(200)])
+    places = [(int.from_bytes(one[12:16], "big"), len(one) - 16) for one in written]
+    reads = [(int.from_bytes(one[12:16], "big"), int.from_bytes(one[16:18], "big"))
+             for one in packets.read("flight.part", "table")]
+    for found, begin in ((places, 4), (reads, 8)):
+        assert found[0][0] == begin and sum(n for _, n in found) == 1608 - begin and len(found) == 4
+        assert all(at in (4, 8) or at % 8 == 0 for at, _ in found) and max(n for _, n in found) <= 512
+    data = b"".join(one[16:] for one in written)
+    assert data == struct.pack(">I200d", 7, *range(200))
 
 
 def test_a_script_is_read_as_it_was_written():
