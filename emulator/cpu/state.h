@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+// All that a SPARC V8 processor holds, as plain bytes: a snapshot is a copy of it. Names are those of "The SPARC
+// Architecture Manual, Version 8", chapter 4.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+namespace fledge::emulator {
+
+inline constexpr std::uint32_t window_count = 8; ///< register windows of a LEON3 as it is usually made
+
+/// Bits of the PSR.
+namespace psr {
+inline constexpr std::uint32_t carry = 1u << 20, overflow = 1u << 21, zero = 1u << 22, negative = 1u << 23;
+inline constexpr std::uint32_t icc = 0xFu << 20;
+inline constexpr std::uint32_t enable_fpu = 1u << 12, pil = 0xFu << 8, supervisor = 1u << 7;
+inline constexpr std::uint32_t previous_supervisor = 1u << 6, enable_traps = 1u << 5, cwp = 0x1Fu;
+inline constexpr std::uint32_t version = 0xF3u << 24; ///< implementation 15, version 3: a LEON3
+} // namespace psr
+
+/// Where the processor stands.
+enum class Mode : std::uint32_t {
+    running,
+    power_down, ///< %asr19 was written: waits for an interrupt
+    error       ///< a trap while traps are disabled: waits for a reset
+};
+
+struct CpuState {
+    std::array<std::uint32_t, 8> globals{}; ///< %g0 to %g7; [0] stays 0
+    /// The windows: the outs of window w begin at 16 w, its locals at 16 w + 8; its ins are the outs of window w + 1.
+    std::array<std::uint32_t, std::size_t{window_count} * 16> windows{};
+    /// Pairs of floating-point registers: [k] is %f2k in its upper half and %f(2k+1) in its lower, so that a double is
+    /// the host's.
+    std::array<std::uint64_t, 16> floats{};
+
+    std::uint32_t pc = 0, npc = 4; ///< an annulled instruction is skipped at once: no state says so
+    std::uint32_t psr = psr::version | psr::supervisor;
+    std::uint32_t wim = 0, tbr = 0, y = 0, fsr = 0;
+    std::uint32_t asr17 = 0; ///< the LEON3's configuration: FPU, multiplier, index of the processor, windows - 1
+    Mode mode = Mode::running;
+    std::uint32_t trap_type = 0; ///< of the last trap, also of that which led to the error mode
+
+    std::uint64_t cycles = 0;       ///< of the processor's clock since the machine was made; goes on over resets
+    std::uint64_t instructions = 0; ///< executed: neither annulled ones, nor those that trapped
+    std::uint64_t traps = 0;        ///< taken, interrupts too
+};
+
+/// The registers 0..31 of the present window, as four banks: globals, outs, locals, ins. Make them anew when CWP or the
+/// state changed.
+struct Banks {
+    std::uint32_t *bank[4];
+
+    explicit Banks(CpuState &s)
+    {
+        const std::uint32_t w = s.psr & psr::cwp;
+        bank[0] = s.globals.data();
+        bank[1] = s.windows.data() + std::size_t{w} * 16;
+        bank[2] = bank[1] + 8;
+        bank[3] = s.windows.data() + std::size_t{(w + 1) % window_count} * 16;
+    }
+    std::uint32_t &operator[](std::uint32_t r) { return bank[r >> 3][r & 7]; }
+};
+
+} // namespace fledge::emulator

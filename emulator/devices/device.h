@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// A device on the bus: words at offsets, a next time at which it does something, and its state as plain bytes.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <span>
+#include <string_view>
+
+namespace fledge::emulator {
+
+inline constexpr std::uint64_t never = std::numeric_limits<std::uint64_t>::max();
+
+/// What a device may ask of its machine.
+class DeviceHost {
+public:
+    virtual ~DeviceHost() = default;
+    virtual std::uint64_t cycles() const = 0;
+    virtual void raise(std::uint32_t line) = 0; ///< an interrupt, 1 to 15
+    virtual void reset() = 0;                   ///< of the whole board, behind this instruction: the watchdog
+    virtual void changed() = 0;                 ///< the device's next_event has changed
+};
+
+class Device {
+public:
+    virtual ~Device() = default;
+    virtual std::string_view name() const = 0;
+    virtual std::uint32_t read(std::uint32_t offset) = 0; ///< a word; offset is a multiple of 4
+    virtual void write(std::uint32_t offset, std::uint32_t value) = 0;
+    virtual std::uint64_t next_event() const { return never; } ///< [cycles]
+    virtual void act() {}                                      ///< the time of next_event has come
+    virtual void reset() = 0;
+    virtual std::span<std::byte> state() = 0; ///< all of it; a snapshot copies it
+};
+
+} // namespace fledge::emulator
