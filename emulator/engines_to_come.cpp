@@ -9,9 +9,4 @@ namespace fledge::emulator {
     return make_interpreter();
 }
 
-[[gnu::weak]] std::unique_ptr<Engine> make_translator()
-{
-    return make_threaded();
-}
-
 } // namespace fledge::emulator

@@ -272,7 +272,7 @@ void Emitter::chain(std::uint32_t pc)
 {
     write_back_all();
     if (pc == block_pc_) {
-        jmp(entry_, T_NEAR);
+        jmp(getCode() + entry_, T_NEAR);
         return;
     }
     unlinked_.emplace_back(static_cast<std::uint32_t>(links.size()), Xbyak::Label());
@@ -288,7 +288,6 @@ void Emitter::emit(const Trace &trace, Block &block, std::uint32_t index)
     departures_.clear();
     small_results_.clear();
     unlinked_.clear();
-    entry_ = Xbyak::Label();
     block_pc_ = block.pc;
     block.entry = getSize();
 
@@ -304,12 +303,14 @@ void Emitter::emit(const Trace &trace, Block &block, std::uint32_t index)
         cmp(dword[IN_CONTEXT(fp_ready)], 0);
         je(not_ready, T_NEAR);
     }
-    L(entry_);
+    entry_ = getSize();
     sub(r15, cycles);
     jl(time, T_NEAR);
     add(qword[IN_STATE(instructions)], count);
 
-    here_ = {.cycles = cycles, .instructions = count};
+    here_ = {};
+    here_.cycles = cycles;
+    here_.instructions = count;
     const std::size_t straight = trace.items.size() - (trace.branches ? 2 : 0);
     for (std::size_t k = 0; k < straight; k++) {
         if (k + 1 < straight && trace.items[k + 1].pc == trace.items[k].pc + 4 &&

@@ -154,7 +154,7 @@ private:
     std::deque<Departure> departures_;
     std::deque<SmallResult> small_results_;
     std::deque<std::pair<std::uint32_t, Xbyak::Label>> unlinked_;
-    Xbyak::Label entry_;
+    std::size_t entry_ = 0; ///< where the block begins to count
     std::uint32_t block_pc_ = 0;
     Site here_;
 };
