@@ -25,7 +25,6 @@ NEWLIB = Path("/usr/src/newlib")
 MACHINE = ["-m32", "-mcpu=leon3", "-mno-v8plus", "-mhard-float", "-mlong-double-64", "-fno-pic", "-fno-pie",
            "-fno-stack-protector", "-U__linux__", "-U__linux", "-Ulinux", "-U__gnu_linux__", "-U__unix__", "-U__unix",
            "-Uunix"]
-LINK = ["-nostdlib", "-static", "-no-pie", "-Wl,--build-id=none", "-Wl,-z,max-page-size=4096"]
 
 # What newlib's configuration would find out.
 CONFIGURATION = """\
@@ -79,9 +78,15 @@ def library() -> Path:
     return folder
 
 
-def flags() -> list[str]:
-    """For the compiler: the machine, and the headers of the library and of the compiler in place of Linux's."""
-    return [*MACHINE, *_headers(library())]
+def headers() -> list[str]:
+    """The flags for the headers of the library and of the compiler, in place of Linux's."""
+    return _headers(library())
+
+
+def link(script: Path, **symbols: int) -> list[str | Path]:
+    """The flags that link a program by a linker script, in which these symbols have values."""
+    return ["-nostdlib", "-static", "-no-pie", "-T", script, "-Wl,--build-id=none", "-Wl,--no-warn-rwx-segments",
+            *(f"-Wl,--defsym={name}={value:#x}" for name, value in symbols.items()), library() / "libc.a"]
 
 
 def _headers(folder):
