@@ -1,9 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* An exported mission as the program of a LEON3 board. The clock of the register space paces flight: at each tick the
  * processor wakes up, flies, answers, and then sends the outputs of flight as a record through the last UART. At the
- * end of the run it prints its counters on the console, a key and a value on each line.
- *
- * A board that was reset in flight starts with a reset of flight, at the next tick. */
+ * end of the run it prints its counters on the console, a key and a value on each line. */
 #include "registers/plug_and_play.h"
 #include "targets/leon3/leon3.h"
 #include "targets/mission_host.h"
@@ -43,7 +41,6 @@ static void report(const char *key, uint32_t value)
 int main(void)
 {
     uint32_t ticks = 0u;
-    int begun = 0;
     Tick tick;
     if (fledge_mission.io->n_boards > BOARDS_MAX) {
         leon3_say("the mission has more than 4 register boards\n");
@@ -55,10 +52,6 @@ int main(void)
     McapStatus status = mission_record_open(&record, &fledge_mission, send_record, NULL, "leon3");
     while (status == MCAP_OK) {
         if (register_clock_due(clock, &tick)) {
-            if (!begun && tick.t >= 0) {
-                mission_host_exchange(&fledge_mission, windows, -1, &counts);
-            }
-            begun = 1;
             mission_host_exchange(&fledge_mission, windows, tick.t, &counts);
             register_clock_finish(clock);
             if (tick.t >= 0) {

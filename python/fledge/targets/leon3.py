@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 
 FOLDER = build.ROOT / "targets/leon3"
 BOARD = build.ROOT / "emulator/boards/leon3.toml"
-SUPPORT = [*(FOLDER / name for name in ("traps.S", "board.c", "runtime.c", "system.c"))]
+RAM, RAM_SIZE, CLOCK = 0x40000000, 0x800000, 80_000_000
+SUPPORT = [FOLDER / name for name in ("traps.S", "board.c", "runtime.c", "system.c")]
 SHARED = ["targets/mission_io.c", "targets/mission_packets.c", "targets/mission_host.c", "record/mcap.c",
           "record/mcap_crc.c", "registers/lane.c", "registers/field.c", "registers/clock.c", "registers/message.c"]
 
@@ -23,8 +24,8 @@ SHARED = ["targets/mission_io.c", "targets/mission_packets.c", "targets/mission_
 def program(folder: Path, name: str, sources: list[Path], includes: list[Path]) -> Path:
     """Build a program for a LEON3 board, with its board support."""
     return build.program(folder, name, [*SUPPORT, *sources], [*includes, build.ROOT], toolchain.COMPILER,
-                         toolchain.headers(), toolchain.link(FOLDER / "leon3.ld", LEON3_RAM=0x40000000,
-                                                             LEON3_RAM_SIZE=0x800000, LEON3_CLOCK=80_000_000),
+                         toolchain.headers(), toolchain.link(FOLDER / "leon3.ld", LEON3_RAM=RAM, LEON3_RAM_SIZE=RAM_SIZE,
+                                                             LEON3_CLOCK=CLOCK),
                          machine=toolchain.MACHINE)
 
 
@@ -42,3 +43,29 @@ class Leon3(Target):
 
     def sizes(self, built: Path) -> tuple[int, int]:
         return build.sizes(built, toolchain.SIZE)
+
+
+class Leon3Qemu(Leon3):
+    """The same program on stock QEMU, which knows nothing of the project."""
+
+    name = "leon3-qemu"
+    about = "the same program on stock QEMU"
+    needs = (*Leon3.needs, "qemu-system-sparc", "gcc")
+
+    def build(self, part: Part) -> Path:
+        super().build(part)
+        sources = [*part.sources(), *(build.ROOT / path for path in build.TABLES), FOLDER / "qemu.c",
+                   build.ROOT / "targets/mission_io.c",
+                   *(build.ROOT / f"registers/{name}.c" for name in ("clock", "message", "shared_file"))]
+        return build.program(part.folder / self.name, part.mission.name, sources, part.includes())
+
+    def command(self, built: Path, record: str) -> list[str]:
+        return [str(built.resolve()), str(self.guest(built).resolve()), str(RAM_SIZE), record, "{registers}"]
+
+    def sizes(self, built: Path) -> tuple[int, int]:
+        return super().sizes(self.guest(built))
+
+    @staticmethod
+    def guest(built: Path) -> Path:
+        """The program of the board."""
+        return built.parent.parent / Leon3.name / built.name
