@@ -217,6 +217,14 @@ void leon3_say_hex(uint32_t value)
     say_in(value, 16u, 8);
 }
 
+void leon3_say_figure(const char *key, uint32_t value)
+{
+    leon3_say(key);
+    leon3_say(" ");
+    leon3_say_number(value);
+    leon3_say("\n");
+}
+
 static void say_row(const char *name, const uint32_t *values)
 {
     leon3_say(name);

@@ -61,6 +61,8 @@ void leon3_send(uint32_t uart, const void *bytes, size_t n);
 void leon3_say(const char *text);
 void leon3_say_number(uint32_t value);
 void leon3_say_hex(uint32_t value);
+/** A line of a key and a value. */
+void leon3_say_figure(const char *key, uint32_t value);
 extern int leon3_console_off;
 
 /** How many bytes of the stack were used so far, and how many it has; how many the program's data have. */

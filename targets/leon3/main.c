@@ -30,14 +30,6 @@ static const RegisterWindow *place_windows(void)
     return &windows[mission_io_clock(io)];
 }
 
-static void report(const char *key, uint32_t value)
-{
-    leon3_say(key);
-    leon3_say(" ");
-    leon3_say_number(value);
-    leon3_say("\n");
-}
-
 int main(void)
 {
     uint32_t ticks = 0u;
@@ -66,13 +58,13 @@ int main(void)
         }
     }
     leon3_console_off = 0;
-    report("flown", ticks);
-    report("refused", counts.refused);
-    report("corrupt", counts.corrupt);
-    report("saturated", counts.saturated);
-    report("skipped", counts.skipped);
-    report("data_bytes", leon3_data_size());
-    report("stack_bytes", leon3_stack_used());
+    leon3_say_figure("flown", ticks);
+    leon3_say_figure("refused", counts.refused);
+    leon3_say_figure("corrupt", counts.corrupt);
+    leon3_say_figure("saturated", counts.saturated);
+    leon3_say_figure("skipped", counts.skipped);
+    leon3_say_figure("data_bytes", leon3_data_size());
+    leon3_say_figure("stack_bytes", leon3_stack_used());
     if (status != MCAP_OK) {
         leon3_say("the record failed: ");
         leon3_say(mcap_status_text(status));

@@ -2,12 +2,17 @@
 """A mission on a LEON3 board: on the project's emulator, on stock QEMU, and as an app of the pocket cFE."""
 from __future__ import annotations
 
-import shutil
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fledge.export import cfs
+from fledge.export.c_text import wrap
+from fledge.export.cfs import around
+from fledge.export.write import write_files
 from fledge.targets import build
 from fledge.targets import leon3_toolchain as toolchain
+from fledge.targets.cfs import Cfs
 from fledge.targets.target import Target
 
 if TYPE_CHECKING:
@@ -21,10 +26,11 @@ SHARED = ["targets/mission_io.c", "targets/mission_packets.c", "targets/mission_
           "record/mcap_crc.c", "registers/lane.c", "registers/field.c", "registers/clock.c", "registers/message.c"]
 
 
-def program(folder: Path, name: str, sources: list[Path], includes: list[Path]) -> Path:
+def program(folder: Path, name: str, sources: Sequence[Path], includes: Sequence[Path],
+            flags: Sequence[str] = ()) -> Path:
     """Build a program for a LEON3 board, with its board support."""
     return build.program(folder, name, [*SUPPORT, *sources], [*includes, build.ROOT], toolchain.COMPILER,
-                         toolchain.headers(), toolchain.link(FOLDER / "leon3.ld", LEON3_RAM=RAM, LEON3_RAM_SIZE=RAM_SIZE,
+                         [*toolchain.headers(), *flags], toolchain.link(FOLDER / "leon3.ld", LEON3_RAM=RAM, LEON3_RAM_SIZE=RAM_SIZE,
                                                              LEON3_CLOCK=CLOCK),
                          machine=toolchain.MACHINE)
 
@@ -69,3 +75,42 @@ class Leon3Qemu(Leon3):
     def guest(built: Path) -> Path:
         """The program of the board."""
         return built.parent.parent / Leon3.name / built.name
+
+
+class Leon3Cfs(Leon3):
+    """The app of the core Flight System on the board, with the pocket cFE."""
+
+    name = "leon3-cfs"
+    about = "an app of the core Flight System on the board, on the pocket cFE"
+    app = cfs.App("fsw", order="big")
+
+    def build(self, part: Part) -> Path:
+        folder = (part.folder / self.name).resolve()
+        app = folder / self.app.name
+        written = cfs.write(part.mission, self.app, app, part.board_files(), (), part.roots[:-1], watched=True)
+        for old in {file for file in app.rglob("*") if file.is_file()} - set(written):
+            old.unlink()                # of an earlier export
+        files = {f"/cf/{file.name}": file.read_bytes() for file in sorted((app / "cf").iterdir())}
+        write_files({"apps.c": around.app_list([self.app]),
+                     "files.c": files_in_memory(files | {"/cf/cfe_es_startup.scr": around.startup(self.app).encode()}),
+                     **{f"inc/{name}": text for name, text in around.wrappers(self.app).items()}}, folder)
+        own = [file for file in (app / "fsw/src").rglob("*.c") if file.name not in LEFT_OUT]
+        pocket = [file for file in around.pocket_sources() if file.name not in ("host.c", "port_posix.c")]
+        return program(folder, part.mission.name,
+                       [*sorted(own), folder / "apps.c", folder / "files.c", *pocket, FOLDER / "port.c",
+                        FOLDER / "cfs.c"],
+                       [app, folder / "inc", app / "fsw/inc", app / "fsw/src", build.ROOT / "targets/cfs/inc"],
+                       ["-DPOCKET_TASKS=8u"])
+
+
+LEFT_OUT = {"fsw_attach.c", "watch.c", "file_sink.c"}     # what cfs.c has in place of them
+
+
+def files_in_memory(files: Mapping[str, bytes]) -> str:
+    """C with these files: path -> bytes."""
+    lines = ["/* SPDX-License-Identifier: Apache-2.0 */", '#include "targets/leon3/cfs.h"', ""]
+    for i, content in enumerate(files.values()):
+        lines += [f"static const uint8 file_{i}[] = {{", *wrap([f"{byte}," for byte in content], "    ", "    "), "};"]
+    return "\n".join([*lines, "const Leon3File leon3_files[] = {",
+                      *(f'    {{"{path}", file_{i}, sizeof file_{i}}},' for i, path in enumerate(files)), "};",
+                      f"const uint32 leon3_files_n = {len(files)};", ""])
