@@ -1,14 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* An app of the core Flight System as the program of a LEON3 board, with the pocket cFE. The app is `fsw`, which
- * `fledge export cfs` wrote; this file has its registers, and sends its outputs as a record through the last UART. */
-#include "fsw_names.h"
-
-#include "fsw_app.h"
-
+ * `fledge export cfs` wrote; this file has its registers, and sends its outputs as a record through the last UART. The
+ * compiler includes the header of the app's names in front. */
+#include "targets/leon3/cfs.h"
 #include "registers/plug_and_play.h"
 #include "targets/cfs/pocket.h"
 #include "targets/cfs/watch.h"
-#include "targets/leon3/cfs.h"
 #include "targets/leon3/leon3.h"
 #include "targets/mission_host.h"
 
@@ -22,11 +19,15 @@ static uint32 ticks;
 
 /* ---- the registers of the app */
 
+bool FSW_Attach(RegisterWindow *windows, const uint32 *stop);
+bool FSW_WaitForRegisters(int32 milliseconds);
+void FSW_Detach(bool keep);
+
 bool FSW_Attach(RegisterWindow *windows, const uint32 *stop)
 {
     uint32_t at = leon3.registers;
     (void)stop;
-    for (uint32 i = 0; i < FSW_BOARDS; i++) {
+    for (uint32 i = 0; i < fledge_mission.io->n_boards; i++) {
         const RegisterBoard *board = fledge_mission.io->boards[i];
         windows[i] = register_window(board, (volatile uint32_t *)(uintptr_t)at);
         at += (board->size + REGISTER_BUS_ALIGNMENT - 1u) / REGISTER_BUS_ALIGNMENT * REGISTER_BUS_ALIGNMENT;

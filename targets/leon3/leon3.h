@@ -5,7 +5,7 @@
 #ifndef TARGETS_LEON3_LEON3_H
 #define TARGETS_LEON3_LEON3_H
 
-#define LEON3_WINDOWS 8 /* of registers; the start refuses another number */
+#define LEON3_WINDOWS 8        /* of registers; the start refuses another number */
 #define LEON3_PAINT 0x5ac3a53c /* of a stack that was never used */
 
 #ifndef __ASSEMBLER__

@@ -29,10 +29,9 @@ SHARED = ["targets/mission_io.c", "targets/mission_packets.c", "targets/mission_
 def program(folder: Path, name: str, sources: Sequence[Path], includes: Sequence[Path],
             flags: Sequence[str] = ()) -> Path:
     """Build a program for a LEON3 board, with its board support."""
+    linked = toolchain.link(FOLDER / "leon3.ld", LEON3_RAM=RAM, LEON3_RAM_SIZE=RAM_SIZE, LEON3_CLOCK=CLOCK)
     return build.program(folder, name, [*SUPPORT, *sources], [*includes, build.ROOT], toolchain.COMPILER,
-                         [*toolchain.headers(), *flags], toolchain.link(FOLDER / "leon3.ld", LEON3_RAM=RAM, LEON3_RAM_SIZE=RAM_SIZE,
-                                                             LEON3_CLOCK=CLOCK),
-                         machine=toolchain.MACHINE)
+                         [*toolchain.headers(), *flags], linked, machine=toolchain.MACHINE)
 
 
 class Leon3(Target):
@@ -100,7 +99,7 @@ class Leon3Cfs(Leon3):
                        [*sorted(own), folder / "apps.c", folder / "files.c", *pocket, FOLDER / "port.c",
                         FOLDER / "cfs.c"],
                        [app, folder / "inc", app / "fsw/inc", app / "fsw/src", build.ROOT / "targets/cfs/inc"],
-                       ["-DPOCKET_TASKS=8u"])
+                       ["-DPOCKET_TASKS=8u", "-include", f"{self.app.name}_names.h"])
 
 
 LEFT_OUT = {"fsw_attach.c", "watch.c", "file_sink.c"}     # what cfs.c has in place of them

@@ -138,8 +138,17 @@ static void check_contexts(void)
 
 static void check_long_numbers(void)
 {
-    static volatile uint64_t values[] = {0u, 1u, 2u, 10u, 0xFFFFFFFFu, 0x100000000u, 0x123456789ABCDEFu,
-                                         0x8000000000000000u, 0xFFFFFFFFFFFFFFFFu, 1000000000u, 0x7FFFFFFFFFFFFFFFu};
+    static volatile uint64_t values[] = {0u,
+                                         1u,
+                                         2u,
+                                         10u,
+                                         0xFFFFFFFFu,
+                                         0x100000000u,
+                                         0x123456789ABCDEFu,
+                                         0x8000000000000000u,
+                                         0xFFFFFFFFFFFFFFFFu,
+                                         1000000000u,
+                                         0x7FFFFFFFFFFFFFFFu};
     const uint32_t n = sizeof values / sizeof values[0];
     for (uint32_t i = 0u; i < n; i++) {
         for (uint32_t j = 1u; j < n; j++) {
