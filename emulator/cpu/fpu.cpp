@@ -80,7 +80,7 @@ std::uint64_t chosen_nan(FpuPersonality fpu, std::uint64_t a, std::uint64_t b, b
 
 class Fpu {
 public:
-    Fpu(Core &core, const Instruction &i) : fpu_(core.fpu), s_(core.state), i_(i) {}
+    Fpu(CpuState &s, FpuPersonality fpu, const Instruction &i) : fpu_(fpu), s_(s), i_(i) {}
 
     std::uint32_t perform();
 
@@ -314,9 +314,9 @@ std::uint32_t Fpu::perform()
 
 } // namespace
 
-std::uint32_t execute_fpop(Core &core, const Instruction &i)
+std::uint32_t execute_fpop(CpuState &s, FpuPersonality fpu, const Instruction &i)
 {
-    return Fpu(core, i).perform();
+    return Fpu(s, fpu, i).perform();
 }
 
 std::uint32_t no_queue(CpuState &s)
