@@ -10,6 +10,7 @@
 #include <sys/resource.h>
 
 #include "emulator/board.h"
+#include "emulator/devices/apbuart.h"
 #include "emulator/elf.h"
 #include "emulator/machine.h"
 
@@ -37,6 +38,7 @@ try {
                                                                             : EngineKind::translator;
     Machine machine(BoardDescription::read(arguments[2]), engine);
     machine.load(Program::read(arguments[3]));
+    dynamic_cast<Apbuart &>(*machine.device("console")).transmit = [](std::uint8_t byte) { std::putchar(byte); };
     const double start = user_seconds();
     const StopReason reason = machine.run_until(std::numeric_limits<Ns>::max());
     const double seconds = user_seconds() - start;
