@@ -15,6 +15,8 @@ constexpr std::size_t state_globals = offsetof(CpuState, globals), state_windows
 #define IN_STATE(member) (rbx + offsetof(CpuState, member))
 #define IN_CONTEXT(member) (r14 + offsetof(Context, member))
 
+constexpr Op exact = Op::fmovs; ///< stands for all operations that cause no exception
+
 constexpr bool is_double_register(int r)
 {
     return (r & 1) == 0;
@@ -924,7 +926,11 @@ template <class Operation> void Emitter::singles(const Instruction &i, bool two,
         store_pair(i.rd / 2, true);
         vmovd(single_in_memory(i.rd), float_register(d));
     }
-    remember(i.op, two ? a : -1, b);
+    if (widens) {
+        remember(exact);
+    } else {
+        remember(i.op, two ? a : -1, b);
+    }
 }
 
 /// fmovs, fnegs, fabss
@@ -940,9 +946,7 @@ void Emitter::move_single(const Instruction &i)
         and_(ecx, ~(1u << 31));
     }
     mov(single_in_memory(i.rd), ecx);
-    if (core_.fpu == FpuPersonality::grfpu) {
-        remember(Op::fmovs);
-    }
+    remember(exact);
 }
 
 /// Two instructions that move a double: the upper half, whose sign may change, then the lower.
@@ -964,9 +968,7 @@ bool Emitter::move_double(const Instruction &first, const Instruction &second)
         vandpd(float_register(d), float_register(from), xword[IN_CONTEXT(magnitude)]);
     }
     set_pair(first.rd / 2, d, regs_.floats[static_cast<std::size_t>(from)].normal);
-    if (core_.fpu == FpuPersonality::grfpu) {
-        remember(Op::fmovs);
-    }
+    remember(exact);
     return true;
 }
 
@@ -1010,7 +1012,7 @@ void Emitter::compare(const Instruction &i, bool is_double)
     movzx(ecx, cl);
     lea(eax, ptr[rax + rcx * 2]);
     mov(dword[IN_CONTEXT(fcc)], eax);
-    remember(i.op);
+    remember(exact);
     regs_.fcc_live = true;
 }
 
@@ -1045,7 +1047,7 @@ void Emitter::floating(const Instruction &i)
         vxorpd(xmm0, xmm0, xmm0);
         vcvtsi2sd(float_register(d), xmm0, single_in_memory(i.rs2));
         set_pair(i.rd / 2, d, true);
-        remember(i.op);
+        remember(exact);
         break;
     }
     case Op::fdtos: {

@@ -13,8 +13,6 @@
 #include <optional>
 #include <unordered_map>
 
-#include <immintrin.h>
-
 #include <xbyak/xbyak_util.h>
 
 #include "emulator/cpu/fpu.h"
@@ -38,40 +36,6 @@ std::uint32_t exceptions(std::uint32_t mxcsr)
     return ((mxcsr & 1) != 0 ? fsr::invalid : 0) | ((mxcsr & 4) != 0 ? fsr::division_by_zero : 0) |
            ((mxcsr & 8) != 0 ? fsr::overflow : 0) | ((mxcsr & 16) != 0 ? fsr::underflow : 0) |
            ((mxcsr & 32) != 0 ? fsr::inexact : 0);
-}
-
-/// The exceptions of an operation that translated code has executed: its result is no NaN.
-std::uint32_t exceptions_of(Op op, std::uint64_t bits_a, std::uint64_t bits_b)
-{
-    const std::uint32_t before = _mm_getcsr();
-    _mm_setcsr(mxcsr_defaults);
-    const auto number = [](std::uint64_t bits) { return _mm_castsi128_pd(_mm_cvtsi64_si128(static_cast<long long>(bits))); };
-    volatile __m128d a = number(bits_a), b = number(bits_b); // computed between the changes of the MXCSR
-    const __m128d x = a, y = b;
-    const __m128 xs = _mm_castpd_ps(x), ys = _mm_castpd_ps(y);
-    volatile __m128d result = x;
-    volatile int integer = 0;
-    switch (op) {
-    case Op::faddd: result = _mm_add_sd(x, y); break;
-    case Op::fsubd: result = _mm_sub_sd(x, y); break;
-    case Op::fmuld: result = _mm_mul_sd(x, y); break;
-    case Op::fdivd: result = _mm_div_sd(x, y); break;
-    case Op::fsqrtd: result = _mm_sqrt_sd(y, y); break;
-    case Op::fadds: result = _mm_castps_pd(_mm_add_ss(xs, ys)); break;
-    case Op::fsubs: result = _mm_castps_pd(_mm_sub_ss(xs, ys)); break;
-    case Op::fmuls: result = _mm_castps_pd(_mm_mul_ss(xs, ys)); break;
-    case Op::fdivs: result = _mm_castps_pd(_mm_div_ss(xs, ys)); break;
-    case Op::fsqrts: result = _mm_castps_pd(_mm_sqrt_ss(ys)); break;
-    case Op::fdtos: result = _mm_castps_pd(_mm_cvtsd_ss(ys, y)); break;
-    case Op::fdtoi: integer = _mm_cvttsd_si32(y); break;
-    case Op::fstoi: integer = _mm_cvttss_si32(ys); break;
-    default: break; // exact
-    }
-    (void)result;
-    (void)integer;
-    const std::uint32_t raised = exceptions(_mm_getcsr());
-    _mm_setcsr(before);
-    return raised;
 }
 
 class Translator final : public Engine {
@@ -102,7 +66,18 @@ private:
     void forget_all();
 
     std::uint64_t enter(Core &core, std::uint64_t until, const Block &block);
+    void settle(Core &core);
     bool execute_site(Core &core, const Site &site);
+    bool execute_here(Core &core)
+    {
+        settle(core);
+        return fetch_and_execute(core);
+    }
+    Exit run_other(Core &core, std::uint64_t until)
+    {
+        settle(core);
+        return other_->run(core, until);
+    }
 
     std::unique_ptr<Engine> other_ = make_threaded();
     Core *core_ = nullptr;
@@ -284,7 +259,6 @@ std::uint64_t Translator::enter(Core &core, std::uint64_t until, const Block &bl
     c.fcc = s.fsr >> fsr::fcc_shift & 3;
     constexpr std::uint32_t modes = 3u << fsr::rounding_shift | fsr::cexc << fsr::tem_shift | fsr::nonstandard;
     c.fp_ready = (s.psr & psr::enable_fpu) != 0 && (s.fsr & modes) == 0;
-    c.last_op = static_cast<std::uint32_t>(Op::illegal);
     c.guest_mxcsr = mxcsr_defaults;
     const std::uint64_t end = std::min(until, s.cycles + longest_run);
     c.remaining = static_cast<std::int64_t>(end - s.cycles);
@@ -296,10 +270,26 @@ std::uint64_t Translator::enter(Core &core, std::uint64_t until, const Block &bl
             ((c.icc & 1u << 14) != 0 ? psr::zero : 0) | ((c.icc & 1u << 8) != 0 ? psr::carry : 0) |
             ((c.icc & 1) != 0 ? psr::overflow : 0);
     s.fsr = (s.fsr & ~fsr::fcc) | c.fcc << fsr::fcc_shift | exceptions(c.guest_mxcsr) << fsr::aexc_shift;
-    if (const auto op = static_cast<Op>(c.last_op); op != Op::illegal) {
-        s.fsr = (s.fsr & ~(fsr::ftt | fsr::cexc)) | exceptions_of(op, c.last_a, c.last_b);
-    }
     return left;
+}
+
+/// What the last floating-point operation left in cexc and ftt: the reference repeats it, in other registers.
+void Translator::settle(Core &core)
+{
+    const auto op = static_cast<Op>(context_.last_op);
+    if (op == Op::illegal) {
+        return;
+    }
+    const bool singles = op == Op::fadds || op == Op::fsubs || op == Op::fmuls || op == Op::fdivs ||
+                         op == Op::fsqrts || op == Op::fstoi;
+    CpuState again;
+    again.fsr = core.state.fsr;
+    again.floats[0] = singles ? context_.last_a << 32 : context_.last_a;
+    again.floats[1] = singles ? context_.last_b << 32 : context_.last_b;
+    execute_fpop(again, core.fpu, {.op = op, .rd = 4, .rs1 = 0, .rs2 = 2});
+    constexpr std::uint32_t settled = fsr::cexc | fsr::ftt;
+    core.state.fsr = (core.state.fsr & ~settled) | (again.fsr & settled);
+    context_.last_op = static_cast<std::uint32_t>(Op::illegal);
 }
 
 /// The reference executes an instruction within a block. True: a debugger watches its access.
@@ -310,6 +300,9 @@ bool Translator::execute_site(Core &core, const Site &site)
     s.npc = site.npc_in_target ? context_.target : site.npc;
     s.cycles -= site.cycles;
     s.instructions -= site.instructions;
+    if (site.instruction.op >= Op::ldf) {
+        settle(core);
+    }
     return execute(core, site.instruction);
 }
 
@@ -326,6 +319,7 @@ Exit Translator::run(Core &core, std::uint64_t until, bool step_over)
         const Boundary boundary = at_boundary(core, until, watched, step_over, exit);
         watched = false;
         if (boundary == Boundary::exit) {
+            settle(core);
             return exit;
         }
         if (boundary == Boundary::stepped) {
@@ -333,7 +327,7 @@ Exit Translator::run(Core &core, std::uint64_t until, bool step_over)
             continue;
         }
         if (step_over || s.npc != s.pc + 4) {
-            watched = fetch_and_execute(core);
+            watched = execute_here(core);
             link = no_link;
             continue;
         }
@@ -341,10 +335,10 @@ Exit Translator::run(Core &core, std::uint64_t until, bool step_over)
         if (!index) {
             link = no_link;
             if (readable(s.pc)) {
-                watched = fetch_and_execute(core);
+                watched = execute_here(core);
                 continue;
             }
-            exit = other_->run(core, std::min(until, s.cycles + elsewhere));
+            exit = run_other(core, std::min(until, s.cycles + elsewhere));
             if (exit != Exit::time) {
                 return exit;
             }
@@ -365,7 +359,7 @@ Exit Translator::run(Core &core, std::uint64_t until, bool step_over)
         case Leave::time:
             s.pc = blocks_[number].pc;
             s.npc = s.pc + 4;
-            exit = other_->run(core, until);
+            exit = run_other(core, until);
             if (exit != Exit::time || s.cycles >= until) {
                 return exit;
             }
@@ -373,7 +367,7 @@ Exit Translator::run(Core &core, std::uint64_t until, bool step_over)
         case Leave::not_ready:
             s.pc = blocks_[number].pc;
             s.npc = s.pc + 4;
-            exit = other_->run(core, std::min(until, s.cycles + elsewhere));
+            exit = run_other(core, std::min(until, s.cycles + elsewhere));
             if (exit != Exit::time) {
                 return exit;
             }
