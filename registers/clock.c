@@ -49,6 +49,16 @@ void register_clock_stop(const RegisterWindow *w)
     ring(w);
 }
 
+void register_clock_reset(const RegisterWindow *w)
+{
+    register_store(w, w->board->clock + REGISTER_CLOCK_RESET, register_clock_resets(w) + 1u);
+}
+
+uint32_t register_clock_resets(const RegisterWindow *w)
+{
+    return register_load(w, w->board->clock + REGISTER_CLOCK_RESET);
+}
+
 int register_clock_due(const RegisterWindow *w, Tick *tick)
 {
     if (register_clock_is_done(w)) {

@@ -5,6 +5,11 @@
  * done. The outside owns time. Between two ticks flight does not touch the registers: in a tick it reads what the
  * outside wrote before, and the outside reads what flight wrote when the tick is done.
  *
+ * The outside resets flight's computer by a count. While the computer is down, no tick starts. At the first tick after
+ * that the count is another one: a computer that sees this starts anew, as after power-on, before it answers the tick.
+ * A program that starts within a run, after such a reset or by its watchdog, finds a tick with t >= 0 as its first one,
+ * and begins flight at that t.
+ *
  * A slave clock shows a time of its own, which drifts, and which flight may jam, slew, or align with the pulses of
  * simulated time. At simulated time t, a time s after its last command,
  *
@@ -24,11 +29,12 @@ extern "C" {
 
 /** The clock block: addresses in bytes from its start, and the side that stores there. */
 enum {
-    REGISTER_CLOCK_TICK = 0,  ///< outside: counts the ticks, stored last
-    REGISTER_CLOCK_DONE = 4,  ///< flight: the tick it has finished
-    REGISTER_CLOCK_TIME = 8,  ///< outside: t [ns], upper word first
-    REGISTER_CLOCK_STEP = 16, ///< outside: dt [ns], upper word first
-    REGISTER_CLOCK_STOP = 24, ///< outside: 1: there will be no more ticks
+    REGISTER_CLOCK_TICK = 0,   ///< outside: counts the ticks, stored last
+    REGISTER_CLOCK_DONE = 4,   ///< flight: the tick it has finished
+    REGISTER_CLOCK_TIME = 8,   ///< outside: t [ns], upper word first
+    REGISTER_CLOCK_STEP = 16,  ///< outside: dt [ns], upper word first
+    REGISTER_CLOCK_STOP = 24,  ///< outside: 1: there will be no more ticks
+    REGISTER_CLOCK_RESET = 28, ///< outside: counts the resets of the computer, stored before the tick that follows
     REGISTER_CLOCK_SIZE = 32
 };
 
@@ -77,6 +83,12 @@ int register_clock_is_done(const RegisterWindow *w);
 
 /** Outside: there will be no more ticks. */
 void register_clock_stop(const RegisterWindow *w);
+
+/** Outside: reset the computer, before the next tick. */
+void register_clock_reset(const RegisterWindow *w);
+
+/** Flight: how often the outside has reset the computer. */
+uint32_t register_clock_resets(const RegisterWindow *w);
 
 /** Flight: whether a tick is due, and which one. */
 int register_clock_due(const RegisterWindow *w, Tick *tick);

@@ -38,4 +38,20 @@ TEST(Clock, ATickIsDueUntilItIsFinished)
     }
 }
 
+TEST(Clock, AResetIsSeenAtTheNextTick)
+{
+    for (bool big : {false, true}) {
+        Bench bench({}, big);
+        const RegisterWindow *w = bench.window();
+        Tick tick;
+        EXPECT_EQ(register_clock_resets(w), 0u);
+        register_clock_reset(w);
+        register_clock_reset(w);
+        EXPECT_FALSE(register_clock_due(w, &tick)) << "a reset is no tick";
+        register_clock_start(w, {7, 1});
+        EXPECT_EQ(register_clock_resets(w), 2u);
+        EXPECT_FALSE(register_clock_stopped(w));
+    }
+}
+
 } // namespace

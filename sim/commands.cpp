@@ -60,6 +60,11 @@ void Commands::begin()
     place_ = 0;
 }
 
+void Commands::forget()
+{
+    command_begin(&state_);
+}
+
 CommandReason Commands::accept(const std::vector<std::uint8_t> &packet, Ns last)
 {
     state_.t = last;

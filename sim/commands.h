@@ -21,6 +21,7 @@ public:
 
     /// Nothing waits, and nothing was counted.
     void begin();
+    void forget(); ///< as the computer's reset does: what waits is lost, the script goes on
     /// Accept what the script has for the instant t; `last` is the one before it.
     void accept_script(Ns t, Ns last);
     /// The time after which the next command of the script comes; never if there is none.

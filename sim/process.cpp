@@ -317,6 +317,25 @@ CommandCounters Process::command_counters() const
     return owner_->runtime_ ? owner_->runtime_->of(*this).commands->counters() : CommandCounters{};
 }
 
+void Process::reset_by(const Port &input, Ns down)
+{
+    if (input.field->group != FLEDGE_IN || std::strcmp(input.field->sub->name, "ComputerReset") != 0 ||
+        find(input.instance->name) != input.instance) {
+        throw SetupError(name + ".reset_by: expected an input of a module of this process, a ComputerReset; found " +
+                         input.path() + ", a " + input.field->sub->name);
+    }
+    if (down < 0) {
+        throw SetupError(name + ".reset_by: down must be >= 0, found " + format_time(down));
+    }
+    owner_->set_up_again();
+    reset_ = ResetLine{input, down};
+}
+
+std::vector<std::pair<Ns, Ns>> Process::outages() const
+{
+    return owner_->runtime_ ? owner_->runtime_->of(*this).outages : std::vector<std::pair<Ns, Ns>>{};
+}
+
 bool Process::runs_in(const Task &task, int mode) const
 {
     if (!playback_.empty()) {

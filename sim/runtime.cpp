@@ -3,10 +3,12 @@
 #include "sim/runtime.h"
 
 #include "flight/exec/message.h"
+#include "flight/msg/computer.h"
 #include "sim/text.h"
 
 #include <algorithm>
 #include <chrono>
+#include <cstddef>
 #include <cstring>
 #include <ctime>
 
@@ -153,6 +155,13 @@ Runtime::Runtime(const Structure &built, Roles roles, Recorder &recorder)
             entry.watched = health.end_task();
             tasks_.push_back(std::move(entry));
         }
+        if (const auto &line = process->reset_line(); line && process->playback().empty()) {
+            const Word *input = words(line->input.bytes());
+            const auto into = [&](const Copy &copy) { return copy.to == input; };
+            const auto wire = std::find_if(copies_.begin(), copies_.end(), into);
+            run.reset = reinterpret_cast<const std::byte *>(wire == copies_.end() ? input : wire->from);
+            keep_parameters(run);
+        }
         for (const auto &instance : process->instances()) {
             note_parameters(*instance, known_.emplace_back(instance.get(), std::vector<std::byte>{}).second);
             if (roles_.at(instance.get()).configuration) {
@@ -206,6 +215,8 @@ void Runtime::reset(Ns after)
     }
     for (RunProcess &process : processes_) {
         begin(process, start);
+        process.resets = 0;
+        process.outages.clear();
         if (process.commands) {
             process.commands->begin();
         }
@@ -228,6 +239,7 @@ void Runtime::begin(RunProcess &process, Ns t)
 {
     process.mode = process.asked = process.process->initial_mode();
     process.ran = -1;
+    process.down_until = -1;
     process.publishes = 0;
     for (const auto &instance : process.process->instances()) {
         if (!roles_.at(instance.get()).part) {
@@ -264,6 +276,64 @@ void Runtime::restart(RunProcess &process, Ns t)
             publish(module, t);
         }
     }
+}
+
+void Runtime::visit_parameters(const RunProcess &process,
+                               const std::function<void(std::byte *, std::size_t)> &block) const
+{
+    for (const auto &instance : process.process->instances()) {
+        for (const FledgeField &field : fields(instance->type())) {
+            if (field.group == FLEDGE_PAR) {
+                block(instance->memory() + field.offset, field.size);
+            }
+        }
+    }
+}
+
+/// As its computer begins with them.
+void Runtime::keep_parameters(RunProcess &process) const
+{
+    process.parameters.clear();
+    visit_parameters(process, [&](const std::byte *from, std::size_t n) {
+        process.parameters.insert(process.parameters.end(), from, from + n);
+    });
+}
+
+/// Whether the computer of a process is down at t. If it was reset, it goes down; after that it begins anew at the first
+/// instant on the grids of its tasks, as a board's node does (cosim/node/board_node.cpp).
+bool Runtime::is_down(RunProcess &process, Ns t)
+{
+    const auto due = [&](const RunTask &task) { return task.process == &process && next_of(task) == t; };
+    if (std::none_of(tasks_.begin(), tasks_.end(), due)) {
+        return process.down_until > t;
+    }
+    std::uint32_t count = 0;
+    std::memcpy(&count, process.reset + offsetof(ComputerReset, count), sizeof count);
+    if (process.down_until < 0 && count != process.resets) {
+        process.down_until = exec_later(t, process.process->reset_line()->down);
+        process.outages.emplace_back(t, process.down_until);
+        process.asked = process.mode;
+        for (RunTask &task : tasks_) {
+            if (task.process == &process) {
+                task.state = exec_start(task.rate, 1, process.down_until);
+            }
+        }
+    }
+    if (process.down_until < 0 || t < process.down_until) {
+        return process.down_until >= 0;
+    }
+    process.resets = count;
+    const std::byte *from = process.parameters.data();
+    visit_parameters(process, [&](std::byte *to, std::size_t n) {
+        std::memcpy(to, from, n);
+        from += n;
+    });
+    see_parameters(*process.process);
+    restart(process, t);
+    if (process.commands) {
+        process.commands->forget();
+    }
+    return false;
 }
 
 void Runtime::publish(const Instance &instance, Ns t)
@@ -335,6 +405,11 @@ void Runtime::ready_for(Ns t)
         throw RunError("the run ended: " + failure_ + "\nreset it, or restore a snapshot");
     }
     take_parameters();
+    for (RunProcess &process : processes_) {
+        if (process.reset && now < 0) {
+            keep_parameters(process);
+        }
+    }
     Faults faults;
     for (const auto &process : structure.processes) {
         for (const auto &instance : process->instances()) {
@@ -619,6 +694,7 @@ void Runtime::instant()
         }
     }
     RunProcess *turn = nullptr;
+    bool down = false;
     const auto end_turn = [&] {
         if (turn && has_events_) {
             run_own_events(*turn, t);
@@ -628,11 +704,12 @@ void Runtime::instant()
         if (task.process != turn) {
             end_turn();
             turn = task.process;
-            if (changes_) {
+            down = task.process->reset && is_down(*task.process, t);
+            if (changes_ && !down) {
                 make_changes(*task.process, t);
             }
         }
-        if (exec_due(&task.state, t)) {
+        if (!down && exec_due(&task.state, t)) {
             run_task(task, t);
         }
     }
@@ -741,6 +818,11 @@ void Runtime::visit_state(const std::function<void(void *, std::size_t)> &block)
         value(process.mode);
         value(process.asked);
         value(process.publishes);
+        if (process.reset) {
+            value(process.resets);
+            value(process.down_until);
+            block(process.parameters.data(), process.parameters.size());
+        }
         for (RunEvent &event : process.events) {
             value(event.state);
         }

@@ -45,6 +45,13 @@ struct RunProcess {
     bool own_events = true;             ///< its events of data reach nothing of other processes
     std::int32_t publishes = 0;         ///< 1: some of its configuration is changed
     std::unique_ptr<Commands> commands; ///< null: it has no dictionary
+
+    // Of a process whose computer can be reset.
+    const std::byte *reset = nullptr;  ///< the ComputerReset; null: it cannot be reset
+    std::uint32_t resets = 0;          ///< the last count seen
+    Ns down_until = -1;                ///< -1: it runs
+    std::vector<std::byte> parameters; ///< of all its instances, as the run began
+    std::vector<std::pair<Ns, Ns>> outages;
 };
 
 struct RunTask {
@@ -130,6 +137,9 @@ private:
     void make_changes(RunProcess &process, Ns t);
     void see_parameters(const Process &process);
     void begin(RunProcess &process, Ns t);
+    bool is_down(RunProcess &process, Ns t);
+    void keep_parameters(RunProcess &process) const;
+    void visit_parameters(const RunProcess &process, const std::function<void(std::byte *, std::size_t)> &block) const;
     void run_task(RunTask &task, Ns t);
     void find_own_events(RunProcess &process);
     void run_own_events(RunProcess &process, Ns t);

@@ -125,6 +125,12 @@ struct Dictionary {
     std::vector<Block> blocks;
 };
 
+/// What resets the computer of a process.
+struct ResetLine {
+    Port input; ///< a ComputerReset
+    Ns down;    ///< how long the computer runs nothing
+};
+
 struct ScriptedCommand {
     Ns after;
     std::vector<std::uint8_t> packet;
@@ -177,6 +183,11 @@ public:
     int initial_mode() const { return initial_; }                    ///< -1: the process has no modes
     bool runs_in(const Task &task, int mode) const;                  ///< whether the task is active in the mode
 
+    /// The computer of this process is reset by each new count of a ComputerReset that it reads, and is down for a time.
+    /// Throws SetupError if the port is no such input of its instances.
+    void reset_by(const Port &input, Ns down);
+    const std::optional<ResetLine> &reset_line() const { return reset_; }
+
     // The state of the run. Before a run is prepared, the mode is the initial one and events are as they start.
 
     /// Request a mode. The process enters it at its next instant.
@@ -189,6 +200,8 @@ public:
     int arming(const Event &event) const; ///< ExecEvent::armed
     void arm(const Event &event, bool armed);
     Ns fired_at(const Event &event) const; ///< when it last fired; -1: never
+    /// (from, until) of the times at which its computer was down.
+    std::vector<std::pair<Ns, Ns>> outages() const;
 
     // Commands, of a process that has a dictionary.
 
@@ -221,6 +234,7 @@ private:
     std::function<void(Ns t)> flight_;
     std::shared_ptr<const Dictionary> dictionary_;
     std::vector<ScriptedCommand> script_;
+    std::optional<ResetLine> reset_;
     int initial_ = -1;
 };
 

@@ -22,19 +22,29 @@ static void send_report(void *user, const CommandReport *report, const uint8_t *
     telemetry_report(link->host->telemetry, report, data, send_packet, user);
 }
 
+static void begin(const MissionHost *host, const RegisterWindow *w, int64_t t)
+{
+    host->restart(t);
+    mission_io_forget(host->io, w);
+    command_begin(host->state);
+    telemetry_begin(host->telemetry);
+    *host->start = (MissionStart){1u, register_clock_resets(&w[mission_io_clock(host->io)])};
+}
+
 void mission_host_exchange(const MissionHost *host, const RegisterWindow *w, int64_t t, MissionIoCounts *counts)
 {
     Link link = {host, w, counts};
     const MissionIo *io = host->io;
     uint32_t n;
     if (t < 0) {
-        host->reset();
-        mission_io_forget(io, w);
-        command_begin(host->state);
-        telemetry_begin(host->telemetry);
+        begin(host, w, 0);
         while (mission_io_receive(io, w, io->commands, io->packet, io->room, counts) != 0u) {
         } /* commands of the last run */
     } else {
+        if (host->start->begun == 0u || host->start->resets != register_clock_resets(&w[mission_io_clock(io)])) {
+            host->init();
+            begin(host, w, t);
+        }
         while ((n = mission_io_receive(io, w, io->commands, io->packet, io->room, counts)) != 0u) {
             (void)command_accept(host->state, host->commands, io->packet, n, send_report, &link);
         }

@@ -34,11 +34,20 @@ typedef struct MissionTopic {
     uint8_t optional;    ///< of an input: 1 if flight runs without it
 } MissionTopic;
 
+/** What a program remembers of its start; all zero after power-on. */
+typedef struct MissionStart {
+    uint32_t begun;  ///< 1: flight has begun
+    uint32_t resets; ///< of the computer, as the clock counts them, then
+} MissionStart;
+
+enum { MISSION_NO_RESET = 0xFFFF };
+
 typedef struct MissionHost {
     const char *name;
     void *mission; ///< its memory
+    MissionStart *start;
     void (*init)(void);
-    void (*reset)(void);
+    void (*restart)(int64_t t);
     int64_t (*next)(void);
     void (*tick)(int64_t t);
     const MissionIo *io;
@@ -53,12 +62,15 @@ typedef struct MissionHost {
     uint16_t n_schemas;
     uint16_t n_channels;
     uint16_t n_rates;
+    uint16_t reset; ///< the id of the ComputerReset by which the outside resets the computer; MISSION_NO_RESET: none
+    int64_t down;   ///< [ns] how long the computer is down after it
 } MissionHost;
 
 extern const MissionHost fledge_mission;
 
 /** One exchange: with t < 0 reset flight; else execute the commands that came, read, tick, and send telemetry; then
- *  write. The caller calls register_clock_finish when it has finished its own work of this tick. */
+ *  write. If the computer was reset, or the program started within the run, flight first begins at t with the
+ *  parameters that it was built with. The caller calls register_clock_finish when it has finished its own work of this tick. */
 void mission_host_exchange(const MissionHost *host, const RegisterWindow *w, int64_t t, MissionIoCounts *counts);
 
 /** Records every output of flight at every tick, as MCAP, without a heap. */

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cosim/node/board_node.h"
 
+#include "flight/msg/computer.h"
 #include "sim/text.h"
 
 #include <algorithm>
+#include <cstring>
 #include <limits>
 
 namespace fledge::cosim {
@@ -53,8 +55,8 @@ Initialized BoardNode::initialize(const Initialize &request)
             mission_io_put(mission_.io, backend_.windows().data(), id, message.held.data(), &counts_);
         }
     }
-    reached_ = -1;
-    sent_ = 0;
+    reached_ = down_until_ = -1;
+    sent_ = resets_ = 0;
     exchange(-1);
     Initialized answer;
     for (std::uint16_t i = 0; i < mission_.n_rates; i++) {
@@ -68,7 +70,7 @@ std::vector<Subscription> BoardNode::desired()
     std::vector<Subscription> subscriptions;
     for (std::uint32_t id = 0; id < messages_.size(); id++) {
         const MissionTopic &topic = mission_.topics[id];
-        if (messages_[id].to_flight && messages_[id].carried) {
+        if (messages_[id].to_flight && (messages_[id].carried || id == mission_.reset)) {
             subscriptions.push_back(
                 {messages_[id].topic, static_cast<Latency>(topic.latency), topic.optional != 0, messages_[id].schema});
         }
@@ -117,9 +119,11 @@ Tock BoardNode::tick(const Tick &tick)
             read_payload(record.payload, messages_[id].fields, messages_[id].held);
             mission_io_put(mission_.io, backend_.windows().data(), id, messages_[id].held.data(), &counts_);
         });
-        send_commands(t);
-        exchange(t);
-        outbox_.collect(t, tock.records);
+        if (!is_down(t)) {
+            send_commands(t);
+            exchange(t);
+            outbox_.collect(t, tock.records);
+        }
         reached_ = t;
     }
     return tock;
@@ -138,6 +142,26 @@ Ns BoardNode::next_after(Ns t) const
         next = std::min(next, exec_on_grid(mission_.rates[i], t + 1));
     }
     return next;
+}
+
+/// Whether the computer is down at t. After that the next tick finds it reset. sim/runtime.cpp does the same for flight
+/// on the desktop.
+bool BoardNode::is_down(Ns t)
+{
+    ComputerReset line{};
+    if (mission_.reset < messages_.size()) {
+        std::memcpy(&line, messages_[mission_.reset].held.data(), sizeof line);
+    }
+    if (down_until_ < 0 && line.count != resets_) {
+        down_until_ = exec_later(t, mission_.down);
+    }
+    if (down_until_ < 0 || t < down_until_) {
+        return down_until_ >= 0;
+    }
+    down_until_ = -1;
+    resets_ = line.count;
+    register_clock_reset(&backend_.windows()[mission_io_clock(mission_.io)]);
+    return false;
 }
 
 /// Put the commands of the script before t into their lane.

@@ -50,6 +50,7 @@ private:
     };
 
     Ns next_after(Ns t) const;
+    bool is_down(Ns t);
     void send_commands(Ns t);
     void exchange(Ns t);
 
@@ -70,6 +71,8 @@ private:
     std::vector<std::uint8_t> packet_; ///< room for a packet of telemetry
     MissionIoCounts counts_{};
     Ns reached_ = -1;
+    std::uint32_t resets_ = 0; ///< the last count seen
+    Ns down_until_ = -1;       ///< -1: the computer runs
 };
 
 } // namespace fledge::cosim

@@ -118,6 +118,7 @@ const CommandTable COMMANDS = {
     nullptr};
 const TelemetryTable TELEMETRY = {0x0880, 0, nullptr, rates, packet, [](const void *) -> std::uint16_t { return 0; }};
 CommandState state;
+MissionStart begun;
 const MissionTopic TOPICS[] = {{"/world/m/a", 0, 0, 0},
                                {"/world/m/b", 0, MISSION_NEXT_EXCHANGE, 1},
                                {"/flight/n/out", 0, 0, 0},
@@ -130,13 +131,16 @@ MissionHost host()
     MissionHost h{};
     h.name = "numbers";
     h.mission = &flight;
-    h.init = h.reset = begin;
+    h.init = begin;
+    h.restart = [](std::int64_t) { begin(); };
     h.tick = tick;
     h.io = &IO;
     h.topics = TOPICS;
     h.definitions = DEFINITIONS;
     h.rates = RATES;
     h.n_rates = 2;
+    h.start = &begun;
+    h.reset = MISSION_NO_RESET;
     h.commands = &COMMANDS;
     h.telemetry = &TELEMETRY;
     h.state = &state;

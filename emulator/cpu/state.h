@@ -17,7 +17,23 @@ inline constexpr std::uint32_t icc = 0xFu << 20;
 inline constexpr std::uint32_t enable_fpu = 1u << 12, pil = 0xFu << 8, supervisor = 1u << 7;
 inline constexpr std::uint32_t previous_supervisor = 1u << 6, enable_traps = 1u << 5, cwp = 0x1Fu;
 inline constexpr std::uint32_t version = 0xF3u << 24; ///< implementation 15, version 3: a LEON3
+inline constexpr std::uint32_t writable =
+    icc | enable_fpu | pil | supervisor | previous_supervisor | enable_traps | cwp;
 } // namespace psr
+
+/// Bits of the FSR.
+namespace fsr {
+/// Exceptions: in cexc, the current ones, where they stand here; also in aexc, the accrued ones, and in tem, which
+/// enables their traps.
+inline constexpr std::uint32_t inexact = 1, division_by_zero = 2, underflow = 4, overflow = 8, invalid = 16;
+inline constexpr std::uint32_t cexc = 31, aexc_shift = 5, tem_shift = 23;
+inline constexpr std::uint32_t fcc = 3u << 10, fcc_shift = 10, ftt = 7u << 14;
+inline constexpr std::uint32_t ieee_exception = 1u << 14, unfinished = 2u << 14, unimplemented = 3u << 14;
+inline constexpr std::uint32_t sequence_error = 4u << 14; ///< these four are values of ftt
+inline constexpr std::uint32_t version_shift = 17, nonstandard = 1u << 22;
+inline constexpr std::uint32_t rounding_shift = 30; ///< 0 to nearest, 1 to zero, 2 up, 3 down
+inline constexpr std::uint32_t writable = 0xCFC00FFF;
+} // namespace fsr
 
 /// Where the processor stands.
 enum class Mode : std::uint32_t {
@@ -36,8 +52,11 @@ struct CpuState {
 
     std::uint32_t pc = 0, npc = 4; ///< an annulled instruction is skipped at once: no state says so
     std::uint32_t psr = psr::version | psr::supervisor;
-    std::uint32_t wim = 0, tbr = 0, y = 0, fsr = 0;
-    std::uint32_t asr17 = 0; ///< the LEON3's configuration: FPU, multiplier, index of the processor, windows - 1
+    std::uint32_t wim = 0, tbr = 0, y = 0;
+    std::uint32_t fsr = 0; ///< the version of the FPU is added when a program reads it
+    /// The LEON3's configuration: its index, FPU (GRFPU), multiplier and divider, windows - 1.
+    std::uint32_t asr17 = 1u << 10 | 1u << 8 | (window_count - 1);
+    std::uint32_t cache_control = 0; ///< ASI 2, address 0: what was written; there are no caches
     Mode mode = Mode::running;
     std::uint32_t trap_type = 0; ///< of the last trap, also of that which led to the error mode
 
@@ -45,6 +64,17 @@ struct CpuState {
     std::uint64_t instructions = 0; ///< executed: neither annulled ones, nor those that trapped
     std::uint64_t traps = 0;        ///< taken, interrupts too
 };
+
+inline std::uint32_t single(const CpuState &s, std::uint32_t r)
+{
+    return static_cast<std::uint32_t>((r & 1) != 0 ? s.floats[r / 2] : s.floats[r / 2] >> 32);
+}
+
+inline void set_single(CpuState &s, std::uint32_t r, std::uint32_t bits)
+{
+    std::uint64_t &pair = s.floats[r / 2];
+    pair = (r & 1) != 0 ? (pair & ~std::uint64_t{0xFFFFFFFF}) | bits : (pair & 0xFFFFFFFF) | std::uint64_t{bits} << 32;
+}
 
 /// The registers 0..31 of the present window, as four banks: globals, outs, locals, ins. Make them anew when CWP or the
 /// state changed.

@@ -386,6 +386,14 @@ void bind_simulation(py::module_ &m)
              })
         .def("add_event", add_event, py::keep_alive<0, 1>())
         .def("start_in", &sim::Process::start_in)
+        .def("reset_by", [](sim::Process &p, py::handle input, Ns down) { p.reset_by(port_of(input), down); })
+        .def_property_readonly("reset",
+                               [](const sim::Process &p) -> py::object {
+                                   const auto &line = p.reset_line();
+                                   return line ? py::object(py::make_tuple(line->input.path(), line->down))
+                                               : py::none();
+                               })
+        .def_property_readonly("outages", &sim::Process::outages)
         .def("play", play)
         .def("fly_by", &sim::Process::fly_by, "A function of the time [ns] flies in place of the process' modules.")
         .def("incoming", incoming, "The bytes of the message that is for an input at this instant.")

@@ -22,9 +22,10 @@ def emit_host(mission: Mission) -> dict[str, str]:
              '#include "targets/mission_host.h"', "",
              f"extern const MissionDefinition {name}_definitions[];", f"static {struct} m;",
              f"static McapSchema schemas[{len(recorded)}];",
-             f"static McapChannel channels[{len(mission.outputs)}];", "static CommandState commands;", ""]
-    for function, result, parameter, argument in (("init", "void", "void", ""), ("reset", "void", "void", ""),
-                                                  ("next", "int64_t", "void", ""),
+             f"static McapChannel channels[{len(mission.outputs)}];", "static CommandState commands;",
+             "static MissionStart start;", ""]
+    for function, result, parameter, argument in (("init", "void", "void", ""), ("next", "int64_t", "void", ""),
+                                                  ("restart", "void", "int64_t t", ", t"),
                                                   ("tick", "void", "int64_t t", ", t")):
         back = "return " if result != "void" else ""
         lines += [f"static {result} {function}({parameter})", "{", f"    {back}{name}_{function}(&m{argument});", "}",
@@ -38,11 +39,13 @@ def emit_host(mission: Mission) -> dict[str, str]:
     lines += [f"    {{{task.period}, {task.offset}}}," for task in mission.tasks]
     lines += ["};", "", "const MissionHost fledge_mission = {"]
     lines += [f"    .{key} = {value}," for key, value in (
-        ("name", f'"{mission.folder}"'), ("mission", "&m"), ("init", "init"), ("reset", "reset"), ("next", "next"),
-        ("tick", "tick"), ("io", f"&{name}_io"), ("topics", "topics"), ("definitions", f"{name}_definitions"),
-        ("rates", "rates"), ("commands", f"&{name}_commands"), ("telemetry", f"&{name}_telemetry"),
+        ("name", f'"{mission.folder}"'), ("mission", "&m"), ("start", "&start"), ("init", "init"),
+        ("restart", "restart"), ("next", "next"), ("tick", "tick"), ("io", f"&{name}_io"), ("topics", "topics"),
+        ("definitions", f"{name}_definitions"), ("rates", "rates"), ("commands",
+                                                                     f"&{name}_commands"), ("telemetry", f"&{name}_telemetry"),
         ("state", "&commands"), ("schemas", "schemas"), ("channels", "channels"), ("n_schemas", f"{len(recorded)}u"),
-        ("n_channels", f"{len(mission.outputs)}u"), ("n_rates", f"{len(mission.tasks)}u"))]
+        ("n_channels", f"{len(mission.outputs)}u"), ("n_rates", f"{len(mission.tasks)}u"),
+        ("reset", "MISSION_NO_RESET" if mission.reset is None else f"{mission.reset}u"), ("down", mission.down))]
     return {f"{name}_host.c": "\n".join([*lines, "};", ""]), f"{name}_definitions.c": definitions(mission, types)}
 
 

@@ -110,6 +110,8 @@ class Mission:
     wires: dict                      # module name -> wires carried before its update
     published: dict                  # configuration module name -> wires carried when it is published
     left_out: list                   # titles of tasks and events that are not exported
+    reset: int | None = None         # the index in `inputs` of the message by which the computer is reset
+    down: int = 0                    # [ns] how long it is down then
 
     @property
     def title(self) -> str:
@@ -241,6 +243,9 @@ class _Reader:
                 if wire.source in order:
                     wire.source = order[wire.source].member
         mission.inputs = list(order.values())
+        if self.flight.reset:
+            line, mission.down = self.flight.reset
+            mission.reset = next((i for i, one in enumerate(mission.inputs) if line in one.ends), None)
 
     # --- the whole ---
 

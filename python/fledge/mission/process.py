@@ -573,6 +573,22 @@ class Process:
 class Flight(Process):
     """Flight software. Its events are data: conditions, and what they do."""
 
+    def reset_by(self, message: Any, *, down: Any = 0) -> None:
+        """The computer of this process is reset by each new count of a ComputerReset, an input of one of its modules. For
+        the time `down` it runs nothing, and its outputs stay; then it begins anew, with the parameters that it had at
+        the start of the run."""
+        self._core_process.reset_by(message, time_ns(down, f"{self.name}.reset_by: down"))
+
+    @property
+    def reset(self) -> tuple[str, int] | None:
+        """(path of the input that resets its computer, [ns] how long it is down then), or None."""
+        return self._core_process.reset
+
+    @property
+    def outages(self) -> list[tuple[int, int]]:
+        """(from, until) [ns] of the times at which its computer was down in this run."""
+        return self._core_process.outages
+
     @property
     def commands(self) -> Commands:
         """Commands by packets, as its targets get them."""

@@ -149,6 +149,8 @@ class Desktop(Target):
         with Archive(record) as archive:
             for part in job.parts:
                 times = archive.time_ns(part.outputs[0])
+                for start, end in sim.process(part.process).outages:
+                    times = times[(times < start) | (times >= end)]
                 part.instants = times[part.is_instant(times)]
         total = sum(len(part.instants) for part in job.parts)
         return {part.process: Flown(record, len(part.instants), spent / total if total else None, "world too")
