@@ -1,0 +1,261 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A computer on a board, which runs a program, alone or as the flight process of a simulation."""
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import _emulator
+import numpy as np
+
+from fledge import export, objects
+from fledge.commands import byte_runs
+from fledge.emulator.memory import Variable
+from fledge.errors import Failure, SetupError, did_you_mean
+from fledge.objects.si import time_ns
+
+if TYPE_CHECKING:
+    from fledge.mission import Simulation
+    from fledge.targets.job import Part
+
+BYTE_ORDER = ">"
+
+
+class Board:
+    """A computer that runs a program.
+
+    board: the file that describes it, emulator/boards/*.toml; program: an ELF file; engine: "translator", "threaded"
+    or "interpreter", which give the same states. Raises SetupError if a file is wrong.
+    """
+
+    def __init__(self, board: Path | str, program: Path | str, engine: str = "translator") -> None:
+        self.core = _emulator.Computer(os.fspath(board), os.fspath(program), engine)
+        self.sim: Any = None            # the simulation whose flight process this computer is
+        self._link: Any = None
+        self._flight: Any = None
+
+    # --- running ---
+
+    @property
+    def now(self) -> float:
+        """Simulated time [s]."""
+        return self.core.now / 1e9
+
+    def run_until(self, t: Any) -> str:
+        """Run until a time. Returns the reason of the stop: "time", "early" (a device ended it), "breakpoint" (at its
+        instruction), "watchpoint" (behind the instruction) or "error" (a trap while traps are disabled)."""
+        return self.core.run_until(time_ns(t, "run_until"))
+
+    def step(self, n: int = 1) -> str:
+        """Execute the next instruction, or the next n; a trap counts as one. Returns the reason of the stop."""
+        reason = "time"
+        for _ in range(n):
+            reason = self.core.step()
+            if reason != "time":
+                break
+        return reason
+
+    # --- its state ---
+
+    @property
+    def registers(self) -> dict[str, int]:
+        """All registers of the present window, by their names: "%l3", "%f0", "%psr"; f registers as their bits."""
+        return self.core.registers()
+
+    def peek(self, place: int | str, n: int) -> bytes:
+        """n bytes at an address, or at a symbol."""
+        return self.core.peek(self.address(place), n)
+
+    def poke(self, place: int | str, content: bytes) -> None:
+        """Write bytes at an address, or at a symbol."""
+        self.core.poke(self.address(place), content)
+
+    def address(self, place: int | str) -> int:
+        """The address of a symbol; an address itself."""
+        if isinstance(place, int):
+            return place
+        found = self.core.symbol(place)
+        if found is None:
+            raise SetupError(f"the program has no symbol '{place}'{did_you_mean(place, self.core.symbols())}".rstrip())
+        return found[0]
+
+    def flip(self, place: int | str, bit: int) -> None:
+        """Invert a bit: of a register, "%l3" (0, the lowest, to 31), or of the byte at an address or symbol (0 to 7)."""
+        if isinstance(place, str) and place.startswith("%"):
+            self.core.flip_register(place, bit)
+        else:
+            self.core.flip(self.address(place), bit)
+
+    @property
+    def report(self) -> str:
+        """Where it stands: registers, and the calls that led there."""
+        return self.core.report()
+
+    @property
+    def console(self) -> str:
+        """What the program has printed."""
+        return self.core.console()
+
+    def snapshot(self) -> Any:
+        """The whole state of the computer, and of the simulation that it flies in."""
+        return (self.core.snapshot(), self._link and self._link.save(), self.sim and self.sim.snapshot())
+
+    def restore(self, snapshot: Any) -> None:
+        """Go back, or on, to a snapshot of this computer."""
+        machine, link, sim = snapshot
+        if (sim is None) != (self.sim is None):
+            raise SetupError("restore: this snapshot was taken " + ("without" if sim is None else "with")
+                             + " the simulation")
+        self.core.restore(machine)
+        if self.sim is not None:
+            self._link.restore(link)
+            self.sim.restore(sim)
+
+    def save(self, path: Path | str) -> None:
+        """Write the state of the computer, without the simulation, into a file."""
+        Path(path).write_bytes(self.core.save())
+
+    def load(self, path: Path | str) -> None:
+        """Take the state from a file that save() wrote, of the same board."""
+        self.core.load(Path(path).read_bytes())
+
+    # --- stops ---
+
+    def breakpoint(self, place: int | str, on: bool = True) -> None:
+        """Stop in front of an instruction."""
+        self.core.set_breakpoint(self.address(place), on)
+
+    def watchpoint(self, place: int | str, size: int = 4, *, read: bool = False, write: bool = True, on: bool = True
+                   ) -> None:
+        """Stop behind instructions that read or write these bytes."""
+        self.core.set_watchpoint(self.address(place), size, read, write, on)
+
+    def gdb(self, address: str = "127.0.0.1:0") -> int:
+        """Serve gdb at [ADDRESS:]PORT, from now on whenever the computer runs; port 0 takes a free one. Returns the
+        port. In gdb: target remote :PORT."""
+        return self.core.serve_gdb(address)
+
+    def wait_for_gdb(self, timeout: float | None = None) -> bool:
+        """Wait until gdb is there, at most so long [s]. The computer then stands until gdb lets it run."""
+        return self.core.wait_for_gdb(-1 if timeout is None else round(timeout * 1e3))
+
+    # --- in the loop ---
+
+    def fly(self, sim: Simulation, tables: Path | str, process: str | None = None) -> None:
+        """Become a flight process of a simulation that has not run: its modules no longer run there, and the computer
+        puts out their messages, those that cross its registers and all others. tables: the mission as data for the
+        outside, as the targets build it."""
+        flight = sim.process(process) if process else sim.flight
+        if sim.time_ns >= 0:
+            raise SetupError(f"fly: {sim.name} has run until {sim.time:g} s; give one that has not run")
+        sim.prepare()
+        self.sim, self._link = sim, _emulator.Link(self.core, os.fspath(tables))
+        self._flight = _Flight(self, sim, flight, self._link)
+        sim.kernel.process(flight.name).fly_by(self._flight.exchange)
+        sim.prepare()
+
+    @property
+    def flight(self) -> Any:
+        """The modules of flight in the memory of the computer: board.flight.control.K."""
+        if self._flight is None:
+            raise SetupError("this computer flies in no simulation; fledge.emulator.load(MISSION) makes one that does")
+        return self._flight.modules
+
+
+class _Modules:
+    """The modules of a flight process, as attributes."""
+
+    def __init__(self, name, found):
+        self._name, self._found = name, found
+
+    def __getattr__(self, name):
+        if name.startswith("_") or name not in self._found:
+            raise AttributeError(f"{self._name} has no '{name}'{did_you_mean(name, list(self._found))} there are "
+                                 + ", ".join(self._found))
+        return self._found[name]
+
+    def __setattr__(self, name, value):
+        if not name.startswith("_"):
+            raise AttributeError(f"{self._name}.{name}: set a field of it, as in {self._name}.control.K = 3 * N * m")
+        object.__setattr__(self, name, value)
+
+    def __dir__(self):
+        return list(self._found)
+
+
+class _Flight:
+    """The exchange between a simulation and the computer that is one of its flight processes."""
+
+    def __init__(self, board, sim, process, link):
+        self.board, self.sim, self.link = board, sim, link
+        self.kernel = sim.kernel.process(process.name)
+        self.commands = []              # packets for the next instant
+        self.telemetry = []             # (t [ns], packet)
+        wires = {source: target for source, target, *_ in sim.wires}
+        self.inputs, self.carried, self.inside = [], [], []
+        mission = link.mission()        # its address in the computer
+        places = {}
+        for id, (path, offset, size, direction) in enumerate(link.messages()):
+            owner, name, port = path.split(".")
+            if direction == "in":
+                target = wires[path].split(".")
+                self.inputs.append((id, getattr(process.instances[target[1]], target[2])))
+                continue
+            instance = process.instances[name]
+            field = next(one for one in objects.struct(instance).fields if one.name == port)
+            places[name] = mission + offset - field.offset
+            view = getattr(instance, port)
+            if link.carries(id):
+                self.carried.append((id, view))
+            else:
+                self.inside.append((mission + offset, size, _reversal(field.struct), view))
+        self.modules = _Modules(process.name, {
+            name: Variable(board, places[name], objects.struct(one), f"{process.name}.{name}")
+            for name, one in process.instances.items() if name in places})
+
+    def exchange(self, t):
+        """At an instant of flight: what it reads goes into its registers, it runs, and what it wrote comes out."""
+        if self.sim.kernel.now < 0:
+            self.link.tick(-1)
+        for id, view in self.inputs:
+            self.link.put(id, self.kernel.incoming(view))
+        while self.commands:
+            self.link.send(self.commands.pop(0))
+        self.link.tick(t)
+        for id, view in self.carried:
+            self.kernel.put_out(view, self.link.take(id))
+        for address, size, order, view in self.inside:
+            self.kernel.put_out(view, np.frombuffer(self.board.core.peek(address, size), np.uint8)[order].tobytes())
+        self.telemetry += [(t, packet) for packet in self.link.receive()]
+
+
+def _reversal(struct):
+    """Of each byte of a message, its place in the other byte order."""
+    order, at = [], 0
+    for width, n in byte_runs(struct.fields):
+        for _ in range(n):
+            order += range(at + width - 1, at - 1, -1)
+            at += width
+    return np.array(order)
+
+
+def load(mission: str, scenario: str | None = None, *, process: str | None = None, engine: str = "translator",
+         board: Path | str | None = None, registers: Sequence[Path | str] = (), **parameters: Any) -> Board:
+    """Export a mission, build it for a LEON3, and boot it on a board around which the mission's world runs, as the
+    scenario sets it up (default: the first). `sim` of the Board is that simulation, which has not run yet.
+
+    process: the flight process; None: the only one. board: the file of the computer; registers: files of boards that
+    its messages pass; none: one that carries them whole. parameters: of the mission, as fledge.load() takes them.
+    """
+    from fledge.targets import TARGETS, Job
+    from fledge.targets.leon3 import BOARD
+
+    job = Job(mission, scenario, boards={process or "": registers} if registers else None, parameters=parameters)
+    if process is None and len(job.parts) > 1:
+        raise Failure(f"{mission} has several flight processes; name one: {', '.join(p.process for p in job.parts)}")
+    part = job.part(process) if process else job.parts[0]
+    made = Board(board or BOARD, TARGETS["leon3"].build(part), engine)
+    made.fly(job.start, part.tables(), part.process)
+    return made
