@@ -2,6 +2,8 @@
 // "Appendix E, gdb Remote Serial Protocol", of "Debugging with gdb".
 #include "emulator/debug/gdb_server.h"
 
+#include "emulator/debug/registers.h"
+
 #include <algorithm>
 #include <arpa/inet.h>
 #include <array>
@@ -18,7 +20,6 @@ namespace fledge::emulator {
 namespace {
 
 constexpr Ns slice = 10'000'000; // [ns] of simulated time, between looks at the socket
-constexpr unsigned register_count = 72;
 constexpr std::size_t packet_size = 0x4000;
 
 std::string hex(std::span<const std::byte> bytes)
@@ -51,7 +52,7 @@ std::optional<std::uint32_t> number(std::string_view text, int base = 16)
 }
 
 /// Bytes of hexadecimal digits; nullopt if they are not.
-std::optional<std::vector<std::byte>> bytes_of(std::string_view digits)
+std::optional<std::vector<std::byte>> from_hex(std::string_view digits)
 {
     std::vector<std::byte> bytes;
     for (std::size_t i = 0; i + 1 < digits.size(); i += 2) {
@@ -335,20 +336,26 @@ std::string GdbServer::answer(const std::string &packet, std::optional<Go> &go)
     case '?': return stop_reply();
     case 'g': return registers();
     case 'G': {
-        const auto bytes = bytes_of(rest);
+        const auto bytes = from_hex(rest);
         for (unsigned i = 0; bytes && i < register_count && i * 8 + 8 <= rest.size(); i++) {
-            (void)set_register(i, *number(rest.substr(i * 8, 8)));
+            set_register(machine_.core().state, i, *number(rest.substr(i * 8, 8)));
         }
+        history_.changed();
         return bytes ? "OK" : "E01";
     }
     case 'p': {
         const auto which = number(rest);
-        return which && *which < register_count ? hex(big_endian(get_register(*which))) : "E01";
+        return which && *which < register_count ? hex(big_endian(get_register(machine_.core().state, *which))) : "E01";
     }
     case 'P': {
         const auto parts = split(rest, "=");
         const auto which = number(parts[0]), value = number(parts.size() == 2 ? parts[1] : "");
-        return which && value && set_register(*which, *value) ? "OK" : "E01";
+        if (!which || !value || *which >= register_count) {
+            return "E01";
+        }
+        set_register(machine_.core().state, *which, *value);
+        history_.changed();
+        return "OK";
     }
     case 'm': {
         const auto parts = split(rest, ",");
@@ -384,49 +391,11 @@ std::string GdbServer::answer(const std::string &packet, std::optional<Go> &go)
     }
 }
 
-// --- registers: in gdb's order of sparc, globals, outs, locals, ins, f0 to f31, then the others ---
-
-std::uint32_t GdbServer::get_register(unsigned n) const
-{
-    CpuState &s = machine_.core().state;
-    if (n < 32) {
-        return Banks(s)[n];
-    }
-    if (n < 64) {
-        const std::uint64_t pair = s.floats[(n - 32) / 2];
-        return static_cast<std::uint32_t>(n % 2 ? pair : pair >> 32);
-    }
-    const std::uint32_t rest[] = {s.y, s.psr, s.wim, s.tbr, s.pc, s.npc, s.fsr, 0};
-    return rest[n - 64];
-}
-
-bool GdbServer::set_register(unsigned n, std::uint32_t value)
-{
-    CpuState &s = machine_.core().state;
-    if (n >= register_count) {
-        return false;
-    }
-    if (n < 32) {
-        if (n != 0) {
-            Banks{s}[n] = value;
-        }
-    } else if (n < 64) {
-        std::uint64_t &pair = s.floats[(n - 32) / 2];
-        const unsigned up = n % 2 ? 0 : 32;
-        pair = (pair & ~(std::uint64_t{0xFFFFFFFF} << up)) | std::uint64_t{value} << up;
-    } else if (n < 71) {
-        std::uint32_t *const rest[] = {&s.y, &s.psr, &s.wim, &s.tbr, &s.pc, &s.npc, &s.fsr};
-        *rest[n - 64] = value;
-    }
-    history_.changed();
-    return true;
-}
-
 std::string GdbServer::registers() const
 {
     std::string text;
     for (unsigned i = 0; i < register_count; i++) {
-        text += hex(big_endian(get_register(i)));
+        text += hex(big_endian(get_register(machine_.core().state, i)));
     }
     return text;
 }
@@ -452,7 +421,7 @@ std::string GdbServer::read_memory(std::uint32_t address, std::uint32_t n) const
 
 bool GdbServer::write_memory(std::uint32_t address, std::string_view digits)
 {
-    const auto bytes = bytes_of(digits);
+    const auto bytes = from_hex(digits);
     if (!bytes || !machine_.poke(address, *bytes)) {
         return false;
     }
@@ -515,7 +484,7 @@ std::string GdbServer::query(const std::string &packet)
         return "l";
     }
     if (packet.starts_with("qRcmd,")) {
-        const auto bytes = bytes_of(std::string_view(packet).substr(6));
+        const auto bytes = from_hex(std::string_view(packet).substr(6));
         std::string command;
         for (const std::byte b : bytes.value_or(std::vector<std::byte>{})) {
             command += static_cast<char>(b);
@@ -547,11 +516,15 @@ std::string GdbServer::monitor(const std::string &command)
         }
         machine_.restore(*found->second);
         history_.changed();
-        return "restored; type: maintenance flush register-cache";
+        return "restored";
     }
     if (what == "flip" && words.size() == 3) {
         const auto bit = number(words[2], 10);
-        return bit ? flip(words[1], *bit) : "flip: the bit must be a number; found " + words[2];
+        try {
+            return bit ? flip(name, *bit) : "flip: the bit must be a number; found " + words[2];
+        } catch (const Error &error) {
+            return error.what();
+        }
     }
     if (what == "report" && words.size() == 1) {
         return machine_.report(program_);
@@ -564,52 +537,31 @@ std::string GdbServer::monitor(const std::string &command)
            "monitor report             registers and backtrace";
 }
 
-std::string GdbServer::flip(std::string_view place, unsigned bit)
+std::string GdbServer::flip(const std::string &place, unsigned bit)
 {
-    static constexpr std::string_view others[] = {"y", "psr", "wim", "tbr", "pc", "npc", "fsr"};
-    const std::string text(place);
     if (place.starts_with("%")) {
-        const std::string_view name = place.substr(1);
-        const std::size_t bank = std::string_view("goli").find(name.empty() ? '?' : name[0]);
-        const auto index = number(name.substr(std::min<std::size_t>(name.size(), 1)), 10);
-        const auto other = std::find(std::begin(others), std::end(others), name);
-        unsigned which = register_count;
-        if (other != std::end(others)) {
-            which = 64 + static_cast<unsigned>(other - std::begin(others));
-        } else if (name == "sp" || name == "fp") {
-            which = name == "sp" ? 14 : 30;
-        } else if (bank != std::string_view::npos && index && *index < 8) {
-            which = static_cast<unsigned>(bank) * 8 + *index;
-        } else if (name.starts_with("f") && index && *index < 32) {
-            which = 32 + *index;
+        flip_register(machine_.core().state, place, bit);
+    } else {
+        const auto address = place.starts_with("0x") ? number(std::string_view(place).substr(2)) : number(place, 10);
+        std::byte byte{};
+        if (!address || bit > 7 || !machine_.peek(*address, {&byte, 1})) {
+            return "flip: there is no bit " + std::to_string(bit) + " at " + place;
         }
-        if (which == register_count || bit > 31) {
-            return "flip: there is no bit " + std::to_string(bit) + " of " + text;
-        }
-        (void)set_register(which, get_register(which) ^ 1u << bit);
-        return text + ": bit " + std::to_string(bit) + " inverted; type: maintenance flush register-cache";
+        byte ^= std::byte(1u << bit);
+        (void)machine_.poke(*address, {&byte, 1});
     }
-    const auto address = place.starts_with("0x") ? number(place.substr(2)) : number(place, 10);
-    std::byte byte{};
-    if (!address || bit > 7 || !machine_.peek(*address, {&byte, 1})) {
-        return "flip: there is no bit " + std::to_string(bit) + " at " + text;
-    }
-    byte ^= std::byte(1u << bit);
-    (void)machine_.poke(*address, {&byte, 1});
     history_.changed();
-    return text + ": bit " + std::to_string(bit) + " inverted";
+    return place + ": bit " + std::to_string(bit) + " inverted";
 }
 
 /// Of the watched access that the last instruction made, as gdb wants it.
 std::string GdbServer::watched() const
 {
-    if (watches_.empty()) {
-        return "";
-    }
     static constexpr const char *names[] = {"watch", "rwatch", "awatch"};
-    const Watch &one = watches_.front();
-    const auto address = big_endian(one.address);
-    return std::string(names[one.kind - '2']) + ":" + hex(address) + ";";
+    const std::uint32_t at = machine_.bus().watched_at();
+    const auto found =
+        std::find_if(watches_.begin(), watches_.end(), [&](const Watch &w) { return at - w.address < w.size; });
+    return found == watches_.end() ? "" : std::string(names[found->kind - '2']) + ":" + hex(big_endian(at)) + ";";
 }
 
 } // namespace fledge::emulator

@@ -53,14 +53,12 @@ private:
     std::string watched() const;
 
     std::string registers() const;
-    bool set_register(unsigned number, std::uint32_t value);
-    std::uint32_t get_register(unsigned number) const;
     std::string read_memory(std::uint32_t address, std::uint32_t n) const;
     bool write_memory(std::uint32_t address, std::string_view hex);
     std::string set_point(const std::string &packet);
     std::string query(const std::string &packet);
     std::string monitor(const std::string &command);
-    std::string flip(std::string_view place, unsigned bit);
+    std::string flip(const std::string &place, unsigned bit);
 
     Machine &machine_;
     const Program *program_;

@@ -46,7 +46,8 @@ std::string disassemble(std::uint32_t address, std::uint32_t word)
     std::size_t size = bytes.size();
     std::uint64_t at = address;
     if (capstone.instruction && cs_disasm_iter(capstone.handle, &code, &size, &at, capstone.instruction)) {
-        return std::string(capstone.instruction->mnemonic) + " " + capstone.instruction->op_str;
+        const cs_insn &found = *capstone.instruction;
+        return found.op_str[0] ? std::string(found.mnemonic) + " " + found.op_str : found.mnemonic;
     }
     char text[24];
     std::snprintf(text, sizeof text, ".word 0x%08" PRIx32, word);
