@@ -367,6 +367,13 @@ void Machine::reset()
     }
 }
 
+void Machine::reset_until(Ns t)
+{
+    std::uint64_t &cycles = impl_->core.state.cycles;
+    cycles = std::max(cycles, impl_->cycles_at(t));
+    impl_->reset_now();
+}
+
 StopReason Machine::run_until(Ns t)
 {
     return impl_->run(impl_->cycles_at(t), impl_->at_breakpoint);

@@ -52,6 +52,8 @@ public:
     /// As by the watchdog: the processor starts again, devices are reset, memory is as the board says, time goes on.
     /// In a hook or a device it takes place behind the present instruction.
     void reset();
+    /// The same, and the processor stands still until a time [ns] before it starts. Not in a hook.
+    void reset_until(Ns t);
 
     /// Run until a time [ns]; idle time is skipped. The processor stops at the first boundary of instructions at or
     /// after it. A run that begins at a breakpoint goes on.

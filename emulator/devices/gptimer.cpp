@@ -26,7 +26,7 @@ void Gptimer::reset()
     state_.scaler = state_.scaler_reload = settings_.scaler;
     if (settings_.watchdog && settings_.watchdog_after_reset != 0) {
         const std::uint32_t ticks = settings_.watchdog_after_reset - 1;
-        state_.timers[settings_.timers - 1] = {ticks, ticks, enable | interrupt_enable};
+        state_.timers[settings_.timers - 1] = {ticks, ticks, enable};
     }
 }
 
@@ -59,10 +59,10 @@ std::uint64_t Gptimer::count(std::uint32_t index, std::uint64_t ticks)
     if (t.control & interrupt_enable) {
         t.control |= pending;
         host_.raise(settings_.interrupt + index);
-        if (settings_.watchdog && index == settings_.timers - 1) {
-            state_.watchdog_resets++;
-            host_.reset();
-        }
+    }
+    if (is_watchdog(index)) {
+        state_.watchdog_resets++;
+        host_.reset();
     }
     return underflows;
 }
@@ -90,7 +90,8 @@ bool Gptimer::matters(std::uint32_t i) const
 {
     const bool drives_next =
         i + 1 < settings_.timers && (state_.timers[i + 1].control & (enable | chain)) == (enable | chain);
-    return (state_.timers[i].control & enable) && ((state_.timers[i].control & interrupt_enable) || drives_next);
+    return (state_.timers[i].control & enable) &&
+           ((state_.timers[i].control & interrupt_enable) || drives_next || is_watchdog(i));
 }
 
 std::uint64_t Gptimer::next_event() const

@@ -49,6 +49,7 @@ private:
 
     void bring_up();
     std::uint64_t count(std::uint32_t timer, std::uint64_t ticks);
+    bool is_watchdog(std::uint32_t timer) const { return settings_.watchdog && timer + 1 == settings_.timers; }
     bool matters(std::uint32_t timer) const;
     std::uint64_t ticks_to_underflow(std::uint32_t timer) const;
 

@@ -36,10 +36,10 @@ void RegisterSpace::make(std::span<const RegisterBoard *const> boards)
         size += rounded(board->size);
         lines += board->n_interrupts;
     }
-    const std::size_t counters = (lines + 1) / 2; // in units of 8 bytes
-    memory_.assign(counters + size / 8, 0);
+    const std::size_t head = (1 + lines + 1) / 2; // in units of 8 bytes
+    memory_.assign(head + size / 8, 0);
     std::vector<RegisterWindow> windows;
-    auto *words = reinterpret_cast<volatile std::uint32_t *>(memory_.data() + counters);
+    auto *words = reinterpret_cast<volatile std::uint32_t *>(memory_.data() + head);
     for (const RegisterBoard *board : boards) {
         windows.push_back(register_window(board, words));
         words += rounded(board->size) / 4;
@@ -57,9 +57,9 @@ void RegisterSpace::attach(std::span<const RegisterWindow> windows)
     for (const RegisterWindow &w : windows_) {
         const RegisterBoard &board = *w.board;
         places_.push_back({from, board.size, &w});
-        if (board.clock != REGISTER_NOWHERE) {
+        if (!clock_ && board.clock != REGISTER_NOWHERE) {
             clock_ = &w;
-            done_at_ = from + board.clock + REGISTER_CLOCK_DONE;
+            clock_at_ = from + board.clock;
         }
         for (std::uint32_t line = 0; line < board.n_interrupts; line++) {
             const auto named = std::find_if(settings_.lines.begin(), settings_.lines.end(),
@@ -77,9 +77,7 @@ void RegisterSpace::attach(std::span<const RegisterWindow> windows)
                     std::to_string(settings_.size));
     }
     check_lines();
-    if (const std::size_t least = (counters_.size() + 1) / 2; memory_.size() < least) {
-        memory_.resize(least);
-    }
+    memory_.resize(std::max(memory_.size(), (1 + counters_.size() + 1) / 2));
     settle();
 }
 
@@ -103,7 +101,12 @@ void RegisterSpace::check_lines() const
 
 std::span<std::uint32_t> RegisterSpace::seen()
 {
-    return {reinterpret_cast<std::uint32_t *>(memory_.data()), counters_.size()};
+    return {reinterpret_cast<std::uint32_t *>(memory_.data()) + 1, counters_.size()};
+}
+
+std::uint32_t &RegisterSpace::shown_tick()
+{
+    return *reinterpret_cast<std::uint32_t *>(memory_.data());
 }
 
 void RegisterSpace::settle()
@@ -130,6 +133,9 @@ void RegisterSpace::announce()
 
 void RegisterSpace::tick()
 {
+    if (clock_) {
+        shown_tick() = clock_->words[(clock_->board->clock + REGISTER_CLOCK_TICK) / 4];
+    }
     if (settings_.tick != 0) {
         host_.raise(settings_.tick);
     }
@@ -147,6 +153,9 @@ volatile std::uint32_t *RegisterSpace::word(std::uint32_t offset) const
 
 std::uint32_t RegisterSpace::read(std::uint32_t offset)
 {
+    if (clock_ && offset == clock_at_ + REGISTER_CLOCK_TICK) {
+        return big_endian(shown_tick());
+    }
     const volatile std::uint32_t *at = word(offset);
     return at ? big_endian(__atomic_load_n(at, __ATOMIC_SEQ_CST)) : 0;
 }
@@ -158,7 +167,7 @@ void RegisterSpace::write(std::uint32_t offset, std::uint32_t value)
         return;
     }
     __atomic_store_n(at, big_endian(value), __ATOMIC_SEQ_CST);
-    if (clock_ && offset == done_at_) {
+    if (clock_ && offset == clock_at_ + REGISTER_CLOCK_DONE) {
         settle();
         if (done) {
             done();

@@ -47,7 +47,8 @@ public:
     void announce();
     /// Flight has finished, or the tick is over: what is raised from now on, the outside raises.
     void settle();
-    /// Raise the interrupt of a tick.
+    /// Show the number of the tick that the outside has started, and raise its interrupt. Before that the program sees
+    /// the number of the tick before, because its time has not come.
     void tick();
 
     /// The program has stored the number of the tick that it has finished.
@@ -65,16 +66,18 @@ private:
     };
     void check_lines() const;
     volatile std::uint32_t *word(std::uint32_t offset) const;
+    std::uint32_t &shown_tick();
     std::span<std::uint32_t> seen(); ///< of each counter, what it was
 
     DeviceHost &host_;
     Settings settings_;
-    std::vector<std::uint64_t> memory_; ///< what is seen of the counters, then the boards if they are the machine's
+    /// The tick that is shown, what is seen of the counters, then the boards if they are the machine's.
+    std::vector<std::uint64_t> memory_;
     std::vector<RegisterWindow> windows_;
     std::vector<Place> places_;
     std::vector<Counter> counters_;
     const RegisterWindow *clock_ = nullptr;
-    std::uint32_t done_at_ = 0;
+    std::uint32_t clock_at_ = 0; ///< its block, on the bus
 };
 
 } // namespace fledge::emulator
