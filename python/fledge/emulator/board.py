@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import _emulator
 import numpy as np
 
-from fledge import export, objects
+from fledge import objects
 from fledge.commands import byte_runs
 from fledge.emulator.memory import Variable
-from fledge.errors import Failure, SetupError, did_you_mean
+from fledge.errors import Failure, RunError, SetupError, did_you_mean
 from fledge.objects.si import time_ns
 
 if TYPE_CHECKING:
-    from fledge.mission import Simulation
-    from fledge.targets.job import Part
-
-BYTE_ORDER = ">"
+    from fledge.mission.simulation import Simulation
 
 
 class Board:
@@ -34,7 +31,7 @@ class Board:
         self.core = _emulator.Computer(os.fspath(board), os.fspath(program), engine)
         self.sim: Any = None            # the simulation whose flight process this computer is
         self._link: Any = None
-        self._flight: Any = None
+        self.in_flight: Any = None      # its exchange with the simulation
 
     # --- running ---
 
@@ -152,16 +149,16 @@ class Board:
             raise SetupError(f"fly: {sim.name} has run until {sim.time:g} s; give one that has not run")
         sim.prepare()
         self.sim, self._link = sim, _emulator.Link(self.core, os.fspath(tables))
-        self._flight = _Flight(self, sim, flight, self._link)
-        sim.kernel.process(flight.name).fly_by(self._flight.exchange)
+        self.in_flight = _Flight(self, sim, flight, self._link)
+        sim.kernel.process(flight.name).fly_by(self.in_flight.exchange)
         sim.prepare()
 
     @property
     def flight(self) -> Any:
         """The modules of flight in the memory of the computer: board.flight.control.K."""
-        if self._flight is None:
+        if self.in_flight is None:
             raise SetupError("this computer flies in no simulation; fledge.emulator.load(MISSION) makes one that does")
-        return self._flight.modules
+        return self.in_flight.modules
 
 
 class _Modules:
@@ -191,15 +188,15 @@ class _Flight:
     def __init__(self, board, sim, process, link):
         self.board, self.sim, self.link = board, sim, link
         self.kernel = sim.kernel.process(process.name)
-        self.commands = []              # packets for the next instant
+        self.script = []                # (after [ns], packet) of commands, in the order of time
         self.telemetry = []             # (t [ns], packet)
-        wires = {source: target for source, target, *_ in sim.wires}
+        wires = {source: target for source, target, *_ in sim.wires if target.startswith(f"{process.name}.")}
         self.inputs, self.carried, self.inside = [], [], []
         mission = link.mission()        # its address in the computer
         places = {}
-        for id, (path, offset, size, direction) in enumerate(link.messages()):
-            owner, name, port = path.split(".")
-            if direction == "in":
+        for id, (path, offset, size, is_input) in enumerate(link.messages()):
+            _, name, port = path.split(".")
+            if is_input:
                 target = wires[path].split(".")
                 self.inputs.append((id, getattr(process.instances[target[1]], target[2])))
                 continue
@@ -217,18 +214,27 @@ class _Flight:
 
     def exchange(self, t):
         """At an instant of flight: what it reads goes into its registers, it runs, and what it wrote comes out."""
+        link = self.link
         if self.sim.kernel.now < 0:
-            self.link.tick(-1)
+            self.tick(-1)
         for id, view in self.inputs:
-            self.link.put(id, self.kernel.incoming(view))
-        while self.commands:
-            self.link.send(self.commands.pop(0))
-        self.link.tick(t)
+            link.put(id, self.kernel.incoming(view))
+        for after, packet in self.script:
+            if link.reached <= after < t:
+                link.send(packet)
+        self.tick(t)
         for id, view in self.carried:
             self.kernel.put_out(view, self.link.take(id))
         for address, size, order, view in self.inside:
             self.kernel.put_out(view, np.frombuffer(self.board.core.peek(address, size), np.uint8)[order].tobytes())
-        self.telemetry += [(t, packet) for packet in self.link.receive()]
+        self.telemetry += [(t, packet) for packet in link.receive()]
+
+    def tick(self, t):
+        if not self.link.tick(t):
+            self.on_failure(t)
+
+    def on_failure(self, t):
+        raise RunError(f"the processor is in its error mode, in the tick at {t / 1e9:g} s\n{self.board.report}")
 
 
 def _reversal(struct):
@@ -249,13 +255,14 @@ def load(mission: str, scenario: str | None = None, *, process: str | None = Non
     process: the flight process; None: the only one. board: the file of the computer; registers: files of boards that
     its messages pass; none: one that carries them whole. parameters: of the mission, as fledge.load() takes them.
     """
-    from fledge.targets import TARGETS, Job
-    from fledge.targets.leon3 import BOARD
+    from fledge.targets import Job
+    from fledge.targets.leon3 import BOARD, Leon3
 
     job = Job(mission, scenario, boards={process or "": registers} if registers else None, parameters=parameters)
     if process is None and len(job.parts) > 1:
         raise Failure(f"{mission} has several flight processes; name one: {', '.join(p.process for p in job.parts)}")
     part = job.part(process) if process else job.parts[0]
-    made = Board(board or BOARD, TARGETS["leon3"].build(part), engine)
+    made = Board(board or BOARD, Leon3().build(part), engine)
     made.fly(job.start, part.tables(), part.process)
+    made.in_flight.script = [(one.t, one.packet) for one in part.script]
     return made

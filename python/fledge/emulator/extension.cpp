@@ -180,7 +180,7 @@ public:
             packet_.resize(io.boards[io.telemetry.board]->lanes[io.telemetry.lane].capacity);
         }
         backend_.loop.run = [&computer](Ns t) { return computer.run_until(t); };
-        backend_.loop.begun = [&computer] { computer.tools.begin(); };
+        backend_.loop.on_tick = [&computer] { computer.tools.begin(); };
         backend_.loop.next = [this](Ns t) { return next_after(t); };
     }
     Link(const Link &) = delete;

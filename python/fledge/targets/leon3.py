@@ -31,7 +31,7 @@ def program(folder: Path, name: str, sources: Sequence[Path], includes: Sequence
     """Build a program for a LEON3 board, with its board support."""
     linked = toolchain.link(FOLDER / "leon3.ld", LEON3_RAM=RAM, LEON3_RAM_SIZE=RAM_SIZE, LEON3_CLOCK=CLOCK)
     return build.program(folder, name, [*SUPPORT, *sources], [*includes, build.ROOT], toolchain.COMPILER,
-                         [*toolchain.headers(), *flags], linked, machine=toolchain.MACHINE)
+                         [*toolchain.headers(), "-g", *flags], linked, machine=toolchain.MACHINE)
 
 
 class Leon3(Target):
