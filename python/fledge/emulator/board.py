@@ -2,8 +2,9 @@
 """A computer on a board, which runs a program, alone or as the flight process of a simulation."""
 from __future__ import annotations
 
+import functools
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,7 @@ import numpy as np
 
 from fledge import objects
 from fledge.commands import byte_runs
-from fledge.emulator.memory import Variable
+from fledge.emulator.memory import Variable, address
 from fledge.errors import Failure, RunError, SetupError, did_you_mean
 from fledge.objects.si import time_ns
 
@@ -29,6 +30,7 @@ class Board:
 
     def __init__(self, board: Path | str, program: Path | str, engine: str = "translator") -> None:
         self.core = _emulator.Computer(os.fspath(board), os.fspath(program), engine)
+        self.on_stop: Callable[[str], object] | None = None     # at breakpoints and watchpoints in the loop
         self.sim: Any = None            # the simulation whose flight process this computer is
         self._link: Any = None
         self.in_flight: Any = None      # its exchange with the simulation
@@ -70,20 +72,16 @@ class Board:
         self.core.poke(self.address(place), content)
 
     def address(self, place: int | str) -> int:
-        """The address of a symbol; an address itself."""
+        """The address of a symbol, or of a variable of flight, "flight.control.K"; an address itself."""
         if isinstance(place, int):
             return place
+        if self.in_flight is not None and place.startswith(f"{self.in_flight.name}."):
+            _, *names, last = place.split(".")
+            return address(functools.reduce(getattr, names, self.flight), last)
         found = self.core.symbol(place)
         if found is None:
             raise SetupError(f"the program has no symbol '{place}'{did_you_mean(place, self.core.symbols())}".rstrip())
         return found[0]
-
-    def flip(self, place: int | str, bit: int) -> None:
-        """Invert a bit: of a register, "%l3" (0, the lowest, to 31), or of the byte at an address or symbol (0 to 7)."""
-        if isinstance(place, str) and place.startswith("%"):
-            self.core.flip_register(place, bit)
-        else:
-            self.core.flip(self.address(place), bit)
 
     @property
     def report(self) -> str:
@@ -118,6 +116,29 @@ class Board:
         """Take the state from a file that save() wrote, of the same board."""
         self.core.load(Path(path).read_bytes())
 
+    # --- faults ---
+
+    def flip(self, place: int | str, bit: int) -> None:
+        """Invert a bit: of a register, "%l3" (0, the lowest, to 31), or of the byte at an address or symbol (0 to
+        7)."""
+        self.core.flip(place if isinstance(place, str) and place.startswith("%") else self.address(place), bit)
+
+    def flip_next_read(self, bits: int) -> None:
+        """Invert bits of the word that the processor reads next from RAM as data, as on the bus."""
+        self.core.flip_next_read(bits)
+
+    def interrupt(self, line: int) -> None:
+        """Raise an interrupt, 1 to 15, that no device has raised."""
+        self.core.raise_interrupt(line)
+
+    def stick_interrupts(self, on: Iterable[int] = (), off: Iterable[int] = ()) -> None:
+        """From now on these lines are always pending, or never; without any, the lines work again."""
+        self.core.stick_interrupts(sum(1 << line for line in on), sum(1 << line for line in off))
+
+    def lose_ticks(self, n: int) -> None:
+        """In the loop: the next n ticks do not reach the processor."""
+        self._link.lose_ticks(n)
+
     # --- stops ---
 
     def breakpoint(self, place: int | str, on: bool = True) -> None:
@@ -138,6 +159,34 @@ class Board:
         """Wait until gdb is there, at most so long [s]. The computer then stands until gdb lets it run."""
         return self.core.wait_for_gdb(-1 if timeout is None else round(timeout * 1e3))
 
+    # --- what it does ---
+
+    def trace(self, path: Path | str, begin: Any = 0, end: Any = None) -> None:
+        """Write each instruction that begins at these times of the computer into a file, until finish()."""
+        self.core.trace(os.fspath(path), time_ns(begin, "trace"), 2**63 - 1 if end is None else time_ns(end, "trace"))
+
+    def coverage(self, path: Path | str) -> None:
+        """Count lines and branches until finish(), which writes the file, for genhtml."""
+        self.core.coverage(os.fspath(path))
+
+    def profile(self, path: Path | str) -> None:
+        """Count instructions and cycles of each function until finish(), which writes the file, for
+        callgrind_annotate."""
+        self.core.profile(os.fspath(path))
+
+    def watch_stacks(self) -> None:
+        """Watch until finish() how deep each stack is used."""
+        self.core.stacks()
+
+    def finish(self) -> None:
+        """End traces, coverage and profiles. While one of them counts, the plain interpreter runs."""
+        self.core.finish()
+
+    @property
+    def stacks(self) -> dict[str, tuple[int, int]]:
+        """Of each stack since watch_stacks(): (bytes used at most, its size, 0 if that is not known), by its name."""
+        return {name: (used, size) for name, used, size in self.core.depths()}
+
     # --- in the loop ---
 
     def fly(self, sim: Simulation, tables: Path | str, process: str | None = None) -> None:
@@ -150,6 +199,7 @@ class Board:
         sim.prepare()
         self.sim, self._link = sim, _emulator.Link(self.core, os.fspath(tables))
         self.in_flight = _Flight(self, sim, flight, self._link)
+        self._link.on_stop(lambda reason: self.on_stop and self.on_stop(reason))
         sim.kernel.process(flight.name).fly_by(self.in_flight.exchange)
         sim.prepare()
 
@@ -186,8 +236,9 @@ class _Flight:
     """The exchange between a simulation and the computer that is one of its flight processes."""
 
     def __init__(self, board, sim, process, link):
-        self.board, self.sim, self.link = board, sim, link
+        self.board, self.sim, self.link, self.name = board, sim, link, process.name
         self.kernel = sim.kernel.process(process.name)
+        self.answers = None             # with record(): (t [ns], what crossed the registers, None if no answer came)
         self.script = []                # (after [ns], packet) of commands, in the order of time
         self.telemetry = []             # (t [ns], packet)
         wires = {source: target for source, target, *_ in sim.wires if target.startswith(f"{process.name}.")}
@@ -222,24 +273,35 @@ class _Flight:
         for after, packet in self.script:
             if link.reached <= after < t:
                 link.send(packet)
-        self.tick(t)
+        answered = self.tick(t)
         for id, view in self.carried:
             self.kernel.put_out(view, self.link.take(id))
         for address, size, order, view in self.inside:
             self.kernel.put_out(view, np.frombuffer(self.board.core.peek(address, size), np.uint8)[order].tobytes())
         self.telemetry += [(t, packet) for packet in link.receive()]
+        if self.answers is not None:
+            outputs = (objects.memory(view) for *_, view in (*self.carried, *self.inside))
+            self.answers.append((t, b"".join(outputs) if answered else None))
 
     def tick(self, t):
-        if not self.link.tick(t):
-            self.on_failure(t)
+        """Returns whether flight has answered; a world that records it goes on without an answer."""
+        missed = self.link.missed
+        if self.link.tick(t):
+            return self.link.missed == missed
+        if self.answers is None:
+            raise RunError(f"the processor is in its error mode, in the tick at {t / 1e9:g} s\n{self.board.report}")
+        return False
 
-    def on_failure(self, t):
-        raise RunError(f"the processor is in its error mode, in the tick at {t / 1e9:g} s\n{self.board.report}")
+    def record(self):
+        """From now on, into a new list, which this returns."""
+        self.answers = []
+        return self.answers
 
 
 def _reversal(struct):
     """Of each byte of a message, its place in the other byte order."""
-    order, at = [], 0
+    order: list[int] = []
+    at = 0
     for width, n in byte_runs(struct.fields):
         for _ in range(n):
             order += range(at + width - 1, at - 1, -1)
@@ -248,17 +310,20 @@ def _reversal(struct):
 
 
 def load(mission: str, scenario: str | None = None, *, process: str | None = None, engine: str = "translator",
-         board: Path | str | None = None, registers: Sequence[Path | str] = (), **parameters: Any) -> Board:
+         board: Path | str | None = None, registers: Sequence[Path | str] = (), folder: Path | str | None = None,
+         **parameters: Any) -> Board:
     """Export a mission, build it for a LEON3, and boot it on a board around which the mission's world runs, as the
     scenario sets it up (default: the first). `sim` of the Board is that simulation, which has not run yet.
 
     process: the flight process; None: the only one. board: the file of the computer; registers: files of boards that
-    its messages pass; none: one that carries them whole. parameters: of the mission, as fledge.load() takes them.
+    its messages pass; none: one that carries them whole. folder: for what is built; default: runs/MISSION/fly.
+    parameters: of the mission, as fledge.load() takes them.
     """
     from fledge.targets import Job
     from fledge.targets.leon3 import BOARD, Leon3
 
-    job = Job(mission, scenario, boards={process or "": registers} if registers else None, parameters=parameters)
+    boards = {process or "": registers} if registers else None
+    job = Job(mission, scenario, boards=boards, folder=folder, parameters=parameters)
     if process is None and len(job.parts) > 1:
         raise Failure(f"{mission} has several flight processes; name one: {', '.join(p.process for p in job.parts)}")
     part = job.part(process) if process else job.parts[0]

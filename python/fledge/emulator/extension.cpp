@@ -14,6 +14,7 @@
 #include "targets/mission_host.h"
 
 #include <dlfcn.h>
+#include <pybind11/functional.h>
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
@@ -179,7 +180,13 @@ public:
         if (io.telemetry.board != MISSION_NO_BOARD) {
             packet_.resize(io.boards[io.telemetry.board]->lanes[io.telemetry.lane].capacity);
         }
-        backend_.loop.run = [&computer](Ns t) { return computer.run_until(t); };
+        backend_.loop.run = [this](Ns t) {
+            const StopReason reason = computer_.run_until(t);
+            if (on_stop && (reason == StopReason::breakpoint || reason == StopReason::watchpoint)) {
+                on_stop(reasons[static_cast<int>(reason)]);
+            }
+            return reason;
+        };
         backend_.loop.on_tick = [&computer] { computer.tools.begin(); };
         backend_.loop.next = [this](Ns t) { return next_after(t); };
     }
@@ -238,9 +245,8 @@ public:
     py::list receive()
     {
         py::list packets;
-        while (const std::uint32_t n =
-                   mission_io_receive(host_.io, windows(), host_.io->telemetry, packet_.data(),
-                                      static_cast<std::uint32_t>(packet_.size()), &counts_)) {
+        while (const std::uint32_t n = mission_io_receive(host_.io, windows(), host_.io->telemetry, packet_.data(),
+                                                          static_cast<std::uint32_t>(packet_.size()), &counts_)) {
             packets.append(to_python(std::span(packet_).first(n)));
         }
         return packets;
@@ -284,6 +290,8 @@ public:
         std::size_t i = 0;
         each_packet([&](std::span<std::byte> memory) { std::ranges::copy(saved.packets[i++], memory.begin()); });
     }
+
+    std::function<void(const char *)> on_stop; ///< at a breakpoint or watchpoint; then the machine goes on
 
 private:
     const RegisterWindow *windows() const { return space_.windows().data(); }
@@ -409,8 +417,8 @@ PYBIND11_MODULE(_emulator, m)
              })
         .def("save", [](Computer &c) { return to_python(c.machine.save()); })
         .def("load", [](Computer &c, const py::bytes &bytes) { c.machine.load_snapshot(from_python(bytes)); })
-        .def("set_breakpoint", [](Computer &c, std::uint32_t address,
-                                  bool on) { c.machine.set_breakpoint(address, on); })
+        .def("set_breakpoint",
+             [](Computer &c, std::uint32_t address, bool on) { c.machine.set_breakpoint(address, on); })
         .def("set_watchpoint", [](Computer &c, std::uint32_t address, std::uint32_t size, bool read, bool write,
                                   bool on) { c.machine.set_watchpoint(address, size, read, write, on); })
         .def("serve_gdb", [](Computer &c, const std::string &address) { return c.tools.serve_gdb(address); })
@@ -440,16 +448,16 @@ PYBIND11_MODULE(_emulator, m)
              })
         .def("flip_next_read", [](Computer &c, std::uint32_t bits) { c.machine.bus().flip_next_read(bits); })
         .def("raise_interrupt", [](Computer &c, std::uint32_t line) { interrupts_of(c).raise(line); })
-        .def("stick_interrupts", [](Computer &c, std::uint32_t pending, std::uint32_t silent) {
-            interrupts_of(c).stick(pending, silent);
-        })
-        .def("enable_edac", [](Computer &c) {
-            auto *controller = c.machine.device_of<MemoryController>();
-            if (!controller || !c.machine.bus().has_edac()) {
-                throw Error(c.machine.board().file + ": the board has no EDAC that a device ftmctrl switches");
-            }
-            controller->write(8, controller->read(8) | 1u << 9);
-        })
+        .def("stick_interrupts",
+             [](Computer &c, std::uint32_t pending, std::uint32_t silent) { interrupts_of(c).stick(pending, silent); })
+        .def("enable_edac",
+             [](Computer &c) {
+                 auto *controller = c.machine.device_of<MemoryController>();
+                 if (!controller || !c.machine.bus().has_edac()) {
+                     throw Error(c.machine.board().file + ": the board has no EDAC that a device ftmctrl switches");
+                 }
+                 controller->write(8, controller->read(8) | 1u << 9);
+             })
         .def_property_readonly("corrected", [](Computer &c) {
             auto *status = c.machine.device_of<AhbStatus>();
             return status ? status->read(8) : 0u;
@@ -466,6 +474,7 @@ PYBIND11_MODULE(_emulator, m)
         .def("receive", &Link::receive)
         .def("tick", &Link::tick)
         .def("lose_ticks", &Link::lose_ticks)
+        .def("on_stop", [](Link &link, std::function<void(const char *)> f) { link.on_stop = std::move(f); })
         .def_property_readonly("reached", &Link::reached)
         .def_property_readonly("missed", [](const Link &link) { return link.state().missed; })
         .def_property_readonly("ticks", [](const Link &link) { return link.state().ticks; })

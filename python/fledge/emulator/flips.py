@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Campaigns of bit flips: single bits of the registers and the memory of a flight computer are inverted in the middle of
-a manoeuvre, in the closed loop, all from one snapshot; each outcome is classified.
+"""Campaigns of bit flips: in the closed loop, in the middle of a manoeuvre, single bits of the registers and the memory
+of a flight computer are inverted, each in a flight of its own from one snapshot. The outcomes are classified.
 
     campaign = Campaign("nadir_spin", at=30 * s, duration=30 * s)
     outcomes = campaign.fly(1000, seed=1)
@@ -12,7 +12,7 @@ import os
 import random
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
@@ -70,13 +70,13 @@ class Campaign:
 
         with TemporaryDirectory() as folder:
             file = Path(folder) / "board.toml"
-            text, n = re.subn(r"(?m)^edac(\s*)= \w+", rf"edac\1= {'true' if edac else 'false'}", BOARD.read_text("utf-8"))
+            text, n = re.subn(r"(?m)^edac(\s*)= \w+",
+                              rf"edac\1= {'true' if edac else 'false'}", BOARD.read_text("utf-8"))
             if n != 1:
                 raise Failure(f"{BOARD}: expected one line edac = ..., found {n}")
             file.write_text(text, encoding="utf-8")
             self.board = load(mission, scenario, engine=engine, board=file, **parameters)
         self.name = self.board.sim.name
-        self.board.in_flight.misses = True
         self.board.sim.run(until=self.at / 1e9, progress=False)
         if edac:
             self.board.core.enable_edac()
@@ -96,7 +96,7 @@ class Campaign:
     def _fly(self):
         """From the start to the end; returns what flight put out, by instant."""
         self.board.restore(self.start)
-        self.board.in_flight.answers = answers = []
+        answers = self.board.in_flight.record()
         self.board.sim.run(until=self.end / 1e9, progress=False)
         return answers
 
@@ -124,7 +124,7 @@ class Campaign:
         core = self.board.core
         self.board.restore(self.start)
         before = core.resets, core.corrected
-        self.board.in_flight.answers = answers = []
+        answers = self.board.in_flight.record()
         core.plan_flip(self.first + flip.instruction, flip.where, flip.bit)
         self.board.sim.run(until=self.end / 1e9, progress=False)
         first = next((t for (t, ours), (_, theirs) in zip(answers, self.nominal) if ours != theirs), None)
@@ -198,7 +198,7 @@ def csv(outcomes: Sequence[Outcome]) -> str:
     return "\n".join([*rows, ""])
 
 
-def plot(campaigns: dict[str, Sequence[Outcome]], title: str, path: Path) -> Path:
+def plot(campaigns: Mapping[str, Sequence[Outcome]], title: str, path: Path) -> Path:
     """A bar for each place, with the shares of the effects; a panel for each campaign."""
     import matplotlib.style
     from matplotlib.figure import Figure

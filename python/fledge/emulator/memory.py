@@ -15,6 +15,11 @@ from fledge.errors import SetupError, did_you_mean
 from fledge.objects.si import to_enumerators, to_si
 
 
+def address(variable: Variable, name: str) -> int:
+    """The address of a field of it."""
+    return variable._place[1] + variable._field(name).offset
+
+
 class Variable:
     """A struct in the memory of a computer: its fields are attributes, which read and write that memory."""
 
