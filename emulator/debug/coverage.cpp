@@ -88,6 +88,14 @@ void Coverage::write(const std::string &path, const Program &program, const Sour
             }
         }
     }
+    for (const SourceLines::Beginning &one : lines.beginnings()) {
+        const Program::Symbol *symbol = program.at(one.address);
+        const auto file = files.find(lines.files()[one.file]);
+        if (symbol && symbol->function && one.address - symbol->address < symbol->size && file != files.end()) {
+            Line &line = file->second.lines[one.line];
+            line.count = std::max(line.count, count(one.address).executed);
+        }
+    }
     std::ofstream out(path);
     for (const auto &[name, file] : files) {
         out << "TN:\nSF:" << name << '\n';

@@ -30,13 +30,14 @@ SourceLines::SourceLines(const std::string &elf)
             Dwarf_Line *here = dwarf_onesrcline(lines, i), *behind = dwarf_onesrcline(lines, i + 1);
             Dwarf_Addr begin = 0, end = 0;
             int line = 0;
-            bool last = false;
+            bool last = false, statement = false;
             const char *file = dwarf_linesrc(here, nullptr, nullptr);
             (void)dwarf_lineaddr(here, &begin);
             (void)dwarf_lineaddr(behind, &end);
             (void)dwarf_lineno(here, &line);
             (void)dwarf_lineendsequence(here, &last);
-            if (last || !file || line <= 0 || begin >= end) {
+            (void)dwarf_linebeginstatement(here, &statement);
+            if (last || !file || line <= 0) {
                 continue;
             }
             const auto path = (std::filesystem::path(folder ? folder : "") / file).lexically_normal().string();
@@ -44,8 +45,13 @@ SourceLines::SourceLines(const std::string &elf)
             if (isnew) {
                 files_.push_back(path);
             }
-            ranges_.push_back({static_cast<std::uint32_t>(begin), static_cast<std::uint32_t>(end), found->second,
-                               static_cast<std::uint32_t>(line)});
+            const auto address = static_cast<std::uint32_t>(begin), number = static_cast<std::uint32_t>(line);
+            if (statement) {
+                beginnings_.push_back({address, found->second, number});
+            }
+            if (begin < end) {
+                ranges_.push_back({address, static_cast<std::uint32_t>(end), found->second, number});
+            }
         }
     }
     dwarf_end(dwarf);

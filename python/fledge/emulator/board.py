@@ -91,7 +91,7 @@ class Board:
     @property
     def console(self) -> str:
         """What the program has printed."""
-        return self.core.console()
+        return self.core.console
 
     def snapshot(self) -> Any:
         """The whole state of the computer, and of the simulation that it flies in."""
@@ -289,7 +289,9 @@ class _Flight:
         if self.link.tick(t):
             return self.link.missed == missed
         if self.answers is None:
-            raise RunError(f"the processor is in its error mode, in the tick at {t / 1e9:g} s\n{self.board.report}")
+            said = "\n".join(self.board.console.splitlines()[-12:])
+            raise RunError(f"the processor is in its error mode, in the tick at {t / 1e9:g} s\n{self.board.report}"
+                           + f"the program's last words:\n{said}" * bool(said))
         return False
 
     def record(self):
