@@ -578,7 +578,7 @@ TEST_P(Cpu, CodeCrossesPagesAndTheirDelaySlots)
     EXPECT_EQ(c.r(l(1)), last + 4);
 }
 
-INSTANTIATE_TEST_SUITE_P(Engines, Cpu, ::testing::Values(&make_interpreter),
+INSTANTIATE_TEST_SUITE_P(Engines, Cpu, ::testing::Values(&make_interpreter, &make_threaded),
                          [](const auto &made) { return std::string(made.param()->name()); });
 
 } // namespace
