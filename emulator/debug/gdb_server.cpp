@@ -146,6 +146,7 @@ void GdbServer::accept()
         input_.clear();
         stands_ = true;
         reason_ = StopReason::time;
+        history_.begin();
     }
 }
 

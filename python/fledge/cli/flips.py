@@ -6,7 +6,7 @@ Exit codes: 0 the campaign was flown; 2 the command line or the mission is wrong
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from fledge.cli.arguments import parse_duration
@@ -22,8 +22,10 @@ def add(command: Callable) -> None:
                      " default: 1000")
     one.add_argument("--seed", type=int, default=0, metavar="S", help="of the drawn bits and times; default: 0")
     one.add_argument("--at", default="60s", metavar="TIME", help="where all flights begin; default: 60s")
-    one.add_argument("--for", dest="duration", default="60s", metavar="DURATION", help="of each flight; the flips come "
-                     "at any of its instructions; default: 60s")
+    one.add_argument("--for", dest="duration", default="60s", metavar="DURATION", help="in which the flips come, at any "
+                     "instruction of flight; default: 60s")
+    one.add_argument("--after", default="20s", metavar="DURATION", help="how long each flight goes on then, so that a "
+                     "watchdog can act; default: 20s")
     one.add_argument("--edac", choices=("off", "on", "both"), default="both", help="check bits of the memory; default: "
                      "both, one campaign after the other with the same flips")
     one.add_argument("--workers", type=int, metavar="W", help="processes; default: one for each processor")
@@ -33,27 +35,31 @@ def add(command: Callable) -> None:
 
 
 def flips(options: argparse.Namespace) -> int:
+    import sys
     import time
 
     from fledge.cli.console import say
     from fledge.cli.runs import alone
     from fledge.emulator import flips as campaigns
     from fledge.export.write import write_files
-    from fledge.progress import Progress
+    from fledge.progress import Bar
 
-    at, duration = parse_duration(options.at), parse_duration(options.duration)
-    results = {}
+    at, duration, after = map(parse_duration, (options.at, options.duration, options.after))
+    results: dict[str, Sequence[campaigns.Outcome]] = {}
     name = Path(options.mission).name
     folder = Path(options.out) if options.out else Path("runs") / name / "flips"
     with alone(folder):
         for edac in {"off": [False], "on": [True], "both": [False, True]}[options.edac]:
             title = "with EDAC" if edac else "without EDAC"
-            campaign = campaigns.Campaign(options.mission, options.scenario, at=at, duration=duration, edac=edac,
-                                          engine=options.engine)
+            campaign = campaigns.Campaign(options.mission, options.scenario, at=at, duration=duration, after=after,
+                                          edac=edac, engine=options.engine, folder=folder)
             begun = time.perf_counter()
-            with Progress(title, 0, options.count, None) as bar:
-                outcomes = campaign.fly(options.count, options.seed, options.workers,
-                                        lambda done: bar.at(done) if bar.wanted else None)
+            with Bar(title) as bar:
+                def progress(done: int, bar: Bar = bar) -> None:
+                    if sys.stderr.isatty():
+                        bar.draw(done / options.count, f"{done} of {options.count} flips")
+
+                outcomes = campaign.fly(options.count, options.seed, options.workers, progress)
             wall = time.perf_counter() - begun
             results[title] = outcomes
             say(f"{campaign.name}, {title}, {options.count} flips from {at:g} s to {at + duration:g} s, seed "

@@ -10,6 +10,7 @@ import pytest
 
 import fledge
 from fledge import emulator, objects
+from fledge.targets.leon3 import BOARD
 from fledge.units import N, m, s
 
 
@@ -111,9 +112,24 @@ def test_breakpoints_watchpoints_and_steps_stop_the_computer(board):
         board.breakpoint("mrp_feedback_updat")
 
 
-def test_faults_show_where_the_computer_failed(board):
+def test_a_fault_is_reported_and_the_watchdog_begins_anew(board):
     board.sim.run(1)
     board.poke("mrp_feedback_update", bytes(4))         # unimp
+    answers = board.in_flight.record()
+    board.sim.run(30)
+    assert re.search(r"trap 0x0+2 at 0x4", board.console)
+    assert board.core.resets == board.core.watchdog_resets == 1
+    missed = [answer is None for _, answer in answers]
+    assert missed[0] and not missed[-1] and missed == sorted(missed, reverse=True)
+
+
+def test_without_a_watchdog_the_computer_tells_where_it_failed(folder, tmp_path):
+    text = BOARD.read_text(encoding="utf-8")
+    assert "\nwatchdog " in text
+    (tmp_path / "board.toml").write_text(re.sub(r"(?m)^watchdog .*$", "", text))
+    board = emulator.load("nadir_spin", folder=folder, board=tmp_path / "board.toml")
+    board.sim.run(1)
+    board.poke("mrp_feedback_update", bytes(4))
     with pytest.raises(fledge.RunError, match=r"(?s)in the tick at 1.5 s\n.*backtrace.*last words:\ntrap 0x0+2 at 0x4"):
         board.sim.run(20)
 
@@ -168,7 +184,8 @@ def test_gdb_stops_in_flight_reads_flips_and_goes_back(board, program):
                "delete", "watch -l m->mem.newest", "continue",
                "monitor nonsense", "detach")
     assert in_order(said, "Breakpoint 1 at 0x4", r"Breakpoint 1, mrp_feedback_update \(m=0x4", r"\$1 = 2.531",
-                    "#0  mrp_feedback_update", "#1 .* in run_gnc", "#2 .* nadir_spin_tick", "#.* main", r"psr +0xf3", "snapshot here taken",
+                    "#0  mrp_feedback_update", "#1 .* in run_gnc", "#2 .* nadir_spin_tick", "#.* main", r"psr +0xf3",
+                    "snapshot here taken",
                     r"80\s+int wheels = head_written", "Breakpoint 1, mrp_feedback_update", "instructions",
                     r"\$2 = 0x4000", "bit 3 inverted", r"\$3 = 7.5", "restored", r"\$4 = 2.531",
                     "0x40.*78", "Breakpoint 1, mrp_feedback_update", "Hardware watchpoint 2: -location m->mem.newest",

@@ -54,18 +54,21 @@ class Outcome(NamedTuple):
 
 
 class Campaign:
-    """What all flights of a campaign have in common: a mission on a board, and its state at the time `at`; and from
-    there the flight without a flip, for `duration`.
+    """What all flights of a campaign have in common: a mission on a board, its state at the time `at`, and the flight
+    from there without a flip. The flips come within `duration`; each flight goes on for `after`, in which a watchdog
+    may find what has happened.
 
     edac: whether the RAM has check bits, and the memory controller uses them.
     """
 
     def __init__(self, mission: str, scenario: str | None = None, *, at: Any = 60.0, duration: Any = 60.0,
-                 edac: bool = False, engine: str = "translator", **parameters: Any) -> None:
-        self.at, self.end = time_ns(at, "at"), time_ns(at, "at") + time_ns(duration, "duration")
-        if self.at <= 0 or self.end <= self.at:
+                 after: Any = 20.0, edac: bool = False, engine: str = "translator", folder: Path | str | None = None,
+                 **parameters: Any) -> None:
+        self.at = time_ns(at, "flips: at")
+        self.middle = self.at + time_ns(duration, "flips: duration")
+        self.end = self.middle + time_ns(after, "flips: after")
+        if not 0 < self.at < self.middle <= self.end:
             raise SetupError("flips: at and duration must be more than 0 s")
-        self.mission, self.edac = mission, edac
         from fledge.targets.leon3 import BOARD
 
         with TemporaryDirectory() as folder:
@@ -75,7 +78,7 @@ class Campaign:
             if n != 1:
                 raise Failure(f"{BOARD}: expected one line edac = ..., found {n}")
             file.write_text(text, encoding="utf-8")
-            self.board = load(mission, scenario, engine=engine, board=file, **parameters)
+            self.board = load(mission, scenario, engine=engine, board=file, folder=folder, **parameters)
         self.name = self.board.sim.name
         self.board.sim.run(until=self.at / 1e9, progress=False)
         if edac:
@@ -83,8 +86,10 @@ class Campaign:
         self.areas = self._areas()
         self.start = self.board.snapshot()
         self.first = self.board.core.instructions
-        self.nominal = self._fly()
+        self.nominal = self.board.in_flight.record()
+        self.board.sim.run(until=self.middle / 1e9, progress=False)
         self.instructions = self.board.core.instructions - self.first
+        self.board.sim.run(until=self.end / 1e9, progress=False)
 
     def _areas(self):
         """(name, from, to) of what the program uses of its memory."""
@@ -92,13 +97,6 @@ class Campaign:
         return [("code", self.board.core.entry, place("leon3_data_load")),
                 ("data", place("leon3_data"), place("leon3_bss_end")),
                 ("stack", place("leon3_stack_end") - 4096, place("leon3_stack_end"))]
-
-    def _fly(self):
-        """From the start to the end; returns what flight put out, by instant."""
-        self.board.restore(self.start)
-        answers = self.board.in_flight.record()
-        self.board.sim.run(until=self.end / 1e9, progress=False)
-        return answers
 
     def flip(self, seed: int, i: int) -> Flip:
         """The i-th flip of a seed: half of them in registers, half in memory, each bit as likely as any other of its
@@ -127,7 +125,7 @@ class Campaign:
         answers = self.board.in_flight.record()
         core.plan_flip(self.first + flip.instruction, flip.where, flip.bit)
         self.board.sim.run(until=self.end / 1e9, progress=False)
-        first = next((t for (t, ours), (_, theirs) in zip(answers, self.nominal) if ours != theirs), None)
+        first = next((t for (t, ours), (_, theirs) in zip(answers, self.nominal, strict=True) if ours != theirs), None)
         missed = [answer is None for _, answer in answers]
         resets = core.resets - before[0]
         if core.failed:
