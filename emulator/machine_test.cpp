@@ -13,8 +13,7 @@
 #include "emulator/elf.h"
 #include "emulator/snapshot.h"
 #include "emulator/testing/board.h"
-#include "emulator/testing/encode.h"
-#include "emulator/testing/make_elf.h"
+#include "emulator/testing/program.h"
 #include "emulator/testing/register_boards.h"
 
 namespace fledge::emulator {
@@ -23,64 +22,14 @@ namespace {
 using namespace testing;
 using ::testing::HasSubstr;
 
-constexpr std::uint32_t base = 0x40000000, code = base + 0x1000, data = base + 0x8000;
-
-constexpr std::uint32_t wr_psr(std::uint32_t rs1, std::int32_t number)
-{
-    return with_number(2, 0x31, 0, rs1, number);
-}
-constexpr std::uint32_t wr_tbr(std::uint32_t rs1)
-{
-    return with_number(2, 0x33, 0, rs1, 0);
-}
-constexpr std::uint32_t power_down = with_number(2, 0x30, 19, 0, 0);
-
-using Words = std::vector<std::uint32_t>;
-
-Words operator+(Words a, const Words &b)
-{
-    a.insert(a.end(), b.begin(), b.end());
-    return a;
-}
-
-/// rd = value
-Words set(std::uint32_t rd, std::uint32_t value)
-{
-    return {sethi(rd, value), or_(rd, rd, static_cast<std::int32_t>(value & 0x3FF))};
-}
-
-/// Store a value at an address; %g1 and %g2 change.
-Words store(std::uint32_t address, std::uint32_t value)
-{
-    return set(g(1), address) + set(g(2), value) + Words{st(g(2), g(1), 0)};
-}
-
 /// A loop that counts in %g7, and at `data`, for ever.
 const Words counter = set(g(1), data) + Words{add(g(7), g(7), 1), st(g(7), g(1), 0), ba(-2), nop};
-
-/// The trap table: an interrupt or trap adds 1 to %g6, and goes on; interrupts at the present, traps behind it.
-Words table()
-{
-    Words words;
-    for (std::uint32_t type = 0; type < 256; type++) {
-        const bool interrupt = type > 0x10 && type < 0x20;
-        words = words + (interrupt ? Words{add(g(6), g(6), 1), jmpl(0, l(1), 0), rett(l(2), 0), nop}
-                                   : Words{add(g(6), g(6), 1), jmpl(0, l(2), 0), rett(l(2), 4), nop});
-    }
-    return words;
-}
 
 class OnMachine : public ::testing::TestWithParam<EngineKind> {
 protected:
     Machine m{test_board(), GetParam()};
 
-    void start(const Words &words, std::uint32_t address = code)
-    {
-        // Traps on, the table at the beginning of RAM.
-        const Words all = set(g(1), base) + Words{wr_tbr(g(1)), wr_psr(0, 0xE6), nop, nop, nop} + words;
-        m.load(Program(make_elf(base, table()), "table"));
-        m.load(Program(make_elf(address, all, {{"main", address, static_cast<std::uint32_t>(4 * all.size())}}), "p"));
-    }
+    void start(const Words &words) { m.load(Program(program_file(words), "p")); }
     std::uint32_t r(std::uint32_t n) { return Banks(m.core().state)[n]; }
     std::uint32_t word(std::uint32_t address)
     {
