@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command line: `./fledge run | node | up | montecarlo | flips | export | keys | show | list | plot | convert | bench`.
+"""The command line: `./fledge run | node | up | montecarlo | flips | export | keys | show | list | plot | convert |
+bench`.
 
 Exit codes: 0 all went well; 1 a check of the scenario failed, or the run did; 2 the command line or
 the mission is wrong; 130 Ctrl-C.
