@@ -20,13 +20,13 @@ typedef struct BurnSchedule {
         uint32_t n;                   ///< [-] in [0, 16]: number of burns
         uint32_t armed;               ///< [-] in [0, 1]: 1: the card shall burn
         int64_t ahead;                ///< [ns] >= 0: how long before its start a burn is given
-        int64_t start[BURNS_MAX];     ///< [ns] count n, >= 0: of flight's time, rising
-        int64_t duration[BURNS_MAX];  ///< [ns] count n, > 0: of each burn
+        double start[BURNS_MAX];      ///< [s] count n, >= 0, <= 5e8: of flight's time, rising
+        double duration[BURNS_MAX];   ///< [s] count n, > 0, <= 5e8: of each burn, to the nearest ns
         uint32_t thruster[BURNS_MAX]; ///< [-] count n, in [0, 7]: which
     } par;
     struct {
-        uint32_t next; ///< [-] the burn to be given
-        uint32_t spare;
+        uint32_t next;  ///< [-] the burn to be given
+        uint32_t begun; ///< [-] 1: burns of before this start are left out
     } mem;
 } BurnSchedule;
 

@@ -22,8 +22,8 @@ struct Loop {
         m.par.armed = 1;
         m.par.ahead = 2 * s;
         for (std::uint32_t k = 0; k < 3; k++) {
-            m.par.start[k] = (10 + 5 * k) * s;
-            m.par.duration[k] = (k + 1) * s / 10;
+            m.par.start[k] = 10 + 5 * k;
+            m.par.duration[k] = 0.1 * (k + 1);
             m.par.thruster[k] = 2 - k;
         }
         burn_schedule_reset(&m);

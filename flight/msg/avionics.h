@@ -27,6 +27,23 @@ typedef struct SunSensorCounts {
     uint16_t counts[SUN_SENSORS_MAX]; ///< [-] of the converter
 } SunSensorCounts;
 
+/** A time or an offset as registers hold it: whole seconds, and nanoseconds of the same sign. */
+typedef struct ClockTime {
+    int32_t coarse; ///< [s] whole seconds
+    int32_t fine;   ///< [-] in [-999999999, 999999999]: nanoseconds
+} ClockTime;
+
+static inline int64_t clock_ns(ClockTime time)
+{
+    return time.coarse * INT64_C(1000000000) + time.fine;
+}
+
+/** Of up to 68 years. */
+static inline ClockTime clock_time(int64_t ns)
+{
+    return (ClockTime){(int32_t)(ns / 1000000000), (int32_t)(ns % 1000000000)};
+}
+
 /** What a clock can be commanded to do. */
 typedef enum ClockCode {
     CLOCK_GOES_ON = 0,
@@ -40,18 +57,18 @@ typedef struct ClockCommand {
     Head head;
     ClockCode code;
     uint32_t number; ///< [-] another one than that of the last command
-    int64_t value;   ///< [ns] a time, or an offset
+    ClockTime value; ///< a time, or an offset
 } ClockCommand;
 
 /** The vehicle's clocks: the master, whose pulses reach the computer, and the computer's own slave. */
 typedef struct ClockReading {
     Head head;
-    int64_t time;    ///< [ns] of the slave, now
-    int64_t tone;    ///< [ns] of the slave, at the last pulse
-    int64_t master;  ///< [ns] of the master, at the last pulse
-    uint32_t pulses; ///< [-] how many there were since the slave's start
-    uint32_t done;   ///< [-] number of the command that the slave obeyed last; 0 after its start
-    uint32_t busy;   ///< [-] 1: a part of an offset is left, or it waits for a pulse to align
+    ClockTime time;   ///< of the slave, now
+    ClockTime tone;   ///< of the slave, at the last pulse
+    ClockTime master; ///< of the master, at the last pulse
+    uint32_t pulses;  ///< [-] how many there were since the slave's start
+    uint32_t done;    ///< [-] number of the command that the slave obeyed last; 0 after its start
+    uint32_t busy;    ///< [-] 1: a part of an offset is left, or it waits for a pulse to align
     uint32_t spare;
 } ClockReading;
 

@@ -13,7 +13,7 @@ static void give(ClockCommand *command, const ClockReading *clock, ClockCode cod
 {
     command->code = code;
     command->number = clock->done + 1u;
-    command->value = value;
+    command->value = clock_time(value);
 }
 
 void vehicle_time_update(VehicleTime *m, Tick t)
@@ -29,18 +29,18 @@ void vehicle_time_update(VehicleTime *m, Tick t)
     const int waits = command->code != CLOCK_GOES_ON && command->number != clock->done;
     if (clock->pulses != m->mem.pulses && clock->pulses != 0u) {
         m->mem.pulses = clock->pulses;
-        time->error = tick_since(clock->tone, clock->master);
+        time->error = tick_since(clock_ns(clock->tone), clock_ns(clock->master));
         const int64_t size = time->error < 0 ? -time->error : time->error;
         time->synchronized = size <= m->par.jam_beyond ? 1u : 0u;
         if (!waits && clock->busy == 0u && size > m->par.jam_beyond) {
-            give(command, clock, CLOCK_ALIGN, clock->master + m->par.pulse);
+            give(command, clock, CLOCK_ALIGN, clock_ns(clock->master) + m->par.pulse);
             time->jams++;
         } else if (!waits && clock->busy == 0u && size > m->par.allowed) {
             give(command, clock, CLOCK_SLEW, -time->error);
         }
     }
     const Quality quality = quality_through(clock->head);
-    time->time = clock->time;
+    time->time = clock_ns(clock->time);
     time->head =
         head_next(time->head, t.t, quality_min(quality, time->synchronized != 0u ? QUALITY_GOOD : QUALITY_DEGRADED));
     command->head = head_next(command->head, t.t, quality);

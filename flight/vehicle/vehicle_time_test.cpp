@@ -32,19 +32,19 @@ struct Loop {
     {
         ClockReading &clock = m.in.clock;
         if (aligns) { // as flight asked for: the master's time at this pulse
-            offset = static_cast<double>(m.out.command.value - t);
+            offset = static_cast<double>(clock_ns(m.out.command.value) - t);
             aligns = false;
         }
         clock.head = {t, QUALITY_GOOD, 1};
-        clock.master = t;
-        clock.tone = clock.time = t + std::llround(offset);
+        clock.master = clock_time(t);
+        clock.tone = clock.time = clock_time(t + std::llround(offset));
         clock.pulses++;
         clock.busy = slew != 0.0;
         vehicle_time_update(&m, {t, s / 2});
         if (m.out.command.number != clock.done) {
             clock.done = m.out.command.number;
             aligns = m.out.command.code == CLOCK_ALIGN;
-            slew = m.out.command.code == CLOCK_SLEW ? static_cast<double>(m.out.command.value) : 0.0;
+            slew = m.out.command.code == CLOCK_SLEW ? static_cast<double>(clock_ns(m.out.command.value)) : 0.0;
         }
         const double gained = std::copysign(std::fmin(std::fabs(slew), rate), slew);
         slew -= gained;
@@ -101,7 +101,7 @@ TEST(VehicleTime, the_next_command_waits_for_the_last)
     const auto before = loop.m.out.command;
     vehicle_time_update(&loop.m, {loop.t, s / 2});
     EXPECT_EQ(loop.m.out.command.number, before.number);
-    EXPECT_EQ(loop.m.out.command.value, before.value);
+    EXPECT_EQ(clock_ns(loop.m.out.command.value), clock_ns(before.value));
     VehicleTime none{};
     vehicle_time_update(&none, {0, 0});
     EXPECT_EQ(none.out.command.head.quality, QUALITY_NONE);

@@ -33,8 +33,8 @@ typedef struct PowerUnit {
         double latch_up_current; ///< [A] >= 0, <= 1e6: that it adds; 0: there is none
         uint32_t latch_up_load;  ///< [-] in [0, 7]: its load
         uint32_t spare;
-        int64_t reset_at[4]; ///< [ns] >= 0: resets of the computer from outside; 0: none
-        int64_t watchdog;    ///< [ns] >= 0: without a new heartbeat for so long the computer is reset; 0: never
+        double reset_at[4]; ///< [s] >= 0, <= 5e8: resets of the computer from outside; 0: none
+        int64_t watchdog;   ///< [ns] >= 0: without a new heartbeat for so long the computer is reset; 0: never
     } par;
     struct {
         double above[LOADS_MAX]; ///< [s] how long the current of each load has been too high

@@ -34,7 +34,8 @@ void PowerUnitModel::update(Tick tick)
     const std::int64_t before = tick.t - tick.dt;
     const auto passes = [&](std::int64_t at) { return at > before && at <= tick.t; };
 
-    bool resets = std::any_of(std::begin(par.reset_at), std::end(par.reset_at), passes);
+    bool resets = std::any_of(std::begin(par.reset_at), std::end(par.reset_at),
+                              [&](double at) { return at > 0.0 && passes(std::llround(at * 1e9)); });
     if (command.heartbeat != mem.heartbeat) {
         mem.heartbeat = command.heartbeat;
         mem.beat = tick.t;

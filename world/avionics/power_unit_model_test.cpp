@@ -117,7 +117,7 @@ TEST(PowerUnit, TheComputerIsResetByCommandByTimeAndByItsSilence)
     u.step();
     u.step();
     EXPECT_EQ(u.i.out.reset.count, 1u) << "once for a command";
-    u.i.par.reset_at[2] = 500 * ms;
+    u.i.par.reset_at[2] = 0.5;
     while (u.t < second) {
         u.step();
         EXPECT_EQ(u.i.out.reset.count, u.t < 500 * ms ? 1u : 2u);

@@ -19,8 +19,8 @@ typedef struct VehicleClock {
         ClockReading reading;
     } out;
     struct {
-        int64_t epoch; ///< [ns] >= 0, <= 4e18: the master's time at the beginning of the run
-        int64_t start; ///< [ns] >= 0, <= 4e18: the slave's time at its start
+        int64_t epoch; ///< [ns] >= 0, <= 2e18: the master's time at the beginning of the run
+        int64_t start; ///< [ns] >= 0, <= 2e18: the slave's time at its start
         int64_t pulse; ///< [ns] required, > 0: from pulse to pulse
         int32_t drift; ///< [-] in [-1000000000, 1000000000]: ns per second by which the slave gains
         int32_t slew;  ///< [-] required, in [1, 1000000000]: ns per second at which it gains or loses an offset

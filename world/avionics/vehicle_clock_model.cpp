@@ -29,16 +29,16 @@ void VehicleClockModel::update(Tick tick)
         mem.resets = reset.count;
         mem.aligning = out.done = out.pulses = 0;
         exec_clock_set(&slave, tick.t, par.start, 0);
-        out.tone = par.start;
+        out.tone = clock_time(par.start);
     } else {
         if (command.code != CLOCK_GOES_ON && command.number != out.done) {
             out.done = command.number;
             mem.aligning = command.code == CLOCK_ALIGN;
-            mem.aligned = command.value;
+            mem.aligned = clock_ns(command.value);
             if (command.code == CLOCK_JAM) {
-                exec_clock_set(&slave, before, command.value, 0);
+                exec_clock_set(&slave, before, clock_ns(command.value), 0);
             } else if (command.code == CLOCK_SLEW) {
-                exec_clock_set(&slave, before, exec_clock_time(&slave, before), command.value);
+                exec_clock_set(&slave, before, exec_clock_time(&slave, before), clock_ns(command.value));
             }
         }
         if (first <= last) {
@@ -46,15 +46,15 @@ void VehicleClockModel::update(Tick tick)
                 exec_clock_set(&slave, first * par.pulse, mem.aligned, 0);
                 mem.aligning = 0;
             }
-            out.tone = exec_clock_time(&slave, last * par.pulse);
-            out.master = par.epoch + last * par.pulse;
+            out.tone = clock_time(exec_clock_time(&slave, last * par.pulse));
+            out.master = clock_time(par.epoch + last * par.pulse);
             out.pulses += static_cast<std::uint32_t>(last - first + 1);
         }
     }
     mem.since = slave.since;
     mem.base = slave.base;
     mem.offset = slave.offset;
-    out.time = exec_clock_time(&slave, tick.t);
+    out.time = clock_time(exec_clock_time(&slave, tick.t));
     out.busy = mem.aligning || exec_clock_gained(&slave, tick.t) != slave.offset;
     out.head = head_next(out.head, tick.t, QUALITY_GOOD);
 }

@@ -36,7 +36,7 @@ void WheelConverterModel::update(Tick tick)
     mem.saturated += limited;
     torques.head = head_next(torques.head, tick.t, quality_optional(drive.head));
 
-    if (tick.t / par.window > (tick.t - tick.dt) / par.window) {
+    if (tachometers.head.sequence == 0 || tick.t / par.window > (tick.t - tick.dt) / par.window) {
         for (std::uint32_t i = 0; i < par.n; i++) {
             const auto passed =
                 static_cast<std::int64_t>(std::floor(mem.turned[i] * par.marks / (2 * std::numbers::pi)));
