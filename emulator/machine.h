@@ -4,19 +4,21 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <limits>
 #include <memory>
 #include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "emulator/bus/system_bus.h"
 #include "emulator/cpu/engine.h"
 
 namespace fledge::emulator {
 
 struct BoardDescription; // board.h: read from a TOML file
-class Program;           // elf.h: an ELF file with its symbols and lines
-class Device;
+class Program;           // elf.h: an ELF file with its symbols
 
 using Ns = std::int64_t;
 
@@ -24,13 +26,14 @@ enum class EngineKind : std::uint8_t { interpreter, threaded, translator };
 
 enum class StopReason : std::uint8_t {
     time,       ///< the time has come
-    early,      ///< somebody called stop(): flight has finished its tick
+    early,      ///< a hook called stop(): flight has finished its tick
     breakpoint, ///< at pc
     watchpoint, ///< behind the instruction that made the access
-    error       ///< the processor is in its error mode; report() says why
+    error       ///< the processor is in its error mode, and no watchdog will reset it; report() says why
 };
 
-/// A copy of all state of a machine, in memory. Pages that are equal to those of an older snapshot are shared.
+/// A copy of all state of a machine, in memory. Pages that are equal to those of an older snapshot are shared, so a
+/// snapshot costs the pages that were written since the last one, and so does restoring it.
 class Snapshot;
 
 class Machine {
@@ -40,33 +43,42 @@ public:
     Machine(const Machine &) = delete;
     Machine &operator=(const Machine &) = delete;
 
-    /// Copy a program into memory, and make a reset start it. Throws Error if it does not fit.
+    const BoardDescription &board() const;
+
+    /// Copy a program into memory, and make a reset start it, as after power-on. Throws Error if it does not fit. A
+    /// program in RAM is copied there again at each reset, as a boot loader would; one in ROM starts at its first byte.
     void load(const Program &program);
-    /// As after power-on, or by the watchdog; memory stays as it is, time goes on.
+    /// As by the watchdog: the processor starts again, devices are reset, memory is as the board says, time goes on.
+    /// In a hook or a device it takes place behind the present instruction.
     void reset();
+    /// The same, and the processor stands still until a time [ns] before it starts. Not in a hook.
+    void reset_until(Ns t);
 
     /// Run until a time [ns]; idle time is skipped. The processor stops at the first boundary of instructions at or
-    /// after it.
+    /// after it. A run that begins at a breakpoint goes on.
     StopReason run_until(Ns t);
-    /// Execute one instruction (or take one trap).
+    /// Execute one instruction, or take one trap; a processor that waits does so until the next event.
     StopReason step();
     /// Run until so many instructions were executed since the machine was made: the same point in every repetition.
-    StopReason run_to_instruction(std::uint64_t n);
+    StopReason run_to_instruction(std::uint64_t n, Ns limit = std::numeric_limits<Ns>::max());
     /// End run_until behind the present instruction; devices and hooks call it.
     void stop();
 
     Ns now() const;
     std::uint64_t instructions() const;
+    std::uint64_t resets() const; ///< since the machine was made
+    std::uint64_t watchdog_resets() const;
     Core &core();
-    Bus &bus();
+    const Core &core() const;
+    SystemBus &bus();
     void select(EngineKind engine);
 
-    std::shared_ptr<const Snapshot> snapshot() const;
-    void restore(const Snapshot &snapshot);
-    std::vector<std::byte> save() const;              ///< for a file
-    void load_snapshot(std::span<const std::byte> s); ///< throws Error if it is of another board
+    std::shared_ptr<const Snapshot> snapshot();
+    void restore(const Snapshot &snapshot);           ///< throws Error if it is of another board
+    std::vector<std::byte> save();                    ///< for a file
+    void load_snapshot(std::span<const std::byte> s); ///< throws Error if it is damaged, or of another board
 
-    /// Bytes as a debugger sees them: no side effects, no protection. False: no memory is there.
+    /// Bytes as a debugger sees them: no side effects, no protection, no EDAC. False: no memory is there.
     bool peek(std::uint32_t address, std::span<std::byte> bytes) const;
     bool poke(std::uint32_t address, std::span<const std::byte> bytes);
 
@@ -76,7 +88,22 @@ public:
     /// PC, symbol, registers and backtrace, for a person.
     std::string report(const Program *program = nullptr) const;
 
+    /// The device of this name in the board's file; nullptr: there is none.
     Device *device(std::string_view name);
+    /// The n-th device of a type; nullptr: there is none.
+    template <typename T> T *device_of(std::size_t n = 0)
+    {
+        for (std::size_t i = 0; i < devices().size(); i++) {
+            if (T *found = dynamic_cast<T *>(devices()[i].get()); found && n-- == 0) {
+                return found;
+            }
+        }
+        return nullptr;
+    }
+    const std::vector<std::unique_ptr<Device>> &devices() const;
+
+    std::function<void()> on_reset; ///< the board was reset
+    std::function<void()> on_error; ///< the processor has entered its error mode; a watchdog may reset it
 
 private:
     struct Impl;

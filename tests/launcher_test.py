@@ -335,6 +335,23 @@ def test_the_first_command_runs_after_an_install(launch):
         assert done.stdout.startswith(" ".join(arguments) + " in "), done.stderr
 
 
+@pytest.mark.parametrize("arguments, purposes", [
+    (["setup", "--leon3"], ["leon3"]), (["fly", "x", "--on", "linux,leon3"], ["leon3"]),
+    (["fly", "x", "--on", "a=leon3-qemu"], ["leon3", "leon3_qemu"]), (["fly", "x", "--on", "linux"], [])])
+def test_the_toolchain_of_the_leon3_comes_when_it_is_needed(launch, arguments, purposes):
+    (launch.fake / "updated").touch()
+    library = launch.tree / "python/fledge/targets/leon3_toolchain.py"
+    library.parent.mkdir()
+    library.write_text("import os, pathlib\npathlib.Path(os.environ['FAKE'], 'library').touch()\n")
+    done = launch(*arguments)
+    assert done.returncode == 0, done.stderr
+    installed = " ".join(launch.said("apt"))
+    for purpose in ("leon3", "leon3_qemu"):
+        assert all((f" {name}" in installed) == (purpose in purposes) for name in packages(purpose))
+    assert (launch.fake / "library").exists() == bool(purposes)
+    assert ("building the C library" in done.stderr) == bool(purposes)
+
+
 def test_commands_run_where_the_user_stands(launch):
     (launch.fake / "updated").touch()
     here = launch.place / "Müller & Söhne/a folder"

@@ -57,6 +57,7 @@ RULES = {
     "cosim/tools": Rule("C++20, C99", "the programs", ["cosim/protocol", "cosim/security", "cosim/transport",
                         "cosim/controller", "cosim/node", "cosim/router", "sim", "registers", "targets"]),
     "emulator": Rule("C++20", "the flight computer; it meets the avionics at the registers alone", ["registers"]),
+    "emulator/tools": Rule("C++20", "the programs", ["flight/exec", "registers", "targets", "emulator"]),
     "ground": Rule("Python", "telecommands and telemetry, by emitted codecs alone", []),
     "fledge": Rule("Python, C++", "`python/fledge`: what the user imports, the extension, the command line",
                    ["flight", "registers", "record", "sim", "world", "cosim", "emulator", "targets"]),

@@ -14,8 +14,9 @@ enum PageFlags : std::uint8_t {
     page_protected = 1 << 1,   ///< a write traps
     page_watch_write = 1 << 2, ///< a debugger watches it
     page_watch_read = 1 << 3,
-    page_faulty = 1 << 4, ///< it holds words whose check bits do not agree: EDAC looks at each access
-    page_slow_write = page_code | page_protected | page_watch_write | page_faulty,
+    page_faulty = 1 << 4,    ///< it holds words whose check bits do not agree: EDAC looks at each access
+    page_unchanged = 1 << 5, ///< as in the last snapshot: the bus notes the first write
+    page_slow_write = page_code | page_protected | page_watch_write | page_faulty | page_unchanged,
     page_slow_read = page_watch_read | page_faulty
 };
 

@@ -80,7 +80,7 @@ std::uint64_t chosen_nan(FpuPersonality fpu, std::uint64_t a, std::uint64_t b, b
 
 class Fpu {
 public:
-    Fpu(Core &core, const Instruction &i) : fpu_(core.fpu), s_(core.state), i_(i) {}
+    Fpu(CpuState &s, FpuPersonality fpu, const Instruction &i) : fpu_(fpu), s_(s), i_(i) {}
 
     std::uint32_t perform();
 
@@ -257,11 +257,11 @@ private:
         return t;
     }
 
-    /// fmovs, fnegs, fabss: any bits. QEMU leaves the FSR as it is.
+    /// fmovs, fnegs, fabss: any bits.
     std::uint32_t move(std::uint32_t bits)
     {
         set_single(s_, i_.rd, bits);
-        return fpu_ == FpuPersonality::qemu ? trap::none : trap_of_exceptions();
+        return trap_of_exceptions();
     }
 
     FpuPersonality fpu_;
@@ -304,15 +304,19 @@ std::uint32_t Fpu::perform()
     case Op::fcmpd: return compare<double>(false);
     case Op::fcmpes: return compare<float>(true);
     case Op::fcmped: return compare<double>(true);
-    default: return exception(fsr::unimplemented);
+    default:
+        if (fpu_ == FpuPersonality::qemu) {
+            s_.fsr &= ~fsr::cexc;
+        }
+        return exception(fsr::unimplemented);
     }
 }
 
 } // namespace
 
-std::uint32_t execute_fpop(Core &core, const Instruction &i)
+std::uint32_t execute_fpop(CpuState &s, FpuPersonality fpu, const Instruction &i)
 {
-    return Fpu(core, i).perform();
+    return Fpu(s, fpu, i).perform();
 }
 
 std::uint32_t no_queue(CpuState &s)
@@ -323,7 +327,7 @@ std::uint32_t no_queue(CpuState &s)
 
 std::uint32_t fsr_version(FpuPersonality fpu)
 {
-    return (fpu == FpuPersonality::grfpu ? 2u : 4u) << fsr::version_shift;
+    return (fpu == FpuPersonality::grfpu ? 2u : 0u) << fsr::version_shift; // QEMU loses its own 4 at the first ldfsr
 }
 
 } // namespace fledge::emulator

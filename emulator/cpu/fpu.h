@@ -11,7 +11,7 @@ namespace fledge::emulator {
 
 /// Execute a floating-point operation, without pc and cycles. Returns the trap type fp_exception with the reason in
 /// fsr.ftt, or trap::none. Traps are precise: there is no queue of deferred operations.
-std::uint32_t execute_fpop(Core &core, const Instruction &i);
+std::uint32_t execute_fpop(CpuState &s, FpuPersonality fpu, const Instruction &i);
 
 /// stdfq, where there is no queue: a sequence error.
 std::uint32_t no_queue(CpuState &s);

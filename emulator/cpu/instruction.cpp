@@ -103,7 +103,7 @@ Instruction decode(std::uint32_t word)
         case 4: i.op = Op::sethi; break;
         case 6: i.op = Op::fbfcc; break;
         case 7: i.op = Op::cbccc; break;
-        default: break;
+        default: return {};
         }
         if (i.op == Op::sethi) {
             i.imm = static_cast<std::int32_t>(word << 10);

@@ -582,7 +582,7 @@ std::uint32_t Execution::perform()
             return trap::privileged_instruction;
         }
         return fpu_on() ? no_queue(s_) : trap::fp_disabled;
-    default: return fpu_on() ? execute_fpop(core_, i_) : trap::fp_disabled;
+    default: return fpu_on() ? execute_fpop(s_, core_.fpu, i_) : trap::fp_disabled;
     }
 }
 

@@ -1,0 +1,182 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "emulator/elf.h"
+
+#include <algorithm>
+#include <elf.h>
+#include <fstream>
+#include <iterator>
+
+namespace fledge::emulator {
+
+namespace {
+
+/// Reads numbers of a file, and throws if they are not in it.
+class Reader {
+public:
+    Reader(std::span<const std::byte> file, const std::string &path) : file_(file), path_(path) {}
+
+    [[noreturn]] void fail(const std::string &why) const { throw Error(path_ + ": " + why); }
+
+    std::span<const std::byte> bytes(std::uint64_t at, std::uint64_t n, const char *what) const
+    {
+        if (at > file_.size() || n > file_.size() - at) {
+            fail(std::string(what) + " is at bytes " + std::to_string(at) + " to " + std::to_string(at + n) +
+                 ", but the file has " + std::to_string(file_.size()) + ": it is truncated or damaged");
+        }
+        return file_.subspan(at, n);
+    }
+    std::uint32_t half(std::uint64_t at, const char *what) const
+    {
+        const auto b = bytes(at, 2, what);
+        return std::to_integer<std::uint32_t>(b[0]) << 8 | std::to_integer<std::uint32_t>(b[1]);
+    }
+    std::uint32_t word(std::uint64_t at, const char *what) const { return half(at, what) << 16 | half(at + 2, what); }
+
+private:
+    std::span<const std::byte> file_;
+    const std::string &path_;
+};
+
+std::string text_at(std::span<const std::byte> strings, std::uint32_t at)
+{
+    std::string text;
+    for (; at < strings.size() && strings[at] != std::byte{0}; at++) {
+        text += static_cast<char>(strings[at]);
+    }
+    return text;
+}
+
+std::string machine_name(std::uint32_t machine)
+{
+    switch (machine) {
+    case EM_SPARC32PLUS: return "SPARC V8+, which needs a 64-bit processor";
+    case EM_SPARCV9: return "64-bit SPARC";
+    case EM_386: return "x86";
+    case EM_X86_64: return "x86-64";
+    case EM_ARM: return "ARM";
+    case EM_AARCH64: return "AArch64";
+    case EM_RISCV: return "RISC-V";
+    default: return "machine " + std::to_string(machine);
+    }
+}
+
+} // namespace
+
+Program Program::read(const std::string &path)
+{
+    std::ifstream file(path, std::ios::binary);
+    const std::string text{std::istreambuf_iterator<char>(file), {}};
+    if (!file.is_open() || file.bad()) {
+        throw Error(path + ": cannot be read");
+    }
+    return {std::as_bytes(std::span(text)), path};
+}
+
+Program::Program(std::span<const std::byte> file, std::string path) : path_(std::move(path))
+{
+    const Reader r(file, path_);
+    static constexpr char magic[] = {0x7F, 'E', 'L', 'F'};
+    if (file.size() < sizeof magic || !std::ranges::equal(file.first(sizeof magic), std::as_bytes(std::span(magic)))) {
+        r.fail("is not an ELF file");
+    }
+    const auto ident = r.bytes(0, EI_NIDENT, "the head");
+    const std::uint32_t machine = std::to_integer<int>(ident[EI_DATA]) == ELFDATA2LSB
+                                      ? __builtin_bswap32(r.half(18, "the head")) >> 16
+                                      : r.half(18, "the head");
+    if (std::to_integer<int>(ident[EI_CLASS]) != ELFCLASS32 || std::to_integer<int>(ident[EI_DATA]) != ELFDATA2MSB ||
+        machine != EM_SPARC) {
+        r.fail("is for " + machine_name(machine) + "; needed is a program for 32-bit SPARC (V8), big-endian");
+    }
+    if (r.half(16, "the head") != ET_EXEC) {
+        r.fail("is not a linked program with fixed addresses (ET_EXEC)");
+    }
+    entry_ = r.word(24, "the head");
+    const std::uint32_t program_headers = r.word(28, "the head"), section_headers = r.word(32, "the head");
+    const std::uint32_t program_size = r.half(42, "the head"), program_count = r.half(44, "the head");
+    const std::uint32_t section_size = r.half(46, "the head"), section_count = r.half(48, "the head");
+
+    for (std::uint32_t i = 0; i < program_count; i++) {
+        const std::uint64_t at = program_headers + std::uint64_t{i} * program_size;
+        r.bytes(at, sizeof(Elf32_Phdr), "a program header");
+        if (r.word(at, "") != PT_LOAD || r.word(at + 20, "") == 0) {
+            continue;
+        }
+        Segment s;
+        s.address = r.word(at + 12, "");
+        s.memory_size = r.word(at + 20, "");
+        const auto bytes = r.bytes(r.word(at + 4, ""), r.word(at + 16, ""), "a segment");
+        s.bytes.assign(bytes.begin(), bytes.end());
+        if (s.bytes.size() > s.memory_size) {
+            r.fail("a segment has more bytes in the file than in memory");
+        }
+        if (std::uint64_t{s.address} + s.memory_size > std::uint64_t{1} << 32) {
+            r.fail("a segment goes beyond the last address");
+        }
+        segments_.push_back(std::move(s));
+    }
+    if (segments_.empty()) {
+        r.fail("has nothing to load");
+    }
+
+    for (std::uint32_t i = 0; i < section_count; i++) {
+        const std::uint64_t at = section_headers + std::uint64_t{i} * section_size;
+        r.bytes(at, sizeof(Elf32_Shdr), "a section header");
+        if (r.word(at + 4, "") != SHT_SYMTAB) {
+            continue;
+        }
+        const std::uint32_t link = r.word(at + 24, "");
+        const std::uint64_t strings_at = section_headers + std::uint64_t{link} * section_size;
+        if (link >= section_count) {
+            r.fail("its symbols have no names");
+        }
+        const auto strings = r.bytes(r.word(strings_at + 16, "a section header"),
+                                     r.word(strings_at + 20, "a section header"), "the names of symbols");
+        const std::uint32_t table = r.word(at + 16, ""), size = r.word(at + 20, "");
+        r.bytes(table, size, "the symbols");
+        for (std::uint64_t entry = table; entry + sizeof(Elf32_Sym) <= std::uint64_t{table} + size;
+             entry += sizeof(Elf32_Sym)) {
+            const std::uint32_t info = r.half(entry + 12, "") >> 8, type = ELF32_ST_TYPE(info);
+            const bool plain = type == STT_NOTYPE && ELF32_ST_BIND(info) == STB_GLOBAL;
+            Symbol symbol{text_at(strings, r.word(entry, "")), r.word(entry + 4, ""), r.word(entry + 8, ""),
+                          type == STT_FUNC};
+            if ((symbol.function || type == STT_OBJECT || plain) && r.half(entry + 14, "") != SHN_UNDEF &&
+                !symbol.name.empty()) {
+                symbols_.push_back(std::move(symbol));
+            }
+        }
+    }
+    std::stable_sort(symbols_.begin(), symbols_.end(), [](const Symbol &a, const Symbol &b) {
+        return a.address != b.address ? a.address < b.address : a.size < b.size;
+    });
+}
+
+const Program::Symbol *Program::at(std::uint32_t address) const
+{
+    auto after = std::upper_bound(symbols_.begin(), symbols_.end(), address,
+                                  [](std::uint32_t a, const Symbol &s) { return a < s.address; });
+    if (after == symbols_.begin()) {
+        return nullptr;
+    }
+    const Symbol &last = *--after;
+    // Labels of assembler code have no size: they reach to the next symbol.
+    return last.size == 0 || address - last.address < last.size ? &last : nullptr;
+}
+
+const Program::Symbol *Program::named(std::string_view name) const
+{
+    const auto found = std::find_if(symbols_.begin(), symbols_.end(), [&](const Symbol &s) { return s.name == name; });
+    return found == symbols_.end() ? nullptr : &*found;
+}
+
+std::string Program::place(std::uint32_t address) const
+{
+    const Symbol *symbol = at(address);
+    if (!symbol) {
+        return "";
+    }
+    char offset[16];
+    std::snprintf(offset, sizeof offset, "+0x%x", address - symbol->address);
+    return symbol->name + (address == symbol->address ? "" : offset);
+}
+
+} // namespace fledge::emulator

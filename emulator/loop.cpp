@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "emulator/loop.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "emulator/cpu/step.h"
+#include "emulator/devices/register_space.h"
+#include "emulator/error.h"
+
+namespace fledge::emulator {
+
+namespace {
+
+constexpr Ns second = 1'000'000'000;
+
+RegisterSpace &space_of(Machine &machine)
+{
+    RegisterSpace *space = machine.device_of<RegisterSpace>();
+    if (!space || !space->clock()) {
+        throw Error(space ? "no board in the register space has a clock"
+                          : "the board has no device of the kind `registers`");
+    }
+    return *space;
+}
+
+} // namespace
+
+FlightLoop::FlightLoop(Machine &machine) : machine_(machine), space_(space_of(machine)), clock_(*space_.clock())
+{
+    space_.done = [this] {
+        if (waits_ && register_clock_is_done(&clock_)) {
+            machine_.stop();
+        }
+    };
+}
+
+FlightLoop::~FlightLoop()
+{
+    space_.done = nullptr;
+}
+
+/// False: the processor will not do anything any more.
+bool FlightLoop::run_until(Ns t)
+{
+    StopReason reason;
+    do {
+        reason = machine_.run_until(t);
+    } while (reason == StopReason::breakpoint || reason == StopReason::watchpoint);
+    return reason != StopReason::error;
+}
+
+Ns FlightLoop::next_instant(const Tick &tick) const
+{
+    return next ? next(tick.t) : tick.t + (tick.dt > 0 ? tick.dt : second);
+}
+
+bool FlightLoop::exchange()
+{
+    Tick tick;
+    if (!register_clock_due(&clock_, &tick)) {
+        return true;
+    }
+    Ns end;
+    const std::uint32_t resets = register_clock_resets(&clock_);
+    if (tick.t < 0) {
+        state.epoch = end = machine_.now() + boot_time;
+    } else {
+        const Ns begin = state.epoch + tick.t;
+        end = state.epoch + next_instant(tick);
+        if (resets != state.resets_seen) {
+            machine_.reset_until(begin);
+        } else if (!run_until(begin)) {
+            return false;
+        }
+    }
+    state.resets_seen = resets;
+    const std::uint64_t begun = machine_.core().state.cycles;
+    if (state.lose > 0) {
+        state.lose--;
+    } else {
+        space_.announce();
+        space_.tick();
+    }
+    waits_ = true;
+    const bool lives = run_until(end);
+    waits_ = false;
+    const bool done = register_clock_is_done(&clock_);
+    if (tick.t >= 0) {
+        const std::uint64_t cycles = machine_.core().state.cycles - begun;
+        state.ticks++;
+        state.missed += done ? 0 : 1;
+        state.cycles += cycles;
+        state.cycles_most = std::max(state.cycles_most, cycles);
+    }
+    if (!done) {
+        register_clock_finish(&clock_);
+        space_.settle();
+    } else if (clock_.ring) {
+        clock_.ring(clock_.user, clock_.board->n_interrupts);
+    }
+    return lives;
+}
+
+bool FlightLoop::finish()
+{
+    int status = 0;
+    // The watchdog must not start a program again that has ended.
+    const auto on_error = std::exchange(machine_.on_error, [this] { machine_.stop(); });
+    space_.tick();
+    run_until(machine_.now() + 60 * second);
+    machine_.on_error = on_error;
+    return program_ended(machine_, status) && status == 0;
+}
+
+bool program_ended(Machine &machine, int &status)
+{
+    CpuState &s = machine.core().state;
+    status = static_cast<int>(Banks(s)[8]);
+    return s.mode == Mode::error && s.trap_type == trap::instruction;
+}
+
+} // namespace fledge::emulator

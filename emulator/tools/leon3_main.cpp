@@ -1,0 +1,297 @@
+// SPDX-License-Identifier: Apache-2.0
+// A LEON3 board as a program: fledge_leon3 --help.
+#include "emulator/board.h"
+#include "emulator/devices/apbuart.h"
+#include "emulator/devices/register_space.h"
+#include "emulator/elf.h"
+#include "emulator/loop.h"
+#include "flight/exec/task.h"
+#include "registers/shared_file.h"
+#include "targets/mission_host.h"
+
+#include <CLI/CLI.hpp>
+
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <cstring>
+#include <dlfcn.h>
+#include <memory>
+#include <thread>
+
+namespace {
+
+using namespace fledge;
+using namespace fledge::emulator;
+
+constexpr Ns second = 1'000'000'000;
+
+struct Options {
+    std::string board, program, tables, registers, engine = "translator", timing, console, record;
+    double duration = 0, wait = 10;
+    bool figures = false;
+};
+
+volatile std::sig_atomic_t stopped = 0;
+
+Options parse(int argc, char **argv)
+{
+    Options o;
+    CLI::App app("Runs a program on a LEON3 board in software.", "fledge_leon3");
+    app.footer(
+        "With --tables and --registers the clock of the register file paces the program, which is an exported\n"
+        "mission; without them the program runs until it ends (`ta 0` with traps disabled) or --for has passed.\n\n"
+        "example: fledge_leon3 leon3.toml nadir_spin --tables nadir_spin.so --registers {registers} --record r.mcap\n\n"
+        "Exits with 0 at the regular end, else with the program's status, 1 after an error, 2 on a mistake in the\n"
+        "options.");
+    const auto text = [&](const char *name, std::string &to, const char *help) {
+        return app.add_option(name, to, help)->type_name("");
+    };
+    text("BOARD", o.board, "the file of the board")->required();
+    text("PROGRAM", o.program, "an ELF file for SPARC V8")->required();
+    auto *tables = text("--tables", o.tables, "the mission and its boards: a shared object, as ./fledge fly builds it");
+    auto *registers = text("--registers", o.registers, "the register file, or /dev/fd/N");
+    tables->needs(registers);
+    registers->needs(tables);
+    text("--engine", o.engine, "interpreter, threaded or translator; all give the same results")
+        ->check(CLI::IsMember({"interpreter", "threaded", "translator"}));
+    text("--timing", o.timing, "plain or leon3: another one than the board's file says")
+        ->check(CLI::IsMember({"plain", "leon3"}));
+    text("--console", o.console, "a file for what the first UART sends; else the standard output");
+    text("--record", o.record, "a file for what the last UART sends");
+    app.add_option("--for", o.duration, "end after so many seconds of the board's time")
+        ->check(CLI::Range(0.0, 1e9))
+        ->type_name("SECONDS");
+    app.add_option("--wait", o.wait, "for the register file to be there; default: 10")
+        ->check(CLI::Range(0.0, 1e6))
+        ->type_name("SECONDS");
+    app.add_flag("--figures", o.figures, "print figures at the end also without --tables");
+    try {
+        app.parse(argc, argv);
+    } catch (const CLI::CallForHelp &help) {
+        std::exit(app.exit(help));
+    } catch (const CLI::Error &error) {
+        std::fprintf(stderr, "fledge_leon3: %s; see --help\n", error.what());
+        std::exit(2);
+    }
+    return o;
+}
+
+/// A file that gets its name only if all went well; until then it is FILE.part.
+class Output {
+public:
+    explicit Output(std::string path) : path_(std::move(path)), file_(std::fopen(part().c_str(), "wb"))
+    {
+        if (!file_) {
+            throw Error(path_ + ": " + std::strerror(errno));
+        }
+    }
+    ~Output()
+    {
+        if (file_) {
+            std::fclose(file_);
+        }
+    }
+    Output(const Output &) = delete;
+    Output &operator=(const Output &) = delete;
+    void put(std::uint8_t byte) { std::fputc(byte, file_); }
+    void close()
+    {
+        const bool failed = std::ferror(file_) != 0;
+        if (std::fclose(std::exchange(file_, nullptr)) != 0 || failed ||
+            std::rename(part().c_str(), path_.c_str()) != 0) {
+            throw Error(path_ + ": " + std::strerror(errno));
+        }
+    }
+
+private:
+    std::string part() const { return path_ + ".part"; }
+    std::string path_;
+    std::FILE *file_;
+};
+
+const MissionHost &load_tables(const std::string &path)
+{
+    // Without a slash, dlopen() searches the system's libraries.
+    const std::string file = path.find('/') == path.npos ? "./" + path : path;
+    void *library = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
+    const void *mission = library ? dlsym(library, "fledge_mission") : nullptr;
+    if (!mission) {
+        throw Error("--tables " + path + ": " + dlerror());
+    }
+    return *static_cast<const MissionHost *>(mission);
+}
+
+/// The register file; it must stay where it is.
+struct File {
+    File(const Options &o, const MissionIo &io) : windows(io.n_boards)
+    {
+        using clock = std::chrono::steady_clock;
+        const auto end =
+            clock::now() + std::chrono::duration_cast<clock::duration>(std::chrono::duration<double>(o.wait));
+        RegisterFileStatus status;
+        while ((status = register_file_attach(&file, o.registers.c_str(), io.boards, io.n_boards, windows.data())) ==
+                   REGISTER_FILE_NOT_YET &&
+               !stopped && clock::now() < end) {
+            std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        }
+        if (status != REGISTER_FILE_OK) {
+            throw Error(
+                "--registers " + o.registers + ": " +
+                (status == REGISTER_FILE_FAILED ? std::strerror(file.error) : register_file_status_text(status)));
+        }
+    }
+    ~File() { register_file_close(&file); }
+    File(const File &) = delete;
+    File &operator=(const File &) = delete;
+
+    RegisterFile file;
+    std::vector<RegisterWindow> windows;
+};
+
+/// Flight's first instant after t.
+Ns next_after(const MissionHost &mission, Ns t)
+{
+    Ns next = std::numeric_limits<Ns>::max() / 2;
+    for (std::uint16_t i = 0; i < mission.n_rates; i++) {
+        next = std::min<Ns>(next, exec_on_grid(mission.rates[i], t + 1));
+    }
+    return next;
+}
+
+/// Fly tick by tick. Returns what went wrong, "" if nothing did.
+std::string fly(File &file, FlightLoop &loop, const RegisterWindow &clock)
+{
+    constexpr Ns poll = second / 4;
+    while (!stopped) {
+        Tick tick;
+        if (register_clock_due(&clock, &tick)) {
+            if (!loop.exchange()) {
+                return "the program has failed";
+            }
+        } else if (register_clock_stopped(&clock)) {
+            return loop.finish() ? "" : "the program did not end with the run";
+        } else if (register_file_wait(&file.file, poll) == REGISTER_FILE_GONE && !register_clock_stopped(&clock)) {
+            return "the outside has disappeared before it ended the run";
+        }
+    }
+    return "a signal stopped the run";
+}
+
+void print_figures(Machine &machine, const FlightLoop *loop)
+{
+    const auto ns = [&](double cycles) { return cycles * 1e9 / machine.board().clock; };
+    if (loop) {
+        const FlightLoop::State &s = loop->state;
+        std::printf("ticks %llu\ncpu_ns %.0f\ncpu_ns_most %.0f\nmissed %llu\n",
+                    static_cast<unsigned long long>(s.ticks),
+                    s.ticks > 0 ? ns(static_cast<double>(s.cycles)) / static_cast<double>(s.ticks) : 0.0,
+                    ns(static_cast<double>(s.cycles_most)), static_cast<unsigned long long>(s.missed));
+    }
+    std::printf("instructions %llu\ncycles %llu\nresets %llu\nwatchdog %llu\n",
+                static_cast<unsigned long long>(machine.instructions()),
+                static_cast<unsigned long long>(machine.core().state.cycles),
+                static_cast<unsigned long long>(machine.resets()),
+                static_cast<unsigned long long>(machine.watchdog_resets()));
+}
+
+/// Run a program that is no mission. Returns the exit code.
+int run_alone(Machine &machine, const Program &program, const Options &o)
+{
+    const Ns end = o.duration > 0 ? static_cast<Ns>(o.duration * 1e9) : std::numeric_limits<Ns>::max();
+    StopReason reason = StopReason::time;
+    while (!stopped && reason == StopReason::time && machine.now() < end) {
+        reason = machine.run_until(std::min(end, machine.now() + second));
+    }
+    int status = 0;
+    if (reason == StopReason::error && !program_ended(machine, status)) {
+        std::fflush(stdout);
+        std::fprintf(stderr, "fledge_leon3: %s", machine.report(&program).c_str());
+        return 1;
+    }
+    return status;
+}
+
+int run(const Options &o)
+{
+    BoardDescription board = BoardDescription::read(o.board);
+    if (!o.timing.empty()) {
+        board.leon3_timing = o.timing == "leon3";
+    }
+    const Program program = Program::read(o.program);
+    Machine machine(board, o.engine == "interpreter" ? EngineKind::interpreter
+                           : o.engine == "threaded"  ? EngineKind::threaded
+                                                     : EngineKind::translator);
+    machine.load(program);
+
+    std::unique_ptr<Output> console, record;
+    Apbuart *first = machine.device_of<Apbuart>(), *last = first;
+    for (std::size_t n = 1; Apbuart *other = machine.device_of<Apbuart>(n); n++) {
+        last = other;
+    }
+    if (!o.console.empty()) {
+        console = std::make_unique<Output>(o.console);
+    }
+    if (!o.record.empty()) {
+        if (last == first) {
+            throw Error(o.board + ": --record needs a second device of the kind `apbuart`");
+        }
+        record = std::make_unique<Output>(o.record);
+        last->transmit = [&](std::uint8_t byte) { record->put(byte); };
+    }
+    if (first) {
+        first->transmit = [&](std::uint8_t byte) { console ? console->put(byte) : void(std::putchar(byte)); };
+    }
+
+    int result = 0;
+    if (o.tables.empty()) {
+        result = run_alone(machine, program, o);
+        if (o.figures) {
+            print_figures(machine, nullptr);
+        }
+    } else {
+        const MissionHost &mission = load_tables(o.tables);
+        File file(o, *mission.io);
+        RegisterSpace *space = machine.device_of<RegisterSpace>();
+        if (!space) {
+            throw Error(o.board + ": --registers needs a device of the kind `registers`");
+        }
+        space->attach(file.windows);
+        FlightLoop loop(machine);
+        loop.next = [&](Ns t) { return next_after(mission, t); };
+        machine.on_error = [&] {
+            std::fflush(stdout);
+            std::fprintf(stderr, "fledge_leon3: %s", machine.report(&program).c_str());
+        };
+        const std::string wrong = fly(file, loop, *space->clock());
+        print_figures(machine, &loop);
+        if (!wrong.empty()) {
+            std::fflush(stdout);
+            std::fprintf(stderr, "fledge_leon3: %s\n", wrong.c_str());
+            result = 1;
+        }
+    }
+    if (console) {
+        console->close();
+    }
+    if (record && result == 0) {
+        record->close();
+    }
+    return result;
+}
+
+} // namespace
+
+int main(int argc, char **argv)
+{
+    const Options o = parse(argc, argv);
+    std::signal(SIGINT, [](int) { stopped = 1; });
+    std::signal(SIGTERM, [](int) { stopped = 1; });
+    try {
+        return run(o);
+    } catch (const std::exception &error) {
+        std::fflush(stdout);
+        std::fprintf(stderr, "fledge_leon3: %s\n", error.what());
+        return 1;
+    }
+}

@@ -1,0 +1,84 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* A LEON3 board without an operating system: its devices, as plug and play shows them, interrupts, time, contexts.
+ * traps.S has the trap table and the start, board.c the devices, runtime.c what the compiler calls, system.c what the C
+ * library calls. A program has a function main; no function here uses the heap. */
+#ifndef TARGETS_LEON3_LEON3_H
+#define TARGETS_LEON3_LEON3_H
+
+#define LEON3_WINDOWS 8        /* of registers; the start refuses another number */
+#define LEON3_PAINT 0x5ac3a53c /* of a stack that was never used */
+
+#ifndef __ASSEMBLER__
+#include <stddef.h>
+#include <stdint.h>
+
+/** The addresses of devices; 0: the board has none. */
+typedef struct Leon3Devices {
+    uint32_t console;        ///< the first APBUART
+    uint32_t link;           ///< the last APBUART, for records; it is the console if there is only one
+    uint32_t interrupts;     ///< IRQMP
+    uint32_t timers;         ///< GPTIMER
+    uint32_t timer_line;     ///< its first interrupt
+    uint32_t registers;      ///< the register space
+    uint32_t registers_line; ///< the interrupt of a tick; 0: the processor must look by itself
+} Leon3Devices;
+
+extern Leon3Devices leon3;
+
+/** Runs main: traps.S calls it. */
+void leon3_run(void);
+
+/** What traps.S stores of an unexpected trap, and in this order. */
+typedef struct Leon3Fault {
+    uint32_t psr, pc, npc, tbr, wim, y, fsr, unused;
+    uint32_t g[8], o[8], l[8], i[8];
+} Leon3Fault;
+
+/** Prints an unexpected trap on the console, and stops. */
+void leon3_report_fault(const Leon3Fault *fault);
+
+/** The program has ended. */
+void leon3_stop(int status) __attribute__((noreturn));
+/** Reset the board by its watchdog; without one, as leon3_stop(1). */
+void leon3_reset(void) __attribute__((noreturn));
+
+/** Called at an interrupt of this level, 1 to 15, with higher levels enabled; enables the level. */
+void leon3_on_interrupt(uint32_t level, void (*handler)(void));
+/** Called by traps.S. */
+void leon3_interrupt(uint32_t level);
+
+/** Sleep until an interrupt; returns at once if no device will interrupt. It also keeps the watchdog quiet. Call it at
+ *  least every LEON3_PATIENCE_S. */
+void leon3_idle(void);
+#define LEON3_PATIENCE_S 10
+
+/** [ns] since the start; to a microsecond. */
+int64_t leon3_now(void);
+
+/** Send bytes through an APBUART. */
+void leon3_send(uint32_t uart, const void *bytes, size_t n);
+/** Text and numbers on the console. It is silent while leon3_console_off: if it shares its UART with a record. */
+void leon3_say(const char *text);
+void leon3_say_number(uint32_t value);
+void leon3_say_hex(uint32_t value);
+/** A line of a key and a value. */
+void leon3_say_figure(const char *key, uint32_t value);
+extern int leon3_console_off;
+
+/** How many bytes of the stack were used so far, and how many it has; how many the program's data have. */
+uint32_t leon3_stack_used(void);
+uint32_t leon3_stack_size(void);
+uint32_t leon3_data_size(void);
+
+/** A thread of execution that waits. */
+typedef struct Leon3Context {
+    uint32_t sp, pc;
+} Leon3Context;
+
+/** A context that begins with entry(argument), which does not return. */
+Leon3Context leon3_context(void *stack, size_t size, void (*entry)(uint32_t), uint32_t argument);
+/** Store the running context, and go on with another one. Interrupts stay as they are. */
+void leon3_switch(Leon3Context *from, const Leon3Context *to);
+
+#endif
+#endif
