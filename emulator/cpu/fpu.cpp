@@ -238,11 +238,11 @@ private:
         return t;
     }
 
-    /// fmovs, fnegs, fabss: any bits. QEMU leaves the FSR as it is.
+    /// fmovs, fnegs, fabss: any bits.
     std::uint32_t move(std::uint32_t bits)
     {
         set_single(s_, i_.rd, bits);
-        return fpu_ == FpuPersonality::qemu ? trap::none : trap_of_exceptions();
+        return trap_of_exceptions();
     }
 
     FpuPersonality fpu_;
@@ -285,7 +285,11 @@ std::uint32_t Fpu::perform()
     case Op::fcmpd: return compare<double>(false);
     case Op::fcmpes: return compare<float>(true);
     case Op::fcmped: return compare<double>(true);
-    default: return exception(fsr::unimplemented);
+    default:
+        if (fpu_ == FpuPersonality::qemu) {
+            s_.fsr &= ~fsr::cexc;
+        }
+        return exception(fsr::unimplemented);
     }
 }
 
@@ -304,7 +308,7 @@ std::uint32_t no_queue(CpuState &s)
 
 std::uint32_t fsr_version(FpuPersonality fpu)
 {
-    return (fpu == FpuPersonality::grfpu ? 2u : 4u) << fsr::version_shift;
+    return (fpu == FpuPersonality::grfpu ? 2u : 0u) << fsr::version_shift; // QEMU loses its own 4 at the first ldfsr
 }
 
 } // namespace fledge::emulator

@@ -12,9 +12,9 @@
 
 from fledge.targets.job import Job, Part
 from fledge.targets.cfs import Cfs, RealCfs
-from fledge.targets.leon3 import Leon3Qemu
+from fledge.targets.leon3 import Leon3, Leon3Cfs, Leon3Qemu
 from fledge.targets.target import TARGETS, Flown, Target, fly
 
-TARGETS |= {one.name: one for one in (Cfs(), Leon3Qemu())}
+TARGETS |= {one.name: one for one in (Cfs(), Leon3(), Leon3Qemu(), Leon3Cfs())}
 
 __all__ = ["TARGETS", "Flown", "Job", "Part", "RealCfs", "Target", "fly"]

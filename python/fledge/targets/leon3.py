@@ -40,14 +40,25 @@ class Leon3(Target):
     name = "leon3"
     about = "a LEON3 board, emulated; no operating system"
     emulated = True
+    cpu_of = "simulated"
     needs: tuple[str, ...] = (toolchain.COMPILER,)
 
     def build(self, part: Part) -> Path:
         return program(part.folder / "leon3", part.mission.name,
                        [*part.sources(), *(build.ROOT / path for path in SHARED), FOLDER / "main.c"], part.includes())
 
+    def command(self, built: Path, record: str) -> list[str]:
+        tables = built.parent.parent / f"tables/{built.name}.so"
+        return [str(build.native("fledge_leon3", "emulator/tools")), str(BOARD), str(built.resolve()), "--tables",
+                str(tables.resolve()), "--registers", "{registers}", "--record", record]
+
     def sizes(self, built: Path) -> tuple[int, int]:
         return build.sizes(built, toolchain.SIZE)
+
+    def _flown(self, built, record, figures):
+        flown = super()._flown(built, record, figures)
+        flown.cpu_of = self.cpu_of
+        return flown
 
 
 class Leon3Qemu(Leon3):
@@ -55,6 +66,7 @@ class Leon3Qemu(Leon3):
 
     name = "leon3-qemu"
     about = "the same program on stock QEMU"
+    cpu_of = "emulated"
     needs = (*Leon3.needs, "qemu-system-sparc", "gcc")
 
     def build(self, part: Part) -> Path:

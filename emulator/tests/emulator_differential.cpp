@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+// Random programs on every engine and in stock QEMU, one seed after the other, until one of them differs.
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <cstdio>
+#include <exception>
+
+#include "emulator/tests/differential.h"
+#include "emulator/tests/qemu.h"
+
+int main(int argc, char **argv)
+{
+    using namespace fledge::emulator::testing;
+    using fledge::emulator::FpuPersonality;
+    using Clock = std::chrono::steady_clock;
+
+    CLI::App app("Compare the engines of the emulator with one another and with stock QEMU, by random programs.");
+    std::uint64_t seed = 1;
+    std::uint32_t blocks = 1000;
+    double minutes = 1;
+    bool without_qemu = false;
+    app.add_option("--seed", seed, "of the first program; each further one has the next")->capture_default_str();
+    app.add_option("--blocks", blocks, "of random instructions in each program")
+        ->check(CLI::Range(1, 100000))
+        ->capture_default_str();
+    app.add_option("--minutes", minutes, "how long; 0: one program")
+        ->check(CLI::NonNegativeNumber)
+        ->capture_default_str();
+    app.add_flag("--without-qemu", without_qemu, "compare only the engines");
+    CLI11_PARSE(app, argc, argv);
+    if (!without_qemu && !has_qemu()) {
+        std::fprintf(stderr, "qemu-system-sparc is not installed: install it, or add --without-qemu\n");
+        return 1;
+    }
+
+    const Clock::time_point end =
+        Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(minutes * 60));
+    std::uint64_t programs = 0;
+    try {
+        do {
+            const std::string what = compare_seed(seed + programs, blocks, !without_qemu);
+            if (!what.empty()) {
+                std::printf("seed %llu: %s", static_cast<unsigned long long>(seed + programs), what.c_str());
+                return 1;
+            }
+            ++programs;
+        } while (Clock::now() < end);
+    } catch (const std::exception &error) {
+        std::fprintf(stderr, "seed %llu: %s\n", static_cast<unsigned long long>(seed + programs), error.what());
+        return 1;
+    }
+    std::printf("programs %llu\nblocks %llu\ndifferences 0\n", static_cast<unsigned long long>(programs),
+                static_cast<unsigned long long>(programs * blocks));
+}
