@@ -48,23 +48,23 @@ struct Context {
 struct Site {
     Instruction instruction;
     std::uint32_t pc = 0, npc = 0;
-    bool npc_in_target = false; ///< npc is Context::target
+    bool npc_in_target = false;                 ///< npc is Context::target
     std::uint32_t cycles = 0, instructions = 0; ///< of the block from here to its end, which the block has counted
 };
 
 /// A jump from one block to the next.
 struct Link {
-    std::uint32_t pc = 0;   ///< where it goes
-    std::size_t jump = 0;   ///< offset of the jump in the code memory
+    std::uint32_t pc = 0;     ///< where it goes
+    std::size_t jump = 0;     ///< offset of the jump in the code memory
     std::size_t unlinked = 0; ///< offset of the exit where it goes until the target is translated
 };
 
 struct Block {
     std::uint32_t pc = 0;
-    std::size_t entry = 0;                    ///< offset in the code memory
+    std::size_t entry = 0; ///< offset in the code memory
     bool valid = true;
-    std::vector<std::uint32_t> words;         ///< addresses of its instructions
-    std::vector<std::uint32_t> incoming;      ///< indices of the links that lead here
+    std::vector<std::uint32_t> words;    ///< addresses of its instructions
+    std::vector<std::uint32_t> incoming; ///< indices of the links that lead here
 };
 
 /// Why translated code returned; its result has an index in its low half.

@@ -89,8 +89,8 @@ void Emitter::connect(const Link &link, std::size_t to)
 
 Xbyak::Reg32 Emitter::int_register(int slot) const
 {
-    static constexpr std::array<int, int_count> numbers{Xbyak::Operand::ESI, Xbyak::Operand::EDI,
-                                                        Xbyak::Operand::R8D, Xbyak::Operand::R9D,
+    static constexpr std::array<int, int_count> numbers{Xbyak::Operand::ESI,  Xbyak::Operand::EDI,
+                                                        Xbyak::Operand::R8D,  Xbyak::Operand::R9D,
                                                         Xbyak::Operand::R10D, Xbyak::Operand::R11D};
     return Xbyak::Reg32(numbers[static_cast<std::size_t>(slot)]);
 }
@@ -1074,24 +1074,82 @@ void Emitter::floating(const Instruction &i)
 bool Emitter::translates(const Instruction &i)
 {
     switch (i.op) {
-    case Op::call: case Op::sethi: case Op::bicc: case Op::fbfcc: case Op::jmpl: case Op::flush:
-    case Op::save: case Op::restore:
-    case Op::add: case Op::and_: case Op::or_: case Op::xor_: case Op::sub: case Op::andn: case Op::orn:
-    case Op::xnor: case Op::addx: case Op::subx: case Op::umul: case Op::smul: case Op::udiv: case Op::sdiv:
-    case Op::addcc: case Op::andcc: case Op::orcc: case Op::xorcc: case Op::subcc: case Op::andncc:
-    case Op::orncc: case Op::xnorcc: case Op::addxcc: case Op::subxcc: case Op::umulcc: case Op::smulcc:
-    case Op::sll: case Op::srl: case Op::sra: case Op::rdy: case Op::wry:
-    case Op::ld: case Op::ldub: case Op::lduh: case Op::ldd: case Op::st: case Op::stb: case Op::sth: case Op::std_:
-    case Op::ldsb: case Op::ldsh: case Op::ldf: case Op::stf: return true;
-    case Op::lddf: case Op::stdf: return is_double_register(i.rd);
-    case Op::fmovs: case Op::fnegs: case Op::fabss: case Op::fadds: case Op::fsubs: case Op::fmuls: case Op::fdivs:
-    case Op::fsqrts: case Op::fstoi: case Op::fcmps: case Op::fcmpes: return true;
-    case Op::faddd: case Op::fsubd: case Op::fmuld: case Op::fdivd:
-        return is_double_register(i.rd) && is_double_register(i.rs1) && is_double_register(i.rs2);
+    case Op::call:
+    case Op::sethi:
+    case Op::bicc:
+    case Op::fbfcc:
+    case Op::jmpl:
+    case Op::flush:
+    case Op::save:
+    case Op::restore:
+    case Op::add:
+    case Op::and_:
+    case Op::or_:
+    case Op::xor_:
+    case Op::sub:
+    case Op::andn:
+    case Op::orn:
+    case Op::xnor:
+    case Op::addx:
+    case Op::subx:
+    case Op::umul:
+    case Op::smul:
+    case Op::udiv:
+    case Op::sdiv:
+    case Op::addcc:
+    case Op::andcc:
+    case Op::orcc:
+    case Op::xorcc:
+    case Op::subcc:
+    case Op::andncc:
+    case Op::orncc:
+    case Op::xnorcc:
+    case Op::addxcc:
+    case Op::subxcc:
+    case Op::umulcc:
+    case Op::smulcc:
+    case Op::sll:
+    case Op::srl:
+    case Op::sra:
+    case Op::rdy:
+    case Op::wry:
+    case Op::ld:
+    case Op::ldub:
+    case Op::lduh:
+    case Op::ldd:
+    case Op::st:
+    case Op::stb:
+    case Op::sth:
+    case Op::std_:
+    case Op::ldsb:
+    case Op::ldsh:
+    case Op::ldf:
+    case Op::stf: return true;
+    case Op::lddf:
+    case Op::stdf: return is_double_register(i.rd);
+    case Op::fmovs:
+    case Op::fnegs:
+    case Op::fabss:
+    case Op::fadds:
+    case Op::fsubs:
+    case Op::fmuls:
+    case Op::fdivs:
+    case Op::fsqrts:
+    case Op::fstoi:
+    case Op::fcmps:
+    case Op::fcmpes: return true;
+    case Op::faddd:
+    case Op::fsubd:
+    case Op::fmuld:
+    case Op::fdivd: return is_double_register(i.rd) && is_double_register(i.rs1) && is_double_register(i.rs2);
     case Op::fsqrtd: return is_double_register(i.rd) && is_double_register(i.rs2);
-    case Op::fcmpd: case Op::fcmped: return is_double_register(i.rs1) && is_double_register(i.rs2);
-    case Op::fitod: case Op::fstod: case Op::fsmuld: return is_double_register(i.rd);
-    case Op::fdtos: case Op::fdtoi: return is_double_register(i.rs2);
+    case Op::fcmpd:
+    case Op::fcmped: return is_double_register(i.rs1) && is_double_register(i.rs2);
+    case Op::fitod:
+    case Op::fstod:
+    case Op::fsmuld: return is_double_register(i.rd);
+    case Op::fdtos:
+    case Op::fdtoi: return is_double_register(i.rs2);
     default: return false;
     }
 }

@@ -24,9 +24,9 @@ namespace fledge::emulator {
 namespace {
 
 constexpr std::size_t code_size = std::size_t{16} << 20;
-constexpr std::size_t longest_trace = 64;          ///< [instructions]
-constexpr std::uint64_t elsewhere = 1000;          ///< [cycles] that the other engine runs where nothing is translated
-constexpr std::uint32_t mxcsr_defaults = 0x1F80;   ///< to nearest, no exception traps, none has occurred
+constexpr std::size_t longest_trace = 64;        ///< [instructions]
+constexpr std::uint64_t elsewhere = 1000;        ///< [cycles] that the other engine runs where nothing is translated
+constexpr std::uint32_t mxcsr_defaults = 0x1F80; ///< to nearest, no exception traps, none has occurred
 constexpr std::uint32_t no_link = ~std::uint32_t{0};
 constexpr std::int64_t longest_run = std::int64_t{1} << 62;
 
@@ -280,8 +280,8 @@ void Translator::settle(Core &core)
     if (op == Op::illegal) {
         return;
     }
-    const bool singles = op == Op::fadds || op == Op::fsubs || op == Op::fmuls || op == Op::fdivs ||
-                         op == Op::fsqrts || op == Op::fstoi;
+    const bool singles =
+        op == Op::fadds || op == Op::fsubs || op == Op::fmuls || op == Op::fdivs || op == Op::fsqrts || op == Op::fstoi;
     CpuState again;
     again.fsr = core.state.fsr;
     again.floats[0] = singles ? context_.last_a << 32 : context_.last_a;

@@ -32,7 +32,8 @@ public:
 
     std::uint32_t number()
     {
-        static constexpr std::uint32_t corners[] = {0, 1, 2, 0x7F, 0x80, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF, 0xFFFFFFFE};
+        static constexpr std::uint32_t corners[] = {0,          1,          2,          0x7F,      0x80,
+                                                    0x7FFFFFFF, 0x80000000, 0xFFFFFFFF, 0xFFFFFFFE};
         return one_in(2) ? of(corners) : one_in(2) ? below(256) : word();
     }
 
@@ -63,7 +64,8 @@ public:
         if (one_in(3)) {
             return of(corners);
         }
-        const double x = (static_cast<double>(word()) / 4294967296.0 - 0.5) * std::ldexp(1.0, static_cast<int>(below(60)) - 30);
+        const double x =
+            (static_cast<double>(word()) / 4294967296.0 - 0.5) * std::ldexp(1.0, static_cast<int>(below(60)) - 30);
         return std::bit_cast<std::uint64_t>(x);
     }
 
@@ -71,23 +73,35 @@ public:
     std::uint32_t instruction(std::uint32_t index)
     {
         switch (below(20)) {
-        case 0: case 1: case 2: case 3: case 4: case 5: {
-            static constexpr std::uint32_t op3[] = {0x00, 0x01, 0x02, 0x03, 0x04, 0x05, 0x06, 0x07, 0x08, 0x0A, 0x0B, 0x0C,
-                                                    0x0E, 0x0F, 0x10, 0x11, 0x12, 0x13, 0x14, 0x15, 0x16, 0x17, 0x18, 0x1A,
-                                                    0x1B, 0x1C, 0x1E, 0x1F, 0x20, 0x21, 0x22, 0x23, 0x24, 0x25, 0x26, 0x27,
-                                                    0x00, 0x04, 0x10, 0x14, 0x02, 0x12, 0x08, 0x18, 0x28, 0x30};
+        case 0:
+        case 1:
+        case 2:
+        case 3:
+        case 4:
+        case 5: {
+            static constexpr std::uint32_t op3[] = {
+                0x00, 0x01, 0x02, 0x03, 0x04, 0x05, 0x06, 0x07, 0x08, 0x0A, 0x0B, 0x0C, 0x0E, 0x0F, 0x10, 0x11,
+                0x12, 0x13, 0x14, 0x15, 0x16, 0x17, 0x18, 0x1A, 0x1B, 0x1C, 0x1E, 0x1F, 0x20, 0x21, 0x22, 0x23,
+                0x24, 0x25, 0x26, 0x27, 0x00, 0x04, 0x10, 0x14, 0x02, 0x12, 0x08, 0x18, 0x28, 0x30};
             return arithmetic(of(op3));
         }
         case 6: return sethi(target(), word());
-        case 7: case 8: case 9: case 10: {
+        case 7:
+        case 8:
+        case 9:
+        case 10: {
             static constexpr std::uint32_t op3[] = {0x00, 0x01, 0x02, 0x03, 0x04, 0x05, 0x06, 0x07, 0x09, 0x0A,
                                                     0x0D, 0x0F, 0x20, 0x23, 0x24, 0x27, 0x20, 0x23, 0x24, 0x27};
             return memory(of(op3));
         }
-        case 11: case 12: case 13: case 14: return floating();
-        case 15: case 16: return branch(one_in(3) ? 6 : 2, below(16), one_in(2), displacement(index));
+        case 11:
+        case 12:
+        case 13:
+        case 14: return floating();
+        case 15:
+        case 16: return branch(one_in(3) ? 6 : 2, below(16), one_in(2), displacement(index));
         case 17:
-            return one_in(3) ? call(displacement(index))
+            return one_in(3)   ? call(displacement(index))
                    : one_in(2) ? jmpl(target(), 5, static_cast<std::int32_t>(4 * below(program_words)))
                                : nop;
         case 18: return one_in(2) ? save(target(), source(), small()) : restore(target(), source(), small());
@@ -102,7 +116,10 @@ private:
         const std::uint32_t r = below(32);
         return r >= 5 && r <= 7 && !one_in(50) ? 0 : r;
     }
-    std::int32_t small() { return one_in(2) ? static_cast<std::int32_t>(below(17)) - 8 : static_cast<std::int32_t>(below(8192)) - 4096; }
+    std::int32_t small()
+    {
+        return one_in(2) ? static_cast<std::int32_t>(below(17)) - 8 : static_cast<std::int32_t>(below(8192)) - 4096;
+    }
     std::int32_t displacement(std::uint32_t index)
     {
         const auto to = static_cast<std::int32_t>(below(program_words)), near = static_cast<std::int32_t>(below(9)) - 3;
@@ -111,7 +128,8 @@ private:
 
     std::uint32_t arithmetic(std::uint32_t op3)
     {
-        return one_in(2) ? with_register(2, op3, target(), source(), source()) : with_number(2, op3, target(), source(), small());
+        return one_in(2) ? with_register(2, op3, target(), source(), source())
+                         : with_number(2, op3, target(), source(), small());
     }
 
     std::uint32_t memory(std::uint32_t op3)
@@ -122,14 +140,18 @@ private:
             return one_in(2) ? with_number(3, op3, rd, source(), small()) : with_register(3, op3, rd, base, source());
         }
         const std::uint32_t offset = one_in(12) ? below(4096) : pair ? 8 * below(16) : 4 * below(32);
-        return with_number(3, op3, pair && op3 < 0x20 ? rd & ~1u : pair ? rd & 30 : rd, base,
-                           static_cast<std::int32_t>(offset) - (one_in(2) ? 64 : 0));
+        return with_number(3, op3,
+                           pair && op3 < 0x20 ? rd & ~1u
+                           : pair             ? rd & 30
+                                              : rd,
+                           base, static_cast<std::int32_t>(offset) - (one_in(2) ? 64 : 0));
     }
 
     std::uint32_t floating()
     {
         static constexpr std::uint32_t moves[] = {0x01, 0x05, 0x09};
-        static constexpr std::uint32_t of_doubles[] = {0x2A, 0x42, 0x46, 0x4A, 0x4E, 0x42, 0x46, 0x4A, 0xC6, 0xC8, 0xD2};
+        static constexpr std::uint32_t of_doubles[] = {0x2A, 0x42, 0x46, 0x4A, 0x4E, 0x42,
+                                                       0x46, 0x4A, 0xC6, 0xC8, 0xD2};
         static constexpr std::uint32_t of_singles[] = {0x29, 0x41, 0x45, 0x49, 0x4D, 0x69, 0xC4, 0xC9, 0xD1};
         static constexpr std::uint32_t compares[] = {0x51, 0x52, 0x55, 0x56};
         const std::uint32_t even = one_in(40) ? 31 : 30;
@@ -147,10 +169,12 @@ private:
         case 0: return word();
         case 1: return with_number(2, 0x3A, below(16), 0, static_cast<std::int32_t>(below(128)));
         case 2: return with_register(2, 0x28 + below(4), target(), 0, 0);
-        case 3: return with_number(2, 0x32, 0, 0, 1 << below(8));                         // wim
-        case 4: return with_number(3, one_in(2) ? 0x21 : 0x25, 0, 6, 0x400);              // fsr
-        case 5: return with_number(3, 0x04, below(5), 5, static_cast<std::int32_t>(4 * below(program_words))); // the program
-        case 6: return with_number(3, one_in(2) ? 0x00 : 0x04, below(5), 4, 0);           // perhaps the device
+        case 3: return with_number(2, 0x32, 0, 0, 1 << below(8));            // wim
+        case 4: return with_number(3, one_in(2) ? 0x21 : 0x25, 0, 6, 0x400); // fsr
+        case 5:
+            return with_number(3, 0x04, below(5), 5,
+                               static_cast<std::int32_t>(4 * below(program_words))); // the program
+        case 6: return with_number(3, one_in(2) ? 0x00 : 0x04, below(5), 4, 0);      // perhaps the device
         case 7: return with_number(2, 0x3B, 0, 5, 0);
         case 8: return with_register(3, 0x3C, target(), 6, source(), 0x0A);
         case 9: return fpop(0x34, one_in(2) ? 0x01 : 0x05, 2 * below(16), 0, 2 * below(16));
@@ -188,7 +212,8 @@ std::string difference(const CpuState &a, const CpuState &b)
         compare("g" + std::to_string(k), a.globals[k], b.globals[k]);
     }
     for (std::size_t k = 0; k < a.windows.size(); k++) {
-        compare("window " + std::to_string(k / 16) + " register " + std::to_string(8 + k % 16), a.windows[k], b.windows[k]);
+        compare("window " + std::to_string(k / 16) + " register " + std::to_string(8 + k % 16), a.windows[k],
+                b.windows[k]);
     }
     for (std::size_t k = 0; k < a.floats.size(); k++) {
         compare("f" + std::to_string(2 * k), a.floats[k], b.floats[k]);
@@ -213,8 +238,10 @@ void fill(SmallComputer &c, std::uint64_t seed)
     }
     c.write(SmallComputer::start + 4 * program_words, {ba(-static_cast<std::int32_t>(program_words)), nop});
     for (std::uint32_t k = 0; k < 512; k++) {
-        const std::uint64_t bits = dice.one_in(2) ? dice.float_bits() : std::uint64_t{dice.number()} << 32 | dice.number();
-        c.write(SmallComputer::data + 8 * k - 256, {static_cast<std::uint32_t>(bits >> 32), static_cast<std::uint32_t>(bits)});
+        const std::uint64_t bits =
+            dice.one_in(2) ? dice.float_bits() : std::uint64_t{dice.number()} << 32 | dice.number();
+        c.write(SmallComputer::data + 8 * k - 256,
+                {static_cast<std::uint32_t>(bits >> 32), static_cast<std::uint32_t>(bits)});
     }
     static constexpr std::uint32_t modes[] = {0, 0, 0, 0, 0x40000000, 0x80000000, 0x0F800000, 0x00400000};
     c.write(SmallComputer::data + 0x400, {dice.of(modes)});
