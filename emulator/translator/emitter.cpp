@@ -397,37 +397,25 @@ void Emitter::branch(const Item &item, const Item &slot)
             add(al, 127);
             sahf();
         }
-        switch (i.condition) {
-        case 1: je(taken, T_NEAR); break;
-        case 2: jle(taken, T_NEAR); break;
-        case 3: jl(taken, T_NEAR); break;
-        case 4: jbe(taken, T_NEAR); break;
-        case 5: jb(taken, T_NEAR); break;
-        case 6: js(taken, T_NEAR); break;
-        case 7: jo(taken, T_NEAR); break;
-        case 9: jne(taken, T_NEAR); break;
-        case 10: jg(taken, T_NEAR); break;
-        case 11: jge(taken, T_NEAR); break;
-        case 12: ja(taken, T_NEAR); break;
-        case 13: jae(taken, T_NEAR); break;
-        case 14: jns(taken, T_NEAR); break;
-        default: jno(taken, T_NEAR); break;
-        }
+        using Jump = void (Emitter::*)(const Xbyak::Label &, LabelType);
+        static constexpr std::array<Jump, 16> jumps{nullptr,       &Emitter::je,  &Emitter::jle, &Emitter::jl,
+                                                    &Emitter::jbe, &Emitter::jb,  &Emitter::js,  &Emitter::jo,
+                                                    nullptr,       &Emitter::jne, &Emitter::jg,  &Emitter::jge,
+                                                    &Emitter::ja,  &Emitter::jae, &Emitter::jns, &Emitter::jno};
+        (this->*jumps[i.condition])(taken, T_NEAR);
     } else {
         std::uint32_t holds = 0; // bit k: the condition holds for fcc = k
         for (std::uint32_t fcc = 0; fcc < 4; fcc++) {
             holds |= fp_condition_holds(i.condition, fcc) ? 1u << fcc : 0;
         }
         if (regs_.fcc_live) { // not unordered, for then the comparison left
-            switch (holds & 7) {
-            case 0: break;
-            case 1: je(taken, T_NEAR); break;
-            case 2: jb(taken, T_NEAR); break;
-            case 3: jbe(taken, T_NEAR); break;
-            case 4: ja(taken, T_NEAR); break;
-            case 5: jae(taken, T_NEAR); break;
-            case 6: jne(taken, T_NEAR); break;
-            default: jmp(taken, T_NEAR); break;
+            using Jump = void (Emitter::*)(const Xbyak::Label &, LabelType);
+            static constexpr std::array<Jump, 7> jumps{nullptr,      &Emitter::je,  &Emitter::jb, &Emitter::jbe,
+                                                       &Emitter::ja, &Emitter::jae, &Emitter::jne};
+            if ((holds & 7) == 7) {
+                jmp(taken, T_NEAR);
+            } else if ((holds & 7) != 0) {
+                (this->*jumps[holds & 7])(taken, T_NEAR);
             }
         } else {
             mov(ecx, dword[IN_CONTEXT(fcc)]);
@@ -505,33 +493,36 @@ Xbyak::Reg32 Emitter::operand(int guest, const Xbyak::Reg32 &scratch)
     return source(guest);
 }
 
-/// rd = rs1 op operand2, where `operation(d, b)` is d op= b.
-template <class Operation> void Emitter::binary(const Instruction &i, bool commutes, bool cc, Operation operation)
+/// rd = rs1 op operand2, or op ~operand2, where `operation(d, b)` is d op= b.
+template <class Operation>
+void Emitter::binary(const Instruction &i, bool commutes, bool cc, Operation operation, bool inverted)
 {
     if (i.rd == 0 && !cc) {
         return;
     }
     const bool number = i.immediate || i.rs2 == 0;
-    const Xbyak::Reg32 a = operand(i.rs1, eax);
-    const Xbyak::Reg32 b = number ? ecx : source(i.rs2);
-    const Xbyak::Reg32 d = i.rd == 0 ? eax : target(i.rd);
     const auto n = static_cast<std::uint32_t>(i.immediate ? i.imm : 0);
-    if (number) {
+    const Xbyak::Reg32 a = operand(i.rs1, eax);
+    Xbyak::Reg32 b = number ? ecx : source(i.rs2);
+    const Xbyak::Reg32 d = i.rd == 0 ? eax : target(i.rd);
+    if (!number && (inverted || (d.getIdx() == b.getIdx() && d.getIdx() != a.getIdx() && !commutes))) {
+        mov(ecx, b);
+        b = ecx;
+    }
+    if (!number && inverted) {
+        not_(ecx);
+    }
+    if (!number && d.getIdx() == b.getIdx()) {
+        operation(d, a);
+    } else {
         if (d.getIdx() != a.getIdx()) {
             mov(d, a);
         }
-        operation(d, n);
-    } else if (d.getIdx() == a.getIdx()) {
-        operation(d, b);
-    } else if (d.getIdx() != b.getIdx()) {
-        mov(d, a);
-        operation(d, b);
-    } else if (commutes) {
-        operation(d, a);
-    } else {
-        mov(ecx, b);
-        mov(d, a);
-        operation(d, ecx);
+        if (number) {
+            operation(d, inverted ? ~n : n);
+        } else {
+            operation(d, b);
+        }
     }
     if (i.rd != 0) {
         changed(i.rd);
@@ -585,29 +576,6 @@ void Emitter::set_flags()
         test(a, n);
     } else {
         test(a, b);
-    }
-}
-
-/// rd = rs1 op ~operand2
-template <class Operation> void Emitter::inverted(const Instruction &i, bool cc, Operation operation)
-{
-    const Xbyak::Reg32 a = operand(i.rs1, eax);
-    if (i.immediate || i.rs2 == 0) {
-        mov(ecx, ~static_cast<std::uint32_t>(i.immediate ? i.imm : 0));
-    } else {
-        mov(ecx, source(i.rs2));
-        not_(ecx);
-    }
-    const Xbyak::Reg32 d = i.rd == 0 ? eax : target(i.rd);
-    if (d.getIdx() != a.getIdx()) {
-        mov(d, a);
-    }
-    operation(d, ecx);
-    if (i.rd != 0) {
-        changed(i.rd);
-    }
-    if (cc) {
-        keep_icc();
     }
 }
 
@@ -821,8 +789,9 @@ Xbyak::RegExp Emitter::checked_address(const Instruction &i, unsigned size, std:
     return place;
 }
 
-void Emitter::load(const Instruction &i, unsigned size, bool is_signed)
+void Emitter::load(const Instruction &i, unsigned size)
 {
+    const bool is_signed = i.op == Op::ldsb || i.op == Op::ldsh;
     const Xbyak::RegExp place = checked_address(i, size, checks_reads ? page_slow_read : 0);
     if (i.op == Op::lddf) {
         const int k = free_float_slot();
@@ -1224,12 +1193,12 @@ void Emitter::instruction(const Instruction &i)
         }
         break;
     case Op::xorcc: binary(i, true, true, exclusive); break;
-    case Op::andn: inverted(i, false, conjunction); break;
-    case Op::orn: inverted(i, false, disjunction); break;
-    case Op::xnor: inverted(i, false, exclusive); break;
-    case Op::andncc: inverted(i, true, conjunction); break;
-    case Op::orncc: inverted(i, true, disjunction); break;
-    case Op::xnorcc: inverted(i, true, exclusive); break;
+    case Op::andn: binary(i, false, false, conjunction, true); break;
+    case Op::orn: binary(i, false, false, disjunction, true); break;
+    case Op::xnor: binary(i, false, false, exclusive, true); break;
+    case Op::andncc: binary(i, false, true, conjunction, true); break;
+    case Op::orncc: binary(i, false, true, disjunction, true); break;
+    case Op::xnorcc: binary(i, false, true, exclusive, true); break;
     case Op::addx:
     case Op::addxcc:
     case Op::subx:
@@ -1267,19 +1236,19 @@ void Emitter::instruction(const Instruction &i)
         break;
     case Op::save: change_window(i, true); break;
     case Op::restore: change_window(i, false); break;
-    case Op::ld: load(i, 4, false); break;
-    case Op::ldub: load(i, 1, false); break;
-    case Op::lduh: load(i, 2, false); break;
-    case Op::ldsb: load(i, 1, true); break;
-    case Op::ldsh: load(i, 2, true); break;
-    case Op::ldd: load(i, 8, false); break;
-    case Op::ldf: load(i, 4, false); break;
-    case Op::lddf: load(i, 8, false); break;
-    case Op::st: store(i, 4); break;
+    case Op::ldub:
+    case Op::ldsb: load(i, 1); break;
+    case Op::lduh:
+    case Op::ldsh: load(i, 2); break;
+    case Op::ld:
+    case Op::ldf: load(i, 4); break;
+    case Op::ldd:
+    case Op::lddf: load(i, 8); break;
     case Op::stb: store(i, 1); break;
     case Op::sth: store(i, 2); break;
-    case Op::std_: store(i, 8); break;
+    case Op::st:
     case Op::stf: store(i, 4); break;
+    case Op::std_:
     case Op::stdf: store(i, 8); break;
     default: floating(i); break;
     }

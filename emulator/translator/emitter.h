@@ -120,8 +120,8 @@ private:
     void instruction(const Instruction &i);
 
     Xbyak::Reg32 operand(int guest, const Xbyak::Reg32 &scratch);
-    template <class Operation> void binary(const Instruction &i, bool commutes, bool cc, Operation operation);
-    template <class Operation> void inverted(const Instruction &i, bool cc, Operation operation);
+    template <class Operation>
+    void binary(const Instruction &i, bool commutes, bool cc, Operation operation, bool inverted = false);
     template <class Operation> void shift(const Instruction &i, Operation operation);
     void move(const Instruction &i);
     void compare_integers(const Instruction &i);
@@ -132,7 +132,7 @@ private:
     void change_window(const Instruction &i, bool save);
     void address_in_eax(const Instruction &i);
     Xbyak::RegExp checked_address(const Instruction &i, unsigned size, std::uint8_t flags);
-    void load(const Instruction &i, unsigned size, bool is_signed);
+    void load(const Instruction &i, unsigned size);
     void store(const Instruction &i, unsigned size);
 
     template <class Operation> void doubles(const Instruction &i, bool two, bool checked, Operation operation);
