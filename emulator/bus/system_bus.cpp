@@ -297,7 +297,10 @@ void SystemBus::mark_pages(std::uint8_t flag, const std::vector<ProtectedRange> 
 
 void SystemBus::protect(std::vector<ProtectedRange> ranges)
 {
-    mark_pages(page_protected, ranges);
+    if (ranges != protected_) {
+        protected_ = std::move(ranges);
+        mark_pages(page_protected, protected_);
+    }
 }
 
 void SystemBus::watch(std::uint32_t address, std::uint32_t size, bool on_read, bool on_write, bool on)
@@ -372,6 +375,9 @@ void SystemBus::flip_next_read(std::uint32_t bits)
 
 void SystemBus::set_flips(std::map<std::uint32_t, EdacFlips> flips)
 {
+    if (flip_next_ != 0) {
+        flip_next_read(0);
+    }
     flips_.swap(flips);
     for (const auto &[word, _] : flips) {
         set_faulty(word);

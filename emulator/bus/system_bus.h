@@ -26,6 +26,7 @@ struct BusError {
 /// Addresses [from, to) that the processor cannot write.
 struct ProtectedRange {
     std::uint32_t from = 0, to = 0;
+    bool operator==(const ProtectedRange &) const = default;
 };
 
 struct UnmapBytes {
@@ -80,7 +81,7 @@ public:
 
     /// Flips that are in memory, for snapshots: their words by address.
     const std::map<std::uint32_t, EdacFlips> &flips() const { return flips_; }
-    void set_flips(std::map<std::uint32_t, EdacFlips> flips);
+    void set_flips(std::map<std::uint32_t, EdacFlips> flips); ///< and none of the next read
 
 private:
     struct Region {
@@ -118,6 +119,7 @@ private:
     std::vector<Region> regions_;
     std::vector<Slave> slaves_;
     std::vector<Watch> watches_;
+    std::vector<ProtectedRange> protected_;
     std::vector<std::uint32_t> changed_;
     std::map<std::uint32_t, EdacFlips> flips_;
     std::uint32_t flip_next_ = 0;
