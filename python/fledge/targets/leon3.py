@@ -31,7 +31,7 @@ def program(folder: Path, name: str, sources: Sequence[Path], includes: Sequence
     """Build a program for a LEON3 board, with its board support."""
     linked = toolchain.link(FOLDER / "leon3.ld", LEON3_RAM=RAM, LEON3_RAM_SIZE=RAM_SIZE, LEON3_CLOCK=CLOCK)
     return build.program(folder, name, [*SUPPORT, *sources], [*includes, build.ROOT], toolchain.COMPILER,
-                         [*toolchain.headers(), *flags], linked, machine=toolchain.MACHINE)
+                         [*toolchain.headers(), "-g", *flags], linked, machine=toolchain.MACHINE)
 
 
 class Leon3(Target):
@@ -43,6 +43,9 @@ class Leon3(Target):
     cpu_of = "simulated"
     needs: tuple[str, ...] = (toolchain.COMPILER,)
 
+    def __init__(self, tools: Sequence[str] = ()) -> None:
+        self.tools = tools      # further arguments of fledge_leon3
+
     def build(self, part: Part) -> Path:
         return program(part.folder / "leon3", part.mission.name,
                        [*part.sources(), *(build.ROOT / path for path in SHARED), FOLDER / "main.c"], part.includes())
@@ -50,7 +53,7 @@ class Leon3(Target):
     def command(self, built: Path, record: str) -> list[str]:
         tables = built.parent.parent / f"tables/{built.name}.so"
         return [str(build.native("fledge_leon3", "emulator/tools")), str(BOARD), str(built.resolve()), "--tables",
-                str(tables.resolve()), "--registers", "{registers}", "--record", record]
+                str(tables.resolve()), "--registers", "{registers}", "--record", record, *self.tools]
 
     def sizes(self, built: Path) -> tuple[int, int]:
         return build.sizes(built, toolchain.SIZE)
