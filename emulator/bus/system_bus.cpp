@@ -215,6 +215,23 @@ void SystemBus::note_write(Region &r, std::uint32_t address, unsigned size)
     }
 }
 
+bool SystemBus::peek(std::uint32_t address, std::span<std::byte> bytes) const
+{
+    if (const auto from = memory(address, bytes.size()); !from.empty()) {
+        std::memcpy(bytes.data(), from.data(), bytes.size());
+        return true;
+    }
+    for (std::byte &byte : bytes) {
+        const Slave *s = slave(address);
+        if (!s || !s->device->is_memory()) {
+            return false;
+        }
+        const std::uint32_t offset = address++ - s->base;
+        byte = static_cast<std::byte>(s->device->read(word_of(offset)) >> (8 * (3 - offset % 4)));
+    }
+    return true;
+}
+
 bool SystemBus::poke(std::uint32_t address, std::span<const std::byte> bytes)
 {
     const std::span<std::byte> to = memory(address, bytes.size());

@@ -52,6 +52,8 @@ public:
 
     /// The bytes of memory that hold these addresses; empty if they are not all in one memory.
     std::span<std::byte> memory(std::uint32_t address, std::size_t size) const;
+    /// Read bytes without side effects: of memory, and of devices that are memory. False: neither is there.
+    bool peek(std::uint32_t address, std::span<std::byte> bytes) const;
     /// Write bytes without protection and without side effects but those on snapshots and code. False: no memory.
     bool poke(std::uint32_t address, std::span<const std::byte> bytes);
     /// All memories one behind the other, by pages: their number, and where one is.
