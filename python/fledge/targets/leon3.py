@@ -31,7 +31,8 @@ def program(folder: Path, name: str, sources: Sequence[Path], includes: Sequence
     """Build a program for a LEON3 board, with its board support."""
     linked = toolchain.link(FOLDER / "leon3.ld", LEON3_RAM=RAM, LEON3_RAM_SIZE=RAM_SIZE, LEON3_CLOCK=CLOCK)
     return build.program(folder, name, [*SUPPORT, *sources], [*includes, build.ROOT], toolchain.COMPILER,
-                         [*toolchain.headers(), *flags], linked, machine=toolchain.MACHINE)
+                         [*toolchain.headers(), "-UMCAP_CRC_TABLES", "-DMCAP_CRC_TABLES=1", *flags], linked,
+                         machine=toolchain.MACHINE)
 
 
 class Leon3(Target):
@@ -98,7 +99,8 @@ class Leon3Cfs(Leon3):
     def build(self, part: Part) -> Path:
         folder = (part.folder / self.name).resolve()
         app = folder / self.app.name
-        written = cfs.write(part.mission, self.app, app, part.board_files(), (), part.roots[:-1], watched=True)
+        written = cfs.write(part.mission, self.app, app, part.board_files(), (), part.roots[:-1], simulated=True,
+                            watched=True)
         for old in {file for file in app.rglob("*") if file.is_file()} - set(written):
             old.unlink()                # of an earlier export
         files = {f"/cf/{file.name}": file.read_bytes() for file in sorted((app / "cf").iterdir())}
@@ -114,7 +116,7 @@ class Leon3Cfs(Leon3):
                        ["-DPOCKET_TASKS=8u", "-include", f"{self.app.name}_names.h"])
 
 
-LEFT_OUT = {"fsw_attach.c", "watch.c", "file_sink.c"}     # what cfs.c has in place of them
+LEFT_OUT = {"fsw_attach.c", "shared_file.c", "watch.c", "file_sink.c"}      # what cfs.c has in place of them
 
 
 def files_in_memory(files: Mapping[str, bytes]) -> str:
