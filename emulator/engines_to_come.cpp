@@ -1,15 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Until the faster engines are here, the plain interpreter stands in.
+// Until the translator is here, the threaded interpreter stands in.
 #include "emulator/cpu/engine.h"
 
 namespace fledge::emulator {
 
-[[gnu::weak]] std::unique_ptr<Engine> make_threaded()
-{
-    return make_interpreter();
-}
-
-[[gnu::weak]] std::unique_ptr<Engine> make_translator()
+std::unique_ptr<Engine> make_translator()
 {
     return make_threaded();
 }

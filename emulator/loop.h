@@ -2,9 +2,9 @@
 // A machine in the loop: flight on it is paced by the clock of its register space.
 //
 // The first tick, with t < 0, finds a computer that was just switched on. Simulated time 0 is `boot_time` later; from
-// then on the time of the machine follows simulated time. At a tick the machine first runs up to the tick's time (flight
-// finishes its record, and idles), then it sees the tick, and runs until flight has stored that it is done. If flight
-// is not done before its next instant, the tick is answered for it, and counts as missed: the world never waits.
+// then on the time of the machine follows simulated time. At a tick the machine first runs up to the tick's time:
+// flight finishes its record, and idles. Then it sees the tick, and runs until flight has stored that it is done. If
+// flight is not done before its next instant, the tick is answered for it, and counts as missed: the world never waits.
 #pragma once
 
 #include <cstdint>

@@ -32,8 +32,7 @@ void Gptimer::reset()
 
 bool Gptimer::watchdog_runs() const
 {
-    return settings_.watchdog &&
-           (state_.timers[settings_.timers - 1].control & (enable | interrupt_enable)) == (enable | interrupt_enable);
+    return settings_.watchdog && (state_.timers[settings_.timers - 1].control & enable) != 0;
 }
 
 /// Let so many ticks pass; returns how often the counter passed zero.

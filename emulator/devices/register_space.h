@@ -24,7 +24,7 @@ public:
         std::uint32_t size = 0;      ///< [bytes] room on the bus
         std::uint32_t tick = 0;      ///< the interrupt of a tick; 0: none
         std::uint32_t interrupt = 0; ///< of all lines that are not in the list; 0: none
-        std::vector<Line> lines;
+        std::vector<Line> lines{};
     };
     RegisterSpace(std::string name, DeviceHost &host, Settings settings);
 
