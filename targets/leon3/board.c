@@ -41,8 +41,9 @@ int leon3_console_off;
 
 static void (*handlers[16])(void);
 static uint32_t watchdog; /* the address of its timer, or 0 */
-static uint32_t counted;  /* [us] of the counter, at the last look */
-static uint64_t elapsed;  /* [us] */
+static int watched;
+static uint32_t counted; /* [us] of the counter, at the last look */
+static uint64_t elapsed; /* [us] */
 
 static uint32_t load(uint32_t address)
 {
@@ -117,7 +118,7 @@ static void wake(void) {} /* leon3_idle returns, and its caller looks */
 
 void leon3_idle(void)
 {
-    if (watchdog != 0u) {
+    if (watched) {
         store(watchdog + TIMER_CONTROL, TIMER_ENABLE | TIMER_LOAD);
     }
     (void)leon3_now(); /* often enough to see each turn of the counter */
@@ -146,11 +147,23 @@ static void start_timers(void)
     store(count + TIMER_CONTROL, TIMER_ENABLE | TIMER_RESTART | TIMER_LOAD);
     counted = UINT32_MAX;
     elapsed = 0u;
-    if (n > 2u) { /* the last one resets the board */
-        watchdog = beat + 0x10u * (n - 1u);
+    watchdog = n > 2u ? beat + 0x10u * (n - 1u) : 0u; /* the last one */
+}
+
+void leon3_watch(void)
+{
+    watched = watchdog != 0u;
+    if (watched) {
         store(watchdog + TIMER_RELOAD, LEON3_PATIENCE_S * 1000000u);
-        store(watchdog + TIMER_CONTROL, TIMER_ENABLE | TIMER_LOAD);
     }
+}
+
+void leon3_stop(int status)
+{
+    if (watchdog != 0u) {
+        store(watchdog + TIMER_CONTROL, 0u);
+    }
+    leon3_halt(status);
 }
 
 int64_t leon3_now(void)
@@ -249,7 +262,7 @@ void leon3_report_fault(const Leon3Fault *f)
     say_row("o", f->o);
     say_row("l", f->l);
     say_row("i", f->i);
-    leon3_stop(1);
+    leon3_halt(1);
 }
 
 /* ---- the program */

@@ -64,6 +64,7 @@ void fledge_watch(const void *mission, int64_t t, const MissionIoCounts *counts)
 int main(void)
 {
     host = fledge_mission;
+    leon3_watch();
     recorder_open(&host, "leon3-cfs");
     pocket_boot("", fledge_apps, fledge_apps_n);
     pocket_quiet(true);

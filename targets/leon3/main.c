@@ -30,6 +30,7 @@ int main(void)
     }
     fledge_mission.init();
     const RegisterWindow *clock = place_windows();
+    leon3_watch();
     recorder_open(&fledge_mission, "leon3");
     while (!register_clock_stopped(clock)) {
         if (register_clock_due(clock, &tick)) {
