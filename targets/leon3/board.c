@@ -31,7 +31,8 @@ enum {
 #define BEAT_US 100000u /* the period of the interrupt that ends any sleep */
 
 /* Symbols of the linker script. */
-extern const uint32_t leon3_registers[], leon3_data[], leon3_bss_end[], leon3_stack[], leon3_stack_end[];
+extern const uint32_t leon3_traps[], leon3_data_load[], leon3_data_end[], leon3_registers[], leon3_data[],
+    leon3_bss_end[], leon3_stack[], leon3_stack_end[];
 extern const char LEON3_CLOCK[]; /* [Hz], as an address */
 
 Leon3Devices leon3;
@@ -279,6 +280,12 @@ uint32_t leon3_stack_used(void)
         p++;
     }
     return (uint32_t)((uintptr_t)leon3_stack_end - (uintptr_t)p);
+}
+
+uint32_t leon3_program_size(void)
+{
+    return (uint32_t)((uintptr_t)leon3_data_load - (uintptr_t)leon3_traps + (uintptr_t)leon3_data_end -
+                      (uintptr_t)leon3_data);
 }
 
 uint32_t leon3_data_size(void)

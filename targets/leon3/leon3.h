@@ -69,9 +69,11 @@ void leon3_say_hex(uint32_t value);
 void leon3_say_figure(const char *key, uint32_t value);
 extern int leon3_console_off;
 
-/** How many bytes of the stack were used so far, and how many it has; how many the program's data have. */
+/** [bytes] Of the stack, used so far, and its size; of the program, what a ROM would hold: code, constants and initial
+ *  data; of its data in RAM. */
 uint32_t leon3_stack_used(void);
 uint32_t leon3_stack_size(void);
+uint32_t leon3_program_size(void);
 uint32_t leon3_data_size(void);
 
 /** A thread of execution that waits. */

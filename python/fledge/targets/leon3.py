@@ -103,6 +103,7 @@ class Leon3Cfs(Leon3):
     """The app of the core Flight System on the board, with the pocket cFE."""
 
     name = "leon3-cfs"
+    cpu_of = "simulated, record too"
     about = "an app of the core Flight System on the board, on the pocket cFE"
     app = cfs.App("fsw", order="big")
 
