@@ -45,7 +45,7 @@ bool FlightLoop::run_until(Ns t)
 {
     StopReason reason;
     do {
-        reason = machine_.run_until(t);
+        reason = run ? run(t) : machine_.run_until(t);
     } while (reason == StopReason::breakpoint || reason == StopReason::watchpoint);
     return reason != StopReason::error;
 }
@@ -81,6 +81,9 @@ bool FlightLoop::exchange()
     } else {
         space_.announce();
         space_.tick();
+    }
+    if (on_tick) {
+        on_tick();
     }
     waits_ = true;
     const bool lives = run_until(end);

@@ -45,6 +45,9 @@ public:
 
     /// Flight's first instant after t; without it, as far away as the tick before.
     std::function<Ns(Ns t)> next;
+    /// In place of the machine's run_until, and called when a tick has reached the processor: for a debugger.
+    std::function<StopReason(Ns t)> run;
+    std::function<void()> on_tick;
 
     State state;
 

@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "emulator/board.h"
+#include "emulator/debug/observer.h"
 #include "emulator/devices/apbuart.h"
 #include "emulator/devices/gptimer.h"
 #include "emulator/devices/irqmp.h"
@@ -264,7 +265,7 @@ struct Machine::Impl final : DeviceHost {
                 s.cycles = next;
                 continue;
             }
-            switch (engine->run(core, next, step_over)) {
+            switch (observer ? observed(next, step_over) : engine->run(core, next, step_over)) {
             case Exit::breakpoint: return StopReason::breakpoint;
             case Exit::watchpoint: return StopReason::watchpoint;
             case Exit::error:
@@ -277,11 +278,33 @@ struct Machine::Impl final : DeviceHost {
         }
     }
 
+    /// As Engine::run, one step after the other.
+    Exit observed(std::uint64_t until, bool step_over)
+    {
+        const CpuState &s = core.state;
+        for (;; step_over = false) {
+            const std::uint64_t begun = s.cycles, instructions = s.instructions, traps = s.traps;
+            const std::uint32_t pc = s.pc;
+            std::uint32_t word = 0;
+            for (const std::byte b : bus.memory(pc, 4)) {
+                word = word << 8 | static_cast<std::uint32_t>(b);
+            }
+            const Exit exit = engine->run(core, begun + 1, step_over);
+            if (s.instructions != instructions || s.traps != traps) {
+                observer->executed({pc, word, begun, s.traps != traps, s});
+            }
+            if (exit != Exit::time || s.cycles >= until) {
+                return exit;
+            }
+        }
+    }
+
     Machine &machine;
     BoardDescription board;
     SystemBus bus;
     Core core;
     std::unique_ptr<Engine> engine;
+    Observer *observer = nullptr;
     std::vector<std::unique_ptr<Device>> devices;
     Irqmp *irqmp = nullptr;
     AhbStatus *ahb_status = nullptr;
@@ -436,6 +459,14 @@ void Machine::select(EngineKind engine)
     impl_->bus.forget_code();
     for (const std::uint32_t address : impl_->core.breakpoints) {
         impl_->engine->set_breakpoint(impl_->core, address, true);
+    }
+}
+
+void Machine::observe(Observer *observer)
+{
+    impl_->observer = observer;
+    if (observer) {
+        select(EngineKind::interpreter);
     }
 }
 

@@ -19,6 +19,7 @@ namespace fledge::emulator {
 
 struct BoardDescription; // board.h: read from a TOML file
 class Program;           // elf.h: an ELF file with its symbols
+class Observer;          // debug/observer.h
 
 using Ns = std::int64_t;
 
@@ -101,6 +102,9 @@ public:
         return nullptr;
     }
     const std::vector<std::unique_ptr<Device>> &devices() const;
+
+    /// Show each step to an observer, from now on; the plain interpreter runs then. nullptr: to none.
+    void observe(Observer *observer);
 
     std::function<void()> on_reset; ///< the board was reset
     std::function<void()> on_error; ///< the processor has entered its error mode; a watchdog may reset it

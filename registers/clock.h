@@ -10,13 +10,9 @@
  * A program that starts within a run, after such a reset or by its watchdog, finds a tick with t >= 0 as its first one,
  * and begins flight at that t.
  *
- * A slave clock shows a time of its own, which drifts, and which flight may jam, slew, or align with the pulses of
- * simulated time. At simulated time t, a time s after its last command,
- *
- *     time = base + s + floor(drift s) + the part of a slewed offset that is done, at most floor(slew s)
- *
- * where base is its time at that command. It obeys a command when the tick of the command is done, as at its time. A
- * tick with t < 0 starts it anew. */
+ * A slave clock shows a time of its own, which drifts (flight/exec/drift.h), and which flight may jam, slew, or align
+ * with the pulses of simulated time. It obeys a command when the tick of the command is done, as at its time. A tick with
+ * t < 0 starts it anew. */
 #ifndef REGISTERS_CLOCK_H
 #define REGISTERS_CLOCK_H
 

@@ -134,7 +134,7 @@ Outside::Outside(Backend &backend) : backend_(backend)
 {
     for (const RegisterWindow &w : backend_.windows()) {
         if (w.board->slave) {
-            slaves_.push_back({&w, 0, 0, 0, 0, 0, 0});
+            slaves_.push_back({&w, {}, 0, 0, 0});
             register_slave_start(&slaves_.back());
         }
         if (w.board->clock != REGISTER_NOWHERE) {

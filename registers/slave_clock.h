@@ -3,6 +3,7 @@
 #ifndef REGISTERS_SLAVE_CLOCK_H
 #define REGISTERS_SLAVE_CLOCK_H
 
+#include "flight/exec/drift.h"
 #include "registers/clock.h"
 
 #ifdef __cplusplus
@@ -12,9 +13,7 @@ extern "C" {
 /** Its state; register_slave_start sets all but the window. */
 typedef struct RegisterSlaveClock {
     const RegisterWindow *window; ///< of a board with a slave clock
-    int64_t since;                ///< [ns] simulated time of the last command
-    int64_t base;                 ///< [ns] its time then
-    int64_t offset;               ///< [ns] what it shall gain from then on
+    ExecClock clock;              ///< of simulated time
     int64_t aligned;              ///< [ns] its time at the next pulse, if it is aligning
     int64_t shown;                ///< [ns] simulated time shown last; -1: none
     int aligning;

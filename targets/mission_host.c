@@ -25,7 +25,6 @@ static void send_report(void *user, const CommandReport *report, const uint8_t *
 static void begin(const MissionHost *host, const RegisterWindow *w, int64_t t)
 {
     host->restart(t);
-    mission_io_forget(host->io, w);
     command_begin(host->state);
     telemetry_begin(host->telemetry);
     *host->start = (MissionStart){1u, register_clock_resets(&w[mission_io_clock(host->io)])};
@@ -38,12 +37,14 @@ void mission_host_exchange(const MissionHost *host, const RegisterWindow *w, int
     uint32_t n;
     if (t < 0) {
         begin(host, w, 0);
+        mission_io_forget(io, w);
         while (mission_io_receive(io, w, io->commands, io->packet, io->room, counts) != 0u) {
         } /* commands of the last run */
     } else {
         if (host->start->begun == 0u || host->start->resets != register_clock_resets(&w[mission_io_clock(io)])) {
             host->init();
             begin(host, w, t);
+            mission_io_forget(io, NULL);
         }
         while ((n = mission_io_receive(io, w, io->commands, io->packet, io->room, counts)) != 0u) {
             (void)command_accept(host->state, host->commands, io->packet, n, send_report, &link);

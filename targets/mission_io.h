@@ -113,7 +113,7 @@ uint32_t mission_io_clock(const MissionIo *io);
 /** Flight: read all lanes at t into the mission. `w` has a window for each board. */
 void mission_io_read(const MissionIo *io, const RegisterWindow *w, void *mission, int64_t t, MissionIoCounts *counts);
 
-/** Flight, at a reset: forget the packets that wait to be read. */
+/** Flight, at a reset: forget the packets that wait to be read; w NULL: those that it holds, while the lanes stay. */
 void mission_io_forget(const MissionIo *io, const RegisterWindow *w);
 
 /** How many packets of messages were lost in the lanes so far: refused, or overwritten before they were read. */

@@ -169,7 +169,7 @@ static void forget(const MissionIo *io, const RegisterWindow *w)
         const RegisterLane *lane = &io->boards[packet->board]->lanes[packet->lane];
         RegisterInfo info;
         packet->memory[packet->size] = 0u;
-        for (uint32_t k = 0u; k <= lane->depth && (lane->flags & REGISTER_FROM_FLIGHT) == 0u; k++) {
+        for (uint32_t k = 0u; w && k <= lane->depth && (lane->flags & REGISTER_FROM_FLIGHT) == 0u; k++) {
             if (take_packet(io, w + packet->board, lane, &info) == REGISTER_EMPTY) {
                 break;
             }

@@ -42,7 +42,7 @@ RULES = {
                     [*FLIGHT, "flight/exec", "flight/command", "flight/telemetry", "registers", "record"]),
     "sim": Rule("C++20", "the kernel: instances, wires, tasks, processes, clock, recorder",
                 [*FLIGHT, "flight/exec", "flight/command", "record"]),
-    "world": Rule("C++20", "dynamics, environment, sensors, actuators", [*FLIGHT, "sim"]),
+    "world": Rule("C++20", "dynamics, environment, sensors, actuators, avionics", [*FLIGHT, "flight/exec", "sim"]),
     "cosim": Rule("C, C++20, Python, C#", "a simulation of many programs; `bindings`: nodes in other languages",
                   [*FLIGHT, "record", "registers", "sim", "targets", "cosim"]),
     "cosim/protocol": Rule("C++20", "the frames that the programs exchange", ["record"]),
@@ -75,8 +75,8 @@ RULES = {
 THIRD_PARTIES = {
     "flight":     {"mpmath"},                      # flight/math/tools: how the coefficients were found
     "introspect": {"clang"},
-    "fledge":     {"_core", "_core_build", "_fledge_world", "_project_world", "h5py", "jinja2", "markupsafe",
-                   "matplotlib", "numpy", "pandas", "zmq"},
+    "fledge":     {"_core", "_core_build", "_emulator", "_fledge_world", "_project_world", "h5py", "jinja2",
+                   "markupsafe", "matplotlib", "numpy", "pandas", "zmq"},
     "cosim":      {"zmq"},
     "missions":   {"fledge_node", "numpy"},        # a node in Python imports fledge_node and nothing else of Fledge
     "bench":      {"_core", "jplephem", "mpmath", "numpy"},

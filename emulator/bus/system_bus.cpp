@@ -321,10 +321,12 @@ void SystemBus::watch(std::uint32_t address, std::uint32_t size, bool on_read, b
     mark_pages(page_watch_write, written);
 }
 
-bool SystemBus::watched(std::uint32_t address, unsigned size, bool write) const
+bool SystemBus::watched(std::uint32_t address, unsigned size, bool write)
 {
     return std::any_of(watches_.begin(), watches_.end(), [&](const Watch &w) {
-        return (write ? w.on_write : w.on_read) && w.address < address + size && address < w.address + w.size;
+        const bool hit = (write ? w.on_write : w.on_read) && w.address < address + size && address < w.address + w.size;
+        watched_at_ = hit ? std::max(address, w.address) : watched_at_;
+        return hit;
     });
 }
 

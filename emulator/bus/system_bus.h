@@ -66,6 +66,7 @@ public:
 
     void protect(std::vector<ProtectedRange> ranges);
     void watch(std::uint32_t address, std::uint32_t size, bool on_read, bool on_write, bool on);
+    std::uint32_t watched_at() const { return watched_at_; } ///< where the last watched access was
 
     /// EDAC of RAM with check bits; without it, memory gives the bits as they are.
     bool has_edac() const { return regions_.front().edac; }
@@ -104,7 +105,7 @@ private:
     const Region *region_of_page(std::uint32_t index) const;
     const Slave *slave(std::uint32_t address) const;
     Access refuse(std::uint32_t address, unsigned size, bool write);
-    bool watched(std::uint32_t address, unsigned size, bool write) const;
+    bool watched(std::uint32_t address, unsigned size, bool write);
     Access read_device(const Slave &s, std::uint32_t address, unsigned size, std::uint64_t &value);
     void write_device(const Slave &s, std::uint32_t address, unsigned size, std::uint64_t value);
     EdacResult check(std::uint32_t word, std::uint32_t &correction, bool write);
@@ -120,7 +121,7 @@ private:
     std::vector<Watch> watches_;
     std::vector<std::uint32_t> changed_;
     std::map<std::uint32_t, EdacFlips> flips_;
-    std::uint32_t flip_next_ = 0;
+    std::uint32_t flip_next_ = 0, watched_at_ = 0;
     std::uint32_t pages_ = 0;
     bool edac_on_ = false;
 };

@@ -4,12 +4,11 @@
 #include "emulator/cpu/fpu.h"
 
 #include <bit>
-#include <cfenv>
 #include <cmath>
 #include <concepts>
-#include <initializer_list>
 #include <limits>
 
+#include "emulator/cpu/host_fpu.h"
 #include "emulator/cpu/step.h"
 
 namespace fledge::emulator {
@@ -98,31 +97,13 @@ private:
     void set(float x) { set_single(s_, i_.rd, bits_of(x)); }
     void set(std::int32_t x) { set_single(s_, i_.rd, static_cast<std::uint32_t>(x)); }
 
-    /// The result of a computation of the host, in the rounding mode of the FSR; adds its exceptions.
-    template <class Compute> auto on_host(int rounding, Compute compute)
+    /// The result of a computation of the host, in the rounding mode of `fsr`; adds its exceptions.
+    template <class Compute> auto on_host(std::uint32_t fsr, Compute compute)
     {
-        std::fenv_t before;
-        std::feholdexcept(&before);
-        std::fesetround(rounding);
+        HostFpu host(fsr);
         const volatile auto result = compute();
-        const int raised = std::fetestexcept(FE_ALL_EXCEPT);
-        std::fesetenv(&before);
-        exceptions_ |= ((raised & FE_INVALID) != 0 ? fsr::invalid : 0) |
-                       ((raised & FE_DIVBYZERO) != 0 ? fsr::division_by_zero : 0) |
-                       ((raised & FE_OVERFLOW) != 0 ? fsr::overflow : 0) |
-                       ((raised & FE_UNDERFLOW) != 0 ? fsr::underflow : 0) |
-                       ((raised & FE_INEXACT) != 0 ? fsr::inexact : 0);
+        exceptions_ |= host.leave();
         return +result;
-    }
-
-    int rounding() const
-    {
-        switch (s_.fsr >> fsr::rounding_shift) {
-        case 0: return FE_TONEAREST;
-        case 1: return FE_TOWARDZERO;
-        case 2: return FE_UPWARD;
-        default: return FE_DOWNWARD;
-        }
     }
 
     /// The end of every operation: traps, or what the operation leaves in the FSR.
@@ -194,7 +175,7 @@ private:
         }
         const volatile From host_a = a, host_b = b; // so that the compiler computes between the changes of the mode
         const auto computed = [&] { return static_cast<To>(compute(host_a, host_b)); };
-        To result = on_host(rounding(), computed);
+        To result = on_host(s_.fsr, computed);
         if (std::isnan(result)) {
             result = narrowed<To>(default_nan(fpu_));
         } else if (fpu_ == FpuPersonality::grfpu && is_tiny(result, computed)) {
@@ -211,7 +192,7 @@ private:
             return is_subnormal(result);
         }
         const std::uint32_t before = exceptions_;
-        const To truncated = on_host(FE_TOWARDZERO, computed);
+        const To truncated = on_host(1u << fsr::rounding_shift, computed);
         exceptions_ = before;
         return is_subnormal(truncated);
     }
@@ -219,7 +200,7 @@ private:
     template <class To> std::uint32_t from_integer()
     {
         const volatile auto integer = static_cast<std::int32_t>(single(s_, i_.rs2));
-        return finish(on_host(rounding(), [&integer] { return static_cast<To>(integer); }));
+        return finish(on_host(s_.fsr, [&integer] { return static_cast<To>(integer); }));
     }
 
     template <class From> std::uint32_t to_integer()

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The host's floating-point unit as fast engines use it: with the guest's rounding mode, and with flags that stay set
-// from operation to operation, because to read them after each one costs more than the operation.
+// The host's floating-point unit with the guest's rounding mode, and with flags that stay set from operation to
+// operation: fast engines do not read them after each one, because that costs more than the operation.
 #pragma once
 
 #include <cfenv>

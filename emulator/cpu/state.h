@@ -63,6 +63,8 @@ struct CpuState {
     std::uint64_t cycles = 0;       ///< of the processor's clock since the machine was made; goes on over resets
     std::uint64_t instructions = 0; ///< executed: neither annulled ones, nor those that trapped
     std::uint64_t traps = 0;        ///< taken, interrupts too
+
+    bool operator==(const CpuState &) const = default;
 };
 
 inline std::uint32_t single(const CpuState &s, std::uint32_t r)

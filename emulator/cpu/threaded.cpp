@@ -123,8 +123,8 @@ public:
 private:
     bool burst(Core &core, std::uint64_t until, const void *const **labels = nullptr);
     void decode_record(const Core &core, Record &record, const Instruction &i) const;
-    Record *lookup(const Core &core, std::uint32_t address);
-    Record *lookup_slowly(const Core &core, std::uint32_t address);
+    Record *lookup(std::uint32_t address);
+    Record *lookup_slowly(std::uint32_t address);
     Page *known_page(std::uint32_t address) const;
     void begin_page(Page &page, std::uint32_t base) const;
     void settle_exceptions(Core &core);
@@ -135,8 +135,9 @@ private:
     std::uint32_t ram_base_ = 0;
     std::vector<std::unique_ptr<Page>> ram_;                             ///< of the pages of Bus::ram()
     std::unordered_map<std::uint32_t, std::unique_ptr<Page>> elsewhere_; ///< of other memory, by their addresses
-    Page nowhere_[2]; ///< for addresses without memory: pc and npc may stand at two such places
-    unsigned last_nowhere_ = 0;
+    /// For addresses at which no instruction was found yet: pc and npc may stand at two such places.
+    Page unknown_[2];
+    unsigned last_unknown_ = 0;
 
     /// The last floating-point operation: fsr.cexc follows from it, when something needs it.
     struct Last {
@@ -166,26 +167,24 @@ inline Page *Threaded::known_page(std::uint32_t address) const
     return found == elsewhere_.end() ? nullptr : found->second.get();
 }
 
-inline Record *Threaded::lookup(const Core &core, std::uint32_t address)
+inline Record *Threaded::lookup(std::uint32_t address)
 {
     Page *page = known_page(address);
-    return page != nullptr ? &page->records[address % page_size / 4] : lookup_slowly(core, address);
+    return page != nullptr ? &page->records[address % page_size / 4] : lookup_slowly(address);
 }
 
-Record *Threaded::lookup_slowly(const Core &core, std::uint32_t address)
+Record *Threaded::lookup_slowly(std::uint32_t address)
 {
     const std::uint32_t base = address - address % page_size, number = (address - ram_base_) / page_size;
     Page *page = nullptr;
-    std::uint32_t word = 0;
-    if (core.bus->fetch(address & ~3u, word) == Access::fault) {
-        if (nowhere_[last_nowhere_].base != base) {
-            last_nowhere_ ^= 1;
-        }
-        page = &nowhere_[last_nowhere_];
+    if (number < ram_.size()) {
+        ram_[number] = std::make_unique<Page>();
+        page = ram_[number].get();
     } else {
-        std::unique_ptr<Page> &owner = number < ram_.size() ? ram_[number] : elsewhere_[address / page_size];
-        owner = std::make_unique<Page>();
-        page = owner.get();
+        if (unknown_[last_unknown_].base != base) {
+            last_unknown_ ^= 1;
+        }
+        page = &unknown_[last_unknown_];
     }
     if (page->base != base) {
         begin_page(*page, base);
@@ -401,7 +400,6 @@ bool Threaded::burst(Core &core, std::uint64_t until, const void *const **labels
     std::uint32_t fcc = (s.fsr & fsr::fcc) >> fsr::fcc_shift;
     const bool fpu_on = (s.psr & psr::enable_fpu) != 0;
     const bool fpu_fast = fpu_on && (s.fsr & fsr::cexc << fsr::tem_shift) == 0;
-    const bool moves_count = core.fpu == FpuPersonality::grfpu; // fmovs and the like clear cexc
     const SmallNumbers small(core.fpu);
     std::uint64_t *const f = s.floats.data();
     const Memory &memory = core.bus->ram();
@@ -409,12 +407,12 @@ bool Threaded::burst(Core &core, std::uint64_t until, const void *const **labels
     std::byte *const ram = memory.bytes;
     const std::uint8_t *const flags = memory.flags;
 
-    Record *d = lookup(core, s.pc), *n = s.npc == s.pc + 4 ? d + 1 : lookup(core, s.npc);
+    Record *d = lookup(s.pc), *n = s.npc == s.pc + 4 ? d + 1 : lookup(s.npc);
     const auto chunk = static_cast<std::int64_t>(std::min(until - s.cycles, longest_burst));
     const std::int64_t start = (chunk - 1) << count_bits;
     const std::int64_t annulled_charge = std::int64_t{core.timing.annulled} << count_bits;
     std::int64_t left = start; // negative: the time has come
-    bool with_reference = false;
+    enum class WayOut { boundary, reference, no_instruction } way_out = WayOut::boundary;
     HostFpu host(s.fsr);
 
 #define DISPATCH                                                                                                       \
@@ -454,11 +452,22 @@ bool Threaded::burst(Core &core, std::uint64_t until, const void *const **labels
     // ---- what is no instruction
 
 undecoded : {
-    std::uint32_t word = 0;
     const std::uint32_t offset = d->pc - ram_base;
-    const bool faulty = offset < ram_size && (flags[offset / page_size] & page_faulty) != 0;
-    if (faulty || core.bus->fetch(d->pc, word) == Access::fault) {
-        goto reference; // it looks at each fetch
+    if (offset < ram_size && (flags[offset / page_size] & page_faulty) != 0) {
+        goto reference; // each fetch counts there
+    }
+    std::uint32_t word = 0;
+    if (core.bus->fetch(d->pc, word) == Access::fault) {
+        way_out = WayOut::no_instruction;
+        goto end;
+    }
+    if (known_page(d->pc) == nullptr) {
+        auto page = std::make_unique<Page>();
+        begin_page(*page, d->pc - d->pc % page_size);
+        Record *const record = &page->records[d->pc % page_size / 4];
+        elsewhere_[d->pc / page_size] = std::move(page);
+        n = n == d + 1 ? record + 1 : n;
+        d = record;
     }
     decode_record(core, *d, emulator::decode(word));
     if (core.breakpoints.contains(d->pc)) {
@@ -468,7 +477,7 @@ undecoded : {
     goto * d->code;
 }
 next_page : {
-    Record *const first = lookup(core, d->pc);
+    Record *const first = lookup(d->pc);
     n = n == d + 1 ? first + 1 : n;
     d = first;
     goto * d->code;
@@ -528,7 +537,7 @@ far_bicc:
 far_branch : {
     const bool annul = d->rs1 != 0;
     if (taken) {
-        Record *const target = lookup(core, d->pc + static_cast<std::uint32_t>(d->imm));
+        Record *const target = lookup(d->pc + static_cast<std::uint32_t>(d->imm));
         if (annul && d->rd == 8) {
             ANNUL_AND_GO_TO(target);
         }
@@ -542,7 +551,7 @@ far_branch : {
 
 call:
     r[15] = d->pc;
-    BRANCH_TO(lookup(core, d->pc + static_cast<std::uint32_t>(d->imm)));
+    BRANCH_TO(lookup(d->pc + static_cast<std::uint32_t>(d->imm)));
 
     // The two forms of an operation: `a` is r[rs1], `b` the second operand.
 #define WITH_OPERAND(name, ...)                                                                                        \
@@ -562,7 +571,7 @@ call:
             goto reference;
         }
         r[d->rd] = d->pc;
-        BRANCH_TO(lookup(core, target));
+        BRANCH_TO(lookup(target));
     })
 
     // The windows: locals and the outer end of the present one go to memory, those of the new one come from there.
@@ -787,9 +796,7 @@ rdy:
 #define MOVE(name, expression)                                                                                         \
     name : {                                                                                                           \
         FPU_FAST const auto bits = at<std::uint32_t>(f, d->rs2);                                                       \
-        if (moves_count) {                                                                                             \
-            last_.op = Op::name;                                                                                       \
-        }                                                                                                              \
+        last_.op = Op::name;                                                                                           \
         put(f, d->rd, static_cast<std::uint32_t>(expression));                                                         \
         NEXT;                                                                                                          \
     }
@@ -798,7 +805,7 @@ rdy:
     MOVE(fabss, bits & ~sign)
 
 reference:
-    with_reference = true;
+    way_out = WayOut::reference;
 end:
     s.fsr = (s.fsr & ~fsr::fcc) | fcc << fsr::fcc_shift | host.leave() << fsr::aexc_shift;
     std::memcpy(s.globals.data(), r, bank_size);
@@ -812,11 +819,11 @@ end:
     const std::uint64_t instructions = (0 - done) & ((std::uint64_t{1} << count_bits) - 1);
     s.instructions += instructions;
     s.cycles += (done + instructions) >> count_bits;
-    if (!with_reference) {
+    if (way_out == WayOut::boundary) {
         return false;
     }
     std::uint32_t word = 0;
-    if (core.bus->fetch(s.pc, word) == Access::fault) {
+    if (way_out == WayOut::no_instruction || core.bus->fetch(s.pc, word) == Access::fault) {
         take_trap(core, trap::instruction_access_exception);
         return false;
     }

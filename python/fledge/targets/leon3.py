@@ -39,7 +39,7 @@ def program(folder: Path, name: str, sources: Sequence[Path], includes: Sequence
     linked = toolchain.link(FOLDER / "leon3.ld", LEON3_RAM=described["ram"]["base"],
                             LEON3_RAM_SIZE=described["ram"]["size"], LEON3_CLOCK=described["clock"])
     return build.program(folder, name, [*SUPPORT, *sources], [*includes, build.ROOT], toolchain.COMPILER,
-                         [*toolchain.headers(), "-UMCAP_CRC_TABLES", "-DMCAP_CRC_TABLES=1", *flags], linked,
+                         [*toolchain.headers(), "-g", "-UMCAP_CRC_TABLES", "-DMCAP_CRC_TABLES=1", *flags], linked,
                          machine=toolchain.MACHINE)
 
 
@@ -53,6 +53,9 @@ class Leon3(Target):
     needs: tuple[str, ...] = (toolchain.COMPILER,)
     board = BOARD
 
+    def __init__(self, tools: Sequence[str] = ()) -> None:
+        self.tools = tools      # further arguments of fledge_leon3
+
     def build(self, part: Part) -> Path:
         sources = [*part.sources(), *(build.ROOT / path for path in SHARED), FOLDER / "main.c", FOLDER / "recorder.c"]
         return program(part.folder / "leon3", part.mission.name, sources, part.includes(), board=self.board)
@@ -60,7 +63,7 @@ class Leon3(Target):
     def command(self, built: Path, record: str) -> list[str]:
         tables = built.parent.parent / f"tables/{built.name}.so"
         return [str(build.native("fledge_leon3", "emulator/tools")), str(self.board), str(built.resolve()), "--tables",
-                str(tables.resolve()), "--registers", "{registers}", "--record", record]
+                str(tables.resolve()), "--registers", "{registers}", "--record", record, *self.tools]
 
     def sizes(self, built: Path) -> tuple[int, int]:
         return build.sizes(built, toolchain.SIZE)

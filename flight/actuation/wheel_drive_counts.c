@@ -1,0 +1,40 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "flight/actuation/wheel_drive_counts.h"
+
+#include <string.h>
+
+#include "flight/math/vec.h"
+
+void wheel_drive_counts_reset(WheelDriveCounts *m)
+{
+    memset(&m->out, 0, sizeof m->out);
+    memset(&m->mem, 0, sizeof m->mem);
+}
+
+void wheel_drive_counts_update(WheelDriveCounts *m, Tick t)
+{
+    const double end = (double)(1 << (m->par.bits - 1u));
+    const int knows_speeds = head_written(m->in.speeds.head);
+    Quality quality = quality_through(m->in.command.head);
+    quality = quality_min(quality, quality_optional(m->in.speeds.head));
+    int32_t counts[WHEELS_MAX];
+    uint64_t limited = 0u;
+    for (uint32_t i = 0u; i < WHEELS_MAX; i++) {
+        const double emf = knows_speeds ? m->par.back_emf * m->in.speeds.Omega[i] : 0.0;
+        double x = (m->par.resistance * m->in.command.u[i] / m->par.torque_constant + emf) / m->par.volts * end;
+        if (isnan(x)) {
+            quality = QUALITY_NONE;
+            x = 0.0;
+        }
+        limited |= x > end - 0.5 || x < -end - 0.5;
+        x = x > end - 1.0 ? end - 1.0 : x < -end ? -end : x;
+        counts[i] = (int32_t)(x < 0.0 ? x - 0.5 : x + 0.5);
+    }
+    if (quality == QUALITY_NONE) {
+        m->out.drive.head = head_held(m->out.drive.head);
+        return;
+    }
+    m->mem.saturated += limited;
+    m->out.drive.head = head_next(m->out.drive.head, t.t, quality);
+    memcpy(m->out.drive.counts, counts, sizeof counts);
+}

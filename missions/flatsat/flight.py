@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What flies on the flat-sat: an inertial attitude, by wheels that take counts and give counts; the direction to the Sun
+by two converters, the vehicle's time, loads, burns, and a count of the computer's starts."""
+from fledge import flight as fsw
+from fledge.units import A, N, V, kg, m, mA, ms, ohm, s, us
+
+# The data sheets of the avionics, which the world has too.
+MOTOR = dict(bits=16, volts=10 * V, torque_constant=0.05 * N * m / A, resistance=2 * ohm, back_emf=0.05 * V * s)
+TACHOMETER = dict(marks=1024, window=500 * ms)
+CORNERS = [[x, y, z] for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)]
+SUN_SENSORS = dict(axes_B=CORNERS, current=5 * mA)
+SCALES, OFFSETS = [2e-6, 2.5e-6] * A, [0, -1e-5] * A
+LOADS = {"wheels": 0, "sensors": 1, "propulsion": 2}
+
+
+def build(f):
+    f.vehicle  = fsw.VehicleConfig(I_B=[700, 700, 800] * kg * m**2)
+    f.wheels   = fsw.WheelConfig(axes_B=fsw.PYRAMID, J=0.1591549 * kg * m**2, u_max=0.2 * N * m)
+
+    # From the attitude to the motors.
+    f.speeds   = fsw.TachometerSpeeds(**TACHOMETER)
+    f.guidance = fsw.InertialPointing(sigma_RN=[0.1, 0, 0])
+    f.tracking = fsw.TrackingError()
+    f.control  = fsw.MrpFeedback(K=2.531 * N * m, P=45.0 * N * m * s)
+    f.motor    = fsw.WheelTorques()
+    f.drive    = fsw.WheelDriveCounts(**MOTOR)
+
+    # The other units.
+    f.sun      = fsw.SunDirection(**SUN_SENSORS, scale=SCALES, offset=OFFSETS, dark=0.02, differ=0.02, persistence=10)
+    f.time     = fsw.VehicleTime(pulse=1 * s, jam_beyond=10 * ms, allowed=20 * us)
+    f.boot     = fsw.BootCount(slot=3)
+    f.power    = fsw.PowerManager(on=0b111, clears=2, clear_after=10 * s)
+    f.burns    = fsw.BurnSchedule(armed=1, ahead=5 * s, start=[30, 62, 90, 90.2, 120] * s, thruster=[0, 1, 2, 2, 3],
+                                  duration=[0.25, 1, 0.1, 0.3, 2] * s)
+
+    f.connect(
+        f.guidance.reference >> f.tracking.reference,
+        f.tracking.error     >> f.control.error,
+        f.control.torque     >> f.motor.torque,
+        f.motor.command      >> f.drive.command,
+        f.speeds.speeds      >> [f.control.speeds, f.drive.speeds],
+        f.vehicle.vehicle    >> f.control.vehicle,
+        f.wheels.wheels      >> [f.control.wheels, f.motor.wheels],
+    )
+    f.task("gnc", every=0.5 * s, run=[f.speeds, f.guidance, f.tracking, f.control, f.motor, f.drive])
+    f.task("units", every=0.5 * s, run=[f.sun, f.time, f.boot, f.power, f.burns])
+
+    f.reset_by(f.boot.reset, down=3 * s)

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All avionics at work, and the three ways to a reset of the computer."""
+from fledge.units import minute, s
+
+
+def manoeuvre(sim):
+    """A reset in the middle of a turn, a latch-up, and a fault of a converter: flight recovers from each."""
+    f, w = sim.flight, sim.world
+    log = sim.record(f.tracking.error, f.boot.boot, f.time.time, f.sun.heading, f.sun.status, w.craft.state,
+                     w.power.telemetry, every=0.5 * s)
+    sim.run(15 * minute)
+    log.plot("error.sigma_BR", "error.omega_BR_B", "time.error", "boot.boots", columns=2, name="flatsat",
+             title="A reset in the middle of a turn")
+
+    from numpy.linalg import norm
+
+    assert log.last("error.sigma_BR").norm() < 1e-5, "the attitude did not settle"
+    assert norm(log["error.sigma_BR"], axis=1)[log.time == 63.5] > 0.05, "the reset did not come within the turn"
+    assert _sun_off(sim, log)[log.time > 70].max() < 0.03, "the Sun is not where flight sees it"
+    before, after = log.time < 360, log.time > 366
+    assert not log["status.faulty"][before].any() and (log["status.faulty"][after] == 1).all(), \
+        "converter A is faulty from 6 minutes on, and flight finds that, and nothing else"
+
+    telemetry = w.power.telemetry
+    assert telemetry.trips == 1 and telemetry.tripped == 0 and telemetry.on == 0b111, "the latch-up did not end"
+    late = (log.time > 195) & (log.time < 360)
+    assert (log["telemetry.on"][late] == 0b111).all() and not (log["telemetry.on"][log.time == 185] & 0b010).any()
+    _is_back(sim, log, boots=2)
+
+    # Each burn has its time, also that at 62 s, when the computer is down: the card has it already.
+    times = w.card.thrusters
+    assert [x / 1e9 for x in times.on[:4]] == [30, 62, 90.2, 120], "a burn began at another time"
+    assert [(b - a) / 1e9 for a, b in zip(times.on[:4], times.off[:4])] == [0.25, 1, 0.3, 2]
+    assert list(times.burns[:4]) == [1, 1, 2, 1] and w.card.state.refused == 0
+
+
+def commanded(sim):
+    """The ground has the power unit reset the computer: once, for the parameter is then as it was built."""
+    f, w = sim.flight, sim.world
+    log = sim.record(f.tracking.error, f.boot.boot, f.time.time, f.power.command, every=0.5 * s)
+    sim.run(3 * minute)
+    f.power.reset = 1
+    sim.run(5 * minute)
+    asked = log["command.reset"] == 1
+    assert asked.any() and not asked[log.time > 184].any(), "the parameter outlived the reset"
+    assert log.last("error.sigma_BR").norm() < 2e-3, "the attitude did not settle"
+    assert w.power.reset.count == 2
+    _is_back(sim, log, boots=3)
+
+
+def silent(sim):
+    """Flight's heartbeat stops, and the power unit's watchdog resets the computer."""
+    f, w = sim.flight, sim.world
+    log = sim.record(f.tracking.error, f.boot.boot, f.time.time, f.power.command, every=0.5 * s)
+    sim.run(2 * minute)
+    f.power.silent = 1
+    sim.run(3 * minute)
+    beats = log["command.heartbeat"]
+    assert len(set(beats[(log.time > 120) & (log.time < 126)])) == 1 and (beats[log.time > 140] > 0).all()
+    assert w.power.reset.count == 2, "the watchdog did not bark, or more than once"
+    _is_back(sim, log, boots=3)
+
+
+def _is_back(sim, log, boots):
+    """The start was counted in non-volatile memory, and the vehicle's time is that of the master, which never stopped."""
+    f, w = sim.flight, sim.world
+    assert log["boot.boots"][-1] == boots == w.memory.memory[3][0], "the starts are not counted"
+    assert w.memory.state.resets == boots - 1
+    time, slave = w.clock.epoch + sim.time_ns, w.clock.reading.time.coarse * 10**9 + w.clock.reading.time.fine
+    assert abs(f.time.time.time - time) < 50_000 and abs(slave - time) < 50_000, "the time is wrong"
+    assert f.time.time.synchronized and f.time.time.jams == 1
+    # Within three pulses of the start of flight.
+    down = log["time.synchronized"] == 0
+    assert down[log.time == 63.5] and not down[(log.time > 67) & (log.time < 120)].any()
+
+
+def _sun_off(sim, log):
+    """The angle between the Sun and where flight sees it [rad], at each sample."""
+    from fledge.attitude import mrp_to_dcm
+    from numpy import array, einsum, linalg
+
+    s_N = array(sim.world.css.s_N)
+    s_B = einsum("nij,j->ni", mrp_to_dcm(log["state.sigma_BN"]), s_N / linalg.norm(s_N))
+    return linalg.norm(log["heading.s_B"] - s_B, axis=1)

@@ -1,0 +1,47 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#ifndef WORLD_AVIONICS_POWER_UNIT_H
+#define WORLD_AVIONICS_POWER_UNIT_H
+
+#include "flight/msg/avionics.h"
+#include "flight/msg/computer.h"
+
+/** A power unit with its controller: switches loads on command, trips one whose current is too high for too long, and
+ *  reports currents and voltage in counts. It resets the computer on command, at given times, and if flight's heartbeat
+ *  stays away. Loads are resistors at a source with an inner resistance. A latch-up adds a current to a load until that
+ *  is off. A tripped load stays off until a command clears its trip and switches it on.
+ *  Assumptions: currents follow at once; a command acts from the update that sees it.
+ *  Source: thesis sections 5.3.2 and 5.4.2; Ohm's law. */
+typedef struct PowerUnit {
+    struct {
+        PowerCommand command; ///< optional: without it the loads stay as they are
+    } in;
+    struct {
+        PowerTelemetry telemetry;
+        ComputerReset reset;
+    } out;
+    struct {
+        uint32_t n;              ///< [-] required, in [1, 8]: number of loads
+        uint32_t on;             ///< [-] the loads that are on at the beginning, a bit for each
+        double volts;            ///< [V] required, > 0, <= 1e6: of the source without load
+        double inner;            ///< [ohm] >= 0, <= 1e6: its inner resistance
+        double load[LOADS_MAX];  ///< [ohm] required, count n, >= 1e-6: each load
+        double trip[LOADS_MAX];  ///< [A] count n, >= 0: current above which a load is tripped; 0: never
+        int64_t trip_after;      ///< [ns] >= 0: how long it may be above
+        double count_current;    ///< [A] required, >= 1e-9: of one count
+        double count_volts;      ///< [V] required, >= 1e-9: of one count
+        int64_t latch_up_at;     ///< [ns] >= 0: when a latch-up begins, if its load is on then
+        double latch_up_current; ///< [A] >= 0, <= 1e6: that it adds; 0: there is none
+        uint32_t latch_up_load;  ///< [-] in [0, 7]: its load
+        uint32_t spare;
+        double reset_at[4]; ///< [s] >= 0, <= 5e8: resets of the computer from outside; 0: none
+        int64_t watchdog;   ///< [ns] >= 0: without a new heartbeat for so long the computer is reset; 0: never
+    } par;
+    struct {
+        double above[LOADS_MAX]; ///< [s] how long the current of each load has been too high
+        int64_t beat;            ///< [ns] when the heartbeat last changed, or the computer was reset
+        uint32_t heartbeat;      ///< [-] the last one
+        uint32_t latched;        ///< [-] 1: the latch-up is there
+    } mem;
+} PowerUnit;
+
+#endif

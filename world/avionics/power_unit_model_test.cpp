@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "world/avionics/power_unit_model.h"
+
+#include "world/testing/flyer.h"
+
+#include <gtest/gtest.h>
+
+namespace {
+
+using namespace fledge::world;
+using namespace fledge::world::testing;
+
+struct Unit {
+    PowerUnit i{};
+    PowerUnitModel model{i};
+    Ns t = 0;
+    std::uint32_t number = 0;
+
+    Unit()
+    {
+        i.par.n = 3;
+        i.par.on = 0b001;
+        i.par.volts = 30.0;
+        i.par.inner = 0.5;
+        i.par.load[0] = 10.0;
+        i.par.load[1] = 20.0;
+        i.par.load[2] = 5.0;
+        i.par.count_current = 1e-3;
+        i.par.count_volts = 1e-3;
+        model.reset(0);
+        model.update({0, 0});
+    }
+    const PowerTelemetry &step()
+    {
+        t += 100 * ms;
+        model.update({t, 100 * ms});
+        return i.out.telemetry;
+    }
+    void command(std::uint32_t on, std::uint32_t clear = 0, std::uint32_t reset = 0)
+    {
+        i.in.command.number = ++number;
+        i.in.command.on = on;
+        i.in.command.clear = clear;
+        i.in.command.reset = reset;
+    }
+};
+
+TEST(PowerUnit, CurrentsFollowOhmsLaw)
+{
+    // R of 10, 20 and 5 ohm side by side: 1 / (0.1 + 0.05 + 0.2)
+    Unit u;
+    for (std::uint32_t on = 0; on < 8; on++) {
+        u.command(on | 0xF0); // there are no such loads
+        const PowerTelemetry &r = u.step();
+        EXPECT_EQ(r.on, on);
+        EXPECT_EQ(r.number, u.number);
+        double conductance = 0.0;
+        const double loads[] = {10, 20, 5};
+        for (std::uint32_t k = 0; k < 3; k++) {
+            conductance += on >> k & 1 ? 1 / loads[k] : 0.0;
+        }
+        const double total = conductance > 0.0 ? 30.0 / (0.5 + 1 / conductance) : 0.0;
+        EXPECT_EQ(r.bus, std::lround((30.0 - 0.5 * total) * 1000));
+        double sum = 0.0;
+        for (std::uint32_t k = 0; k < 3; k++) {
+            EXPECT_EQ(r.current[k] > 0, (on >> k & 1) != 0);
+            sum += r.current[k] * 1e-3;
+        }
+        EXPECT_NEAR(sum, total, 2e-3) << "Kirchhoff";
+    }
+}
+
+TEST(PowerUnit, ALatchUpTripsItsLoadAndAClearedTripEndsIt)
+{
+    Unit u;
+    u.command(0b011);
+    u.i.par.trip[1] = 3.0;
+    u.i.par.trip_after = 500 * ms;
+    u.i.par.latch_up_at = 2 * second;
+    u.i.par.latch_up_current = 4.0;
+    u.i.par.latch_up_load = 1;
+    for (; u.t < 1900 * ms; u.step()) {
+        ASSERT_EQ(u.i.out.telemetry.tripped, 0u);
+    }
+    for (int k = 1; k <= 4; k++) {
+        EXPECT_EQ(u.step().on, 0b011u);
+        // volts = 30 - 0.5 (volts 0.15 + 4); the load has volts / 20 + 4
+        EXPECT_NEAR(u.i.out.telemetry.current[1], 1000 * (28.0 / 1.075 / 20 + 4), 1.0);
+    }
+    EXPECT_EQ(u.step().on, 0b001u);
+    EXPECT_EQ(u.i.out.telemetry.tripped, 0b010u);
+    EXPECT_EQ(u.step().current[1], 0);
+    u.command(0b011);
+    EXPECT_EQ(u.step().on, 0b001u) << "a trip stays until it is cleared";
+    u.command(0b011, 0b010);
+    EXPECT_EQ(u.step().on, 0b011u);
+    EXPECT_NEAR(u.i.out.telemetry.current[1], 1000 * 30.0 / 1.075 / 20, 1.0) << "the latch-up has gone";
+    EXPECT_EQ(u.i.out.telemetry.trips, 1u);
+}
+
+TEST(PowerUnit, AShortPeakTripsNothing)
+{
+    Unit u;
+    u.i.par.trip[0] = 2.0;
+    u.i.par.trip_after = second;
+    for (int k = 0; k < 40; k++) {
+        u.i.par.load[0] = k % 10 == 9 ? 100.0 : 10.0; // 0.9 s of 2.86 A
+        u.step();
+    }
+    EXPECT_EQ(u.i.out.telemetry.tripped, 0u);
+}
+
+TEST(PowerUnit, TheComputerIsResetByCommandByTimeAndByItsSilence)
+{
+    Unit u;
+    u.command(1, 0, 1);
+    u.step();
+    u.step();
+    EXPECT_EQ(u.i.out.reset.count, 1u) << "once for a command";
+    u.i.par.reset_at[2] = 0.5;
+    while (u.t < second) {
+        u.step();
+        EXPECT_EQ(u.i.out.reset.count, u.t < 500 * ms ? 1u : 2u);
+    }
+    u.i.par.watchdog = 2 * second;
+    for (int k = 0; k < 60; k++) {
+        u.i.in.command.heartbeat++;
+        u.step();
+    }
+    EXPECT_EQ(u.i.out.reset.count, 2u);
+    for (int k = 1; k <= 45; k++) {
+        u.step();
+        EXPECT_EQ(u.i.out.reset.count, 2u + (k >= 20) + (k >= 40)) << k;
+    }
+}
+
+} // namespace

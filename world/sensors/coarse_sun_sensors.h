@@ -1,0 +1,30 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#ifndef WORLD_SENSORS_COARSE_SUN_SENSORS_H
+#define WORLD_SENSORS_COARSE_SUN_SENSORS_H
+
+#include "flight/msg/orbit.h"
+#include "world/msg/craft.h"
+#include "world/msg/sun.h"
+
+/** Coarse sun sensors: photodiodes whose current follows the cosine of the angle to the Sun, within a field of view.
+ *  Assumptions: the Sun is a point of constant brightness and always in sight: neither eclipse nor albedo. */
+typedef struct CoarseSunSensors {
+    struct {
+        CraftState truth;
+        BodyState sun; ///< optional: the Sun; without it, it is far away in the direction s_N
+    } in;
+    struct {
+        SunCurrents currents;
+    } out;
+    struct {
+        uint32_t n; ///< [-] required, in [1, 8]: number of sensors
+        uint32_t spare;
+        Vec3 axes_B[SUN_SENSORS_MAX];    ///< [-] required, count n, non-zero: where they look
+        double current[SUN_SENSORS_MAX]; ///< [A] required, count n, > 0: of a sensor that faces the Sun
+        double view[SUN_SENSORS_MAX];    ///< [rad] count n, in [0, 1.5707963267948966]: half the angle of its field of
+                                         ///< view; 0: the whole hemisphere
+        Vec3 s_N;                        ///< [-] direction to the Sun, if it is not wired
+    } par;
+} CoarseSunSensors;
+
+#endif
