@@ -28,7 +28,8 @@ QUEUES = "/proc/sys/fs/mqueue/msg_max"
 def write_app(app: cfs.App, part: Part, parent: Path) -> Path:
     """Write a part as an app that `fledge fly` can start, and return its folder."""
     folder = (parent / app.name).resolve()
-    written = cfs.write(part.mission, app, folder, part.board_files(), (), part.roots[:-1], simulated=True, watched=True)
+    written = cfs.write(part.mission, app, folder, part.board_files(), (), part.roots[:-1], simulated=True,
+                        watched=True)
     for old in {file for file in folder.rglob("*") if file.is_file()} - set(written):
         old.unlink()                # of an earlier export
     return folder
