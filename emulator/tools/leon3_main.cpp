@@ -313,6 +313,11 @@ int run(const Options &o)
             std::fflush(stdout);
             std::fprintf(stderr, "fledge_leon3: %s", machine.report(&program).c_str());
         };
+        machine.on_reset = [&, by_watchdog = std::uint64_t{0}]() mutable {
+            const bool watchdog = std::exchange(by_watchdog, machine.watchdog_resets()) != machine.watchdog_resets();
+            std::fprintf(stderr, "fledge_leon3: %s has reset the board, %.3f s after it was switched on\n",
+                         watchdog ? "the watchdog" : "the outside", static_cast<double>(machine.now()) * 1e-9);
+        };
         const std::string wrong = fly(file, loop, *space->clock());
         print_figures(machine, &loop);
         if (!wrong.empty()) {
