@@ -552,12 +552,7 @@ void Machine::load_snapshot(std::span<const std::byte> s)
 
 bool Machine::peek(std::uint32_t address, std::span<std::byte> bytes) const
 {
-    const auto from = impl_->bus.memory(address, bytes.size());
-    if (from.empty()) {
-        return bytes.empty();
-    }
-    std::ranges::copy(from, bytes.begin());
-    return true;
+    return impl_->bus.peek(address, bytes);
 }
 
 bool Machine::poke(std::uint32_t address, std::span<const std::byte> bytes)

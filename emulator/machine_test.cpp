@@ -315,10 +315,17 @@ TEST_P(OnMachine, an_uncorrectable_word_traps)
 TEST_P(OnMachine, a_flipped_bus_read_is_seen_once)
 {
     start(set(g(1), data) + Words{ld(g(3), g(1), 0), ld(g(4), g(1), 0), ba(0), nop});
+    const auto before = m.snapshot();
+    m.bus().flip_next_read(0x20);
+    m.restore(*before);
     m.bus().flip_next_read(0x10);
     m.run_until(100'000);
     EXPECT_EQ(r(g(3)), 0x10u);
     EXPECT_EQ(r(g(4)), 0u);
+    m.bus().flip_next_read(0x10);
+    m.restore(*before);
+    m.run_until(100'000);
+    EXPECT_EQ(r(g(3)), 0u);
 }
 
 TEST_P(OnMachine, a_spurious_interrupt_is_taken)

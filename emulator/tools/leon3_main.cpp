@@ -235,9 +235,19 @@ void observe(Tools &tools, const Options &o)
 int run_alone(Machine &machine, Tools &tools, const Program &program, const Options &o)
 {
     const Ns end = o.duration > 0 ? static_cast<Ns>(o.duration * 1e9) : std::numeric_limits<Ns>::max();
+    constexpr Ns hour = 3600 * second;
     StopReason reason = StopReason::time;
+    std::uint64_t instructions = 0;
+    Ns awake = 0; // when it last executed an instruction
     while (!stopped && reason == StopReason::time && machine.now() < end) {
         reason = tools.run_until(std::min(end, machine.now() + second));
+        awake = std::exchange(instructions, machine.instructions()) != instructions ? machine.now() : awake;
+        if (machine.now() - awake >= hour) {
+            std::fflush(stdout);
+            std::fprintf(stderr, "fledge_leon3: for an hour no interrupt has come: %s",
+                         machine.report(&program).c_str());
+            return 1;
+        }
     }
     int status = 0;
     if (reason == StopReason::error && !program_ended(machine, status)) {
