@@ -106,7 +106,7 @@ public:
     }
     Output(const Output &) = delete;
     Output &operator=(const Output &) = delete;
-    void put(std::uint8_t byte) { std::fputc(byte, file_); }
+    void put(std::uint8_t byte) { putc_unlocked(byte, file_); }
     void close()
     {
         const bool failed = std::ferror(file_) != 0;
@@ -343,11 +343,10 @@ int run(const Options &o)
 
 int main(int argc, char **argv)
 {
-    const Options o = parse(argc, argv);
     std::signal(SIGINT, [](int) { stopped = 1; });
     std::signal(SIGTERM, [](int) { stopped = 1; });
     try {
-        return run(o);
+        return run(parse(argc, argv));
     } catch (const std::exception &error) {
         std::fflush(stdout);
         std::fprintf(stderr, "fledge_leon3: %s\n", error.what());
