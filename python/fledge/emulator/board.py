@@ -280,7 +280,7 @@ class _Flight:
             self.kernel.put_out(view, np.frombuffer(self.board.core.peek(address, size), np.uint8)[order].tobytes())
         self.telemetry += [(t, packet) for packet in link.receive()]
         if self.answers is not None:
-            outputs = (objects.memory(view) for *_, view in (*self.carried, *self.inside))
+            outputs = (objects.memory(view) for _, view in self.carried)
             self.answers.append((t, b"".join(outputs) if answered else None))
 
     def tick(self, t):

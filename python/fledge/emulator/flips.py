@@ -22,8 +22,8 @@ from fledge.errors import Failure, SetupError
 from fledge.objects.si import time_ns
 
 EFFECTS = {
-    "no effect": "all outputs of flight are the same, at all instants",
-    "wrong output": "some output of flight was another one; flight went on",
+    "no effect": "all that flight wrote into its registers is the same, at all instants",
+    "wrong output": "some of it was another; flight went on",
     "recovered by watchdog": "the computer was reset, and flight went on",
     "hang": "flight no longer answered at the end",
     "trap": "the processor stood in its error mode at the end",
@@ -69,6 +69,7 @@ class Campaign:
         self.end = self.middle + time_ns(after, "flips: after")
         if not 0 < self.at < self.middle <= self.end:
             raise SetupError("flips: at and duration must be more than 0 s")
+        self.edac = edac
         from fledge.targets.leon3 import BOARD
 
         with TemporaryDirectory() as folder:
@@ -220,7 +221,7 @@ def plot(campaigns: Mapping[str, Sequence[Outcome]], title: str, path: Path) -> 
                 left = [a + b for a, b in zip(left, share)]
             axes.set_title(name)
         panels[-1].set_xlabel("flips [%]")
-        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=len(EFFECTS))
+        panels[0].legend(loc="lower center", bbox_to_anchor=(0.4, 1.12), ncols=len(EFFECTS), fontsize=8, frameon=False)
         path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path)
     return path
