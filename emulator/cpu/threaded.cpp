@@ -91,8 +91,8 @@ constexpr std::uint32_t page_words = page_size / 4;
 constexpr std::uint32_t sink = 32; ///< where a result for %g0 goes
 constexpr std::size_t bank_size = 8 * sizeof(std::uint32_t);
 
-/// The decoded instructions of a page. Behind them, records for pc and npc that have run out of it: a branch in the last
-/// word may skip its delay slot.
+/// The decoded instructions of a page. Behind them, records for pc and npc that have run out of it: a branch in the
+/// last word may skip its delay slot.
 struct Page {
     std::uint32_t base = 1; ///< no page begins at an odd address
     std::array<Record, page_words + 3> records{};
