@@ -135,6 +135,11 @@ class Board:
         """From now on these lines are always pending, or never; without any, the lines work again."""
         self.core.stick_interrupts(sum(1 << line for line in on), sum(1 << line for line in off))
 
+    @property
+    def missed(self) -> int:
+        """In the loop: ticks that flight did not answer before its next instant."""
+        return self._link.missed
+
     def lose_ticks(self, n: int) -> None:
         """In the loop: the next n ticks do not reach the processor."""
         self._link.lose_ticks(n)

@@ -13,6 +13,7 @@ import random
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
@@ -161,8 +162,17 @@ def _spread(campaign, n, seed, workers) -> Iterator[tuple[int, Outcome]]:
     if workers <= 1:
         yield from (_work((seed, i)) for i in range(n))
         return
-    with multiprocessing.get_context("fork").Pool(min(workers, n)) as pool:
-        yield from pool.imap_unordered(_work, [(seed, i) for i in range(n)], chunksize=4)
+    with ProcessPoolExecutor(min(workers, n), multiprocessing.get_context("fork"), _begin) as pool:
+        waiting = [pool.submit(_work, (seed, i)) for i in range(n)]
+        try:
+            for one in as_completed(waiting):
+                yield one.result()
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _begin():
+    _campaign.board.core.renew_engine()
 
 
 def _work(job):

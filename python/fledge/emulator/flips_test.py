@@ -55,6 +55,12 @@ def test_a_seed_says_all_and_the_processes_do_not_matter(campaign, tmp_path):
     assert len(flips.csv(first).splitlines()) == 11
 
 
+def test_all_engines_agree_on_every_outcome(folder):
+    translated, interpreted = (Campaign("nadir_spin", at=2, duration=2, after=1, engine=engine, folder=folder)
+                               for engine in ("translator", "interpreter"))
+    assert translated.fly(12, seed=2) == interpreted.fly(12, seed=2)
+
+
 def test_the_draw_covers_registers_and_memory(campaign):
     drawn = [campaign.flip(1, i) for i in range(4000)]
     places = {place: [one for one in drawn if one.place == place] for place in flips.PLACES}
