@@ -9,9 +9,9 @@
 #include <string>
 #include <vector>
 
-namespace fledge::emulator::testing {
+#include "emulator/testing/small_computer.h"
 
-inline constexpr std::uint32_t ram_base = 0x40000000;
+namespace fledge::emulator::testing {
 
 /// What blocks may contain besides what all processors do alike.
 struct StreamOptions {
