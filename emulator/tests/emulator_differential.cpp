@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <exception>
 
+#include "emulator/tests/determinism.h"
 #include "emulator/tests/differential.h"
 #include "emulator/tests/qemu.h"
 
@@ -38,7 +39,11 @@ int main(int argc, char **argv)
     std::uint64_t programs = 0;
     try {
         do {
-            const std::string what = compare_seed(seed + programs, blocks, !without_qemu);
+            std::string what = compare_seed(seed + programs, blocks, !without_qemu);
+            if (what.empty())
+                what = compare_times(seed + programs);
+            if (what.empty())
+                what = compare_snapshots(seed + programs, 4);
             if (!what.empty()) {
                 std::printf("seed %llu: %s", static_cast<unsigned long long>(seed + programs), what.c_str());
                 return 1;
