@@ -178,6 +178,7 @@ struct Machine::Impl final : DeviceHost {
         core.attention = false;
         resets++;
         if (!board.ram.kept) {
+            bus.set_flips({});
             const std::vector<std::byte> zeros(page_size);
             for (std::uint32_t offset = 0; offset < board.ram.size; offset += page_size) {
                 if (!all_zero(bus.memory(board.ram.base + offset, page_size))) {
@@ -552,12 +553,7 @@ void Machine::load_snapshot(std::span<const std::byte> s)
 
 bool Machine::peek(std::uint32_t address, std::span<std::byte> bytes) const
 {
-    const auto from = impl_->bus.memory(address, bytes.size());
-    if (from.empty()) {
-        return bytes.empty();
-    }
-    std::ranges::copy(from, bytes.begin());
-    return true;
+    return impl_->bus.peek(address, bytes);
 }
 
 bool Machine::poke(std::uint32_t address, std::span<const std::byte> bytes)

@@ -79,7 +79,8 @@ public:
     std::vector<std::byte> save();                    ///< for a file
     void load_snapshot(std::span<const std::byte> s); ///< throws Error if it is damaged, or of another board
 
-    /// Bytes as a debugger sees them: no side effects, no protection, no EDAC. False: no memory is there.
+    /// Bytes as a debugger sees them: no side effects, no protection, no EDAC. False: no memory is there. peek also
+    /// reads the register space.
     bool peek(std::uint32_t address, std::span<std::byte> bytes) const;
     bool poke(std::uint32_t address, std::span<const std::byte> bytes);
 

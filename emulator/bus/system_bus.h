@@ -26,6 +26,7 @@ struct BusError {
 /// Addresses [from, to) that the processor cannot write.
 struct ProtectedRange {
     std::uint32_t from = 0, to = 0;
+    bool operator==(const ProtectedRange &) const = default;
 };
 
 struct UnmapBytes {
@@ -51,6 +52,8 @@ public:
 
     /// The bytes of memory that hold these addresses; empty if they are not all in one memory.
     std::span<std::byte> memory(std::uint32_t address, std::size_t size) const;
+    /// Read bytes without side effects: of memory, and of devices that are memory. False: neither is there.
+    bool peek(std::uint32_t address, std::span<std::byte> bytes) const;
     /// Write bytes without protection and without side effects but those on snapshots and code. False: no memory.
     bool poke(std::uint32_t address, std::span<const std::byte> bytes);
     /// All memories one behind the other, by pages: their number, and where one is.
@@ -81,7 +84,7 @@ public:
 
     /// Flips that are in memory, for snapshots: their words by address.
     const std::map<std::uint32_t, EdacFlips> &flips() const { return flips_; }
-    void set_flips(std::map<std::uint32_t, EdacFlips> flips);
+    void set_flips(std::map<std::uint32_t, EdacFlips> flips); ///< and none of the next read
 
 private:
     struct Region {
@@ -119,6 +122,7 @@ private:
     std::vector<Region> regions_;
     std::vector<Slave> slaves_;
     std::vector<Watch> watches_;
+    std::vector<ProtectedRange> protected_;
     std::vector<std::uint32_t> changed_;
     std::map<std::uint32_t, EdacFlips> flips_;
     std::uint32_t flip_next_ = 0, watched_at_ = 0;

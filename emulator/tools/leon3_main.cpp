@@ -106,7 +106,7 @@ public:
     }
     Output(const Output &) = delete;
     Output &operator=(const Output &) = delete;
-    void put(std::uint8_t byte) { std::fputc(byte, file_); }
+    void put(std::uint8_t byte) { putc_unlocked(byte, file_); }
     void close()
     {
         const bool failed = std::ferror(file_) != 0;
@@ -235,9 +235,19 @@ void observe(Tools &tools, const Options &o)
 int run_alone(Machine &machine, Tools &tools, const Program &program, const Options &o)
 {
     const Ns end = o.duration > 0 ? static_cast<Ns>(o.duration * 1e9) : std::numeric_limits<Ns>::max();
+    constexpr Ns hour = 3600 * second;
     StopReason reason = StopReason::time;
+    std::uint64_t instructions = 0;
+    Ns awake = 0; // when it last executed an instruction
     while (!stopped && reason == StopReason::time && machine.now() < end) {
         reason = tools.run_until(std::min(end, machine.now() + second));
+        awake = std::exchange(instructions, machine.instructions()) != instructions ? machine.now() : awake;
+        if (machine.now() - awake >= hour) {
+            std::fflush(stdout);
+            std::fprintf(stderr, "fledge_leon3: for an hour no interrupt has come: %s",
+                         machine.report(&program).c_str());
+            return 1;
+        }
     }
     int status = 0;
     if (reason == StopReason::error && !program_ended(machine, status)) {
@@ -303,6 +313,11 @@ int run(const Options &o)
             std::fflush(stdout);
             std::fprintf(stderr, "fledge_leon3: %s", machine.report(&program).c_str());
         };
+        machine.on_reset = [&, by_watchdog = std::uint64_t{0}]() mutable {
+            const bool watchdog = std::exchange(by_watchdog, machine.watchdog_resets()) != machine.watchdog_resets();
+            std::fprintf(stderr, "fledge_leon3: %s has reset the board, %.3f s after it was switched on\n",
+                         watchdog ? "the watchdog" : "the outside", static_cast<double>(machine.now()) * 1e-9);
+        };
         const std::string wrong = fly(file, loop, *space->clock());
         print_figures(machine, &loop);
         if (!wrong.empty()) {
@@ -328,11 +343,10 @@ int run(const Options &o)
 
 int main(int argc, char **argv)
 {
-    const Options o = parse(argc, argv);
     std::signal(SIGINT, [](int) { stopped = 1; });
     std::signal(SIGTERM, [](int) { stopped = 1; });
     try {
-        return run(o);
+        return run(parse(argc, argv));
     } catch (const std::exception &error) {
         std::fflush(stdout);
         std::fprintf(stderr, "fledge_leon3: %s\n", error.what());
