@@ -54,6 +54,9 @@ public:
 
     /// The page, which is in memory, has decoded instructions from now on; the engine is called when it is written.
     virtual void mark_code(std::uint32_t address) = 0;
+
+    /// Grows whenever a page may have got or lost a flag besides page_code: engines then look at the flags again.
+    std::uint64_t flag_changes = 0;
 };
 
 } // namespace fledge::emulator

@@ -301,6 +301,7 @@ void SystemBus::forget_code()
 
 void SystemBus::mark_pages(std::uint8_t flag, const std::vector<ProtectedRange> &ranges)
 {
+    flag_changes++;
     for (Region &r : regions_) {
         for (std::uint32_t page = 0; page < r.flags.size(); page++) {
             const std::uint64_t from = std::uint64_t{r.memory.base} + std::uint64_t{page} * page_size;
@@ -354,6 +355,7 @@ bool SystemBus::watched(std::uint32_t address, unsigned size, bool write)
 
 void SystemBus::set_faulty(std::uint32_t address)
 {
+    flag_changes++;
     const std::uint32_t page = address / page_size * page_size;
     const auto first = flips_.lower_bound(page);
     Region &r = regions_.front();

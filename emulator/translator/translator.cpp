@@ -84,6 +84,7 @@ private:
     std::unique_ptr<Engine> other_ = make_threaded();
     Core *core_ = nullptr;
     Memory ram_;
+    std::uint64_t flag_changes_ = 0;
     Context context_;
     CodeMemory memory_{code_size};
     std::unique_ptr<Emitter> emitter_;
@@ -99,6 +100,7 @@ void Translator::meet(Core &core)
     ram_ = core.bus->ram();
     emitter_ = std::make_unique<Emitter>(memory_, core, ram_);
     context_.page_flags = ram_.flags;
+    flag_changes_ = ~core.bus->flag_changes;
     context_.ram = reinterpret_cast<std::uintptr_t>(ram_.bytes) - ram_.base;
     context_.targets = targets_.data();
     forget_all();
@@ -116,6 +118,10 @@ void Translator::forget_all()
 /// Loads of translated code look at the flags of pages only while a page has one that matters to them.
 void Translator::look_at_flags()
 {
+    if (flag_changes_ == core_->bus->flag_changes) {
+        return;
+    }
+    flag_changes_ = core_->bus->flag_changes;
     std::uint8_t all = 0;
     for (std::uint32_t page = 0; page < ram_.size / page_size; page++) {
         all |= ram_.flags[page];
