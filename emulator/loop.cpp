@@ -69,12 +69,14 @@ bool FlightLoop::exchange()
         const Ns begin = state.epoch + tick.t;
         end = state.epoch + next_instant(tick);
         if (resets != state.resets_seen) {
+            run_until(std::min(state.end, begin)); // it lived until it was reset
             machine_.reset_until(begin);
         } else if (!run_until(begin)) {
             return false;
         }
     }
     state.resets_seen = resets;
+    state.end = end;
     const std::uint64_t begun = machine_.core().state.cycles;
     if (state.lose > 0) {
         state.lose--;

@@ -13,6 +13,7 @@ from fledge.export.write import write_files
 from fledge.targets import build
 from fledge.targets import leon3_toolchain as toolchain
 from fledge.targets.cfs import Cfs
+from fledge.targets.restarts import join_starts
 from fledge.targets.target import Target
 
 if TYPE_CHECKING:
@@ -56,6 +57,7 @@ class Leon3(Target):
         return build.sizes(built, toolchain.SIZE)
 
     def _flown(self, built, record, figures):
+        join_starts(record)
         flown = super()._flown(built, record, figures)
         flown.cpu_of = self.cpu_of
         return flown
