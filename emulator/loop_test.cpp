@@ -152,11 +152,15 @@ TEST(FlightLoop, the_outside_resets_the_computer)
     Bench b;
     b.tick(-1, 0);
     b.tick(0, 0);
+    const std::uint64_t answered = b.m.instructions();
+    std::uint64_t lived = 0;
+    b.m.on_reset = [&] { lived = b.m.instructions(); };
     register_clock_reset(&b.clock());
     // The computer was down for a while.
     EXPECT_EQ(b.tick(50 * ms, 10 * ms), Wait::done);
     EXPECT_EQ(b.m.resets(), 1u);
     EXPECT_EQ(b.word(start_ups), 2u) << "memory was kept";
+    EXPECT_GT(lived, answered) << "what followed its last answer was done before the reset";
     EXPECT_GE(b.m.now(), FlightLoop::boot_time + 50 * ms);
     EXPECT_EQ(b.state().missed, 0u);
     b.tick(60 * ms, 10 * ms);

@@ -489,8 +489,8 @@ CommandReason Runtime::command(const Process &process, const std::vector<std::ui
 inline Ns Runtime::next_of(const RunTask &task) const
 {
     const RunProcess &process = *task.process;
-    Ns commanded = never; // at which a target ticks, whatever its mode
-    if (process.commands) {
+    Ns commanded = process.reset ? time() : never; // at which a target ticks, whatever its mode
+    if (process.commands && !process.reset) {
         commanded = process.commands->waiting() ? time() : std::max(process.commands->scripted(), time());
     }
     const bool asked = process.asked != process.mode && task.runs_in[static_cast<std::size_t>(process.asked)];
