@@ -24,7 +24,7 @@ public:
     /// What it knows, and what happened; part of what a campaign restores, beside a snapshot.
     struct State {
         Ns epoch = boot_time; ///< the machine's time at simulated time 0
-        Ns end = 0;               ///< the machine's time of the instant after the last tick
+        Ns end = 0;           ///< the machine's time of the instant after the last tick
         std::uint32_t resets_seen = 0;
         std::uint64_t ticks = 0; ///< with t >= 0
         std::uint64_t missed = 0;

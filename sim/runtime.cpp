@@ -299,8 +299,8 @@ void Runtime::keep_parameters(RunProcess &process) const
     });
 }
 
-/// Whether the computer of a process is down at t. If it was reset, it goes down; after that it begins anew at the first
-/// instant on the grids of its tasks, as a board's node does (cosim/node/board_node.cpp).
+/// Whether the computer of a process is down at t. If it was reset, it goes down; after that it begins anew at the
+/// first instant on the grids of its tasks, as a board's node does (cosim/node/board_node.cpp).
 bool Runtime::is_down(RunProcess &process, Ns t)
 {
     const auto due = [&](const RunTask &task) { return task.process == &process && next_of(task) == t; };

@@ -27,16 +27,16 @@ def test_the_scenarios_pass(scenario):
 def flown():
     sim = fledge.load("flatsat")
     f, w = sim.flight, sim.world
-    log = sim.record(w.craft.state, w.wheels.speeds, w.driver.torques, w.clock.reading, w.power.telemetry, w.adc_a.counts,
-                     w.adc_b.counts, f.tracking.error, f.motor.command, f.drive.drive, f.speeds.speeds, f.time.time,
-                     f.boot.boot, every=0.5 * s)
+    log = sim.record(w.craft.state, w.wheels.speeds, w.driver.torques, w.clock.reading, w.power.telemetry,
+                     w.adc_a.counts, w.adc_b.counts, f.tracking.error, f.motor.command, f.drive.drive, f.speeds.speeds,
+                     f.time.time, f.boot.boot, every=0.5 * s)
     sim.run(7 * minute)
     return sim, log
 
 
 def test_motors_give_the_torques_that_flight_wants(flown):
-    # A torque is off by half a count of the converter, and by the back-EMF of a speed that the tachometer has rounded to
-    # one mark in a window and that has changed since; flight sees it a window late.
+    # A torque is off by half a count of the converter, and by the back-EMF of a speed that the tachometer has rounded
+    # to one mark in a window and that has changed since; flight sees it a window late.
     sim, log = flown
     up = (log.time > 1) & ((log.time < 60) | (log.time > DOWN + 1))
     wanted, given = log["motor.command.u"][up][:-1, :4], log["driver.torques.u"][up][1:, :4]

@@ -29,7 +29,7 @@ def build(f):
     f.mode("turn", [fast, slow])
     f.event("turns", when=f.watch(f.rest.reference).head.sequence >= 8, enter=f.turn,
             set=[(f.watch(f.spin).rates, [0, 0, 2e-3])], once=True)
-    f.reset_by(f.count.reset, down=DOWN * s)
+    f.reset_by(f.count.computer, down=DOWN * s)
 '''
 
 WORLD = '''
@@ -41,8 +41,9 @@ def build(w, f):
     w.power  = world.PowerUnit(n=1, volts=30 * V, load=10 * ohm, count_current=1e-3 * A, count_volts=1e-3 * V,
                                reset_at=AT * s)
     w.memory = world.Interconnect(slots=1)
-    w.connect(w.power.telemetry >> f.loads.power, f.loads.command >> w.power.command, w.power.reset >> f.count.reset,
-              w.memory.reply >> f.count.reply, f.count.request >> w.memory.request)
+    w.connect(w.power.telemetry >> f.loads.power, f.loads.command >> w.power.command,
+              w.power.computer >> f.count.computer, w.memory.reply >> f.count.reply,
+              f.count.request >> w.memory.request)
     w.task("dynamics", every=100 * ms, run=[w.power, w.memory])
 '''
 RATES = {"rest.reference": (500, 0), "spin.reference": (1200, 300), "count.boot": (2000, 1000)}     # [ms]
@@ -151,11 +152,11 @@ def test_what_cannot_reset_a_computer_is_refused():
     f.count = fsw.BootCount()
     f.loads = fsw.PowerManager()
     w.power = world.PowerUnit(n=1, volts=30 * V, load=10 * ohm, count_current=1e-3 * A, count_volts=1e-3 * V)
-    for port in (f.loads.power, f.count.boot, w.power.reset):
+    for port in (f.loads.power, f.count.boot, w.power.computer):
         with pytest.raises(SetupError, match="flight.reset_by: expected an input of a module of this process, a Comp"):
             f.reset_by(port)
     with pytest.raises(SetupError, match=r"flight.reset_by: down must be >= 0, found -1 s"):
-        f.reset_by(f.count.reset, down=-1 * s)
+        f.reset_by(f.count.computer, down=-1 * s)
     assert f.reset is None
-    f.reset_by(f.count.reset, down=1 * s)
-    assert f.reset == ("flight.count.reset", 1_000_000_000)
+    f.reset_by(f.count.computer, down=1 * s)
+    assert f.reset == ("flight.count.computer", 1_000_000_000)
