@@ -45,7 +45,7 @@ bool FlightLoop::run_until(Ns t)
 {
     StopReason reason;
     do {
-        reason = machine_.run_until(t);
+        reason = run ? run(t) : machine_.run_until(t);
     } while (reason == StopReason::breakpoint || reason == StopReason::watchpoint);
     return reason != StopReason::error;
 }
@@ -69,20 +69,22 @@ bool FlightLoop::exchange()
         const Ns begin = state.epoch + tick.t;
         end = state.epoch + next_instant(tick);
         if (resets != state.resets_seen) {
-            run_until(std::min(state.end, begin)); // it lived until it was reset
+            finish_tick(begin);
             machine_.reset_until(begin);
         } else if (!run_until(begin)) {
             return false;
         }
     }
     state.resets_seen = resets;
-    state.end = end;
     const std::uint64_t begun = machine_.core().state.cycles;
     if (state.lose > 0) {
         state.lose--;
     } else {
         space_.announce();
         space_.tick();
+    }
+    if (on_tick) {
+        on_tick();
     }
     waits_ = true;
     const bool lives = run_until(end);
@@ -102,6 +104,14 @@ bool FlightLoop::exchange()
         clock_.ring(clock_.user, clock_.board->n_interrupts);
     }
     return lives;
+}
+
+/// What flight does behind its answer, as sending its record, comes before a reset.
+void FlightLoop::finish_tick(Ns limit)
+{
+    while (machine_.core().state.mode == Mode::running && machine_.now() < limit &&
+           run_until(std::min(limit, machine_.now() + second / 10000))) {
+    }
 }
 
 bool FlightLoop::finish()

@@ -24,7 +24,6 @@ public:
     /// What it knows, and what happened; part of what a campaign restores, beside a snapshot.
     struct State {
         Ns epoch = boot_time; ///< the machine's time at simulated time 0
-        Ns end = 0;           ///< the machine's time of the instant after the last tick
         std::uint32_t resets_seen = 0;
         std::uint64_t ticks = 0; ///< with t >= 0
         std::uint64_t missed = 0;
@@ -46,12 +45,16 @@ public:
 
     /// Flight's first instant after t; without it, as far away as the tick before.
     std::function<Ns(Ns t)> next;
+    /// In place of the machine's run_until, and called when a tick has reached the processor: for a debugger.
+    std::function<StopReason(Ns t)> run;
+    std::function<void()> on_tick;
 
     State state;
 
 private:
     Ns next_instant(const Tick &tick) const;
     bool run_until(Ns t);
+    void finish_tick(Ns limit);
 
     Machine &machine_;
     RegisterSpace &space_;

@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "emulator/board.h"
+#include "emulator/debug/observer.h"
 #include "emulator/devices/apbuart.h"
 #include "emulator/devices/gptimer.h"
 #include "emulator/devices/irqmp.h"
@@ -177,6 +178,7 @@ struct Machine::Impl final : DeviceHost {
         core.attention = false;
         resets++;
         if (!board.ram.kept) {
+            bus.set_flips({});
             const std::vector<std::byte> zeros(page_size);
             for (std::uint32_t offset = 0; offset < board.ram.size; offset += page_size) {
                 if (!all_zero(bus.memory(board.ram.base + offset, page_size))) {
@@ -264,7 +266,7 @@ struct Machine::Impl final : DeviceHost {
                 s.cycles = next;
                 continue;
             }
-            switch (engine->run(core, next, step_over)) {
+            switch (observer ? observed(next, step_over) : engine->run(core, next, step_over)) {
             case Exit::breakpoint: return StopReason::breakpoint;
             case Exit::watchpoint: return StopReason::watchpoint;
             case Exit::error:
@@ -277,11 +279,33 @@ struct Machine::Impl final : DeviceHost {
         }
     }
 
+    /// As Engine::run, one step after the other.
+    Exit observed(std::uint64_t until, bool step_over)
+    {
+        const CpuState &s = core.state;
+        for (;; step_over = false) {
+            const std::uint64_t begun = s.cycles, instructions = s.instructions, traps = s.traps;
+            const std::uint32_t pc = s.pc;
+            std::uint32_t word = 0;
+            for (const std::byte b : bus.memory(pc, 4)) {
+                word = word << 8 | static_cast<std::uint32_t>(b);
+            }
+            const Exit exit = engine->run(core, begun + 1, step_over);
+            if (s.instructions != instructions || s.traps != traps) {
+                observer->executed({pc, word, begun, s.traps != traps, s});
+            }
+            if (exit != Exit::time || s.cycles >= until) {
+                return exit;
+            }
+        }
+    }
+
     Machine &machine;
     BoardDescription board;
     SystemBus bus;
     Core core;
     std::unique_ptr<Engine> engine;
+    Observer *observer = nullptr;
     std::vector<std::unique_ptr<Device>> devices;
     Irqmp *irqmp = nullptr;
     AhbStatus *ahb_status = nullptr;
@@ -439,6 +463,14 @@ void Machine::select(EngineKind engine)
     }
 }
 
+void Machine::observe(Observer *observer)
+{
+    impl_->observer = observer;
+    if (observer) {
+        select(EngineKind::interpreter);
+    }
+}
+
 std::shared_ptr<const Snapshot> Machine::snapshot()
 {
     Impl &m = *impl_;
@@ -499,6 +531,7 @@ void Machine::restore(const Snapshot &snapshot)
     m.bus.all_unchanged();
     m.bus.set_flips(snapshot.flips);
     m.core.state = snapshot.cpu;
+    keep_possible(m.core.state);
     m.resets = snapshot.resets;
     m.boot = snapshot.boot;
     m.reset_requested = m.stop_requested = m.at_breakpoint = false;
@@ -521,12 +554,7 @@ void Machine::load_snapshot(std::span<const std::byte> s)
 
 bool Machine::peek(std::uint32_t address, std::span<std::byte> bytes) const
 {
-    const auto from = impl_->bus.memory(address, bytes.size());
-    if (from.empty()) {
-        return bytes.empty();
-    }
-    std::ranges::copy(from, bytes.begin());
-    return true;
+    return impl_->bus.peek(address, bytes);
 }
 
 bool Machine::poke(std::uint32_t address, std::span<const std::byte> bytes)

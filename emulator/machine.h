@@ -19,6 +19,7 @@ namespace fledge::emulator {
 
 struct BoardDescription; // board.h: read from a TOML file
 class Program;           // elf.h: an ELF file with its symbols
+class Observer;          // debug/observer.h
 
 using Ns = std::int64_t;
 
@@ -78,7 +79,8 @@ public:
     std::vector<std::byte> save();                    ///< for a file
     void load_snapshot(std::span<const std::byte> s); ///< throws Error if it is damaged, or of another board
 
-    /// Bytes as a debugger sees them: no side effects, no protection, no EDAC. False: no memory is there.
+    /// Bytes as a debugger sees them: no side effects, no protection, no EDAC. False: no memory is there. peek also
+    /// reads the register space.
     bool peek(std::uint32_t address, std::span<std::byte> bytes) const;
     bool poke(std::uint32_t address, std::span<const std::byte> bytes);
 
@@ -101,6 +103,9 @@ public:
         return nullptr;
     }
     const std::vector<std::unique_ptr<Device>> &devices() const;
+
+    /// Show each step to an observer, from now on; the plain interpreter runs then. nullptr: to none.
+    void observe(Observer *observer);
 
     std::function<void()> on_reset; ///< the board was reset
     std::function<void()> on_error; ///< the processor has entered its error mode; a watchdog may reset it

@@ -234,12 +234,30 @@ void Process::play(const Instance &instance, Played output)
         throw SetupError(path + ": a playback takes the messages of an output, of " + std::to_string(field.size) +
                          " bytes each, with rising times");
     }
+    stand_in();
+    output.held.resize(output.sent ? field.size : 0);
+    playback_[&instance].outputs.push_back(std::move(output));
+}
+
+/// No instance runs any more.
+void Process::stand_in()
+{
     owner_->set_up_again();
     for (const auto &one : instances_) {
         playback_[one.get()].memory = one->memory();
     }
-    output.held.resize(output.sent ? field.size : 0);
-    playback_[&instance].outputs.push_back(std::move(output));
+}
+
+void Process::fly_by(std::function<void(Ns t)> flight)
+{
+    stand_in();
+    flight_ = std::move(flight);
+}
+
+std::span<const std::byte> Process::incoming(const Port &input) const
+{
+    owner_->prepare();
+    return owner_->runtime_->incoming(input);
 }
 
 const std::byte *Process::given(const Port &port, const Process &reader) const

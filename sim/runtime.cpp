@@ -555,8 +555,21 @@ void Runtime::see_parameters(const Process &process)
     }
 }
 
+std::span<const std::byte> Runtime::incoming(const Port &input) const
+{
+    const auto found =
+        std::find_if(copies_.begin(), copies_.end(), [&](const Copy &one) { return one.to == words(input.bytes()); });
+    if (found == copies_.end()) {
+        return {input.bytes(), input.field->size}; // of configuration, which is there already; or without a wire
+    }
+    return {reinterpret_cast<const std::byte *>(found->from), input.field->size};
+}
+
 inline void Runtime::run_task(RunTask &task, Ns t)
 {
+    if (const auto &flight = task.process->process->flight(); flight && task.process->ran != t) {
+        flight(t);
+    }
     const Tick tick = exec_begin(&task.state, task.rate, t);
     for (std::uint32_t i = task.first_step; i < task.last_step; i++) {
         const Step &step = steps_[i];
@@ -828,6 +841,9 @@ void Runtime::visit_state(const std::function<void(void *, std::size_t)> &block)
 void Runtime::restored()
 {
     failure_.clear();
+    for (RunProcess &process : processes_) {
+        process.ran = -1;
+    }
     find_places();
     for (auto &[instance, seen] : known_) {
         if (instance->model() && !unchanged(*instance, seen)) {

@@ -101,6 +101,7 @@ public:
     RunEvent &of(const Process &process, const Event &event);
     void enter(const Process &process, int mode);
     void event_added(const Process &process);
+    std::span<const std::byte> incoming(const Port &input) const;
     void set_commands(Process &process, std::shared_ptr<const Dictionary> dictionary);
     CommandReason command(const Process &process, const std::vector<std::uint8_t> &packet);
 

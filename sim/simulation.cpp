@@ -211,6 +211,10 @@ std::unique_ptr<Simulation> Simulation::clone() const
     std::unordered_map<const Instance *, std::shared_ptr<Instance>> clones;
     std::unordered_map<const Model *, Model *> models;
     for (const auto &process : processes()) {
+        if (process->flight_) {
+            throw SetupError(process->name +
+                             " is flown by a computer outside of the simulation, which cannot be cloned");
+        }
         Process &other = copy->add_process(process->name);
         other.stands_in = process->stands_in;
         other.integrator_ = process->integrator_;

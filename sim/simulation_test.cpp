@@ -212,6 +212,40 @@ TEST(Playback, PutsOutWhatWasPutOutElsewhereWhateverParametersAndModesSay)
                 HasSubstr("has run until 2 s"));
 }
 
+TEST(Playback, AFunctionFliesInPlaceOfTheModules)
+{
+    Simulation sim;
+    Process &world = sim.add_process("world");
+    Process &flight = sim.add_process("flight");
+    auto scale = make(flight, "scale", scale_type), other = make(flight, "other", scale_type);
+    auto tank = make(world, "tank", tank_type);
+    interface<Scale>(scale).par.gain = interface<Scale>(other).par.gain = interface<Tank>(tank).par.initial = 1.0;
+    flight.add_task({"gnc", 500 * ms, 0, 0, {scale, other}});
+    world.add_task({"dynamics", 100 * ms, 0, 0, {tank}});
+    sim.connect(port(tank, "level"), port(scale, "number"));
+    sim.connect(port(tank, "level"), port(other, "number"));
+    sim.connect(port(scale, "product"), port(tank, "flow"));
+    std::vector<Ns> called;
+    flight.fly_by([&](Ns t) {
+        called.push_back(t);
+        Number level{};
+        std::memcpy(&level, flight.incoming(port(scale, "number")).data(), sizeof level);
+        EXPECT_EQ(level.x, interface<Tank>(tank).out.level.x); // the world came first
+        interface<Scale>(scale).out.number.x = -1.0;
+    });
+    sim.run_until(1000 * ms);
+    EXPECT_EQ(called, (std::vector<Ns>{0, 500 * ms, 1000 * ms})); // once at each instant
+    EXPECT_EQ(interface<Scale>(scale).mem.updates, 0);
+    EXPECT_NEAR(interface<Tank>(tank).out.level.x, 1.0 - 1.0, 1e-12);
+    const auto snapshot = sim.snapshot();
+    for (int again = 0; again < 2; again++) {
+        sim.run_until(1500 * ms);
+        sim.restore(snapshot);
+    }
+    EXPECT_EQ(called.size(), 5u); // also at the instant at which it was called last
+    EXPECT_THAT(error_of([&] { (void)sim.clone(); }), HasSubstr("flight is flown by a computer outside"));
+}
+
 TEST(Playback, OtherProcessesReadWhatWasSentToThem)
 {
     Simulation sim;

@@ -13,6 +13,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -162,6 +163,12 @@ public:
     /// them. All tasks are active in all modes, because the messages have the effects of modes. Throws SetupError if
     /// the instance is of another process, has run, or the messages are not one for each rising time.
     void play(const Instance &instance, Played output);
+    /// From now on no instance of this process runs: this function is called once at each of its instants, and writes
+    /// their outputs. Its messages are as with play(). Such a simulation cannot be cloned.
+    void fly_by(std::function<void(Ns t)> flight);
+    const std::function<void(Ns t)> &flight() const { return flight_; }
+    /// The message that is for an input at the present instant, as fly_by's function sees it.
+    std::span<const std::byte> incoming(const Port &input) const;
 
     const Integrator &integrator() const { return *integrator_; }
     const std::vector<std::shared_ptr<Instance>> &instances() const { return instances_; }
@@ -212,6 +219,7 @@ public:
 private:
     friend class Simulation;
     Process(Simulation &owner, std::string process_name);
+    void stand_in();
 
     const std::string &mode_name(int mode) const;  ///< "" of -1
     int mode_index(const std::string &mode) const; ///< throws SetupError with the valid names
@@ -223,6 +231,7 @@ private:
     std::vector<std::shared_ptr<Event>> events_;
     std::shared_ptr<const Integrator> integrator_;
     std::map<const Instance *, Playback> playback_;
+    std::function<void(Ns t)> flight_;
     std::shared_ptr<const Dictionary> dictionary_;
     std::vector<ScriptedCommand> script_;
     std::optional<ResetLine> reset_;

@@ -33,6 +33,7 @@ LAYERS = [
     {"mission", "new"},
     {"wiring_picture", "montecarlo", "cosim", "export"},
     {"report", "targets"},
+    {"emulator"},
     {"cli"},
 ]
 # The parts that may use the extension `_core`; all others use the public functions of these.

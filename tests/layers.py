@@ -75,8 +75,8 @@ RULES = {
 THIRD_PARTIES = {
     "flight":     {"mpmath"},                      # flight/math/tools: how the coefficients were found
     "introspect": {"clang"},
-    "fledge":     {"_core", "_core_build", "_fledge_world", "_project_world", "h5py", "jinja2", "markupsafe",
-                   "matplotlib", "numpy", "pandas", "zmq"},
+    "fledge":     {"_core", "_core_build", "_emulator", "_fledge_world", "_project_world", "h5py", "jinja2",
+                   "markupsafe", "matplotlib", "numpy", "pandas", "zmq"},
     "cosim":      {"zmq"},
     "missions":   {"fledge_node", "numpy"},        # a node in Python imports fledge_node and nothing else of Fledge
     "bench":      {"_core", "jplephem", "mpmath", "numpy"},

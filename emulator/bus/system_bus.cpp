@@ -41,7 +41,7 @@ void UnmapBytes::operator()(std::byte *bytes) const
 
 void SystemBus::add_memory(std::uint32_t base, std::uint32_t size, bool writable, bool edac)
 {
-    // Pages that nobody touches cost nothing, so a machine is made in microseconds.
+    // Pages that are never written cost nothing, so a machine is made in microseconds.
     void *p = mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
     if (p == MAP_FAILED) {
         throw std::bad_alloc();
@@ -215,6 +215,23 @@ void SystemBus::note_write(Region &r, std::uint32_t address, unsigned size)
     }
 }
 
+bool SystemBus::peek(std::uint32_t address, std::span<std::byte> bytes) const
+{
+    if (const auto from = memory(address, bytes.size()); !from.empty()) {
+        std::memcpy(bytes.data(), from.data(), bytes.size());
+        return true;
+    }
+    for (std::byte &byte : bytes) {
+        const Slave *s = slave(address);
+        if (!s || !s->device->is_memory()) {
+            return false;
+        }
+        const std::uint32_t offset = address++ - s->base;
+        byte = static_cast<std::byte>(s->device->read(word_of(offset)) >> (8 * (3 - offset % 4)));
+    }
+    return true;
+}
+
 bool SystemBus::poke(std::uint32_t address, std::span<const std::byte> bytes)
 {
     const std::span<std::byte> to = memory(address, bytes.size());
@@ -297,7 +314,10 @@ void SystemBus::mark_pages(std::uint8_t flag, const std::vector<ProtectedRange> 
 
 void SystemBus::protect(std::vector<ProtectedRange> ranges)
 {
-    mark_pages(page_protected, ranges);
+    if (ranges != protected_) {
+        protected_ = std::move(ranges);
+        mark_pages(page_protected, protected_);
+    }
 }
 
 void SystemBus::watch(std::uint32_t address, std::uint32_t size, bool on_read, bool on_write, bool on)
@@ -321,10 +341,12 @@ void SystemBus::watch(std::uint32_t address, std::uint32_t size, bool on_read, b
     mark_pages(page_watch_write, written);
 }
 
-bool SystemBus::watched(std::uint32_t address, unsigned size, bool write) const
+bool SystemBus::watched(std::uint32_t address, unsigned size, bool write)
 {
     return std::any_of(watches_.begin(), watches_.end(), [&](const Watch &w) {
-        return (write ? w.on_write : w.on_read) && w.address < address + size && address < w.address + w.size;
+        const bool hit = (write ? w.on_write : w.on_read) && w.address < address + size && address < w.address + w.size;
+        watched_at_ = hit ? std::max(address, w.address) : watched_at_;
+        return hit;
     });
 }
 
@@ -372,6 +394,9 @@ void SystemBus::flip_next_read(std::uint32_t bits)
 
 void SystemBus::set_flips(std::map<std::uint32_t, EdacFlips> flips)
 {
+    if (flip_next_ != 0) {
+        flip_next_read(0);
+    }
     flips_.swap(flips);
     for (const auto &[word, _] : flips) {
         set_faulty(word);

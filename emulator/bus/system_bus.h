@@ -26,6 +26,7 @@ struct BusError {
 /// Addresses [from, to) that the processor cannot write.
 struct ProtectedRange {
     std::uint32_t from = 0, to = 0;
+    bool operator==(const ProtectedRange &) const = default;
 };
 
 struct UnmapBytes {
@@ -51,6 +52,8 @@ public:
 
     /// The bytes of memory that hold these addresses; empty if they are not all in one memory.
     std::span<std::byte> memory(std::uint32_t address, std::size_t size) const;
+    /// Read bytes without side effects: of memory, and of devices that are memory. False: neither is there.
+    bool peek(std::uint32_t address, std::span<std::byte> bytes) const;
     /// Write bytes without protection and without side effects but those on snapshots and code. False: no memory.
     bool poke(std::uint32_t address, std::span<const std::byte> bytes);
     /// All memories one behind the other, by pages: their number, and where one is.
@@ -66,6 +69,7 @@ public:
 
     void protect(std::vector<ProtectedRange> ranges);
     void watch(std::uint32_t address, std::uint32_t size, bool on_read, bool on_write, bool on);
+    std::uint32_t watched_at() const { return watched_at_; } ///< where the last watched access was
 
     /// EDAC of RAM with check bits; without it, memory gives the bits as they are.
     bool has_edac() const { return regions_.front().edac; }
@@ -80,7 +84,7 @@ public:
 
     /// Flips that are in memory, for snapshots: their words by address.
     const std::map<std::uint32_t, EdacFlips> &flips() const { return flips_; }
-    void set_flips(std::map<std::uint32_t, EdacFlips> flips);
+    void set_flips(std::map<std::uint32_t, EdacFlips> flips); ///< and none of the next read
 
 private:
     struct Region {
@@ -104,7 +108,7 @@ private:
     const Region *region_of_page(std::uint32_t index) const;
     const Slave *slave(std::uint32_t address) const;
     Access refuse(std::uint32_t address, unsigned size, bool write);
-    bool watched(std::uint32_t address, unsigned size, bool write) const;
+    bool watched(std::uint32_t address, unsigned size, bool write);
     Access read_device(const Slave &s, std::uint32_t address, unsigned size, std::uint64_t &value);
     void write_device(const Slave &s, std::uint32_t address, unsigned size, std::uint64_t value);
     EdacResult check(std::uint32_t word, std::uint32_t &correction, bool write);
@@ -118,9 +122,10 @@ private:
     std::vector<Region> regions_;
     std::vector<Slave> slaves_;
     std::vector<Watch> watches_;
+    std::vector<ProtectedRange> protected_;
     std::vector<std::uint32_t> changed_;
     std::map<std::uint32_t, EdacFlips> flips_;
-    std::uint32_t flip_next_ = 0;
+    std::uint32_t flip_next_ = 0, watched_at_ = 0;
     std::uint32_t pages_ = 0;
     bool edac_on_ = false;
 };

@@ -84,6 +84,22 @@ TEST(SystemBus, bytes_of_devices)
     EXPECT_EQ(b.read(0xA0000008, 8), 0x1111ABCD22222222u);
 }
 
+TEST(SystemBus, a_debugger_sees_memory_and_devices_that_are_memory)
+{
+    Bench b;
+    std::array<std::byte, 4> bytes{};
+    b.bus.write(ram + 4, 4, 0x01020304);
+    EXPECT_TRUE(b.bus.peek(ram + 5, std::span(bytes).first(2)));
+    EXPECT_EQ(bytes[1], std::byte{3});
+    b.space.words[1] = 0x05060708;
+    b.space.words[2] = 0x090A0B0C;
+    EXPECT_TRUE(b.bus.peek(0xA0000006, bytes));
+    EXPECT_EQ(bytes, (std::array{std::byte{7}, std::byte{8}, std::byte{9}, std::byte{10}}));
+    EXPECT_FALSE(b.bus.peek(0x80000000, bytes)) << "a read there may have effects";
+    EXPECT_FALSE(b.bus.peek(ram + ram_size - 2, bytes));
+    EXPECT_TRUE(b.errors.empty());
+}
+
 TEST(SystemBus, writes_to_code_are_noticed)
 {
     Bench b;
@@ -118,7 +134,7 @@ TEST(SystemBus, pages_that_changed_are_noted_once)
     EXPECT_EQ(b.bus.page_address(9), rom + page_size);
 }
 
-TEST(SystemBus, watched_accesses_are_told)
+TEST(SystemBus, watched_accesses_stop)
 {
     Bench b;
     b.bus.watch(ram + 100, 4, true, true, true);

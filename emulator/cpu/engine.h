@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A way to execute instructions. All engines give the same states at the same cycles, so one can go on where another
-// stopped: the plain interpreter is the reference, the threaded interpreter and the translator are fast.
+// stopped: the plain interpreter is the reference, the threaded interpreter and the translator are fast. timing.h says
+// what counts as an instruction and as a cycle, step.h what happens between two instructions.
 #pragma once
 
 #include <cstdint>
@@ -54,6 +55,8 @@ enum class Exit : std::uint8_t {
     error       ///< a trap while traps are disabled: the error mode
 };
 
+/// It serves one Core. After a change of the core's timing or FPU, or of its breakpoints by another engine, invalidate
+/// all addresses.
 class Engine {
 public:
     virtual ~Engine() = default;

@@ -91,8 +91,8 @@ constexpr std::uint32_t page_words = page_size / 4;
 constexpr std::uint32_t sink = 32; ///< where a result for %g0 goes
 constexpr std::size_t bank_size = 8 * sizeof(std::uint32_t);
 
-/// The decoded instructions of a page. Behind them, records for pc and npc that have run out of it: a branch in the last
-/// word may skip its delay slot.
+/// The decoded instructions of a page. Behind them, records for pc and npc that have run out of it: a branch in the
+/// last word may skip its delay slot.
 struct Page {
     std::uint32_t base = 1; ///< no page begins at an odd address
     std::array<Record, page_words + 3> records{};
@@ -340,6 +340,25 @@ template <class T> T big_endian(T value)
 template <class F> auto bits_of(F x)
 {
     return std::bit_cast<std::conditional_t<sizeof(F) == 4, std::uint32_t, std::uint64_t>>(x);
+}
+
+/// A floating-point register of memory. The compiler must not take it through an integer register, where `has` below
+/// wants its bits: that way is longer than the arithmetic.
+template <class F> F number_at(const void *memory, std::size_t offset)
+{
+    F x = at<F>(memory, offset);
+#ifdef __SSE2__
+    asm("" : "+x"(x));
+#endif
+    return x;
+}
+
+template <class F> void put_number(void *memory, std::size_t offset, F x)
+{
+#ifdef __SSE2__
+    asm("" : "+x"(x));
+#endif
+    put(memory, offset, x);
 }
 
 /// The numbers that this file leaves to the reference: the GRFPU's subnormal operands, and its results that are, or
@@ -716,18 +735,18 @@ rdy:
     }
 #define REMEMBER(name, first, second)                                                                                  \
     last_.op = Op::name;                                                                                               \
-    last_.a = bits_of(first);                                                                                          \
-    last_.b = bits_of(second);
+    put_number(&last_.a, 0, first);                                                                                    \
+    put_number(&last_.b, 0, second);
 #define FINISH(name, first, second, result)                                                                            \
     if (result != result || small.has_result(result)) [[unlikely]] {                                                   \
         goto reference;                                                                                                \
     }                                                                                                                  \
     REMEMBER(name, first, second)                                                                                      \
-    put(f, d->rd, result);                                                                                             \
+    put_number(f, d->rd, result);                                                                                      \
     NEXT;
 #define TWO(name, From, To, expression)                                                                                \
     name : {                                                                                                           \
-        FPU_FAST const From a = at<From>(f, d->rs1), b = at<From>(f, d->rs2);                                          \
+        FPU_FAST const From a = number_at<From>(f, d->rs1), b = number_at<From>(f, d->rs2);                            \
         if (small.has(a) || small.has(b)) [[unlikely]] {                                                               \
             goto reference;                                                                                            \
         }                                                                                                              \
@@ -736,7 +755,7 @@ rdy:
     }
 #define ONE(name, From, To, expression)                                                                                \
     name : {                                                                                                           \
-        FPU_FAST const From b = at<From>(f, d->rs2);                                                                   \
+        FPU_FAST const From b = number_at<From>(f, d->rs2);                                                            \
         if (small.has(b)) [[unlikely]] {                                                                               \
             goto reference;                                                                                            \
         }                                                                                                              \
@@ -760,15 +779,16 @@ rdy:
 #define FROM_INTEGER(name, To)                                                                                         \
     name : {                                                                                                           \
         FPU_FAST const auto integer = at<std::int32_t>(f, d->rs2);                                                     \
-        last_ = {.op = Op::name, .a = 0, .b = static_cast<std::uint32_t>(integer)};                                    \
-        put(f, d->rd, static_cast<To>(integer));                                                                       \
+        last_.op = Op::name;                                                                                           \
+        put(&last_.b, 0, integer);                                                                                     \
+        put_number(f, d->rd, static_cast<To>(integer));                                                                \
         NEXT;                                                                                                          \
     }
     FROM_INTEGER(fitos, float)
     FROM_INTEGER(fitod, double)
 #define TO_INTEGER(name, From)                                                                                         \
     name : {                                                                                                           \
-        FPU_FAST const From b = at<From>(f, d->rs2);                                                                   \
+        FPU_FAST const From b = number_at<From>(f, d->rs2);                                                            \
         if (small.has(b) || !(double{b} > -2147483649.0 && double{b} < 2147483648.0)) [[unlikely]] {                   \
             goto reference;                                                                                            \
         }                                                                                                              \
@@ -780,7 +800,7 @@ rdy:
     TO_INTEGER(fdtoi, double)
 #define COMPARE(name, From)                                                                                            \
     name : {                                                                                                           \
-        FPU_FAST const From a = at<From>(f, d->rs1), b = at<From>(f, d->rs2);                                          \
+        FPU_FAST const From a = number_at<From>(f, d->rs1), b = number_at<From>(f, d->rs2);                            \
         if (__builtin_isunordered(a, b)) [[unlikely]] {                                                                \
             goto reference;                                                                                            \
         }                                                                                                              \
@@ -846,8 +866,11 @@ void Threaded::settle_exceptions(Core &core)
                          last_.op == Op::fcmped || last_.op == Op::fdtos || last_.op == Op::fdtoi;
     CpuState again;
     again.fsr = core.state.fsr;
-    again.floats[0] = doubles ? last_.a : last_.a << 32;
-    again.floats[1] = doubles ? last_.b : last_.b << 32;
+    const auto operand = [doubles](const std::uint64_t &kept) {
+        return doubles ? kept : std::uint64_t{at<std::uint32_t>(&kept, 0)} << 32;
+    };
+    again.floats[0] = operand(last_.a);
+    again.floats[1] = operand(last_.b);
     execute_fpop(again, core.fpu, {.op = last_.op, .rd = 4, .rs1 = 0, .rs2 = 2});
     constexpr std::uint32_t settled = fsr::cexc | fsr::ftt;
     core.state.fsr = (core.state.fsr & ~settled) | (again.fsr & settled);

@@ -10,7 +10,7 @@ using namespace fledge::emulator::testing;
 
 TEST(Threaded, RandomProgramsGoAsWithTheReference)
 {
-    for (std::uint64_t seed = 1; seed <= 400; seed++) {
+    for (std::uint64_t seed = 1; seed <= 1500; seed++) {
         ASSERT_EQ(difference_of(seed, &make_interpreter, &make_threaded), "");
     }
 }

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <algorithm>
+#include <cstdio>
+#include <cstring>
 #include <string>
 
 #include "emulator/cpu/instruction.h"
@@ -33,12 +35,35 @@ inline std::string difference_of(std::uint64_t seed, MakeEngine make_a, MakeEngi
     random.load(a);
     std::ranges::copy(a.bus.bytes(), b.bus.bytes().begin());
     b.s = a.s;
+    // A device that raises interrupts, a page that takes no writes, and pages that a debugger watches.
+    const std::uint32_t protected_page = random.chance(10) ? ram_base + random.below(ram_size) : ram_base;
+    const std::uint32_t watched_page = RandomProgram::data + page_size * random.below(2);
+    const auto watch = random.chance(30) ? page_watch_read : random.chance(30) ? page_watch_write : PageFlags{};
+    for (SmallComputer *c : {&a, &b}) {
+        c->bus.on_device_write = [c](std::uint32_t, std::uint32_t value) {
+            c->core.interrupt_level = value & 15;
+            c->core.attention = true;
+        };
+        c->bus.on_device_read = [c](std::uint32_t) { return static_cast<std::uint32_t>(c->s.cycles); };
+        c->bus.flags_of(protected_page) |= protected_page == ram_base ? 0 : page_protected;
+        c->bus.flags_of(watched_page) |= watch;
+    }
     for (int slice = 0; slice < slices; slice++) {
         const CpuState before = a.s;
         const std::uint64_t until = a.s.cycles + 1 + random.below(random.chance(50) ? 8 : 400);
         a.core.interrupt_level = b.core.interrupt_level = random.chance(20) ? random.below(16) : 0;
-        const Exit exit_a = a.engine->run(a.core, until), exit_b = b.engine->run(b.core, until);
-        if (exit_a != exit_b || !(a.s == b.s) || !std::ranges::equal(a.bus.bytes(), b.bus.bytes())) {
+        if (random.chance(10)) {
+            const std::uint32_t address = RandomProgram::code + 4 * random.below(RandomProgram::words);
+            const bool on = random.chance(70);
+            a.engine->set_breakpoint(a.core, address, on);
+            b.engine->set_breakpoint(b.core, address, on);
+        }
+        const bool step_over = random.chance(80);
+        const Exit exit_a = a.engine->run(a.core, until, step_over);
+        const Exit exit_b = b.engine->run(b.core, until, step_over);
+        if (exit_a != exit_b || !(a.s == b.s) || a.core.interrupt_level != b.core.interrupt_level ||
+            a.core.attention != b.core.attention ||
+            std::memcmp(a.bus.bytes().data(), b.bus.bytes().data(), ram_size) != 0) {
             std::string text = "seed " + std::to_string(seed) + " slice " + std::to_string(slice) + ", from\n" +
                                registers_of(before) + registers_of(a.s) + registers_of(b.s);
             for (std::uint32_t k = 0; k < 16; k++) {

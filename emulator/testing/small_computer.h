@@ -19,9 +19,9 @@ inline constexpr std::uint32_t ram_base = 0x40000000, ram_size = 64 * page_size,
 /// Memory at ram_base, and a device of a page at device_base; nothing elsewhere.
 class SmallBus : public Bus {
 public:
-    SmallBus() : bytes_(ram_size), flags_(ram_size / page_size)
+    explicit SmallBus(std::uint32_t size = ram_size) : bytes_(size), flags_(size / page_size)
     {
-        ram_ = {.base = ram_base, .size = ram_size, .bytes = bytes_.data(), .flags = flags_.data()};
+        ram_ = {.base = ram_base, .size = size, .bytes = bytes_.data(), .flags = flags_.data()};
     }
 
     const Memory &ram() const override { return ram_; }
@@ -32,7 +32,7 @@ public:
             value = on_device_read ? on_device_read(address - device_base) : 0;
             return Access::done;
         }
-        if (address - ram_base >= ram_size) {
+        if (address - ram_base >= ram_.size) {
             return Access::fault;
         }
         value = 0;
@@ -50,7 +50,7 @@ public:
             }
             return Access::done;
         }
-        if (address - ram_base >= ram_size || flag(address, page_protected)) {
+        if (address - ram_base >= ram_.size || flag(address, page_protected)) {
             return Access::fault;
         }
         for (unsigned k = 0; k < size; k++) {
@@ -64,7 +64,7 @@ public:
 
     Access fetch(std::uint32_t address, std::uint32_t &word) override
     {
-        if (address - ram_base >= ram_size) {
+        if (address - ram_base >= ram_.size) {
             return Access::fault;
         }
         word = load(address);

@@ -26,10 +26,7 @@ std::string first_difference(const Stream &stream, FpuPersonality fpu, Make make
         const std::string what = differences(reference.core.state, other.core.state);
         if (a == b && what.empty())
             continue;
-        const std::uint32_t at = before.pc - ram_base;
-        std::uint32_t word = 0;
-        for (std::uint32_t i = 0; at + 4 <= stream.size && i < 4; ++i)
-            word = word << 8 | reference.memory[at + i];
+        const std::uint32_t word = before.pc - ram_base < stream.size ? reference.bus.load(before.pc) : 0;
         char text[160];
         std::snprintf(text, sizeof text, "after the instruction %08x at %08x (cycle %llu; exits %d and %d):\n", word,
                       before.pc, static_cast<unsigned long long>(before.cycles), static_cast<int>(a),
@@ -104,10 +101,10 @@ std::string compare_engines(const Stream &stream, FpuPersonality fpu, std::uint6
             return "the program did not end: exit " + std::to_string(int(expected)) + "\n";
     }
     for (Other &o : others)
-        if (const std::string what = compare(stream, reference.memory, o.computer.memory); !what.empty())
+        if (const std::string what = compare(stream, reference.memory(), o.computer.memory()); !what.empty())
             return std::string(o.computer.engine->name()) + ": " + what + "\n";
     if (memory != nullptr)
-        *memory = reference.memory;
+        *memory = reference.memory();
     return "";
 }
 

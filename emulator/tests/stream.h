@@ -9,15 +9,16 @@
 #include <string>
 #include <vector>
 
-namespace fledge::emulator::testing {
+#include "emulator/testing/small_computer.h"
 
-inline constexpr std::uint32_t ram_base = 0x40000000;
+namespace fledge::emulator::testing {
 
 /// What blocks may contain besides what all processors do alike.
 struct StreamOptions {
     std::uint64_t seed = 1;
     std::uint32_t blocks = 500;
     std::uint32_t loop = 4; ///< how often the body of a loop runs, at most
+    bool sleep = false;     ///< blocks that wait for an interrupt
     bool for_qemu = true;   ///< without what stock QEMU does otherwise: README.md has the list
 };
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A LEON3 board as a program: fledge_leon3 --help.
 #include "emulator/board.h"
+#include "emulator/debug/tools.h"
 #include "emulator/devices/apbuart.h"
 #include "emulator/devices/register_space.h"
 #include "emulator/elf.h"
@@ -28,8 +29,10 @@ constexpr Ns second = 1'000'000'000;
 
 struct Options {
     std::string board, program, tables, registers, engine = "translator", timing, console, record;
+    std::string gdb, trace, coverage, profile;
     double duration = 0, wait = 10;
-    bool figures = false;
+    std::pair<double, double> traced = {0, 9e9};
+    bool figures = false, stacks = false;
 };
 
 volatile std::sig_atomic_t stopped = 0;
@@ -65,6 +68,15 @@ Options parse(int argc, char **argv)
     app.add_option("--wait", o.wait, "for the register file to be there; default: 10")
         ->check(CLI::Range(0.0, 1e6))
         ->type_name("SECONDS");
+    text("--gdb", o.gdb, "[ADDRESS:]PORT: wait there for gdb-multiarch; the board stands until gdb lets it run")
+        ->option_text("[ADDRESS:]PORT");
+    text("--trace", o.trace, "a file for each instruction, in words");
+    app.add_option("--traced", o.traced, "trace between these times of the board")
+        ->type_name("SECONDS SECONDS")
+        ->needs("--trace");
+    text("--coverage", o.coverage, "a file for the lines and branches that ran, for genhtml");
+    text("--profile", o.profile, "a file for the cost of each function, for callgrind_annotate");
+    app.add_flag("--stacks", o.stacks, "print how deep each stack was used");
     app.add_flag("--figures", o.figures, "print figures at the end also without --tables");
     try {
         app.parse(argc, argv);
@@ -94,7 +106,7 @@ public:
     }
     Output(const Output &) = delete;
     Output &operator=(const Output &) = delete;
-    void put(std::uint8_t byte) { std::fputc(byte, file_); }
+    void put(std::uint8_t byte) { putc_unlocked(byte, file_); }
     void close()
     {
         const bool failed = std::ferror(file_) != 0;
@@ -195,13 +207,47 @@ void print_figures(Machine &machine, const FlightLoop *loop)
                 static_cast<unsigned long long>(machine.watchdog_resets()));
 }
 
+/// Begin what the options ask for.
+void observe(Tools &tools, const Options &o)
+{
+    const auto ns = [](double s) { return static_cast<Ns>(s * 1e9); };
+    if (!o.trace.empty()) {
+        tools.trace(o.trace, ns(o.traced.first), ns(o.traced.second));
+    }
+    if (!o.coverage.empty()) {
+        tools.coverage(o.coverage);
+    }
+    if (!o.profile.empty()) {
+        tools.profile(o.profile);
+    }
+    if (o.stacks) {
+        tools.stacks();
+    }
+    if (!o.gdb.empty()) {
+        std::fprintf(stderr, "fledge_leon3: waiting for gdb; in gdb-multiarch: target remote :%u\n",
+                     tools.serve_gdb(o.gdb));
+        while (!stopped && !tools.gdb()->wait(200)) {
+        }
+    }
+}
+
 /// Run a program that is no mission. Returns the exit code.
-int run_alone(Machine &machine, const Program &program, const Options &o)
+int run_alone(Machine &machine, Tools &tools, const Program &program, const Options &o)
 {
     const Ns end = o.duration > 0 ? static_cast<Ns>(o.duration * 1e9) : std::numeric_limits<Ns>::max();
+    constexpr Ns hour = 3600 * second;
     StopReason reason = StopReason::time;
+    std::uint64_t instructions = 0;
+    Ns awake = 0; // when it last executed an instruction
     while (!stopped && reason == StopReason::time && machine.now() < end) {
-        reason = machine.run_until(std::min(end, machine.now() + second));
+        reason = tools.run_until(std::min(end, machine.now() + second));
+        awake = std::exchange(instructions, machine.instructions()) != instructions ? machine.now() : awake;
+        if (machine.now() - awake >= hour) {
+            std::fflush(stdout);
+            std::fprintf(stderr, "fledge_leon3: for an hour no interrupt has come: %s",
+                         machine.report(&program).c_str());
+            return 1;
+        }
     }
     int status = 0;
     if (reason == StopReason::error && !program_ended(machine, status)) {
@@ -243,9 +289,11 @@ int run(const Options &o)
         first->transmit = [&](std::uint8_t byte) { console ? console->put(byte) : void(std::putchar(byte)); };
     }
 
+    Tools tools(machine, program);
+    observe(tools, o);
     int result = 0;
     if (o.tables.empty()) {
-        result = run_alone(machine, program, o);
+        result = run_alone(machine, tools, program, o);
         if (o.figures) {
             print_figures(machine, nullptr);
         }
@@ -259,9 +307,16 @@ int run(const Options &o)
         space->attach(file.windows);
         FlightLoop loop(machine);
         loop.next = [&](Ns t) { return next_after(mission, t); };
+        loop.run = [&](Ns t) { return tools.run_until(t); };
+        loop.on_tick = [&] { tools.begin(); };
         machine.on_error = [&] {
             std::fflush(stdout);
             std::fprintf(stderr, "fledge_leon3: %s", machine.report(&program).c_str());
+        };
+        machine.on_reset = [&, by_watchdog = std::uint64_t{0}]() mutable {
+            const bool watchdog = std::exchange(by_watchdog, machine.watchdog_resets()) != machine.watchdog_resets();
+            std::fprintf(stderr, "fledge_leon3: %s has reset the board, %.3f s after it was switched on\n",
+                         watchdog ? "the watchdog" : "the outside", static_cast<double>(machine.now()) * 1e-9);
         };
         const std::string wrong = fly(file, loop, *space->clock());
         print_figures(machine, &loop);
@@ -270,6 +325,10 @@ int run(const Options &o)
             std::fprintf(stderr, "fledge_leon3: %s\n", wrong.c_str());
             result = 1;
         }
+    }
+    tools.finish();
+    for (const StackDepth::Stack &one : tools.depths()) {
+        std::printf("stack_%s %u\n", one.name.c_str(), one.used());
     }
     if (console) {
         console->close();
@@ -284,11 +343,10 @@ int run(const Options &o)
 
 int main(int argc, char **argv)
 {
-    const Options o = parse(argc, argv);
     std::signal(SIGINT, [](int) { stopped = 1; });
     std::signal(SIGTERM, [](int) { stopped = 1; });
     try {
-        return run(o);
+        return run(parse(argc, argv));
     } catch (const std::exception &error) {
         std::fflush(stdout);
         std::fprintf(stderr, "fledge_leon3: %s\n", error.what());

@@ -83,6 +83,15 @@ TEST_F(Leon3, an_error_is_reported)
     EXPECT_THAT(text, HasSubstr("backtrace\n    #0  0x4000102c main+0x2c"));
 }
 
+TEST_F(Leon3, a_program_that_sleeps_for_ever_is_reported)
+{
+    write("sleeps.elf", program_file({power_down, nop, ba(0), nop}));
+    const auto [status, text] = run("board.toml sleeps.elf");
+    EXPECT_EQ(status, 1);
+    EXPECT_THAT(text,
+                HasSubstr("for an hour no interrupt has come: the processor waits for an interrupt, at 0x40001020"));
+}
+
 TEST_F(Leon3, time_may_be_limited)
 {
     write("endless.elf", program_file({ba(0), nop}));

@@ -31,7 +31,8 @@ enum {
 #define BEAT_US 100000u /* the period of the interrupt that ends any sleep */
 
 /* Symbols of the linker script. */
-extern const uint32_t leon3_registers[], leon3_data[], leon3_bss_end[], leon3_stack[], leon3_stack_end[];
+extern const uint32_t leon3_traps[], leon3_data_load[], leon3_data_end[], leon3_registers[], leon3_data[],
+    leon3_bss_end[], leon3_stack[], leon3_stack_end[];
 extern const char LEON3_CLOCK[]; /* [Hz], as an address */
 
 Leon3Devices leon3;
@@ -41,8 +42,9 @@ int leon3_console_off;
 
 static void (*handlers[16])(void);
 static uint32_t watchdog; /* the address of its timer, or 0 */
-static uint32_t counted;  /* [us] of the counter, at the last look */
-static uint64_t elapsed;  /* [us] */
+static int watched;
+static uint32_t counted; /* [us] of the counter, at the last look */
+static uint64_t elapsed; /* [us] */
 
 static uint32_t load(uint32_t address)
 {
@@ -117,7 +119,7 @@ static void wake(void) {} /* leon3_idle returns, and its caller looks */
 
 void leon3_idle(void)
 {
-    if (watchdog != 0u) {
+    if (watched) {
         store(watchdog + TIMER_CONTROL, TIMER_ENABLE | TIMER_LOAD);
     }
     (void)leon3_now(); /* often enough to see each turn of the counter */
@@ -146,11 +148,23 @@ static void start_timers(void)
     store(count + TIMER_CONTROL, TIMER_ENABLE | TIMER_RESTART | TIMER_LOAD);
     counted = UINT32_MAX;
     elapsed = 0u;
-    if (n > 2u) { /* the last one resets the board */
-        watchdog = beat + 0x10u * (n - 1u);
+    watchdog = n > 2u ? beat + 0x10u * (n - 1u) : 0u; /* the last one */
+}
+
+void leon3_watch(void)
+{
+    watched = watchdog != 0u;
+    if (watched) {
         store(watchdog + TIMER_RELOAD, LEON3_PATIENCE_S * 1000000u);
-        store(watchdog + TIMER_CONTROL, TIMER_ENABLE | TIMER_LOAD);
     }
+}
+
+void leon3_stop(int status)
+{
+    if (watchdog != 0u) {
+        store(watchdog + TIMER_CONTROL, 0u);
+    }
+    leon3_halt(status);
 }
 
 int64_t leon3_now(void)
@@ -249,7 +263,7 @@ void leon3_report_fault(const Leon3Fault *f)
     say_row("o", f->o);
     say_row("l", f->l);
     say_row("i", f->i);
-    leon3_stop(1);
+    leon3_halt(1);
 }
 
 /* ---- the program */
@@ -266,6 +280,12 @@ uint32_t leon3_stack_used(void)
         p++;
     }
     return (uint32_t)((uintptr_t)leon3_stack_end - (uintptr_t)p);
+}
+
+uint32_t leon3_program_size(void)
+{
+    return (uint32_t)((uintptr_t)leon3_data_load - (uintptr_t)leon3_traps + (uintptr_t)leon3_data_end -
+                      (uintptr_t)leon3_data);
 }
 
 uint32_t leon3_data_size(void)

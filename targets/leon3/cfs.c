@@ -7,7 +7,7 @@
 #include "targets/cfs/pocket.h"
 #include "targets/cfs/watch.h"
 #include "targets/leon3/leon3.h"
-#include "targets/mission_host.h"
+#include "targets/leon3/recorder.h"
 
 extern const PocketApp fledge_apps[];
 extern const uint32 fledge_apps_n;
@@ -48,54 +48,24 @@ void FSW_Detach(bool keep)
 
 /* ---- the record, and the end */
 
-static int send_record(void *user, const void *bytes, size_t n)
-{
-    (void)user;
-    leon3_send(leon3.link, bytes, n);
-    return 0;
-}
-
-static void finish(const MissionIoCounts *counts)
-{
-    if (status == MCAP_OK) {
-        status = mission_record_close(&record);
-    }
-    leon3_console_off = 0;
-    leon3_say_figure("flown", ticks);
-    leon3_say_figure("refused", counts->refused);
-    leon3_say_figure("corrupt", counts->corrupt);
-    leon3_say_figure("saturated", counts->saturated);
-    leon3_say_figure("skipped", counts->skipped);
-    leon3_say_figure("data_bytes", leon3_data_size());
-    leon3_say_figure("stack_bytes", leon3_stack_used());
-    leon3_say_figure("task_stack_bytes", port_stack_used());
-    leon3_say_figure("events_errors", pocket_counts().errors);
-    if (status != MCAP_OK) {
-        leon3_say("the record failed\n");
-    }
-    leon3_stop(status == MCAP_OK ? 0 : 1);
-}
-
 void fledge_watch(const void *mission, int64_t t, const MissionIoCounts *counts)
 {
-    if (t == -1) {
-        finish(counts);
-    }
-    if (t < 0) {
-        return;
-    }
     host.mission = (void *)(uintptr_t)mission;
-    ticks++;
-    if (status == MCAP_OK) {
-        status = mission_record_take(&record, &host, t);
+    if (t >= 0) {
+        recorder_take(&host, t, "leon3-cfs");
+    } else if (t == -1) {
+        const int result = recorder_end(counts);
+        leon3_say_figure("task_stack_bytes", port_stack_used());
+        leon3_say_figure("events_errors", pocket_counts().errors);
+        leon3_stop(result);
     }
 }
 
 int main(void)
 {
     host = fledge_mission;
-    leon3_console_off = leon3.link == leon3.console;
-    status = mission_record_open(&record, &host, send_record, NULL, "leon3-cfs");
+    leon3_watch();
+    recorder_resume();
     pocket_boot("", fledge_apps, fledge_apps_n);
     pocket_quiet(true);
     for (uint32 i = 0; i < leon3_files_n; i++) {

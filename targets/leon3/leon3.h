@@ -34,11 +34,13 @@ typedef struct Leon3Fault {
     uint32_t g[8], o[8], l[8], i[8];
 } Leon3Fault;
 
-/** Prints an unexpected trap on the console, and stops. */
+/** Prints an unexpected trap on the console, and halts: the watchdog, if it runs, resets the board. */
 void leon3_report_fault(const Leon3Fault *fault);
 
-/** The program has ended. */
+/** The program has ended: stop the watchdog and halt. */
 void leon3_stop(int status) __attribute__((noreturn));
+/** Halt the processor: it traps while traps are disabled. Emulators see the end of a program, and its status. */
+void leon3_halt(int status) __attribute__((noreturn));
 /** Reset the board by its watchdog; without one, as leon3_stop(1). */
 void leon3_reset(void) __attribute__((noreturn));
 
@@ -47,9 +49,11 @@ void leon3_on_interrupt(uint32_t level, void (*handler)(void));
 /** Called by traps.S. */
 void leon3_interrupt(uint32_t level);
 
-/** Sleep until an interrupt; returns at once if no device will interrupt. It also keeps the watchdog quiet. Call it at
- *  least every LEON3_PATIENCE_S. */
+/** Sleep until an interrupt; returns at once if no device will interrupt. */
 void leon3_idle(void);
+/** From its first call on, leon3_idle keeps the watchdog quiet: it resets the board LEON3_PATIENCE_S after the last
+ *  call. The watchdog is the last timer of at least three. */
+void leon3_watch(void);
 #define LEON3_PATIENCE_S 10
 
 /** [ns] since the start; to a microsecond. */
@@ -65,9 +69,11 @@ void leon3_say_hex(uint32_t value);
 void leon3_say_figure(const char *key, uint32_t value);
 extern int leon3_console_off;
 
-/** How many bytes of the stack were used so far, and how many it has; how many the program's data have. */
+/** [bytes] Of the stack, used so far, and its size; of the program, what a ROM would hold: code, constants and initial
+ *  data; of its data in RAM. */
 uint32_t leon3_stack_used(void);
 uint32_t leon3_stack_size(void);
+uint32_t leon3_program_size(void);
 uint32_t leon3_data_size(void);
 
 /** A thread of execution that waits. */

@@ -1,23 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* An exported mission as the program of a LEON3 board. The clock of the register space paces flight: at each tick the
- * processor wakes up, flies, answers, and then sends the outputs of flight as a record through the last UART. At the
- * end of the run it prints its counters on the console, a key and a value on each line. */
+ * processor wakes up, flies, answers, and then records the outputs of flight. */
 #include "registers/plug_and_play.h"
 #include "targets/leon3/leon3.h"
-#include "targets/mission_host.h"
+#include "targets/leon3/recorder.h"
+
+#define TARGET "leon3"
 
 enum { BOARDS_MAX = 4 };
 
 static RegisterWindow windows[BOARDS_MAX];
 static MissionIoCounts counts;
-static MissionRecord record;
-
-static int send_record(void *user, const void *bytes, size_t n)
-{
-    (void)user;
-    leon3_send(leon3.link, bytes, n);
-    return 0;
-}
 
 static const RegisterWindow *place_windows(void)
 {
@@ -32,7 +25,6 @@ static const RegisterWindow *place_windows(void)
 
 int main(void)
 {
-    uint32_t ticks = 0u;
     Tick tick;
     if (fledge_mission.io->n_boards > BOARDS_MAX) {
         leon3_say("the mission has more than 4 register boards\n");
@@ -40,35 +32,20 @@ int main(void)
     }
     fledge_mission.init();
     const RegisterWindow *clock = place_windows();
-    leon3_console_off = leon3.link == leon3.console;
-    McapStatus status = mission_record_open(&record, &fledge_mission, send_record, NULL, "leon3");
-    while (status == MCAP_OK) {
+    leon3_watch();
+    recorder_resume();
+    while (!register_clock_stopped(clock)) {
         if (register_clock_due(clock, &tick)) {
             mission_host_exchange(&fledge_mission, windows, tick.t, &counts);
             register_clock_finish(clock);
-            if (tick.t >= 0) {
-                ticks++;
-                status = mission_record_take(&record, &fledge_mission, tick.t);
+            if (tick.t < 0) {
+                recorder_begin(&fledge_mission, TARGET);
+            } else {
+                recorder_take(&fledge_mission, tick.t, TARGET);
             }
-        } else if (register_clock_stopped(clock)) {
-            status = mission_record_close(&record);
-            break;
         } else {
             leon3_idle();
         }
     }
-    leon3_console_off = 0;
-    leon3_say_figure("flown", ticks);
-    leon3_say_figure("refused", counts.refused);
-    leon3_say_figure("corrupt", counts.corrupt);
-    leon3_say_figure("saturated", counts.saturated);
-    leon3_say_figure("skipped", counts.skipped);
-    leon3_say_figure("data_bytes", leon3_data_size());
-    leon3_say_figure("stack_bytes", leon3_stack_used());
-    if (status != MCAP_OK) {
-        leon3_say("the record failed: ");
-        leon3_say(mcap_status_text(status));
-        leon3_say("\n");
-    }
-    return status == MCAP_OK ? 0 : 1;
+    return recorder_end(&counts);
 }

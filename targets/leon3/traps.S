@@ -295,9 +295,9 @@ leon3_begin:
         mov     %l1, %o0
         ta      1
 
-/* void leon3_stop(int status): the end of the program, for emulators: a trap while traps are disabled. */
-        .global leon3_stop
-leon3_stop:
+/* void leon3_halt(int status): the error mode. */
+        .global leon3_halt
+leon3_halt:
         rd      %psr, %g1
         andn    %g1, ENABLE_TRAPS, %g1
         wr      %g1, %psr

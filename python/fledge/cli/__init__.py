@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command line: `./fledge run | node | up | montecarlo | export | keys | show | list | plot | convert | bench`.
+"""The command line: `./fledge run | node | up | montecarlo | flips | export | keys | show | list | plot | convert |
+bench`.
 
 Exit codes: 0 all went well; 1 a check of the scenario failed, or the run did; 2 the command line or
 the mission is wrong; 130 Ctrl-C.
@@ -336,13 +337,14 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("--for", dest="duration", metavar="DURATION",
                      help="fly without a scenario for this long (90s, 10min, 2h), recording all outputs")
 
-    from fledge.cli import compare, export, fly, keys, montecarlo, node, replay, up
+    from fledge.cli import compare, export, flips, fly, keys, montecarlo, node, replay, up
 
     node.add_parameters(one)
     node.add(command)
     montecarlo.add(command)
     export.add(command)
     fly.add(command)
+    flips.add(command)
     compare.add(command)
     replay.add(command)
     keys.add(command)

@@ -14,6 +14,7 @@ import sys
 
 from fledge.cli.node import add_parameters, given_parameters
 
+PATIENCE = 1e6          # [s] of the other programs, while gdb stops flight
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -27,9 +28,9 @@ def add(command: Callable) -> None:
     one.add_argument("scenario", nargs="?", help="its set-up and duration count; default: the mission's first")
     one.add_argument("--free", action="store_true", help="without a scenario; with --for")
     one.add_argument("--on", default="desktop,linux", metavar="TARGETS", help="of desktop, linux, aarch64, sparc64, "
-                     "cfs; default: desktop,linux. The desktop always flies, because the others are compared with it. "
-                     "chief=cfs,deputy=aarch64: one run, with a target for each of these flight processes; all others "
-                     "on the desktop's code")
+                     "cfs, leon3, leon3-qemu, leon3-cfs; default: desktop,linux. The desktop always flies, because the "
+                     "others are compared with it. chief=cfs,deputy=leon3: one run, with a target for each of these "
+                     "flight processes; all others on the desktop's code")
     one.add_argument("--for", dest="duration", metavar="DURATION", help="fly only so long (90s, 10min, 2h)")
     one.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
     one.add_argument("--board", nargs="+", default=[], metavar="FILE", help="boards that the messages pass, as "
@@ -42,6 +43,11 @@ def add(command: Callable) -> None:
                      "on the pocket cFE")
     one.add_argument("--report", action="store_true", help="also write the plots and a page about the run on each "
                      "target, as run does")
+    tools = one.add_argument_group("on one leon3 or leon3-cfs (docs/leon3-debugging.md)")
+    tools.add_argument("--gdb", metavar="[ADDRESS:]PORT", help="wait there for gdb-multiarch")
+    for name, what in (("trace", "each instruction, in words"), ("coverage", "the lines and branches that ran, for "
+                       "genhtml"), ("profile", "the cost of each function, for callgrind_annotate")):
+        tools.add_argument(f"--{name}", metavar="FILE", help=f"write {what}")
     one.add_argument("--build", action="store_true", help="only build, and print the path and the size")
     one.add_argument("--join", nargs="?", const="", metavar="ADDRESS", help="fly as a node, called as "
                      "the process, of a run whose controller is elsewhere, one process on one target; default: "
@@ -67,7 +73,7 @@ def fly(options: argparse.Namespace) -> int:
             raise Failure(f"fly: {name} needs {' and '.join(missing)}, not installed here")
     if options.cfs and "cfs" not in [*names, *apart.values()]:
         raise Failure("fly: --cfs is for --on cfs")
-    targets = {**TARGETS, **({"cfs": RealCfs(options.cfs)} if options.cfs else {})}
+    targets = {**TARGETS, **({"cfs": RealCfs(options.cfs)} if options.cfs else {}), **_with_tools(options)}
     duration = parse_duration(options.duration) if options.duration else None
     settled = parse_duration(options.settled) if options.settled else 0.0
     if not duration and options.duration:
@@ -92,6 +98,9 @@ def fly(options: argparse.Namespace) -> int:
             raise Failure(f"{where}: flight puts out no field {field}"
                           + (f"; its processes are {', '.join(one.process for one in job.parts)}"
                              if len(job.parts) > 1 else ""))
+    if options.gdb:
+        address = options.gdb if ":" in options.gdb else f":{options.gdb}"
+        print(f"fledge: the board waits for gdb-multiarch: target remote {address}", file=sys.stderr)
     with alone(job.folder):
         if options.build:
             return _build(job, others)
@@ -101,6 +110,20 @@ def fly(options: argparse.Namespace) -> int:
         if apart:
             runs["apart"] = {one.process: targets[apart.get(one.process, "desktop")] for one in job.parts}
         return _fly(options, job, runs, bounds)
+
+
+def _with_tools(options):
+    """The targets on a LEON3, with what a developer wants of them."""
+    from fledge.errors import Failure
+    from fledge.targets import Leon3, Leon3Cfs
+
+    words = [word for name in ("trace", "coverage", "profile") if getattr(options, name)
+             for word in (f"--{name}", os.path.abspath(getattr(options, name)))]
+    words += ["--gdb", options.gdb] if options.gdb else []
+    flown = re.findall(r"\bleon3(?:-cfs)?(?![-\w])", options.on)
+    if words and len(flown) != 1:
+        raise Failure(f"fly: {words[0]} is for one leon3 or leon3-cfs, as in --on leon3; found {options.on}")
+    return {one.name: one for one in (Leon3(words), Leon3Cfs(words))} if words else {}
 
 
 def _chosen(text):
@@ -145,7 +168,8 @@ def _fly(options, job, runs, bounds):
     rows, same, first, archives, records = [], True, {}, {}, {}
     for name, on in {"desktop": None, **runs}.items():
         try:
-            flown = fly(job, on, name) if on else TARGETS["desktop"].fly(job)
+            patience = PATIENCE if options.gdb else 60.0
+            flown = fly(job, on, name, patience) if on else TARGETS["desktop"].fly(job)
         except Failure as error:
             print(f"  {name}: {error}", file=sys.stderr)
             rows.append((name, None, "", "did not fly"))

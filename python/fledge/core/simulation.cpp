@@ -160,6 +160,23 @@ void play(sim::Process &process, py::handle output, const py::bytes &times, cons
     process.play(*port.instance, std::move(played));
 }
 
+py::bytes incoming(const sim::Process &process, py::handle input)
+{
+    const auto bytes = process.incoming(port_of(input));
+    return {reinterpret_cast<const char *>(bytes.data()), bytes.size()};
+}
+
+void put_out(const sim::Process &process, py::handle output, const py::bytes &message)
+{
+    const sim::Port port = port_of(output);
+    const std::string_view bytes = message;
+    if (!process.flight() || port.field->group != FLEDGE_OUT || bytes.size() != port.field->size) {
+        throw py::value_error(port.path() + " takes an output's " + std::to_string(port.field->size) +
+                              " bytes, of a process that fly_by() flies");
+    }
+    std::memcpy(port.bytes(), bytes.data(), bytes.size());
+}
+
 bool run_until(sim::Simulation &simulation, Ns t, double pace, py::object progress)
 {
     Poll poll;
@@ -378,6 +395,9 @@ void bind_simulation(py::module_ &m)
                                })
         .def_property_readonly("outages", &sim::Process::outages)
         .def("play", play)
+        .def("fly_by", &sim::Process::fly_by, "A function of the time [ns] flies in place of the process' modules.")
+        .def("incoming", incoming, "The bytes of the message that is for an input at this instant.")
+        .def("put_out", put_out, "Write the bytes of an output, as fly_by's function.")
         .def("enter", &sim::Process::enter)
         .def_property_readonly("mode", &sim::Process::mode)
         .def_property_readonly("asked", &sim::Process::asked)

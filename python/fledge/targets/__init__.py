@@ -6,6 +6,7 @@
     build.py      builds C by ninja, and measures the size of programs
     target.py     the targets: the desktop, a Linux process, the same for aarch64 and sparc64
     cfs.py        the target that is an app of the core Flight System
+    leon3.py      the targets on a LEON3 board; leon3_toolchain.py has its compiler and C library
     loop.py       the programs of one flight: controller, world, and the node of the target's board
     table.py      the table that `fledge fly` prints
 """

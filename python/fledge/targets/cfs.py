@@ -25,6 +25,16 @@ APP = cfs.App("fsw")
 QUEUES = "/proc/sys/fs/mqueue/msg_max"
 
 
+def write_app(app: cfs.App, part: Part, parent: Path) -> Path:
+    """Write a part as an app that `fledge fly` can start, and return its folder."""
+    folder = (parent / app.name).resolve()
+    written = cfs.write(part.mission, app, folder, part.board_files(), (), part.roots[:-1], simulated=True,
+                        watched=True)
+    for old in {file for file in folder.rglob("*") if file.is_file()} - set(written):
+        old.unlink()                # of an earlier export
+    return folder
+
+
 class Cfs(Target):
     """On the pocket cFE, targets/cfs, in a process of its own."""
 
@@ -34,12 +44,7 @@ class Cfs(Target):
 
     def app(self, part: Part) -> Path:
         """Write the app, and return its folder."""
-        folder = part.folder / self.name / APP.name
-        written = cfs.write(part.mission, APP, folder, part.board_files(), (), part.roots[:-1], simulated=True,
-                            watched=True)
-        for old in {file for file in folder.rglob("*") if file.is_file()} - set(written):
-            old.unlink()                # of an earlier export
-        return folder.resolve()
+        return write_app(APP, part, part.folder / self.name)
 
     def build(self, part: Part) -> Path:
         app, folder = self.app(part), (part.folder / self.name).resolve()

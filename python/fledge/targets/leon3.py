@@ -2,9 +2,10 @@
 """A mission on a LEON3 board: on the project's emulator, on stock QEMU, and as an app of the pocket cFE."""
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from fledge.export import cfs
 from fledge.export.c_text import wrap
@@ -12,8 +13,7 @@ from fledge.export.cfs import around
 from fledge.export.write import write_files
 from fledge.targets import build
 from fledge.targets import leon3_toolchain as toolchain
-from fledge.targets.cfs import Cfs
-from fledge.targets.restarts import join_starts
+from fledge.targets.cfs import write_app
 from fledge.targets.target import Target
 
 if TYPE_CHECKING:
@@ -21,18 +21,26 @@ if TYPE_CHECKING:
 
 FOLDER = build.ROOT / "targets/leon3"
 BOARD = build.ROOT / "emulator/boards/leon3.toml"
-RAM, RAM_SIZE, CLOCK = 0x40000000, 0x800000, 80_000_000
 SUPPORT = [FOLDER / name for name in ("traps.S", "board.c", "runtime.c", "system.c")]
 SHARED = ["targets/mission_io.c", "targets/mission_packets.c", "targets/mission_host.c", "record/mcap.c",
           "record/mcap_crc.c", "registers/lane.c", "registers/field.c", "registers/clock.c", "registers/message.c"]
 
 
-def program(folder: Path, name: str, sources: Sequence[Path], includes: Sequence[Path],
-            flags: Sequence[str] = ()) -> Path:
+def read_board(path: Path) -> dict[str, Any]:
+    """A board's file."""
+    with path.open("rb") as file:
+        return tomllib.load(file)
+
+
+def program(folder: Path, name: str, sources: Sequence[Path], includes: Sequence[Path], flags: Sequence[str] = (),
+            board: Path = BOARD) -> Path:
     """Build a program for a LEON3 board, with its board support."""
-    linked = toolchain.link(FOLDER / "leon3.ld", LEON3_RAM=RAM, LEON3_RAM_SIZE=RAM_SIZE, LEON3_CLOCK=CLOCK)
+    described = read_board(board)
+    linked = toolchain.link(FOLDER / "leon3.ld", LEON3_RAM=described["ram"]["base"],
+                            LEON3_RAM_SIZE=described["ram"]["size"], LEON3_CLOCK=described["clock"])
     return build.program(folder, name, [*SUPPORT, *sources], [*includes, build.ROOT], toolchain.COMPILER,
-                         [*toolchain.headers(), *flags], linked, machine=toolchain.MACHINE)
+                         [*toolchain.headers(), "-g", "-UMCAP_CRC_TABLES", "-DMCAP_CRC_TABLES=1", *flags], linked,
+                         machine=toolchain.MACHINE)
 
 
 class Leon3(Target):
@@ -43,21 +51,24 @@ class Leon3(Target):
     emulated = True
     cpu_of = "simulated"
     needs: tuple[str, ...] = (toolchain.COMPILER,)
+    board = BOARD
+
+    def __init__(self, tools: Sequence[str] = ()) -> None:
+        self.tools = tools      # further arguments of fledge_leon3
 
     def build(self, part: Part) -> Path:
-        return program(part.folder / "leon3", part.mission.name,
-                       [*part.sources(), *(build.ROOT / path for path in SHARED), FOLDER / "main.c"], part.includes())
+        sources = [*part.sources(), *(build.ROOT / path for path in SHARED), FOLDER / "main.c", FOLDER / "recorder.c"]
+        return program(part.folder / "leon3", part.mission.name, sources, part.includes(), board=self.board)
 
     def command(self, built: Path, record: str) -> list[str]:
         tables = built.parent.parent / f"tables/{built.name}.so"
-        return [str(build.native("fledge_leon3", "emulator/tools")), str(BOARD), str(built.resolve()), "--tables",
-                str(tables.resolve()), "--registers", "{registers}", "--record", record]
+        return [str(build.native("fledge_leon3", "emulator/tools")), str(self.board), str(built.resolve()), "--tables",
+                str(tables.resolve()), "--registers", "{registers}", "--record", record, *self.tools]
 
     def sizes(self, built: Path) -> tuple[int, int]:
         return build.sizes(built, toolchain.SIZE)
 
     def _flown(self, built, record, figures):
-        join_starts(record)
         flown = super()._flown(built, record, figures)
         flown.cpu_of = self.cpu_of
         return flown
@@ -79,7 +90,8 @@ class Leon3Qemu(Leon3):
         return build.program(part.folder / self.name, part.mission.name, sources, part.includes())
 
     def command(self, built: Path, record: str) -> list[str]:
-        return [str(built.resolve()), str(self.guest(built).resolve()), str(RAM_SIZE), record, "{registers}"]
+        return [str(built.resolve()), str(self.guest(built).resolve()), str(read_board(self.board)["ram"]["size"]),
+                record, "{registers}"]
 
     def sizes(self, built: Path) -> tuple[int, int]:
         return super().sizes(self.guest(built))
@@ -94,15 +106,13 @@ class Leon3Cfs(Leon3):
     """The app of the core Flight System on the board, with the pocket cFE."""
 
     name = "leon3-cfs"
+    cpu_of = "simulated, record too"
     about = "an app of the core Flight System on the board, on the pocket cFE"
     app = cfs.App("fsw", order="big")
 
     def build(self, part: Part) -> Path:
         folder = (part.folder / self.name).resolve()
-        app = folder / self.app.name
-        written = cfs.write(part.mission, self.app, app, part.board_files(), (), part.roots[:-1], watched=True)
-        for old in {file for file in app.rglob("*") if file.is_file()} - set(written):
-            old.unlink()                # of an earlier export
+        app = write_app(self.app, part, folder)
         files = {f"/cf/{file.name}": file.read_bytes() for file in sorted((app / "cf").iterdir())}
         write_files({"apps.c": around.app_list([self.app]),
                      "files.c": files_in_memory(files | {"/cf/cfe_es_startup.scr": around.startup(self.app).encode()}),
@@ -111,12 +121,12 @@ class Leon3Cfs(Leon3):
         pocket = [file for file in around.pocket_sources() if file.name not in ("host.c", "port_posix.c")]
         return program(folder, part.mission.name,
                        [*sorted(own), folder / "apps.c", folder / "files.c", *pocket, FOLDER / "port.c",
-                        FOLDER / "cfs.c"],
+                        FOLDER / "cfs.c", FOLDER / "recorder.c"],
                        [app, folder / "inc", app / "fsw/inc", app / "fsw/src", build.ROOT / "targets/cfs/inc"],
-                       ["-DPOCKET_TASKS=8u", "-include", f"{self.app.name}_names.h"])
+                       ["-DPOCKET_TASKS=8u", "-include", f"{self.app.name}_names.h"], self.board)
 
 
-LEFT_OUT = {"fsw_attach.c", "watch.c", "file_sink.c"}     # what cfs.c has in place of them
+LEFT_OUT = {"fsw_attach.c", "shared_file.c", "watch.c", "file_sink.c"}      # what cfs.c has in place of them
 
 
 def files_in_memory(files: Mapping[str, bytes]) -> str:

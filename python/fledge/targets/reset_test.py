@@ -7,8 +7,6 @@ import pytest
 import fledge
 from fledge import SetupError, cli, flight as fsw, world
 from fledge.archive import Archive
-from fledge.archive.mcap import MAGIC
-from fledge.targets.restarts import join_starts
 from fledge.units import A, V, ms, ohm, s
 
 FLIGHT = '''
@@ -112,20 +110,6 @@ def test_a_target_is_reset_as_the_desktop_is(tmp_path, capsys):
     for name, rows in expected(at, down, 40_000).items():
         times, sequence = (record[f"{name}.head.{field}"] for field in ("t", "sequence"))
         assert dict(zip((times // 1_000_000)[sequence > 0].tolist(), sequence[sequence > 0].tolist())) == rows, name
-
-    # As a board sends it that starts anew: a record for each start, of which the first ones are cut off.
-    whole, joined = (out / "linux.mcap").read_bytes(), tmp_path / "joined.mcap"
-    joined.write_bytes(whole)
-    join_starts(joined)
-    assert joined.read_bytes() == whole
-    joined.write_bytes(whole[:len(whole) // 2] + whole[:500] + whole)
-    assert joined.read_bytes().count(MAGIC) == 4
-    join_starts(joined)
-    assert joined.read_bytes().count(MAGIC) == 2
-    archive, topic = Archive(joined), "/flight/rest/reference"
-    assert archive.complete and archive.topics.keys() == record.topics.keys()
-    n = len(record.time_ns(topic))
-    assert archive.time_ns(topic)[-n:].tolist() == record.time_ns(topic).tolist() and len(archive.time_ns(topic)) > n
 
 
 def test_parameters_are_those_of_the_beginning_and_commands_that_wait_are_lost(tmp_path):

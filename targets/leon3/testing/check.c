@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* For tests: checks the board support and the C library on a board. It prints a line for each failure, "checked" at the
- * end, and, compiled with -DFAULT, then jumps to an odd address. */
+/* For tests: checks the board support and the C library on a board. It prints a line for each failure, and "checked" at
+ * the end. Compiled with -DFAULT it then jumps to an odd address; with -DRESET it is reset by its own wish, then by the
+ * watchdog. */
 #include "targets/leon3/leon3.h"
 
 #include <math.h>
@@ -196,10 +197,35 @@ static void check_library(void)
     CHECK(sqrt(two) == 0x1.6a09e667f3bcdp+0 && sin(two) == 0x1.d18f6ead1b446p-1 && exp(two) == 0x1.d8e64b8d4ddaep+2);
 }
 
+#ifdef RESET
+static struct {
+    uint32_t begun;
+    uint32_t starts;
+} kept __attribute__((section(".kept")));
+
+static void check_resets(void)
+{
+    kept.starts = kept.begun == 0x600Du ? kept.starts + 1u : 1u;
+    kept.begun = 0x600Du;
+    printf("start %u\n", (unsigned)kept.starts);
+    if (kept.starts == 1u) {
+        leon3_reset();
+    }
+    leon3_watch();
+    leon3_idle();
+    while (kept.starts == 2u) {
+        __asm__ volatile("wr %g0, %asr19"); /* awake ten times a second, and never in leon3_idle */
+    }
+}
+#endif
+
 int main(void)
 {
     static uint32_t initial = 0x1234u, zero;
     CHECK(initial++ == 0x1234u && zero++ == 0u);
+#ifdef RESET
+    check_resets();
+#endif
     check_interrupts();
     check_leaps();
     check_contexts();

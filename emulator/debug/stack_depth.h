@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+// How deep each stack was used: one for each task.
+#pragma once
+
+#include <vector>
+
+#include "emulator/debug/observer.h"
+#include "emulator/elf.h"
+
+namespace fledge::emulator {
+
+class StackDepth final : public Observer {
+public:
+    explicit StackDepth(const Program &program) : program_(program) {}
+
+    void executed(const Executed &step) override;
+
+    struct Stack {
+        std::string name; ///< of the object that holds it, or of the function that began with it
+        std::uint32_t top = 0, lowest = 0;
+        std::uint32_t size = 0; ///< [bytes] of that object; 0: not known
+        std::uint32_t used() const { return top - lowest; }
+    };
+    const std::vector<Stack> &stacks() const { return stacks_; }
+
+private:
+    Stack made(std::uint32_t pointer, std::uint32_t pc) const;
+
+    const Program &program_;
+    std::vector<Stack> stacks_;
+    std::size_t present_ = 0;
+    std::uint32_t pointer_ = 0;
+};
+
+} // namespace fledge::emulator

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`fledge flips MISSION`: bit flips in its flight computer in the middle of a manoeuvre, and what came of each.
+
+Exit codes: 0 the campaign was flown; 2 the command line or the mission is wrong; 130 Ctrl-C.
+"""
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from fledge.cli.arguments import parse_duration
+
+
+def add(command: Callable) -> None:
+    """Add the subcommand, by the function of cli.parser() that adds one."""
+    one = command("flips", flips, "flip bits of the flight computer, and classify what happens",
+                  "flips nadir_spin --count 1000")
+    one.add_argument("mission", help="the name of a mission, or its folder, with one flight process")
+    one.add_argument("scenario", nargs="?", help="its set-up counts; default: the mission's first")
+    one.add_argument("--count", type=int, default=1000, metavar="N", help="how many flips, each in a flight of its own;"
+                     " default: 1000")
+    one.add_argument("--seed", type=int, default=0, metavar="S", help="of the drawn bits and times; default: 0")
+    one.add_argument("--at", default="60s", metavar="TIME", help="where all flights begin; default: 60s")
+    one.add_argument("--for", dest="duration", default="60s", metavar="DURATION", help="the flips come in it, at any "
+                     "instruction of flight; default: 60s")
+    one.add_argument("--after", default="20s", metavar="DURATION", help="how long each flight goes on then, so that a "
+                     "watchdog can act; default: 20s")
+    one.add_argument("--edac", choices=("off", "on", "both"), default="both", help="check bits of the memory; default: "
+                     "both, one campaign after the other with the same flips")
+    one.add_argument("--workers", type=int, metavar="W", help="processes; default: one for each processor")
+    one.add_argument("--engine", default="translator", choices=("translator", "threaded", "interpreter"),
+                     help="of the emulator; default: translator")
+    one.add_argument("--out", metavar="DIR", help="for the tables and the plot; default: runs/MISSION/flips")
+
+
+def flips(options: argparse.Namespace) -> int:
+    import sys
+    import time
+
+    from fledge.cli.console import say
+    from fledge.cli.runs import alone
+    from fledge.emulator import flips as campaigns
+    from fledge.export.write import write_files
+    from fledge.progress import Bar
+
+    at, duration, after = map(parse_duration, (options.at, options.duration, options.after))
+    results: dict[str, Sequence[campaigns.Outcome]] = {}
+    name = Path(options.mission).name
+    folder = Path(options.out) if options.out else Path("runs") / name / "flips"
+    with alone(folder):
+        for edac in {"off": [False], "on": [True], "both": [False, True]}[options.edac]:
+            title = "with EDAC" if edac else "without EDAC"
+            campaign = campaigns.Campaign(options.mission, options.scenario, at=at, duration=duration, after=after,
+                                          edac=edac, engine=options.engine, folder=folder)
+            begun = time.perf_counter()
+            with Bar(title) as bar:
+                def progress(done: int, bar: Bar = bar) -> None:
+                    if sys.stderr.isatty():
+                        bar.draw(done / options.count, f"{done} of {options.count} flips")
+
+                outcomes = campaign.fly(options.count, options.seed, options.workers, progress)
+            wall = time.perf_counter() - begun
+            results[title] = outcomes
+            say(f"{campaign.name}, {title}, {options.count} flips from {at:g} s to {at + duration:g} s, seed "
+                f"{options.seed}, in {wall:.3g} s")
+            for line in campaigns.table(outcomes):
+                say("  " + line)
+            write_files({f"{'edac' if edac else 'plain'}.csv": campaigns.csv(outcomes)}, folder)
+        path = campaigns.plot(results, f"{name}: bit flips in the flight computer", folder / "flips.png")
+    say(f"  plot     {path}")
+    return 0

@@ -1,0 +1,340 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A computer on a board, which runs a program, alone or as the flight process of a simulation."""
+from __future__ import annotations
+
+import functools
+import os
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import _emulator
+import numpy as np
+
+from fledge import objects
+from fledge.commands import byte_runs
+from fledge.emulator.memory import Variable, address
+from fledge.errors import Failure, RunError, SetupError, did_you_mean
+from fledge.objects.si import time_ns
+
+if TYPE_CHECKING:
+    from fledge.mission.simulation import Simulation
+
+
+class Board:
+    """A computer that runs a program.
+
+    board: the file that describes it, emulator/boards/*.toml; program: an ELF file; engine: "translator", "threaded"
+    or "interpreter", which give the same states. Raises SetupError if a file is wrong.
+    """
+
+    def __init__(self, board: Path | str, program: Path | str, engine: str = "translator") -> None:
+        self.core = _emulator.Computer(os.fspath(board), os.fspath(program), engine)
+        self.on_stop: Callable[[str], object] | None = None     # at breakpoints and watchpoints in the loop
+        self.sim: Any = None            # the simulation whose flight process this computer is
+        self._link: Any = None
+        self.in_flight: Any = None      # its exchange with the simulation
+
+    # --- running ---
+
+    @property
+    def now(self) -> float:
+        """Simulated time [s]."""
+        return self.core.now / 1e9
+
+    def run_until(self, t: Any) -> str:
+        """Run until a time. Returns the reason of the stop: "time", "early" (a device ended it), "breakpoint" (at its
+        instruction), "watchpoint" (behind the instruction) or "error" (a trap while traps are disabled)."""
+        return self.core.run_until(time_ns(t, "run_until"))
+
+    def step(self, n: int = 1) -> str:
+        """Execute the next instruction, or the next n; a trap counts as one. Returns the reason of the stop."""
+        reason = "time"
+        for _ in range(n):
+            reason = self.core.step()
+            if reason != "time":
+                break
+        return reason
+
+    # --- its state ---
+
+    @property
+    def registers(self) -> dict[str, int]:
+        """All registers of the present window, by their names: "%l3", "%f0", "%psr"; f registers as their bits."""
+        return self.core.registers()
+
+    def peek(self, place: int | str, n: int) -> bytes:
+        """n bytes at an address, or at a symbol."""
+        return self.core.peek(self.address(place), n)
+
+    def poke(self, place: int | str, content: bytes) -> None:
+        """Write bytes at an address, or at a symbol."""
+        self.core.poke(self.address(place), content)
+
+    def address(self, place: int | str) -> int:
+        """The address of a symbol, or of a variable of flight, "flight.control.K"; an address itself."""
+        if isinstance(place, int):
+            return place
+        if self.in_flight is not None and place.startswith(f"{self.in_flight.name}."):
+            _, *names, last = place.split(".")
+            return address(functools.reduce(getattr, names, self.flight), last)
+        found = self.core.symbol(place)
+        if found is None:
+            raise SetupError(f"the program has no symbol '{place}'{did_you_mean(place, self.core.symbols())}".rstrip())
+        return found[0]
+
+    @property
+    def report(self) -> str:
+        """Where it stands: registers, and the calls that led there."""
+        return self.core.report()
+
+    @property
+    def console(self) -> str:
+        """What the program has printed."""
+        return self.core.console
+
+    def snapshot(self) -> Any:
+        """The whole state of the computer, and of the simulation that it flies in."""
+        return (self.core.snapshot(), self._link and self._link.save(), self.sim and self.sim.snapshot())
+
+    def restore(self, snapshot: Any) -> None:
+        """Go back, or on, to a snapshot of this computer."""
+        machine, link, sim = snapshot
+        if (sim is None) != (self.sim is None):
+            raise SetupError("restore: this snapshot was taken " + ("without" if sim is None else "with")
+                             + " the simulation")
+        self.core.restore(machine)
+        if self.sim is not None:
+            self._link.restore(link)
+            self.sim.restore(sim)
+
+    def save(self, path: Path | str) -> None:
+        """Write the state of the computer, without the simulation, into a file."""
+        Path(path).write_bytes(self.core.save())
+
+    def load(self, path: Path | str) -> None:
+        """Take the state from a file that save() wrote, of the same board."""
+        self.core.load(Path(path).read_bytes())
+
+    # --- faults ---
+
+    def flip(self, place: int | str, bit: int) -> None:
+        """Invert a bit: of a register, "%l3" (0, the lowest, to 31), or of the byte at an address or symbol (0 to
+        7)."""
+        self.core.flip(place if isinstance(place, str) and place.startswith("%") else self.address(place), bit)
+
+    def flip_next_read(self, bits: int) -> None:
+        """Invert bits of the word that the processor reads next from RAM as data, as on the bus."""
+        self.core.flip_next_read(bits)
+
+    def interrupt(self, line: int) -> None:
+        """Raise an interrupt, 1 to 15, that no device has raised."""
+        self.core.raise_interrupt(line)
+
+    def stick_interrupts(self, on: Iterable[int] = (), off: Iterable[int] = ()) -> None:
+        """From now on these lines are always pending, or never; without any, the lines work again."""
+        self.core.stick_interrupts(sum(1 << line for line in on), sum(1 << line for line in off))
+
+    @property
+    def missed(self) -> int:
+        """In the loop: ticks that flight did not answer before its next instant."""
+        return self._link.missed
+
+    def lose_ticks(self, n: int) -> None:
+        """In the loop: the next n ticks do not reach the processor."""
+        self._link.lose_ticks(n)
+
+    # --- stops ---
+
+    def breakpoint(self, place: int | str, on: bool = True) -> None:
+        """Stop in front of an instruction."""
+        self.core.set_breakpoint(self.address(place), on)
+
+    def watchpoint(self, place: int | str, size: int = 4, *, read: bool = False, write: bool = True, on: bool = True
+                   ) -> None:
+        """Stop behind instructions that read or write these bytes."""
+        self.core.set_watchpoint(self.address(place), size, read, write, on)
+
+    def gdb(self, address: str = "127.0.0.1:0") -> int:
+        """Serve gdb at [ADDRESS:]PORT, from now on whenever the computer runs; port 0 takes a free one. Returns the
+        port. In gdb: target remote :PORT."""
+        return self.core.serve_gdb(address)
+
+    def wait_for_gdb(self, timeout: float | None = None) -> bool:
+        """Wait until gdb is there, at most so long [s]. The computer then stands until gdb lets it run."""
+        return self.core.wait_for_gdb(-1 if timeout is None else round(timeout * 1e3))
+
+    # --- what it does ---
+
+    def trace(self, path: Path | str, begin: Any = 0, end: Any = None) -> None:
+        """Write each instruction that begins at these times of the computer into a file, until finish()."""
+        self.core.trace(os.fspath(path), time_ns(begin, "trace"), 2**63 - 1 if end is None else time_ns(end, "trace"))
+
+    def coverage(self, path: Path | str) -> None:
+        """Count lines and branches until finish(), which writes the file, for genhtml."""
+        self.core.coverage(os.fspath(path))
+
+    def profile(self, path: Path | str) -> None:
+        """Count instructions and cycles of each function until finish(), which writes the file, for
+        callgrind_annotate."""
+        self.core.profile(os.fspath(path))
+
+    def watch_stacks(self) -> None:
+        """Watch until finish() how deep each stack is used."""
+        self.core.stacks()
+
+    def finish(self) -> None:
+        """End traces, coverage and profiles. While one of them counts, the plain interpreter runs."""
+        self.core.finish()
+
+    @property
+    def stacks(self) -> dict[str, tuple[int, int]]:
+        """Of each stack since watch_stacks(): (bytes used at most, its size, 0 if that is not known), by its name."""
+        return {name: (used, size) for name, used, size in self.core.depths()}
+
+    # --- in the loop ---
+
+    def fly(self, sim: Simulation, tables: Path | str, process: str | None = None) -> None:
+        """Become a flight process of a simulation that has not run: its modules no longer run there, and the computer
+        puts out their messages, those that cross its registers and all others. tables: the mission as data for the
+        outside, as the targets build it."""
+        flight = sim.process(process) if process else sim.flight
+        if sim.time_ns >= 0:
+            raise SetupError(f"fly: {sim.name} has run until {sim.time:g} s; give one that has not run")
+        sim.prepare()
+        self.sim, self._link = sim, _emulator.Link(self.core, os.fspath(tables))
+        self.in_flight = _Flight(self, sim, flight, self._link)
+        self._link.on_stop(lambda reason: self.on_stop and self.on_stop(reason))
+        sim.kernel.process(flight.name).fly_by(self.in_flight.exchange)
+        sim.prepare()
+
+    @property
+    def flight(self) -> Any:
+        """The modules of flight in the memory of the computer: board.flight.control.K."""
+        if self.in_flight is None:
+            raise SetupError("this computer flies in no simulation; fledge.emulator.load(MISSION) makes one that does")
+        return self.in_flight.modules
+
+
+class _Modules:
+    """The modules of a flight process, as attributes."""
+
+    def __init__(self, name, found):
+        self._name, self._found = name, found
+
+    def __getattr__(self, name):
+        if name.startswith("_") or name not in self._found:
+            raise AttributeError(f"{self._name} has no '{name}'{did_you_mean(name, list(self._found))} there are "
+                                 + ", ".join(self._found))
+        return self._found[name]
+
+    def __setattr__(self, name, value):
+        if not name.startswith("_"):
+            raise AttributeError(f"{self._name}.{name}: set a field of it, as in {self._name}.control.K = 3 * N * m")
+        object.__setattr__(self, name, value)
+
+    def __dir__(self):
+        return list(self._found)
+
+
+class _Flight:
+    """The exchange between a simulation and the computer that is one of its flight processes."""
+
+    def __init__(self, board, sim, process, link):
+        self.board, self.sim, self.link, self.name = board, sim, link, process.name
+        self.kernel = sim.kernel.process(process.name)
+        self.answers = None             # with record(): (t [ns], what crossed the registers, None if no answer came)
+        self.script = []                # (after [ns], packet) of commands, in the order of time
+        self.telemetry = []             # (t [ns], packet)
+        wires = {source: target for source, target, *_ in sim.wires if target.startswith(f"{process.name}.")}
+        self.inputs, self.carried, self.inside = [], [], []
+        mission = link.mission()        # its address in the computer
+        places = {}
+        for id, (path, offset, size, is_input) in enumerate(link.messages()):
+            _, name, port = path.split(".")
+            if is_input:
+                target = wires[path].split(".")
+                self.inputs.append((id, getattr(process.instances[target[1]], target[2])))
+                continue
+            instance = process.instances[name]
+            field = next(one for one in objects.struct(instance).fields if one.name == port)
+            places[name] = mission + offset - field.offset
+            view = getattr(instance, port)
+            if link.carries(id):
+                self.carried.append((id, view))
+            else:
+                self.inside.append((mission + offset, size, _reversal(field.struct), view))
+        self.modules = _Modules(process.name, {
+            name: Variable(board, places[name], objects.struct(one), f"{process.name}.{name}")
+            for name, one in process.instances.items() if name in places})
+
+    def exchange(self, t):
+        """At an instant of flight: what it reads goes into its registers, it runs, and what it wrote comes out."""
+        link = self.link
+        if self.sim.kernel.now < 0:
+            self.tick(-1)
+        for id, view in self.inputs:
+            link.put(id, self.kernel.incoming(view))
+        for after, packet in self.script:
+            if link.reached <= after < t:
+                link.send(packet)
+        answered = self.tick(t)
+        for id, view in self.carried:
+            self.kernel.put_out(view, self.link.take(id))
+        for address, size, order, view in self.inside:
+            self.kernel.put_out(view, np.frombuffer(self.board.core.peek(address, size), np.uint8)[order].tobytes())
+        self.telemetry += [(t, packet) for packet in link.receive()]
+        if self.answers is not None:
+            outputs = (objects.memory(view) for _, view in self.carried)
+            self.answers.append((t, b"".join(outputs) if answered else None))
+
+    def tick(self, t):
+        """Returns whether flight has answered; a world that records it goes on without an answer."""
+        missed = self.link.missed
+        if self.link.tick(t):
+            return self.link.missed == missed
+        if self.answers is None:
+            said = "\n".join(self.board.console.splitlines()[-12:])
+            raise RunError(f"the processor is in its error mode, in the tick at {t / 1e9:g} s\n{self.board.report}"
+                           + f"the program's last words:\n{said}" * bool(said))
+        return False
+
+    def record(self):
+        """From now on, into a new list, which this returns."""
+        self.answers = []
+        return self.answers
+
+
+def _reversal(struct):
+    """Of each byte of a message, its place in the other byte order."""
+    order: list[int] = []
+    at = 0
+    for width, n in byte_runs(struct.fields):
+        for _ in range(n):
+            order += range(at + width - 1, at - 1, -1)
+            at += width
+    return np.array(order)
+
+
+def load(mission: str, scenario: str | None = None, *, process: str | None = None, engine: str = "translator",
+         board: Path | str | None = None, registers: Sequence[Path | str] = (), folder: Path | str | None = None,
+         **parameters: Any) -> Board:
+    """Export a mission, build it for a LEON3, and boot it on a board around which the mission's world runs, as the
+    scenario sets it up (default: the first). `sim` of the Board is that simulation, which has not run yet.
+
+    process: the flight process; None: the only one. board: the file of the computer; registers: files of boards that
+    its messages pass; none: one that carries them whole. folder: for what is built; default: runs/MISSION/fly.
+    parameters: of the mission, as fledge.load() takes them.
+    """
+    from fledge.targets import Job
+    from fledge.targets.leon3 import BOARD, Leon3
+
+    boards = {process or "": registers} if registers else None
+    job = Job(mission, scenario, boards=boards, folder=folder, parameters=parameters)
+    if process is None and len(job.parts) > 1:
+        raise Failure(f"{mission} has several flight processes; name one: {', '.join(p.process for p in job.parts)}")
+    part = job.part(process) if process else job.parts[0]
+    made = Board(board or BOARD, Leon3().build(part), engine)
+    made.fly(job.start, part.tables(), part.process)
+    made.in_flight.script = [(one.t, one.packet) for one in part.script]
+    return made

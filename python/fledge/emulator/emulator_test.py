@@ -1,0 +1,274 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A LEON3 in software, in the hands of an engineer: in the loop, in Python, under gdb, traced, covered, profiled."""
+
+import re
+import subprocess
+import threading
+
+import numpy as np
+import pytest
+
+import fledge
+from fledge import emulator, objects
+from fledge.targets.leon3 import BOARD
+from fledge.units import N, m, s
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("fly")
+
+
+@pytest.fixture
+def board(folder):
+    return emulator.load("nadir_spin", folder=folder)
+
+
+def every_output(sim):
+    return [port for task in sim.flight.tasks for port in (getattr(sim.flight, name) for name in task.run)]
+
+
+def test_the_computer_flies_to_the_bit_as_the_desktop_does(board):
+    desktop = fledge.load("nadir_spin")
+    for sim in (board.sim, desktop):
+        sim.record(*every_output(sim), sim.world.craft, every=0)
+        sim.run(10)
+    assert len(desktop.records) >= 8
+    for ours, theirs in zip(board.sim.records, desktop.records, strict=True):
+        assert (ours.path, ours.times(), ours.bytes()) == (theirs.path, theirs.times(), theirs.bytes())
+    assert board.core.instructions > 100_000        # and it is not the desktop that flew
+    assert objects.memory(board.sim.flight.control) != objects.memory(desktop.flight.control)
+
+
+def test_variables_of_flight_are_read_and_written_by_their_names(board):
+    board.sim.run(5)
+    f = board.flight
+    assert f.control.K == 2.531 and f.control.P[1, 1] == 45.0 and f.tracking.sigma_BcB.tolist() == [0, 0, 1]
+    assert f.tracking.error.sigma_BR.tolist() == board.sim.flight.tracking.error.sigma_BR.tolist()
+    assert f.motor.command.head.t == 5_000_000_000
+    f.control.K = 3 * N * m
+    f.tracking.sigma_BcB = [0.0, 0.0, 0.5]
+    assert f.control.K == 3.0 and f.tracking.sigma_BcB.tolist() == [0, 0, 0.5]
+    assert board.peek("fledge_mission", 4) != bytes(4)
+    changed = fledge.load("nadir_spin")
+    changed.run(5)
+    changed.flight.control.K = 3 * N * m
+    changed.flight.tracking.sigma_BcB = [0.0, 0.0, 0.5]
+    for sim in (board.sim, changed):
+        sim.run(5)
+    assert objects.memory(board.sim.flight.motor.command) == objects.memory(changed.flight.motor.command)
+
+
+@pytest.mark.parametrize("attempt, complaint", [
+    (lambda f: setattr(f.control, "K", 3 * s), "flight.control.K: expected a quantity in N m; found"),
+    (lambda f: setattr(f.control, "P", [1.0, 2.0]), r"flight.control.P has shape \[3, 3\]; found \[2\]"),
+    (lambda f: setattr(f.control, "error", 1.0), "flight.control.error is a struct; write its numbers"),
+    (lambda f: f.control.k, "flight.control has no 'k'; did you mean 'K'"),
+    (lambda f: f.controls, "flight has no 'controls'; did you mean 'control'"),
+    (lambda f: setattr(f, "control", 1), "flight.control: set a field of it"),
+])
+def test_a_wrong_variable_is_refused_with_advice(board, attempt, complaint):
+    with pytest.raises((AttributeError, fledge.SetupError), match=complaint):
+        attempt(board.flight)
+
+
+def test_computer_and_world_go_back_together(board, tmp_path):
+    board.sim.run(5)
+    start = board.snapshot()
+    ends = []
+    for _ in range(2):
+        board.sim.run(5)
+        ends.append((objects.memory(board.sim.flight.motor.command), objects.memory(board.sim.world.craft.state),
+                     board.registers, board.core.instructions))
+        board.restore(start)
+    assert ends[0] == ends[1]
+    board.flip("%f2", 30)       # and another flight after a fault
+    board.flight.tracking.sigma_BcB = [0.0, 0.0, 0.9]
+    board.sim.run(5)
+    assert objects.memory(board.sim.flight.motor.command) != ends[0][0]
+    board.save(tmp_path / "state")
+    before = board.registers
+    board.step(100)
+    assert board.registers != before
+    board.load(tmp_path / "state")
+    assert board.registers == before
+
+
+def test_breakpoints_watchpoints_and_steps_stop_the_computer(board):
+    board.sim.run(1)
+    update = board.address("mrp_feedback_update")
+    stops = []
+    board.on_stop = lambda reason: stops.append((reason, board.registers["%pc"], board.flight.control.newest))
+    board.breakpoint("mrp_feedback_update")
+    board.sim.run(1)
+    assert [stop[:2] for stop in stops] == [("breakpoint", update)] * 2
+    board.breakpoint("mrp_feedback_update", on=False)
+    board.watchpoint("flight.control.newest", 8)
+    stops.clear()
+    board.sim.run(0.5)
+    assert [reason for reason, *_ in stops] == ["watchpoint"]
+    assert "mrp_feedback_update" in board.core.place(stops[0][1])
+    with pytest.raises(fledge.SetupError, match="no symbol 'mrp_feedback_updat'; did you mean 'mrp_feedback_update'"):
+        board.breakpoint("mrp_feedback_updat")
+
+
+def test_a_fault_is_reported_and_the_watchdog_begins_anew(board):
+    board.sim.run(1)
+    board.poke("mrp_feedback_update", bytes(4))         # unimp
+    answers = board.in_flight.record()
+    board.sim.run(30)
+    assert re.search(r"trap 0x0+2 at 0x4", board.console)
+    assert board.core.resets == board.core.watchdog_resets == 1
+    missed = [answer is None for _, answer in answers]
+    assert missed[0] and not missed[-1] and missed == sorted(missed, reverse=True)
+
+
+def test_without_a_watchdog_the_computer_tells_where_it_failed(folder, tmp_path):
+    text = BOARD.read_text(encoding="utf-8")
+    assert "\nwatchdog " in text
+    (tmp_path / "board.toml").write_text(re.sub(r"(?m)^watchdog .*$", "", text))
+    board = emulator.load("nadir_spin", folder=folder, board=tmp_path / "board.toml")
+    board.sim.run(1)
+    board.poke("mrp_feedback_update", bytes(4))
+    with pytest.raises(fledge.RunError, match=r"(?s)in the tick at 1.5 s\n.*backtrace.*last words:\ntrap 0x0+2 at 0x4"):
+        board.sim.run(20)
+
+
+def test_ticks_can_be_lost_and_interrupts_stick(board):
+    board.sim.run(1)
+    answers = board.in_flight.record()
+    board.lose_ticks(2)
+    board.sim.run(2)
+    assert [answer is None for _, answer in answers[:4]].count(True) >= 1
+    board.core.raise_interrupt(9)       # spurious: no handler is there
+    board.core.stick_interrupts(1 << 9, 0)
+    board.sim.run(1)
+    assert answers[-1][1] is not None
+
+
+def gdb(board, program, *commands, seconds=3.0):
+    """What gdb-multiarch prints for these commands, while the simulation runs."""
+    port = board.gdb()
+    arguments = ["gdb-multiarch", "-q", "-nx", "-batch", "-ex", f"target remote :{port}"]
+    for one in commands:
+        arguments += ["-ex", one]
+    child = subprocess.Popen([*arguments, str(program)], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    try:
+        assert board.wait_for_gdb(20)
+        board.sim.run(seconds)
+        return child.communicate(timeout=20)[0]
+    finally:
+        child.kill()
+
+
+def in_order(text, *patterns):
+    at = 0
+    for pattern in patterns:
+        found = re.compile(pattern).search(text, at)
+        assert found, f"{pattern!r} is not there, in its place:\n{text}"
+        at = found.end()
+    return True
+
+
+@pytest.fixture
+def program(folder, board):
+    return folder / "leon3/nadir_spin"
+
+
+def test_gdb_stops_in_flight_reads_flips_and_goes_back(board, program):
+    said = gdb(board, program,
+               "break mrp_feedback_update", "continue", "print m->par.K", "backtrace", "info registers psr wim pc",
+               "monitor snapshot here", "next", "next", "reverse-step", "reverse-continue", "monitor time",
+               "print/x &m->par.K", "monitor flip %f2 3", "set var m->par.K = 7.5", "print m->par.K",
+               "monitor restore here", "maintenance flush register-cache", "print m->par.K", "stepi", "reverse-stepi",
+               "delete", "watch -l m->mem.newest", "continue",
+               "monitor nonsense", "detach")
+    assert in_order(said, "Breakpoint 1 at 0x4", r"Breakpoint 1, mrp_feedback_update \(m=0x4", r"\$1 = 2.531",
+                    "#0  mrp_feedback_update", "#1 .* in run_gnc", "#2 .* nadir_spin_tick", "#.* main", r"psr +0xf3",
+                    "snapshot here taken",
+                    r"80\s+int wheels = head_written", "Breakpoint 1, mrp_feedback_update", "instructions",
+                    r"\$2 = 0x4000", "bit 3 inverted", r"\$3 = 7.5", "restored", r"\$4 = 2.531",
+                    "0x40.*78", "Breakpoint 1, mrp_feedback_update", "Hardware watchpoint 2: -location m->mem.newest",
+                    "Old value = 0", "New value = ",
+                    r"monitor snapshot \[NAME\]", "detached"), said
+    desktop = fledge.load("nadir_spin")
+    desktop.run(3)
+    assert objects.memory(board.sim.flight.motor.command) == objects.memory(desktop.flight.motor.command)
+
+
+def test_a_trace_shows_each_instruction_in_words(board, tmp_path):
+    board.sim.run(1)
+    board.trace(tmp_path / "trace.txt", board.now, board.now + 0.51)
+    before = board.core.instructions, board.snapshot()
+    board.sim.run(0.5)
+    board.finish()
+    lines = (tmp_path / "trace.txt").read_text().splitlines()
+    assert len([one for one in lines if " traps, " not in one]) == board.core.instructions - before[0]
+    entry = next(i for i, one in enumerate(lines) if re.search(
+        r" mrp_feedback_update +save %sp, -0x[0-9a-f]+, %sp$", one))
+    assert re.search(r" (nadir_spin_tick|run_gnc)\S* +(call|nop|mov|std|ldd|st|ld|add|or)", lines[entry - 1])
+    cycles = [int(one.split()[0]) for one in lines]
+    assert cycles == sorted(cycles) and cycles[0] < cycles[-1]
+    end = board.registers
+    board.restore(before[1])
+    board.sim.run(0.5)
+    assert board.registers == end       # a trace changes nothing
+
+
+def test_coverage_tells_the_lines_and_branches_that_ran(board, program, tmp_path):
+    board.coverage(tmp_path / "flight.info")
+    board.sim.run(2)
+    board.finish()
+    text = (tmp_path / "flight.info").read_text()
+    file = next(part for part in text.split("end_of_record") if "flight/control/mrp_feedback.c\n" in part)
+    source = next(line[3:] for line in file.splitlines() if line.startswith("SF:"))
+    lines = dict(map(int, one[3:].split(",")[:2]) for one in file.splitlines() if one.startswith("DA:"))
+    numbers = {text.strip(): i for i, text in enumerate(open(source, encoding="utf-8"), 1)}
+    assert "FNDA:5,mrp_feedback_update" in file
+    assert any(count == 0 for count in lines.values()) and max(lines.values()) >= 5
+    assert {lines[numbers["int wheels = head_written(m->in.wheels.head);"]]} == {5}
+    branches = [one.split(",")[-1] for one in file.splitlines() if one.startswith("BRDA:")]
+    assert {"5", "0"} <= set(branches) and len(branches) % 2 == 0
+    page = subprocess.run(["genhtml", "--branch-coverage", "-o", tmp_path / "html", tmp_path / "flight.info"],
+                          capture_output=True, text=True)
+    assert page.returncode == 0 and "Writing directory view page" in page.stdout, page.stdout + page.stderr
+    assert next((tmp_path / "html").rglob("mrp_feedback.c.gcov.html")).stat().st_size > 1000
+
+
+def test_a_profile_has_the_cost_of_each_function_and_of_what_it_calls(board, tmp_path):
+    board.sim.run(1)
+    board.profile(tmp_path / "callgrind.out.flight")
+    before = board.core.instructions
+    board.sim.run(5)
+    board.finish()
+    spent = board.core.instructions - before
+    said = subprocess.run(["callgrind_annotate", "--inclusive=yes", "--threshold=100", "--auto=no",
+                           tmp_path / "callgrind.out.flight"], capture_output=True, text=True, check=True).stdout
+    total = int(re.search(r"([\d,]+) \(100.0%\).*PROGRAM TOTALS", said)[1].replace(",", ""))
+    assert total == spent
+    costs = {name: int(n.replace(",", "")) for n, name in re.findall(r"^ *([\d,]+) \(.*:(\w+)(?: \[|$)", said, re.M)}
+    assert 0 < costs["mrp_feedback_update"] < costs["nadir_spin_tick"] < costs["mission_host_exchange"] < spent
+
+
+def test_the_depth_of_the_stack_is_seen(board):
+    board.watch_stacks()
+    board.sim.run(2)
+    board.finish()
+    (used, size), = board.stacks.values()
+    assert list(board.stacks) == ["main"] and size == 0x10000 and 1000 < used < 8000
+
+
+def test_wrong_files_and_addresses_are_refused(board, tmp_path):
+    def refused(what, complaint):
+        with pytest.raises(fledge.SetupError, match=complaint):
+            what()
+
+    (tmp_path / "no.toml").write_text("name = 1")
+    refused(lambda: emulator.Board(tmp_path / "no.toml", tmp_path / "no.toml"), "no.toml")
+    refused(lambda: board.gdb("localhost"), r"gdb: expected \[ADDRESS:\]PORT")
+    refused(lambda: board.trace(tmp_path / "none/trace"), "none/trace cannot be written")
+    refused(lambda: board.flip("%q3", 1), "there is no register %q3; there are %g0")
+    refused(lambda: board.flip(4, 8), "flip: there is no bit 8")
+    refused(lambda: board.peek(0x30000000, 4), "no memory there")
+    board.sim.run(1)
+    refused(lambda: board.fly(board.sim, "tables.so"), "fly: nadir_spin has run until 1 s")

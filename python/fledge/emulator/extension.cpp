@@ -1,0 +1,487 @@
+// SPDX-License-Identifier: Apache-2.0
+// The module `_emulator`: a computer in software, for the package fledge.emulator. Times are integer nanoseconds here.
+#include "emulator/backend.h"
+#include "emulator/board.h"
+#include "emulator/debug/registers.h"
+#include "emulator/debug/tools.h"
+#include "emulator/devices/apbuart.h"
+#include "emulator/devices/irqmp.h"
+#include "emulator/devices/memory_controller.h"
+#include "emulator/devices/register_space.h"
+#include "emulator/report.h"
+#include "emulator/snapshot.h"
+#include "registers/outside.h"
+#include "targets/mission_host.h"
+
+#include <dlfcn.h>
+#include <pybind11/functional.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+
+namespace py = pybind11;
+
+namespace {
+
+using namespace fledge;
+using namespace fledge::emulator;
+
+const char *const engines[] = {"interpreter", "threaded", "translator"};
+const char *const reasons[] = {"time", "early", "breakpoint", "watchpoint", "error"};
+
+py::bytes to_python(std::span<const std::byte> bytes)
+{
+    return {reinterpret_cast<const char *>(bytes.data()), bytes.size()};
+}
+
+std::span<const std::byte> from_python(const py::bytes &bytes)
+{
+    const std::string_view view = bytes;
+    return std::as_bytes(std::span(view));
+}
+
+EngineKind engine_of(const std::string &name)
+{
+    for (int i = 0; i < 3; i++) {
+        if (name == engines[i]) {
+            return static_cast<EngineKind>(i);
+        }
+    }
+    throw Error("engine: expected interpreter, threaded or translator; found " + name);
+}
+
+/// A machine with its program and a developer's tools.
+class Computer {
+public:
+    Computer(const std::string &board, const std::string &elf, const std::string &engine)
+        : program(Program::read(elf)), engine_(engine_of(engine)), machine(BoardDescription::read(board), engine_),
+          tools(machine, program)
+    {
+        machine.load(program);
+        if (auto *uart = machine.device_of<Apbuart>(0)) {
+            uart->transmit = [this](std::uint8_t byte) { console += static_cast<char>(byte); };
+        }
+    }
+
+    /// As the machine's, with the flip that is planned.
+    StopReason run_until(Ns t)
+    {
+        if (planned && planned->instruction >= machine.instructions()) {
+            const StopReason reason = machine.run_to_instruction(planned->instruction, t);
+            if (reason != StopReason::time) {
+                return reason;
+            }
+            if (machine.instructions() < planned->instruction) {
+                return reason; // the time has come first
+            }
+            const auto plan = *planned;
+            planned.reset();
+            flip(plan.place, plan.bit);
+        }
+        return tools.run_until(t);
+    }
+
+    void flip(const std::variant<std::uint32_t, std::string> &place, unsigned bit)
+    {
+        if (const auto *address = std::get_if<std::uint32_t>(&place)) {
+            flip_memory(*address, bit);
+        } else {
+            flip_register(machine.core().state, std::get<std::string>(place), bit);
+        }
+    }
+
+    void finish()
+    {
+        tools.finish();
+        renew_engine();
+    }
+    /// The children of a process share the memory of translated code, so each needs an engine of its own.
+    void renew_engine() { machine.select(engine_); }
+
+    Program program;
+
+private:
+    void flip_memory(std::uint32_t address, unsigned bit)
+    {
+        std::byte byte{};
+        if (bit > 7 || !machine.peek(address, {&byte, 1})) {
+            throw Error("flip: there is no bit " + std::to_string(bit) + " at this address");
+        }
+        const Memory &ram = machine.bus().ram();
+        if (address - ram.base < ram.size) {
+            machine.bus().flip(address & ~3u, {1u << bit << (8 * (3 - (address & 3))), 0}); // EDAC may see it
+        } else {
+            byte ^= std::byte(1u << bit);
+            (void)machine.poke(address, {&byte, 1});
+        }
+    }
+
+    EngineKind engine_;
+
+public:
+    Machine machine;
+    Tools tools;
+    std::string console;
+    struct Plan {
+        std::uint64_t instruction;
+        std::variant<std::uint32_t, std::string> place;
+        unsigned bit;
+    };
+    std::optional<Plan> planned;
+};
+
+/// Run in slices, so that Ctrl-C of Python ends it.
+const char *run_until(Computer &c, Ns t)
+{
+    constexpr Ns slice = 1'000'000'000;
+    for (;;) {
+        StopReason reason;
+        {
+            py::gil_scoped_release release;
+            reason = c.run_until(std::min(t, c.machine.now() + slice));
+        }
+        if (reason != StopReason::time || c.machine.now() >= t) {
+            return reasons[static_cast<int>(reason)];
+        }
+        if (PyErr_CheckSignals() != 0) {
+            throw py::error_already_set();
+        }
+    }
+}
+
+const MissionHost &load_tables(const std::string &path)
+{
+    void *library = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
+    const void *mission = library ? dlsym(library, "fledge_mission") : nullptr;
+    if (!mission) {
+        throw Error("the tables of the mission: " + std::string(dlerror()));
+    }
+    return *static_cast<const MissionHost *>(mission);
+}
+
+RegisterSpace &space_with(Computer &computer, const MissionIo &io)
+{
+    auto *space = computer.machine.device_of<RegisterSpace>();
+    if (!space) {
+        throw Error(computer.machine.board().file + ": flight needs a register space, a device of the kind registers");
+    }
+    space->make({io.boards, io.n_boards});
+    return *space;
+}
+
+/// The outside's end of the registers of a mission that flies on a computer.
+class Link {
+public:
+    Link(Computer &computer, const std::string &tables)
+        : computer_(computer), host_(load_tables(tables)), space_(space_with(computer, *host_.io)),
+          backend_(computer.machine), outside_(std::in_place, backend_)
+    {
+        const MissionIo &io = *host_.io;
+        for (std::uint32_t id = 0; id < io.n_messages; id++) {
+            held_.emplace_back(io.messages[id].size);
+        }
+        if (io.telemetry.board != MISSION_NO_BOARD) {
+            packet_.resize(io.boards[io.telemetry.board]->lanes[io.telemetry.lane].capacity);
+        }
+        backend_.loop.run = [this](Ns t) {
+            const StopReason reason = computer_.run_until(t);
+            if (on_stop && (reason == StopReason::breakpoint || reason == StopReason::watchpoint)) {
+                on_stop(reasons[static_cast<int>(reason)]);
+            }
+            return reason;
+        };
+        backend_.loop.on_tick = [&computer] { computer.tools.begin(); };
+        backend_.loop.next = [this](Ns t) { return next_after(t); };
+    }
+    Link(const Link &) = delete;
+    Link &operator=(const Link &) = delete;
+
+    py::list messages() const
+    {
+        py::list rows;
+        for (std::uint32_t id = 0; id < host_.io->n_messages; id++) {
+            const MissionMessage &m = host_.io->messages[id];
+            rows.append(py::make_tuple(m.path, m.offset, m.size, m.direction == MISSION_IN));
+        }
+        return rows;
+    }
+
+    /// The address of the mission's memory in the computer, of whose program MissionHost is a part.
+    std::uint32_t mission() const
+    {
+        const Program::Symbol *host = computer_.program.named("fledge_mission");
+        std::byte bytes[4];
+        if (!host || !computer_.machine.peek(host->address + 4, bytes)) {
+            throw Error(computer_.program.path() + ": the program has no fledge_mission");
+        }
+        std::uint32_t address = 0;
+        for (const std::byte b : bytes) {
+            address = address << 8 | std::to_integer<std::uint32_t>(b);
+        }
+        return address;
+    }
+
+    bool carries(std::uint32_t id) const { return mission_io_carries(host_.io, id) != 0; }
+
+    void put(std::uint32_t id, const py::bytes &message)
+    {
+        const std::string_view bytes = message;
+        if (bytes.size() != held_.at(id).size()) {
+            throw Error("a message of another size");
+        }
+        mission_io_put(host_.io, windows(), id, bytes.data(), &counts_);
+    }
+
+    py::bytes take(std::uint32_t id)
+    {
+        mission_io_take(host_.io, windows(), id, held_.at(id).data(), reached_, &counts_);
+        return to_python(held_[id]);
+    }
+
+    bool send(const py::bytes &packet)
+    {
+        const std::string_view bytes = packet;
+        return mission_io_send(host_.io, windows(), host_.io->commands, bytes.data(),
+                               static_cast<std::uint32_t>(bytes.size()), &counts_) != 0;
+    }
+
+    py::list receive()
+    {
+        py::list packets;
+        while (const std::uint32_t n = mission_io_receive(host_.io, windows(), host_.io->telemetry, packet_.data(),
+                                                          static_cast<std::uint32_t>(packet_.size()), &counts_)) {
+            packets.append(to_python(std::span(packet_).first(n)));
+        }
+        return packets;
+    }
+
+    /// Returns whether the processor lives.
+    bool tick(Ns t)
+    {
+        py::gil_scoped_release release;
+        const Ns dt = t < 0 || reached_ < 0 ? 0 : t - reached_;
+        reached_ = t;
+        return outside_->tick({t, dt}, {}) != registers::Wait::gone;
+    }
+
+    /// A fault: so many ticks do not reach the processor.
+    void lose_ticks(std::uint64_t n) { backend_.loop.state.lose = n; }
+    Ns reached() const { return reached_; }
+    const FlightLoop::State &state() const { return backend_.loop.state; }
+
+    /// All that is not in the machine.
+    struct Saved {
+        Ns reached;
+        registers::Outside outside;
+        FlightLoop::State loop;
+        std::vector<std::vector<std::byte>> held, packets;
+    };
+
+    Saved save()
+    {
+        Saved saved{reached_, *outside_, backend_.loop.state, held_, {}};
+        each_packet([&](std::span<std::byte> memory) { saved.packets.emplace_back(memory.begin(), memory.end()); });
+        return saved;
+    }
+
+    void restore(const Saved &saved)
+    {
+        reached_ = saved.reached;
+        outside_.emplace(saved.outside);
+        backend_.loop.state = saved.loop;
+        held_ = saved.held;
+        std::size_t i = 0;
+        each_packet([&](std::span<std::byte> memory) { std::ranges::copy(saved.packets[i++], memory.begin()); });
+    }
+
+    std::function<void(const char *)> on_stop; ///< at a breakpoint or watchpoint; then the machine goes on
+
+private:
+    const RegisterWindow *windows() const { return space_.windows().data(); }
+
+    /// The memory in which the tables keep the last packets.
+    void each_packet(const std::function<void(std::span<std::byte>)> &f) const
+    {
+        const MissionPackets *packets = host_.io->packets;
+        for (std::uint32_t i = 0; packets && i < packets->n; i++) {
+            f(std::as_writable_bytes(std::span(packets->kinds[i].memory, packets->kinds[i].size + 1)));
+        }
+    }
+
+    Ns next_after(Ns t) const
+    {
+        Ns next = std::numeric_limits<Ns>::max();
+        for (std::uint16_t i = 0; i < host_.n_rates; i++) {
+            next = std::min(next, exec_on_grid(host_.rates[i], t + 1));
+        }
+        return next;
+    }
+
+    Computer &computer_;
+    const MissionHost &host_;
+    RegisterSpace &space_;
+    MachineBackend backend_;
+    std::optional<registers::Outside> outside_;
+    std::vector<std::vector<std::byte>> held_; ///< the last message of each, by id
+    std::vector<std::byte> packet_;
+    MissionIoCounts counts_{};
+    Ns reached_ = -1;
+};
+
+py::dict registers_of(Computer &c)
+{
+    py::dict found;
+    for (unsigned i = 0; i < register_count; i++) {
+        found[py::str("%" + register_name(i))] = get_register(c.machine.core().state, i);
+    }
+    return found;
+}
+
+Irqmp &interrupts_of(Computer &c)
+{
+    auto *found = c.machine.device_of<Irqmp>();
+    if (!found) {
+        throw Error(c.machine.board().file + ": the board has no interrupt controller");
+    }
+    return *found;
+}
+
+} // namespace
+
+PYBIND11_MODULE(_emulator, m)
+{
+    m.doc() = "A flight computer in software. Use the package fledge.emulator instead.";
+    py::register_exception_translator([](std::exception_ptr error) {
+        try {
+            std::rethrow_exception(error);
+        } catch (const Error &e) {
+            PyErr_SetString(py::module_::import("fledge.errors").attr("SetupError").ptr(), e.what());
+        } catch (const registers::Error &e) {
+            PyErr_SetString(py::module_::import("fledge.errors").attr("SetupError").ptr(), e.what());
+        }
+    });
+
+    py::class_<Snapshot, std::shared_ptr<Snapshot>>(m, "Snapshot");
+    py::class_<Link::Saved>(m, "Saved");
+
+    py::class_<Computer>(m, "Computer")
+        .def(py::init<const std::string &, const std::string &, const std::string &>())
+        .def_property_readonly("now", [](const Computer &c) { return c.machine.now(); })
+        .def_property_readonly("cycles", [](Computer &c) { return c.machine.core().state.cycles; })
+        .def_property_readonly("instructions", [](const Computer &c) { return c.machine.instructions(); })
+        .def_property_readonly("resets", [](const Computer &c) { return c.machine.resets(); })
+        .def_property_readonly("watchdog_resets", [](const Computer &c) { return c.machine.watchdog_resets(); })
+        .def_property_readonly("failed", [](Computer &c) { return c.machine.core().state.mode == Mode::error; })
+        .def_property_readonly("trap", [](Computer &c) { return trap_name(c.machine.core().state.trap_type); })
+        .def("run_until", run_until)
+        .def("step", [](Computer &c) { return reasons[static_cast<int>(c.machine.step())]; })
+        .def("reset", [](Computer &c) { c.machine.reset(); })
+        .def("registers", registers_of)
+        .def("set_register",
+             [](Computer &c, const std::string &name, std::uint32_t value) {
+                 set_register(c.machine.core().state, register_number(name), value);
+             })
+        .def("peek",
+             [](const Computer &c, std::uint32_t address, std::size_t n) {
+                 std::vector<std::byte> bytes(n);
+                 if (!c.machine.peek(address, bytes)) {
+                     throw Error("the board has no memory there: " + std::to_string(address));
+                 }
+                 return to_python(bytes);
+             })
+        .def("poke",
+             [](Computer &c, std::uint32_t address, const py::bytes &bytes) {
+                 if (!c.machine.poke(address, from_python(bytes))) {
+                     throw Error("the board has no memory there: " + std::to_string(address));
+                 }
+             })
+        .def("symbol",
+             [](const Computer &c, const std::string &name) -> py::object {
+                 const Program::Symbol *found = c.program.named(name);
+                 return found ? py::object(py::make_tuple(found->address, found->size)) : py::none();
+             })
+        .def("symbols",
+             [](const Computer &c) {
+                 py::list names;
+                 for (const Program::Symbol &one : c.program.symbols()) {
+                     names.append(one.name);
+                 }
+                 return names;
+             })
+        .def("place", [](const Computer &c, std::uint32_t address) { return c.program.place(address); })
+        .def_property_readonly("entry", [](const Computer &c) { return c.program.entry(); })
+        .def("report", [](const Computer &c) { return c.machine.report(&c.program); })
+        .def_readonly("console", &Computer::console)
+        .def("snapshot", [](Computer &c) { return std::const_pointer_cast<Snapshot>(c.machine.snapshot()); })
+        .def("restore",
+             [](Computer &c, const Snapshot &s) {
+                 c.machine.restore(s);
+                 c.tools.begin();
+             })
+        .def("save", [](Computer &c) { return to_python(c.machine.save()); })
+        .def("load", [](Computer &c, const py::bytes &bytes) { c.machine.load_snapshot(from_python(bytes)); })
+        .def("set_breakpoint",
+             [](Computer &c, std::uint32_t address, bool on) { c.machine.set_breakpoint(address, on); })
+        .def("set_watchpoint", [](Computer &c, std::uint32_t address, std::uint32_t size, bool read, bool write,
+                                  bool on) { c.machine.set_watchpoint(address, size, read, write, on); })
+        .def("serve_gdb", [](Computer &c, const std::string &address) { return c.tools.serve_gdb(address); })
+        .def("wait_for_gdb",
+             [](Computer &c, int timeout) {
+                 py::gil_scoped_release release;
+                 return c.tools.gdb() && c.tools.gdb()->wait(timeout);
+             })
+        .def("trace", [](Computer &c, const std::string &path, Ns from, Ns until) { c.tools.trace(path, from, until); })
+        .def("coverage", [](Computer &c, const std::string &path) { c.tools.coverage(path); })
+        .def("profile", [](Computer &c, const std::string &path) { c.tools.profile(path); })
+        .def("stacks", [](Computer &c) { c.tools.stacks(); })
+        .def("finish", &Computer::finish)
+        .def("renew_engine", &Computer::renew_engine)
+        .def("depths",
+             [](const Computer &c) {
+                 py::list rows;
+                 for (const StackDepth::Stack &one : c.tools.depths()) {
+                     rows.append(py::make_tuple(one.name, one.used(), one.size));
+                 }
+                 return rows;
+             })
+        // Faults.
+        .def("flip", &Computer::flip)
+        .def("plan_flip",
+             [](Computer &c, std::uint64_t instruction, std::variant<std::uint32_t, std::string> place, unsigned bit) {
+                 c.planned = Computer::Plan{instruction, std::move(place), bit};
+             })
+        .def("flip_next_read", [](Computer &c, std::uint32_t bits) { c.machine.bus().flip_next_read(bits); })
+        .def("raise_interrupt", [](Computer &c, std::uint32_t line) { interrupts_of(c).raise(line); })
+        .def("stick_interrupts",
+             [](Computer &c, std::uint32_t pending, std::uint32_t silent) { interrupts_of(c).stick(pending, silent); })
+        .def("enable_edac",
+             [](Computer &c) {
+                 auto *controller = c.machine.device_of<MemoryController>();
+                 if (!controller || !c.machine.bus().has_edac()) {
+                     throw Error(c.machine.board().file + ": the board has no EDAC that a device ftmctrl switches");
+                 }
+                 controller->write(8, controller->read(8) | 1u << 9);
+             })
+        .def_property_readonly("corrected", [](Computer &c) {
+            auto *status = c.machine.device_of<AhbStatus>();
+            return status ? status->read(8) : 0u;
+        });
+
+    py::class_<Link>(m, "Link")
+        .def(py::init<Computer &, const std::string &>(), py::keep_alive<1, 2>())
+        .def("messages", &Link::messages, "(path, offset in the mission's memory, size, whether it is an input) by id")
+        .def("mission", &Link::mission)
+        .def("carries", &Link::carries)
+        .def("put", &Link::put)
+        .def("take", &Link::take)
+        .def("send", &Link::send)
+        .def("receive", &Link::receive)
+        .def("tick", &Link::tick)
+        .def("lose_ticks", &Link::lose_ticks)
+        .def("on_stop", [](Link &link, std::function<void(const char *)> f) { link.on_stop = std::move(f); })
+        .def_property_readonly("reached", &Link::reached)
+        .def_property_readonly("missed", [](const Link &link) { return link.state().missed; })
+        .def_property_readonly("ticks", [](const Link &link) { return link.state().ticks; })
+        .def_property_readonly("cycles", [](const Link &link) { return link.state().cycles; })
+        .def("save", &Link::save)
+        .def("restore", &Link::restore);
+}

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Programs of others on the LEON3: csmith's random C gives the same checksums as here, on each engine and on stock QEMU.
+
+    PYTHONPATH=python:.:build/release/python /usr/bin/python3 -m tests.leon3_programs [--seed N] [--minutes M]
+
+compares one random program after the other, and ends at the first difference.
+"""
+
+import argparse
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from fledge.targets import build, leon3, leon3_toolchain
+
+ENGINES = ["interpreter", "threaded", "translator"]
+GENERIC = build.ROOT / "emulator/boards/leon3_generic.toml"
+
+# Two machines agree on what C defines: not on what a union shows of another member, nor on what lies at an odd address.
+CSMITH = ["csmith", "--no-unions", "--no-packed-struct", "--no-argc", "--max-funcs", "6", "--max-block-depth", "3"]
+CSMITH_HEADERS = Path("/usr/include/csmith")
+
+
+def on_emulator(program: Path, engine: str, seconds: float = 600, board: Path = GENERIC) -> str:
+    """What a program prints."""
+    command = [build.native("fledge_leon3", "emulator/tools"), board, program, "--engine", engine, "--for", seconds]
+    return subprocess.run([*map(str, command)], capture_output=True, text=True, timeout=300, check=True).stdout
+
+
+def on_qemu(program: Path) -> str:
+    done = subprocess.run(["qemu-system-sparc", "-M", "leon3_generic", "-no-reboot", "-display", "none", "-monitor",
+                           "none", "-serial", "stdio", "-kernel", program], capture_output=True, text=True, timeout=300,
+                          check=True, stdin=subprocess.DEVNULL)
+    return done.stdout
+
+
+def everywhere(program: Path, engines: Sequence[str] = ENGINES) -> dict[str, str]:
+    """What it prints on each engine, and on stock QEMU."""
+    return {**{engine: on_emulator(program, engine) for engine in engines}, "qemu": on_qemu(program)}
+
+
+def random_program(seed: int, folder: Path) -> tuple[Path, str] | None:
+    """A random program for the board, and what it prints here; None if it does not end within two seconds."""
+    source = folder / f"random_{seed}.c"
+    text = subprocess.run([*CSMITH, "--seed", str(seed)], capture_output=True, text=True, check=True).stdout
+    source.write_text(re.sub(r"\b(0x[0-9A-F]+|\d+)(U?)L\b", r"\1\2", text),
+                      encoding="utf-8")    # a long has 32 bits there
+    flags = ["-w", "-std=gnu99", f"-I{CSMITH_HEADERS}"]
+    here = folder / f"random_{seed}"
+    subprocess.run(["gcc", *flags, "-O1", source, "-o", here], check=True)
+    try:
+        expected = subprocess.run([here], capture_output=True, text=True, check=True, timeout=2).stdout
+    except subprocess.TimeoutExpired:
+        return None
+    return leon3.program(folder / f"board_{seed}", "random", [source], [], [*flags, "-O2"]), expected
+
+
+def newlib_math(folder: Path) -> Path:
+    """The tests of newlib's mathematics and strings, which print each function and each result that is not exact."""
+    tests = leon3_toolchain.library() / "source/libm/test"
+    # Left out: what prints at random, what needs a library for another machine, and names that newlib has no more.
+    left_out = {"dcvt": "", "dvec": "", "convert": "test_cvt", "test_is": "test_is", "test_ieee": "test_ieee"}
+    stubs = folder / "stubs.c"
+    stubs.write_text("".join(f"void {name}(void);\nvoid {name}(void) {{}}\n" for name in left_out.values() if name),
+                     encoding="utf-8")
+    return leon3.program(folder / "newlib", "math", [*(one for one in sorted(tests.glob("*.c"))
+                         if one.stem not in left_out), stubs], [tests], ["-w", "-std=gnu99", "-O2", "-g0", "-fcommon"])
+
+
+def elementary_hashes(folder: Path) -> tuple[Path, str]:
+    """The hashes of flight's elementary functions: the program for the board, and what it prints here."""
+    math = build.ROOT / "flight/math"
+    sources = [math / "elementary_hash.c", *build.math_sources()]
+    here = build.program(folder / "here", "hash", sources, [build.ROOT], link=["-lm"])
+    return (leon3.program(folder / "board", "hash", sources, []),
+            subprocess.run([here], capture_output=True, text=True, check=True).stdout)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--seed", type=int, default=1, help="of the first program (default: 1)")
+    parser.add_argument("--minutes", type=float, default=1.0, help="how long (default: 1)")
+    asked = parser.parse_args()
+    end, seed, compared = time.monotonic() + 60 * asked.minutes, asked.seed, 0
+    while time.monotonic() < end:
+        with tempfile.TemporaryDirectory() as folder:
+            made = random_program(seed, Path(folder))
+            for where, printed in everywhere(made[0]).items() if made else ():
+                if printed != made[1]:
+                    print(f"seed {seed}, {where}: {printed.strip()!r} instead of {made[1].strip()!r}")
+                    return 1
+            compared += made is not None
+        seed += 1
+    print(f"programs {compared}\nendless {seed - asked.seed - compared}\ndifferences 0")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
