@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Blocks of SPARC instructions as instructions of x86-64.
 //
-// A block is translated when it is reached first, and jumps to the next one directly once both are there. It begins with
-// a check that it ends before the run does; otherwise the threaded interpreter executes the rest. All that is rare leaves
-// the block: the reference executes that one instruction, and the next block begins behind it.
+// A block is translated when it is reached first, and jumps to the next one directly once both are there. It begins
+// with a check that it ends before the run does; otherwise the threaded interpreter executes the rest. All that is rare
+// leaves the block: the reference executes that one instruction, and the next block begins behind it.
 #include "emulator/cpu/engine.h"
 
 #ifdef __x86_64__
