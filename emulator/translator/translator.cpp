@@ -84,6 +84,7 @@ private:
     std::unique_ptr<Engine> other_ = make_threaded();
     Core *core_ = nullptr;
     Memory ram_;
+    std::uint64_t flag_changes_ = ~std::uint64_t{0}; ///< at the last look
     Context context_;
     CodeMemory memory_{code_size};
     std::unique_ptr<Emitter> emitter_;
@@ -116,6 +117,10 @@ void Translator::forget_all()
 /// Loads of translated code look at the flags of pages only while a page has one that matters to them.
 void Translator::look_at_flags()
 {
+    if (ram_.read_flag_changes != nullptr && *ram_.read_flag_changes == flag_changes_) {
+        return;
+    }
+    flag_changes_ = ram_.read_flag_changes != nullptr ? *ram_.read_flag_changes : 0;
     std::uint8_t all = 0;
     for (std::uint32_t page = 0; page < ram_.size / page_size; page++) {
         all |= ram_.flags[page];
