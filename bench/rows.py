@@ -72,13 +72,19 @@ def pair_by_pair(ours: Sequence[float], theirs: Sequence[float]) -> str:
     return f"{median_ratio(ours, theirs):.3g} pair by pair"
 
 
-def options(name: str, arguments: list[str], runs: int) -> argparse.Namespace:
-    """Read the command line of a bench."""
+def options(name: str, arguments: list[str], runs: int, cases: Sequence[str] = ()) -> argparse.Namespace:
+    """Read the command line of a bench. The user may choose some of the cases; [] means all."""
     parser = argparse.ArgumentParser(prog=f"fledge bench {name}",
                                      epilog=f"example: ./fledge bench {name} --json {name}.json")
     parser.add_argument("--json", metavar="FILE", help="write the figures as a list of rows, too")
     parser.add_argument("--runs", type=int, default=runs, help="samples of each figure (default %(default)s)")
-    return parser.parse_args(arguments)
+    if cases:
+        parser.add_argument("cases", nargs="*", metavar="CASE", help=f"only these of {', '.join(cases)}")
+    chosen = parser.parse_args(arguments)
+    for case in getattr(chosen, "cases", []):
+        if case not in cases:
+            parser.error(f"there is no case {case}; there are {', '.join(cases)}")
+    return chosen
 
 
 def report(rows: Rows, chosen: argparse.Namespace) -> None:

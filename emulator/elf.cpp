@@ -158,8 +158,10 @@ const Program::Symbol *Program::at(std::uint32_t address) const
         return nullptr;
     }
     const Symbol &last = *--after;
-    // Labels of assembler code have no size: they reach to the next symbol.
-    return last.size == 0 || address - last.address < last.size ? &last : nullptr;
+    // Labels of assembler code have no size: they reach to the next symbol, within what is loaded.
+    const bool loaded =
+        std::ranges::any_of(segments_, [&](const Segment &s) { return address - s.address < s.memory_size; });
+    return address - last.address < last.size || (last.size == 0 && loaded) ? &last : nullptr;
 }
 
 const Program::Symbol *Program::named(std::string_view name) const

@@ -19,7 +19,7 @@ constexpr std::uint32_t base = 0x40000000;
 std::vector<std::byte> example()
 {
     return make_elf(base, {0x11111111, 0x22222222, 0x33333333, 0x44444444},
-                    {{"first", base, 8}, {"label", base + 8, 0}, {"last", base + 12, 4}}, 100);
+                    {{"first", base, 8}, {"label", base + 8, 0}, {"last", base + 12, 4}, {"end", base + 116, 0}}, 100);
 }
 
 std::string mistake(const std::vector<std::byte> &file)
@@ -47,6 +47,7 @@ TEST(Elf, segments_and_symbols_are_read)
     EXPECT_EQ(p.place(base + 12), "last");
     EXPECT_EQ(p.place(base + 16), "");
     EXPECT_EQ(p.place(base - 4), "");
+    EXPECT_EQ(p.place(base + 200), "") << "beyond what is loaded, no label reaches";
 }
 
 TEST(Elf, files_for_others_say_what_they_are)
@@ -63,8 +64,8 @@ TEST(Elf, files_for_others_say_what_they_are)
     EXPECT_THAT(changed(4, 2), HasSubstr("is for machine 2; needed"));
     EXPECT_EQ(changed(17, 1), "p.elf: is not a linked program with fixed addresses (ET_EXEC)");
     EXPECT_EQ(changed(45, 0), "p.elf: has nothing to load");
-    EXPECT_EQ(changed(52 + 6, 1), "p.elf: a segment is at bytes 340 to 356, but the file has 288: it is truncated or "
-                                  "damaged");
+    EXPECT_EQ(changed(52 + 6, 1), "p.elf: a segment is at bytes 340 to 356, but the file has " +
+                                      std::to_string(example().size()) + ": it is truncated or damaged");
     EXPECT_THAT(changed(52 + 16, 1), HasSubstr("truncated or damaged"));
     EXPECT_EQ(changed(52 + 23, 8), "p.elf: a segment has more bytes in the file than in memory");
     EXPECT_EQ(changed(52 + 12, 0xFF), "");

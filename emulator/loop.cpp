@@ -69,6 +69,7 @@ bool FlightLoop::exchange()
         const Ns begin = state.epoch + tick.t;
         end = state.epoch + next_instant(tick);
         if (resets != state.resets_seen) {
+            finish_tick(begin);
             machine_.reset_until(begin);
         } else if (!run_until(begin)) {
             return false;
@@ -103,6 +104,14 @@ bool FlightLoop::exchange()
         clock_.ring(clock_.user, clock_.board->n_interrupts);
     }
     return lives;
+}
+
+/// What flight does behind its answer, as sending its record, comes before a reset.
+void FlightLoop::finish_tick(Ns limit)
+{
+    while (machine_.core().state.mode == Mode::running && machine_.now() < limit &&
+           run_until(std::min(limit, machine_.now() + second / 10000))) {
+    }
 }
 
 bool FlightLoop::finish()

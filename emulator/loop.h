@@ -54,6 +54,7 @@ public:
 private:
     Ns next_instant(const Tick &tick) const;
     bool run_until(Ns t);
+    void finish_tick(Ns limit);
 
     Machine &machine_;
     RegisterSpace &space_;

@@ -178,6 +178,7 @@ struct Machine::Impl final : DeviceHost {
         core.attention = false;
         resets++;
         if (!board.ram.kept) {
+            bus.set_flips({});
             const std::vector<std::byte> zeros(page_size);
             for (std::uint32_t offset = 0; offset < board.ram.size; offset += page_size) {
                 if (!all_zero(bus.memory(board.ram.base + offset, page_size))) {
@@ -530,6 +531,7 @@ void Machine::restore(const Snapshot &snapshot)
     m.bus.all_unchanged();
     m.bus.set_flips(snapshot.flips);
     m.core.state = snapshot.cpu;
+    keep_possible(m.core.state);
     m.resets = snapshot.resets;
     m.boot = snapshot.boot;
     m.reset_requested = m.stop_requested = m.at_breakpoint = false;

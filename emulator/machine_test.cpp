@@ -178,14 +178,14 @@ TEST_P(OnMachine, a_reset_starts_the_program_again_and_time_goes_on)
     const std::uint32_t broken = 0;
     m.poke(code, std::as_bytes(std::span(&broken, 1)));
     m.poke(data + 4, std::as_bytes(std::span("kept", 4)));
-    unsigned told = 0;
-    m.on_reset = [&] { told++; };
+    unsigned calls = 0;
+    m.on_reset = [&] { calls++; };
     m.reset();
     EXPECT_EQ(m.now(), 1'000'000);
     EXPECT_EQ(r(g(7)), 0u);
     EXPECT_EQ(word(data + 4), 0x6B657074u);
     EXPECT_EQ(m.resets(), 1u);
-    EXPECT_EQ(told, 1u);
+    EXPECT_EQ(calls, 1u);
     m.run_until(2'000'000);
     EXPECT_GT(r(g(7)), 100u) << "the program was copied again";
     m.reset_until(5'000'000);

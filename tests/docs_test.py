@@ -129,6 +129,13 @@ def test_gdb_stops_in_flight_code(tmp_path):
     assert follow("debugging.md", shell) == 2
 
 
+@pytest.mark.skipif(os.environ.get("FLEDGE_PRESET") == "asan", reason="gdb hangs where the sanitizer is loaded first")
+def test_a_leon3_is_looked_into(tmp_path):
+    shell = Shell(tmp_path)
+    shell.environment["DEBUGINFOD_URLS"] = ""
+    assert follow("leon3-debugging.md", shell) >= 12
+
+
 @pytest.mark.skipif(not importlib.util.find_spec("myst_parser"), reason="python3-myst-parser is not installed")
 @pytest.mark.skipif(os.environ.get("FLEDGE_PRESET") == "asan", reason="Sphinx loads the extension")
 def test_the_pages_and_the_reference_build_without_a_warning(tmp_path):

@@ -64,7 +64,7 @@ uint32_t work(void)
         P[i][i] = i < 3 ? 1e-2 : 1e-6;
         Q[i] = i < 3 ? 1e-9 : 1e-12;
     }
-    for (long n = 0; n < 40000L * ROUNDS; n++) {
+    for (long n = 0; n < 2000L * ROUNDS; n++) {
         const double w[3] = {1e-3, -2e-3 * (double)(n & 7), 3e-3};
         propagate(0.1, w);
         update((int)(n % 3), 1e-6);

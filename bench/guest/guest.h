@@ -1,16 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A program of the bench: it works for a while and puts a checksum out, which every emulator must agree on. */
+/* A program for the bench of emulators: it works for a while and prints a checksum, on which all must agree. */
 #ifndef BENCH_GUEST_H
 #define BENCH_GUEST_H
 
 #include <stdint.h>
 
-/** How often to repeat the work; the build may give another number. */
+/** How often the work is repeated: the bench gives the number. */
 #ifndef ROUNDS
 #define ROUNDS 1
 #endif
 
-/** The work; the result is a checksum. */
+/** The work; returns the checksum. */
 uint32_t work(void);
 
 /** Mix the bits of a number into a checksum. */

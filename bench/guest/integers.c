@@ -39,7 +39,7 @@ uint32_t work(void)
         table[i] = c;
     }
     uint32_t crc = 0, seed = 1;
-    for (long n = 0; n < 150L * ROUNDS; n++) {
+    for (long n = 0; n < 10L * ROUNDS; n++) {
         for (int i = 0; i < N; i++) {
             seed = seed * 1664525u + 1013904223u;
             numbers[i] = seed;

@@ -21,7 +21,7 @@ static void dcm(const double s[3], double m[3][3])
 uint32_t work(void)
 {
     double trace = 0.0;
-    for (long n = 0; n < 400000L * ROUNDS; n++) {
+    for (long n = 0; n < 10000L * ROUNDS; n++) {
         const double w[3] = {0.01, -0.02, 0.03 + 1e-3 * trace};
         const double s2 = sigma[0] * sigma[0] + sigma[1] * sigma[1] + sigma[2] * sigma[2];
         const double sw = sigma[0] * w[0] + sigma[1] * w[1] + sigma[2] * w[2];

@@ -41,7 +41,7 @@ void UnmapBytes::operator()(std::byte *bytes) const
 
 void SystemBus::add_memory(std::uint32_t base, std::uint32_t size, bool writable, bool edac)
 {
-    // Pages that nobody touches cost nothing, so a machine is made in microseconds.
+    // Pages that are never written cost nothing, so a machine is made in microseconds.
     void *p = mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
     if (p == MAP_FAILED) {
         throw std::bad_alloc();

@@ -134,7 +134,7 @@ TEST(SystemBus, pages_that_changed_are_noted_once)
     EXPECT_EQ(b.bus.page_address(9), rom + page_size);
 }
 
-TEST(SystemBus, watched_accesses_are_told)
+TEST(SystemBus, watched_accesses_stop)
 {
     Bench b;
     b.bus.watch(ram + 100, 4, true, true, true);

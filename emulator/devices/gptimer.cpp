@@ -84,7 +84,7 @@ void Gptimer::bring_up()
     }
 }
 
-/// Whether somebody notices when the timer passes zero.
+/// Whether it has an effect when the timer passes zero.
 bool Gptimer::matters(std::uint32_t i) const
 {
     const bool drives_next =

@@ -7,7 +7,7 @@ namespace fledge::emulator {
 
 namespace {
 
-constexpr std::uint32_t slaves_at = 0x800 / 4, ahb_entry = 8, first_bar = 4;
+constexpr std::size_t slaves_at = 0x800 / 4, ahb_entry = 8, first_bar = 4;
 
 std::uint32_t id_word(const PlugAndPlayEntry &e)
 {
@@ -30,7 +30,7 @@ void PlugAndPlay::add_master(const PlugAndPlayEntry &e)
 
 void PlugAndPlay::add_slave(const PlugAndPlayEntry &e)
 {
-    const std::uint32_t at = slaves_at + slaves_++ * ahb_entry;
+    const std::size_t at = slaves_at + slaves_++ * ahb_entry;
     words_[at] = id_word(e);
     words_[at + first_bar] = bar(e, 1u << 20, 2);
 }

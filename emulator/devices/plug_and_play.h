@@ -36,7 +36,7 @@ public:
 
 private:
     std::vector<std::uint32_t> words_;
-    std::uint32_t masters_ = 0, slaves_ = 0, apb_ = 0;
+    std::size_t masters_ = 0, slaves_ = 0, apb_ = 0;
 };
 
 } // namespace fledge::emulator

@@ -106,7 +106,7 @@ public:
     }
     Output(const Output &) = delete;
     Output &operator=(const Output &) = delete;
-    void put(std::uint8_t byte) { std::fputc(byte, file_); }
+    void put(std::uint8_t byte) { putc_unlocked(byte, file_); }
     void close()
     {
         const bool failed = std::ferror(file_) != 0;
@@ -313,6 +313,11 @@ int run(const Options &o)
             std::fflush(stdout);
             std::fprintf(stderr, "fledge_leon3: %s", machine.report(&program).c_str());
         };
+        machine.on_reset = [&, by_watchdog = std::uint64_t{0}]() mutable {
+            const bool watchdog = std::exchange(by_watchdog, machine.watchdog_resets()) != machine.watchdog_resets();
+            std::fprintf(stderr, "fledge_leon3: %s has reset the board, %.3f s after it was switched on\n",
+                         watchdog ? "the watchdog" : "the outside", static_cast<double>(machine.now()) * 1e-9);
+        };
         const std::string wrong = fly(file, loop, *space->clock());
         print_figures(machine, &loop);
         if (!wrong.empty()) {
@@ -338,11 +343,10 @@ int run(const Options &o)
 
 int main(int argc, char **argv)
 {
-    const Options o = parse(argc, argv);
     std::signal(SIGINT, [](int) { stopped = 1; });
     std::signal(SIGTERM, [](int) { stopped = 1; });
     try {
-        return run(o);
+        return run(parse(argc, argv));
     } catch (const std::exception &error) {
         std::fflush(stdout);
         std::fprintf(stderr, "fledge_leon3: %s\n", error.what());

@@ -23,7 +23,7 @@ struct Context {
     std::uint32_t *outs = nullptr;            ///< of the present window; its locals follow
     std::uint32_t *ins = nullptr;             ///< of the present window
     const std::uint8_t *page_flags = nullptr; ///< of the RAM
-    std::byte *ram = nullptr;                 ///< where address 0 would be
+    std::uintptr_t ram = 0;                   ///< where address 0 would be
     const Target *targets = nullptr;
     std::uint32_t icc = 0;      ///< as `lahf; seto al` leave them: AH holds sign, zero and carry, AL overflow
     std::uint32_t fcc = 0;      ///< as in the FSR

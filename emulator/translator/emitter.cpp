@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "emulator/translator/emitter.h"
 
+#include <bit>
 #include <cstddef>
 #include <cstring>
 
@@ -22,6 +23,11 @@ constexpr bool is_double_register(int r)
     return (r & 1) == 0;
 }
 
+constexpr bool sets_icc(Op op)
+{
+    return op >= Op::addcc && op <= Op::mulscc;
+}
+
 constexpr bool uses_fpu(Op op)
 {
     return op == Op::fbfcc || op >= Op::ldf;
@@ -36,7 +42,7 @@ int log2_of(unsigned size)
 
 Emitter::Emitter(CodeMemory &memory, const Core &core, const Memory &ram)
     : Xbyak::CodeGenerator(memory.size(), memory.writable()), memory_(memory), core_(core), ram_base_(ram.base),
-      ram_size_(ram.size)
+      ram_size_(ram.size), sums_stay_(ram.base >= page_size && ram.base + (ram.size - 1) < 0u - page_size)
 {
     const std::array<Xbyak::Reg64, 6> saved{rbx, rbp, r12, r13, r14, r15};
     for (const auto &r : saved) {
@@ -68,7 +74,7 @@ Emitter::Emitter(CodeMemory &memory, const Core &core, const Memory &ram)
         pop(*r);
     }
     ret();
-    enter_ = reinterpret_cast<Enter>(reinterpret_cast<std::uintptr_t>(memory.executable(0)));
+    enter_ = std::bit_cast<Enter>(memory.executable(0));
     blocks_begin_ = getSize();
 }
 
@@ -97,9 +103,11 @@ Xbyak::Reg32 Emitter::int_register(int slot) const
 
 Xbyak::Address Emitter::in_memory(int guest) const
 {
-    return guest < 8    ? dword[rbx + state_globals + 4 * static_cast<std::size_t>(guest)]
-           : guest < 24 ? dword[rbp + 4 * (guest - 8)]
-                        : dword[r12 + 4 * (guest - 24)];
+    const std::size_t offset = 4 * static_cast<std::size_t>(guest % 8);
+    return guest < 8    ? dword[rbx + state_globals + offset]
+           : guest < 16 ? dword[rbp + offset]
+           : guest < 24 ? dword[rbp + 32 + offset]
+                        : dword[r12 + offset];
 }
 
 Xbyak::Address Emitter::pair_in_memory(int pair) const
@@ -385,42 +393,32 @@ void Emitter::branch(const Item &item, const Item &slot)
     here_.instructions--;
     Xbyak::Label taken;
     if (i.op == Op::bicc) {
-        if (!regs_.icc_live) {
+        if (!regs_.icc_live && regs_.compared.op != Op::illegal) {
+            set_flags();
+        } else if (!regs_.icc_live) {
             movzx(eax, word[IN_CONTEXT(icc)]);
             add(al, 127);
             sahf();
         }
-        switch (i.condition) {
-        case 1: je(taken, T_NEAR); break;
-        case 2: jle(taken, T_NEAR); break;
-        case 3: jl(taken, T_NEAR); break;
-        case 4: jbe(taken, T_NEAR); break;
-        case 5: jb(taken, T_NEAR); break;
-        case 6: js(taken, T_NEAR); break;
-        case 7: jo(taken, T_NEAR); break;
-        case 9: jne(taken, T_NEAR); break;
-        case 10: jg(taken, T_NEAR); break;
-        case 11: jge(taken, T_NEAR); break;
-        case 12: ja(taken, T_NEAR); break;
-        case 13: jae(taken, T_NEAR); break;
-        case 14: jns(taken, T_NEAR); break;
-        default: jno(taken, T_NEAR); break;
-        }
+        using Jump = void (Emitter::*)(const Xbyak::Label &, LabelType);
+        static constexpr std::array<Jump, 16> jumps{nullptr,       &Emitter::je,  &Emitter::jle, &Emitter::jl,
+                                                    &Emitter::jbe, &Emitter::jb,  &Emitter::js,  &Emitter::jo,
+                                                    nullptr,       &Emitter::jne, &Emitter::jg,  &Emitter::jge,
+                                                    &Emitter::ja,  &Emitter::jae, &Emitter::jns, &Emitter::jno};
+        (this->*jumps[i.condition])(taken, T_NEAR);
     } else {
         std::uint32_t holds = 0; // bit k: the condition holds for fcc = k
         for (std::uint32_t fcc = 0; fcc < 4; fcc++) {
             holds |= fp_condition_holds(i.condition, fcc) ? 1u << fcc : 0;
         }
         if (regs_.fcc_live) { // not unordered, for then the comparison left
-            switch (holds & 7) {
-            case 0: break;
-            case 1: je(taken, T_NEAR); break;
-            case 2: jb(taken, T_NEAR); break;
-            case 3: jbe(taken, T_NEAR); break;
-            case 4: ja(taken, T_NEAR); break;
-            case 5: jae(taken, T_NEAR); break;
-            case 6: jne(taken, T_NEAR); break;
-            default: jmp(taken, T_NEAR); break;
+            using Jump = void (Emitter::*)(const Xbyak::Label &, LabelType);
+            static constexpr std::array<Jump, 7> jumps{nullptr,      &Emitter::je,  &Emitter::jb, &Emitter::jbe,
+                                                       &Emitter::ja, &Emitter::jae, &Emitter::jne};
+            if ((holds & 7) == 7) {
+                jmp(taken, T_NEAR);
+            } else if ((holds & 7) != 0) {
+                (this->*jumps[holds & 7])(taken, T_NEAR);
             }
         } else {
             mov(ecx, dword[IN_CONTEXT(fcc)]);
@@ -498,33 +496,36 @@ Xbyak::Reg32 Emitter::operand(int guest, const Xbyak::Reg32 &scratch)
     return source(guest);
 }
 
-/// rd = rs1 op operand2, where `operation(d, b)` is d op= b.
-template <class Operation> void Emitter::binary(const Instruction &i, bool commutes, bool cc, Operation operation)
+/// rd = rs1 op operand2, or op ~operand2, where `operation(d, b)` is d op= b.
+template <class Operation>
+void Emitter::binary(const Instruction &i, bool commutes, bool cc, Operation operation, bool inverted)
 {
     if (i.rd == 0 && !cc) {
         return;
     }
     const bool number = i.immediate || i.rs2 == 0;
-    const Xbyak::Reg32 a = operand(i.rs1, eax);
-    const Xbyak::Reg32 b = number ? ecx : source(i.rs2);
-    const Xbyak::Reg32 d = i.rd == 0 ? eax : target(i.rd);
     const auto n = static_cast<std::uint32_t>(i.immediate ? i.imm : 0);
-    if (number) {
+    const Xbyak::Reg32 a = operand(i.rs1, eax);
+    Xbyak::Reg32 b = number ? ecx : source(i.rs2);
+    const Xbyak::Reg32 d = i.rd == 0 ? eax : target(i.rd);
+    if (!number && (inverted || (d.getIdx() == b.getIdx() && d.getIdx() != a.getIdx() && !commutes))) {
+        mov(ecx, b);
+        b = ecx;
+    }
+    if (!number && inverted) {
+        not_(ecx);
+    }
+    if (!number && d.getIdx() == b.getIdx()) {
+        operation(d, a);
+    } else {
         if (d.getIdx() != a.getIdx()) {
             mov(d, a);
         }
-        operation(d, n);
-    } else if (d.getIdx() == a.getIdx()) {
-        operation(d, b);
-    } else if (d.getIdx() != b.getIdx()) {
-        mov(d, a);
-        operation(d, b);
-    } else if (commutes) {
-        operation(d, a);
-    } else {
-        mov(ecx, b);
-        mov(d, a);
-        operation(d, ecx);
+        if (number) {
+            operation(d, inverted ? ~n : n);
+        } else {
+            operation(d, b);
+        }
     }
     if (i.rd != 0) {
         changed(i.rd);
@@ -534,26 +535,60 @@ template <class Operation> void Emitter::binary(const Instruction &i, bool commu
     }
 }
 
-/// rd = rs1 op ~operand2
-template <class Operation> void Emitter::inverted(const Instruction &i, bool cc, Operation operation)
+/// rd = operand2
+void Emitter::move(const Instruction &i)
 {
-    const Xbyak::Reg32 a = operand(i.rs1, eax);
+    if (i.rd == 0) {
+        return;
+    }
     if (i.immediate || i.rs2 == 0) {
-        mov(ecx, ~static_cast<std::uint32_t>(i.immediate ? i.imm : 0));
+        mov(target(i.rd), static_cast<std::uint32_t>(i.immediate ? i.imm : 0));
     } else {
-        mov(ecx, source(i.rs2));
-        not_(ecx);
+        const Xbyak::Reg32 from = source(i.rs2);
+        mov(target(i.rd), from);
     }
-    const Xbyak::Reg32 d = i.rd == 0 ? eax : target(i.rd);
-    if (d.getIdx() != a.getIdx()) {
-        mov(d, a);
+    changed(i.rd);
+}
+
+/// subcc, andcc and orcc without a result: the flags of the host can be made again at the branch, if the operands are
+/// still the same.
+void Emitter::compare_integers(const Instruction &i)
+{
+    regs_.compared = i;
+    set_flags();
+    keep_icc();
+}
+
+void Emitter::set_flags()
+{
+    const Instruction &i = regs_.compared;
+    const bool number = i.immediate || i.rs2 == 0;
+    const auto n = static_cast<std::uint32_t>(i.immediate ? i.imm : 0);
+    if (i.op == Op::orcc) { // one of the operands is 0
+        const Xbyak::Reg32 r = operand(i.rs1 != 0 ? i.rs1 : i.rs2, eax);
+        test(r, r);
+        return;
     }
-    operation(d, ecx);
-    if (i.rd != 0) {
-        changed(i.rd);
+    const Xbyak::Reg32 a = operand(i.rs1, eax);
+    const Xbyak::Reg32 b = number ? ecx : source(i.rs2);
+    if (i.op == Op::subcc && number) {
+        cmp(a, n);
+    } else if (i.op == Op::subcc) {
+        cmp(a, b);
+    } else if (number) {
+        test(a, n);
+    } else {
+        test(a, b);
     }
-    if (cc) {
-        keep_icc();
+}
+
+/// The register of the guest has a new value.
+void Emitter::changed(int guest)
+{
+    regs_.ints[static_cast<std::size_t>(int_slot(guest, false))].dirty = true;
+    const Instruction &i = regs_.compared;
+    if (i.rs1 == guest || (!i.immediate && i.rs2 == guest)) {
+        regs_.compared = {};
     }
 }
 
@@ -728,28 +763,39 @@ void Emitter::address_in_eax(const Instruction &i)
     }
 }
 
-/// Where the aligned datum stands in the host's memory; leaves if it is not in RAM, or if its page has one of the flags.
+/// Where the aligned datum stands in the host's memory; leaves if that is not RAM, or if its page has one of the flags.
 Xbyak::RegExp Emitter::checked_address(const Instruction &i, unsigned size, std::uint8_t flags)
 {
-    address_in_eax(i);
     const int k = log2_of(size);
-    lea(ecx, ptr[rax - static_cast<std::int32_t>(ram_base_)]);
+    Xbyak::RegExp place = r13 + rax;
+    if (i.rs1 != 0 && (i.immediate || i.rs2 == 0) && sums_stay_) {
+        const std::int32_t offset = i.immediate ? i.imm : 0;
+        const Xbyak::Reg64 base = source(i.rs1).cvt64();
+        lea(ecx, ptr[base + (offset - static_cast<std::int32_t>(ram_base_))]);
+        place = r13 + base + offset;
+    } else {
+        address_in_eax(i);
+        lea(ecx, ptr[rax - static_cast<std::int32_t>(ram_base_)]);
+    }
     if (k != 0) {
         ror(ecx, k); // the low bits, which must be 0, become the high ones
     }
     Xbyak::Label &leave = leave_at_site();
     cmp(ecx, ram_size_ >> k);
     jae(leave, T_NEAR);
-    shr(ecx, 12 - k);
-    mov(rdx, qword[IN_CONTEXT(page_flags)]);
-    test(byte[rdx + rcx], flags);
-    jnz(leave, T_NEAR);
-    return r13 + rax;
+    if (flags != 0) {
+        shr(ecx, 12 - k);
+        mov(rdx, qword[IN_CONTEXT(page_flags)]);
+        test(byte[rdx + rcx], flags);
+        jnz(leave, T_NEAR);
+    }
+    return place;
 }
 
-void Emitter::load(const Instruction &i, unsigned size, bool is_signed)
+void Emitter::load(const Instruction &i, unsigned size)
 {
-    const Xbyak::RegExp place = checked_address(i, size, page_slow_read);
+    const bool is_signed = i.op == Op::ldsb || i.op == Op::ldsh;
+    const Xbyak::RegExp place = checked_address(i, size, checks_reads ? page_slow_read : 0);
     if (i.op == Op::lddf) {
         const int k = free_float_slot();
         vmovq(float_register(k), qword[place]);
@@ -1073,85 +1119,21 @@ void Emitter::floating(const Instruction &i)
 
 bool Emitter::translates(const Instruction &i)
 {
-    switch (i.op) {
-    case Op::call:
-    case Op::sethi:
-    case Op::bicc:
-    case Op::fbfcc:
-    case Op::jmpl:
-    case Op::flush:
-    case Op::save:
-    case Op::restore:
-    case Op::add:
-    case Op::and_:
-    case Op::or_:
-    case Op::xor_:
-    case Op::sub:
-    case Op::andn:
-    case Op::orn:
-    case Op::xnor:
-    case Op::addx:
-    case Op::subx:
-    case Op::umul:
-    case Op::smul:
-    case Op::udiv:
-    case Op::sdiv:
-    case Op::addcc:
-    case Op::andcc:
-    case Op::orcc:
-    case Op::xorcc:
-    case Op::subcc:
-    case Op::andncc:
-    case Op::orncc:
-    case Op::xnorcc:
-    case Op::addxcc:
-    case Op::subxcc:
-    case Op::umulcc:
-    case Op::smulcc:
-    case Op::sll:
-    case Op::srl:
-    case Op::sra:
-    case Op::rdy:
-    case Op::wry:
-    case Op::ld:
-    case Op::ldub:
-    case Op::lduh:
-    case Op::ldd:
-    case Op::st:
-    case Op::stb:
-    case Op::sth:
-    case Op::std_:
-    case Op::ldsb:
-    case Op::ldsh:
-    case Op::ldf:
-    case Op::stf: return true;
-    case Op::lddf:
-    case Op::stdf: return is_double_register(i.rd);
-    case Op::fmovs:
-    case Op::fnegs:
-    case Op::fabss:
-    case Op::fadds:
-    case Op::fsubs:
-    case Op::fmuls:
-    case Op::fdivs:
-    case Op::fsqrts:
-    case Op::fstoi:
-    case Op::fcmps:
-    case Op::fcmpes: return true;
-    case Op::faddd:
-    case Op::fsubd:
-    case Op::fmuld:
-    case Op::fdivd: return is_double_register(i.rd) && is_double_register(i.rs1) && is_double_register(i.rs2);
-    case Op::fsqrtd: return is_double_register(i.rd) && is_double_register(i.rs2);
-    case Op::fcmpd:
-    case Op::fcmped: return is_double_register(i.rs1) && is_double_register(i.rs2);
-    case Op::fitod:
-    case Op::fstod:
-    case Op::fsmuld: return is_double_register(i.rd);
-    case Op::fdtos:
-    case Op::fdtoi: return is_double_register(i.rs2);
-    default: return false;
+    const Op op = i.op;
+    if (op >= Op::ldf) {
+        const bool doubles_in = op == Op::fsqrtd || op == Op::faddd || op == Op::fsubd || op == Op::fmuld ||
+                                op == Op::fdivd || op == Op::fdtos || op == Op::fdtoi || op == Op::fcmpd ||
+                                op == Op::fcmped;
+        const bool double_out = op == Op::fsqrtd || op == Op::faddd || op == Op::fsubd || op == Op::fmuld ||
+                                op == Op::fdivd || op == Op::fsmuld || op == Op::fitod || op == Op::fstod ||
+                                op == Op::lddf || op == Op::stdf;
+        return op != Op::ldfsr && op != Op::stfsr && op != Op::stdfq && op != Op::fitos &&
+               op != Op::fpop_unimplemented && !(doubles_in && ((i.rs1 | i.rs2) & 1) != 0) &&
+               !(double_out && (i.rd & 1) != 0);
     }
+    return op == Op::call || op == Op::sethi || op == Op::bicc || op == Op::fbfcc ||
+           (op >= Op::add && op <= Op::smulcc) || (op >= Op::sll && op <= Op::sra) || op == Op::rdy || op == Op::wry ||
+           op == Op::jmpl || op == Op::flush || op == Op::save || op == Op::restore || (op >= Op::ld && op <= Op::ldsh);
 }
 
 void Emitter::instruction(const Instruction &i)
@@ -1171,6 +1153,9 @@ void Emitter::instruction(const Instruction &i)
         always_leave();
         return;
     }
+    if (sets_icc(i.op) || i.op == Op::save || i.op == Op::restore) {
+        regs_.compared = {};
+    }
     switch (i.op) {
     case Op::call:
         mov(target(15), here_.pc);
@@ -1188,19 +1173,35 @@ void Emitter::instruction(const Instruction &i)
     case Op::add: binary(i, true, false, plus); break;
     case Op::sub: binary(i, false, false, minus); break;
     case Op::and_: binary(i, true, false, conjunction); break;
-    case Op::or_: binary(i, true, false, disjunction); break;
+    case Op::or_:
+        if (i.rs1 == 0) {
+            move(i);
+        } else {
+            binary(i, true, false, disjunction);
+        }
+        break;
     case Op::xor_: binary(i, true, false, exclusive); break;
     case Op::addcc: binary(i, true, true, plus); break;
-    case Op::subcc: binary(i, false, true, minus); break;
-    case Op::andcc: binary(i, true, true, conjunction); break;
-    case Op::orcc: binary(i, true, true, disjunction); break;
+    case Op::subcc:
+    case Op::andcc:
+    case Op::orcc:
+        if (i.rd == 0 && (i.op != Op::orcc || (!i.immediate && (i.rs1 == 0 || i.rs2 == 0)))) {
+            compare_integers(i);
+        } else if (i.op == Op::subcc) {
+            binary(i, false, true, minus);
+        } else if (i.op == Op::andcc) {
+            binary(i, true, true, conjunction);
+        } else {
+            binary(i, true, true, disjunction);
+        }
+        break;
     case Op::xorcc: binary(i, true, true, exclusive); break;
-    case Op::andn: inverted(i, false, conjunction); break;
-    case Op::orn: inverted(i, false, disjunction); break;
-    case Op::xnor: inverted(i, false, exclusive); break;
-    case Op::andncc: inverted(i, true, conjunction); break;
-    case Op::orncc: inverted(i, true, disjunction); break;
-    case Op::xnorcc: inverted(i, true, exclusive); break;
+    case Op::andn: binary(i, false, false, conjunction, true); break;
+    case Op::orn: binary(i, false, false, disjunction, true); break;
+    case Op::xnor: binary(i, false, false, exclusive, true); break;
+    case Op::andncc: binary(i, false, true, conjunction, true); break;
+    case Op::orncc: binary(i, false, true, disjunction, true); break;
+    case Op::xnorcc: binary(i, false, true, exclusive, true); break;
     case Op::addx:
     case Op::addxcc:
     case Op::subx:
@@ -1238,19 +1239,19 @@ void Emitter::instruction(const Instruction &i)
         break;
     case Op::save: change_window(i, true); break;
     case Op::restore: change_window(i, false); break;
-    case Op::ld: load(i, 4, false); break;
-    case Op::ldub: load(i, 1, false); break;
-    case Op::lduh: load(i, 2, false); break;
-    case Op::ldsb: load(i, 1, true); break;
-    case Op::ldsh: load(i, 2, true); break;
-    case Op::ldd: load(i, 8, false); break;
-    case Op::ldf: load(i, 4, false); break;
-    case Op::lddf: load(i, 8, false); break;
-    case Op::st: store(i, 4); break;
+    case Op::ldub:
+    case Op::ldsb: load(i, 1); break;
+    case Op::lduh:
+    case Op::ldsh: load(i, 2); break;
+    case Op::ld:
+    case Op::ldf: load(i, 4); break;
+    case Op::ldd:
+    case Op::lddf: load(i, 8); break;
     case Op::stb: store(i, 1); break;
     case Op::sth: store(i, 2); break;
-    case Op::std_: store(i, 8); break;
+    case Op::st:
     case Op::stf: store(i, 4); break;
+    case Op::std_:
     case Op::stdf: store(i, 8); break;
     default: floating(i); break;
     }

@@ -2,9 +2,9 @@
 // Writes the instructions of x86-64 for a block of SPARC's.
 //
 // Registers of the host: rbx the CpuState, rbp the outs and locals, r12 the ins, r13 where address 0 would be in RAM,
-// r14 the Context, r15 the cycles that remain; eax, ecx, edx and xmm0 are for one instruction; xmm15 reverses bytes. The
-// others hold registers of the guest within a block. Where translated code leaves in the middle of a block, it first
-// stores those that have changed, so the state in memory is that before the instruction.
+// r14 the Context, r15 the cycles that remain; eax, ecx, edx and xmm0 are for one instruction; xmm15 reverses bytes.
+// The others hold registers of the guest within a block. Where translated code leaves in the middle of a block, it
+// first stores those that have changed, so the state in memory is that before the instruction.
 #pragma once
 
 #include <array>
@@ -52,6 +52,7 @@ public:
     bool full() const { return maxSize_ - size_ < reserve; }
     void forget();
 
+    bool checks_reads = false; ///< some page has a flag of page_slow_read, so loads look for it
     std::vector<Link> links;
     std::vector<Site> sites;
 
@@ -72,6 +73,7 @@ private:
         std::array<Slot, float_count> floats;
         Op last_op = Op::illegal;                ///< the last floating-point operation of the block
         int last_a = -1, last_b = -1;            ///< the slots that keep its operands
+        Instruction compared;                    ///< Op::illegal, or what has set the condition codes
         bool icc_live = false, fcc_live = false; ///< the flags of the host are those of the last instruction
         std::uint16_t clock = 0;
     };
@@ -98,7 +100,7 @@ private:
     int int_slot(int guest, bool load);
     Xbyak::Reg32 source(int guest) { return int_register(int_slot(guest, true)); }
     Xbyak::Reg32 target(int guest) { return int_register(int_slot(guest, false)); }
-    void changed(int guest) { regs_.ints[static_cast<std::size_t>(int_slot(guest, false))].dirty = true; }
+    void changed(int guest);
     void write_back(Slot &slot, int index, bool is_float);
     void write_back_all();
     int free_float_slot();
@@ -118,17 +120,19 @@ private:
     void instruction(const Instruction &i);
 
     Xbyak::Reg32 operand(int guest, const Xbyak::Reg32 &scratch);
-    template <class Operation> void binary(const Instruction &i, bool commutes, bool cc, Operation operation);
-    template <class Operation> void inverted(const Instruction &i, bool cc, Operation operation);
+    template <class Operation>
+    void binary(const Instruction &i, bool commutes, bool cc, Operation operation, bool inverted = false);
     template <class Operation> void shift(const Instruction &i, Operation operation);
+    void move(const Instruction &i);
+    void compare_integers(const Instruction &i);
+    void set_flags();
     void keep_icc();
-    void add_or_subtract(const Instruction &i);
     void multiply(const Instruction &i, bool is_signed, bool cc);
     void divide(const Instruction &i, bool is_signed);
     void change_window(const Instruction &i, bool save);
     void address_in_eax(const Instruction &i);
     Xbyak::RegExp checked_address(const Instruction &i, unsigned size, std::uint8_t flags);
-    void load(const Instruction &i, unsigned size, bool is_signed);
+    void load(const Instruction &i, unsigned size);
     void store(const Instruction &i, unsigned size);
 
     template <class Operation> void doubles(const Instruction &i, bool two, bool checked, Operation operation);
@@ -145,6 +149,7 @@ private:
     CodeMemory &memory_;
     const Core &core_;
     std::uint32_t ram_base_, ram_size_;
+    bool sums_stay_; ///< no register plus a number of 13 bits reaches the RAM past the ends of the address space
     Enter enter_ = nullptr;
     std::array<std::size_t, 5> leave_{};
     std::size_t blocks_begin_ = 0;

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Blocks of SPARC instructions as instructions of x86-64.
 //
-// A block is translated when it is reached first, and jumps to the next one directly once both are there. It begins with
-// a check that it ends before the run does; otherwise the threaded interpreter executes the rest. All that is rare leaves
-// the block: the reference executes that one instruction, and the next block begins behind it.
+// A block is translated when it is reached first, and jumps to the next one directly once both are there. It begins
+// with a check that it ends before the run does; otherwise the threaded interpreter executes the rest. All that is rare
+// leaves the block: the reference executes that one instruction, and the next block begins behind it.
 #include "emulator/cpu/engine.h"
 
 #ifdef __x86_64__
@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <array>
 #include <optional>
+#include <system_error>
 #include <unordered_map>
 
 #include <xbyak/xbyak_util.h>
@@ -62,6 +63,7 @@ private:
     std::optional<std::uint32_t> block_at(Core &core, std::uint32_t pc);
     std::optional<Trace> trace_from(Core &core, std::uint32_t pc);
     bool fetch(Core &core, std::uint32_t pc, Instruction &i) const;
+    void look_at_flags();
     void kill(std::uint32_t block);
     void forget_all();
 
@@ -83,7 +85,7 @@ private:
     Core *core_ = nullptr;
     Memory ram_;
     Context context_;
-    std::unique_ptr<CodeMemory> memory_;
+    CodeMemory memory_{code_size};
     std::unique_ptr<Emitter> emitter_;
     std::array<Target, target_count> targets_{};
     std::vector<Block> blocks_;
@@ -95,10 +97,9 @@ void Translator::meet(Core &core)
 {
     core_ = &core;
     ram_ = core.bus->ram();
-    memory_ = std::make_unique<CodeMemory>(code_size);
-    emitter_ = std::make_unique<Emitter>(*memory_, core, ram_);
+    emitter_ = std::make_unique<Emitter>(memory_, core, ram_);
     context_.page_flags = ram_.flags;
-    context_.ram = ram_.bytes - ram_.base;
+    context_.ram = reinterpret_cast<std::uintptr_t>(ram_.bytes) - ram_.base;
     context_.targets = targets_.data();
     forget_all();
 }
@@ -110,6 +111,19 @@ void Translator::forget_all()
     blocks_of_page_.clear();
     targets_.fill({});
     emitter_->forget();
+}
+
+/// Loads of translated code look at the flags of pages only while a page has one that matters to them.
+void Translator::look_at_flags()
+{
+    std::uint8_t all = 0;
+    for (std::uint32_t page = 0; page < ram_.size / page_size; page++) {
+        all |= ram_.flags[page];
+    }
+    if (const bool slow = (all & page_slow_read) != 0; slow != emitter_->checks_reads) {
+        emitter_->checks_reads = slow;
+        forget_all();
+    }
 }
 
 // ---- blocks
@@ -263,7 +277,7 @@ std::uint64_t Translator::enter(Core &core, std::uint64_t until, const Block &bl
     const std::uint64_t end = std::min(until, s.cycles + longest_run);
     c.remaining = static_cast<std::int64_t>(end - s.cycles);
 
-    const std::uint64_t left = emitter_->enter()(&c, &s, memory_->executable(block.entry));
+    const std::uint64_t left = emitter_->enter()(&c, &s, memory_.executable(block.entry));
 
     s.cycles = end - static_cast<std::uint64_t>(c.remaining);
     s.psr = (s.psr & ~psr::icc) | ((c.icc & 1u << 15) != 0 ? psr::negative : 0) |
@@ -311,6 +325,7 @@ Exit Translator::run(Core &core, std::uint64_t until, bool step_over)
     if (core_ != &core) {
         meet(core);
     }
+    look_at_flags();
     CpuState &s = core.state;
     Exit exit = Exit::time;
     bool watched = false;
@@ -345,7 +360,7 @@ Exit Translator::run(Core &core, std::uint64_t until, bool step_over)
             continue;
         }
         Block &block = blocks_[*index];
-        const std::uint8_t *code = memory_->executable(block.entry);
+        const std::uint8_t *code = memory_.executable(block.entry);
         if (link < emitter_->links.size() && emitter_->links[link].pc == s.pc) {
             emitter_->connect(emitter_->links[link], block.entry);
             block.incoming.push_back(link);
@@ -384,6 +399,7 @@ Exit Translator::run(Core &core, std::uint64_t until, bool step_over)
         case Leave::site: {
             const Site site = emitter_->sites[number];
             watched = execute_site(core, site);
+            look_at_flags(); // a device may have changed them
             break;
         }
         }
@@ -393,11 +409,13 @@ Exit Translator::run(Core &core, std::uint64_t until, bool step_over)
 } // namespace
 
 std::unique_ptr<Engine> make_translator()
-{
+try {
     const Xbyak::util::Cpu host;
-    if (host.has(Xbyak::util::Cpu::tAVX) && host.has(Xbyak::util::Cpu::tSSSE3)) {
+    if (host.has(Xbyak::util::Cpu::tAVX)) {
         return std::make_unique<Translator>();
     }
+    return make_threaded();
+} catch (const std::system_error &) { // the system allows no memory for code
     return make_threaded();
 }
 

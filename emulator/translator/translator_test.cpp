@@ -17,7 +17,7 @@ namespace {
 
 using namespace testing;
 
-constexpr std::uint32_t program_words = 160, code_in_data = SmallComputer::data + 0x800;
+constexpr std::uint32_t program_words = 160;
 
 /// Numbers, words and programs at random, with what is rare made frequent.
 class Dice {
@@ -262,6 +262,9 @@ void fill(SmallComputer &c, std::uint64_t seed)
     if (dice.one_in(8)) {
         c.s.psr &= ~psr::enable_fpu;
     }
+    for (int k = 0; dice.one_in(4) && k < 3; k++) {
+        c.engine->set_breakpoint(c.core, SmallComputer::start + 4 * dice.below(program_words), true);
+    }
     c.bus.on_device_read = [&c](std::uint32_t) { return static_cast<std::uint32_t>(c.s.cycles); };
     c.bus.on_device_write = [&c](std::uint32_t, std::uint32_t value) {
         c.core.interrupt_level = value & 15;
@@ -279,13 +282,25 @@ std::string run_both(std::uint64_t seed)
     SmallComputer reference(make_interpreter(), timing), tested(make_translator(), timing);
     fill(reference, seed);
     fill(tested, seed);
+    Exit last = Exit::time;
     for (int slice = 0; slice < 60; slice++) {
         static constexpr std::uint32_t lengths[] = {5, 60, 400, 2000};
         const std::uint64_t cycles = 1 + dice.below(dice.of(lengths));
         if (dice.one_in(6)) {
             reference.core.interrupt_level = tested.core.interrupt_level = dice.below(16);
         }
-        const Exit expected = reference.steps(cycles), found = tested.steps(cycles);
+        if (dice.one_in(10)) { // a debugger begins or ends to watch, or the program is protected
+            static constexpr std::uint8_t flags[] = {page_watch_read, page_watch_write, page_protected};
+            const std::uint8_t flag = dice.of(flags);
+            for (SmallComputer *c : {&reference, &tested}) {
+                c->bus.flags_of(SmallComputer::data) ^= flag;
+            }
+        }
+        const auto run = [&](SmallComputer &c) {
+            return c.engine->run(c.core, c.s.cycles + cycles, last == Exit::breakpoint);
+        };
+        const Exit expected = run(reference), found = run(tested);
+        last = expected;
         std::string text = difference(reference.s, tested.s);
         if (expected != found) {
             text += "exit: expected " + std::to_string(static_cast<int>(expected)) + ", found " +
@@ -310,9 +325,53 @@ std::string run_both(std::uint64_t seed)
 
 TEST(Translator, random_programs_give_the_states_of_the_reference)
 {
-    for (std::uint64_t seed = 1; seed <= 400; seed++) {
+    for (std::uint64_t seed = 1; seed <= 120; seed++) {
         const std::string text = run_both(seed);
         ASSERT_EQ(text, "");
+    }
+}
+
+TEST(Translator, many_processors_run_in_several_threads)
+{
+    std::vector<std::string> differences(4);
+    std::vector<std::thread> threads;
+    for (std::size_t k = 0; k < differences.size(); k++) {
+        threads.emplace_back([&text = differences[k], k] {
+            for (std::uint64_t seed = 10'000 + 10 * k; seed < 10'003 + 10 * k && text.empty(); seed++) {
+                text = run_both(seed);
+            }
+        });
+    }
+    for (std::thread &thread : threads) {
+        thread.join();
+    }
+    for (const std::string &text : differences) {
+        EXPECT_EQ(text, "");
+    }
+}
+
+TEST(Translator, a_loop_that_changes_itself_executes_what_it_wrote)
+{
+    SmallComputer c(make_translator());
+    // The loop adds 1 to %g1, and in its first round makes the instruction an addition of 2.
+    c.write(SmallComputer::start,
+            {add(g(1), g(1), 1), st(g(2), g(5), 0), subcc(g(3), g(3), 1), branch(2, 9, false, -3), nop, ba(0), nop});
+    c.r(g(2)) = add(g(1), g(1), 2);
+    c.r(g(3)) = 10;
+    c.r(g(5)) = SmallComputer::start;
+    c.steps(100);
+    EXPECT_EQ(c.r(g(1)), 1 + 9 * 2u);
+}
+
+TEST(Translator, a_run_ends_at_its_first_boundary_in_a_chain_of_blocks)
+{
+    SmallComputer c(make_translator());
+    c.write(SmallComputer::start, {add(g(1), g(1), 1), ba(-1), add(g(2), g(2), 1)});
+    c.steps(3000); // the blocks are there
+    for (std::uint64_t n = 1; n < 20; n++) {
+        const std::uint64_t before = c.s.instructions;
+        EXPECT_EQ(c.steps(n), Exit::time);
+        EXPECT_EQ(c.s.instructions, before + n);
     }
 }
 

@@ -52,7 +52,7 @@ void fledge_watch(const void *mission, int64_t t, const MissionIoCounts *counts)
 {
     host.mission = (void *)(uintptr_t)mission;
     if (t >= 0) {
-        recorder_take(&host, t);
+        recorder_take(&host, t, "leon3-cfs");
     } else if (t == -1) {
         const int result = recorder_end(counts);
         leon3_say_figure("task_stack_bytes", port_stack_used());
@@ -65,7 +65,7 @@ int main(void)
 {
     host = fledge_mission;
     leon3_watch();
-    recorder_open(&host, "leon3-cfs");
+    recorder_resume();
     pocket_boot("", fledge_apps, fledge_apps_n);
     pocket_quiet(true);
     for (uint32 i = 0; i < leon3_files_n; i++) {

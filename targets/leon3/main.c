@@ -5,6 +5,8 @@
 #include "targets/leon3/leon3.h"
 #include "targets/leon3/recorder.h"
 
+#define TARGET "leon3"
+
 enum { BOARDS_MAX = 4 };
 
 static RegisterWindow windows[BOARDS_MAX];
@@ -31,13 +33,15 @@ int main(void)
     fledge_mission.init();
     const RegisterWindow *clock = place_windows();
     leon3_watch();
-    recorder_open(&fledge_mission, "leon3");
+    recorder_resume();
     while (!register_clock_stopped(clock)) {
         if (register_clock_due(clock, &tick)) {
             mission_host_exchange(&fledge_mission, windows, tick.t, &counts);
             register_clock_finish(clock);
-            if (tick.t >= 0) {
-                recorder_take(&fledge_mission, tick.t);
+            if (tick.t < 0) {
+                recorder_begin(&fledge_mission, TARGET);
+            } else {
+                recorder_take(&fledge_mission, tick.t, TARGET);
             }
         } else {
             leon3_idle();

@@ -3,9 +3,11 @@
 
 #include "targets/leon3/leon3.h"
 
+#include <string.h>
+
 enum { SCHEMAS = 64, CHANNELS = 192, BEGUN = 0x4d434150 };
 
-/* The start of the program leaves this section as it is; the loader fills it with zeros. */
+/* Neither the loader nor the start of the program change this section. */
 static struct {
     uint32_t begun; ///< BEGUN: the rest is of the program before a reset
     uint32_t busy;  ///< 1: some bytes of a record are sent
@@ -23,13 +25,18 @@ static int send_record(void *user, const void *bytes, size_t n)
     return 0;
 }
 
-void recorder_open(const MissionHost *host, const char *target)
+void recorder_resume(void)
 {
-    leon3_console_off = leon3.link == leon3.console;
-    if (kept.begun == BEGUN) {
-        kept.status = kept.busy != 0u ? MCAP_WRITE_FAILED : kept.status;
-        return;
+    leon3_console_off = kept.begun == BEGUN && leon3.link == leon3.console;
+    if (kept.busy != 0u) {
+        kept.status = MCAP_WRITE_FAILED;
     }
+}
+
+void recorder_begin(const MissionHost *host, const char *target)
+{
+    memset(&kept, 0, sizeof kept);
+    leon3_console_off = leon3.link == leon3.console;
     kept.begun = BEGUN;
     kept.status = MCAP_FULL;
     if (host->n_schemas <= SCHEMAS && host->n_channels <= CHANNELS) {
@@ -40,8 +47,11 @@ void recorder_open(const MissionHost *host, const char *target)
     }
 }
 
-void recorder_take(const MissionHost *host, int64_t t)
+void recorder_take(const MissionHost *host, int64_t t, const char *target)
 {
+    if (kept.begun != BEGUN) {
+        recorder_begin(host, target);
+    }
     if (kept.status == MCAP_OK) {
         kept.busy = 1u;
         kept.status = mission_record_take(&kept.record, host, t);
@@ -52,7 +62,7 @@ void recorder_take(const MissionHost *host, int64_t t)
 
 int recorder_end(const MissionIoCounts *counts)
 {
-    if (kept.status == MCAP_OK) {
+    if (kept.begun == BEGUN && kept.status == MCAP_OK) {
         kept.status = mission_record_close(&kept.record);
     }
     leon3_console_off = 0;

@@ -6,10 +6,12 @@
 
 #include "targets/mission_host.h"
 
-/** Begin the record, or go on with that of the program before a reset. */
-void recorder_open(const MissionHost *host, const char *target);
-/** Record all outputs of flight, at t >= 0. Errors wait for the end. */
-void recorder_take(const MissionHost *host, int64_t t);
+/** At the start of the program: go on with the record of the program before a reset, if there was one. */
+void recorder_resume(void);
+/** Begin the record of a run. */
+void recorder_begin(const MissionHost *host, const char *target);
+/** Record all outputs of flight, at t >= 0; without a record, begin one. Errors wait for the end. */
+void recorder_take(const MissionHost *host, int64_t t, const char *target);
 /** End the record, and print the counters on the console, a key and a value on each line. Returns the exit code of the
  *  program. */
 int recorder_end(const MissionIoCounts *counts);

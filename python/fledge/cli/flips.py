@@ -22,7 +22,7 @@ def add(command: Callable) -> None:
                      " default: 1000")
     one.add_argument("--seed", type=int, default=0, metavar="S", help="of the drawn bits and times; default: 0")
     one.add_argument("--at", default="60s", metavar="TIME", help="where all flights begin; default: 60s")
-    one.add_argument("--for", dest="duration", default="60s", metavar="DURATION", help="in which the flips come, at any "
+    one.add_argument("--for", dest="duration", default="60s", metavar="DURATION", help="the flips come in it, at any "
                      "instruction of flight; default: 60s")
     one.add_argument("--after", default="20s", metavar="DURATION", help="how long each flight goes on then, so that a "
                      "watchdog can act; default: 20s")

@@ -135,6 +135,11 @@ class Board:
         """From now on these lines are always pending, or never; without any, the lines work again."""
         self.core.stick_interrupts(sum(1 << line for line in on), sum(1 << line for line in off))
 
+    @property
+    def missed(self) -> int:
+        """In the loop: ticks that flight did not answer before its next instant."""
+        return self._link.missed
+
     def lose_ticks(self, n: int) -> None:
         """In the loop: the next n ticks do not reach the processor."""
         self._link.lose_ticks(n)
@@ -280,7 +285,7 @@ class _Flight:
             self.kernel.put_out(view, np.frombuffer(self.board.core.peek(address, size), np.uint8)[order].tobytes())
         self.telemetry += [(t, packet) for packet in link.receive()]
         if self.answers is not None:
-            outputs = (objects.memory(view) for *_, view in (*self.carried, *self.inside))
+            outputs = (objects.memory(view) for _, view in self.carried)
             self.answers.append((t, b"".join(outputs) if answered else None))
 
     def tick(self, t):

@@ -92,8 +92,10 @@ public:
     void finish()
     {
         tools.finish();
-        machine.select(engine_);
+        renew_engine();
     }
+    /// The children of a process share the memory of translated code, so each needs an engine of its own.
+    void renew_engine() { machine.select(engine_); }
 
     Program program;
 
@@ -432,6 +434,7 @@ PYBIND11_MODULE(_emulator, m)
         .def("profile", [](Computer &c, const std::string &path) { c.tools.profile(path); })
         .def("stacks", [](Computer &c) { c.tools.stacks(); })
         .def("finish", &Computer::finish)
+        .def("renew_engine", &Computer::renew_engine)
         .def("depths",
              [](const Computer &c) {
                  py::list rows;

@@ -13,6 +13,7 @@ import random
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
@@ -22,8 +23,8 @@ from fledge.errors import Failure, SetupError
 from fledge.objects.si import time_ns
 
 EFFECTS = {
-    "no effect": "all outputs of flight are the same, at all instants",
-    "wrong output": "some output of flight was another one; flight went on",
+    "no effect": "all that flight wrote into its registers is the same, at all instants",
+    "wrong output": "some of it was another; flight went on",
     "recovered by watchdog": "the computer was reset, and flight went on",
     "hang": "flight no longer answered at the end",
     "trap": "the processor stood in its error mode at the end",
@@ -69,6 +70,7 @@ class Campaign:
         self.end = self.middle + time_ns(after, "flips: after")
         if not 0 < self.at < self.middle <= self.end:
             raise SetupError("flips: at and duration must be more than 0 s")
+        self.edac = edac
         from fledge.targets.leon3 import BOARD
 
         with TemporaryDirectory() as folder:
@@ -160,8 +162,17 @@ def _spread(campaign, n, seed, workers) -> Iterator[tuple[int, Outcome]]:
     if workers <= 1:
         yield from (_work((seed, i)) for i in range(n))
         return
-    with multiprocessing.get_context("fork").Pool(min(workers, n)) as pool:
-        yield from pool.imap_unordered(_work, [(seed, i) for i in range(n)], chunksize=4)
+    with ProcessPoolExecutor(min(workers, n), multiprocessing.get_context("fork"), _begin) as pool:
+        waiting = [pool.submit(_work, (seed, i)) for i in range(n)]
+        try:
+            for one in as_completed(waiting):
+                yield one.result()
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _begin():
+    _campaign.board.core.renew_engine()
 
 
 def _work(job):
@@ -220,7 +231,7 @@ def plot(campaigns: Mapping[str, Sequence[Outcome]], title: str, path: Path) -> 
                 left = [a + b for a, b in zip(left, share)]
             axes.set_title(name)
         panels[-1].set_xlabel("flips [%]")
-        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=len(EFFECTS))
+        panels[0].legend(loc="lower center", bbox_to_anchor=(0.4, 1.12), ncols=len(EFFECTS), fontsize=8, frameon=False)
         path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path)
     return path

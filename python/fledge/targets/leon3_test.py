@@ -52,6 +52,25 @@ def test_the_board_support_does_what_a_program_needs(check, computer):
     assert computer == "qemu" or done.returncode == 1
 
 
+def test_a_program_resets_its_board_and_so_does_the_watchdog(tmp_path):
+    """Initial data are fresh after each start; what is kept, is kept."""
+    program = leon3.program(tmp_path, "check", [leon3.FOLDER / "testing/check.c"], [], ["-DRESET"])
+    done = ran("leon3", program, "--figures")
+    assert done.stdout.splitlines()[:4] == ["start 1", "start 2", "start 3", "checked"], done.stdout + done.stderr
+    assert "resets 2\nwatchdog 2\n" in done.stdout and done.returncode == 0
+
+
+def test_a_reset_of_the_computer_in_flight(tmp_path, capsys):
+    """By the power unit's watchdog; the record goes on, and all bits are the desktop's."""
+    on = "leon3,leon3-cfs" + ("" if TARGETS["leon3-qemu"].missing() else ",leon3-qemu")
+    assert cli.main(["fly", "flatsat", "silent", "--on", on, "--out", str(tmp_path)]) == 0, capsys.readouterr()
+    rows = [line for line in capsys.readouterr().out.splitlines() if "  leon3" in line]
+    assert len(rows) == len(on.split(",")) and all(" none " in row for row in rows)
+    for name in ("leon3", "leon3-cfs"):
+        log = (tmp_path / f"{name}.log").read_text()
+        assert "flight: resets 2\n" in log and "flight: watchdog 0\n" in log and "flight: recorded 589\n" in log
+
+
 @pytest.mark.parametrize("on", ["deputy=leon3,chief=leon3-cfs", "deputy=leon3-cfs,chief=leon3"])
 def test_several_boards_fly_in_one_run(on, tmp_path, capsys):
     span = [] if WHOLE else ["--for", "30s"]

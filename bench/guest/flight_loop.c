@@ -64,7 +64,7 @@ uint32_t work(void)
     wheel_config_update(&wheels, tick);
     control.in.vehicle = vehicle.out.vehicle;
     control.in.wheels = motor.in.wheels = wheels.out.wheels;
-    for (long n = 0; n < 20000L * ROUNDS; n++) {
+    for (long n = 0; n < 2000L * ROUNDS; n++) {
         tick.t += tick.dt;
         guidance.in.orbit.head.t = tracking.in.attitude.head.t = control.in.speeds.head.t = tick.t;
         hill_pointing_update(&guidance, tick);
