@@ -28,6 +28,8 @@ struct Memory {
     std::uint32_t base = 0, size = 0; ///< [bytes]
     std::byte *bytes = nullptr;
     std::uint8_t *flags = nullptr; ///< PageFlags of each page
+    /// How often a flag of page_slow_read has changed in any page; nullptr: this is not counted.
+    const std::uint64_t *read_flag_changes = nullptr;
 };
 
 enum class Access : std::uint8_t {
@@ -54,9 +56,6 @@ public:
 
     /// The page, which is in memory, has decoded instructions from now on; the engine is called when it is written.
     virtual void mark_code(std::uint32_t address) = 0;
-
-    /// Grows whenever a page may have got or lost a flag besides page_code: engines then look at the flags again.
-    std::uint64_t flag_changes = 0;
 };
 
 } // namespace fledge::emulator

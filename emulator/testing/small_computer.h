@@ -86,11 +86,7 @@ public:
         std::memcpy(&bytes_[address - ram_base], &word, 4);
     }
     std::span<std::byte> bytes() { return bytes_; }
-    std::uint8_t &flags_of(std::uint32_t address)
-    {
-        flag_changes++; // by the caller
-        return flags_[(address - ram_base) / page_size];
-    }
+    std::uint8_t &flags_of(std::uint32_t address) { return flags_[(address - ram_base) / page_size]; }
 
     Engine *engine = nullptr;
     std::function<std::uint32_t(std::uint32_t offset)> on_device_read;

@@ -84,7 +84,7 @@ private:
     std::unique_ptr<Engine> other_ = make_threaded();
     Core *core_ = nullptr;
     Memory ram_;
-    std::uint64_t flag_changes_ = 0;
+    std::uint64_t flag_changes_ = ~std::uint64_t{0}; ///< at the last look
     Context context_;
     CodeMemory memory_{code_size};
     std::unique_ptr<Emitter> emitter_;
@@ -100,7 +100,6 @@ void Translator::meet(Core &core)
     ram_ = core.bus->ram();
     emitter_ = std::make_unique<Emitter>(memory_, core, ram_);
     context_.page_flags = ram_.flags;
-    flag_changes_ = ~core.bus->flag_changes;
     context_.ram = reinterpret_cast<std::uintptr_t>(ram_.bytes) - ram_.base;
     context_.targets = targets_.data();
     forget_all();
@@ -118,10 +117,10 @@ void Translator::forget_all()
 /// Loads of translated code look at the flags of pages only while a page has one that matters to them.
 void Translator::look_at_flags()
 {
-    if (flag_changes_ == core_->bus->flag_changes) {
+    if (ram_.read_flag_changes != nullptr && *ram_.read_flag_changes == flag_changes_) {
         return;
     }
-    flag_changes_ = core_->bus->flag_changes;
+    flag_changes_ = ram_.read_flag_changes != nullptr ? *ram_.read_flag_changes : 0;
     std::uint8_t all = 0;
     for (std::uint32_t page = 0; page < ram_.size / page_size; page++) {
         all |= ram_.flags[page];
