@@ -150,11 +150,16 @@ def test_what_cannot_reset_a_computer_is_refused():
 BOARD = pytest.mark.skipif(bool(TARGETS["leon3"].missing()), reason="the compiler for LEON3 is not installed")
 
 
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    return tmp_path_factory.mktemp("board")
+
+
 @pytest.fixture
-def on_board(tmp_path_factory):
+def on_board(built):
     from fledge import emulator
 
-    return emulator.load("flatsat", folder=tmp_path_factory.mktemp("board"))
+    return emulator.load("flatsat", folder=built)
 
 
 @BOARD
@@ -176,23 +181,27 @@ def test_a_board_in_python_is_reset_as_the_desktop_is(on_board):
 
 
 @BOARD
-def test_flight_that_hangs_is_brought_back_by_the_watchdog_of_its_board(on_board):
-    """The program runs into a loop without an end; the board's own watchdog resets it, and the world goes on."""
-    sim = on_board.sim
-    on_board.sim.run(80 * s)
+@pytest.mark.parametrize("watchdog", ["of the power unit", "of the board"])
+def test_flight_that_hangs_is_brought_back_by_a_watchdog(on_board, watchdog):
+    """The program runs into a loop without an end, while the world goes on."""
+    sim, own = on_board.sim, watchdog == "of the board"
+    if own:
+        sim.world.power.watchdog = 0 * s
+    sim.run(80 * s)
     on_board.poke("mrp_feedback_update", bytes.fromhex("10800000"))     # a branch to itself
     sim.run(5 * s)
-    assert on_board.missed == 10 and on_board.flight.boot.boot.boots == 2
+    assert on_board.missed == 10
     drive, rate = objects.memory(sim.flight.drive.drive), sim.world.craft.state.omega_BN_B.tolist()
     sim.run(1 * s)
     assert objects.memory(sim.flight.drive.drive) == drive and sim.world.craft.state.omega_BN_B.tolist() != rate
-    sim.run(20 * s)
-    assert on_board.core.watchdog_resets == 1 and on_board.core.resets == 2
+    sim.run(24 * s)
+    # 10 s after the last call of leon3_idle, in the tick at 80 s; or 6 s after the heartbeat of that tick came.
     missed = on_board.missed
-    assert 18 < missed < 26, "ten seconds of patience, and the ticks after it are flown"
-    sim.run(10 * 60 * s)
-    assert on_board.missed == missed
+    assert (on_board.core.resets, on_board.core.watchdog_resets) == (2, 1 if own else 0)
+    assert missed == (19 if own else 12)
+    sim.run(5 * 60 * s)
+    assert on_board.missed == missed, "since then it answers each tick"
     assert sim.flight.boot.boot.boots == 3 == sim.world.memory.memory[3][0]
     time = sim.world.clock.epoch + sim.time_ns
     assert abs(sim.flight.time.time.time - time) < 50_000 and sim.flight.time.time.synchronized == 1
-    assert sim.flight.tracking.error.sigma_BR.norm() < 1e-4
+    assert np.linalg.norm(sim.flight.tracking.error.sigma_BR) < 1e-3
