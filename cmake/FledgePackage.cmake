@@ -35,7 +35,9 @@ configure_file(
 install(TARGETS ${libraries} EXPORT FledgeTargets DESTINATION ${FLEDGE_HOME}/lib)
 install(EXPORT FledgeTargets NAMESPACE fledge:: DESTINATION ${FLEDGE_HOME}/cmake)
 install(TARGETS fledge_controller fledge_board_node fledge_guard DESTINATION ${FLEDGE_HOME}/cosim)
-install(TARGETS _core DESTINATION ${FLEDGE_HOME}/python)
+install(TARGETS fledge_leon3 DESTINATION ${FLEDGE_HOME}/emulator/tools)
+install(DIRECTORY emulator/boards DESTINATION ${FLEDGE_HOME}/emulator)
+install(TARGETS _core _emulator DESTINATION ${FLEDGE_HOME}/python)
 install(FILES ${FLEDGE_PYTHON_DIR}/_core_build.py DESTINATION ${FLEDGE_HOME}/python)
 
 foreach(folder flight record registers sim world targets cosim introspect missions)
@@ -61,6 +63,7 @@ file(CONFIGURE OUTPUT installed/fledge @ONLY CONTENT
 exec \"$(dirname -- \"$(readlink -f -- \"$0\")\")/../${FLEDGE_HOME}/fledge\" \"$@\"
 ")
 install(PROGRAMS ${PROJECT_BINARY_DIR}/installed/fledge DESTINATION bin)
+find_package(Python 3.11 REQUIRED COMPONENTS Interpreter)
 foreach(packages site-packages dist-packages)     # the latter in Debian's own Python
     install(FILES ${PROJECT_BINARY_DIR}/installed/fledge.pth
         DESTINATION lib/python${Python_VERSION_MAJOR}.${Python_VERSION_MINOR}/${packages})

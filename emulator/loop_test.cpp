@@ -15,7 +15,7 @@ namespace {
 using namespace testing;
 
 constexpr Ns ms = 1'000'000;
-constexpr std::uint32_t clock_at = 0xA0000000, work = data, start_ups = data + 4;
+constexpr std::uint32_t clock_at = 0xA0000000, work = data, start_ups = data + 4, finished = data + 8;
 
 /// Branch to a word of the program from another one.
 std::uint32_t branch_if(std::uint32_t condition, int from, int to)
@@ -23,8 +23,8 @@ std::uint32_t branch_if(std::uint32_t condition, int from, int to)
     return branch(2, condition, false, to - from);
 }
 
-/// Sleeps until a tick; then does 1 + `work` rounds of three instructions, and answers. Counts its starts at
-/// `start_ups`.
+/// Sleeps until a tick; then does 1 + `work` rounds of three instructions, answers, and counts it as `finished`. Counts
+/// its starts at `start_ups`.
 Words flight()
 {
     constexpr std::uint32_t not_equal = 9;
@@ -44,7 +44,10 @@ Words flight()
                   branch(2, 14, false, -1),
                   nop,
                   st(g(1), g(3), 4),
-                  branch_if(8, loop + 13, loop),
+                  ld(g(4), g(5), 8),
+                  add(g(4), g(4), 1),
+                  st(g(4), g(5), 8),
+                  branch_if(8, loop + 16, loop),
                   nop};
     return w;
 }
@@ -153,10 +156,12 @@ TEST(FlightLoop, the_outside_resets_the_computer)
     b.tick(-1, 0);
     b.tick(0, 0);
     register_clock_reset(&b.clock());
+    EXPECT_EQ(b.word(finished), 1u) << "after its answer it stands";
     // The computer was down for a while.
     EXPECT_EQ(b.tick(50 * ms, 10 * ms), Wait::done);
     EXPECT_EQ(b.m.resets(), 1u);
     EXPECT_EQ(b.word(start_ups), 2u) << "memory was kept";
+    EXPECT_EQ(b.word(finished), 2u) << "it finished its tick before the reset";
     EXPECT_GE(b.m.now(), FlightLoop::boot_time + 50 * ms);
     EXPECT_EQ(b.state().missed, 0u);
     b.tick(60 * ms, 10 * ms);

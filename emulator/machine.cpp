@@ -531,6 +531,7 @@ void Machine::restore(const Snapshot &snapshot)
     m.bus.all_unchanged();
     m.bus.set_flips(snapshot.flips);
     m.core.state = snapshot.cpu;
+    keep_possible(m.core.state);
     m.resets = snapshot.resets;
     m.boot = snapshot.boot;
     m.reset_requested = m.stop_requested = m.at_breakpoint = false;

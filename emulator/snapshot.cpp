@@ -13,15 +13,6 @@ namespace {
 
 constexpr char magic[16] = "FLEDGE LEON3 1\n"; // the number is the version
 
-std::uint64_t hash_of(std::span<const std::byte> bytes)
-{
-    std::uint64_t hash = 0xCBF29CE484222325; // FNV-1a
-    for (const std::byte b : bytes) {
-        hash = (hash ^ std::to_integer<std::uint64_t>(b)) * 0x100000001B3;
-    }
-    return hash;
-}
-
 class Writer {
 public:
     template <typename T> void value(const T &v)
@@ -70,6 +61,15 @@ private:
 };
 
 } // namespace
+
+std::uint64_t Snapshot::hash_of(std::span<const std::byte> bytes)
+{
+    std::uint64_t hash = 0xCBF29CE484222325; // FNV-1a
+    for (const std::byte b : bytes) {
+        hash = (hash ^ std::to_integer<std::uint64_t>(b)) * 0x100000001B3;
+    }
+    return hash;
+}
 
 std::vector<std::byte> Snapshot::write() const
 {

@@ -35,6 +35,8 @@ public:
     std::shared_ptr<const BootImage> boot;          ///< nullptr: no program was loaded
 
     std::vector<std::byte> write() const;
+    /// What the file has of its content.
+    static std::uint64_t hash_of(std::span<const std::byte> bytes);
     /// Throws Error if the bytes are damaged or of another version or board.
     static std::shared_ptr<const Snapshot> read(std::span<const std::byte> bytes, std::uint64_t board);
 };

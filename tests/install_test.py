@@ -6,6 +6,7 @@ import importlib.util
 import os
 import shutil
 import subprocess
+import sys
 import tempfile
 from pathlib import Path
 
@@ -45,6 +46,20 @@ def test_its_command_flies_a_mission(prefix, tmp_path):
     assert "flown    10 s" in run(command, "run", "nadir_spin", "--for", "10s", cwd=tmp_path)
     assert run(command, "exec", "python3", "-c", "import fledge; print(fledge.__file__)", cwd=tmp_path) == \
         f"{prefix}/lib/fledge/python/fledge/__init__.py\n"
+
+
+def test_a_python_of_its_prefix_imports_it(prefix, tmp_path):
+    packages = prefix / "lib/python{0.major}.{0.minor}/site-packages".format(sys.version_info)
+    program = ("import site, sys; site.addsitedir(sys.argv[1]); import fledge, fledge.emulator; "
+               "print(fledge.emulator.Board.__name__)")
+    assert run("/usr/bin/python3", "-c", program, packages, cwd=tmp_path) == "Board\n"
+
+
+def test_it_has_the_flight_computer(prefix, tmp_path):
+    emulator = prefix / "lib/fledge/emulator"
+    (tmp_path / "text.elf").write_text("no program", encoding="utf-8")
+    printed = run(emulator / "tools/fledge_leon3", emulator / "boards/leon3.toml", "text.elf", cwd=tmp_path, code=1)
+    assert printed == "fledge_leon3: text.elf: is not an ELF file\n"
 
 
 def test_its_exported_c_compiles(prefix, tmp_path):

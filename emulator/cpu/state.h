@@ -78,6 +78,19 @@ inline void set_single(CpuState &s, std::uint32_t r, std::uint32_t bits)
     pair = (r & 1) != 0 ? (pair & ~std::uint64_t{0xFFFFFFFF}) | bits : (pair & 0xFFFFFFFF) | std::uint64_t{bits} << 32;
 }
 
+/// After a change from outside, a bit flip or a snapshot: bits that the processor does not have are 0.
+inline void keep_possible(CpuState &s)
+{
+    s.globals[0] = 0;
+    s.pc &= ~3u;
+    s.npc &= ~3u;
+    s.psr = psr::version | (s.psr & psr::writable & ~(psr::cwp & ~(window_count - 1)));
+    s.wim &= (1u << window_count) - 1;
+    s.tbr &= ~0xFu;
+    s.fsr &= fsr::writable | fsr::ftt;
+    s.mode = s.mode == Mode::running || s.mode == Mode::power_down ? s.mode : Mode::error;
+}
+
 /// The registers 0..31 of the present window, as four banks: globals, outs, locals, ins. Make them anew when CWP or the
 /// state changed.
 struct Banks {

@@ -61,6 +61,7 @@ void set_register(CpuState &state, unsigned number, std::uint32_t value)
     } else if (number >= 64 && number < 71) {
         std::uint32_t *const rest[] = {&state.y, &state.psr, &state.wim, &state.tbr, &state.pc, &state.npc, &state.fsr};
         *rest[number - 64] = value;
+        keep_possible(state);
     }
 }
 

@@ -5,13 +5,35 @@
 #include <cstdio>
 #include <exception>
 
+#include "emulator/tests/determinism.h"
 #include "emulator/tests/differential.h"
+#include "emulator/tests/fuzz.h"
 #include "emulator/tests/qemu.h"
+
+namespace {
+
+using namespace fledge::emulator::testing;
+
+std::string compare(std::uint64_t seed, std::uint32_t blocks, bool qemu)
+{
+    std::string what = compare_seed(seed, blocks, qemu);
+    if (what.empty())
+        what = compare_times(seed);
+    return what.empty() ? compare_snapshots(seed, 4) : what;
+}
+
+std::string try_input(std::uint64_t seed)
+{
+    std::string what = fuzz_decoder(seed);
+    if (what.empty())
+        what = fuzz_processor(seed);
+    return what.empty() ? fuzz_files(seed) : what;
+}
+
+} // namespace
 
 int main(int argc, char **argv)
 {
-    using namespace fledge::emulator::testing;
-    using fledge::emulator::FpuPersonality;
     using Clock = std::chrono::steady_clock;
 
     CLI::App app("Compare the engines of the emulator with one another and with stock QEMU, by random programs.");
@@ -27,8 +49,10 @@ int main(int argc, char **argv)
         ->check(CLI::NonNegativeNumber)
         ->capture_default_str();
     app.add_flag("--without-qemu", without_qemu, "compare only the engines");
+    bool fuzz = false;
+    app.add_flag("--fuzz", fuzz, "no programs, but any memory, and damaged files; for a build with sanitizers");
     CLI11_PARSE(app, argc, argv);
-    if (!without_qemu && !has_qemu()) {
+    if (!fuzz && !without_qemu && !has_qemu()) {
         std::fprintf(stderr, "qemu-system-sparc is not installed: install it, or add --without-qemu\n");
         return 1;
     }
@@ -38,7 +62,8 @@ int main(int argc, char **argv)
     std::uint64_t programs = 0;
     try {
         do {
-            const std::string what = compare_seed(seed + programs, blocks, !without_qemu);
+            const std::string what =
+                fuzz ? try_input(seed + programs) : compare(seed + programs, blocks, !without_qemu);
             if (!what.empty()) {
                 std::printf("seed %llu: %s", static_cast<unsigned long long>(seed + programs), what.c_str());
                 return 1;
@@ -49,6 +74,5 @@ int main(int argc, char **argv)
         std::fprintf(stderr, "seed %llu: %s\n", static_cast<unsigned long long>(seed + programs), error.what());
         return 1;
     }
-    std::printf("programs %llu\nblocks %llu\ndifferences 0\n", static_cast<unsigned long long>(programs),
-                static_cast<unsigned long long>(programs * blocks));
+    std::printf("%s %llu\ndifferences 0\n", fuzz ? "inputs" : "programs", static_cast<unsigned long long>(programs));
 }

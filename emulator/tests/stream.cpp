@@ -39,7 +39,7 @@ constexpr std::uint32_t ld = 0x00, ldd = 0x03, st = 0x04, std = 0x07, ldf = 0x20
                         stfsr = 0x25, stdfq = 0x26, stdf = 0x27;
 }
 namespace condition {
-constexpr std::uint32_t never = 0, e = 1, a = 8, ne = 9, g = 10;
+constexpr std::uint32_t never = 0, e = 1, a = 8, ne = 9, g = 10, geu = 13;
 }
 
 /// Words at an address that grow; labels may be used before they are placed.
@@ -207,7 +207,7 @@ void write_runtime(Code &c)
     c.trap(0); // traps are disabled: the end
     c.word(nop);
 
-    c.place("trap"); // %l0: PSR, %l1: pc, %l2: npc, %l3: TBR. Note it, and go on behind the instruction.
+    c.place("trap"); // %l0: PSR, %l1: pc, %l2: npc, %l3: TBR. Note it, and go on, behind the instruction that trapped.
     c.set(variables, l4);
     c.memory(mem::ld, l4, l4, 0);
     c.memory(mem::ld, l5, l4, at(offsetof(Block, trap_count)));
@@ -230,6 +230,14 @@ void write_runtime(Code &c)
     c.op(alu::andn, l6, l4, l6);
     c.op(alu::wrwim, l6, g0, 0);
     c.opi(alu::and_, l3, 0xFF0, l6);
+    c.opi(alu::subcc, l6, 0x200, g0);
+    c.branch(condition::geu, "skip");
+    c.opi(alu::subcc, l6, 0x110, g0);
+    c.branch(condition::geu, "back"); // an interrupt: the instruction follows
+    c.word(nop);
+    c.place("skip");
+    c.op(alu::or_, l2, g0, l1);
+    c.opi(alu::add, l2, 4, l2);
     c.opi(alu::subcc, l6, 0x080, g0); // fp_exception
     c.branch(condition::ne, "back");
     c.word(nop);
@@ -247,8 +255,8 @@ void write_runtime(Code &c)
     c.op(alu::wrpsr, l0, g0, 0);
     for (int i = 0; i < 3; ++i)
         c.word(nop);
-    c.op(alu::jmpl, l2, g0, g0);
-    c.opi(alu::rett, l2, 4, 0);
+    c.op(alu::jmpl, l1, g0, g0);
+    c.op(alu::rett, l2, g0, 0);
 }
 
 class Generator {
@@ -629,6 +637,8 @@ private:
             access(c);
         } else if (kind < 96 && !o_.for_qemu)
             modify(c);
+        else if (kind < 97 && o_.sleep)
+            c.op(alu::wry, g0, g0, 19); // %asr19
         else if (loops_ < loop_slots && unit_ > 0)
             loop(c);
         else

@@ -18,6 +18,7 @@ struct StreamOptions {
     std::uint64_t seed = 1;
     std::uint32_t blocks = 500;
     std::uint32_t loop = 4; ///< how often the body of a loop runs, at most
+    bool sleep = false;     ///< blocks that wait for an interrupt
     bool for_qemu = true;   ///< without what stock QEMU does otherwise: README.md has the list
 };
 

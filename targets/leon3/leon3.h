@@ -49,7 +49,7 @@ void leon3_on_interrupt(uint32_t level, void (*handler)(void));
 /** Called by traps.S. */
 void leon3_interrupt(uint32_t level);
 
-/** Sleep until an interrupt; returns at once if no device will interrupt. */
+/** Sleep until an interrupt: of a tick, of a handler, or of the timer, which comes often enough to look for ticks. */
 void leon3_idle(void);
 /** From its first call on, leon3_idle keeps the watchdog quiet: it resets the board LEON3_PATIENCE_S after the last
  *  call. The watchdog is the last timer of at least three. */

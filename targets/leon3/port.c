@@ -121,13 +121,10 @@ void port_unblock(uint32 slot)
 
 void port_wait_for_tick(int64 until_ns)
 {
-    if (leon3.registers_line != 0u) {
-        waits_for_tick = running;
-        port_block(until_ns);
-        waits_for_tick = 0u;
-    } else {
-        port_block(0); /* the other tasks, then look again */
-    }
+    waits_for_tick = running;
+    /* Without an interrupt, look again after the other tasks. */
+    port_block(leon3.registers_line != 0u ? until_ns : 0);
+    waits_for_tick = 0u;
 }
 
 uint32 port_stack_used(void)

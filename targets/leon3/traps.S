@@ -13,6 +13,7 @@
 
 #define WINDOWS LEON3_WINDOWS
 #define ENABLE_FPU 0x1000
+#define NONSTANDARD 0x400000 /* of the FSR */
 #define ALL_LEVELS 0xf00 /* of interrupts */
 #define ENABLE_TRAPS 0x20
 
@@ -321,7 +322,7 @@ start:
         clr     %g6
         clr     %g7
         clr     %g1
-        set     zero, %o0
+        set     float_state, %o0
         ld      [%o0], %fsr
         set     leon3_data, %o0         ! from where it was loaded: a reset starts with it anew
         set     leon3_data_end, %o1     ! all ends of sections are multiples of 8
@@ -358,4 +359,5 @@ start:
         nop
 
         .align  4
-zero:   .word   0
+float_state:                            ! no traps; a subnormal operand is 0, for which the GRFPU would trap
+        .word   NONSTANDARD

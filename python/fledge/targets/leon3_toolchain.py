@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The toolchain of the LEON3 target: Debian's SPARC compiler, and newlib, the C library, from Debian's package of its
-source. The library is built once, in build/leon3, and again when a part of it has changed."""
+source. The library is built once, in build/leon3 (of an installed Fledge: in ~/.cache), and again when a part of it has
+changed."""
 from __future__ import annotations
 
 import fcntl
 import hashlib
+import os
 import shutil
 import subprocess
 import tarfile
@@ -55,22 +57,31 @@ LEFT_OUT = ("nano-*", "gettzinfo")      # variants, and what does not compile wi
 def library() -> Path:
     """The folder of the library, in which newlib's source is, too. It is built if it is not there; other programs wait
     meanwhile."""
-    folder = build_folder().parent / "leon3"
     archives, compiler = sorted(NEWLIB.glob("newlib-*.tar.xz")), shutil.which(COMPILER)
     if not archives or not compiler:
         raise Failure(f"{COMPILER if archives else f'the source of newlib, in {NEWLIB},'} is not installed; "
                       "./fledge setup --leon3 installs it")
     recipe = hashlib.sha256(Path(__file__).read_bytes() + repr([(one.name, one.stat().st_size, one.stat().st_mtime_ns)
                             for one in (archives[-1], Path(compiler).resolve())]).encode()).hexdigest()
+    ours = build_folder().parent
+    others = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "fledge"
+    for folder in (ours / "leon3", others / "leon3"):
+        if _is_built(folder, recipe):
+            return folder
+    folder = (ours if ours.name == "build" and os.access(ours, os.W_OK) else others) / "leon3"
     folder.mkdir(parents=True, exist_ok=True)
-    stamp = folder / "stamp"
     with (folder / "lock").open("w", encoding="utf-8") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        if not stamp.is_file() or stamp.read_text(encoding="utf-8") != recipe:
-            stamp.unlink(missing_ok=True)
+        if not _is_built(folder, recipe):
+            (folder / "stamp").unlink(missing_ok=True)
             _build(archives[-1], folder)
-            write_files({stamp.name: recipe}, folder)
+            write_files({"stamp": recipe}, folder)
     return folder
+
+
+def _is_built(folder, recipe):
+    stamp = folder / "stamp"
+    return stamp.is_file() and stamp.read_text(encoding="utf-8") == recipe
 
 
 def headers() -> list[str]:
