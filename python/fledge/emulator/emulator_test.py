@@ -157,13 +157,15 @@ def test_ticks_can_be_lost_and_interrupts_stick(board):
     assert answers[-1][1] is not None
 
 
+def begin_gdb(program, *commands):
+    words = [word for one in commands for word in ("-ex", one)]
+    return subprocess.Popen(["gdb-multiarch", "-q", "-nx", "-batch", *words, program], stdout=subprocess.PIPE,
+                            stderr=subprocess.STDOUT, text=True)
+
+
 def gdb(board, program, *commands, seconds=3.0):
     """What gdb-multiarch prints for these commands, while the simulation runs."""
-    port = board.gdb()
-    arguments = ["gdb-multiarch", "-q", "-nx", "-batch", "-ex", f"target remote :{port}"]
-    for one in commands:
-        arguments += ["-ex", one]
-    child = subprocess.Popen([*arguments, str(program)], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    child = begin_gdb(program, f"target remote :{board.gdb()}", *commands)
     try:
         assert board.wait_for_gdb(20)
         board.sim.run(seconds)
@@ -310,11 +312,9 @@ def test_gdb_interrupts_a_program_and_sees_all_its_windows(counter, tmp_path):
                               "--console", tmp_path / "console"], stderr=subprocess.PIPE, text=True)
     try:
         port = re.search(r"target remote :(\d+)", board.stderr.readline())[1]
-        child = subprocess.Popen(["gdb-multiarch", "-q", "-nx", "-batch", "-ex", f"target remote :{port}",
-                                  "-ex", "break depth if n == 3", "-ex", "continue", "-ex", "backtrace", "-ex", "delete",
-                                  "-ex", "echo runs\\n", "-ex", "continue", "-ex", "print counter > 1000", "-ex",
-                                  "watch counter", "-ex", "continue", "-ex", "reverse-continue", "-ex", "detach", counter],
-                                 stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        child = begin_gdb(counter, f"target remote :{port}", "break depth if n == 3", "continue", "backtrace", "delete",
+                          "echo runs\\n", "continue", "print counter > 1000", "watch counter", "continue",
+                          "reverse-continue", "detach")
         said = ""
         while "runs" not in said:
             said += child.stdout.readline()
@@ -322,7 +322,8 @@ def test_gdb_interrupts_a_program_and_sees_all_its_windows(counter, tmp_path):
         child.send_signal(signal.SIGINT)
         said += child.communicate(timeout=30)[0]
         assert in_order(said, r"#0 +depth \(n=3\)", r"#10 .*depth \(n=13\)", r"#18 .*main", "received signal SIGINT",
-                        r"\$1 = 1", "Hardware watchpoint 2: counter", r"Old value = (\d+)", "Hardware watchpoint", "detached")
+                        r"\$1 = 1", "Hardware watchpoint 2: counter", r"Old value = \d", "Hardware watchpoint",
+                        "detached")
         assert board.poll() is None     # it runs on
         board.terminate()
         assert board.wait(timeout=60) == 0
