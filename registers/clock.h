@@ -11,8 +11,8 @@
  * and begins flight at that t.
  *
  * A slave clock shows a time of its own, which drifts (flight/exec/drift.h), and which flight may jam, slew, or align
- * with the pulses of simulated time. It obeys a command when the tick of the command is done, as at its time. A tick with
- * t < 0 starts it anew. */
+ * with the pulses of simulated time. It obeys a command when the tick of the command is done, as at its time. A tick
+ * with t < 0 starts it anew. */
 #ifndef REGISTERS_CLOCK_H
 #define REGISTERS_CLOCK_H
 

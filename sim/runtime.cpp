@@ -299,8 +299,8 @@ void Runtime::keep_parameters(RunProcess &process) const
     });
 }
 
-/// Whether the computer of a process is down at t. If it was reset, it goes down; after that it begins anew at the first
-/// instant on the grids of its tasks, as a board's node does (cosim/node/board_node.cpp).
+/// Whether the computer of a process is down at t. If it was reset, it goes down; after that it begins anew at the
+/// first instant on the grids of its tasks, as a board's node does (cosim/node/board_node.cpp).
 bool Runtime::is_down(RunProcess &process, Ns t)
 {
     const auto due = [&](const RunTask &task) { return task.process == &process && next_of(task) == t; };
@@ -489,8 +489,8 @@ CommandReason Runtime::command(const Process &process, const std::vector<std::ui
 inline Ns Runtime::next_of(const RunTask &task) const
 {
     const RunProcess &process = *task.process;
-    Ns commanded = never; // at which a target ticks, whatever its mode
-    if (process.commands) {
+    Ns commanded = process.reset ? time() : never; // at which a target ticks, whatever its mode
+    if (process.commands && !process.reset) {
         commanded = process.commands->waiting() ? time() : std::max(process.commands->scripted(), time());
     }
     const bool asked = process.asked != process.mode && task.runs_in[static_cast<std::size_t>(process.asked)];

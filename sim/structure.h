@@ -183,8 +183,8 @@ public:
     int initial_mode() const { return initial_; }                    ///< -1: the process has no modes
     bool runs_in(const Task &task, int mode) const;                  ///< whether the task is active in the mode
 
-    /// The computer of this process is reset by each new count of a ComputerReset that it reads, and is down for a time.
-    /// Throws SetupError if the port is no such input of its instances.
+    /// The computer of this process is reset by each new count of a ComputerReset that it reads, and is down for a
+    /// time. Throws SetupError if the port is no such input of its instances.
     void reset_by(const Port &input, Ns down);
     const std::optional<ResetLine> &reset_line() const { return reset_; }
 

@@ -70,7 +70,8 @@ extern const MissionHost fledge_mission;
 
 /** One exchange: with t < 0 reset flight; else execute the commands that came, read, tick, and send telemetry; then
  *  write. If the computer was reset, or the program started within the run, flight first begins at t with the
- *  parameters that it was built with. The caller calls register_clock_finish when it has finished its own work of this tick. */
+ *  parameters that it was built with. The caller calls register_clock_finish when it has finished its own
+ *  work of this tick. */
 void mission_host_exchange(const MissionHost *host, const RegisterWindow *w, int64_t t, MissionIoCounts *counts);
 
 /** Records every output of flight at every tick, as MCAP, without a heap. */

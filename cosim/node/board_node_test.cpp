@@ -25,6 +25,7 @@ struct Flight {
 };
 Flight flight;
 std::vector<std::pair<Ns, Flight>> seen;
+Ns restarted; // the time of its last start
 
 constexpr const char *TEXT = "fledge/Head head  # head\n"
                              "float64 x  # x [m] a number\n"
@@ -126,13 +127,16 @@ const MissionTopic TOPICS[] = {{"/world/m/a", 0, 0, 0},
 const MissionDefinition DEFINITIONS[] = {{"Number", "fledge/msg/Number", TEXT}};
 const ExecRate RATES[] = {{30, 10}, {50, 0}};
 
-MissionHost host()
+MissionHost host(std::uint16_t reset)
 {
     MissionHost h{};
     h.name = "numbers";
     h.mission = &flight;
     h.init = begin;
-    h.restart = [](std::int64_t) { begin(); };
+    h.restart = [](std::int64_t t) {
+        restarted = t;
+        begin();
+    };
     h.tick = tick;
     h.io = &IO;
     h.topics = TOPICS;
@@ -140,7 +144,8 @@ MissionHost host()
     h.rates = RATES;
     h.n_rates = 2;
     h.start = &begun;
-    h.reset = MISSION_NO_RESET;
+    h.reset = reset;
+    h.down = 100;
     h.commands = &COMMANDS;
     h.telemetry = &TELEMETRY;
     h.state = &state;
@@ -161,7 +166,10 @@ Number number(const Payload &p)
 
 class BoardNodeTest : public ::testing::Test {
 protected:
-    BoardNodeTest() : backend_(BOARDS, [this] { fly_(); }), node_(mission_, backend_, 1ms) {}
+    explicit BoardNodeTest(std::uint16_t reset = MISSION_NO_RESET)
+        : mission_(host(reset)), backend_(BOARDS, [this] { fly_(); }), node_(mission_, backend_, 1ms)
+    {
+    }
 
     void exchange()
     {
@@ -180,7 +188,7 @@ protected:
         node_.start({{1, "/world/m/a", {}}, {2, "/world/m/b", {}}});
     }
 
-    const MissionHost mission_ = host();
+    const MissionHost mission_;
     std::function<void()> fly_ = [this] { exchange(); };
     registers::InProcess backend_;
     BoardNode node_;
@@ -334,7 +342,7 @@ TEST_F(BoardNodeTest, WithoutALaneForThemThereAreNoCommands)
 {
     MissionIo io = IO;
     io.commands.board = MISSION_NO_BOARD;
-    MissionHost mission = host();
+    MissionHost mission = host(MISSION_NO_RESET);
     mission.io = &io;
     BoardNode node(mission, backend_, 1ms);
     EXPECT_THROW(node.command(0, write_x(1)), registers::Error);
@@ -372,6 +380,54 @@ TEST_F(BoardNodeTest, TheEndReachesTheBoard)
     EXPECT_FALSE(register_clock_stopped(backend_.windows().data()));
     node_.finish("");
     EXPECT_TRUE(register_clock_stopped(backend_.windows().data()));
+}
+
+/// The message a resets the computer: its number stands at the place of a ComputerReset's count.
+class BoardNodeResetTest : public BoardNodeTest {
+protected:
+    BoardNodeResetTest() : BoardNodeTest(0) {}
+
+    Tock step(Ns until, std::uint32_t count)
+    {
+        Number n{{until, QUALITY_GOOD, 1}, 0.0, 0.0};
+        std::memcpy(&n.x, &count, sizeof count);
+        return node_.tick({until, {{1, ++sent_, until, payload(n)}}});
+    }
+    std::vector<Ns> instants() const
+    {
+        std::vector<Ns> all;
+        std::transform(seen.begin(), seen.end(), std::back_inserter(all), [](const auto &one) { return one.first; });
+        return all;
+    }
+    std::uint32_t sent_ = 0;
+};
+
+TEST_F(BoardNodeResetTest, WhileTheComputerIsDownNoTickComesAndThenItBegins)
+{
+    start();
+    const RegisterWindow *clock = backend_.windows().data();
+    seen.clear();
+    step(50, 0);
+    EXPECT_EQ(instants(), (std::vector<Ns>{0, 10, 40, 50}));
+    EXPECT_EQ(restarted, 0);
+    seen.clear();
+    node_.command(90, {1, 2}); // too short: flight refuses it when it lives again
+    const Tock down = step(70, 3);
+    EXPECT_EQ(down.reached, 70);
+    EXPECT_TRUE(down.records.empty()) << "its outputs stay";
+    step(160, 3);
+    EXPECT_TRUE(seen.empty());
+    EXPECT_EQ(register_clock_resets(clock), 0u);
+    EXPECT_EQ(state.counters.refused, 0u);
+    step(190, 3);
+    EXPECT_EQ(instants(), (std::vector<Ns>{190})) << "the first instant 100 after that at 70, where it was seen";
+    EXPECT_EQ(register_clock_resets(clock), 1u) << "one reset, however many were counted meanwhile";
+    EXPECT_EQ(restarted, 190);
+    EXPECT_EQ(state.counters.refused, 1u);
+    step(250, 3);
+    EXPECT_EQ(restarted, 190);
+    node_.initialize({});
+    EXPECT_EQ(register_clock_resets(clock), 1u);
 }
 
 } // namespace

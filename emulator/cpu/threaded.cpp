@@ -342,11 +342,12 @@ template <class F> auto bits_of(F x)
     return std::bit_cast<std::conditional_t<sizeof(F) == 4, std::uint32_t, std::uint64_t>>(x);
 }
 
-/// A floating-point register of memory. The compiler must not take it through an integer register, where `has` below
+/// A floating-point number in memory. The compiler must not take it through an integer register, where `has` below
 /// wants its bits: that way is longer than the arithmetic.
 template <class F> F number_at(const void *memory, std::size_t offset)
 {
-    F x = at<F>(memory, offset);
+    using Number [[gnu::may_alias]] = F;
+    F x = *reinterpret_cast<const Number *>(static_cast<const std::byte *>(memory) + offset);
 #ifdef __SSE2__
     asm("" : "+x"(x));
 #endif
@@ -355,10 +356,11 @@ template <class F> F number_at(const void *memory, std::size_t offset)
 
 template <class F> void put_number(void *memory, std::size_t offset, F x)
 {
+    using Number [[gnu::may_alias]] = F;
 #ifdef __SSE2__
     asm("" : "+x"(x));
 #endif
-    put(memory, offset, x);
+    *reinterpret_cast<Number *>(static_cast<std::byte *>(memory) + offset) = x;
 }
 
 /// The numbers that this file leaves to the reference: the GRFPU's subnormal operands, and its results that are, or

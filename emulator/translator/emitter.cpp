@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "emulator/translator/emitter.h"
 
+#include <bit>
 #include <cstddef>
 #include <cstring>
 
@@ -73,7 +74,7 @@ Emitter::Emitter(CodeMemory &memory, const Core &core, const Memory &ram)
         pop(*r);
     }
     ret();
-    enter_ = reinterpret_cast<Enter>(reinterpret_cast<std::uintptr_t>(memory.executable(0)));
+    enter_ = std::bit_cast<Enter>(memory.executable(0));
     blocks_begin_ = getSize();
 }
 
@@ -102,9 +103,11 @@ Xbyak::Reg32 Emitter::int_register(int slot) const
 
 Xbyak::Address Emitter::in_memory(int guest) const
 {
-    return guest < 8    ? dword[rbx + state_globals + 4 * static_cast<std::size_t>(guest)]
-           : guest < 24 ? dword[rbp + 4 * (guest - 8)]
-                        : dword[r12 + 4 * (guest - 24)];
+    const std::size_t offset = 4 * static_cast<std::size_t>(guest % 8);
+    return guest < 8    ? dword[rbx + state_globals + offset]
+           : guest < 16 ? dword[rbp + offset]
+           : guest < 24 ? dword[rbp + 32 + offset]
+                        : dword[r12 + offset];
 }
 
 Xbyak::Address Emitter::pair_in_memory(int pair) const
@@ -760,7 +763,7 @@ void Emitter::address_in_eax(const Instruction &i)
     }
 }
 
-/// Where the aligned datum stands in the host's memory; leaves if it is not in RAM, or if its page has one of the flags.
+/// Where the aligned datum stands in the host's memory; leaves if that is not RAM, or if its page has one of the flags.
 Xbyak::RegExp Emitter::checked_address(const Instruction &i, unsigned size, std::uint8_t flags)
 {
     const int k = log2_of(size);

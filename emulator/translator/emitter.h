@@ -2,9 +2,9 @@
 // Writes the instructions of x86-64 for a block of SPARC's.
 //
 // Registers of the host: rbx the CpuState, rbp the outs and locals, r12 the ins, r13 where address 0 would be in RAM,
-// r14 the Context, r15 the cycles that remain; eax, ecx, edx and xmm0 are for one instruction; xmm15 reverses bytes. The
-// others hold registers of the guest within a block. Where translated code leaves in the middle of a block, it first
-// stores those that have changed, so the state in memory is that before the instruction.
+// r14 the Context, r15 the cycles that remain; eax, ecx, edx and xmm0 are for one instruction; xmm15 reverses bytes.
+// The others hold registers of the guest within a block. Where translated code leaves in the middle of a block, it
+// first stores those that have changed, so the state in memory is that before the instruction.
 #pragma once
 
 #include <array>

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Blocks of SPARC instructions as instructions of x86-64.
 //
-// A block is translated when it is reached first, and jumps to the next one directly once both are there. It begins with
-// a check that it ends before the run does; otherwise the threaded interpreter executes the rest. All that is rare leaves
-// the block: the reference executes that one instruction, and the next block begins behind it.
+// A block is translated when it is reached first, and jumps to the next one directly once both are there. It begins
+// with a check that it ends before the run does; otherwise the threaded interpreter executes the rest. All that is rare
+// leaves the block: the reference executes that one instruction, and the next block begins behind it.
 #include "emulator/cpu/engine.h"
 
 #ifdef __x86_64__
@@ -84,6 +84,7 @@ private:
     std::unique_ptr<Engine> other_ = make_threaded();
     Core *core_ = nullptr;
     Memory ram_;
+    std::uint64_t flag_changes_ = ~std::uint64_t{0}; ///< at the last look
     Context context_;
     CodeMemory memory_{code_size};
     std::unique_ptr<Emitter> emitter_;
@@ -116,6 +117,10 @@ void Translator::forget_all()
 /// Loads of translated code look at the flags of pages only while a page has one that matters to them.
 void Translator::look_at_flags()
 {
+    if (ram_.read_flag_changes != nullptr && *ram_.read_flag_changes == flag_changes_) {
+        return;
+    }
+    flag_changes_ = ram_.read_flag_changes != nullptr ? *ram_.read_flag_changes : 0;
     std::uint8_t all = 0;
     for (std::uint32_t page = 0; page < ram_.size / page_size; page++) {
         all |= ram_.flags[page];

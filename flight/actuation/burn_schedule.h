@@ -7,8 +7,8 @@
 #define BURNS_MAX 16
 
 /** Give the burns of a list to the propulsion card, one after the other, each `ahead` of its start. The next one waits
- *  until the card has taken the last. Disarmed, it gives none. After a reset of the module, burns whose start has passed
- *  are not given again. */
+ *  until the card has taken the last. Disarmed, it gives none. After a reset of the module, burns whose start has
+ *  passed are not given again. */
 typedef struct BurnSchedule {
     struct {
         PropulsionState card;

@@ -6,7 +6,7 @@
 #include "flight/msg/head.h"
 
 /** Resets of a flight computer: each new count is a reset. A mission names the input of flight by whose message its
- *  computer is reset: `f.reset_by(f.boot.reset, down=2 * s)`. */
+ *  computer is reset: `f.reset_by(f.boot.computer, down=2 * s)`. */
 typedef struct ComputerReset {
     Head head;
     uint32_t count; ///< [-] of resets

@@ -5,13 +5,13 @@
 #include "flight/msg/avionics.h"
 #include "flight/msg/computer.h"
 
-/** Count the starts of the computer in non-volatile memory: after each start it retrieves the first word of a slot, adds
- *  one, and stores it. The rest of the slot stays. A refused request is not repeated.
- *  The mission names the input `reset` as what resets the computer; the module itself does not read it. */
+/** Count the starts of the computer in non-volatile memory: after each start it retrieves the first word of a slot,
+ *  adds one, and stores it. The rest of the slot stays. A refused request is not repeated.
+ *  The mission names the input `computer` as what resets the computer; the module itself does not read it. */
 typedef struct BootCount {
     struct {
         NvmPacket reply;
-        ComputerReset reset; ///< optional: resets of the computer
+        ComputerReset computer; ///< optional: resets of the computer
     } in;
     struct {
         NvmPacket request;

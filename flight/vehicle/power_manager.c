@@ -41,12 +41,12 @@ void power_manager_update(PowerManager *m, Tick t)
     const uint32_t clear = to_clear(m, t.t);
     const uint32_t on = m->par.on & ~(power->tripped & ~clear);
     const int obeyed = command->number == 0u || command->number == power->number;
-    if (obeyed && (on != power->on || clear != 0u || m->par.reset != 0u)) {
+    if (obeyed && (on != power->on || clear != 0u || m->par.reset_computer != 0u)) {
         command->number = power->number + 1u;
         command->number += command->number == 0u;
         command->on = on;
         command->clear = clear;
-        command->reset = m->par.reset;
+        command->reset = m->par.reset_computer;
         for (uint32_t i = 0u; i < LOADS_MAX; i++) {
             m->mem.cleared[i] += clear >> i & 1u;
         }

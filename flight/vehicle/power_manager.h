@@ -15,11 +15,11 @@ typedef struct PowerManager {
         PowerCommand command;
     } out;
     struct {
-        uint32_t on;         ///< [-] the loads that shall be on, a bit for each
-        uint32_t clears;     ///< [-] how many trips of a load are cleared
-        int64_t clear_after; ///< [ns] >= 0: how long a tripped load stays off
-        uint32_t reset;      ///< [-] in [0, 1]: 1: ask the power unit to reset the computer
-        uint32_t silent;     ///< [-] in [0, 1]: 1: the heartbeat stops
+        uint32_t on;             ///< [-] the loads that shall be on, a bit for each
+        uint32_t clears;         ///< [-] how many trips of a load are cleared
+        int64_t clear_after;     ///< [ns] >= 0: how long a tripped load stays off
+        uint32_t reset_computer; ///< [-] in [0, 1]: 1: ask the power unit to reset the computer
+        uint32_t silent;         ///< [-] in [0, 1]: 1: the heartbeat stops
     } par;
     struct {
         int64_t tripped_at[LOADS_MAX]; ///< [ns] when the trip of each load was seen; -1: it is not tripped

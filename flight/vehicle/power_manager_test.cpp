@@ -102,7 +102,7 @@ TEST(PowerManager, the_heart_beats_until_it_is_silenced)
     loop.m.par.silent = 1;
     loop.update();
     EXPECT_EQ(loop.m.out.command.heartbeat, last);
-    loop.m.par.reset = 1;
+    loop.m.par.reset_computer = 1;
     loop.update();
     EXPECT_EQ(loop.resets, 1);
 }

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What flies on the flat-sat: an inertial attitude, by wheels that take counts and give counts; the direction to the Sun
-by two converters, the vehicle's time, loads, burns, and a count of the computer's starts."""
+"""What flies on the flat-sat: an inertial attitude, by wheels that take counts and give counts; the direction to the
+Sun by two converters, the vehicle's time, loads, burns, and a count of the computer's starts."""
 from fledge import flight as fsw
 from fledge.units import A, N, V, kg, m, mA, ms, ohm, s, us
 
@@ -45,4 +45,4 @@ def build(f):
     f.task("gnc", every=0.5 * s, run=[f.speeds, f.guidance, f.tracking, f.control, f.motor, f.drive])
     f.task("units", every=0.5 * s, run=[f.sun, f.time, f.boot, f.power, f.burns])
 
-    f.reset_by(f.boot.reset, down=3 * s)
+    f.reset_by(f.boot.computer, down=3 * s)

@@ -39,12 +39,12 @@ def commanded(sim):
     f, w = sim.flight, sim.world
     log = sim.record(f.tracking.error, f.boot.boot, f.time.time, f.power.command, every=0.5 * s)
     sim.run(3 * minute)
-    f.power.reset = 1
+    f.power.reset_computer = 1
     sim.run(5 * minute)
     asked = log["command.reset"] == 1
     assert asked.any() and not asked[log.time > 184].any(), "the parameter outlived the reset"
     assert log.last("error.sigma_BR").norm() < 2e-3, "the attitude did not settle"
-    assert w.power.reset.count == 2
+    assert w.power.computer.count == 2
     _is_back(sim, log, boots=3)
 
 
@@ -57,12 +57,12 @@ def silent(sim):
     sim.run(3 * minute)
     beats = log["command.heartbeat"]
     assert len(set(beats[(log.time > 120) & (log.time < 126)])) == 1 and (beats[log.time > 140] > 0).all()
-    assert w.power.reset.count == 2, "the watchdog did not bark, or more than once"
+    assert w.power.computer.count == 2, "the watchdog did not bark, or more than once"
     _is_back(sim, log, boots=3)
 
 
 def _is_back(sim, log, boots):
-    """The start was counted in non-volatile memory, and the vehicle's time is that of the master, which never stopped."""
+    """The start was counted in non-volatile memory, and the vehicle's time is that of the master, which goes on."""
     f, w = sim.flight, sim.world
     assert log["boot.boots"][-1] == boots == w.memory.memory[3][0], "the starts are not counted"
     assert w.memory.state.resets == boots - 1

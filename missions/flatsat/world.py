@@ -22,8 +22,8 @@ def build(w, f):
     w.clock  = world.VehicleClock(epoch=7e8 * s, pulse=1 * s, drift=12500, slew=1000000)
 
     # The computer is reset at 1 minute, while the body turns; the sensors' load has a latch-up at 3 minutes.
-    w.power  = world.PowerUnit(n=3, on=0b011, volts=30 * V, inner=0.1 * ohm, load=[10, 50, 20] * ohm, trip=[5, 2, 4] * A,
-                               trip_after=200 * ms, count_current=1e-3 * A, count_volts=1e-3 * V,
+    w.power  = world.PowerUnit(n=3, on=0b011, volts=30 * V, inner=0.1 * ohm, load=[10, 50, 20] * ohm,
+                               trip=[5, 2, 4] * A, trip_after=200 * ms, count_current=1e-3 * A, count_volts=1e-3 * V,
                                latch_up_at=3 * minute, latch_up_load=LOADS["sensors"], latch_up_current=3 * A,
                                reset_at=[60.3, 0, 0, 0] * s, watchdog=6 * s)
     w.card   = world.PropulsionCard(n=4, load=LOADS["propulsion"], min_on=20 * ms)
@@ -35,7 +35,7 @@ def build(w, f):
         w.wheels.speeds      >> w.driver.speeds,
         w.driver.torques     >> w.wheels.command,
         w.power.telemetry    >> w.card.power,
-        w.power.reset        >> [w.clock.reset, w.memory.reset],
+        w.power.computer     >> [w.clock.computer, w.memory.computer],
 
         # what flight sees
         w.nav.attitude       >> f.tracking.attitude,
@@ -44,7 +44,7 @@ def build(w, f):
         w.adc_b.counts       >> f.sun.b,
         w.clock.reading      >> f.time.clock,
         w.memory.reply       >> f.boot.reply,
-        w.power.reset        >> f.boot.reset,
+        w.power.computer     >> f.boot.computer,
         w.power.telemetry    >> f.power.power,
         w.card.state         >> f.burns.card,
 

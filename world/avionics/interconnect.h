@@ -7,13 +7,13 @@
 
 #define NVM_SLOTS 16
 
-/** The interconnect of the avionics: stores and retrieves packets of non-volatile memory on request, and reports what it
- *  did. The memory outlives resets of the computer; a run begins with it empty.
+/** The interconnect of the avionics: stores and retrieves packets of non-volatile memory on request, and reports what
+ *  it did. The memory outlives resets of the computer; a run begins with it empty.
  *  Source: thesis sections 5.3.2 and 5.4.2. */
 typedef struct Interconnect {
     struct {
-        NvmPacket request;   ///< optional: without it the memory stays as it is
-        ComputerReset reset; ///< optional: counted for its report
+        NvmPacket request;      ///< optional: without it the memory stays as it is
+        ComputerReset computer; ///< optional: counted for its report
     } in;
     struct {
         NvmPacket reply;

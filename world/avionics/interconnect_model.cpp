@@ -35,7 +35,7 @@ void InterconnectModel::update(Tick tick)
         }
     }
     reply.head = head_next(reply.head, tick.t, QUALITY_GOOD);
-    state.resets = interface_.in.reset.count;
+    state.resets = interface_.in.computer.count;
     state.head = head_next(state.head, tick.t, QUALITY_GOOD);
 }
 

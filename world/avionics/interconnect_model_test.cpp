@@ -48,7 +48,7 @@ TEST(Interconnect, WhatIsStoredComesBackAlsoAfterResets)
     std::uint32_t stored = 0, retrieved = 0, refused = 0;
     for (int k = 0; k < 2000; k++) {
         const std::uint32_t slot = random() % 6;
-        bus.i.in.reset.count += random() % 10 == 0;
+        bus.i.in.computer.count += random() % 10 == 0;
         if (random() % 2) {
             std::array<std::uint32_t, NVM_WORDS> data;
             std::generate(data.begin(), data.end(), random);
@@ -71,7 +71,7 @@ TEST(Interconnect, WhatIsStoredComesBackAlsoAfterResets)
     EXPECT_EQ(bus.i.out.state.stored, stored);
     EXPECT_EQ(bus.i.out.state.retrieved, retrieved);
     EXPECT_EQ(bus.i.out.state.refused, refused);
-    EXPECT_EQ(bus.i.out.state.resets, bus.i.in.reset.count);
+    EXPECT_EQ(bus.i.out.state.resets, bus.i.in.computer.count);
 }
 
 TEST(Interconnect, ARequestIsServedOnceAndNothingIsNone)

@@ -17,7 +17,7 @@ typedef struct PowerUnit {
     } in;
     struct {
         PowerTelemetry telemetry;
-        ComputerReset reset;
+        ComputerReset computer;
     } out;
     struct {
         uint32_t n;              ///< [-] required, in [1, 8]: number of loads

@@ -116,21 +116,21 @@ TEST(PowerUnit, TheComputerIsResetByCommandByTimeAndByItsSilence)
     u.command(1, 0, 1);
     u.step();
     u.step();
-    EXPECT_EQ(u.i.out.reset.count, 1u) << "once for a command";
+    EXPECT_EQ(u.i.out.computer.count, 1u) << "once for a command";
     u.i.par.reset_at[2] = 0.5;
     while (u.t < second) {
         u.step();
-        EXPECT_EQ(u.i.out.reset.count, u.t < 500 * ms ? 1u : 2u);
+        EXPECT_EQ(u.i.out.computer.count, u.t < 500 * ms ? 1u : 2u);
     }
     u.i.par.watchdog = 2 * second;
     for (int k = 0; k < 60; k++) {
         u.i.in.command.heartbeat++;
         u.step();
     }
-    EXPECT_EQ(u.i.out.reset.count, 2u);
+    EXPECT_EQ(u.i.out.computer.count, 2u);
     for (int k = 1; k <= 45; k++) {
         u.step();
-        EXPECT_EQ(u.i.out.reset.count, 2u + (k >= 20) + (k >= 40)) << k;
+        EXPECT_EQ(u.i.out.computer.count, 2u + (k >= 20) + (k >= 40)) << k;
     }
 }
 

@@ -6,9 +6,9 @@
 
 #define BURNS_QUEUED 16
 
-/** A propulsion card: queues burns of thrusters, with a start and a duration each, and opens them at their times, in the
- *  order in which they came for each thruster, one after the other. It acts only while it is armed twice: by flight's
- *  commands, and by its switch in the power unit. Disarmed, it closes all thrusters and empties the queue.
+/** A propulsion card: queues burns of thrusters, with a start and a duration each, and opens them at their times, for
+ *  each thruster one after the other in the order in which they came. It acts only while it is armed twice: by
+ *  flight's commands, and by its switch in the power unit. Disarmed, it closes all thrusters and empties the queue.
  *  It refuses burns that are shorter than min_on, of no thruster, that come while it is disarmed, or for which there is
  *  no room. A command acts from the update that sees it.
  *  Source: thesis section 5.4.2. */

@@ -12,8 +12,8 @@
  *  Source: thesis sections 5.3.2 and 5.4.2; the law of flight/exec/drift.h. */
 typedef struct VehicleClock {
     struct {
-        ClockCommand command; ///< optional: without it the slave goes on
-        ComputerReset reset;  ///< optional: resets of the computer
+        ClockCommand command;   ///< optional: without it the slave goes on
+        ComputerReset computer; ///< optional: resets of the computer
     } in;
     struct {
         ClockReading reading;

@@ -18,15 +18,15 @@ void VehicleClockModel::reset(sim::Ns t)
 void VehicleClockModel::update(Tick tick)
 {
     const auto &par = interface_.par;
-    const auto &[command, reset] = interface_.in;
+    const auto &[command, computer] = interface_.in;
     auto &mem = interface_.mem;
     ClockReading &out = interface_.out.reading;
     const std::int64_t before = tick.t - tick.dt;
 
     ExecClock slave = {mem.since, mem.base, mem.offset, par.drift, par.slew};
     const std::int64_t first = before / par.pulse + (out.head.sequence != 0), last = tick.t / par.pulse;
-    if (reset.count != mem.resets) { // a pulse at that time is lost
-        mem.resets = reset.count;
+    if (computer.count != mem.resets) { // a pulse at that time is lost
+        mem.resets = computer.count;
         mem.aligning = out.done = out.pulses = 0;
         exec_clock_set(&slave, tick.t, par.start, 0);
         out.tone = clock_time(par.start);

@@ -121,7 +121,7 @@ TEST(VehicleClock, AResetOfTheComputerStartsTheSlaveAndNotTheMaster)
     c.command(CLOCK_ALIGN, 1);
     c.step();
     c.i.in.command = {};
-    c.i.in.reset.count = 1;
+    c.i.in.computer.count = 1;
     const ClockReading &r = c.step(); // at 20.6 s
     EXPECT_EQ(clock_ns(r.time), 40 * second);
     EXPECT_EQ(r.pulses, 0u);

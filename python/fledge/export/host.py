@@ -41,9 +41,9 @@ def emit_host(mission: Mission) -> dict[str, str]:
     lines += [f"    .{key} = {value}," for key, value in (
         ("name", f'"{mission.folder}"'), ("mission", "&m"), ("start", "&start"), ("init", "init"),
         ("restart", "restart"), ("next", "next"), ("tick", "tick"), ("io", f"&{name}_io"), ("topics", "topics"),
-        ("definitions", f"{name}_definitions"), ("rates", "rates"), ("commands",
-                                                                     f"&{name}_commands"), ("telemetry", f"&{name}_telemetry"),
-        ("state", "&commands"), ("schemas", "schemas"), ("channels", "channels"), ("n_schemas", f"{len(recorded)}u"),
+        ("definitions", f"{name}_definitions"), ("rates", "rates"), ("commands", f"&{name}_commands"),
+        ("telemetry", f"&{name}_telemetry"), ("state", "&commands"), ("schemas", "schemas"), ("channels", "channels"),
+        ("n_schemas", f"{len(recorded)}u"),
         ("n_channels", f"{len(mission.outputs)}u"), ("n_rates", f"{len(mission.tasks)}u"),
         ("reset", "MISSION_NO_RESET" if mission.reset is None else f"{mission.reset}u"), ("down", mission.down))]
     return {f"{name}_host.c": "\n".join([*lines, "};", ""]), f"{name}_definitions.c": definitions(mission, types)}

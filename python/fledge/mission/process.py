@@ -574,9 +574,9 @@ class Flight(Process):
     """Flight software. Its events are data: conditions, and what they do."""
 
     def reset_by(self, message: Any, *, down: Any = 0) -> None:
-        """The computer of this process is reset by each new count of a ComputerReset, an input of one of its modules. For
-        the time `down` it runs nothing, and its outputs stay; then it begins anew, with the parameters that it had at
-        the start of the run."""
+        """The computer of this process is reset by each new count of a ComputerReset, an input of one of its modules.
+        For the time `down` it runs nothing, and its outputs stay; then it begins anew, with the parameters that it had
+        at the start of the run."""
         self._core_process.reset_by(message, time_ns(down, f"{self.name}.reset_by: down"))
 
     @property

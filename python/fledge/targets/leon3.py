@@ -123,8 +123,7 @@ class Leon3Cfs(Leon3):
                        [*sorted(own), folder / "apps.c", folder / "files.c", *pocket, FOLDER / "port.c",
                         FOLDER / "cfs.c", FOLDER / "recorder.c"],
                        [app, folder / "inc", app / "fsw/inc", app / "fsw/src", build.ROOT / "targets/cfs/inc"],
-                       ["-DPOCKET_TASKS=8u", f"-D{self.app.prefix}_STARTS_WITH_COMPUTER=1", "-include",
-                        f"{self.app.name}_names.h"], self.board)
+                       ["-DPOCKET_TASKS=8u", "-include", f"{self.app.name}_names.h"], self.board)
 
 
 LEFT_OUT = {"fsw_attach.c", "shared_file.c", "watch.c", "file_sink.c"}      # what cfs.c has in place of them

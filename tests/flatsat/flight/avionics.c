@@ -7,7 +7,7 @@
 
 #include <string.h>
 
-static Vec3 towards_sun(const SunCurrents *sun)
+static Vec3 towards_sun(const SensorCurrents *sun)
 {
     Vec3 sum = vec3(0.0, 0.0, 0.0);
     for (uint32_t i = 0u; i < SUN_SENSORS; i++) {

@@ -9,7 +9,7 @@
  *  that keep the cards warm, burns while the mode asks for them and the recorder is less than half full. */
 typedef struct Avionics {
     struct {
-        SunCurrents sun;
+        SensorCurrents sun;
         WheelCommand torques;
         PowerReply reply;
         HouseKeeping cards;
@@ -18,9 +18,9 @@ typedef struct Avionics {
         RecorderState recorder;
     } in;
     struct {
-        SunDirection direction;
+        SunVector direction;
         MotorVolts volts;
-        PowerCommand power;
+        CardsCommand power;
         Burn burn;
         ModeWord mode;
     } out;

@@ -8,17 +8,17 @@
 enum { SUN_SENSORS = 8, MOTORS = 4, CARDS = 4 };
 
 /** What the coarse sun sensors give. */
-typedef struct SunCurrents {
+typedef struct SensorCurrents {
     Head head;
     double current[SUN_SENSORS];    ///< [A] photocurrent
     uint8_t saturated[SUN_SENSORS]; ///< [-] 1: the converter is at its end
-} SunCurrents;
+} SensorCurrents;
 
 /** A direction to the Sun. */
-typedef struct SunDirection {
+typedef struct SunVector {
     Head head;
     double s_B[3]; ///< [-] unit vector
-} SunDirection;
+} SunVector;
 
 /** What drives the motors. */
 typedef struct MotorVolts {
@@ -35,11 +35,11 @@ typedef struct Burn {
 } Burn;
 
 /** A command to the power unit: which cards are on. */
-typedef struct PowerCommand {
+typedef struct CardsCommand {
     Head head;
     uint32_t number; ///< [-] counts the commands
     uint32_t cards;  ///< [-] a bit for each
-} PowerCommand;
+} CardsCommand;
 
 /** The reply of the power unit. */
 typedef struct PowerReply {

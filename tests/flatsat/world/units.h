@@ -13,12 +13,12 @@ typedef struct Units {
         CraftState truth;
         MotorVolts volts;
         WheelCommand torques; ///< what flight believes; costs power
-        PowerCommand power;
+        CardsCommand power;
         Burn burn;
         ModeWord flown;
     } in;
     struct {
-        SunCurrents sun;
+        SensorCurrents sun;
         WheelCommand motors; ///< what the converters make of the volts
         PowerReply reply;
         HouseKeeping cards;
