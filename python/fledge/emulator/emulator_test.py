@@ -46,7 +46,7 @@ def test_a_reset_by_the_power_unit_is_that_of_the_desktop(folder):
     for sim in (board.sim, desktop):
         sim.record(*every_output(sim), *sim.world, every=0)
         sim.run(66)
-    assert board.core.resets == 1 and desktop.world.power.reset.count == 1 and board.missed == 0
+    assert board.core.resets == 1 and desktop.world.power.computer.count == 1 and board.missed == 0
     for ours, theirs in zip(board.sim.records, desktop.records, strict=True):
         assert (ours.path, ours.bytes()) == (theirs.path, theirs.bytes())
 
