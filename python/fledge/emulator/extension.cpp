@@ -229,13 +229,15 @@ public:
         if (bytes.size() != held_.at(id).size()) {
             throw Error("a message of another size");
         }
-        std::ranges::copy(from_python(message), held_[id].begin());
+        if (id == host_.reset) {
+            std::memcpy(&line_, bytes.data(), std::min(bytes.size(), sizeof line_));
+        }
         mission_io_put(host_.io, windows(), id, bytes.data(), &counts_);
     }
 
     py::bytes take(std::uint32_t id)
     {
-        mission_io_take(host_.io, windows(), id, held_.at(id).data(), state_.reached, &counts_);
+        mission_io_take(host_.io, windows(), id, held_.at(id).data(), reached_, &counts_);
         return to_python(held_[id]);
     }
 
@@ -256,33 +258,26 @@ public:
         return packets;
     }
 
-    /// Returns whether the processor lives. While the outside holds it in reset, there is no tick.
+    /// Whether the computer is down at t, after a reset by the message that was put last.
+    bool is_down(Ns t) { return outside_->is_down(t, line_.count, host_.down); }
+
+    /// Returns whether the processor lives.
     bool tick(Ns t)
     {
         py::gil_scoped_release release;
-        if (t < 0) {
-            state_ = {};
-        } else if (is_down(t)) {
-            return true;
-        }
-        const Ns dt = t < 0 || state_.reached < 0 ? 0 : t - state_.reached;
-        state_.reached = t;
+        const Ns dt = t < 0 || reached_ < 0 ? 0 : t - reached_;
+        reached_ = t;
         return outside_->tick({t, dt}, {}) != registers::Wait::gone;
     }
 
     /// A fault: so many ticks do not reach the processor.
     void lose_ticks(std::uint64_t n) { backend_.loop.state.lose = n; }
-    Ns reached() const { return state_.reached; }
+    Ns reached() const { return reached_; }
     const FlightLoop::State &state() const { return backend_.loop.state; }
 
     /// All that is not in the machine.
-    struct State {
-        Ns reached = -1;          ///< the last tick
-        Ns down_until = -1;       ///< -1: the computer runs
-        std::uint32_t resets = 0; ///< the last count of the outside's resets
-    };
     struct Saved {
-        State state;
+        Ns reached;
         registers::Outside outside;
         FlightLoop::State loop;
         std::vector<std::vector<std::byte>> held, packets;
@@ -290,14 +285,14 @@ public:
 
     Saved save()
     {
-        Saved saved{state_, *outside_, backend_.loop.state, held_, {}};
+        Saved saved{reached_, *outside_, backend_.loop.state, held_, {}};
         each_packet([&](std::span<std::byte> memory) { saved.packets.emplace_back(memory.begin(), memory.end()); });
         return saved;
     }
 
     void restore(const Saved &saved)
     {
-        state_ = saved.state;
+        reached_ = saved.reached;
         outside_.emplace(saved.outside);
         backend_.loop.state = saved.loop;
         held_ = saved.held;
@@ -319,25 +314,6 @@ private:
         }
     }
 
-    /// As cosim/node/board_node.cpp.
-    bool is_down(Ns t)
-    {
-        ComputerReset line{};
-        if (host_.reset < held_.size()) {
-            std::memcpy(&line, held_[host_.reset].data(), sizeof line);
-        }
-        if (state_.down_until < 0 && line.count != state_.resets) {
-            state_.down_until = exec_later(t, host_.down);
-        }
-        if (state_.down_until < 0 || t < state_.down_until) {
-            return state_.down_until >= 0;
-        }
-        state_.down_until = -1;
-        state_.resets = line.count;
-        register_clock_reset(space_.clock());
-        return false;
-    }
-
     Ns next_after(Ns t) const
     {
         Ns next = std::numeric_limits<Ns>::max();
@@ -355,7 +331,8 @@ private:
     std::vector<std::vector<std::byte>> held_; ///< the last message of each, by id
     std::vector<std::byte> packet_;
     MissionIoCounts counts_{};
-    State state_;
+    ComputerReset line_{}; ///< the message that resets the computer, as put last
+    Ns reached_ = -1;
 };
 
 py::dict registers_of(Computer &c)
@@ -506,6 +483,7 @@ PYBIND11_MODULE(_emulator, m)
         .def("take", &Link::take)
         .def("send", &Link::send)
         .def("receive", &Link::receive)
+        .def("is_down", &Link::is_down)
         .def("tick", &Link::tick)
         .def("lose_ticks", &Link::lose_ticks)
         .def("on_stop", [](Link &link, std::function<void(const char *)> f) { link.on_stop = std::move(f); })
