@@ -41,16 +41,6 @@ def test_the_computer_flies_to_the_bit_as_the_desktop_does(board):
     assert objects.memory(board.sim.flight.control) != objects.memory(desktop.flight.control)
 
 
-def test_a_reset_by_the_power_unit_is_that_of_the_desktop(folder):
-    board, desktop = emulator.load("flatsat", folder=folder / "flatsat"), fledge.load("flatsat")
-    for sim in (board.sim, desktop):
-        sim.record(*every_output(sim), *sim.world, every=0)
-        sim.run(66)
-    assert board.core.resets == 1 and desktop.world.power.computer.count == 1 and board.missed == 0
-    for ours, theirs in zip(board.sim.records, desktop.records, strict=True):
-        assert (ours.path, ours.bytes()) == (theirs.path, theirs.bytes())
-
-
 def test_variables_of_flight_are_read_and_written_by_their_names(board):
     board.sim.run(5)
     f = board.flight
