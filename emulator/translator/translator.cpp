@@ -39,6 +39,29 @@ std::uint32_t exceptions(std::uint32_t mxcsr)
            ((mxcsr & 32) != 0 ? fsr::inexact : 0);
 }
 
+bool stores(Op op)
+{
+    switch (op) {
+    case Op::st:
+    case Op::stb:
+    case Op::sth:
+    case Op::std_:
+    case Op::ldstub:
+    case Op::swap:
+    case Op::sta:
+    case Op::stba:
+    case Op::stha:
+    case Op::stda:
+    case Op::ldstuba:
+    case Op::swapa:
+    case Op::casa:
+    case Op::stf:
+    case Op::stdf:
+    case Op::stfsr: return true;
+    default: return false;
+    }
+}
+
 class Translator final : public Engine {
 public:
     const char *name() const override { return "translator"; }
@@ -404,7 +427,9 @@ Exit Translator::run(Core &core, std::uint64_t until, bool step_over)
         case Leave::site: {
             const Site site = emitter_->sites[number];
             watched = execute_site(core, site);
-            look_at_flags(); // a device may have changed them
+            if (stores(site.instruction.op)) { // a device may have changed them
+                look_at_flags();
+            }
             break;
         }
         }
