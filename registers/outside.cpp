@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "registers/outside.h"
 
+#include "flight/exec/task.h"
+
 #include <algorithm>
 #include <cstring>
 
@@ -188,8 +190,26 @@ LaneReader Outside::reader(std::string_view board, std::string_view name) const
     return {window(board), lane(board, name, true)};
 }
 
+bool Outside::is_down(std::int64_t t, std::uint32_t resets, std::int64_t down)
+{
+    if (down_until_ < 0 && resets != resets_) {
+        down_until_ = exec_later(t, down);
+    }
+    if (down_until_ < 0 || t < down_until_) {
+        return down_until_ >= 0;
+    }
+    down_until_ = -1;
+    resets_ = resets;
+    register_clock_reset(master_);
+    return false;
+}
+
 Wait Outside::tick(Tick tick, std::chrono::nanoseconds timeout)
 {
+    if (tick.t < 0) {
+        resets_ = 0;
+        down_until_ = -1;
+    }
     for (RegisterSlaveClock &slave : slaves_) {
         if (tick.t < 0) {
             register_slave_start(&slave);

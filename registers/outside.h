@@ -93,6 +93,11 @@ public:
     /// let the slave clocks obey flight. A tick with t < 0 starts these anew.
     Wait tick(Tick tick, std::chrono::nanoseconds timeout);
 
+    /// Before a tick: whether the computer is down at t. It is for the time `down` from when the count of its resets has
+    /// changed; no tick starts then, and the first one after that finds the computer reset (clock.h). Further
+    /// resets within that time change nothing.
+    bool is_down(std::int64_t t, std::uint32_t resets, std::int64_t down);
+
     /// Tell flight that the run has ended.
     void stop();
 
@@ -103,6 +108,8 @@ private:
     Backend &backend_;
     const RegisterWindow *master_ = nullptr;
     std::vector<RegisterSlaveClock> slaves_;
+    std::uint32_t resets_ = 0;     ///< of the computer, as seen last
+    std::int64_t down_until_ = -1; ///< -1: it runs
 };
 
 } // namespace fledge::registers

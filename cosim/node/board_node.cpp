@@ -55,8 +55,8 @@ Initialized BoardNode::initialize(const Initialize &request)
             mission_io_put(mission_.io, backend_.windows().data(), id, message.held.data(), &counts_);
         }
     }
-    reached_ = down_until_ = -1;
-    sent_ = resets_ = 0;
+    reached_ = -1;
+    sent_ = 0;
     exchange(-1);
     Initialized answer;
     for (std::uint16_t i = 0; i < mission_.n_rates; i++) {
@@ -144,24 +144,14 @@ Ns BoardNode::next_after(Ns t) const
     return next;
 }
 
-/// Whether the computer is down at t. After that the next tick finds it reset. sim/runtime.cpp does the same for flight
-/// on the desktop.
+/// Whether the computer is down at t. sim/runtime.cpp does the same for flight on the desktop.
 bool BoardNode::is_down(Ns t)
 {
     ComputerReset line{};
     if (mission_.reset < messages_.size()) {
         std::memcpy(&line, messages_[mission_.reset].held.data(), sizeof line);
     }
-    if (down_until_ < 0 && line.count != resets_) {
-        down_until_ = exec_later(t, mission_.down);
-    }
-    if (down_until_ < 0 || t < down_until_) {
-        return down_until_ >= 0;
-    }
-    down_until_ = -1;
-    resets_ = line.count;
-    register_clock_reset(&backend_.windows()[mission_io_clock(mission_.io)]);
-    return false;
+    return outside_.is_down(t, line.count, mission_.down);
 }
 
 /// Put the commands of the script before t into their lane.

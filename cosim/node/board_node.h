@@ -71,8 +71,6 @@ private:
     std::vector<std::uint8_t> packet_; ///< room for a packet of telemetry
     MissionIoCounts counts_{};
     Ns reached_ = -1;
-    std::uint32_t resets_ = 0; ///< the last count seen
-    Ns down_until_ = -1;       ///< -1: the computer runs
 };
 
 } // namespace fledge::cosim

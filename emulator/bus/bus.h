@@ -28,6 +28,8 @@ struct Memory {
     std::uint32_t base = 0, size = 0; ///< [bytes]
     std::byte *bytes = nullptr;
     std::uint8_t *flags = nullptr; ///< PageFlags of each page
+    /// How often a flag of page_slow_read has changed in any page; nullptr: this is not counted.
+    const std::uint64_t *read_flag_changes = nullptr;
 };
 
 enum class Access : std::uint8_t {

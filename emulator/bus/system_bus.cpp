@@ -49,7 +49,7 @@ void SystemBus::add_memory(std::uint32_t base, std::uint32_t size, bool writable
     Region r;
     r.bytes = std::unique_ptr<std::byte, UnmapBytes>(static_cast<std::byte *>(p), UnmapBytes{size});
     r.flags.resize(size / page_size, page_unchanged);
-    r.memory = {base, size, r.bytes.get(), r.flags.data()};
+    r.memory = {base, size, r.bytes.get(), r.flags.data(), &read_flag_changes_};
     r.writable = writable;
     r.edac = edac;
     r.first_page = pages_;
@@ -301,6 +301,7 @@ void SystemBus::forget_code()
 
 void SystemBus::mark_pages(std::uint8_t flag, const std::vector<ProtectedRange> &ranges)
 {
+    read_flag_changes_++;
     for (Region &r : regions_) {
         for (std::uint32_t page = 0; page < r.flags.size(); page++) {
             const std::uint64_t from = std::uint64_t{r.memory.base} + std::uint64_t{page} * page_size;
@@ -360,6 +361,7 @@ void SystemBus::set_faulty(std::uint32_t address)
     std::uint8_t &flags = r.flags[(page - r.memory.base) / page_size];
     const bool faulty = flip_next_ != 0 || (first != flips_.end() && first->first - page < page_size);
     flags = static_cast<std::uint8_t>((flags & ~page_faulty) | (faulty ? page_faulty : 0));
+    read_flag_changes_++;
 }
 
 void SystemBus::flip(std::uint32_t address, EdacFlips flips)

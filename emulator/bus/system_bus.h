@@ -36,6 +36,10 @@ struct UnmapBytes {
 
 class SystemBus final : public Bus {
 public:
+    SystemBus() = default;
+    SystemBus(const SystemBus &) = delete;
+    SystemBus &operator=(const SystemBus &) = delete;
+
     /// Memory must be added before it is used; RAM first. Sizes and bases are multiples of page_size.
     void add_memory(std::uint32_t base, std::uint32_t size, bool writable, bool edac);
     void add_device(std::uint32_t base, std::uint32_t size, Device &device);
@@ -125,6 +129,7 @@ private:
     std::vector<ProtectedRange> protected_;
     std::vector<std::uint32_t> changed_;
     std::map<std::uint32_t, EdacFlips> flips_;
+    std::uint64_t read_flag_changes_ = 0;
     std::uint32_t flip_next_ = 0, watched_at_ = 0;
     std::uint32_t pages_ = 0;
     bool edac_on_ = false;

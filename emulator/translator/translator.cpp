@@ -39,6 +39,29 @@ std::uint32_t exceptions(std::uint32_t mxcsr)
            ((mxcsr & 32) != 0 ? fsr::inexact : 0);
 }
 
+bool stores(Op op)
+{
+    switch (op) {
+    case Op::st:
+    case Op::stb:
+    case Op::sth:
+    case Op::std_:
+    case Op::ldstub:
+    case Op::swap:
+    case Op::sta:
+    case Op::stba:
+    case Op::stha:
+    case Op::stda:
+    case Op::ldstuba:
+    case Op::swapa:
+    case Op::casa:
+    case Op::stf:
+    case Op::stdf:
+    case Op::stfsr: return true;
+    default: return false;
+    }
+}
+
 class Translator final : public Engine {
 public:
     const char *name() const override { return "translator"; }
@@ -84,6 +107,7 @@ private:
     std::unique_ptr<Engine> other_ = make_threaded();
     Core *core_ = nullptr;
     Memory ram_;
+    std::uint64_t flag_changes_ = ~std::uint64_t{0}; ///< at the last look
     Context context_;
     CodeMemory memory_{code_size};
     std::unique_ptr<Emitter> emitter_;
@@ -116,6 +140,10 @@ void Translator::forget_all()
 /// Loads of translated code look at the flags of pages only while a page has one that matters to them.
 void Translator::look_at_flags()
 {
+    if (ram_.read_flag_changes != nullptr && *ram_.read_flag_changes == flag_changes_) {
+        return;
+    }
+    flag_changes_ = ram_.read_flag_changes != nullptr ? *ram_.read_flag_changes : 0;
     std::uint8_t all = 0;
     for (std::uint32_t page = 0; page < ram_.size / page_size; page++) {
         all |= ram_.flags[page];
@@ -399,7 +427,9 @@ Exit Translator::run(Core &core, std::uint64_t until, bool step_over)
         case Leave::site: {
             const Site site = emitter_->sites[number];
             watched = execute_site(core, site);
-            look_at_flags(); // a device may have changed them
+            if (stores(site.instruction.op)) { // a device may have changed them
+                look_at_flags();
+            }
             break;
         }
         }

@@ -275,6 +275,8 @@ class _Flight:
             self.tick(-1)
         for id, view in self.inputs:
             link.put(id, self.kernel.incoming(view))
+        if link.is_down(t):
+            return                      # what it put out stays
         for after, packet in self.script:
             if link.reached <= after < t:
                 link.send(packet)

@@ -10,6 +10,7 @@
 #include "emulator/devices/register_space.h"
 #include "emulator/report.h"
 #include "emulator/snapshot.h"
+#include "flight/msg/computer.h"
 #include "registers/outside.h"
 #include "targets/mission_host.h"
 
@@ -228,6 +229,9 @@ public:
         if (bytes.size() != held_.at(id).size()) {
             throw Error("a message of another size");
         }
+        if (id == host_.reset) {
+            std::memcpy(&line_, bytes.data(), std::min(bytes.size(), sizeof line_));
+        }
         mission_io_put(host_.io, windows(), id, bytes.data(), &counts_);
     }
 
@@ -253,6 +257,9 @@ public:
         }
         return packets;
     }
+
+    /// Whether the computer is down at t, after a reset by the message that was put last.
+    bool is_down(Ns t) { return outside_->is_down(t, line_.count, host_.down); }
 
     /// Returns whether the processor lives.
     bool tick(Ns t)
@@ -324,6 +331,7 @@ private:
     std::vector<std::vector<std::byte>> held_; ///< the last message of each, by id
     std::vector<std::byte> packet_;
     MissionIoCounts counts_{};
+    ComputerReset line_{}; ///< the message that resets the computer, as put last
     Ns reached_ = -1;
 };
 
@@ -475,6 +483,7 @@ PYBIND11_MODULE(_emulator, m)
         .def("take", &Link::take)
         .def("send", &Link::send)
         .def("receive", &Link::receive)
+        .def("is_down", &Link::is_down)
         .def("tick", &Link::tick)
         .def("lose_ticks", &Link::lose_ticks)
         .def("on_stop", [](Link &link, std::function<void(const char *)> f) { link.on_stop = std::move(f); })

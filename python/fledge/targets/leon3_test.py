@@ -92,6 +92,7 @@ def test_a_flight_prints_what_it_needed(tmp_path, capsys):
         assert figures["ticks"] == figures["recorded"] == "21"
         assert figures["missed"] == figures["refused"] == figures["resets"] == "0"
         assert 0 < int(figures["cpu_ns"]) < 10_000_000
+        assert int(figures["program_bytes"]) < int(figures["ram_bytes"]) < 1_000_000
         assert 500 < int(figures["stack_bytes"]) < 20_000 and 1000 < int(figures["data_bytes"]) < 1_000_000
     assert 1000 < int(figures["task_stack_bytes"]) < 20_000 and figures["events_errors"] == "0"
 

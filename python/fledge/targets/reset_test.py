@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 import fledge
-from fledge import SetupError, cli, flight as fsw, world
+from fledge import SetupError, cli, flight as fsw, objects, world
 from fledge.archive import Archive
+from fledge.targets import TARGETS
 from fledge.units import A, V, ms, ohm, s
 
 FLIGHT = '''
@@ -144,3 +145,63 @@ def test_what_cannot_reset_a_computer_is_refused():
     assert f.reset is None
     f.reset_by(f.count.computer, down=1 * s)
     assert f.reset == ("flight.count.computer", 1_000_000_000)
+
+
+BOARD = pytest.mark.skipif(bool(TARGETS["leon3"].missing()), reason="the compiler for LEON3 is not installed")
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    return tmp_path_factory.mktemp("board")
+
+
+@pytest.fixture
+def on_board(built):
+    from fledge import emulator
+
+    return emulator.load("flatsat", folder=built)
+
+
+@BOARD
+def test_a_board_in_python_is_reset_as_the_desktop_is(on_board):
+    desktop = fledge.load("flatsat")
+    for sim in (on_board.sim, desktop):
+        sim.run(62 * s)
+    saved = on_board.snapshot()
+    for _ in range(2):      # the second time from within the outage
+        for sim in (on_board.sim, desktop):
+            sim.run(until=70 * s)
+        for one in ("tracking.error", "boot.boot", "time.time", "drive.drive"):
+            ours, theirs = (objects.memory(getattr(getattr(sim.flight, one.split(".")[0]), one.split(".")[1]))
+                            for sim in (on_board.sim, desktop))
+            assert ours == theirs, one
+        assert on_board.flight.boot.boot.boots == 2 and on_board.core.resets == 1
+        assert on_board.core.watchdog_resets == 0 and on_board.missed == 0
+        on_board.restore(saved)
+
+
+@BOARD
+@pytest.mark.parametrize("watchdog", ["of the power unit", "of the board"])
+def test_flight_that_hangs_is_brought_back_by_a_watchdog(on_board, watchdog):
+    """The program runs into a loop without an end, while the world goes on."""
+    sim, own = on_board.sim, watchdog == "of the board"
+    if own:
+        sim.world.power.watchdog = 0 * s
+    sim.run(80 * s)
+    on_board.poke("mrp_feedback_update", bytes.fromhex("10800000"))     # a branch to itself
+    sim.run(5 * s)
+    assert on_board.missed == 10
+    drive, rate = objects.memory(sim.flight.drive.drive), sim.world.craft.state.omega_BN_B.tolist()
+    sim.run(1 * s)
+    assert objects.memory(sim.flight.drive.drive) == drive and sim.world.craft.state.omega_BN_B.tolist() != rate
+    sim.run(24 * s)
+    # 10 s after the last call of leon3_idle, in the tick at 80 s; or 6 s after the heartbeat of that tick came.
+    missed = on_board.missed
+    assert (on_board.core.resets, on_board.core.watchdog_resets) == (2, 1 if own else 0)
+    assert missed == (19 if own else 12)
+    sim.run(5 * 60 * s)
+    assert on_board.missed == missed, "since then it answers each tick"
+    assert sim.flight.boot.boot.boots == 3 == sim.world.memory.memory[3][0]
+    time = sim.world.clock.epoch + sim.time_ns
+    assert abs(sim.flight.time.time.time - time) < 50_000 and sim.flight.time.time.synchronized == 1
+    assert np.linalg.norm(sim.flight.tracking.error.sigma_BR) < 1e-3
