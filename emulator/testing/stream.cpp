@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "emulator/tests/stream.h"
+#include "emulator/testing/stream.h"
 
 #include <array>
 #include <bit>
