@@ -249,6 +249,7 @@ TEST_P(OnMachine, breakpoints_and_watchpoints_stop)
     const std::uint32_t before = r(g(7));
     EXPECT_EQ(m.run_until(1'000'000), StopReason::breakpoint);
     EXPECT_EQ(r(g(7)), before + 1);
+    EXPECT_EQ(m.run_to_instruction(1'000'000), StopReason::breakpoint);
     m.set_breakpoint(code + 4 * 9, false);
     m.set_watchpoint(data, 4, false, true, true);
     EXPECT_EQ(m.run_until(1'000'000), StopReason::watchpoint);
@@ -463,7 +464,8 @@ TEST(Machine, a_report_has_registers_and_calls)
     EXPECT_THAT(text, HasSubstr("#1  0x4000103c inner+0x4"));
     EXPECT_THAT(text, HasSubstr("#2  0x4000102c outer+0x4"));
     EXPECT_THAT(text, HasSubstr("#3  0x4000101c main+0x1c"));
-    EXPECT_THAT(text, HasSubstr("%o0-7"));
+    EXPECT_THAT(text, HasSubstr("%o0-7 00000000"));
+    EXPECT_THAT(text, HasSubstr("4000103c\n  %l0-7")) << "the values of registers";
     EXPECT_THAT(m.report(), HasSubstr("at 0x40001048\n"));
 }
 
@@ -482,6 +484,10 @@ TEST(Machine, a_backtrace_reads_windows_that_were_saved_in_memory)
     m.poke(data + 96 + 56, std::as_bytes(std::span(saved)));
     const std::string text = m.report();
     EXPECT_THAT(text, HasSubstr("#1  0x40001100  sp 0x40008060\n    #2  0x40001200  sp 0x400080c0\n"));
+    s.traps = 1;
+    s.trap_type = 0x07;
+    EXPECT_THAT(m.report(), HasSubstr("the processor runs, at 0x40001000\n  the last trap was "
+                                      "mem_address_not_aligned (0x07)\n"));
     // A damaged stack ends it.
     r[i(6)] = 0x12345677;
     EXPECT_THAT(m.report(), HasSubstr("#1  0x40001100"));

@@ -387,6 +387,7 @@ struct SmallNumbers {
 bool Threaded::burst(Core &core, std::uint64_t until, const void *const **labels)
 {
     // clang-format off
+    // NOLINTBEGIN(bugprone-macro-parentheses): labels take none
     static const void *const code[] = {
         &&undecoded, &&next_page, &&stop, &&reference, &&far_bicc, &&far_fbfcc, &&fbfcc, &&fbfcc_annul,
 #define FLEDGE_CODE(name) &&name, &&name##_number,
@@ -399,6 +400,7 @@ bool Threaded::burst(Core &core, std::uint64_t until, const void *const **labels
         FLEDGE_CONDITIONS(FLEDGE_CODE)
 #undef FLEDGE_CODE
     };
+    // NOLINTEND(bugprone-macro-parentheses)
     // clang-format on
     static_assert(std::size(code) == static_cast<std::size_t>(Code::count));
     if (labels != nullptr) {
@@ -516,7 +518,7 @@ stop:
     NEXT;                                                                                                              \
     bicc_##number##_annul : if (condition)                                                                             \
     {                                                                                                                  \
-        if constexpr (number == 8) {                                                                                   \
+        if constexpr ((number) == 8) {                                                                                 \
             ANNUL_AND_GO_TO(TARGET);                                                                                   \
         } else {                                                                                                       \
             BRANCH_TO(TARGET);                                                                                         \
@@ -680,7 +682,7 @@ rdy:
 #define PRODUCT(...)                                                                                                   \
     const auto product = static_cast<std::uint64_t>(__VA_ARGS__);                                                      \
     s.y = static_cast<std::uint32_t>(product >> 32);
-#define SIGNED_PRODUCT std::int64_t{static_cast<std::int32_t>(a)} * static_cast<std::int32_t>(b)
+#define SIGNED_PRODUCT (std::int64_t{static_cast<std::int32_t>(a)} * static_cast<std::int32_t>(b))
     WITH_OPERAND(umul, PRODUCT(std::uint64_t{a} * b) RESULT(static_cast<std::uint32_t>(product)))
     WITH_OPERAND(smul, PRODUCT(SIGNED_PRODUCT) RESULT(static_cast<std::uint32_t>(product)))
     WITH_OPERAND(umulcc, PRODUCT(std::uint64_t{a} * b) LOGIC_CC(static_cast<std::uint32_t>(product)))
@@ -715,8 +717,8 @@ rdy:
     WITH_OPERAND(ld, LOAD(std::uint32_t, r[d->rd] = value;))
     WITH_OPERAND(ldub, LOAD(std::uint8_t, r[d->rd] = value;))
     WITH_OPERAND(lduh, LOAD(std::uint16_t, r[d->rd] = value;))
-    WITH_OPERAND(ldsb, LOAD(std::int8_t, r[d->rd] = static_cast<std::uint32_t>(value);))
-    WITH_OPERAND(ldsh, LOAD(std::int16_t, r[d->rd] = static_cast<std::uint32_t>(value);))
+    WITH_OPERAND(ldsb, LOAD(std::int8_t, r[d->rd] = static_cast<std::uint32_t>(std::int32_t{value});))
+    WITH_OPERAND(ldsh, LOAD(std::int16_t, r[d->rd] = static_cast<std::uint32_t>(std::int32_t{value});))
     WITH_OPERAND(ldd, LOAD(std::uint64_t, r[d->rd] = static_cast<std::uint32_t>(value >> 32);
                            r[d->rd + 1] = static_cast<std::uint32_t>(value);))
     WITH_OPERAND(ldf, FPU_ON LOAD(std::uint32_t, put(f, d->rd, value);))
@@ -739,12 +741,12 @@ rdy:
     last_.op = Op::name;                                                                                               \
     put_number(&last_.a, 0, first);                                                                                    \
     put_number(&last_.b, 0, second);
-#define FINISH(name, first, second, result)                                                                            \
-    if (result != result || small.has_result(result)) [[unlikely]] {                                                   \
+#define FINISH(name, first, second, value)                                                                             \
+    if (std::isnan(value) || small.has_result(value)) [[unlikely]] {                                                   \
         goto reference;                                                                                                \
     }                                                                                                                  \
     REMEMBER(name, first, second)                                                                                      \
-    put_number(f, d->rd, result);                                                                                      \
+    put_number(f, d->rd, value);                                                                                       \
     NEXT;
 #define TWO(name, From, To, expression)                                                                                \
     name : {                                                                                                           \

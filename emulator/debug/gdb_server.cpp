@@ -97,7 +97,7 @@ GdbServer::GdbServer(Machine &machine, std::string_view address, const Program *
     : machine_(machine), program_(program), history_(machine)
 {
     const auto colon = address.rfind(':');
-    const std::string host(colon == address.npos ? "127.0.0.1" : address.substr(0, colon));
+    const std::string host(colon == address.npos || colon == 0 ? "127.0.0.1" : address.substr(0, colon));
     const auto port = number(colon == address.npos ? address : address.substr(colon + 1), 10);
     sockaddr_in at{};
     at.sin_family = AF_INET;
@@ -246,7 +246,7 @@ StopReason GdbServer::run_until(Ns t)
 /// Do what gdb wants of a machine that stands.
 GdbServer::Then GdbServer::go(Go how)
 {
-    stands_ = past_begins_ = false;
+    stands_ = past_begins_ = interrupted_ = false;
     switch (how) {
     case Go::let_go: drop(); return Then::go_on;
     case Go::step_back:
@@ -285,6 +285,7 @@ GdbServer::Then GdbServer::run_slice(Ns t)
         return Then::go_on;
     }
     if (receive() == "\x03") {
+        interrupted_ = true;
         return Then::stop;
     }
     drop(); // a packet while the machine runs: gdb has gone
@@ -315,6 +316,9 @@ GdbServer::Go GdbServer::serve()
 
 std::string GdbServer::stop_reply() const
 {
+    if (interrupted_) {
+        return "T02thread:1;"; // SIGINT
+    }
     if (past_begins_) {
         return "T05replaylog:begin;thread:1;";
     }

@@ -75,6 +75,7 @@ private:
     bool stands_ = false; ///< gdb has stopped the machine
     StopReason reason_ = StopReason::time;
     bool past_begins_ = false; ///< gdb went back to where the past begins
+    bool interrupted_ = false; ///< gdb stopped the machine by Ctrl-C
     std::string input_;
 };
 

@@ -7,23 +7,9 @@ namespace fledge::emulator {
 
 namespace {
 
-constexpr std::uint32_t apart = 64 * 1024; // [bytes] two stacks of which no object tells
+constexpr std::uint32_t frame = 4096; // [bytes] no function takes more at once
 
 } // namespace
-
-StackDepth::Stack StackDepth::made(std::uint32_t pointer, std::uint32_t pc) const
-{
-    const Program::Symbol *object = program_.at(pointer);
-    if (object && !object->function && object->size != 0) {
-        return {object->name, object->address + object->size, pointer, object->size};
-    }
-    const Program::Symbol *from = program_.named("leon3_stack"), *end = program_.named("leon3_stack_end");
-    if (from && end && pointer >= from->address && pointer <= end->address) {
-        return {"main", end->address, pointer, end->address - from->address};
-    }
-    const Program::Symbol *function = program_.at(pc);
-    return {function ? function->name : "", pointer, pointer, 0};
-}
 
 void StackDepth::executed(const Executed &step)
 {
@@ -33,20 +19,25 @@ void StackDepth::executed(const Executed &step)
         return;
     }
     pointer_ = pointer;
-    const auto holds = [&](const Stack &one) {
-        return one.size ? pointer - (one.top - one.size) <= one.size
-                        : pointer <= one.top + apart && pointer + apart >= one.lowest;
-    };
+    const auto holds = [&](const Stack &one) { return pointer <= one.top && pointer + frame >= one.lowest; };
     if (stacks_.empty() || !holds(stacks_[present_])) {
         const auto found = std::find_if(stacks_.begin(), stacks_.end(), holds);
         present_ = static_cast<std::size_t>(found - stacks_.begin());
         if (found == stacks_.end()) {
-            stacks_.push_back(made(pointer, step.pc));
+            stacks_.push_back(made(pointer));
         }
     }
-    Stack &one = stacks_[present_];
-    one.lowest = std::min(one.lowest, pointer);
-    one.top = std::max(one.top, pointer);
+    stacks_[present_].lowest = std::min(stacks_[present_].lowest, pointer);
+}
+
+/// The stack of the board support is between two symbols; that of a task begins where its first function has it.
+StackDepth::Stack StackDepth::made(std::uint32_t pointer) const
+{
+    const Program::Symbol *from = program_.named("leon3_stack"), *end = program_.named("leon3_stack_end");
+    if (from && end && pointer >= from->address && pointer <= end->address) {
+        return {"main", end->address, pointer, end->address - from->address};
+    }
+    return {program_.place(pointer), pointer, pointer, 0};
 }
 
 } // namespace fledge::emulator

@@ -16,15 +16,15 @@ public:
     void executed(const Executed &step) override;
 
     struct Stack {
-        std::string name; ///< of the object that holds it, or of the function that began with it
+        std::string name; ///< "main"; of a task, the place where it begins: "stacks+0x4a00"
         std::uint32_t top = 0, lowest = 0;
-        std::uint32_t size = 0; ///< [bytes] of that object; 0: not known
+        std::uint32_t size = 0; ///< [bytes] 0: not known
         std::uint32_t used() const { return top - lowest; }
     };
     const std::vector<Stack> &stacks() const { return stacks_; }
 
 private:
-    Stack made(std::uint32_t pointer, std::uint32_t pc) const;
+    Stack made(std::uint32_t pointer) const;
 
     const Program &program_;
     std::vector<Stack> stacks_;

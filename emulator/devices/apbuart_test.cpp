@@ -68,10 +68,16 @@ TEST(Apbuart, a_byte_that_comes_interrupts_and_is_read_once)
     const std::uint8_t bytes[] = {0x41, 0x42};
     EXPECT_EQ(b.uart.receive(bytes), 2u);
     EXPECT_EQ(b.host.take(), Lines{3});
-    EXPECT_EQ(b.uart.read(0x04) & 1, 1u);
+    EXPECT_EQ(b.uart.read(0x04) & (1 | 1u << 8 | 1u << 10), 1u) << "neither half full nor full";
     EXPECT_EQ(b.uart.read(0x00), 0x41u);
     EXPECT_EQ(b.uart.read(0x00), 0x42u);
     EXPECT_EQ(b.uart.read(0x04) & 1, 0u);
+    const std::vector<std::uint8_t> many(32);
+    b.uart.receive(std::span(many).first(16));
+    EXPECT_EQ(b.uart.read(0x04) & (1 | 1u << 8 | 1u << 10), 1u | 1u << 8);
+    b.uart.receive(std::span(many).first(16));
+    EXPECT_EQ(b.uart.read(0x04) & (1 | 1u << 8 | 1u << 10), 1u | 1u << 8 | 1u << 10);
+    EXPECT_EQ(b.uart.read(0x04) >> 26, 32u);
     b.uart.write(0x08, 0);
     EXPECT_EQ(b.uart.receive(bytes), 0u) << "the receiver is off";
 }

@@ -49,10 +49,10 @@ private:
 bool is_name(const std::string &op, const std::string &name)
 {
     static const std::multimap<std::string, std::string> others{
-        {"jmpl", "call"}, {"jmpl", "jmp"}, {"jmpl", "ret"},  {"jmpl", "retl"},  {"lddf", "ldd"},     {"ldf", "ld"},
-        {"stdf", "std"},  {"stf", "st"},   {"stdfq", "stq"}, {"or", "mov"},     {"subcc", "cmp"},    {"rdy", "rd"},
-        {"rdasr", "rd"},  {"wry", "wr"},   {"wrasr", "wr"},  {"casa", "cas"},   {"rdasr", "membar"}, {"sll", "sllx"},
-        {"srl", "srlx"},  {"sra", "srax"}, {"sethi", "nop"}, {"rdasr", "stbar"}};
+        {"jmpl", "call"}, {"jmpl", "jmp"}, {"jmpl", "ret"},  {"jmpl", "retl"},   {"lddf", "ldd"},     {"ldf", "ld"},
+        {"stdf", "std"},  {"stf", "st"},   {"stdfq", "stq"}, {"or", "mov"},      {"subcc", "cmp"},    {"rdy", "rd"},
+        {"rdasr", "rd"},  {"wry", "wr"},   {"wrasr", "wr"},  {"casa", "cas"},    {"rdasr", "membar"}, {"sll", "sllx"},
+        {"srl", "srlx"},  {"sra", "srax"}, {"sethi", "nop"}, {"rdasr", "stbar"}, {"rdtbr", "flushw"}};
     if (op == "illegal" || op == "cpop" || op == "cbccc" || op == "fpop_unimplemented")
         return true; // of V9
     if (op == "bicc" || op == "fbfcc" || op == "ticc")

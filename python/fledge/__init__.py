@@ -27,6 +27,7 @@ _LAZY = {
     "archive": ("archive", None),
     "attitude": ("attitude", None),
     "cosim": ("cosim", None),
+    "emulator": ("emulator", None),
     "flight": ("flight", None),
     "load": ("mission", "load"),
     "missions": ("mission", "missions"),

@@ -32,7 +32,7 @@ enum {
 #define BEAT_US (leon3.registers_line != 0u ? 100000u : 500u)
 
 /* Symbols of the linker script. */
-extern const uint32_t leon3_traps[], leon3_data_load[], leon3_data_end[], leon3_registers[], leon3_data[],
+extern const uint32_t leon3_traps[], leon3_heap[], leon3_data_load[], leon3_data_end[], leon3_registers[], leon3_data[],
     leon3_bss_end[], leon3_stack[], leon3_stack_end[];
 extern const char LEON3_CLOCK[]; /* [Hz], as an address */
 
@@ -287,6 +287,11 @@ uint32_t leon3_program_size(void)
 {
     return (uint32_t)((uintptr_t)leon3_data_load - (uintptr_t)leon3_traps + (uintptr_t)leon3_data_end -
                       (uintptr_t)leon3_data);
+}
+
+uint32_t leon3_ram_used(void)
+{
+    return (uint32_t)((uintptr_t)leon3_heap - (uintptr_t)leon3_traps) + leon3_stack_used();
 }
 
 uint32_t leon3_data_size(void)

@@ -69,12 +69,13 @@ void leon3_say_hex(uint32_t value);
 void leon3_say_figure(const char *key, uint32_t value);
 extern int leon3_console_off;
 
-/** [bytes] Of the stack, used so far, and its size; of the program, what a ROM would hold: code, constants and initial
- *  data; of its data in RAM. */
+/** [bytes] Of the stack: used so far, and its size. Of the program: what a ROM would hold (code, constants and initial
+ *  data), its data, and all RAM that it used so far, its code included, without the heap. */
 uint32_t leon3_stack_used(void);
 uint32_t leon3_stack_size(void);
 uint32_t leon3_program_size(void);
 uint32_t leon3_data_size(void);
+uint32_t leon3_ram_used(void);
 
 /** A thread of execution that waits. */
 typedef struct Leon3Context {

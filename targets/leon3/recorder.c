@@ -73,6 +73,7 @@ int recorder_end(const MissionIoCounts *counts)
     leon3_say_figure("skipped", counts->skipped);
     leon3_say_figure("program_bytes", leon3_program_size());
     leon3_say_figure("data_bytes", leon3_data_size());
+    leon3_say_figure("ram_bytes", leon3_ram_used());
     leon3_say_figure("stack_bytes", leon3_stack_used());
     if (kept.status != MCAP_OK) {
         leon3_say("the record failed: ");

@@ -2,15 +2,16 @@
 """A LEON3 in software, in the hands of an engineer: in the loop, in Python, under gdb, traced, covered, profiled."""
 
 import re
+import signal
 import subprocess
-import threading
+import time
 
-import numpy as np
 import pytest
 
 import fledge
 from fledge import emulator, objects
-from fledge.targets.leon3 import BOARD
+from fledge.targets import leon3
+from fledge.targets.build import native
 from fledge.units import N, m, s
 
 
@@ -124,7 +125,7 @@ def test_a_fault_is_reported_and_the_watchdog_begins_anew(board):
 
 
 def test_without_a_watchdog_the_computer_tells_where_it_failed(folder, tmp_path):
-    text = BOARD.read_text(encoding="utf-8")
+    text = leon3.BOARD.read_text(encoding="utf-8")
     assert "\nwatchdog " in text
     (tmp_path / "board.toml").write_text(re.sub(r"(?m)^watchdog .*$", "", text))
     board = emulator.load("nadir_spin", folder=folder, board=tmp_path / "board.toml")
@@ -146,13 +147,15 @@ def test_ticks_can_be_lost_and_interrupts_stick(board):
     assert answers[-1][1] is not None
 
 
+def begin_gdb(program, *commands):
+    words = [word for one in commands for word in ("-ex", one)]
+    return subprocess.Popen(["gdb-multiarch", "-q", "-nx", "-batch", *words, program], stdout=subprocess.PIPE,
+                            stderr=subprocess.STDOUT, text=True)
+
+
 def gdb(board, program, *commands, seconds=3.0):
     """What gdb-multiarch prints for these commands, while the simulation runs."""
-    port = board.gdb()
-    arguments = ["gdb-multiarch", "-q", "-nx", "-batch", "-ex", f"target remote :{port}"]
-    for one in commands:
-        arguments += ["-ex", one]
-    child = subprocess.Popen([*arguments, str(program)], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    child = begin_gdb(program, f"target remote :{board.gdb()}", *commands)
     try:
         assert board.wait_for_gdb(20)
         board.sim.run(seconds)
@@ -272,3 +275,47 @@ def test_wrong_files_and_addresses_are_refused(board, tmp_path):
     refused(lambda: board.peek(0x30000000, 4), "no memory there")
     board.sim.run(1)
     refused(lambda: board.fly(board.sim, "tables.so"), "fly: nadir_spin has run until 1 s")
+
+
+COUNTER = """
+volatile unsigned counter;
+static unsigned depth(unsigned n) { return n ? depth(n - 1) + counter % 2 : 0; }
+int main(void)
+{
+    for (;;) {
+        counter++;
+        depth(20);
+    }
+}
+"""
+
+
+@pytest.fixture(scope="module")
+def counter(folder):
+    (folder / "counter.c").write_text(COUNTER)
+    return leon3.program(folder / "counter", "counter", [folder / "counter.c"], [], ["-fno-optimize-sibling-calls"])
+
+
+def test_gdb_interrupts_a_program_and_sees_all_its_windows(counter, tmp_path):
+    """Of a program without a mission, deeper in calls than the processor has windows."""
+    board = subprocess.Popen([native("fledge_leon3", "emulator/tools"), leon3.BOARD, counter, "--gdb", "0",
+                              "--console", tmp_path / "console"], stderr=subprocess.PIPE, text=True)
+    try:
+        port = re.search(r"target remote :(\d+)", board.stderr.readline())[1]
+        child = begin_gdb(counter, f"target remote :{port}", "break depth if n == 3", "continue", "backtrace", "delete",
+                          "echo runs\\n", "continue", "print counter > 1000", "watch counter", "continue",
+                          "reverse-continue", "detach")
+        said = ""
+        while "runs" not in said:
+            said += child.stdout.readline()
+        time.sleep(0.5)
+        child.send_signal(signal.SIGINT)
+        said += child.communicate(timeout=30)[0]
+        assert in_order(said, r"#0 +depth \(n=3\)", r"#10 .*depth \(n=13\)", r"#18 .*main", "received signal SIGINT",
+                        r"\$1 = 1", "Hardware watchpoint 2: counter", r"Old value = \d", "Hardware watchpoint",
+                        "detached")
+        assert board.poll() is None     # it runs on
+        board.terminate()
+        assert board.wait(timeout=60) == 0
+    finally:
+        board.kill()

@@ -244,7 +244,7 @@ def test_what_a_scenario_changes_is_commanded_on_every_target(tmp_path, capsys):
     from fledge.commands import Code, Reason
     from fledge.targets.job import Job
 
-    on = [name for name in ("linux", "aarch64", "sparc64", "cfs") if not TARGETS[name].missing()]
+    on = [name for name in ("linux", "aarch64", "sparc64", "cfs", "leon3", "leon3-cfs") if not TARGETS[name].missing()]
     mission, out = plays(tmp_path), tmp_path / "out"
     assert cli.main(["fly", str(mission), "all", "--on", ",".join(on), "--out", str(out)]) == 0, capsys.readouterr()
     sim = fledge.load(mission)
