@@ -15,7 +15,7 @@ struct Target {
     std::uint64_t pc = 1; ///< 1 is the address of no instruction
     const std::uint8_t *code = nullptr;
 };
-inline constexpr std::uint32_t target_count = 4096;
+inline constexpr std::uint32_t target_count = 1 << 15; ///< enough for the returns of a program of 128 KiB
 
 /// State that translated code keeps in another form than CpuState, and constants that it reads.
 struct Context {

@@ -39,27 +39,10 @@ std::uint32_t exceptions(std::uint32_t mxcsr)
            ((mxcsr & 32) != 0 ? fsr::inexact : 0);
 }
 
-bool stores(Op op)
+/// Instructions that only read memory, and change nothing of its pages.
+bool loads(Op op)
 {
-    switch (op) {
-    case Op::st:
-    case Op::stb:
-    case Op::sth:
-    case Op::std_:
-    case Op::ldstub:
-    case Op::swap:
-    case Op::sta:
-    case Op::stba:
-    case Op::stha:
-    case Op::stda:
-    case Op::ldstuba:
-    case Op::swapa:
-    case Op::casa:
-    case Op::stf:
-    case Op::stdf:
-    case Op::stfsr: return true;
-    default: return false;
-    }
+    return (op >= Op::ld && op <= Op::ldd) || op == Op::ldsb || op == Op::ldsh || op == Op::ldf || op == Op::lddf;
 }
 
 class Translator final : public Engine {
@@ -299,7 +282,8 @@ std::uint64_t Translator::enter(Core &core, std::uint64_t until, const Block &bl
     c.icc = ((nzvc & 8) != 0 ? 1u << 15 : 0) | ((nzvc & 4) != 0 ? 1u << 14 : 0) | ((nzvc & 1) != 0 ? 1u << 8 : 0) |
             ((nzvc & 2) != 0 ? 1 : 0);
     c.fcc = s.fsr >> fsr::fcc_shift & 3;
-    constexpr std::uint32_t modes = 3u << fsr::rounding_shift | fsr::cexc << fsr::tem_shift | fsr::nonstandard;
+    // With the nonstandard mode, too, the reference decides about subnormal numbers.
+    constexpr std::uint32_t modes = 3u << fsr::rounding_shift | fsr::cexc << fsr::tem_shift;
     c.fp_ready = (s.psr & psr::enable_fpu) != 0 && (s.fsr & modes) == 0;
     c.guest_mxcsr = mxcsr_defaults;
     const std::uint64_t end = std::min(until, s.cycles + longest_run);
@@ -427,7 +411,7 @@ Exit Translator::run(Core &core, std::uint64_t until, bool step_over)
         case Leave::site: {
             const Site site = emitter_->sites[number];
             watched = execute_site(core, site);
-            if (stores(site.instruction.op)) { // a device may have changed them
+            if (!loads(site.instruction.op)) { // a device may have changed them
                 look_at_flags();
             }
             break;

@@ -243,7 +243,8 @@ void fill(SmallComputer &c, std::uint64_t seed)
         c.write(SmallComputer::data + 8 * k - 256,
                 {static_cast<std::uint32_t>(bits >> 32), static_cast<std::uint32_t>(bits)});
     }
-    static constexpr std::uint32_t modes[] = {0, 0, 0, 0, 0x40000000, 0x80000000, 0x0F800000, 0x00400000};
+    static constexpr std::uint32_t modes[] = {0,          0,          0x00400000, 0x00400000,
+                                              0x40000000, 0x80000000, 0x0F800000, 0x00400000};
     c.write(SmallComputer::data + 0x400, {dice.of(modes)});
     for (std::uint32_t &r : c.s.windows) {
         r = dice.number();
@@ -261,6 +262,9 @@ void fill(SmallComputer &c, std::uint64_t seed)
     c.core.fpu = dice.one_in(2) ? FpuPersonality::grfpu : FpuPersonality::qemu;
     if (dice.one_in(8)) {
         c.s.psr &= ~psr::enable_fpu;
+    }
+    if (dice.one_in(2)) {
+        c.s.fsr = fsr::nonstandard;
     }
     for (int k = 0; dice.one_in(4) && k < 3; k++) {
         c.engine->set_breakpoint(c.core, SmallComputer::start + 4 * dice.below(program_words), true);
