@@ -110,6 +110,8 @@ typedef struct BootState {
     Head head;
     uint32_t boots; ///< [-] starts of the computer, this one included, by the non-volatile count; 0: not yet known
     uint32_t kept;  ///< [-] in [0, 1]: 1: the count is stored
+    uint32_t own;   ///< [-] starts that no reset from outside explains: by the board's watchdog
+    uint32_t spare;
 } BootState;
 
 #define LOADS_MAX 8

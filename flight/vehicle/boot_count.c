@@ -29,6 +29,9 @@ void boot_count_update(BootCount *m, Tick t)
         memcpy(request->data, reply->data, sizeof request->data);
         request->data[0]++;
         boot->boots = request->data[0];
+        if (head_written(m->in.interconnect.head) && boot->boots > m->in.interconnect.resets) {
+            boot->own = boot->boots - 1u - m->in.interconnect.resets;
+        }
     } else if (request->code == NVM_STORE && answered) {
         boot->kept = 1u;
     }

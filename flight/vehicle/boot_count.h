@@ -11,7 +11,8 @@
 typedef struct BootCount {
     struct {
         NvmPacket reply;
-        ComputerReset computer; ///< optional: resets of the computer
+        InterconnectState interconnect; ///< optional: its count of resets tells which starts were by a watchdog
+        ComputerReset computer;         ///< optional: resets of the computer
     } in;
     struct {
         NvmPacket request;

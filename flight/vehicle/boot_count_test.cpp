@@ -51,6 +51,26 @@ TEST(BootCount, each_start_counts_once)
     }
 }
 
+TEST(BootCount, starts_that_no_reset_explains_are_the_computers_own)
+{
+    for (const std::uint32_t resets : {0u, 3u, 6u, 7u}) {
+        Memory memory;
+        memory.slot[0] = 6; // this is the seventh start
+        BootCount m{};
+        m.par.slot = 3;
+        boot_count_reset(&m);
+        m.in.interconnect.head.quality = QUALITY_GOOD;
+        m.in.interconnect.resets = resets;
+        for (int k = 0; k < 5; k++) {
+            memory.answer(m.out.request);
+            m.in.reply = memory.reply;
+            boot_count_update(&m, {k, 1});
+        }
+        EXPECT_EQ(m.out.boot.boots, 7u);
+        EXPECT_EQ(m.out.boot.own, resets < 7 ? 6 - resets : 0u);
+    }
+}
+
 TEST(BootCount, without_an_answer_nothing_is_stored)
 {
     BootCount m{};

@@ -65,7 +65,7 @@ def _is_back(sim, log, boots):
     """The start was counted in non-volatile memory, and the vehicle's time is that of the master, which goes on."""
     f, w = sim.flight, sim.world
     assert log["boot.boots"][-1] == boots == w.memory.memory[3][0], "the starts are not counted"
-    assert w.memory.state.resets == boots - 1
+    assert w.memory.state.resets == boots - 1 and f.boot.boot.own == 0
     time, slave = w.clock.epoch + sim.time_ns, w.clock.reading.time.coarse * 10**9 + w.clock.reading.time.fine
     assert abs(f.time.time.time - time) < 50_000 and abs(slave - time) < 50_000, "the time is wrong"
     assert f.time.time.synchronized and f.time.time.jams == 1

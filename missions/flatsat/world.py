@@ -44,6 +44,7 @@ def build(w, f):
         w.adc_b.counts       >> f.sun.b,
         w.clock.reading      >> f.time.clock,
         w.memory.reply       >> f.boot.reply,
+        w.memory.state       >> f.boot.interconnect,
         w.power.computer     >> f.boot.computer,
         w.power.telemetry    >> f.power.power,
         w.card.state         >> f.burns.card,

@@ -13,9 +13,6 @@ extern const PocketApp fledge_apps[];
 extern const uint32 fledge_apps_n;
 
 static MissionHost host; /* whose memory is the app's */
-static MissionRecord record;
-static McapStatus status = MCAP_CLOSED;
-static uint32 ticks;
 
 /* ---- the registers of the app */
 

@@ -142,7 +142,7 @@ static int fly(uint32_t clock)
 static int start(const char *program, const char *serial)
 {
     const pid_t parent = getpid();
-    char memory[128], size[32], file_of[512];
+    char memory[128], size[32], file_of[528];
     const int fd = memfd_create("ram", 0);
     if (fd < 0 || ftruncate(fd, (off_t)ram_size) != 0) {
         return fail("memory", strerror(errno));

@@ -30,7 +30,7 @@ def check(request, tmp_path_factory):
     """testing/check.c, and whether it ends with a fault."""
     folder = tmp_path_factory.mktemp("check")
     return leon3.program(folder, "check", [leon3.FOLDER / "testing/check.c"], [],
-                         ["-DFAULT"] if request.param else []), request.param
+                         ["-Werror", *(["-DFAULT"] if request.param else [])]), request.param
 
 
 @pytest.mark.parametrize("computer", ["leon3", QEMU])
@@ -95,6 +95,13 @@ def test_a_flight_prints_what_it_needed(tmp_path, capsys):
         assert int(figures["program_bytes"]) < int(figures["ram_bytes"]) < 1_000_000
         assert 500 < int(figures["stack_bytes"]) < 20_000 and 1000 < int(figures["data_bytes"]) < 1_000_000
     assert 1000 < int(figures["task_stack_bytes"]) < 20_000 and figures["events_errors"] == "0"
+
+
+def test_no_compiler_warns(tmp_path, monkeypatch):
+    monkeypatch.setattr(build, "FLAGS", [*build.FLAGS, "-Werror"])
+    job = Job("nadir_spin", folder=tmp_path, duration=10.0)
+    for name in ("leon3-qemu", "leon3-cfs"):
+        TARGETS[name].build(job.parts[0])
 
 
 def test_a_board_without_the_room_is_reported(tmp_path, monkeypatch, capsys):

@@ -201,7 +201,8 @@ def test_flight_that_hangs_is_brought_back_by_a_watchdog(on_board, watchdog):
     assert missed == (19 if own else 12)
     sim.run(5 * 60 * s)
     assert on_board.missed == missed, "since then it answers each tick"
-    assert sim.flight.boot.boot.boots == 3 == sim.world.memory.memory[3][0]
+    boot = sim.flight.boot.boot
+    assert boot.boots == 3 == sim.world.memory.memory[3][0] and boot.own == own
     time = sim.world.clock.epoch + sim.time_ns
     assert abs(sim.flight.time.time.time - time) < 50_000 and sim.flight.time.time.synchronized == 1
     assert np.linalg.norm(sim.flight.tracking.error.sigma_BR) < 1e-3

@@ -108,14 +108,16 @@ static __attribute__((noinline)) void leap(int n)
     if (here == 0) {
         longjmp(there, 42);
     }
-    leap(here - 1);
+    if (here > 0) {
+        leap(here - 1);
+    }
     here++;
 }
 
 static void check_leaps(void)
 {
     volatile int count = 7;
-    for (int depth = 0; depth < 20; depth++) {
+    for (volatile int depth = 0; depth < 20; depth++) {
         const int value = setjmp(there);
         if (value == 0) {
             leap(depth);

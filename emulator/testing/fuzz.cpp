@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "emulator/tests/fuzz.h"
+#include "emulator/testing/fuzz.h"
 
 #include <algorithm>
 #include <array>
@@ -15,8 +15,8 @@
 #include "emulator/machine.h"
 #include "emulator/snapshot.h"
 #include "emulator/testing/board.h"
+#include "emulator/testing/differential.h"
 #include "emulator/testing/program.h"
-#include "emulator/tests/differential.h"
 
 namespace fledge::emulator::testing {
 namespace {

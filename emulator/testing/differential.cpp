@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "emulator/tests/differential.h"
+#include "emulator/testing/differential.h"
 
 #include <array>
 #include <cstdio>
 #include <random>
 
-#include "emulator/tests/computer.h"
-#include "emulator/tests/qemu.h"
+#include "emulator/testing/computer.h"
+#include "emulator/testing/qemu.h"
 
 namespace fledge::emulator::testing {
 namespace {

@@ -6,7 +6,7 @@
 #include <memory>
 
 #include "emulator/testing/small_computer.h"
-#include "emulator/tests/stream.h"
+#include "emulator/testing/stream.h"
 
 namespace fledge::emulator::testing {
 

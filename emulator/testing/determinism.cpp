@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "emulator/tests/determinism.h"
+#include "emulator/testing/determinism.h"
 
 #include <random>
 
@@ -7,8 +7,8 @@
 #include "emulator/elf.h"
 #include "emulator/machine.h"
 #include "emulator/snapshot.h"
+#include "emulator/testing/differential.h"
 #include "emulator/testing/make_elf.h"
-#include "emulator/tests/differential.h"
 
 namespace fledge::emulator::testing {
 namespace {

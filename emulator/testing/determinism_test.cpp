@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "emulator/tests/determinism.h"
+#include "emulator/testing/determinism.h"
 
 #include <gtest/gtest.h>
 

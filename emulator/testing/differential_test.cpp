@@ -2,8 +2,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "emulator/tests/differential.h"
-#include "emulator/tests/qemu.h"
+#include "emulator/testing/differential.h"
+#include "emulator/testing/qemu.h"
 
 namespace fledge::emulator::testing {
 namespace {

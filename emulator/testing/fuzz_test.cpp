@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "emulator/tests/fuzz.h"
+#include "emulator/testing/fuzz.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "emulator/tests/qemu.h"
+#include "emulator/testing/qemu.h"
 
 #include <cstdlib>
 #include <filesystem>

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "emulator/tests/stream.h"
+#include "emulator/testing/stream.h"
 
 namespace fledge::emulator::testing {
 

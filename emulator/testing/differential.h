@@ -6,7 +6,7 @@
 #include <string>
 
 #include "emulator/cpu/engine.h"
-#include "emulator/tests/stream.h"
+#include "emulator/testing/stream.h"
 
 namespace fledge::emulator::testing {
 

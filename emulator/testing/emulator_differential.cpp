@@ -5,10 +5,10 @@
 #include <cstdio>
 #include <exception>
 
-#include "emulator/tests/determinism.h"
-#include "emulator/tests/differential.h"
-#include "emulator/tests/fuzz.h"
-#include "emulator/tests/qemu.h"
+#include "emulator/testing/determinism.h"
+#include "emulator/testing/differential.h"
+#include "emulator/testing/fuzz.h"
+#include "emulator/testing/qemu.h"
 
 namespace {
 
