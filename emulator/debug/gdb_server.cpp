@@ -343,7 +343,7 @@ std::string GdbServer::answer(const std::string &packet, std::optional<Go> &go)
     case 'G': {
         const auto bytes = from_hex(rest);
         for (unsigned i = 0; bytes && i < register_count && i * 8 + 8 <= rest.size(); i++) {
-            set_register(machine_.core().state, i, *number(rest.substr(i * 8, 8)));
+            set_register(machine_.core().state, i, *number(rest.substr(std::size_t{i} * 8, 8)));
         }
         history_.changed();
         return bytes ? "OK" : "E01";
