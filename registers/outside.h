@@ -94,8 +94,8 @@ public:
     Wait tick(Tick tick, std::chrono::nanoseconds timeout);
 
     /// Before a tick: whether the computer is down at t. It is for the time `down` from when the count of its resets
-    /// has changed; no tick starts then, and the first one after that finds the computer reset (clock.h). Further resets
-    /// within that time change nothing.
+    /// has changed; no tick starts then, and the first one after that finds the computer reset (clock.h). Further
+    /// resets within that time change nothing.
     bool is_down(std::int64_t t, std::uint32_t resets, std::int64_t down);
 
     /// Tell flight that the run has ended.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Programs of others on the LEON3: csmith's random C gives the same checksums as here, on all engines and on stock QEMU.
+"""Programs of others on the LEON3: csmith's random C computes the same there as here, and as on stock QEMU.
 
     PYTHONPATH=python:.:build/release/python /usr/bin/python3 -m tests.leon3_programs [--seed N] [--minutes M]
 
