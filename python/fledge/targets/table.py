@@ -29,7 +29,8 @@ def lines(rows: Iterable[tuple[str, Flown | None, str, str]]) -> list[str]:
 def cpu(seconds: float | None) -> str:
     if seconds is None:
         return "-"
-    return f"{seconds * 1e6:.3g} us" if seconds >= 1e-6 else f"{seconds * 1e9:.3g} ns"
+    scale, unit = (1e3, "ms") if seconds >= 1e-3 else (1e6, "us") if seconds >= 1e-6 else (1e9, "ns")
+    return f"{seconds * scale:.3g} {unit}"
 
 
 def size(n: int | None) -> str:
