@@ -46,7 +46,8 @@ def everywhere(program: Path, engines: Sequence[str] = ENGINES) -> dict[str, str
 def random_program(seed: int, folder: Path) -> tuple[Path, str] | None:
     """A random program for the board, and what it prints here; None if it does not end within two seconds."""
     source = folder / f"random_{seed}.c"
-    text = subprocess.run([*CSMITH, "--seed", str(seed)], capture_output=True, text=True, check=True).stdout
+    text = subprocess.run([*CSMITH, "--seed", str(seed)], capture_output=True, text=True, check=True,
+                          cwd=folder).stdout      # it writes a file there
     source.write_text(re.sub(r"\b(0x[0-9A-F]+|\d+)(U?)L\b", r"\1\2", text),
                       encoding="utf-8")    # a long has 32 bits there
     flags = ["-w", "-std=gnu99", f"-I{CSMITH_HEADERS}"]
