@@ -377,6 +377,7 @@ struct World {
         mars.J = {1.96e-3, 3e-5, 0, 0, 0};
         craft.add_gravity(mars);
         set(find("craft"), "r_BN_N", 4e6);
+        set(find("ReactionWheels"), "Omega", 0.01); // within their limit
         const auto output = [&](const FledgeStruct *type) {
             for (const auto &writer : instances) {
                 for (const FledgeField &field : sim::fields(writer->type())) {
