@@ -23,7 +23,7 @@ static uint32_t to_clear(PowerManager *m, int64_t t)
         } else if (*at < 0) {
             *at = t;
         }
-        if (*at >= 0 && t - *at >= m->par.clear_after && m->mem.cleared[i] < m->par.clears) {
+        if (*at >= 0 && tick_since(t, *at) >= m->par.clear_after && m->mem.cleared[i] < m->par.clears) {
             clear |= 1u << i;
         }
     }

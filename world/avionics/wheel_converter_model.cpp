@@ -38,8 +38,8 @@ void WheelConverterModel::update(Tick tick)
 
     if (tachometers.head.sequence == 0 || tick.t / par.window > (tick.t - tick.dt) / par.window) {
         for (std::uint32_t i = 0; i < par.n; i++) {
-            const auto passed =
-                static_cast<std::int64_t>(std::floor(mem.turned[i] * par.marks / (2 * std::numbers::pi)));
+            const double marks = std::floor(mem.turned[i] * par.marks / (2 * std::numbers::pi));
+            const auto passed = static_cast<std::int64_t>(std::clamp(marks, -4e18, 4e18));
             tachometers.counts[i] = static_cast<std::int32_t>(passed - mem.passed[i]);
             mem.passed[i] = passed;
         }
