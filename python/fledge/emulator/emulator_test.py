@@ -308,8 +308,10 @@ def test_gdb_interrupts_a_program_and_sees_all_its_windows(counter, tmp_path):
                           "echo runs\\n", "continue", "print counter > 1000", "watch counter", "continue",
                           "reverse-continue", "detach")
         said = ""
-        while "runs" not in said:
-            said += child.stdout.readline()
+        for line in child.stdout:
+            said += line
+            if "runs" in said:
+                break
         time.sleep(0.5)
         child.send_signal(signal.SIGINT)
         said += child.communicate(timeout=30)[0]
