@@ -416,8 +416,8 @@ std::string GdbServer::read_memory(std::uint32_t address, std::uint32_t n) const
     visit_windows(machine_.core().state, [&](std::uint32_t at, std::uint32_t *locals, std::uint32_t *ins) {
         for (std::uint32_t i = 0; i < 64; i++) {
             const std::uint32_t place = at + i - address;
-            if (place < bytes.size()) {
-                bytes[place] = big_endian((i < 32 ? locals : ins)[i / 4 % 8])[i % 4];
+            if (place < bytes.size()) { // gcc 12 with sanitizers reads 0 from (i < 32 ? locals : ins)[...]
+                bytes[place] = big_endian(i < 32 ? locals[i / 4] : ins[i / 4 - 8])[i % 4];
             }
         }
     });
@@ -434,7 +434,7 @@ bool GdbServer::write_memory(std::uint32_t address, std::string_view digits)
         for (std::uint32_t i = 0; i < 64; i++) {
             const std::uint32_t place = at + i - address;
             if (place < bytes->size()) {
-                std::uint32_t &word = (i < 32 ? locals : ins)[i / 4 % 8];
+                std::uint32_t &word = i < 32 ? locals[i / 4] : ins[i / 4 - 8];
                 const unsigned up = 24 - i % 4 * 8;
                 word = (word & ~(255u << up)) | static_cast<std::uint32_t>((*bytes)[place]) << up;
             }

@@ -180,7 +180,6 @@ def program(folder, board):
     return folder / "leon3/nadir_spin"
 
 
-@pytest.mark.skipif(os.environ.get("FLEDGE_PRESET") == "asan", reason="gdb loses the frames of a sanitized server")
 def test_gdb_stops_in_flight_reads_flips_and_goes_back(board, program):
     said = gdb(board, program,
                "break mrp_feedback_update", "continue", "print m->par.K", "backtrace", "info registers psr wim pc",
@@ -299,7 +298,6 @@ def counter(folder):
     return leon3.program(folder / "counter", "counter", [folder / "counter.c"], [], ["-fno-optimize-sibling-calls"])
 
 
-@pytest.mark.skipif(os.environ.get("FLEDGE_PRESET") == "asan", reason="gdb loses the frames of a sanitized server")
 def test_gdb_interrupts_a_program_and_sees_all_its_windows(counter, tmp_path):
     """Of a program without a mission, deeper in calls than the processor has windows."""
     board = subprocess.Popen([native("fledge_leon3", "emulator/tools"), leon3.BOARD, counter, "--gdb", "0",
