@@ -6,6 +6,7 @@
 #include <string>
 
 #include "emulator/cpu/engine.h"
+#include "emulator/testing/differences.h"
 #include "emulator/testing/stream.h"
 
 namespace fledge::emulator::testing {
@@ -18,8 +19,5 @@ std::string compare_engines(const Stream &stream, FpuPersonality fpu, std::uint6
 /// QEMU does not know, or does otherwise.
 /// Returns what differs, or "".
 std::string compare_seed(std::uint64_t seed, std::uint32_t blocks, bool qemu);
-
-/// All members of two states that differ, one per line.
-std::string differences(const CpuState &expected, const CpuState &found);
 
 } // namespace fledge::emulator::testing

@@ -9,6 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "emulator/cpu/step.h"
+#include "emulator/testing/differences.h"
 #include "emulator/testing/encode.h"
 #include "emulator/testing/small_computer.h"
 
@@ -185,42 +186,6 @@ private:
     std::mt19937_64 engine_;
 };
 
-std::string difference(const CpuState &a, const CpuState &b)
-{
-    std::string text;
-    const auto compare = [&text](const std::string &name, std::uint64_t expected, std::uint64_t found) {
-        if (expected != found) {
-            char line[96];
-            std::snprintf(line, sizeof line, "%s: expected 0x%llx, found 0x%llx\n", name.c_str(),
-                          static_cast<unsigned long long>(expected), static_cast<unsigned long long>(found));
-            text += line;
-        }
-    };
-    compare("pc", a.pc, b.pc);
-    compare("npc", a.npc, b.npc);
-    compare("psr", a.psr, b.psr);
-    compare("wim", a.wim, b.wim);
-    compare("tbr", a.tbr, b.tbr);
-    compare("y", a.y, b.y);
-    compare("fsr", a.fsr, b.fsr);
-    compare("mode", static_cast<std::uint64_t>(a.mode), static_cast<std::uint64_t>(b.mode));
-    compare("trap_type", a.trap_type, b.trap_type);
-    compare("cycles", a.cycles, b.cycles);
-    compare("instructions", a.instructions, b.instructions);
-    compare("traps", a.traps, b.traps);
-    for (std::size_t k = 0; k < a.globals.size(); k++) {
-        compare("g" + std::to_string(k), a.globals[k], b.globals[k]);
-    }
-    for (std::size_t k = 0; k < a.windows.size(); k++) {
-        compare("window " + std::to_string(k / 16) + " register " + std::to_string(8 + k % 16), a.windows[k],
-                b.windows[k]);
-    }
-    for (std::size_t k = 0; k < a.floats.size(); k++) {
-        compare("f" + std::to_string(2 * k), a.floats[k], b.floats[k]);
-    }
-    return text;
-}
-
 /// A trap returns to the instruction after the one that trapped.
 void write_trap_table(SmallComputer &c)
 {
@@ -305,7 +270,7 @@ std::string run_both(std::uint64_t seed)
         };
         const Exit expected = run(reference), found = run(tested);
         last = expected;
-        std::string text = difference(reference.s, tested.s);
+        std::string text = differences(reference.s, tested.s);
         if (expected != found) {
             text += "exit: expected " + std::to_string(static_cast<int>(expected)) + ", found " +
                     std::to_string(static_cast<int>(found)) + "\n";
