@@ -57,7 +57,8 @@ std::vector<Frame> backtrace(const Machine &machine, const Program *program)
     constexpr std::size_t most = 64;
     CpuState s = machine.core().state;
     std::vector<Frame> frames{{s.pc, 0}};
-    std::uint32_t window = s.psr & psr::cwp;
+    const std::uint32_t first = s.psr & psr::cwp;
+    std::uint32_t window = first;
     bool in_registers = true;
     Banks present(s);
     frames[0].sp = present[stack_pointer];
@@ -68,15 +69,13 @@ std::vector<Frame> backtrace(const Machine &machine, const Program *program)
     while (frames.size() < most && pc != 0 && fp != 0) {
         frames.push_back({pc, fp});
         window = (window + 1) % window_count;
-        in_registers = in_registers && (s.wim >> window & 1) == 0 && window != (s.psr & psr::cwp);
+        in_registers = in_registers && (s.wim >> window & 1) == 0 && window != first;
         sp = fp;
         if (in_registers) {
             s.psr = (s.psr & ~psr::cwp) | window;
             Banks r(s);
             fp = r[frame_pointer];
             pc = r[caller];
-            // The walk compares with the window that it began in.
-            s.psr = machine.core().state.psr;
         } else if (!peek_word(machine, sp + 56, fp) || !peek_word(machine, sp + 60, pc)) {
             break;
         }

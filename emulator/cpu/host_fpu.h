@@ -14,6 +14,17 @@
 
 namespace fledge::emulator {
 
+#ifdef __SSE2__
+/// The exceptions in the host's MXCSR, as in the field cexc of the FSR.
+inline std::uint32_t exceptions(unsigned mxcsr)
+{
+    const auto bit = [mxcsr](unsigned flag, std::uint32_t e) { return (mxcsr & flag) != 0 ? e : 0; };
+    return bit(_MM_EXCEPT_INVALID, fsr::invalid) | bit(_MM_EXCEPT_DIV_ZERO, fsr::division_by_zero) |
+           bit(_MM_EXCEPT_OVERFLOW, fsr::overflow) | bit(_MM_EXCEPT_UNDERFLOW, fsr::underflow) |
+           bit(_MM_EXCEPT_INEXACT, fsr::inexact);
+}
+#endif
+
 /// Between construction and `leave`, the host computes for the guest. Nothing else may compute with floating point in
 /// this time: neither devices nor the library.
 class HostFpu {
@@ -38,10 +49,7 @@ public:
 #ifdef __SSE2__
         const unsigned raised = _mm_getcsr();
         _mm_setcsr(before_);
-        const auto bit = [raised](unsigned flag, std::uint32_t e) { return (raised & flag) != 0 ? e : 0; };
-        return bit(_MM_EXCEPT_INVALID, fsr::invalid) | bit(_MM_EXCEPT_DIV_ZERO, fsr::division_by_zero) |
-               bit(_MM_EXCEPT_OVERFLOW, fsr::overflow) | bit(_MM_EXCEPT_UNDERFLOW, fsr::underflow) |
-               bit(_MM_EXCEPT_INEXACT, fsr::inexact);
+        return exceptions(raised);
 #else
         const int raised = std::fetestexcept(FE_ALL_EXCEPT);
         std::fesetenv(&before_);

@@ -17,6 +17,7 @@
 #include <xbyak/xbyak_util.h>
 
 #include "emulator/cpu/fpu.h"
+#include "emulator/cpu/host_fpu.h"
 #include "emulator/cpu/step.h"
 #include "emulator/translator/emitter.h"
 
@@ -30,14 +31,6 @@ constexpr std::uint64_t elsewhere = 1000;        ///< [cycles] that the other en
 constexpr std::uint32_t mxcsr_defaults = 0x1F80; ///< to nearest, no exception traps, none has occurred
 constexpr std::uint32_t no_link = ~std::uint32_t{0};
 constexpr std::int64_t longest_run = std::int64_t{1} << 62;
-
-/// The exceptions in the host's MXCSR as those of the FSR.
-std::uint32_t exceptions(std::uint32_t mxcsr)
-{
-    return ((mxcsr & 1) != 0 ? fsr::invalid : 0) | ((mxcsr & 4) != 0 ? fsr::division_by_zero : 0) |
-           ((mxcsr & 8) != 0 ? fsr::overflow : 0) | ((mxcsr & 16) != 0 ? fsr::underflow : 0) |
-           ((mxcsr & 32) != 0 ? fsr::inexact : 0);
-}
 
 /// Instructions that only read memory, and change nothing of its pages.
 bool loads(Op op)
