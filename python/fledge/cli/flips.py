@@ -52,7 +52,7 @@ def flips(options: argparse.Namespace) -> int:
         for edac in {"off": [False], "on": [True], "both": [False, True]}[options.edac]:
             title = "with EDAC" if edac else "without EDAC"
             campaign = campaigns.Campaign(options.mission, options.scenario, at=at, duration=duration, after=after,
-                                          edac=edac, engine=options.engine, folder=folder)
+                                          edac=edac, engine=options.engine)
             begun = time.perf_counter()
             with Bar(title) as bar:
                 def progress(done: int, bar: Bar = bar) -> None:

@@ -63,8 +63,7 @@ class Campaign:
     """
 
     def __init__(self, mission: str, scenario: str | None = None, *, at: Any = 60.0, duration: Any = 60.0,
-                 after: Any = 20.0, edac: bool = False, engine: str = "translator", folder: Path | str | None = None,
-                 **parameters: Any) -> None:
+                 after: Any = 20.0, edac: bool = False, engine: str = "translator", **parameters: Any) -> None:
         self.at = time_ns(at, "flips: at")
         self.middle = self.at + time_ns(duration, "flips: duration")
         self.end = self.middle + time_ns(after, "flips: after")
@@ -73,14 +72,14 @@ class Campaign:
         self.edac = edac
         from fledge.targets.leon3 import BOARD
 
-        with TemporaryDirectory() as folder:
-            file = Path(folder) / "board.toml"
+        with TemporaryDirectory() as scratch:
+            file = Path(scratch) / "board.toml"
             text, n = re.subn(r"(?m)^edac(\s*)= \w+",
                               rf"edac\1= {'true' if edac else 'false'}", BOARD.read_text("utf-8"))
             if n != 1:
                 raise Failure(f"{BOARD}: expected one line edac = ..., found {n}")
             file.write_text(text, encoding="utf-8")
-            self.board = load(mission, scenario, engine=engine, board=file, folder=folder, **parameters)
+            self.board = load(mission, scenario, engine=engine, board=file, folder=scratch, **parameters)
         self.name = self.board.sim.name
         self.board.sim.run(until=self.at / 1e9, progress=False)
         if edac:

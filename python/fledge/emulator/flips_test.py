@@ -9,14 +9,9 @@ from fledge.emulator import flips
 from fledge.emulator.flips import Campaign, Flip
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("flips")
-
-
 @pytest.fixture(scope="module", params=[False, True], ids=["plain", "edac"])
-def campaign(folder, request):
-    return Campaign("nadir_spin", at=4, duration=3, after=11, edac=request.param, folder=folder)
+def campaign(request):
+    return Campaign("nadir_spin", at=4, duration=3, after=11, edac=request.param)
 
 
 def of_memory(campaign, place, bit, instruction=0):
@@ -39,8 +34,8 @@ def test_known_flips_have_their_effects(campaign):
         assert code.effect == "recovered by watchdog" and gain.corrected == 0
 
 
-def test_without_time_for_the_watchdog_the_processor_stands(folder):
-    campaign = Campaign("nadir_spin", at=2, duration=1, after=1, folder=folder)
+def test_without_time_for_the_watchdog_the_processor_stands():
+    campaign = Campaign("nadir_spin", at=2, duration=1, after=1)
     assert campaign.one(Flip("control register", "%pc", 31, 1000)).effect == "trap"
 
 
@@ -55,8 +50,8 @@ def test_a_seed_says_all_and_the_processes_do_not_matter(campaign, tmp_path):
     assert len(flips.csv(first).splitlines()) == 11
 
 
-def test_all_engines_agree_on_every_outcome(folder):
-    translated, interpreted = (Campaign("nadir_spin", at=2, duration=2, after=1, engine=engine, folder=folder)
+def test_all_engines_agree_on_every_outcome():
+    translated, interpreted = (Campaign("nadir_spin", at=2, duration=2, after=1, engine=engine)
                                for engine in ("translator", "interpreter"))
     assert translated.fly(12, seed=2) == interpreted.fly(12, seed=2)
 
@@ -84,6 +79,6 @@ def test_the_command_writes_tables_and_a_plot(tmp_path, capsys):
     assert "expected at least 1, found 0" in capsys.readouterr().err
 
 
-def test_no_time_for_flips_is_refused(folder):
+def test_no_time_for_flips_is_refused():
     with pytest.raises(fledge.SetupError, match="at and duration must be more than 0 s"):
-        Campaign("nadir_spin", at=4, duration=0, folder=folder)
+        Campaign("nadir_spin", at=4, duration=0)
