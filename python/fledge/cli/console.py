@@ -44,6 +44,7 @@ class Plots:
     def __init__(self, folder: Path):
         self.folder = folder
         self.saved: list[Path] = []
+        self.earlier = set(_open_figures())      # of what this program did before
 
     def add(self, figure: Figure) -> None:
         """Save a figure. The second of a name is NAME-2."""
@@ -55,11 +56,17 @@ class Plots:
         self.saved.append(save(figure, self.folder, name))
 
     def whole(self) -> list[Path]:
-        """Save the open figures of pyplot too, and close them. Returns the paths of all."""
-        if "matplotlib.pyplot" in sys.modules:
-            import matplotlib.pyplot as plt
+        """Save the figures of pyplot that the scenario opened, too, and close them. Returns the paths of all."""
+        for number in _open_figures():
+            if number not in self.earlier:
+                import matplotlib.pyplot as plt
 
-            for number in plt.get_fignums():
                 self.add(plt.figure(number))
                 plt.close(number)
         return self.saved
+
+
+def _open_figures() -> list[int]:
+    """The numbers of the open figures of pyplot, if the program uses it."""
+    pyplot = sys.modules.get("matplotlib.pyplot")
+    return pyplot.get_fignums() if pyplot else []

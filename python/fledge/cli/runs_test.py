@@ -217,6 +217,10 @@ def test_figures_of_pyplot_are_saved_with_the_run_even_if_it_fails(here, capsys)
     from matplotlib import pyplot
 
     assert not pyplot.get_fignums()             # a second run in this program has none of them
+    opened = pyplot.figure("before the run").number
+    assert cli.main(["run", "looker", "figures", "--out", "again"]) == 1
+    assert sorted(p.name for p in (here / "again").glob("*.png")) == [n.replace("-1", "-2") for n in names]
+    assert pyplot.get_fignums() == [opened]
     assert cli.main(["run", "looker", "figures", "--no-plots", "--out", "none"]) == 1
     assert not list((here / "none").glob("*.png"))
     pyplot.close("all")
