@@ -1,0 +1,110 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What `fledge export micropython` writes of a mission for its script: the types of its modules and messages, where its
+ * modules lie in the mission's memory, and what flight reads from outside. All of it is constant. Names are texts, so
+ * that one interpreter serves all missions. */
+#ifndef TARGETS_MICROPYTHON_TABLES_H
+#define TARGETS_MICROPYTHON_TABLES_H
+
+#include "flight/exec/element.h"
+#include "flight/msg/head.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum { SCRIPT_DIMENSIONS = 3, SCRIPT_NO_FIELD = 0xFF };
+
+/** As FledgeGroup in sim/table.h. */
+typedef enum ScriptGroup { SCRIPT_NONE, SCRIPT_IN, SCRIPT_OUT, SCRIPT_PAR, SCRIPT_MEM } ScriptGroup;
+
+enum {
+    SCRIPT_REQUIRED = 1 << 0, ///< a parameter that the script must give
+    SCRIPT_SPARE = 1 << 1     ///< it fills a gap; a script does not see it
+};
+
+typedef struct ScriptEnumerator {
+    const char *name; ///< as in the header: "QUALITY_GOOD"
+    int32_t value;
+} ScriptEnumerator;
+
+typedef struct ScriptEnum {
+    const char *name;
+    const ScriptEnumerator *values;
+    uint16_t n;
+} ScriptEnum;
+
+struct ScriptType;
+
+typedef struct ScriptField {
+    const char *name;
+    const struct ScriptType *sub; ///< of a FLEDGE_STRUCT
+    const ScriptEnum *values;     ///< of a FLEDGE_ENUM
+    uint32_t offset;              ///< [bytes] from the start of the struct
+    uint16_t shape[SCRIPT_DIMENSIONS];
+    int8_t dims[8]; ///< exponents of m, kg, s, A, K, mol, cd, rad
+    double scale;   ///< of the header's unit, to SI: bounds are in the header's unit, the bytes too
+    uint8_t type;   ///< FledgeType
+    uint8_t group;  ///< ScriptGroup
+    uint8_t flags;
+    uint8_t n_dimensions; ///< 0: a scalar
+    uint8_t count;        ///< the index of the field that says how many leading rows count; SCRIPT_NO_FIELD: all
+} ScriptField;
+
+typedef struct ScriptType {
+    const char *name;
+    const ScriptField *fields; ///< in the order of memory
+    uint16_t n;
+    uint32_t size;                  ///< [bytes]
+    void (*reset)(void *);          ///< of a module, else NULL
+    void (*update)(void *, Tick t); ///< of a module, else NULL
+} ScriptType;
+
+/** A module of the mission: `f.control`. */
+typedef struct ScriptPlace {
+    const char *name;
+    const ScriptType *type;
+    uint32_t offset; ///< [bytes] in the mission's memory
+    int16_t block;   ///< the index of its parameters in the table of commands; -1: it has none
+    uint32_t crc; ///< command_crc of its parameters on the desktop, big-endian: the script must compute the same bits
+} ScriptPlace;
+
+/** A wire from outside: carried before the update of the module that reads it. */
+typedef struct ScriptInput {
+    uint16_t place;      ///< the index of the module that reads it
+    uint32_t from, to;   ///< [bytes] in the mission's memory
+    uint32_t size;       ///< [bytes]
+    int64_t stale_after; ///< [ns]; 0: never
+} ScriptInput;
+
+/** A constant of fledge.flight, such as PYRAMID: rows of numbers. */
+typedef struct ScriptConstant {
+    const char *name;
+    const double *numbers;
+    uint16_t shape[2];
+} ScriptConstant;
+
+/** All of it. Tasks, modes and events have the order of flight.py, by which commands name them. */
+typedef struct ScriptMission {
+    const char *module;           ///< the frozen module to import: "nadir_spin.flight"
+    const char *process;          ///< the name of the flight process: "flight"
+    const char *const *processes; ///< those of all processes of the mission, NULL at the end
+    int whole;                    ///< 1: the module's build(sim) builds all processes; 0: build(f)
+    void *memory;
+    uint32_t size; ///< [bytes] of it
+    const ScriptType *const *types;
+    const ScriptPlace *places;
+    const ScriptInput *inputs;
+    const ScriptConstant *constants;
+    const char *const *tasks;
+    const char *const *modes;
+    const char *const *events;
+    uint16_t n_types, n_places, n_inputs, n_constants, n_tasks, n_modes, n_events;
+} ScriptMission;
+
+extern const ScriptMission fledge_script;
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
