@@ -18,10 +18,7 @@ enum { SCRIPT_DIMENSIONS = 3, SCRIPT_NO_FIELD = 0xFF };
 /** As FledgeGroup in sim/table.h. */
 typedef enum ScriptGroup { SCRIPT_NONE, SCRIPT_IN, SCRIPT_OUT, SCRIPT_PAR, SCRIPT_MEM } ScriptGroup;
 
-enum {
-    SCRIPT_REQUIRED = 1 << 0, ///< a parameter that the script must give
-    SCRIPT_SPARE = 1 << 1     ///< it fills a gap; a script does not see it
-};
+enum { SCRIPT_REQUIRED = 1 << 0 }; ///< a parameter that the script must give
 
 typedef struct ScriptEnumerator {
     const char *name; ///< as in the header: "QUALITY_GOOD"
@@ -51,14 +48,14 @@ typedef struct ScriptField {
     uint16_t shape[SCRIPT_DIMENSIONS];
     uint8_t type;         ///< FledgeType
     uint8_t group;        ///< ScriptGroup
-    uint8_t flags;        ///< SCRIPT_REQUIRED, SCRIPT_SPARE
+    uint8_t flags;        ///< SCRIPT_REQUIRED
     uint8_t n_dimensions; ///< 0: a scalar
     uint8_t count;        ///< the index of the field that says how many leading rows count; SCRIPT_NO_FIELD: all
 } ScriptField;
 
 typedef struct ScriptType {
     const char *name;
-    const ScriptField *fields; ///< in the order of memory
+    const ScriptField *fields; ///< in the order of memory, without those that fill gaps
     uint16_t n;
     uint32_t size;                  ///< [bytes]
     void (*reset)(void *);          ///< of a module, else NULL
