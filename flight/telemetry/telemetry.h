@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Telemetry of flight: a packet for each output, with the rate that COMMAND_TELEMETRY sets, a packet of housekeeping,
- * the reports of commands, and texts of a host with an interpreter. All but reports and texts are off until a command turns
- * them on.
+ * the reports of commands, and texts of a host with an interpreter. All but reports and texts are off until a command
+ * turns them on.
  *
  * A packet has the telemetry header of cFS (CCSDS 133.0-B-2; cFE's CFE_MSG_TelemetryHeader_t):
  *

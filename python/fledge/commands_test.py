@@ -7,8 +7,8 @@ import pytest
 
 import fledge
 from fledge import export, objects
-from fledge.commands import (Block, Code, Dictionary, Field, Kind, Packets, Reason, Report, Text, decoded, encoded, read_script,
-                             script, values)
+from fledge.commands import (Block, Code, Dictionary, Field, Kind, Packets, Reason, Report, Text, decoded, encoded,
+                             read_script, script, values)
 from fledge.errors import SetupError
 from fledge.export.run_test import FLIGHT, WORLD
 from fledge.units import N, kg, m, s
