@@ -87,6 +87,25 @@ typedef struct ScriptConstant {
     uint16_t shape[2];
 } ScriptConstant;
 
+struct _mp_obj_type_t;
+extern const struct _mp_obj_type_t script_quantity_type;
+
+/** A quantity, an object of Python: units are such in constant memory. */
+typedef struct ScriptQuantity {
+    const struct _mp_obj_type_t *type; ///< script_quantity_type
+    uint64_t value;                    ///< a number, or nested lists of them
+    int8_t dims[8];                    ///< exponents of m, kg, s, A, K, mol, cd, rad
+} ScriptQuantity;
+
+/** A name of fledge.units. */
+typedef struct ScriptUnitName {
+    const char *name;
+    ScriptQuantity unit;
+} ScriptUnitName;
+
+/** What makes an object of Python of the bits of a number. */
+#define SCRIPT_NUMBER(bits) (UINT64_C(bits) + UINT64_C(0x8004000000000000))
+
 /** All of it. Tasks, modes and events have the order of flight.py, by which commands name them. */
 typedef struct ScriptMission {
     const char *module;           ///< the frozen module to import: "nadir_spin.flight"
@@ -100,10 +119,12 @@ typedef struct ScriptMission {
     const ScriptPlace *places;
     const ScriptInput *inputs;
     const ScriptConstant *constants;
+    const ScriptUnitName *units;
+    const ScriptUnit *unit_texts; ///< how compound units are shown
     const char *const *tasks;
     const char *const *modes;
     const char *const *events;
-    uint16_t n_types, n_places, n_inputs, n_constants, n_tasks, n_modes, n_events;
+    uint16_t n_types, n_places, n_inputs, n_constants, n_units, n_unit_texts, n_tasks, n_modes, n_events;
 } ScriptMission;
 
 extern const ScriptMission fledge_script;
