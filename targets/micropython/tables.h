@@ -53,7 +53,12 @@ typedef struct ScriptField {
     uint8_t count;        ///< the index of the field that says how many leading rows count; SCRIPT_NO_FIELD: all
 } ScriptField;
 
+struct _mp_obj_type_t;
+extern const struct _mp_obj_type_t script_class_type;
+
+/** A type is an object of Python, which makes modules or messages when it is called. */
 typedef struct ScriptType {
+    const struct _mp_obj_type_t *base; ///< script_class_type
     const char *name;
     const ScriptField *fields; ///< in the order of memory, without those that fill gaps
     uint16_t n;
@@ -87,7 +92,6 @@ typedef struct ScriptConstant {
     uint16_t shape[2];
 } ScriptConstant;
 
-struct _mp_obj_type_t;
 extern const struct _mp_obj_type_t script_quantity_type;
 
 /** A quantity, an object of Python: units are such in constant memory. */

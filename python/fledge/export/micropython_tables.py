@@ -173,7 +173,7 @@ def type_tables(types: dict[str, Any], modules: set[str]) -> list[str]:
                 f"SCRIPT_{GROUPS[f.group]}", "SCRIPT_REQUIRED" if f.required else "0u", f"{len(f.shape)}u", count)
         function = names.snake(name)
         calls = [f"(void (*)(void *)){function}_reset", f"(void (*)(void *, Tick)){function}_update"]
-        lines += ["};", *wrap([f"{quoted(name)},", f"{name}_fields,", f"{len(members)}u,", f"sizeof({name}),",
+        lines += ["};", *wrap(["&script_class_type,", f"{quoted(name)},", f"{name}_fields,", f"{len(members)}u,", f"sizeof({name}),",
                                *([f"{calls[0]},", calls[1]] if name in modules else ["0,", "0"])],
                               f"static const ScriptType {name}_type = {{", "    ", "};"), ""]
     return lines
