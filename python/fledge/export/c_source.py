@@ -27,11 +27,13 @@ def header(mission: Mission) -> str:
     """mission.h"""
     name, guard = mission.name, f"{mission.name.upper()}_H"
     includes = sorted({s.header for s in (*(m.struct for m in mission.modules), *(i.struct for i in mission.inputs))})
+    composed = mission.form == "micropython"
     parts = [
-        head(mission),
+        "\n".join([*written(mission), ""]) if composed else head(mission),
         f"#ifndef {guard}\n#define {guard}\n",
         "".join(f'#include "{path}"\n' for path in includes) + '#include "targets/mission.h"\n',
-        modes(mission), ids(mission), inputs(mission), whole(mission), functions(mission),
+        "" if composed else modes(mission), ids(mission), inputs(mission), whole(mission),
+        f"extern {mission.struct()} {memory(mission)};\n" if composed else functions(mission),
         "/** All messages, by id. */\n" + extern("MissionMessage", f"{name}_messages[{name.upper()}_MESSAGES]"),
         parameter_list(mission),
         "#endif\n",
@@ -56,7 +58,13 @@ def head(mission: Mission) -> str:
 
 def written(mission: Mission) -> list[str]:
     """The first line of both files."""
-    return comment(f"{mission.name}: written by `fledge export c {mission.words}`; change the mission instead.")
+    return comment(f"{mission.name}: written by `fledge export {mission.form} {mission.words}`; change the mission "
+                   "instead.")
+
+
+def memory(mission: Mission) -> str:
+    """The name of a composed mission's memory."""
+    return f"{mission.name}_memory"
 
 
 def modes(mission: Mission) -> str:
@@ -103,6 +111,20 @@ def inputs(mission: Mission) -> str:
 def whole(mission: Mission) -> str:
     """The struct of the mission."""
     name = mission.struct()
+    rows = [] if mission.form == "micropython" else times(mission)
+    if mission.inputs:
+        rows += [*[""] * bool(rows), f"    {name}In in;"]
+    for title, modules in (("published when their parameters change", mission.configuration),
+                           *((f"the task {t.title}", t.run) for t in mission.tasks)):
+        if modules:
+            rows += [*[""] * bool(rows), f"    /* {plain(title)} */", *(f"    {m.type} {m.name};" for m in modules)]
+    return "\n".join([*doc("All that flies. It holds no pointers: a copy of its bytes is a snapshot."),
+                      f"typedef struct {name} {{", *rows, f"}} {name};", ""])
+
+
+def times(mission: Mission) -> list[str]:
+    """What the rules of time keep of it."""
+    name = mission.struct()
     rows = ["    struct {", *with_notes([(f"ExecTask {t.name};", f"every {seconds(t.period)}"
                                           + (f", from {seconds(t.offset)} on" if t.offset else "")
                                           + (f"; in {', '.join(mission.mode_titles[m] for m in t.modes)}"
@@ -118,14 +140,7 @@ def whole(mission: Mission) -> str:
         rows += ["    struct {",
                  *with_notes([(f"ExecEvent {e.name};", e.text) for e in mission.events], "        ", "///<", ""),
                  "    } event;"]
-    if mission.inputs:
-        rows += ["", f"    {name}In in;"]
-    for title, modules in (("published when their parameters change", mission.configuration),
-                           *((f"the task {t.title}", t.run) for t in mission.tasks)):
-        if modules:
-            rows += ["", f"    /* {plain(title)} */", *(f"    {m.type} {m.name};" for m in modules)]
-    return "\n".join([*doc("All that flies. It holds no pointers: a copy of its bytes is a snapshot."),
-                      f"typedef struct {name} {{", *rows, f"}} {name};", ""])
+    return rows
 
 
 def functions(mission: Mission) -> str:
@@ -165,6 +180,9 @@ def extern(kind: str, name: str) -> str:
 
 def source(mission: Mission) -> str:
     """mission.c"""
+    if mission.form == "micropython":
+        return "\n".join([*written(mission), f'#include "{mission.name}.h"', "",
+                          f"{mission.struct()} {memory(mission)};", "", messages(mission), parameters(mission)])
     parts = ["\n".join([*written(mission), f'#include "{mission.name}.h"', "", "#include <string.h>", ""]),
              *c_run.rates(mission), init(mission), *c_run.configuration(mission), *c_run.tasks(mission),
              c_run.restart(mission), c_run.reset(mission), *c_run.modes(mission), *c_run.events(mission),
