@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a script composed on the target, beside what it composed on the desktop.
+
+The program prints it with --describe (targets/micropython/executive.h has the form); the same lines are made here of
+the desktop's live objects.
+"""
+from __future__ import annotations
+
+import struct as packing
+from collections.abc import Iterable, Iterator
+from itertools import zip_longest
+from typing import TYPE_CHECKING, Any
+
+from fledge import objects
+from fledge.export.c_condition import locate
+
+if TYPE_CHECKING:
+    from fledge.export.read import Mission
+
+LISTED = {"task": "the task", "mode": "the mode", "start": "the mode to begin in:", "event": "the event",
+          "when": "the condition of the event", "until": "what arms again the event", "arms": "what is armed by the event",
+          "disarms": "what is disarmed by the event", "sets": "what is set by the event",
+          "reset": "what resets the computer:"}
+
+
+def first_difference(mission: Mission, flight: Any, lines: Iterable[str]) -> str:
+    """How what the target describes differs from the desktop's process of that mission, which has not run; "" if it
+    does not."""
+    found = list(lines)
+    return next(_differences(mission, flight, found), "")
+
+
+def _differences(mission: Mission, flight: Any, lines: list[str]) -> Iterator[str]:
+    theirs: dict[str, list[str]] = {}
+    for line in lines:
+        kind, _, rest = line.partition(" ")
+        theirs.setdefault(kind, []).append(rest)
+
+    modules = {f"{name} {objects.struct(one).name}": one for name, one in flight.instances.items()}
+    for name in modules.keys() - set(theirs.get("module", [])):
+        yield f"the script there makes no {name.replace(' ', ', a ')}"
+    for name in theirs.get("module", []):
+        if name not in modules:
+            yield f"the script there makes {name.replace(' ', ', a ')}, and here not"
+    memory = {name: bytearray(objects.struct(one).size) for name, one in flight.instances.items()}
+    for line in theirs.get("bytes", []):
+        name, offset, raw = line.split()
+        at = int(offset)
+        memory[name][at:at + len(raw) // 2] = bytes.fromhex(raw)
+    for name, one in flight.instances.items():
+        yield from _in_memory(f"{flight.name}.{name}", one, objects.memory(one), bytes(memory[name]))
+
+    ours = expected(mission, flight)
+    for what, (here, there) in {"wire": (sorted(ours["wire"]), sorted(theirs.get("wire", [])))}.items():
+        for line in sorted(set(here) ^ set(there)):
+            start, end, stale = line.split()
+            yield (f"the {what} {start} >> {end}" + (f", stale after {int(stale) / 1e9:g} s," if int(stale) else "")
+                   + f" is only {'here' if line in here else 'there'}")
+    for kind, what in LISTED.items():
+        for here, there in zip_longest(ours[kind], theirs.get(kind, [])):
+            if here != there:
+                yield f"{what} {here or there}: " + (
+                    f"there it is {there}" if here and there else "it is only here" if here else "it is only there")
+
+
+def _in_memory(path: str, instance: Any, here: bytes, there: bytes) -> Iterator[str]:
+    for at, (a, b) in enumerate(zip(here, there)):
+        if a != b:
+            expression, field, _ = locate(objects.struct(instance), at, path)
+            width = max(1, field.size // max(1, _count(field.shape)))
+            start = at - (at - _start(objects.struct(instance), at)) % width
+            yield (f"{expression} has other bits: here {here[start:start + width].hex()}, there "
+                   f"{there[start:start + width].hex()}")
+            return
+
+
+def _count(shape: Iterable[int]) -> int:
+    n = 1
+    for one in shape:
+        n *= one
+    return n
+
+
+def _start(struct: Any, offset: int) -> int:
+    """Where the innermost field that has this byte begins."""
+    field = next(f for f in struct.fields if f.offset <= offset < f.offset + f.size)
+    if field.type != "struct":
+        return field.offset
+    row, inner = divmod(offset - field.offset, field.struct.size)
+    return field.offset + row * field.struct.size + _start(field.struct, inner)
+
+
+def expected(mission: Mission, flight: Any) -> dict[str, list[str]]:
+    """The lines that the target should print, by kind."""
+    lines: dict[str, list[str]] = {kind: [] for kind in ("wire", *LISTED)}
+    titles = {one.name: one.path.partition(".")[2] for one in mission.modules}
+
+    def end(place: str) -> str:
+        """tracking.out.error -> tracking.error, as the script calls it"""
+        name, _, port = place.split(".")
+        return f"{titles[name]}.{port}"
+
+    for wires in (*mission.wires.values(), *mission.published.values()):
+        lines["wire"] += [f"{end(w.source)} {end(w.target)} {w.stale_after}" for w in wires
+                          if not w.source.startswith("in.")]
+    for task in sorted(flight.tasks, key=lambda one: -one.priority):
+        lines["task"].append(f"{task.name} {task.period} {task.offset} {task.priority} {','.join(task.run)}")
+    lines["mode"] = [f"{name} {','.join(tasks) or '-'}" for name, tasks in flight.modes]
+    lines["start"] = [flight.active_mode] if flight.active_mode else []
+    for event in flight.events.values():
+        lines["event"].append(f"{event.name} {event.hold} {event.count} {int(event.once)} {int(event.starts_armed)} "
+                              f"{','.join(event.modes) or '-'} {event.mode or '-'}")
+        lines["when"] += [f"{event.name} {part}" for part in parts(event.condition.steps)]
+        lines["until"] += [f"{event.name} {part}" for part in parts(event.until.steps if event.until else [])]
+        for name, on in event.arms:
+            lines["arms" if on else "disarms"].append(f"{event.name} {name}")
+        lines["sets"] += [f"{event.name} {path.partition('.')[2]}+{offset} {raw.hex()}"
+                          for path, offset, raw in event.settings]
+    if flight.reset:
+        path, down = flight.reset
+        lines["reset"].append(f"{path.partition('.')[2]} {down}")
+    return lines
+
+
+def parts(steps: Iterable[Any]) -> Iterator[str]:
+    for step in steps:
+        yield step if isinstance(step, str) else " ".join((operand(step[0]), step[1], operand(step[2])))
+
+
+def operand(one: Any) -> str:
+    if one.constant is None:
+        return f"{one.path.partition('.')[2]}+{one.offset}:{one.measure}"
+    if isinstance(one.constant, int):
+        return str(one.constant)
+    return f"0x{packing.unpack('<Q', packing.pack('<d', one.constant))[0]:016x}"
