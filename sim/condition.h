@@ -3,7 +3,7 @@
 // fields, joined by and, or, not.
 #pragma once
 
-#include "flight/exec/event.h"
+#include "flight/exec/condition.h"
 #include "sim/instance.h"
 
 #include <array>
@@ -17,13 +17,11 @@ namespace fledge::sim {
 
 /// A number to compare: an element of a field, a measure of all its elements, or a constant.
 struct Operand {
-    enum class Measure { element, norm, max_abs };
-
     std::shared_ptr<Instance> instance; ///< null: a constant
     std::uint32_t offset = 0;           ///< bytes from the start of the instance's memory
     FledgeType type = FLEDGE_F64;       ///< of the elements, or of the constant
     std::uint32_t elements = 1;
-    Measure measure = Measure::element;
+    ExecMeasure measure = EXEC_ELEMENT;
     std::array<std::byte, 8> constant{};
 
     template <class T> static Operand of(T x)
@@ -36,34 +34,27 @@ struct Operand {
         std::memcpy(operand.constant.data(), &x, sizeof x);
         return operand;
     }
-    /// Whether a double need not represent it.
-    bool wide() const { return measure == Measure::element && (type == FLEDGE_I64 || type == FLEDGE_U64); }
     double value() const;
-    ExecNumber number() const; ///< exactly
+    ExecOperand as_data() const;
 };
 
 struct Comparison {
-    enum class Relation { less, less_equal, greater, greater_equal, equal, not_equal };
-
     Operand left, right;
-    Relation relation = Relation::less;
+    ExecRelation relation = EXEC_LESS;
 
     bool holds() const;
 };
 
-/// The operations on the two conditions before it in a Condition, or on the one.
-enum class Join { none, both, either, inverse };
-
 class Condition {
 public:
     struct Step {
-        Join join = Join::none;
-        Comparison comparison; ///< where nothing is joined
+        ExecJoin join = EXEC_COMPARE;
+        Comparison comparison; ///< of EXEC_COMPARE
     };
 
     Condition(Comparison comparison, std::string text);
     /// Both, or either, of two.
-    Condition(Join join, const Condition &a, const Condition &b);
+    Condition(ExecJoin join, const Condition &a, const Condition &b);
     Condition operator~() const;
 
     bool holds() const;
@@ -74,7 +65,7 @@ public:
     const std::string &text() const { return text_; }         ///< as the user would write it
 
 private:
-    std::string part_of(Join join) const;
+    std::string part_of(ExecJoin join) const;
 
     std::vector<Step> steps_;
     std::string text_;

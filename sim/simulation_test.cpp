@@ -553,7 +553,7 @@ Condition below(const std::shared_ptr<Instance> &tank, double x)
     Operand level;
     level.instance = tank;
     level.offset = offsetof(Tank, out.level.x);
-    return {{level, Operand::of(x), Comparison::Relation::less}, "world.tank.level.x < " + std::to_string(x)};
+    return {{level, Operand::of(x), EXEC_LESS}, "world.tank.level.x < " + std::to_string(x)};
 }
 
 } // namespace

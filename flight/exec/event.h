@@ -3,6 +3,7 @@
 #ifndef FLIGHT_EXEC_EVENT_H
 #define FLIGHT_EXEC_EVENT_H
 
+#include "flight/exec/element.h"
 #include "flight/math/elementary.h"
 
 #include <stddef.h>
@@ -81,25 +82,37 @@ static inline double exec_difference(ExecNumber a, ExecNumber b)
     return (a.high - b.high) + (a.low - b.low);
 }
 
-/** The root of the sum of the squares of n numbers. */
-static inline double exec_norm(const double *x, size_t n)
-{
-    double sum = 0.0;
-    for (size_t i = 0; i < n; i++) {
-        sum += x[i] * x[i];
-    }
-    return fm_sqrt(sum);
-}
+/** One number of a vector, which a condition may compare. */
+typedef enum ExecMeasure {
+    EXEC_ELEMENT, ///< the first
+    EXEC_NORM,    ///< the root of the sum of the squares
+    EXEC_MAX_ABS  ///< the largest magnitude. NaN does not count
+} ExecMeasure;
 
-/** The largest magnitude of n numbers. NaN does not count. */
-static inline double exec_max_abs(const double *x, size_t n)
+/** A measure of n numbers of a type, in a row. */
+static inline double exec_measured(ExecMeasure measure, FledgeType type, const void *numbers, size_t n)
 {
-    double largest = 0.0;
-    for (size_t i = 0; i < n; i++) {
-        const double magnitude = x[i] < 0.0 ? -x[i] : x[i];
+    const uint8_t *p = (const uint8_t *)numbers;
+    if (measure == EXEC_ELEMENT) {
+        return element_read(type, p);
+    }
+    double sum = 0.0, largest = 0.0;
+    for (size_t i = 0; i < n; i++, p += element_size(type)) {
+        const double x = element_read(type, p), magnitude = x < 0.0 ? -x : x;
+        sum += x * x;
         largest = magnitude > largest ? magnitude : largest;
     }
-    return largest;
+    return measure == EXEC_NORM ? fm_sqrt(sum) : largest;
+}
+
+static inline double exec_norm(const double *x, size_t n)
+{
+    return exec_measured(EXEC_NORM, FLEDGE_F64, x, n);
+}
+
+static inline double exec_max_abs(const double *x, size_t n)
+{
+    return exec_measured(EXEC_MAX_ABS, FLEDGE_F64, x, n);
 }
 
 #endif

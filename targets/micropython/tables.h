@@ -5,6 +5,7 @@
 #ifndef TARGETS_MICROPYTHON_TABLES_H
 #define TARGETS_MICROPYTHON_TABLES_H
 
+#include "flight/command/command.h"
 #include "flight/exec/element.h"
 #include "flight/msg/head.h"
 
@@ -17,10 +18,7 @@ enum { SCRIPT_DIMENSIONS = 3, SCRIPT_NO_FIELD = 0xFF };
 /** As FledgeGroup in sim/table.h. */
 typedef enum ScriptGroup { SCRIPT_NONE, SCRIPT_IN, SCRIPT_OUT, SCRIPT_PAR, SCRIPT_MEM } ScriptGroup;
 
-enum {
-    SCRIPT_REQUIRED = 1 << 0, ///< a parameter that the script must give
-    SCRIPT_SPARE = 1 << 1     ///< it fills a gap; a script does not see it
-};
+enum { SCRIPT_REQUIRED = 1 << 0 }; ///< a parameter that the script must give
 
 typedef struct ScriptEnumerator {
     const char *name; ///< as in the header: "QUALITY_GOOD"
@@ -35,24 +33,29 @@ typedef struct ScriptEnum {
 
 struct ScriptType;
 
+/** A unit of the headers. All are of the SI, but "ns". */
+typedef struct ScriptUnit {
+    const char *text; ///< "N m"; "-": none
+    int8_t dims[8];   ///< exponents of m, kg, s, A, K, mol, cd, rad
+} ScriptUnit;
+
 typedef struct ScriptField {
     const char *name;
     const struct ScriptType *sub; ///< of a FLEDGE_STRUCT
     const ScriptEnum *values;     ///< of a FLEDGE_ENUM
-    uint32_t offset;              ///< [bytes] from the start of the struct
+    const ScriptUnit *unit;
+    uint32_t offset; ///< [bytes] from the start of the struct
     uint16_t shape[SCRIPT_DIMENSIONS];
-    int8_t dims[8]; ///< exponents of m, kg, s, A, K, mol, cd, rad
-    double scale;   ///< of the header's unit, to SI: bounds are in the header's unit, the bytes too
-    uint8_t type;   ///< FledgeType
-    uint8_t group;  ///< ScriptGroup
-    uint8_t flags;
+    uint8_t type;         ///< FledgeType
+    uint8_t group;        ///< ScriptGroup
+    uint8_t flags;        ///< SCRIPT_REQUIRED
     uint8_t n_dimensions; ///< 0: a scalar
     uint8_t count;        ///< the index of the field that says how many leading rows count; SCRIPT_NO_FIELD: all
 } ScriptField;
 
 typedef struct ScriptType {
     const char *name;
-    const ScriptField *fields; ///< in the order of memory
+    const ScriptField *fields; ///< in the order of memory, without those that fill gaps
     uint16_t n;
     uint32_t size;                  ///< [bytes]
     void (*reset)(void *);          ///< of a module, else NULL
@@ -63,9 +66,10 @@ typedef struct ScriptType {
 typedef struct ScriptPlace {
     const char *name;
     const ScriptType *type;
-    uint32_t offset; ///< [bytes] in the mission's memory
-    int16_t block;   ///< the index of its parameters in the table of commands; -1: it has none
-    uint32_t crc; ///< command_crc of its parameters on the desktop, big-endian: the script must compute the same bits
+    uint32_t offset;     ///< [bytes] in the mission's memory
+    uint32_t parameters; ///< [bytes] of the first parameter in the module
+    int16_t block;       ///< the index of its parameters in the table of commands; -1: it has none
+    uint16_t crc; ///< command_crc of its parameters on the desktop, big-endian: the script must compute the same bits
 } ScriptPlace;
 
 /** A wire from outside: carried before the update of the module that reads it. */
@@ -89,6 +93,7 @@ typedef struct ScriptMission {
     const char *process;          ///< the name of the flight process: "flight"
     const char *const *processes; ///< those of all processes of the mission, NULL at the end
     int whole;                    ///< 1: the module's build(sim) builds all processes; 0: build(f)
+    const CommandTable *commands; ///< whose blocks have the rules of the parameters
     void *memory;
     uint32_t size; ///< [bytes] of it
     const ScriptType *const *types;

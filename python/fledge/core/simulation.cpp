@@ -55,8 +55,8 @@ Operand make_operand(py::handle object, const FledgeField &field, std::uint32_t 
     PyObject *root = root_of(object.ptr());
     operand.instance = instance_of(root ? py::handle(root) : object);
     const std::uint32_t elements = static_cast<std::uint32_t>(sim::field_elements(field));
-    operand.measure = named<Operand::Measure>(measures, measure);
-    operand.elements = operand.measure == Operand::Measure::element ? 1 : elements;
+    operand.measure = named<ExecMeasure>(measures, measure);
+    operand.elements = operand.measure == EXEC_ELEMENT ? 1 : elements;
     operand.offset = static_cast<std::uint32_t>(as_object(object.ptr())->memory - operand.instance->memory()) +
                      field.offset + index * (field.size / elements);
     operand.type = field.type;
@@ -291,19 +291,19 @@ void bind_simulation(py::module_ &m)
             "path", [](const Operand &o) { return o.instance ? py::object(py::str(o.instance->path)) : py::none(); },
             "of its module or model; None of a constant")
         .def_readonly("offset", &Operand::offset, "[bytes] of the first element, in its memory")
-        .def_property_readonly("measure", [](const Operand &o) { return measures[static_cast<int>(o.measure)]; })
+        .def_property_readonly("measure", [](const Operand &o) { return measures[o.measure]; })
         .def_property_readonly("constant", constant_of, "the number; None of a field");
 
     py::class_<Condition>(m, "Condition", "Comparisons of fields, joined by &, | and ~.")
         .def(py::init(
             [](const Operand &left, const std::string &relation, const Operand &right, const std::string &text) {
-                return Condition({left, right, named<sim::Comparison::Relation>(relations, relation)}, text);
+                return Condition({left, right, named<ExecRelation>(relations, relation)}, text);
             }))
         .def(
-            "__and__", [](const Condition &a, const Condition &b) { return Condition(sim::Join::both, a, b); },
+            "__and__", [](const Condition &a, const Condition &b) { return Condition(EXEC_BOTH, a, b); },
             py::is_operator())
         .def(
-            "__or__", [](const Condition &a, const Condition &b) { return Condition(sim::Join::either, a, b); },
+            "__or__", [](const Condition &a, const Condition &b) { return Condition(EXEC_EITHER, a, b); },
             py::is_operator())
         .def("__invert__", &Condition::operator~)
         .def("__repr__", &Condition::text)
@@ -317,10 +317,10 @@ void bind_simulation(py::module_ &m)
             "steps",
             [](const Condition &c) {
                 return list_of(c.steps(), [](const Condition::Step &step) -> py::object {
-                    if (step.join != sim::Join::none) {
-                        return py::str(joins[static_cast<int>(step.join)]);
+                    if (step.join != EXEC_COMPARE) {
+                        return py::str(joins[step.join]);
                     }
-                    return py::make_tuple(step.comparison.left, relations[static_cast<int>(step.comparison.relation)],
+                    return py::make_tuple(step.comparison.left, relations[step.comparison.relation],
                                           step.comparison.right);
                 });
             },

@@ -1,0 +1,753 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "targets/micropython/executive.h"
+
+#include "flight/exec/message.h"
+#include "targets/micropython/arena.h"
+#include "targets/mission_host.h"
+
+#include <string.h>
+
+Executive executive;
+
+/* --- texts ----------------------------------------------------------------------------------------- */
+
+/* One line; what is too long for it is cut. */
+static struct {
+    char text[256];
+    uint32_t n;
+} line;
+
+static void put(const char *text)
+{
+    while (*text != '\0' && line.n + 1u < sizeof line.text) {
+        line.text[line.n++] = *text++;
+    }
+    line.text[line.n] = '\0';
+}
+
+/* A line begins with its first word. */
+static void start(const char *word)
+{
+    line.n = 0u;
+    put(word);
+}
+
+static void put_number(int64_t x)
+{
+    char digits[21];
+    uint32_t i = sizeof digits - 1u;
+    uint64_t rest = x < 0 ? 0u - (uint64_t)x : (uint64_t)x;
+    digits[i] = '\0';
+    do {
+        digits[--i] = (char)('0' + rest % 10u);
+        rest /= 10u;
+    } while (rest > 0u);
+    put(x < 0 ? "-" : "");
+    put(&digits[i]);
+}
+
+static void put_hex(uint32_t digit)
+{
+    const char text[2] = {"0123456789abcdef"[digit & 15u], '\0'};
+    put(text);
+}
+
+static void put_bytes(const uint8_t *bytes, uint32_t n)
+{
+    for (uint32_t i = 0u; i < n; i++) {
+        put_hex((uint32_t)bytes[i] >> 4);
+        put_hex(bytes[i]);
+    }
+}
+
+/* --- what there is --------------------------------------------------------------------------------- */
+
+static uint8_t *at(uint32_t offset)
+{
+    return (uint8_t *)fledge_script.memory + offset;
+}
+
+int executive_place(uint32_t offset)
+{
+    for (uint16_t i = 0u; i < fledge_script.n_places; i++) {
+        const ScriptPlace *place = &fledge_script.places[i];
+        if (offset >= place->offset && offset - place->offset < place->type->size) {
+            return i;
+        }
+    }
+    return -1;
+}
+
+static ExecutiveModule *module_at(uint32_t offset)
+{
+    return &executive.modules[executive_place(offset)];
+}
+
+ExecutiveTask *executive_find_task(const char *name)
+{
+    ExecutiveTask *one = executive.tasks;
+    while (one != NULL && strcmp(one->name, name) != 0) {
+        one = one->next;
+    }
+    return one;
+}
+
+ExecutiveMode *executive_find_mode(const char *name)
+{
+    ExecutiveMode *one = executive.modes;
+    while (one != NULL && strcmp(one->name, name) != 0) {
+        one = one->next;
+    }
+    return one;
+}
+
+ExecutiveEvent *executive_find_event(const char *name)
+{
+    ExecutiveEvent *one = executive.events;
+    while (one != NULL && strcmp(one->name, name) != 0) {
+        one = one->next;
+    }
+    return one;
+}
+
+static int has_mode(ExecutiveMode *const *modes, uint16_t n, const ExecutiveMode *mode)
+{
+    for (uint16_t i = 0u; i < n; i++) {
+        if (modes[i] == mode) {
+            return 1;
+        }
+    }
+    return 0;
+}
+
+static int runs_in(const ExecutiveTask *task, const ExecutiveMode *mode)
+{
+    for (uint16_t i = 0u; task->named && mode != NULL && i < mode->n; i++) {
+        if (mode->tasks[i] == task) {
+            return 1;
+        }
+    }
+    return !task->named;
+}
+
+/* --- composing ------------------------------------------------------------------------------------- */
+
+int executive_begin(void)
+{
+    executive = (Executive){0};
+    executive.modules =
+        arena_take(fledge_script.n_places * sizeof(ExecutiveModule) + fledge_script.n_inputs * sizeof(ExecutiveWire));
+    return executive.modules != NULL;
+}
+
+void executive_name(uint16_t place)
+{
+    const ScriptPlace *p = &fledge_script.places[place];
+    executive.modules[place] = (ExecutiveModule){.reset = p->type->reset, .update = p->type->update, .named = 1u};
+    executive.modules[place].self = at(p->offset);
+}
+
+void executive_add_wire(ExecutiveWire *wire)
+{
+    wire->next = executive.wires;
+    executive.wires = wire;
+}
+
+void executive_add_task(ExecutiveTask *task)
+{
+    ExecutiveTask **link = &executive.tasks;
+    while (*link != NULL && (*link)->priority >= task->priority) {
+        link = &(*link)->next;
+    }
+    task->next = *link;
+    *link = task;
+    for (uint16_t i = 0u; i < task->n; i++) {
+        executive.modules[task->run[i]].scheduled = 1u;
+    }
+}
+
+void executive_add_mode(ExecutiveMode *mode)
+{
+    ExecutiveMode **link = &executive.modes;
+    while (*link != NULL) {
+        link = &(*link)->next;
+    }
+    *link = mode;
+    executive.initial = executive.initial != NULL ? executive.initial : mode;
+    for (uint16_t i = 0u; i < mode->n; i++) {
+        mode->tasks[i]->named = 1u;
+    }
+}
+
+void executive_add_event(ExecutiveEvent *event)
+{
+    ExecutiveEvent **link = &executive.events;
+    while (*link != NULL) {
+        link = &(*link)->next;
+    }
+    *link = event;
+}
+
+void *executive_parameters(uint16_t block)
+{
+    for (uint16_t i = 0u; i < fledge_script.n_places; i++) {
+        const ScriptPlace *place = &fledge_script.places[i];
+        for (uint16_t k = 0u; place->block == (int)block && k < place->type->n; k++) {
+            if (place->type->fields[k].group == SCRIPT_PAR) {
+                return at(place->offset + place->type->fields[k].offset);
+            }
+        }
+    }
+    return NULL;
+}
+
+/* A wire belongs to the configuration that it comes from, or else to the module that reads it. */
+static void link_wire(ExecutiveWire *wire)
+{
+    const int from = executive_place(wire->from); /* -1: an input of the mission */
+    ExecutiveModule *owner =
+        from >= 0 && !executive.modules[from].scheduled ? &executive.modules[from] : module_at(wire->to);
+    wire->next = owner->wires;
+    owner->wires = wire;
+}
+
+static void link_wires(void)
+{
+    ExecutiveWire *inputs = (ExecutiveWire *)(void *)&executive.modules[fledge_script.n_places];
+    for (ExecutiveWire *wire = executive.wires, *next; wire != NULL; wire = next) {
+        next = wire->next;
+        link_wire(wire);
+    }
+    for (uint16_t i = 0u; i < fledge_script.n_inputs; i++) {
+        const ScriptInput *in = &fledge_script.inputs[i];
+        inputs[i] = (ExecutiveWire){NULL, in->from, in->to, in->size, in->stale_after};
+        link_wire(&inputs[i]);
+    }
+}
+
+/* "flight.NAME" and a text: of an error. */
+static const char *wrong(const char *before, const char *name, const char *after)
+{
+    start(before);
+    put(fledge_script.process);
+    put(".");
+    put(name);
+    put(after);
+    return line.text;
+}
+
+static const char *check(void)
+{
+    static const char *const anew = ", unlike the mission as it was exported: export it again";
+    const ExecutiveMode *mode = executive.modes;
+    const ExecutiveEvent *event = executive.events;
+    uint16_t n_tasks = 0u;
+    for (uint16_t i = 0u; i < fledge_script.n_places; i++) {
+        const ScriptPlace *place = &fledge_script.places[i];
+        if (!executive.modules[i].named) {
+            return wrong("the script does not make ", place->name, anew);
+        }
+        for (uint16_t k = 0u; !executive.modules[i].scheduled && k < place->type->n; k++) {
+            if (place->type->fields[k].group == SCRIPT_IN) {
+                return wrong("", place->name, " is in no task");
+            }
+        }
+    }
+    for (const ExecutiveTask *task = executive.tasks; task != NULL; task = task->next) {
+        n_tasks++;
+    }
+    for (uint16_t i = 0u; i < fledge_script.n_tasks; i++) {
+        if (executive_find_task(fledge_script.tasks[i]) == NULL || n_tasks != fledge_script.n_tasks) {
+            return wrong("the script makes other tasks than ", fledge_script.tasks[i], anew);
+        }
+    }
+    for (uint16_t i = 0u; i < fledge_script.n_modes || mode != NULL; i++, mode = mode->next) {
+        if (i == fledge_script.n_modes || mode == NULL || strcmp(mode->name, fledge_script.modes[i]) != 0) {
+            return wrong("the script does not make, at its place, the mode ",
+                         mode == NULL ? fledge_script.modes[i] : mode->name, anew);
+        }
+    }
+    for (uint16_t i = 0u; i < fledge_script.n_events || event != NULL; i++, event = event->next) {
+        if (i == fledge_script.n_events || event == NULL || strcmp(event->name, fledge_script.events[i]) != 0) {
+            return wrong("the script does not make, at its place, the event ",
+                         event == NULL ? fledge_script.events[i] : event->name, anew);
+        }
+        for (ExecutiveArm *arm = event->arms; arm != NULL; arm = arm->next) {
+            arm->event = executive_find_event(arm->name);
+            if (arm->event == NULL) {
+                (void)wrong("event ", event->name, arm->on ? " arms " : " disarms ");
+                put(arm->name);
+                put(", which is not there");
+                return line.text;
+            }
+        }
+    }
+    return NULL;
+}
+
+/* Whether the parameters of a place are those that the desktop has computed. */
+static int differs(const ScriptPlace *place)
+{
+    const CommandTable *commands = fledge_mission.commands;
+    if (place->block < 0) {
+        return 0;
+    }
+    const CommandBlock *block = &commands->blocks[place->block];
+    memcpy(commands->staged, executive_parameters((uint16_t)place->block), block->size);
+    if (exec_little_endian()) {
+        exec_reverse(block->runs, block->n_runs, commands->staged, 0u, block->size);
+    }
+    return command_crc(commands->staged, block->size) != (uint16_t)place->crc;
+}
+
+/* --- running --------------------------------------------------------------------------------------- */
+
+static void carry(const ExecutiveWire *wire, int64_t t, int64_t stale_after)
+{
+    uint8_t *to = at(wire->to);
+    memcpy(to, at(wire->from), wire->size);
+    if (stale_after != 0) {
+        Head head;
+        memcpy(&head, to, sizeof head);
+        exec_age(&head, t, stale_after);
+        memcpy(to, &head, sizeof head);
+    }
+}
+
+static void publish(ExecutiveModule *module, int64_t t)
+{
+    module->changed = 0u;
+    module->update(module->self, (Tick){t, 0});
+    for (const ExecutiveWire *wire = module->wires; wire != NULL; wire = wire->next) {
+        carry(wire, t, 0); /* configuration does not age */
+    }
+}
+
+static void run(ExecutiveTask *task, int64_t t)
+{
+    const Tick tick = exec_begin(&task->state, task->rate, t);
+    for (uint16_t i = 0u; i < task->n; i++) {
+        const ExecutiveModule *module = &executive.modules[task->run[i]];
+        for (const ExecutiveWire *wire = module->wires; wire != NULL; wire = wire->next) {
+            carry(wire, t, wire->stale_after);
+        }
+        module->update(module->self, tick);
+    }
+}
+
+void executive_restart(int64_t t)
+{
+    if (executive.modules == NULL) {
+        return;
+    }
+    for (uint16_t i = 0u; i < fledge_script.n_places; i++) {
+        for (const ExecutiveWire *wire = executive.modules[i].wires; wire != NULL; wire = wire->next) {
+            memset(at(wire->to), 0, wire->size);
+            if (executive_place(wire->from) < 0) {
+                memset(at(wire->from), 0, wire->size); /* of the mission's inputs */
+            }
+        }
+    }
+    for (uint16_t i = 0u; i < fledge_script.n_places; i++) {
+        executive.modules[i].reset(executive.modules[i].self);
+    }
+    executive.current = executive.asked = executive.initial;
+    executive.t = -1;
+    for (ExecutiveEvent *event = executive.events; event != NULL; event = event->next) {
+        event->state = event->armed ? exec_armed() : exec_disarmed();
+    }
+    for (ExecutiveTask *task = executive.tasks; task != NULL; task = task->next) {
+        task->state = exec_start(task->rate, runs_in(task, executive.initial), t);
+    }
+    executive.changed = 0u;
+    for (uint16_t i = 0u; i < fledge_script.n_places; i++) {
+        if (!executive.modules[i].scheduled) {
+            publish(&executive.modules[i], t);
+        }
+    }
+}
+
+/* What becomes active is reset, and runs on its own grid of times. */
+static void enter_mode(int64_t t)
+{
+    executive.current = executive.asked;
+    for (ExecutiveTask *task = executive.tasks; task != NULL; task = task->next) {
+        if (exec_switch(&task->state, runs_in(task, executive.current), task->rate, t)) {
+            for (uint16_t i = 0u; i < task->n; i++) {
+                executive.modules[task->run[i]].reset(executive.modules[task->run[i]].self);
+            }
+        }
+    }
+}
+
+static ExecOperand operand(const ExecutiveOperand *o)
+{
+    return (ExecOperand){o->constant ? (const void *)&o->of : at(o->of.field.offset),
+                         o->constant ? 1u : o->of.field.elements, (FledgeType)o->type, (ExecMeasure)o->measure};
+}
+
+/* The results that wait, after a condition. */
+static uint64_t results_after(uint64_t results, const ExecutiveCondition *c)
+{
+    if (c->join == EXEC_COMPARE) {
+        const ExecOperand left = operand(&c->of.operands[0]), right = operand(&c->of.operands[1]);
+        return exec_join(results, EXEC_COMPARE, exec_compare(&left, (ExecRelation)c->relation, &right));
+    }
+    results = results_after(results, c->of.parts[0]);
+    if (c->join != EXEC_INVERSE) {
+        results = results_after(results, c->of.parts[1]);
+    }
+    return exec_join(results, (ExecJoin)c->join, 0);
+}
+
+static int holds(const ExecutiveCondition *condition)
+{
+    return (int)(results_after(0u, condition) & 1u);
+}
+
+static int sets(const ExecutiveEvent *event, uint16_t place)
+{
+    const ExecutiveSetting *setting = event->settings;
+    while (setting != NULL && executive_place(setting->offset) != (int)place) {
+        setting = setting->next;
+    }
+    return setting != NULL;
+}
+
+static void look_at(ExecutiveEvent *event, int64_t t)
+{
+    const int looks = event->n_modes == 0u || has_mode(event->modes, event->n_modes, executive.current);
+    const int held = looks && holds(event->when);
+    const int again = event->until != NULL ? holds(event->until) : !held;
+    if (!exec_fires(&event->state, held, again, event->hold, event->count, event->once, t)) {
+        return;
+    }
+    if (event->enter != NULL) {
+        executive.asked = event->enter;
+    }
+    for (const ExecutiveArm *arm = event->arms; arm != NULL; arm = arm->next) {
+        arm->event->state.armed = arm->on;
+    }
+    for (const ExecutiveSetting *setting = event->settings; setting != NULL; setting = setting->next) {
+        memcpy(at(setting->offset), setting->bytes, setting->n);
+    }
+    for (uint16_t i = 0u; event->settings != NULL && i < fledge_script.n_places; i++) {
+        if (!executive.modules[i].scheduled && sets(event, i)) {
+            publish(&executive.modules[i], t);
+        }
+    }
+}
+
+void executive_tick(int64_t t)
+{
+    int ran = 0;
+    for (uint16_t i = 0u; executive.changed && i < fledge_script.n_places; i++) {
+        if (executive.modules[i].changed) {
+            publish(&executive.modules[i], t);
+        }
+    }
+    executive.changed = 0u;
+    if (executive.asked != executive.current) {
+        enter_mode(t);
+    }
+    for (ExecutiveTask *task = executive.tasks; task != NULL; task = task->next) {
+        if (exec_due(&task->state, t)) {
+            run(task, t);
+            ran = 1;
+        }
+    }
+    executive.t = t;
+    for (ExecutiveEvent *event = executive.events; ran && event != NULL; event = event->next) {
+        look_at(event, t);
+    }
+}
+
+int64_t executive_next(void)
+{
+    int64_t t = INT64_MAX;
+    for (const ExecutiveTask *task = executive.tasks; task != NULL; task = task->next) {
+        const int asked = executive.asked != executive.current && runs_in(task, executive.asked);
+        t = exec_sooner(t, exec_next(&task->state, task->rate, asked, executive.t));
+    }
+    return t;
+}
+
+void executive_enter(uint16_t mode)
+{
+    ExecutiveMode *one = executive.modes;
+    for (; one != NULL && mode > 0u; mode--) {
+        one = one->next;
+    }
+    if (one != NULL) {
+        executive_ask(one);
+    }
+}
+
+void executive_ask(ExecutiveMode *mode)
+{
+    executive.asked = mode;
+}
+
+uint16_t executive_mode(void)
+{
+    uint16_t i = 0u;
+    for (const ExecutiveMode *one = executive.modes; one != NULL && one != executive.current; one = one->next) {
+        i++;
+    }
+    return i;
+}
+
+void executive_publish(uint16_t block, int64_t t)
+{
+    for (uint16_t i = 0u; executive.modules != NULL && i < fledge_script.n_places; i++) {
+        if (fledge_script.places[i].block == (int)block && !executive.modules[i].scheduled) {
+            publish(&executive.modules[i], t);
+        }
+    }
+}
+
+void executive_arm(uint16_t event, int on)
+{
+    ExecutiveEvent *one = executive.events;
+    for (; one != NULL && event > 0u; event--) {
+        one = one->next;
+    }
+    if (one != NULL) {
+        one->state.armed = on;
+    }
+}
+
+void executive_changed(uint16_t place)
+{
+    if (!executive.modules[place].scheduled) {
+        executive.modules[place].changed = executive.changed = 1u;
+    }
+}
+
+/* --- init ------------------------------------------------------------------------------------------ */
+
+static char failure[sizeof line.text]; /* "": none */
+
+const char *executive_failure(void)
+{
+    return failure[0] != '\0' ? failure : NULL;
+}
+
+void executive_init(void)
+{
+    memset(fledge_script.memory, 0, fledge_script.size);
+    executive = (Executive){0};
+    const char *why = process_run();
+    if (why == NULL) {
+        why = check();
+    }
+    failure[0] = '\0';
+    if (why != NULL) {
+        (void)strncat(failure, why, sizeof failure - 1u);
+        executive = (Executive){0};
+    } else {
+        link_wires();
+        for (uint16_t i = 0u; i < fledge_script.n_places; i++) {
+            executive.modules[i].differs = (uint8_t)differs(&fledge_script.places[i]);
+        }
+    }
+    executive.composed = 1u;
+    arena_in_use->locked = 1;
+    executive_restart(0);
+}
+
+/* --- describing ------------------------------------------------------------------------------------ */
+
+typedef void (*Sink)(const char *text);
+
+/* Words of a line. */
+static void put_word(const char *word)
+{
+    put(" ");
+    put(word);
+}
+
+static void put_word_number(int64_t x)
+{
+    put(" ");
+    put_number(x);
+}
+
+/* MODULE+OFFSET */
+static void put_place(uint32_t offset)
+{
+    const ScriptPlace *place = &fledge_script.places[executive_place(offset)];
+    put_word(place->name);
+    put("+");
+    put_number((int64_t)offset - place->offset);
+}
+
+/* MODULE.PORT */
+static void put_port(uint32_t offset)
+{
+    const ScriptPlace *place = &fledge_script.places[executive_place(offset)];
+    put_word(place->name);
+    put(".");
+    for (uint16_t i = 0u; i < place->type->n; i++) {
+        if (place->type->fields[i].offset == offset - place->offset) {
+            put(place->type->fields[i].name);
+        }
+    }
+}
+
+static void two_words(Sink sink, const char *word, const char *a, const char *b)
+{
+    start(word);
+    put_word(a);
+    put_word(b);
+    sink(line.text);
+}
+
+static void describe_module(Sink sink, uint16_t i)
+{
+    enum { ROW = 32 };
+    static const uint8_t zeros[ROW];
+    const ScriptPlace *place = &fledge_script.places[i];
+    two_words(sink, "module", place->name, place->type->name);
+    for (uint32_t k = 0u; k < place->type->size; k += ROW) {
+        const uint32_t n = place->type->size - k < ROW ? place->type->size - k : ROW;
+        if (memcmp(at(place->offset + k), zeros, n) != 0) {
+            start("bytes");
+            put_word(place->name);
+            put_word_number(k);
+            put(" ");
+            put_bytes(at(place->offset + k), n);
+            sink(line.text);
+        }
+    }
+    if (executive.modules[i].differs) {
+        start("differs");
+        put_word(place->name);
+        sink(line.text);
+    }
+    for (const ExecutiveWire *wire = executive.modules[i].wires; wire != NULL; wire = wire->next) {
+        if (executive_place(wire->from) >= 0) {
+            start("wire");
+            put_port(wire->from);
+            put_port(wire->to);
+            put_word_number(wire->stale_after);
+            sink(line.text);
+        }
+    }
+}
+
+static void put_operand(const ExecutiveOperand *o)
+{
+    static const char *const measures[] = {":element", ":norm", ":max_abs"};
+    if (!o->constant) {
+        put_place(o->of.field.offset);
+        put(measures[o->measure]);
+    } else if (o->type == FLEDGE_F64) {
+        uint64_t bits;
+        memcpy(&bits, &o->of.real, sizeof bits);
+        put(" 0x");
+        for (int shift = 60; shift >= 0; shift -= 4) {
+            put_hex((uint32_t)(bits >> shift));
+        }
+    } else {
+        put_word_number(o->of.whole);
+    }
+}
+
+static void describe_condition(Sink sink, const char *word, const ExecutiveEvent *event, const ExecutiveCondition *c)
+{
+    static const char *const relations[] = {"<", "<=", ">", ">=", "==", "!="};
+    static const char *const joins[] = {"", "&", "|", "~"};
+    if (c->join == EXEC_COMPARE) {
+        start(word);
+        put_word(event->name);
+        put_operand(&c->of.operands[0]);
+        put_word(relations[c->relation]);
+        put_operand(&c->of.operands[1]);
+        sink(line.text);
+        return;
+    }
+    for (int i = 0; i < (c->join == EXEC_INVERSE ? 1 : 2); i++) {
+        describe_condition(sink, word, event, c->of.parts[i]);
+    }
+    two_words(sink, word, event->name, joins[c->join]);
+}
+
+static void describe_event(Sink sink, const ExecutiveEvent *event)
+{
+    start("event");
+    put_word(event->name);
+    put_word_number(event->hold);
+    put_word_number(event->count);
+    put_word_number(event->once);
+    put_word_number(event->armed);
+    sink(line.text);
+    for (uint16_t i = 0u; i < event->n_modes; i++) {
+        two_words(sink, "looks", event->name, event->modes[i]->name);
+    }
+    if (event->enter != NULL) {
+        two_words(sink, "enters", event->name, event->enter->name);
+    }
+    for (const ExecutiveArm *arm = event->arms; arm != NULL; arm = arm->next) {
+        two_words(sink, arm->on ? "arms" : "disarms", event->name, arm->name);
+    }
+    for (const ExecutiveSetting *one = event->settings; one != NULL; one = one->next) {
+        for (uint32_t k = 0u; k < one->n; k += 32u) {
+            start("sets");
+            put_word(event->name);
+            put_place(one->offset + k);
+            put(" ");
+            put_bytes(one->bytes + k, one->n - k < 32u ? one->n - k : 32u);
+            sink(line.text);
+        }
+    }
+    describe_condition(sink, "when", event, event->when);
+    if (event->until != NULL) {
+        describe_condition(sink, "until", event, event->until);
+    }
+}
+
+void executive_describe(void (*sink)(const char *text))
+{
+    for (uint16_t i = 0u; executive.modules != NULL && i < fledge_script.n_places; i++) {
+        describe_module(sink, i);
+    }
+    for (const ExecutiveTask *task = executive.tasks; task != NULL; task = task->next) {
+        start("task");
+        put_word(task->name);
+        put_word_number(task->rate.period);
+        put_word_number(task->rate.offset);
+        put_word_number(task->priority);
+        sink(line.text);
+        for (uint16_t i = 0u; i < task->n; i++) {
+            two_words(sink, "runs", task->name, fledge_script.places[task->run[i]].name);
+        }
+    }
+    for (const ExecutiveMode *mode = executive.modes; mode != NULL; mode = mode->next) {
+        start("mode");
+        put_word(mode->name);
+        sink(line.text);
+        for (uint16_t i = 0u; i < mode->n; i++) {
+            two_words(sink, "activates", mode->name, mode->tasks[i]->name);
+        }
+    }
+    if (executive.initial != NULL) {
+        start("start");
+        put_word(executive.initial->name);
+        sink(line.text);
+    }
+    for (const ExecutiveEvent *event = executive.events; event != NULL; event = event->next) {
+        describe_event(sink, event);
+    }
+    if (executive.reset != 0u) {
+        start("reset");
+        put_place(executive.reset);
+        put_word_number(executive.down);
+        sink(line.text);
+    }
+    start("heap");
+    put_word_number((int64_t)arena_in_use->used);
+    put_word_number((int64_t)arena_in_use->peak);
+    put_word_number((int64_t)arena_in_use->size);
+    sink(line.text);
+}
