@@ -33,7 +33,7 @@ def header(mission: Mission) -> str:
         f"#ifndef {guard}\n#define {guard}\n",
         "".join(f'#include "{path}"\n' for path in includes) + '#include "targets/mission.h"\n',
         "" if composed else modes(mission), ids(mission), inputs(mission), whole(mission),
-        f"extern {mission.struct()} {memory(mission)};\n" if composed else functions(mission),
+        composed_functions(mission) if composed else functions(mission),
         "/** All messages, by id. */\n" + extern("MissionMessage", f"{name}_messages[{name.upper()}_MESSAGES]"),
         parameter_list(mission),
         "#endif\n",
@@ -162,6 +162,15 @@ def functions(mission: Mission) -> str:
     return "\n".join(line for text, declaration in found for line in (*doc(text), declaration, ""))
 
 
+def composed_functions(mission: Mission) -> str:
+    """The memory of a mission that its script composes, and what a scenario changes of it."""
+    lines = [f"extern {mission.struct()} {memory(mission)};", ""]
+    if mission.changed:
+        lines += [*doc("After the script has composed the mission: what the scenario changes of it before it runs."),
+                  f"void {mission.name}_set_up(void);", ""]
+    return "\n".join(lines)
+
+
 def parameter_list(mission: Mission) -> str:
     n = sum(bool(m.fields("par")) for m in mission.modules)
     if not n:
@@ -181,8 +190,10 @@ def extern(kind: str, name: str) -> str:
 def source(mission: Mission) -> str:
     """mission.c"""
     if mission.form == "micropython":
-        return "\n".join([*written(mission), f'#include "{mission.name}.h"', "",
-                          f"{mission.struct()} {memory(mission)};", "", messages(mission), parameters(mission)])
+        return "\n".join(part for part in (
+            "\n".join([*written(mission), f'#include "{mission.name}.h"', "",
+                       *['#include <string.h>', ""] * bool(mission.changed)]),
+            set_up(mission), messages(mission), parameters(mission)) if part)
     parts = ["\n".join([*written(mission), f'#include "{mission.name}.h"', "", "#include <string.h>", ""]),
              *c_run.rates(mission), init(mission), *c_run.configuration(mission), *c_run.tasks(mission),
              c_run.restart(mission), c_run.reset(mission), *c_run.modes(mission), *c_run.events(mission),
@@ -201,6 +212,17 @@ def init(mission: Mission) -> str:
             lines += ["", *paragraph(f"{module.name}: {first_words(module.struct.doc)}", found)]
     return "\n".join([f"void {mission.name}_init({mission.struct()} *m)", "{", *lines, "",
                       f"    {mission.name}_reset(m);", "}", ""])
+
+
+def set_up(mission: Mission) -> str:
+    lines: list[str] = []
+    for module in mission.changed:
+        place = f"{memory(mission)}.{module.name}"
+        lines += [""] * bool(lines) + [f"    memset(&{place}, 0, sizeof {place});"]
+        found = list(settings(module.struct, module.memory, place, module.name))
+        if found:
+            lines += paragraph(f"{module.name}: {first_words(module.struct.doc)}", found)
+    return "\n".join([f"void {mission.name}_set_up(void)", "{", *lines, "}", ""]) if lines else ""
 
 
 def paragraph(title: str, found: list[Setting]) -> list[str]:

@@ -31,6 +31,8 @@ def emit_host(mission: Mission) -> dict[str, str]:
         back = "return " if result != "void" else ""
         lines += [f"static {result} {function}({parameter})", "{", f"    {back}{name}_{function}(&m{argument});", "}",
                   ""]
+    if mission.changed:
+        lines += ["static void init(void)", "{", "    executive_init();", f"    {name}_set_up();", "}", ""]
     lines += ["static const MissionTopic topics[] = {"]
     places = {one.name: i for i, one in enumerate(types)}
     for one in messages:
@@ -42,7 +44,8 @@ def emit_host(mission: Mission) -> dict[str, str]:
     own = "executive_" if composed else ""
     lines += [f"    .{key} = {value}," for key, value in (
         ("name", f'"{mission.folder}"'), ("mission", f"&{memory(mission) if composed else 'm'}"),
-        ("start", "&start"), *((one, own + one) for one in ("init", "restart", "next", "tick")),
+        ("start", "&start"), ("init", "init" if mission.changed else own + "init"),
+        *((one, own + one) for one in ("restart", "next", "tick")),
         *((one, own + one) for one in ("failure", "describe") if composed), ("io", f"&{name}_io"), ("topics", "topics"),
         ("definitions", f"{name}_definitions"), ("rates", "rates"), ("commands", f"&{name}_commands"),
         ("telemetry", f"&{name}_telemetry"), ("state", "&commands"), ("schemas", "schemas"), ("channels", "channels"),

@@ -17,9 +17,11 @@ from fledge.export.c_condition import locate
 if TYPE_CHECKING:
     from fledge.export.read import Mission
 
-LISTED = {"task": "the task", "mode": "the mode", "start": "the mode to begin in:", "event": "the event",
-          "when": "the condition of the event", "until": "what arms again the event", "arms": "what is armed by the event",
-          "disarms": "what is disarmed by the event", "sets": "what is set by the event",
+# What the lines of each kind say of their first word, in words.
+LISTED = {"task": "the task", "runs": "in the task", "mode": "the mode", "activates": "in the mode",
+          "start": "the mode to begin in:", "event": "the event", "looks": "the mode of the event",
+          "enters": "what enters the event", "arms": "what arms the event", "disarms": "what disarms the event",
+          "sets": "what sets the event", "when": "the condition of the event", "until": "what arms again the event",
           "reset": "what resets the computer:"}
 
 
@@ -51,16 +53,23 @@ def _differences(mission: Mission, flight: Any, lines: list[str]) -> Iterator[st
         yield from _in_memory(f"{flight.name}.{name}", one, objects.memory(one), bytes(memory[name]))
 
     ours = expected(mission, flight)
-    for what, (here, there) in {"wire": (sorted(ours["wire"]), sorted(theirs.get("wire", [])))}.items():
-        for line in sorted(set(here) ^ set(there)):
-            start, end, stale = line.split()
-            yield (f"the {what} {start} >> {end}" + (f", stale after {int(stale) / 1e9:g} s," if int(stale) else "")
-                   + f" is only {'here' if line in here else 'there'}")
+    for line in sorted(set(ours["wire"]) ^ set(theirs.get("wire", []))):
+        start, end, age = line.split()
+        yield (f"the wire {start} >> {end}" + f", stale after {int(age) / 1e9:g} s," * bool(int(age))
+               + f" is only {'here' if line in ours['wire'] else 'there'}")
+    theirs["sets"] = [one for line in theirs.get("sets", []) for one in _bytewise(*line.split())]
     for kind, what in LISTED.items():
         for here, there in zip_longest(ours[kind], theirs.get(kind, [])):
             if here != there:
                 yield f"{what} {here or there}: " + (
                     f"there it is {there}" if here and there else "it is only here" if here else "it is only there")
+
+
+def _bytewise(event: str, place: str, raw: str) -> Iterator[str]:
+    """A line of each byte: programs split what an event sets as they like."""
+    module, _, offset = place.partition("+")
+    for i, byte in enumerate(bytes.fromhex(raw)):
+        yield f"{event} {module}+{int(offset) + i} {byte:02x}"
 
 
 def _in_memory(path: str, instance: Any, here: bytes, there: bytes) -> Iterator[str]:
@@ -104,21 +113,27 @@ def expected(mission: Mission, flight: Any) -> dict[str, list[str]]:
         lines["wire"] += [f"{end(w.source)} {end(w.target)} {w.stale_after}" for w in wires
                           if not w.source.startswith("in.")]
     for task in sorted(flight.tasks, key=lambda one: -one.priority):
-        lines["task"].append(f"{task.name} {task.period} {task.offset} {task.priority} {','.join(task.run)}")
-    lines["mode"] = [f"{name} {','.join(tasks) or '-'}" for name, tasks in flight.modes]
+        lines["task"].append(f"{task.name} {task.period} {task.offset} {task.priority}")
+        lines["runs"] += [f"{task.name} {name}" for name in task.run]
+    for name, tasks in flight.modes:
+        lines["mode"].append(name)
+        lines["activates"] += [f"{name} {task}" for task in tasks]
     lines["start"] = [flight.active_mode] if flight.active_mode else []
     for event in flight.events.values():
-        lines["event"].append(f"{event.name} {event.hold} {event.count} {int(event.once)} {int(event.starts_armed)} "
-                              f"{','.join(event.modes) or '-'} {event.mode or '-'}")
-        lines["when"] += [f"{event.name} {part}" for part in parts(event.condition.steps)]
-        lines["until"] += [f"{event.name} {part}" for part in parts(event.until.steps if event.until else [])]
+        lines["event"].append(f"{event.name} {event.hold} {event.count} {int(event.once)} {int(event.starts_armed)}")
+        lines["looks"] += [f"{event.name} {name}" for name in event.modes]
+        lines["enters"] += [f"{event.name} {event.mode}"] * bool(event.mode)
         for name, on in event.arms:
             lines["arms" if on else "disarms"].append(f"{event.name} {name}")
-        lines["sets"] += [f"{event.name} {path.partition('.')[2]}+{offset} {raw.hex()}"
-                          for path, offset, raw in event.settings]
+        for path, offset, raw in event.settings:
+            lines["sets"] += _bytewise(event.name, f"{path.partition('.')[2]}+{offset}", raw.hex())
+        lines["when"] += [f"{event.name} {part}" for part in parts(event.condition.steps)]
+        lines["until"] += [f"{event.name} {part}" for part in parts(event.until.steps if event.until else [])]
     if flight.reset:
         path, down = flight.reset
-        lines["reset"].append(f"{path.partition('.')[2]} {down}")
+        _, name, port = path.split(".")
+        field = next(f for f in objects.struct(flight.instances[name]).fields if f.name == port and f.group == "in")
+        lines["reset"].append(f"{name}+{field.offset} {down}")
     return lines
 
 

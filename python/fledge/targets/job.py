@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fledge import export
+from fledge import export, mission as missions
 from fledge.commands import Report, Timed, decoded, read_script, script
 from fledge.errors import Failure
 from fledge.objects import project
@@ -43,6 +43,11 @@ class Part:
             raise Failure(f"the scenario {job.scenario} changes {self.process} between its runs, by commands, which no "
                           f"snorkel of {', '.join(path.name for path in self.boards)} carries; add one with carries = "
                           "\"commands\"")
+
+    @cached_property
+    def composed(self) -> export.Composed:
+        """The same for MicroPython: what its script composes, and what the scenario changes of it before it runs."""
+        return export.compose(self.job.fresh, self.mission, self.job.own[self.process], self.boards)
 
     @cached_property
     def written(self) -> list[Path]:
@@ -157,6 +162,16 @@ class Job:
                               if process == "" else self.unknown(process, known))
         self.parts = [Part(self, one, own.get(one.process, ()), self.folder / one.process if several else self.folder)
                       for one in play.missions]
+
+    @cached_property
+    def fresh(self) -> Any:
+        """The simulation as the mission's files make it, without the scenario."""
+        return missions.load(self.asked, **self.parameters)
+
+    @cached_property
+    def own(self) -> dict[str, Mission]:
+        """Its flight processes by name."""
+        return {one.process: one for one in export.read_all(self.fresh)}
 
     def unknown(self, process: str, known: Sequence[str]) -> str:
         return f"{self.title} has no flight process '{process}'; it has {', '.join(known)}"
