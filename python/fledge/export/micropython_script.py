@@ -16,7 +16,7 @@ from fledge.export.read import ExportError
 from fledge.objects import project
 
 # What the interpreter has, and of Fledge.
-MODULES = {"fledge", "math"}
+MODULES = {"array", "fledge", "math"}
 FLEDGE = {"fledge.flight", "fledge.units", "fledge.world"}
 NAMES = {"Orbit", "Quantity", "SetupError", "flight", "units", "world"}     # of `fledge` itself
 INSTEAD = {
