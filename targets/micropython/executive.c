@@ -3,7 +3,6 @@
 
 #include "flight/exec/message.h"
 #include "targets/micropython/arena.h"
-#include "targets/mission_host.h"
 
 #include <string.h>
 
@@ -192,10 +191,8 @@ void *executive_parameters(uint16_t block)
 {
     for (uint16_t i = 0u; i < fledge_script.n_places; i++) {
         const ScriptPlace *place = &fledge_script.places[i];
-        for (uint16_t k = 0u; place->block == (int)block && k < place->type->n; k++) {
-            if (place->type->fields[k].group == SCRIPT_PAR) {
-                return at(place->offset + place->type->fields[k].offset);
-            }
+        if (place->block == (int)block) {
+            return at(place->offset + place->parameters);
         }
     }
     return NULL;
@@ -288,7 +285,7 @@ static const char *check(void)
 /* Whether the parameters of a place are those that the desktop has computed. */
 static int differs(const ScriptPlace *place)
 {
-    const CommandTable *commands = fledge_mission.commands;
+    const CommandTable *commands = fledge_script.commands;
     if (place->block < 0) {
         return 0;
     }
@@ -297,7 +294,7 @@ static int differs(const ScriptPlace *place)
     if (exec_little_endian()) {
         exec_reverse(block->runs, block->n_runs, commands->staged, 0u, block->size);
     }
-    return command_crc(commands->staged, block->size) != (uint16_t)place->crc;
+    return command_crc(commands->staged, block->size) != place->crc;
 }
 
 /* --- running --------------------------------------------------------------------------------------- */

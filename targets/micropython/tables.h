@@ -95,7 +95,9 @@ typedef struct ScriptMission {
     int whole;                    ///< 1: the module's build(sim) builds all processes; 0: build(f)
     const CommandTable *commands; ///< whose blocks have the rules of the parameters
     void *memory;
-    uint32_t size; ///< [bytes] of it
+    uint32_t size;      ///< [bytes] of it
+    uint32_t heap_size; ///< [bytes]
+    void *heap;         ///< of the interpreter, aligned to 8 bytes
     const ScriptType *const *types;
     const ScriptPlace *places;
     const ScriptInput *inputs;

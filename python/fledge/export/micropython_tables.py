@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 GROUPS = {"": "NONE", "in": "IN", "out": "OUT", "par": "PAR", "mem": "MEM"}
 
 
+HEAP = 64 * 1024     # [bytes] of the interpreter
+
+
 def emit_tables(mission: Mission, module: str, whole: bool, processes: Sequence[str]) -> dict[str, str]:
     """File name -> text. module: what the program imports, "nadir_spin.flight"; whole: its build(sim) builds all
     processes, or else its build(f) this one; processes: their names.
@@ -32,7 +35,8 @@ def emit_tables(mission: Mission, module: str, whole: bool, processes: Sequence[
         if parameters(one.struct)[0]:
             blocks[one.name] = len(blocks)
     lines = [*written(mission), '#include "targets/micropython/tables.h"', "", f'#include "{name}_commands.h"', "",
-             f"{struct} {name}_memory;", "", *type_tables(types, {m.type for m in mission.modules})]
+             f"{struct} {name}_memory;", f"static uint64_t heap[{HEAP // 8}];", "",
+             *type_tables(types, {m.type for m in mission.modules})]
 
     def table(head: str, rows: Iterable[Sequence[Any]]) -> str:
         """The lines of a table, and what refers to it: "0" of an empty one."""
@@ -73,7 +77,8 @@ def emit_tables(mission: Mission, module: str, whole: bool, processes: Sequence[
     lines += [f"    .{key} = {value}," for key, value in (
         ("module", quoted(module)), ("process", quoted(mission.process)), ("processes", process_names),
         ("whole", int(whole)), ("commands", f"&{name}_commands"), ("memory", f"&{name}_memory"),
-        ("size", f"sizeof {name}_memory"), ("types", "types"), ("places", places), ("inputs", inputs),
+        ("size", f"sizeof {name}_memory"), ("heap_size", "sizeof heap"), ("heap", "heap"),
+        ("types", "types"), ("places", places), ("inputs", inputs),
         ("constants", shapes), ("tasks", tasks), ("modes", modes), ("events", events),
         ("n_types", f"{len(types)}u"), ("n_places", f"{len(mission.modules)}u"),
         ("n_inputs", "0u" if inputs == "0" else "sizeof inputs / sizeof *inputs"),
