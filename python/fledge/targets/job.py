@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -92,16 +93,24 @@ class Part:
 
     def sources(self) -> list[Path]:
         """All sources of flight: the exported ones, those of its modules, of commands, and flight/math."""
-        written = [path.resolve() for path in self.written if path.suffix == ".c"]
-        return [*written, *build.module_sources(self.mission, self.roots), *build.math_sources(),
-                *(build.ROOT / path for path in build.COMMAND)]
+        return self._with_modules(self.written)
+
+    def _with_modules(self, written: Sequence[Path]) -> list[Path]:
+        return [*(path.resolve() for path in written if path.suffix == ".c"),
+                *build.module_sources(self.mission, self.roots), *build.math_sources(), *(build.ROOT / path for path in build.COMMAND)]
 
     def includes(self) -> list[Path]:
         return [(self.folder / "c").resolve(), *self.roots]
 
+    def table_sources(self) -> list[Path]:
+        """The sources of the mission and its boards as data for the outside, which runs no function of flight."""
+        data = replace(self.mission, modules=[replace(one, script="") for one in self.mission.modules])
+        written = export.write(data, self.folder / "c", self.files)
+        return [*self._with_modules(written), *(build.ROOT / path for path in build.TABLES)]
+
     def tables(self) -> Path:
-        """The mission and its boards as data for the outside: a shared object for this machine."""
-        sources = [*self.sources(), *(build.ROOT / path for path in build.TABLES)]
+        """A shared object of it for this machine."""
+        sources = self.table_sources()
         return build.program(self.folder / "tables", f"{self.mission.name}.so", sources, self.includes(),
                              flags=["-fPIC"], link=["-shared", "-Wl,-z,defs"], entry="fledge_mission")
 

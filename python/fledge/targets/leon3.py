@@ -85,7 +85,7 @@ class Leon3Qemu(Leon3):
 
     def build(self, part: Part) -> Path:
         self.guests().build(part)
-        sources = [*part.sources(), *(build.ROOT / path for path in build.TABLES), FOLDER / "qemu.c",
+        sources = [*part.table_sources(), FOLDER / "qemu.c",
                    build.ROOT / "targets/mission_io.c",
                    *(build.ROOT / f"registers/{name}.c" for name in ("clock", "message", "shared_file"))]
         return build.program(part.folder / self.name, part.mission.name, sources, part.includes())
