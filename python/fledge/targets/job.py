@@ -97,7 +97,8 @@ class Part:
 
     def _with_modules(self, written: Sequence[Path]) -> list[Path]:
         return [*(path.resolve() for path in written if path.suffix == ".c"),
-                *build.module_sources(self.mission, self.roots), *build.math_sources(), *(build.ROOT / path for path in build.COMMAND)]
+                *build.module_sources(self.mission, self.roots), *build.math_sources(),
+                *(build.ROOT / path for path in build.COMMAND)]
 
     def includes(self) -> list[Path]:
         return [(self.folder / "c").resolve(), *self.roots]
