@@ -3,6 +3,7 @@
 
 #include "targets/micropython/objects.h"
 
+#include "py/cstack.h"
 #include "py/objexcept.h"
 #include "py/objlist.h"
 #include "py/runtime.h"
@@ -106,7 +107,7 @@ static int items_of(mp_obj_t value, size_t *n, mp_obj_t **items)
 /* Apply an operator to two values of the same shape, or to a value and a number. */
 static mp_obj_t zip(mp_binary_op_t op, mp_obj_t a, mp_obj_t b)
 {
-    MP_STACK_CHECK();
+    mp_cstack_check();
     size_t n = 0, m = 0;
     mp_obj_t *x = NULL, *y = NULL;
     const int rows = items_of(a, &n, &x), others = items_of(b, &m, &y);
@@ -142,7 +143,7 @@ typedef enum Change { NEGATIVE, ABSOLUTE, POWER } Change;
 /* Change each number of a value. n: for POWER. */
 static mp_obj_t map(Change change, mp_obj_t value, mp_obj_t n, double exponent)
 {
-    MP_STACK_CHECK();
+    mp_cstack_check();
     size_t length;
     mp_obj_t *items;
     if (!items_of(value, &length, &items)) {
