@@ -44,13 +44,19 @@ def _differences(mission: Mission, flight: Any, lines: list[str]) -> Iterator[st
     for name in theirs.get("module", []):
         if name not in modules:
             yield f"the script there makes {name.replace(' ', ', a ')}, and here not"
+    outside = [end for message in mission.inputs for end in message.ends]   # what comes there may be there already
     memory = {name: bytearray(objects.struct(one).size) for name, one in flight.instances.items()}
     for line in theirs.get("bytes", []):
         name, offset, raw = line.split()
         at = int(offset)
         memory[name][at:at + len(raw) // 2] = bytes.fromhex(raw)
     for name, one in flight.instances.items():
-        yield from _in_memory(f"{flight.name}.{name}", one, objects.memory(one), bytes(memory[name]))
+        here, there = bytearray(objects.memory(one)), memory[name]
+        for field in objects.struct(one).fields:
+            if f"{flight.name}.{name}.{field.name}" in outside and field.group == "in":
+                for each in (here, there):
+                    each[field.offset:field.offset + field.size] = bytes(field.size)
+        yield from _in_memory(f"{flight.name}.{name}", one, here, there)
 
     ours = expected(mission, flight)
     for line in sorted(set(ours["wire"]) ^ set(theirs.get("wire", []))):
@@ -72,7 +78,7 @@ def _bytewise(event: str, place: str, raw: str) -> Iterator[str]:
         yield f"{event} {module}+{int(offset) + i} {byte:02x}"
 
 
-def _in_memory(path: str, instance: Any, here: bytes, there: bytes) -> Iterator[str]:
+def _in_memory(path: str, instance: Any, here: bytearray, there: bytearray) -> Iterator[str]:
     for at, (a, b) in enumerate(zip(here, there)):
         if a != b:
             expression, field, _ = locate(objects.struct(instance), at, path)
