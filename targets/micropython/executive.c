@@ -3,10 +3,15 @@
 
 #include "flight/exec/message.h"
 #include "targets/micropython/arena.h"
+#include "targets/micropython/update.h"
 
 #include <string.h>
 
 Executive executive;
+int64_t (*executive_clock)(void);
+
+static uint8_t texts[2048];
+TelemetryTexts executive_texts = {texts, sizeof texts, 0u, 0u};
 
 /* --- texts ----------------------------------------------------------------------------------------- */
 
@@ -553,6 +558,16 @@ void executive_init(void)
     executive.composed = 1u;
     arena_in_use->locked = 1;
     executive_restart(0);
+    why = update_failure();
+    if (why != NULL) { /* a reset of the script's */
+        (void)strncat(failure, why, sizeof failure - 1u);
+        executive = (Executive){0};
+    }
+}
+
+void executive_figures(void (*sink)(const char *text))
+{
+    update_figures(sink);
 }
 
 /* --- describing ------------------------------------------------------------------------------------ */

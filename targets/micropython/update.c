@@ -3,7 +3,6 @@
 
 #include "targets/micropython/executive.h"
 #include "targets/micropython/script.h"
-#include "targets/mission_host.h"
 
 #include "py/runtime.h"
 
@@ -57,10 +56,10 @@ static void tell(Update *u, int64_t t)
     const mp_print_t print = script_text(&text);
     objects_print_path(&print, &u->module->node);
     mp_printf(&print, ", failure %u: %s", (unsigned)u->failures, why);
-    if ((crc != u->crc || u->failures >= 2u * u->told) && fledge_mission.telemetry->texts != NULL) {
+    if (crc != u->crc || u->failures >= 2u * u->told) {
         u->crc = crc;
         u->told = u->failures;
-        telemetry_text(fledge_mission.telemetry->texts, t, TELEMETRY_SCRIPT, 0u, script_error_line(), u->failure);
+        telemetry_text(&executive_texts, t, TELEMETRY_SCRIPT, 0u, script_error_line(), u->failure);
     }
 }
 
@@ -88,9 +87,9 @@ static void call(Update *u, mp_obj_t function, size_t n, Tick t)
 static void run_update(void *self, Tick t)
 {
     Update *u = self;
-    const int64_t start = mission_host_clock != NULL ? mission_host_clock() : 0;
+    const int64_t start = executive_clock != NULL ? executive_clock() : 0;
     call(u, u->module->update, 3u, t);
-    const int64_t time = mission_host_clock != NULL ? mission_host_clock() - start : 0;
+    const int64_t time = executive_clock != NULL ? executive_clock() - start : 0;
     u->longest = time > u->longest ? time : u->longest;
     u->total += time;
     u->calls++;

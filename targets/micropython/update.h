@@ -15,6 +15,12 @@ enum { UPDATE_TURNS = 10000 }; /* of loops and returns of functions in one updat
 /** A module with functions of the script has its place: the executive calls them from now on. */
 void update_install(ScriptRoot *module);
 
+/** Forget those of an earlier start. */
+void update_begin(void);
+
+/** NULL, or the text of a failure that there was. */
+const char *update_failure(void);
+
 /** The module whose function runs now, or NULL. */
 const ScriptRoot *update_running(void);
 
