@@ -591,6 +591,18 @@ void objects_store(ScriptNode *node, const ScriptField *field, mp_obj_t value)
     }
 }
 
+/* Long texts of a script are no qstrs. */
+static const mp_map_elem_t *named(const mp_map_t *values, const char *name)
+{
+    for (size_t i = 0; i < values->alloc; i++) {
+        if (mp_map_slot_is_filled(values, i) && mp_obj_is_str(values->table[i].key) &&
+            !strcmp(mp_obj_str_get_str(values->table[i].key), name)) {
+            return &values->table[i];
+        }
+    }
+    return NULL;
+}
+
 qstr assign_all(ScriptNode *node, mp_map_t *values, const qstr *apart)
 {
     const ScriptType *type = node->type;
@@ -599,9 +611,7 @@ qstr assign_all(ScriptNode *node, mp_map_t *values, const qstr *apart)
     for (int pass = 0; pass < 1 + waiting; pass++) {
         for (uint32_t i = 0; i < type->n; i++) {
             const ScriptField *field = &type->fields[i];
-            const qstr name = qstr_find_strn(field->name, strlen(field->name));
-            mp_map_elem_t *value =
-                name == MP_QSTRnull ? NULL : mp_map_lookup(values, MP_OBJ_NEW_QSTR(name), MP_MAP_LOOKUP);
+            const mp_map_elem_t *value = named(values, field->name);
             if (!value || (pass && (field->count == SCRIPT_NO_FIELD || given(node, i)))) {
                 continue;
             }
