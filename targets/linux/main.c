@@ -185,6 +185,9 @@ static void report(const Options *o, int no_fifo, int no_lock)
     printf("ticks %" PRIu32 "\ncpu_ns %.0f\ncpu_ns_most %" PRId64 "\n", runner.ticks, mean, runner.cpu_most);
     printf("refused %" PRIu32 "\ncorrupt %" PRIu32 "\nsaturated %" PRIu32 "\nskipped %" PRIu32 "\n",
            runner.counts.refused, runner.counts.corrupt, runner.counts.saturated, runner.counts.skipped);
+    if (fledge_mission.figures != NULL) {
+        fledge_mission.figures(print_line);
+    }
     if (!o->clock) {
         return;
     }
@@ -286,6 +289,9 @@ int main(int argc, char **argv)
     action.sa_handler = SIG_IGN; /* a record that reaches the limit on file sizes is an error of writing */
     (void)sigaction(SIGXFSZ, &action, NULL);
 
+    if (fledge_mission.clock != NULL) {
+        *fledge_mission.clock = pace_now;
+    }
     fledge_mission.init();
     if (fledge_mission.failure != NULL && fledge_mission.failure() != NULL) {
         return complain("script", fledge_mission.failure());

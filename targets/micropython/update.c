@@ -11,11 +11,11 @@
 typedef struct Update {
     struct Update *next;
     ScriptRoot *module;
-    uint8_t *before; ///< what its memory was before a call
-    char failure[160];
-    uint32_t turns; ///< that a call may take
+    uint8_t *before;   ///< what its memory was before a call
+    char failure[200]; ///< why the last call failed that did
+    uint32_t turns;    ///< that a call may take
     uint32_t most_turns;
-    uint32_t calls, failures;
+    uint32_t updates, failures;
     uint32_t told;          ///< failures up to the last text of telemetry
     uint16_t crc;           ///< of that text
     int64_t longest, total; ///< [ns]
@@ -48,18 +48,20 @@ static void undo(const Update *u)
     }
 }
 
+/* Keep why a call failed, and tell the ground. */
 static void tell(Update *u, int64_t t)
 {
-    const char *why = script_error();
-    const uint16_t crc = command_crc((const uint8_t *)why, (uint32_t)strlen(why));
-    ScriptText text = {u->failure, sizeof u->failure, 0u};
-    const mp_print_t print = script_text(&text);
-    objects_print_path(&print, &u->module->node);
-    mp_printf(&print, ", failure %u: %s", (unsigned)u->failures, why);
+    const uint16_t crc = command_crc((const uint8_t *)script_error(), (uint32_t)strlen(script_error()));
+    (void)strncpy(u->failure, script_error(), sizeof u->failure - 1u);
     if (crc != u->crc || u->failures >= 2u * u->told) {
+        char memory[sizeof u->failure + 100u];
+        ScriptText text = {memory, sizeof memory, 0u};
+        const mp_print_t print = script_text(&text);
+        objects_print_path(&print, &u->module->node);
+        mp_printf(&print, ", failure %u: %s", (unsigned)u->failures, u->failure);
+        telemetry_text(&executive_texts, t, TELEMETRY_SCRIPT, 0u, script_error_line(), memory);
         u->crc = crc;
         u->told = u->failures;
-        telemetry_text(&executive_texts, t, TELEMETRY_SCRIPT, 0u, script_error_line(), u->failure);
     }
 }
 
@@ -92,7 +94,7 @@ static void run_update(void *self, Tick t)
     const int64_t time = executive_clock != NULL ? executive_clock() - start : 0;
     u->longest = time > u->longest ? time : u->longest;
     u->total += time;
-    u->calls++;
+    u->updates++;
 }
 
 static void run_reset(void *self)
@@ -107,6 +109,7 @@ static void run_reset(void *self)
 void update_begin(void)
 {
     updates = NULL;
+    running = NULL;
 }
 
 void update_install(ScriptRoot *module)
@@ -193,15 +196,16 @@ void update_figures(void (*line)(const char *text))
         char memory[sizeof u->failure + 200u];
         ScriptText text = {memory, sizeof memory, 0u};
         const mp_print_t print = script_text(&text);
-        mp_print_str(&print, "script ");
         objects_print_path(&print, &u->module->node);
-        mp_printf(&print, " updates %u failures %u turns %u of %u", (unsigned)u->calls, (unsigned)u->failures,
-                  (unsigned)u->most_turns, (unsigned)u->turns);
-        mp_printf(&print, " longest_ns %lld total_ns %lld", (long long)u->longest, (long long)u->total);
+        mp_printf(&print,
+                  " %u updates of the script, %u calls failed; at most %u of %u turns; longest %lld ns, all %lld ns",
+                  (unsigned)u->updates, (unsigned)u->failures, (unsigned)u->most_turns, (unsigned)u->turns,
+                  (long long)u->longest, (long long)u->total);
         line(memory);
         if (u->failures > 0u) {
             (void)script_text(&text);
-            mp_printf(&print, "script_failure %s", u->failure);
+            objects_print_path(&print, &u->module->node);
+            mp_printf(&print, ".failure %s", u->failure);
             line(memory);
         }
     }
