@@ -44,8 +44,7 @@ def profile(options: argparse.Namespace) -> int:
     from fledge.columns import columns
     from fledge.errors import Failure
     from fledge.export.write import write_files
-    from fledge.profile import page
-    from fledge.profile.measure import profile as measure
+    from fledge.profile import page, profile as measure
     from fledge.targets import Job
 
     names = list(dict.fromkeys(filter(None, map(str.strip, options.on.split(",")))))

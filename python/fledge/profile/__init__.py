@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What flight costs on a target: memory, code, instructions and time, initialisation and loop apart.
 
+    run.py        a profile of each target
     measure.py    what is measured of a target, and what of it must not grow
     process.py    a process on this machine, by Valgrind, with the inputs of the closed loop
     board.py      a LEON3 board, by the emulator, in the closed loop
@@ -10,6 +11,7 @@
     page.py       the tables and plots on one HTML page
 """
 
-from fledge.profile.measure import Profile, profile
+from fledge.profile.measure import Profile
+from fledge.profile.run import profile
 
 __all__ = ["Profile", "profile"]

@@ -34,13 +34,13 @@ os._exit(0)
 """
 
 
-def measure(target: Any, part: Part) -> Profile:
+def measure(target: Any, part: Part, record: Path) -> Profile:
     job = part.job
     folder = (part.folder / "profile_desktop").resolve()
     folder.mkdir(parents=True, exist_ok=True)
     cycles = len(part.instants)
 
-    def command(duration: float) -> list[str]:
+    def command(duration: float | None) -> list[str]:
         return [sys.executable, "-P", "-c", PROGRAM.format(mission=mission_of(job), parameters=job.parameters,
                                                            seed=job.seed, duration=duration)]
 

@@ -5,14 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-from fledge.errors import Failure
-from fledge.targets import TARGETS, Job, Target
-
-if TYPE_CHECKING:
-    from fledge.targets import Part
+from typing import Any
 
 GROWTH = 0.02       # of the instructions per cycle, from the first third of the loop to the last
 Points = list[tuple[int, float]]    # (cycle, value)
@@ -88,40 +81,3 @@ def _mean(points: Points, begin: int, end: int, cycles: int) -> float | None:
     stops = [*(cycle for cycle, _ in points[1:]), cycles]
     total = sum(value * max(0, min(stop, end) - max(start, begin)) for (start, value), stop in zip(points, stops))
     return total / (end - begin)
-
-
-def profile(job: Job, names: Sequence[str], process: str | None = None) -> list[Profile]:
-    """Profile a flight process of a job on these targets; None: the only one."""
-    if process is None and len(job.parts) > 1:
-        raise Failure(f"{job.title} has several flight processes; choose one with --process: "
-                      + ", ".join(one.process for one in job.parts))
-    part = job.part(process) if process else job.parts[0]
-    for name in names:
-        if name not in TARGETS or TARGETS[name].profiled_by not in METHODS:
-            can = [one.name for one in TARGETS.values() if one.profiled_by]
-            raise Failure(f"profile: cannot profile on '{name}'; there are {', '.join(can)}")
-        if missing := TARGETS[name].missing():
-            raise Failure(f"profile: {name} needs {' and '.join(missing)}, not installed here")
-    flown = TARGETS["desktop"].fly(job)[part.process]
-    return [METHODS[TARGETS[name].profiled_by](TARGETS[name], part, flown.record) for name in names]
-
-
-def _process(target: Target, part: Part, record: Path) -> Profile:
-    from fledge.profile import process
-
-    return process.measure(target, part, record)
-
-
-def _board(target: Target, part: Part, record: Path) -> Profile:
-    from fledge.profile import board
-
-    return board.measure(target, part, record)
-
-
-def _desktop(target: Target, part: Part, record: Path) -> Profile:
-    from fledge.profile import desktop
-
-    return desktop.measure(target, part)
-
-
-METHODS = {"process": _process, "board": _board, "desktop": _desktop}

@@ -6,6 +6,7 @@ import io
 from base64 import b64encode
 from collections.abc import Callable, Sequence
 from datetime import datetime, timezone
+from functools import partial
 from typing import Any
 
 from fledge.profile.measure import Profile
@@ -74,7 +75,7 @@ def _parts(found: Sequence[Profile]) -> list[str]:
 
 # --- the page --------------------------------------------------------------------------------------
 
-def page(mission: str, scenario: str, duration: float, found: Sequence[Profile]) -> str:
+def page(mission: str, scenario: str, duration: float | None, found: Sequence[Profile]) -> str:
     """The page as text."""
     from fledge import __version__
     from fledge.report.run import templates
@@ -98,15 +99,15 @@ def _figures(found: Sequence[Profile]) -> list[tuple[str, str, bytes]]:
     for one in found:
         if one.init_heap or one.loop_heap:
             note = f"At most {_bytes(one.init_heap)} in initialisation, {_bytes(one.loop_heap)} in the loop."
-            plots.append((f"Heap over time, {one.target}", note, _png(lambda axes, p=one: _heap(axes, p))))
+            plots.append((f"Heap over time, {one.target}", note, _png(partial(_heap, one))))
     counted = [one for one in found if one.instructions]
     if counted:
         plots.append(("Instructions per cycle", "The mean of the cycles between two marks; on a logarithmic scale, the "
-                      "targets side by side.", _png(lambda axes: _instructions(axes, counted))))
+                      "targets side by side.", _png(partial(_instructions, counted))))
     coded = [one for one in found if one.code]
     if coded:
         plots.append(("Code and constants by part", "What the linker took, by the folder of its source.",
-                      _png(lambda axes: _code(axes, coded), 0.8 + 0.5 * len(coded))))
+                      _png(partial(_code, coded), 0.8 + 0.5 * len(coded))))
     return plots
 
 
@@ -124,7 +125,7 @@ def _png(draw: Callable[[Any], None], height: float = 2.4) -> bytes:
     return out.getvalue()
 
 
-def _heap(axes: Any, one: Profile) -> None:
+def _heap(one: Profile, axes: Any) -> None:
     """The start stands left of cycle 0, in a strip of its own."""
     peak = max(one.init_heap or 0, one.loop_heap or 0)
     scale, unit = (1024, "KiB") if peak >= 4096 else (1, "B")
@@ -138,7 +139,7 @@ def _heap(axes: Any, one: Profile) -> None:
     axes.legend(loc="upper right", ncols=2)
 
 
-def _instructions(axes: Any, found: Sequence[Profile]) -> None:
+def _instructions(found: Sequence[Profile], axes: Any) -> None:
     for one in found:
         cycles = [100 * cycle / one.cycles for cycle, _ in one.instructions] + [100]
         counts = [count for _, count in one.instructions]
@@ -149,7 +150,7 @@ def _instructions(axes: Any, found: Sequence[Profile]) -> None:
     axes.legend(loc="upper right", ncols=len(found))
 
 
-def _code(axes: Any, found: Sequence[Profile]) -> None:
+def _code(found: Sequence[Profile], axes: Any) -> None:
     left = [0.0] * len(found)
     names = [one.target for one in found]
     for part in _parts(found):

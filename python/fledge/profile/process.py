@@ -76,8 +76,8 @@ def measure(target: Any, part: Part, record: Path) -> Profile:
         return next((used for tick, used, _ in reversed(script) if tick <= at), 0)
 
     heap: dict[int, int] = {mark: 0 for mark in marks}
-    for one in during:
-        heap[cycle(one.time)] = max(heap[cycle(one.time)], one.heap)
+    for seen in during:
+        heap[cycle(seen.time)] = max(heap[cycle(seen.time)], seen.heap)
     held = 0
     for mark in marks:      # Massif writes a snapshot only now and then
         held = heap[mark] = heap[mark] or held

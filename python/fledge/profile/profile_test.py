@@ -7,7 +7,7 @@ import shutil
 import pytest
 
 from fledge import cli
-from fledge.profile import Profile, code, measure, valgrind
+from fledge.profile import Profile, code, process, run, valgrind
 from fledge.targets import TARGETS, build
 from fledge.targets.target import Linux
 
@@ -52,10 +52,9 @@ class Planted(Linux):
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "around.c").write_text(
             "#include \"targets/mission_host.h\"\n#include <stdlib.h>\n"
-            "void __real_mission_host_exchange(const MissionHost *, const RegisterWindow *, int64_t, MissionIoCounts *);\n"
-            "void __wrap_mission_host_exchange(const MissionHost *h, const RegisterWindow *w, int64_t t, MissionIoCounts *c);\n"
-            "static volatile unsigned n;\nstatic void *volatile kept;\n"
-            "void __wrap_mission_host_exchange(const MissionHost *h, const RegisterWindow *w, int64_t t, MissionIoCounts *c)\n"
+            "#define WITH const MissionHost *h, const RegisterWindow *w, int64_t t, MissionIoCounts *c\n"
+            "void __real_mission_host_exchange(WITH);\nvoid __wrap_mission_host_exchange(WITH);\n"
+            "static volatile unsigned n;\nstatic void *volatile kept;\nvoid __wrap_mission_host_exchange(WITH)\n"
             "{\n    " + self.text + "\n    __real_mission_host_exchange(h, w, t, c);\n}\n")
         sources = [*part.sources(), *(build.ROOT / path for path in build.RUNNER), (folder / "around.c").resolve()]
         return build.program(folder, part.mission.name, sources, part.includes(), flags=["-fno-pie"],
@@ -71,18 +70,12 @@ def test_what_grows_is_found(tmp_path, monkeypatch, capsys, text, wrong):
     planted = Planted()
     planted.text = text
     monkeypatch.setitem(TARGETS, "planted", planted)
-    monkeypatch.setattr(measure_process(), "LOOP", ("__wrap_mission_host_exchange", "mission_record_take"))
+    monkeypatch.setattr(process, "LOOP", ("__wrap_mission_host_exchange", "mission_record_take"))
     assert cli.main(["profile", "inertial_spin", "--free", "--for", "15s", "--on", "planted", "--out",
                      str(tmp_path)]) == 1
     said = capsys.readouterr().err
     assert re.search(f"fledge: planted: {wrong}", said), said
     assert re.search(wrong.partition("(")[0], (tmp_path / "profile.html").read_text())
-
-
-def measure_process():
-    from fledge.profile import process
-
-    return process
 
 
 def flight(instructions, heap, **more):
@@ -140,4 +133,4 @@ def test_wrong_words_are_refused(tmp_path, capsys, arguments, wrong):
     words = ["profile", "inertial_spin", "--out", str(tmp_path), *arguments]
     assert cli.main(words if "--for" in arguments or "--free" in arguments else [*words, "--for", "1s"]) == 2
     assert wrong in capsys.readouterr().err
-    assert measure.METHODS.keys() >= {one.profiled_by for one in TARGETS.values()} - {""}
+    assert run.METHODS.keys() >= {one.profiled_by for one in TARGETS.values()} - {""}

@@ -52,8 +52,8 @@ def program(folder: Path | str, name: str, sources: Sequence[Path], includes: Se
             machine: Sequence[str] = ()) -> Path:
     """Build an executable or shared object from C in a folder of its own; returns its path.
 
-    NAME.o beside it is the same without the C library, for `sizes`; NAME.map is what the linker took. link: words; a Path is a file on which the program
-    depends. machine: flags that select the compiler's machine.
+    NAME.o beside it is the same without the C library, for `sizes`; NAME.map is what the linker took. link: words; a
+    Path is a file on which the program depends. machine: flags that select the compiler's machine.
     """
     folder = Path(folder)
     if not shutil.which(compiler):
