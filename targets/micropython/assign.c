@@ -5,7 +5,7 @@
 
 #include "targets/micropython/units.h"
 
-#include "py/runtime.h"
+#include <py/runtime.h>
 
 #include <string.h>
 

@@ -6,9 +6,9 @@
 #include "targets/micropython/assign.h"
 #include "targets/micropython/update.h"
 
-#include "py/objexcept.h"
-#include "py/objlist.h"
-#include "py/runtime.h"
+#include <py/objexcept.h>
+#include <py/objlist.h>
+#include <py/runtime.h>
 
 #include <stdarg.h>
 #include <string.h>

@@ -6,9 +6,9 @@
 #include "targets/micropython/script.h"
 #include "targets/micropython/update.h"
 
-#include "py/builtin.h"
-#include "py/objtuple.h"
-#include "py/runtime.h"
+#include <py/builtin.h>
+#include <py/objtuple.h>
+#include <py/runtime.h>
 
 #include <string.h>
 
