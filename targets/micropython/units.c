@@ -6,7 +6,6 @@
 #include "py/cstack.h"
 #include "py/objexcept.h"
 #include "py/objlist.h"
-#include "py/cstack.h"
 #include "py/runtime.h"
 
 #include <string.h>
