@@ -6,6 +6,7 @@
 #include "py/cstack.h"
 #include "py/objexcept.h"
 #include "py/objlist.h"
+#include "py/cstack.h"
 #include "py/runtime.h"
 
 #include <string.h>
