@@ -16,6 +16,10 @@ class Module:
         """Forget what was learnt from earlier updates, as at the start of a run."""
     def update(self, t: float = ..., dt: float = ..., *, t_ns: int | None = ..., dt_ns: int | None = ...) -> None:
         """Run the algorithm once: read the inputs, write the outputs."""
+    def publish(self, output: Message, /, quality: Any = ...) -> None:
+        """In an update in Python: the output was written, for the time of this update."""
+    def held(self, output: Message, /) -> None:
+        """In an update in Python: the output could not be computed anew, and keeps its last content."""
 
 class Model:
     """A model of the world. Some have properties besides their parameters, such as `parts` and `gravity`."""

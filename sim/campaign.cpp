@@ -300,6 +300,11 @@ bool has_callables(const Simulation &simulation)
                 return true;
             }
         }
+        for (const auto &instance : process->instances()) {
+            if (instance->script.update) {
+                return true;
+            }
+        }
     }
     return false;
 }

@@ -75,7 +75,7 @@ struct CampaignProgress {
     std::size_t failed = 0;
 };
 
-/// Whether an event has a callable. Callables may share data, so threads must not fly such runs.
+/// Whether an event or a module has a callable. Callables may share data, so threads must not fly such runs.
 bool has_callables(const Simulation &simulation);
 
 /// Throws SetupError on a path that is no dispersible parameter (with the valid ones), elements

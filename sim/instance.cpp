@@ -41,12 +41,33 @@ Instance::Instance(const ModelType &type)
 {
 }
 
+// The tables hold a module's functions without their argument's type. All of them take one pointer
+// to a struct, which every ABI that we fly on passes alike.
+
+void Instance::reset()
+{
+    reinterpret_cast<void (*)(void *)>(type_->reset)(memory());
+    if (script.reset) {
+        script.reset(*this);
+    }
+}
+
+void Instance::update(Tick tick)
+{
+    if (script.update) {
+        script.update(*this, tick);
+    } else {
+        reinterpret_cast<void (*)(void *, Tick)>(type_->update)(memory(), tick);
+    }
+}
+
 std::shared_ptr<Instance> Instance::clone() const
 {
     auto other = model_type_ ? std::make_shared<Instance>(*model_type_) : std::make_shared<Instance>(*type_);
     other->name = name;
     other->path = path;
     other->given = given;
+    other->script = script;
     std::memcpy(other->memory(), memory(), type_->size);
     return other;
 }

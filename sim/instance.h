@@ -4,6 +4,7 @@
 
 #include "sim/model.h"
 
+#include <functional>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -11,9 +12,18 @@
 
 namespace fledge::sim {
 
+class Instance;
+
+/// Functions of the user's that a module runs: `update` in place of its type's, `reset` after its type's. A clone has
+/// copies of them.
+struct Script {
+    std::function<void(Instance &, Tick)> update; ///< empty: the type's
+    std::function<void(Instance &)> reset;        ///< may be empty
+};
+
 /// Owns the C struct of a module or the interface of a model. The memory is zeroed, aligned to 64 bytes,
 /// and never moves while the instance lives.
-class Instance {
+class Instance : public std::enable_shared_from_this<Instance> {
 public:
     /// A flight module. Throws SetupError if the type is not a module.
     explicit Instance(const FledgeStruct &type);
@@ -32,6 +42,12 @@ public:
 
     /// Which fields the user has set, by index in the table of the type.
     std::vector<bool> given;
+
+    Script script; ///< of a flight module
+
+    /// Run a flight module's functions.
+    void reset();
+    void update(Tick tick);
 
     /// A new instance of the same type with the same bytes; a model's set-up is not copied.
     std::shared_ptr<Instance> clone() const;

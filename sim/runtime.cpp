@@ -50,27 +50,22 @@ void update_model(void *model, Tick tick)
     static_cast<Model *>(model)->update(tick);
 }
 
-/// The tables hold a module's functions without their argument's type. All of them take one pointer
-/// to a struct, which every ABI that we fly on passes alike.
-using ModuleReset = void (*)(void *);
-using ModuleUpdate = void (*)(void *, Tick);
+void update_script(void *module, Tick tick)
+{
+    static_cast<Instance *>(module)->update(tick);
+}
 
 void update_playback(void *playback, Tick tick)
 {
     static_cast<Playback *>(playback)->at(tick.t);
 }
 
-ModuleUpdate update_of(const Instance &module)
-{
-    return reinterpret_cast<ModuleUpdate>(module.type().update);
-}
-
-void reset_instance(const Instance &instance, Ns t)
+void reset_instance(Instance &instance, Ns t)
 {
     if (instance.model()) {
         instance.model()->reset(t);
     } else {
-        reinterpret_cast<ModuleReset>(instance.type().reset)(instance.memory());
+        instance.reset();
     }
 }
 
@@ -147,8 +142,12 @@ Runtime::Runtime(const Structure &built, Roles roles, Recorder &recorder)
                     steps_.push_back({update_playback, &process->playback().at(instance.get()), first, last});
                 } else if (Model *model = instance->model()) {
                     steps_.push_back({update_model, model, first, last});
+                } else if (instance->script.update) {
+                    steps_.push_back({update_script, instance.get(), first, last});
                 } else {
-                    steps_.push_back({update_of(*instance), instance->memory(), first, last});
+                    // Straight to the type's function, as Instance::update() calls it.
+                    const auto update = reinterpret_cast<void (*)(void *, Tick)>(instance->type().update);
+                    steps_.push_back({update, instance->memory(), first, last});
                 }
             }
             entry.last_step = static_cast<std::uint32_t>(steps_.size());
@@ -348,7 +347,7 @@ void Runtime::publish(const Instance &instance, Ns t)
 void Runtime::publish(Configuration &module, Ns t)
 {
     module.changed = 0;
-    update_of (*module.instance)(module.instance->memory(), {t, 0});
+    module.instance->update({t, 0});
     for (const Copy &copy : module.copies) {
         carry(copy, t);
     }

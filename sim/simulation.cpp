@@ -99,7 +99,12 @@ void Simulation::prepare()
     }
     faults.raise();
     runtime_ = std::make_unique<Runtime>(structure_, std::move(roles), recorder_);
-    runtime_->reset();
+    try {
+        runtime_->reset();
+    } catch (...) { // a script's reset
+        runtime_.reset();
+        throw;
+    }
     recorder_.reset();
     if (const std::string coincident = coincident_inputs(structure_); !coincident.empty()) {
         runtime_.reset();

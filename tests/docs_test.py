@@ -117,19 +117,16 @@ def test_existing_code_is_wrapped_and_flown(tmp_path):
 
 
 @pytest.mark.skipif(not shutil.which("mcs"), reason="mono-mcs is not installed")
-@pytest.mark.skipif(os.environ.get("FLEDGE_PRESET") == "asan", reason="Mono takes no sanitizer in its memory")
 def test_programs_are_joined_into_one_simulation(tmp_path):
     assert follow("cosim.md", Shell(tmp_path)) >= 10
 
 
-@pytest.mark.skipif(os.environ.get("FLEDGE_PRESET") == "asan", reason="gdb hangs where the sanitizer is loaded first")
 def test_gdb_stops_in_flight_code(tmp_path):
     shell = Shell(tmp_path)
     shell.state.write_text(f"cd {ROOT}\nexport DEBUGINFOD_URLS=\n")
     assert follow("debugging.md", shell) == 2
 
 
-@pytest.mark.skipif(os.environ.get("FLEDGE_PRESET") == "asan", reason="gdb hangs where the sanitizer is loaded first")
 def test_a_leon3_is_looked_into(tmp_path):
     shell = Shell(tmp_path)
     shell.environment["DEBUGINFOD_URLS"] = ""
@@ -137,7 +134,6 @@ def test_a_leon3_is_looked_into(tmp_path):
 
 
 @pytest.mark.skipif(not importlib.util.find_spec("myst_parser"), reason="python3-myst-parser is not installed")
-@pytest.mark.skipif(os.environ.get("FLEDGE_PRESET") == "asan", reason="Sphinx loads the extension")
 def test_the_pages_and_the_reference_build_without_a_warning(tmp_path):
     printed, status = Shell(tmp_path).run("fledge docs")
     assert status == 0, printed

@@ -9,10 +9,6 @@ import pytest
 
 from tests.tree import ROOT, files
 
-# One build is enough for what depends on the text alone.
-pytestmark = pytest.mark.skipif(os.environ.get("FLEDGE_PRESET", "release") != "release", reason="the release shows it")
-
-
 # clang-tidy reads some sources here, because all of them take minutes. .clang-tidy has the command for all.
 TIDIED = ["flight/control/mrp_feedback.c", "flight/math/trig.c", "record/mcap.c", "registers/lane.c"]
 

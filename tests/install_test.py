@@ -16,7 +16,6 @@ import fledge
 from tests.tree import ROOT
 
 PRESET = os.environ.get("FLEDGE_PRESET", "release")
-pytestmark = pytest.mark.skipif(PRESET == "asan", reason="the layout does not depend on the sanitizer")
 
 # What a shell has that knows nothing of this tree.
 CLEAN = {"PATH": "/usr/bin:/bin", "HOME": "/nonexistent", "LANG": "C.UTF-8"}
@@ -205,7 +204,6 @@ def test_pip_builds_a_copied_tree_anew(tmp_path, monkeypatch, home, anew):
     assert (tmp_path / "build/release/old.o").exists() != anew
 
 
-@pytest.mark.skipif(PRESET != "release", reason="pip builds the release")
 def test_pip_installs_it_without_a_network(environment, tmp_path):
     subprocess.run([environment / "bin/pip", "install", "--quiet", "--no-index", ROOT], check=True)
     program = "import fledge; print(fledge.__file__, fledge.load('nadir_spin').name)"

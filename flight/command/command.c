@@ -3,16 +3,21 @@
 
 #include <string.h>
 
-enum { VERSION = 8, FIRST = 10, SECOND = 12, THIRD = 14, COUNT = 16 }; /* [bytes] places in a packet */
+enum { VERSION = 8, FIRST = 10, SECOND = 12, THIRD = 14, COUNT = 16, TURNS = 18 }; /* [bytes] places in a packet */
 
 static uint16_t word(const uint8_t *packet, uint32_t at)
 {
     return (uint16_t)(((uint32_t)packet[at] << 8) | packet[at + 1u]);
 }
 
+static uint32_t long_word(const uint8_t *packet, uint32_t at)
+{
+    return ((uint32_t)word(packet, at) << 16) | word(packet, at + 2u);
+}
+
 static uint32_t offset_of(const uint8_t *packet)
 {
-    return ((uint32_t)word(packet, SECOND) << 16) | word(packet, SECOND + 2);
+    return long_word(packet, SECOND);
 }
 
 static uint32_t length_of(const uint8_t *packet)
@@ -44,7 +49,7 @@ static void swap(const CommandBlock *block, uint8_t *bytes, uint32_t from, uint3
 
 static int has_length(uint32_t code, uint32_t n)
 {
-    static const uint8_t lengths[COMMAND_CODES] = {8u, 8u, 12u, 0u, 0u, 14u, 12u, 10u, 14u, 18u, 16u};
+    static const uint8_t lengths[COMMAND_CODES] = {8u, 8u, 12u, 0u, 0u, 14u, 12u, 10u, 14u, 18u, 16u, 0u, 22u, 12u, 0u};
     return lengths[code] != 0u ? n == lengths[code] : n > (uint32_t)COMMAND_DATA && n <= (uint32_t)COMMAND_MAX;
 }
 
@@ -70,6 +75,31 @@ static CommandReason check_block(const CommandTable *table, uint32_t code, const
     }
     return n > 0u && n <= (uint32_t)COMMAND_DATA_MAX && has_numbers(block, offset_of(packet), n) ? COMMAND_OK
                                                                                                  : COMMAND_PLACE;
+}
+
+static CommandReason check_procedure(const CommandProcedures *procedures, uint32_t code, const uint8_t *packet,
+                                     uint32_t n)
+{
+    if (procedures == NULL || (code == (uint32_t)COMMAND_EVALUATE && procedures->evaluates == 0u)) {
+        return COMMAND_ABSENT;
+    }
+    if (code == (uint32_t)COMMAND_EVALUATE) {
+        return word(packet, FIRST) != 0u || long_word(packet, SECOND) == 0u ? COMMAND_VALUE : COMMAND_OK;
+    }
+    if (word(packet, FIRST) >= procedures->n) {
+        return COMMAND_PLACE;
+    }
+    const uint32_t first = code == (uint32_t)COMMAND_STOP_PROCEDURE ? 0u : long_word(packet, SECOND);
+    switch (code) {
+    case COMMAND_STAGE_PROCEDURE:
+        return first <= procedures->room && n - (uint32_t)COMMAND_DATA <= procedures->room - first ? COMMAND_OK
+                                                                                                   : COMMAND_PLACE;
+    case COMMAND_START_PROCEDURE:
+        return first > procedures->room                        ? COMMAND_PLACE
+               : first == 0u || long_word(packet, TURNS) == 0u ? COMMAND_VALUE
+                                                               : COMMAND_OK;
+    default: return COMMAND_OK;
+    }
 }
 
 /* What does not depend on the commands before it. */
@@ -113,20 +143,29 @@ static CommandReason check(const CommandTable *table, const uint8_t *packet, uin
     case COMMAND_COMMIT:
     case COMMAND_PUBLISH:
     case COMMAND_READ: return check_block(table, code, packet, n);
+    case COMMAND_STAGE_PROCEDURE:
+    case COMMAND_START_PROCEDURE:
+    case COMMAND_STOP_PROCEDURE:
+    case COMMAND_EVALUATE: return check_procedure(table->procedures, code, packet, n);
     default: return COMMAND_OK;
+    }
+}
+
+static void count(CommandState *s, CommandReason reason, int executed)
+{
+    if (reason != COMMAND_OK) {
+        s->counters.refused++;
+        s->counters.reasons[reason]++;
+    } else if (executed) {
+        s->counters.executed++;
+    } else {
+        s->counters.accepted++;
     }
 }
 
 static void finish(CommandState *s, CommandReport *report, const uint8_t *data, CommandSink sink, void *user)
 {
-    if (report->reason != COMMAND_OK) {
-        s->counters.refused++;
-        s->counters.reasons[report->reason]++;
-    } else if (report->executed != 0u) {
-        s->counters.executed++;
-    } else {
-        s->counters.accepted++;
-    }
+    count(s, (CommandReason)report->reason, report->executed != 0u);
     sink(user, report, data);
 }
 
@@ -193,18 +232,46 @@ static CommandReason check_change(const CommandState *s, const CommandBlock *blo
     return COMMAND_OK;
 }
 
-static CommandReason write_parameters(const CommandState *s, const CommandBlock *block, uint8_t *memory,
-                                      const uint8_t *packet, uint16_t *detail)
+/* big_endian: 1: so are the bytes; 0: they are as in memory. */
+static CommandReason write_parameters(const CommandState *s, const CommandBlock *block, uint8_t *memory, uint32_t at,
+                                      const uint8_t *bytes, uint32_t n, int big_endian, uint16_t *detail)
 {
     uint8_t before[COMMAND_DATA_MAX];
-    const uint32_t at = offset_of(packet), n = length_of(packet) - (uint32_t)COMMAND_DATA;
     memcpy(before, memory + at, n);
-    memcpy(memory + at, packet + COMMAND_DATA, n);
-    swap(block, memory + at, at, at + n);
+    memcpy(memory + at, bytes, n);
+    if (big_endian) {
+        swap(block, memory + at, at, at + n);
+    }
     const CommandReason reason = check_change(s, block, before, memory, at, n, detail);
     if (reason != COMMAND_OK) {
         memcpy(memory + at, before, n);
     }
+    return reason;
+}
+
+CommandReason command_write(CommandState *s, const CommandTable *table, void *mission, uint16_t module, uint32_t at,
+                            const uint8_t *bytes, uint32_t n, uint16_t *detail)
+{
+    CommandReason reason = COMMAND_PLACE;
+    if (module < table->n_blocks && n > 0u && n <= (uint32_t)COMMAND_DATA_MAX &&
+        has_numbers(&table->blocks[module], at, n)) {
+        const CommandBlock *block = &table->blocks[module];
+        reason = write_parameters(s, block, table->parameters(mission, module), at, bytes, n, 0, detail);
+        if (reason == COMMAND_OK && block->configuration != 0u) {
+            table->publish(mission, module, s->t);
+        }
+    }
+    count(s, reason, 1);
+    return reason;
+}
+
+CommandReason command_enter(CommandState *s, const CommandTable *table, void *mission, uint16_t mode)
+{
+    const CommandReason reason = mode < table->n_modes ? COMMAND_OK : COMMAND_PLACE;
+    if (reason == COMMAND_OK) {
+        table->enter(mission, mode);
+    }
+    count(s, reason, 1);
     return reason;
 }
 
@@ -240,6 +307,15 @@ static CommandReason commit(CommandState *s, const CommandTable *table, uint8_t 
     return reason;
 }
 
+static CommandReason start(const CommandProcedures *procedures, const uint8_t *packet, uint16_t sequence)
+{
+    const uint16_t slot = word(packet, FIRST);
+    const uint32_t n = long_word(packet, SECOND);
+    return command_crc(procedures->slots + slot * procedures->room, n) != word(packet, COUNT)
+               ? COMMAND_CRC
+               : procedures->start(slot, n, long_word(packet, TURNS), sequence);
+}
+
 static CommandReason execute(CommandState *s, const CommandTable *table, void *mission, const uint8_t *packet,
                              CommandReport *report, uint8_t *data)
 {
@@ -251,8 +327,10 @@ static CommandReason execute(CommandState *s, const CommandTable *table, void *m
     case COMMAND_COMMIT: {
         const CommandBlock *block = &table->blocks[place];
         uint8_t *memory = table->parameters(mission, place);
-        reason = report->code == COMMAND_WRITE ? write_parameters(s, block, memory, packet, &report->detail)
-                                               : commit(s, table, memory, packet, &report->detail);
+        reason = report->code == COMMAND_WRITE
+                     ? write_parameters(s, block, memory, offset_of(packet), packet + COMMAND_DATA,
+                                        length_of(packet) - (uint32_t)COMMAND_DATA, 1, &report->detail)
+                     : commit(s, table, memory, packet, &report->detail);
         if (reason == COMMAND_OK && block->configuration != 0u) {
             table->publish(mission, place, report->t);
         }
@@ -273,6 +351,16 @@ static CommandReason execute(CommandState *s, const CommandTable *table, void *m
         break;
     }
     case COMMAND_TELEMETRY: table->telemetry(mission, place, word(packet, SECOND) != 0u, word(packet, THIRD)); break;
+    case COMMAND_STAGE_PROCEDURE:
+        memcpy(table->procedures->slots + place * table->procedures->room + offset_of(packet), packet + COMMAND_DATA,
+               length_of(packet) - (uint32_t)COMMAND_DATA);
+        break;
+    case COMMAND_START_PROCEDURE: reason = start(table->procedures, packet, report->sequence); break;
+    case COMMAND_STOP_PROCEDURE: reason = table->procedures->stop(place, report->sequence); break;
+    case COMMAND_EVALUATE:
+        reason = table->procedures->evaluate(packet + COMMAND_DATA, length_of(packet) - (uint32_t)COMMAND_DATA,
+                                             offset_of(packet), report->sequence);
+        break;
     default: break;
     }
     return reason;

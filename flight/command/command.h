@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Commands to flight, on the desktop and on every target: request a mode, write parameters, publish configuration,
- * reset, arm or disarm an event, read back, set the rate of telemetry.
+ * reset, arm or disarm an event, read back, set the rate of telemetry, run procedures on board.
  *
  * A command is a CCSDS space packet with the command header of cFS (CCSDS 133.0-B-2; cFE's CFE_MSG_CommandHeader_t):
  *
@@ -11,11 +11,15 @@
  *          7  checksum: the XOR of all bytes of the packet is 0xFF
  *          8  the dictionary's version, then the arguments, each big-endian
  *
- * Arguments have 16 bits, but an offset, which has 32. Bytes of parameters are a part of the block `par` of the
- * module's header, from the beginning of a number to the end of one, each number big-endian, whatever the target. The
- * dictionary is what the export writes of a mission: its modes, modules with parameters, events and outputs, by their
- * places in its lists. Its version changes with their names and layouts, so that a command for another version is
- * refused.
+ * Arguments have 16 bits, but an offset, a length and a number of turns, which have 32. Bytes of parameters are a part
+ * of the block `par` of the module's header, from the beginning of a number to the end of one, each number big-endian,
+ * whatever the target. The dictionary is what the export writes of a mission: its modes, modules with parameters,
+ * events and outputs, by their places in its lists. Its version changes with their names and layouts, so that a command
+ * for another version is refused.
+ *
+ * A procedure is a program of the ground for the interpreter of the flight software, which reads telemetry, waits, and
+ * requests modes and writes parameters by the same checks. The ground stages its bytecode in a slot and starts it. In
+ * each instant it may take so many turns of its loops and calls; one that takes more is ended.
  *
  * A command is accepted when it arrives, and executed at the next instant of flight, before its tasks. Both are
  * reported with the command's sequence and a reason. What is refused changes nothing but counters. These functions do
@@ -34,17 +38,21 @@ extern "C" {
 
 /** Function codes, with the arguments behind the version. */
 typedef enum CommandCode {
-    COMMAND_NOOP = 0,           ///< none, and no version
-    COMMAND_RESET_COUNTERS = 1, ///< none, and no version
-    COMMAND_MODE = 2,           ///< mode
-    COMMAND_WRITE = 3,          ///< module, offset, bytes of its parameters; all rules must hold afterwards
-    COMMAND_STAGE = 4,          ///< the same, into a block that begins as zeros, and counts when it is committed
-    COMMAND_COMMIT = 5,         ///< module, command_crc of its whole staged block
-    COMMAND_PUBLISH = 6,        ///< module of the configuration
-    COMMAND_RESET_FLIGHT = 7,   ///< none; the parameters stay
-    COMMAND_ARM = 8,            ///< event, 1 or 0
-    COMMAND_READ = 9,           ///< module, offset, n: the report of the execution has n bytes
-    COMMAND_TELEMETRY = 10,     ///< output, n_outputs (housekeeping) or COMMAND_ALL; 1 or 0; every how many writings
+    COMMAND_NOOP = 0,             ///< none, and no version
+    COMMAND_RESET_COUNTERS = 1,   ///< none, and no version
+    COMMAND_MODE = 2,             ///< mode
+    COMMAND_WRITE = 3,            ///< module, offset, bytes of its parameters; all rules must hold afterwards
+    COMMAND_STAGE = 4,            ///< the same, into a block that begins as zeros, and counts when it is committed
+    COMMAND_COMMIT = 5,           ///< module, command_crc of its whole staged block
+    COMMAND_PUBLISH = 6,          ///< module of the configuration
+    COMMAND_RESET_FLIGHT = 7,     ///< none; the parameters stay
+    COMMAND_ARM = 8,              ///< event, 1 or 0
+    COMMAND_READ = 9,             ///< module, offset, n: the report of the execution has n bytes
+    COMMAND_TELEMETRY = 10,       ///< output, n_outputs (housekeeping) or COMMAND_ALL; 1 or 0; every how many writings
+    COMMAND_STAGE_PROCEDURE = 11, ///< slot, offset, bytes of a procedure
+    COMMAND_START_PROCEDURE = 12, ///< slot, length, command_crc of the procedure, turns in one instant
+    COMMAND_STOP_PROCEDURE = 13,  ///< slot
+    COMMAND_EVALUATE = 14,        ///< 0, turns, a line of text for the interpreter
     COMMAND_CODES
 } CommandCode;
 
@@ -56,20 +64,25 @@ typedef enum CommandReason {
     COMMAND_STREAM = 3,      ///< the id of another stream
     COMMAND_UNKNOWN = 4,     ///< no such function code
     COMMAND_VERSION = 5,     ///< for another version of the dictionary
-    COMMAND_PLACE = 6,       ///< no such mode, module, event or output, or bytes beyond the block or inside a number
-    COMMAND_VALUE = 7,       ///< an argument that must be 0 or 1, a rate of 0, or a module that publishes nothing
+    COMMAND_PLACE = 6,       ///< no such mode, module, event, output or slot; bytes beyond its end or inside a number
+    COMMAND_VALUE = 7,       ///< an argument that must be 0 or 1, a rate or a length or turns of 0, or a module that
+                             ///< publishes nothing
     COMMAND_RULE = 8,        ///< the parameters would break a rule of their header; detail: its place in the list
     COMMAND_INITIAL = 9,     ///< a change of an initial value after flight's first instant; detail: of its rule
     COMMAND_BUSY = 10,       ///< the commands that wait for the next instant leave no room
     COMMAND_NOT_STAGED = 11, ///< a commit without a stage, or of another module
-    COMMAND_CRC = 12,        ///< the staged block is not the one that the commit names
+    COMMAND_CRC = 12,        ///< what is staged is not what the commit or the start names
+    COMMAND_ABSENT = 13,     ///< this flight software has no interpreter, or none that evaluates text
+    COMMAND_RUNNING = 14,    ///< a procedure runs already; of a stop: that of the slot does not run
+    COMMAND_BYTECODE = 15,   ///< the procedure is not bytecode for this interpreter
+    COMMAND_FAILED = 16,     ///< the text was not evaluated to its end; a text of telemetry says why
     COMMAND_REASONS
 } CommandReason;
 
 enum {
     COMMAND_HEADER = 8,     ///< [bytes]
-    COMMAND_DATA = 16,      ///< [bytes] in front of the parameters in COMMAND_WRITE and COMMAND_STAGE
-    COMMAND_DATA_MAX = 512, ///< [bytes] of parameters in one command or report
+    COMMAND_DATA = 16,      ///< [bytes] in front of parameters, bytecode and text
+    COMMAND_DATA_MAX = 512, ///< [bytes] of them in one command or report
     COMMAND_MAX = COMMAND_DATA + COMMAND_DATA_MAX,
     COMMAND_ALL = 0xFFFF
 };
@@ -84,6 +97,17 @@ typedef struct CommandBlock {
     uint16_t configuration; ///< 1: the module publishes its parameters, and so does a change of them
     uint16_t spare;
 } CommandBlock;
+
+/** The procedures of a host with an interpreter. `sequence` is that of the command. */
+typedef struct CommandProcedures {
+    uint8_t *slots; ///< memory for n slots
+    uint32_t room;  ///< [bytes] of each
+    uint16_t n;
+    uint16_t evaluates; ///< 1: the interpreter evaluates text
+    CommandReason (*start)(uint16_t slot, uint32_t n, uint32_t turns, uint16_t sequence);
+    CommandReason (*stop)(uint16_t slot, uint16_t sequence);
+    CommandReason (*evaluate)(const uint8_t *text, uint32_t n, uint32_t turns, uint16_t sequence);
+} CommandProcedures;
 
 /** A mission's dictionary, as `fledge export` writes it and the desktop makes it, and the functions of what they
  *  command. `mission` is the host's own. */
@@ -101,6 +125,7 @@ typedef struct CommandTable {
     void (*arm)(void *mission, uint16_t event, int on);
     void (*reset)(void *mission, int64_t t);
     void (*telemetry)(void *mission, uint16_t output, int on, uint16_t every);
+    const CommandProcedures *procedures; ///< NULL: none
 } CommandTable;
 
 typedef struct CommandCounters {
@@ -142,6 +167,12 @@ CommandReason command_accept(CommandState *s, const CommandTable *table, const u
 /** At the beginning of flight's instant t: execute what was accepted, in order, and report each. */
 void command_execute(CommandState *s, const CommandTable *table, void *mission, int64_t t, CommandSink sink,
                      void *user);
+
+/** What a procedure does at the last instant that began, with the checks and counters of a command: write parameters,
+ *  n > 0 bytes as they lie in memory, whole numbers; request a mode. detail: as in a report. */
+CommandReason command_write(CommandState *s, const CommandTable *table, void *mission, uint16_t module, uint32_t at,
+                            const uint8_t *bytes, uint32_t n, uint16_t *detail);
+CommandReason command_enter(CommandState *s, const CommandTable *table, void *mission, uint16_t mode);
 
 /** CRC-16-CCITT (as of CCSDS 131.0-B, from 0xFFFF) of a block with big-endian numbers. */
 uint16_t command_crc(const uint8_t *bytes, uint32_t n);

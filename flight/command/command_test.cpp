@@ -55,7 +55,30 @@ void note(void *mission, const std::string &what)
     static_cast<Mission *>(mission)->log += what + ";";
 }
 
-const CommandTable table = {
+/// Notes what a host of procedures is asked; `verdict` is what it says.
+uint8_t slots[2 * 600];
+std::string asked;
+CommandReason verdict;
+
+CommandProcedures procedures = {slots,
+                                600,
+                                2,
+                                1,
+                                [](uint16_t slot, uint32_t n, uint32_t turns, uint16_t sequence) {
+                                    asked += "start " + std::to_string(slot) + " " + std::to_string(n) + " " +
+                                             std::to_string(turns) + " " + std::to_string(sequence) + ";";
+                                    return verdict;
+                                },
+                                [](uint16_t slot, uint16_t sequence) {
+                                    asked += "stop " + std::to_string(slot) + " " + std::to_string(sequence) + ";";
+                                    return verdict;
+                                },
+                                [](const uint8_t *text, uint32_t n, uint32_t turns, uint16_t) {
+                                    asked += std::string(text, text + n) + " " + std::to_string(turns) + ";";
+                                    return verdict;
+                                }};
+
+CommandTable table = {
     0x1855,
     0xABCD,
     3,
@@ -77,7 +100,8 @@ const CommandTable table = {
     [](void *m, int64_t t) { note(m, "reset " + std::to_string(t)); },
     [](void *m, uint16_t output, int on, uint16_t every) {
         note(m, "telemetry " + std::to_string(output) + " " + std::to_string(on) + " " + std::to_string(every));
-    }};
+    },
+    &procedures};
 
 /// A packet with a good header around these bytes, by the layout in command.h.
 Bytes packet(uint8_t code, const Bytes &rest, uint16_t stream = 0x1855, uint16_t sequence = 7)
@@ -124,7 +148,14 @@ struct Command : testing::Test {
         Bytes data;
     };
 
-    Command() { command_begin(&state); }
+    Command()
+    {
+        command_begin(&state);
+        table.procedures = &procedures;
+        procedures.evaluates = 1;
+        verdict = COMMAND_OK;
+        asked.clear();
+    }
 
     static void sink(void *user, const CommandReport *report, const uint8_t *data)
     {
@@ -359,7 +390,7 @@ TEST_F(Command, EveryWrongPacketIsRefusedWithItsReason)
     }
     refused(COMMAND_STREAM, packet(2, version + Bytes{0, 1}, 0x1856), "another stream");
     refused(COMMAND_STREAM, packet(2, version + Bytes{0, 1}, 0x0855), "telemetry");
-    refused(COMMAND_UNKNOWN, packet(11, version), "no such code");
+    refused(COMMAND_UNKNOWN, packet(15, version), "no such code");
     refused(COMMAND_VERSION, packet(2, {0xAB, 0xCE, 0, 1}), "another version");
     refused(COMMAND_PLACE, packet(2, version + Bytes{0, 2}), "no such mode");
     refused(COMMAND_PLACE, packet(8, version + Bytes{0, 2, 0, 1}), "no such event");
@@ -382,10 +413,79 @@ TEST_F(Command, EveryWrongPacketIsRefusedWithItsReason)
         refused(COMMAND_PLACE, bytes(0, 9, 3), "from within a count");
         refused(COMMAND_PLACE, packet(code, version + Bytes{0, 1, 0xFF, 0xFF, 0xFF, 0xF8} + Bytes(8)), "far");
     }
+    refused(COMMAND_PLACE, packet(11, version + Bytes{0, 2, 0, 0, 0, 0} + Bytes(8)), "no such slot");
+    refused(COMMAND_PLACE, packet(11, version + Bytes{0, 1, 0, 0, 2, 81} + Bytes(8)), "beyond the end of the slot");
+    refused(COMMAND_PLACE, packet(11, version + Bytes{0, 1, 0xFF, 0xFF, 0xFF, 0xF8} + Bytes(8)), "far");
+    refused(COMMAND_LENGTH, packet(11, version + Bytes{0, 0, 0, 0, 0, 0}), "no bytecode");
+    refused(COMMAND_PLACE, packet(12, version + Bytes{0, 2, 0, 0, 0, 9, 1, 1, 0, 0, 0, 1}), "no such slot");
+    refused(COMMAND_PLACE, packet(12, version + Bytes{0, 1, 0, 0, 2, 89, 1, 1, 0, 0, 0, 1}), "longer than a slot");
+    refused(COMMAND_VALUE, packet(12, version + Bytes{0, 1, 0, 0, 0, 0, 1, 1, 0, 0, 0, 1}), "no length");
+    refused(COMMAND_VALUE, packet(12, version + Bytes{0, 1, 0, 0, 0, 9, 1, 1, 0, 0, 0, 0}), "no turns");
+    refused(COMMAND_LENGTH, packet(12, version + Bytes{0, 1, 0, 0, 0, 9, 1, 1, 0, 0}), "a start without its end");
+    refused(COMMAND_PLACE, packet(13, version + Bytes{0, 2}), "no such slot to stop");
+    refused(COMMAND_VALUE, packet(14, version + Bytes{0, 1, 0, 0, 0, 9, 'x'}), "a word that must be 0");
+    refused(COMMAND_VALUE, packet(14, version + Bytes{0, 0, 0, 0, 0, 0, 'x'}), "a text without turns");
+    procedures.evaluates = 0;
+    refused(COMMAND_ABSENT, packet(14, version + Bytes{0, 0, 0, 0, 0, 9, 'x'}), "no compiler");
+    table.procedures = nullptr;
+    for (const Bytes &one : {packet(11, version + Bytes{0, 0, 0, 0, 0, 0} + Bytes(8)),
+                             packet(12, version + Bytes{0, 1, 0, 0, 0, 9, 1, 1, 0, 0, 0, 1}),
+                             packet(13, version + Bytes{0, 0}), packet(14, version + Bytes{0, 0, 0, 0, 0, 9, 'x'})}) {
+        refused(COMMAND_ABSENT, one, "no interpreter");
+    }
     refused(COMMAND_PLACE, packet(9, version + Bytes{0, 1, 0, 0, 0, 0, 0, 0}), "nothing to read");
     refused(COMMAND_PLACE, packet(9, version + Bytes{0, 2, 0, 0, 0, 0, 2, 8}), "too much to read");
     execute();
     EXPECT_EQ(mission.log, "");
+}
+
+TEST_F(Command, AProcedureStartsWhenItIsStagedAsAWhole)
+{
+    Bytes code(600);
+    for (std::size_t i = 0; i < code.size(); i++) {
+        code[i] = uint8_t(i * 7);
+    }
+    const Bytes low(code.begin(), code.begin() + 512), high(code.begin() + 512, code.end());
+    const Bytes start =
+        packet(12, version + Bytes{0, 1, 0, 0, 2, 88} + big(command_crc(code.data(), 600)) + Bytes{0, 1, 0, 0});
+    EXPECT_EQ(command(packet(11, version + Bytes{0, 1, 0, 0, 2, 0} + high)), COMMAND_OK);
+    EXPECT_EQ(command(start), COMMAND_CRC); // a part is missing
+    EXPECT_EQ(command(packet(11, version + Bytes{0, 1, 0, 0, 0, 0} + low)), COMMAND_OK);
+    EXPECT_EQ(asked, "");
+    EXPECT_EQ(command(start), COMMAND_OK);
+    EXPECT_EQ(asked, "start 1 600 65536 7;");
+    EXPECT_EQ(command(packet(13, version + Bytes{0, 1})), COMMAND_OK);
+    EXPECT_EQ(command(packet(14, version + Bytes{0, 0, 0, 0, 1, 0} + Bytes{'f', '.', 'K'})), COMMAND_OK);
+    EXPECT_EQ(asked, "start 1 600 65536 7;stop 1 7;f.K 256;");
+    verdict = COMMAND_RUNNING;
+    EXPECT_EQ(command(start), COMMAND_RUNNING);
+    EXPECT_EQ(state.counters.reasons[COMMAND_RUNNING], 1u);
+    EXPECT_EQ(mission.log, "");
+}
+
+TEST_F(Command, AProcedureWritesByTheRulesOfCommands)
+{
+    uint16_t detail = 99;
+    const auto write = [&](uint16_t module, uint32_t at, double x) {
+        return command_write(&state, &table, &mission, module, at, reinterpret_cast<const uint8_t *>(&x), 8, &detail);
+    };
+    execute();
+    EXPECT_EQ(write(0, 0, 5.0), COMMAND_OK);
+    EXPECT_EQ(mission.config.mass, 5.0);
+    EXPECT_EQ(mission.log, "publish 0 100;"); // at the instant
+    EXPECT_EQ(write(0, 0, -1.0), COMMAND_RULE);
+    EXPECT_EQ(detail, 0);
+    EXPECT_EQ(mission.config.mass, 5.0);
+    EXPECT_EQ(write(1, 0, 0.5), COMMAND_INITIAL);
+    EXPECT_EQ(write(1, 8, 0.5), COMMAND_OK);
+    EXPECT_EQ(write(1, 4, 0.5), COMMAND_PLACE);
+    EXPECT_EQ(write(3, 0, 0.5), COMMAND_PLACE);
+    EXPECT_EQ(command_enter(&state, &table, &mission, 1), COMMAND_OK);
+    EXPECT_EQ(command_enter(&state, &table, &mission, 2), COMMAND_PLACE);
+    EXPECT_EQ(mission.log, "publish 0 100;enter 1;");
+    EXPECT_EQ(state.counters.executed, 3u);
+    EXPECT_EQ(state.counters.refused, 5u);
+    EXPECT_EQ(reports.size(), 0u);
 }
 
 TEST_F(Command, AFullQueueRefusesAndGoesOn)
@@ -411,7 +511,11 @@ TEST_F(Command, RandomBytesNeverChangeTheMissionUnlessTheyAreAccepted)
                                   packet(7, version),
                                   packet(8, version + Bytes{0, 1, 0, 1}),
                                   packet(9, version + Bytes{0, 0, 0, 0, 0, 8, 0, 8}),
-                                  packet(10, version + Bytes{0, 1, 0, 1, 0, 1})};
+                                  packet(10, version + Bytes{0, 1, 0, 1, 0, 1}),
+                                  packet(11, version + Bytes{0, 1, 0, 0, 0, 8} + big(3.0)),
+                                  packet(12, version + Bytes{0, 1, 0, 0, 0, 8, 1, 1, 0, 0, 0, 1}),
+                                  packet(13, version + Bytes{0, 1}),
+                                  packet(14, version + Bytes{0, 0, 0, 0, 0, 1, 'x'})};
     int accepted = 0;
     for (int i = 0; i < 200000; i++) {
         Bytes bytes;

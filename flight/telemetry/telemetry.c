@@ -41,7 +41,7 @@ static int is_due(TelemetryRate *rate)
 
 void telemetry_begin(const TelemetryTable *table)
 {
-    memset(table->rates, 0, ((size_t)OUTPUTS + table->n_outputs) * sizeof *table->rates);
+    memset(table->rates, 0, ((size_t)OUTPUTS + table->n_outputs + 1u) * sizeof *table->rates);
 }
 
 void telemetry_rate(const TelemetryTable *table, uint16_t output, int on, uint16_t every)
@@ -54,6 +54,19 @@ void telemetry_rate(const TelemetryTable *table, uint16_t output, int on, uint16
             rate->writings = 0u;
         }
     }
+}
+
+static void send_texts(const TelemetryTable *table, int64_t t, TelemetrySink sink, void *user)
+{
+    uint32_t n;
+    for (uint32_t at = 0u; at < table->texts->used; at += n) {
+        TelemetryText head;
+        memcpy(&head, table->texts->memory + at, sizeof head);
+        n = (uint32_t)sizeof head + head.n;
+        memcpy(table->packet + TELEMETRY_HEADER, table->texts->memory + at, n);
+        send(table, (uint32_t)OUTPUTS + table->n_outputs, n, t, sink, user);
+    }
+    table->texts->used = 0u;
 }
 
 void telemetry_send(const TelemetryTable *table, const void *mission, int64_t t, const CommandState *commands,
@@ -77,6 +90,28 @@ void telemetry_send(const TelemetryTable *table, const void *mission, int64_t t,
         memcpy(table->packet + TELEMETRY_HEADER, &h, sizeof h);
         send(table, HOUSEKEEPING, sizeof h, t, sink, user);
     }
+    if (table->texts != NULL) {
+        send_texts(table, t, sink, user);
+    }
+}
+
+void telemetry_text(TelemetryTexts *texts, int64_t t, TelemetryTextKind kind, uint16_t sequence, uint32_t line,
+                    const char *text)
+{
+    uint32_t n = 0u;
+    while (n < (uint32_t)COMMAND_DATA_MAX && text[n] != '\0') {
+        n++;
+    }
+    const TelemetryText head = {t,           (uint16_t)kind, sequence, (uint16_t)(line <= 0xFFFFu ? line : 0xFFFFu),
+                                (uint16_t)n, texts->lost,    0u};
+    if (sizeof head + n > texts->room - texts->used) {
+        texts->lost++;
+        return;
+    }
+    memcpy(texts->memory + texts->used, &head, sizeof head);
+    memcpy(texts->memory + texts->used + sizeof head, text, n);
+    texts->used += (uint32_t)(sizeof head + n);
+    texts->lost = 0u;
 }
 
 void telemetry_report(const TelemetryTable *table, const CommandReport *report, const uint8_t *data, TelemetrySink sink,

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Telemetry of flight: a packet for each output, with the rate that COMMAND_TELEMETRY sets, a packet of housekeeping,
- * and the reports of commands. All but the reports are off until a command turns them on.
+ * the reports of commands, and texts of a host with an interpreter. All but reports and texts are off until a command
+ * turns them on.
  *
  * A packet has the telemetry header of cFS (CCSDS 133.0-B-2; cFE's CFE_MSG_TelemetryHeader_t):
  *
@@ -9,7 +10,8 @@
  *          4  length - 7
  *          6  flight's time: 32 bits of seconds, 16 bits of 2^-16 s, big-endian
  *         12  the byte order of what follows the header: 1 little-endian, 2 big-endian; then three spare bytes
- *         16  the message, TelemetryHousekeeping, or CommandReport and the bytes read back, as they lie in memory */
+ *         16  the message, TelemetryHousekeeping, CommandReport and the bytes read back, or TelemetryText and its
+ *             letters, as they lie in memory */
 #ifndef FLIGHT_TELEMETRY_TELEMETRY_H
 #define FLIGHT_TELEMETRY_TELEMETRY_H
 
@@ -47,14 +49,47 @@ typedef struct TelemetryRate {
     uint16_t sequence; ///< of its next packet
 } TelemetryRate;
 
-/** What the export writes of a mission. The streams follow one another: housekeeping, reports, outputs. */
+/** What a text is about. Operators read these numbers: append, do not renumber. */
+typedef enum TelemetryTextKind {
+    TELEMETRY_SCRIPT = 0,            ///< flight's own script: what went wrong in it
+    TELEMETRY_PROCEDURE_STARTED = 1, ///< the text has its name
+    TELEMETRY_PROCEDURE_ENDED = 2,   ///< it returned
+    TELEMETRY_PROCEDURE_STOPPED = 3, ///< by a command, or a reset of flight
+    TELEMETRY_PROCEDURE_KILLED = 4,  ///< the text says why
+    TELEMETRY_PRINTED = 5,           ///< by a procedure or an evaluated text
+    TELEMETRY_RESULT = 6,            ///< of an evaluated text
+    TELEMETRY_ERROR = 7,             ///< why an evaluated text failed
+    TELEMETRY_TEXT_KINDS
+} TelemetryTextKind;
+
+/** A text, with n letters behind it. */
+typedef struct TelemetryText {
+    int64_t t;         ///< [ns] flight's instant
+    uint16_t kind;     ///< TelemetryTextKind
+    uint16_t sequence; ///< of the command that started the procedure or had the text; of flight's script: 0
+    uint16_t line;     ///< of the script; 0: none
+    uint16_t n;        ///< [bytes]
+    uint32_t lost;     ///< texts before it, since the one that was sent before, for which there was no room
+    uint32_t spare;
+} TelemetryText;
+
+/** The texts that wait until the end of flight's instant. */
+typedef struct TelemetryTexts {
+    uint8_t *memory;
+    uint32_t room; ///< [bytes] of it
+    uint32_t used;
+    uint32_t lost;
+} TelemetryTexts;
+
+/** What the export writes of a mission. The streams follow one another: housekeeping, reports, outputs, texts. */
 typedef struct TelemetryTable {
     uint16_t stream; ///< 0x0800 + topic, of housekeeping
     uint16_t n_outputs;
     const TelemetryOutput *outputs;
-    TelemetryRate *rates; ///< memory for 2 + n_outputs
+    TelemetryRate *rates; ///< memory for 3 + n_outputs
     uint8_t *packet;      ///< memory for the largest packet, at least TELEMETRY_REPORT_MAX
     uint16_t (*mode)(const void *mission);
+    TelemetryTexts *texts; ///< NULL: none
 } TelemetryTable;
 
 typedef void (*TelemetrySink)(void *user, const uint8_t *packet, uint32_t n);
@@ -68,6 +103,10 @@ void telemetry_rate(const TelemetryTable *table, uint16_t output, int on, uint16
 /** After flight's instant t: send what is due. */
 void telemetry_send(const TelemetryTable *table, const void *mission, int64_t t, const CommandState *commands,
                     TelemetrySink sink, void *user);
+
+/** Keep a text until telemetry_send sends it; what is longer than COMMAND_DATA_MAX is cut. */
+void telemetry_text(TelemetryTexts *texts, int64_t t, TelemetryTextKind kind, uint16_t sequence, uint32_t line,
+                    const char *text);
 
 /** Send a report. */
 void telemetry_report(const TelemetryTable *table, const CommandReport *report, const uint8_t *data, TelemetrySink sink,

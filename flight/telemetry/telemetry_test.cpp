@@ -5,6 +5,7 @@
 
 #include <cstddef>
 #include <cstring>
+#include <string>
 #include <vector>
 
 namespace {
@@ -19,9 +20,10 @@ struct Mission {
 
 const TelemetryOutput outputs[] = {{offsetof(Mission, slow), sizeof(Message)},
                                    {offsetof(Mission, fast), sizeof(Message)}};
-TelemetryRate rates[4];
-uint8_t packet[TELEMETRY_REPORT_MAX];
-const TelemetryTable table = {0x0890, 2, outputs, rates, packet, [](const void *) -> uint16_t { return 3; }};
+TelemetryRate rates[5];
+uint8_t packet[TELEMETRY_REPORT_MAX], letters[100];
+TelemetryTexts texts;
+const TelemetryTable table = {0x0890, 2, outputs, rates, packet, [](const void *) -> uint16_t { return 3; }, &texts};
 
 struct Telemetry : testing::Test {
     using Packet = std::vector<uint8_t>;
@@ -29,6 +31,7 @@ struct Telemetry : testing::Test {
     Telemetry()
     {
         telemetry_begin(&table);
+        texts = {letters, sizeof letters, 0, 0};
         command_begin(&state);
     }
     static void sink(void *user, const uint8_t *bytes, uint32_t n)
@@ -128,6 +131,53 @@ TEST_F(Telemetry, AReportHasTheBytesThatWereReadBack)
     EXPECT_EQ(std::memcmp(packets[0].data() + 16, &report, sizeof report), 0);
     EXPECT_EQ(packets[0].back(), 3);
     EXPECT_EQ(packets[0][9], 0); // no time before the first instant
+}
+
+TEST_F(Telemetry, TextsGoOutAtTheEndOfTheInstantInTheirOrder)
+{
+    telemetry_rate(&table, 1, 1, 1);
+    telemetry_text(&texts, 0, TELEMETRY_PRINTED, 7, 70000, "one");
+    telemetry_text(&texts, 0, TELEMETRY_PROCEDURE_KILLED, 8, 3, "");
+    EXPECT_EQ(packets.size(), 0u);
+    run(2);
+    ASSERT_EQ(packets.size(), 4u); // two of fast
+    TelemetryText head;
+    const TelemetryText one = {0, TELEMETRY_PRINTED, 7, 0xFFFF, 3, 0, 0},
+                        two = {0, TELEMETRY_PROCEDURE_KILLED, 8, 3, 0, 0, 0};
+    EXPECT_EQ(packets[1][1], 0x94);
+    ASSERT_EQ(packets[1].size(), 16 + sizeof head + 3);
+    EXPECT_EQ(std::memcmp(packets[1].data() + 16, &one, sizeof one), 0);
+    EXPECT_EQ(std::memcmp(packets[1].data() + 16 + sizeof one, "one", 3), 0);
+    ASSERT_EQ(packets[2].size(), 16 + sizeof head);
+    EXPECT_EQ(std::memcmp(packets[2].data() + 16, &two, sizeof two), 0);
+    EXPECT_EQ(packets[2][3], 1); // the sequence counts the texts
+}
+
+TEST_F(Telemetry, TextsWithoutRoomAreCounted)
+{
+    for (const char *text : {"sixteen letters.", "sixteen letters.", "sixteen letters.", "sixteen letters."}) {
+        telemetry_text(&texts, 0, TELEMETRY_SCRIPT, 0, 0, text);
+    }
+    run(1);
+    EXPECT_EQ(packets.size(), 2u); // 48 bytes each
+    telemetry_text(&texts, 5, TELEMETRY_SCRIPT, 0, 0, std::string(1000, 'x').c_str());
+    telemetry_text(&texts, 5, TELEMETRY_SCRIPT, 0, 0, "x");
+    telemetry_text(&texts, 5, TELEMETRY_SCRIPT, 0, 0, "x");
+    run(2);
+    ASSERT_EQ(packets.size(), 4u);
+    TelemetryText head;
+    std::memcpy(&head, packets[2].data() + 16, sizeof head);
+    EXPECT_EQ(head.lost, 3u);
+    std::memcpy(&head, packets[3].data() + 16, sizeof head);
+    EXPECT_EQ(head.lost, 0u);
+}
+
+TEST_F(Telemetry, ALongTextIsCut)
+{
+    std::vector<uint8_t> memory(2000);
+    TelemetryTexts large{memory.data(), 2000, 0, 0};
+    telemetry_text(&large, 5, TELEMETRY_SCRIPT, 0, 0, std::string(1000, 'x').c_str());
+    EXPECT_EQ(large.used, sizeof(TelemetryText) + COMMAND_DATA_MAX);
 }
 
 } // namespace

@@ -12,7 +12,7 @@ from introspect.model import Bounds, Enumeration, Field, Group, Kind, Library, S
 _PROLOGUE = '''\
 # Written by introspect from the C headers: do not edit.
 import enum
-from typing import Any, Sequence, Union
+from typing import Any, Callable, Sequence, Union
 
 from numpy.typing import NDArray
 
@@ -80,8 +80,11 @@ def _struct(s: Struct) -> str:
     parameters = [f"{f.name}: {_accepted(f)}" + ("" if _is_required(s, f) else " = ...") for f in settable]
     if s.kind is Kind.MODEL:
         parameters.append("**properties: Any")
+    if s.kind is Kind.MODULE:
+        parameters += [f"update: Callable[[{s.name}, float, float], Any] = ...",
+                       f"reset: Callable[[{s.name}], Any] = ..."]
     if parameters:
-        star = "*, " if settable else ""
+        star = "*, " if settable or s.kind is Kind.MODULE else ""
         lines += [f"    def __init__(self, {star}{', '.join(parameters)}) -> None:\n",
                   _doc("\n".join(f"{f.name}{_about(f)}" for f in settable), indent=8), "        ...\n"]
     for f in fields:

@@ -24,6 +24,13 @@ def build(f):
     f.craft = world.Spacecraft(I_B=[1, 2, 3], gravity=[world.MARS])
     f.control.K = 5 * N * m
     f.control.P = [1, 2, 3]
+    f.slew = fsw.SunSlew(gain=1, update=slew, reset=lambda m: None)
+
+
+def slew(m: fsw.SunSlew, t: float, dt: float) -> None:
+    m.torque.torque_B = [m.gain * dt, 0, 0]
+    m.publish(m.torque, quality="GOOD")
+    m.held(m.torque)
 """
 
 SLEW = """/** Slews. */
@@ -85,6 +92,8 @@ def test_mypy_accepts_the_stubs_and_a_mission(folder):
     ("K = 5 * N * m", "K = 'stiff'", 'Incompatible types in assignment (expression has type "str"'),
     ("MrpFeedback", "MrpFeeback", 'Module has no attribute "MrpFeeback"; maybe "MrpFeedback"?'),
     ("gain=2", "gain='2'", 'Argument "gain" to "SunSlew" has incompatible type "str"'),
+    ("lambda m: None", "0", 'Argument "reset" to "SunSlew" has incompatible type "int"'),
+    ("m.torque)\n", "m.torque, 1)\n", 'Too many arguments for "held" of "Module"'),
     ("I_B=[1, 2, 3], g", "I_B='123', g", 'Argument "I_B" to "Spacecraft" has incompatible type "str"'),
 ])
 def test_mypy_finds_a_mistake_in_a_mission(folder, right, wrong, complaint):
@@ -96,10 +105,12 @@ def test_mypy_finds_a_mistake_in_a_mission(folder, right, wrong, complaint):
 
 def test_parameters_are_completed_with_unit_rule_and_meaning(folder):
     text = (folder / "stubs/_fledge_flight.pyi").read_text()
-    assert "    def __init__(self, *, K: _0, P: _2, K_I: _0 = ..., u_I_max: _0 = ..., hold: _0 = ...) -> None:\n" \
+    assert "    def __init__(self, *, K: _0, P: _2, K_I: _0 = ..., u_I_max: _0 = ..., hold: _0 = ..., " \
+           "update: Callable[[MrpFeedback, float, float], Any] = ..., reset: Callable[[MrpFeedback], Any] = ...) " \
+           "-> None:\n" \
            '        """K [N m], required, > 0: gain on the MRP error\n' in text
     assert '    K: _Number\n    """[N m], required, > 0: gain on the MRP error"""\n' in text
     project = (folder / "stubs/_project_flight.pyi").read_text()
     assert "from _fledge_flight import BodyTorque\nfrom _fledge_flight import Quality\n" in project
-    assert "gain: _0, rates: _2 = ..., least: Quality | int | str = ..., name: str = ...)" in project
+    assert "gain: _0, rates: _2 = ..., least: Quality | int | str = ..., name: str = ..., " in project
     assert "[N m], required, >= 0, <= 8: how 'hard'" in project and "spare" not in project

@@ -26,12 +26,14 @@ from fledge.elements import ELEMENTS
 from fledge.errors import SetupError, did_you_mean, listed
 
 COMMANDS, TELEMETRY = 0x1880, 0x0880     # the streams of a mission's own board
-HOUSEKEEPING, REPORTS, OUTPUTS = 0, 1, 2  # of telemetry: places behind its first stream
-DATA_MAX = 512                           # [bytes] of parameters in one command or report
+HOUSEKEEPING, REPORTS, OUTPUTS = 0, 1, 2  # of telemetry: places behind its first stream; texts follow the outputs
+DATA_MAX = 512                           # [bytes] of parameters, bytecode or text in one command or report
+PROCEDURE_MAX = 2048                     # [bytes] of bytecode: a slot's room
 HEADER = 16                              # [bytes] of a command in front of them, and of a packet of telemetry
 COMMAND_MAX = HEADER + DATA_MAX
-REPORT_LEAST = HEADER + 24               # with a CommandReport
+REPORT_LEAST = HEADER + 24               # with a CommandReport or a TelemetryText
 ALL = 0xFFFF                             # all outputs
+TURNS = 10_000                           # of a procedure in one instant, unless the caller says
 
 
 class Code(IntEnum):
@@ -47,6 +49,10 @@ class Code(IntEnum):
     ARM = 8
     READ = 9
     TELEMETRY = 10
+    STAGE_PROCEDURE = 11
+    START_PROCEDURE = 12
+    STOP_PROCEDURE = 13
+    EVALUATE = 14
 
 
 class Reason(IntEnum):
@@ -64,6 +70,22 @@ class Reason(IntEnum):
     BUSY = 10
     NOT_STAGED = 11
     CRC = 12
+    ABSENT = 13
+    RUNNING = 14
+    BYTECODE = 15
+    FAILED = 16
+
+
+class Kind(IntEnum):
+    """What a text of telemetry is about."""
+    SCRIPT = 0
+    PROCEDURE_STARTED = 1
+    PROCEDURE_ENDED = 2
+    PROCEDURE_STOPPED = 3
+    PROCEDURE_KILLED = 4
+    PRINTED = 5
+    RESULT = 6
+    ERROR = 7
 
 
 ARGUMENTS = {
@@ -71,7 +93,10 @@ ARGUMENTS = {
     Code.WRITE: ["version", "module", "offset", "bytes"], Code.STAGE: ["version", "module", "offset", "bytes"],
     Code.COMMIT: ["version", "module", "crc"], Code.PUBLISH: ["version", "module"],
     Code.ARM: ["version", "event", "on"], Code.READ: ["version", "module", "offset", "n"],
-    Code.TELEMETRY: ["version", "output", "on", "every"]}
+    Code.TELEMETRY: ["version", "output", "on", "every"],
+    Code.STAGE_PROCEDURE: ["version", "slot", "offset", "bytes"],
+    Code.START_PROCEDURE: ["version", "slot", "length", "crc", "turns"], Code.STOP_PROCEDURE: ["version", "slot"],
+    Code.EVALUATE: ["version", "zero", "turns", "bytes"]}
 
 
 # --- the dictionary --------------------------------------------------------------------------------
@@ -164,19 +189,24 @@ class Dictionary:
 
     @property
     def room(self) -> int:
-        """[bytes] of the queue: for all blocks at one instant, and some more."""
-        return sum(sum(map(len, _parts(16, b.size))) + 14 for b in self.blocks) + 1024
+        """[bytes] of the queue: for all blocks and a procedure at one instant, and some more."""
+        return sum(sum(map(len, _parts(16, b.size))) + 14 for b in self.blocks) + 1024 + PROCEDURE_MAX
 
     @property
     def packets(self) -> int:
-        """How many commands all blocks at one instant are, and some more: a power of two."""
-        n = sum(1 + len(_parts(16, b.size)) for b in self.blocks) + 8
+        """How many commands all blocks and a procedure at one instant are, and some more: a power of two."""
+        n = sum(1 + len(_parts(16, b.size)) for b in self.blocks) + 8 + PROCEDURE_MAX // DATA_MAX
         return 1 << (n - 1).bit_length()
 
     @property
     def longest(self) -> int:
         """[bytes] of the longest packet of telemetry."""
         return max([REPORT_LEAST + DATA_MAX, *(HEADER + o.size for o in self.outputs)])
+
+    @property
+    def texts(self) -> int:
+        """The stream of texts."""
+        return self.telemetry + OUTPUTS + len(self.outputs)
 
     def block(self, path: str) -> tuple[int, Block]:
         """(place, block) of a module's path."""
@@ -194,7 +224,8 @@ class Dictionary:
         whole = {"name": self.name, "version": self.version, "commands": {"stream": self.stream, "order": "big",
                  "list": commands, "reasons": {r.name.lower(): int(r) for r in Reason}},
                  "telemetry": {"stream": self.telemetry, "housekeeping": self.telemetry + HOUSEKEEPING,
-                               "reports": self.telemetry + REPORTS, "order": order or "target"},
+                               "reports": self.telemetry + REPORTS, "texts": self.texts,
+                               "kinds": {k.name.lower(): int(k) for k in Kind}, "order": order or "target"},
                  "modes": self.modes, "events": self.events,
                  "modules": [_plain(b) for b in self.blocks], "outputs": [_plain(o) for o in self.outputs]}
         return json.dumps(whole, indent=1) + "\n"
@@ -419,6 +450,26 @@ class Packets:
         low, high = changed[0][0], changed[-1][1]
         return self.write_bytes(module, {low: after[low:high]}) if high - low <= DATA_MAX else self.load(module, after)
 
+    def procedure(self, bytecode: bytes, turns: int = TURNS, slot: int = 0) -> list[bytes]:
+        """Stage a procedure and start it. turns: of its loops and calls that it may take in one instant."""
+        if not 0 < len(bytecode) <= PROCEDURE_MAX:
+            raise SetupError(f"a procedure has 1 to {PROCEDURE_MAX} bytes of bytecode; found {len(bytecode)}")
+        parts = [self.packet(Code.STAGE_PROCEDURE, packing.pack(">HI", slot, low) + bytecode[low:high])
+                 for low, high in _cuts(0, len(bytecode))]
+        crc = binascii.crc_hqx(bytecode, 0xFFFF)
+        return [*parts, self.packet(Code.START_PROCEDURE, packing.pack(">HIHI", slot, len(bytecode), crc, turns))]
+
+    def stop(self, slot: int = 0) -> bytes:
+        """Stop the procedure of a slot."""
+        return self.packet(Code.STOP_PROCEDURE, packing.pack(">H", slot))
+
+    def evaluate(self, text: str, turns: int = TURNS) -> bytes:
+        """Evaluate a text in flight, by a development build."""
+        raw = text.encode()
+        if not 0 < len(raw) <= DATA_MAX:
+            raise SetupError(f"a text for flight has 1 to {DATA_MAX} bytes; found {len(raw)}")
+        return self.packet(Code.EVALUATE, packing.pack(">HI", 0, turns) + raw)
+
     def _field(self, block, name):
         return _place(block.fields, [f.name for f in block.fields], name, "parameter", block.path)[1]
 
@@ -483,19 +534,35 @@ class Report(NamedTuple):
         return f"<{name} {self.sequence} {what}{why}, t = {self.t / 1e9:g} s>"
 
 
+class Text(NamedTuple):
+    """What an interpreter in flight says: a TelemetryText."""
+    t: int                      # [ns] of flight
+    kind: Kind
+    sequence: int               # of the command that started the procedure or had the text
+    line: int                   # of the script; 0: none
+    text: str
+    lost: int                   # texts before it, for which there was no room
+
+    def __repr__(self) -> str:
+        what = self.kind.name.lower().replace("_", " ")
+        line = f", line {self.line}" if self.line else ""
+        return f"<{what}{line}: {self.text!r}, t = {self.t / 1e9:g} s>"
+
+
 # --- packets of telemetry --------------------------------------------------------------------------
 
 HOUSEKEEPING_FIELDS = [("t", "q"), ("mode", "I"), ("staged", "I"), ("accepted", "I"), ("executed", "I"),
                        ("refused", "I")]
 REPORT = "qHHHHHH4x"                # CommandReport, behind its byte order
+TEXT = "qHHHHI4x"                   # TelemetryText
 
 
 class Telemetry(NamedTuple):
     """A packet of telemetry."""
-    path: str                   # flight.control.torque; "housekeeping" or "reports"
+    path: str                   # flight.control.torque; "housekeeping", "reports" or "texts"
     sequence: int
     time: float                 # [s] of flight, by the header: to 2^-16 s
-    content: Any                # of an output: field -> value; of a report: a Report
+    content: Any                # of an output: field -> value; of a report: a Report; of a text: a Text
 
 
 def decoded(dictionary: Dictionary, packet: bytes) -> Telemetry:
@@ -507,7 +574,7 @@ def decoded(dictionary: Dictionary, packet: bytes) -> Telemetry:
     mark = {1: "<", 2: ">"}.get(order)
     place, body = stream - dictionary.telemetry, packet[16:]
     outputs = dictionary.outputs
-    if mark is None or not 0 <= place < OUTPUTS + len(outputs):
+    if mark is None or not 0 <= place <= OUTPUTS + len(outputs):
         raise SetupError(f"{dictionary.name} sends no packet {packet[:16].hex()}...")
     if place == HOUSEKEEPING:
         numbers = packing.unpack_from(mark + "".join(code for _, code in HOUSEKEEPING_FIELDS), body)
@@ -519,6 +586,10 @@ def decoded(dictionary: Dictionary, packet: bytes) -> Telemetry:
         t, number, code, executed, reason, detail, n = packing.unpack_from(mark + REPORT, body)
         content = Report(t, number, code, bool(executed), Reason(reason), detail, body[24:24 + n])
         path = "reports"
+    elif stream == dictionary.texts:
+        t, kind, number, line, n, lost = packing.unpack_from(mark + TEXT, body)
+        content = Text(t, Kind(kind), number, line, body[24:24 + n].decode(errors="replace"), lost)
+        path = "texts"
     else:
         output = outputs[place - OUTPUTS]
         if len(body) != output.size:

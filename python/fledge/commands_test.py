@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Commands and telemetry as packets: what Python makes and reads, byte by byte, and on the desktop's C."""
+import binascii
 import struct
 
 import pytest
 
 import fledge
 from fledge import export, objects
-from fledge.commands import (Block, Code, Dictionary, Field, Packets, Reason, Report, decoded, encoded, read_script,
-                             script, values)
+from fledge.commands import (Block, Code, Dictionary, Field, Kind, Packets, Reason, Report, Text, decoded, encoded,
+                             read_script, script, values)
 from fledge.errors import SetupError
 from fledge.export.run_test import FLIGHT, WORLD
 from fledge.units import N, kg, m, s
@@ -51,6 +52,19 @@ def test_packets_are_those_of_the_header(mission):
             (packets.telemetry(), (10, version + b"\xFF\xFF\0\1\0\1")),
             (packets.telemetry("flight.vehicle.vehicle", False, 7), (10, version + b"\0\0\0\0\0\7"))):
         assert built == by_hand(*expected, sequence=built[3])
+    code = bytes(range(256)) * 3
+    first, second, start = packets.procedure(code, turns=70000, slot=1)
+    assert first == by_hand(11, version + struct.pack(">HI", 1, 0) + code[:512], first[3])
+    assert second == by_hand(11, version + struct.pack(">HI", 1, 512) + code[512:], first[3] + 1)
+    assert start == by_hand(12, version + struct.pack(">HIHI", 1, 768,
+                            binascii.crc_hqx(code, 0xFFFF), 70000), first[3] + 2)
+    assert packets.stop(1) == by_hand(13, version + b"\0\1", start[3] + 1)
+    assert packets.evaluate("f.K", 9) == by_hand(14, version + b"\0\0\0\0\0\x09f.K", start[3] + 2)
+    for wrong, text in ((lambda: packets.procedure(b""), "1 to 2048 bytes of bytecode; found 0"),
+                        (lambda: packets.procedure(bytes(2049)), "found 2049"),
+                        (lambda: packets.evaluate("x" * 513), "1 to 512 bytes; found 513")):
+        with pytest.raises(SetupError, match=text):
+            wrong()
     two = packets.write("flight.control", K=2.0, u_I_max=1.0)       # other fields are between them
     assert [one[6] for one in two] == [3, 3] and [struct.unpack(">d", one[16:])[0] for one in two] == [2, 1]
 
@@ -260,3 +274,21 @@ def test_a_packet_that_is_none_is_refused(mission):
     for bad in (good[:-1], good[:10], b"\x08\xFF" + good[2:], good[:12] + b"\0" + good[13:]):
         with pytest.raises(SetupError, match="packet"):
             decoded(found, bad)
+
+
+def test_texts_of_flight_are_read_in_both_byte_orders(mission):
+    found = mission.flight.commands.dictionary
+    for mark, order in (("<", 1), (">", 2)):
+        body = struct.pack(mark + "qHHHHIi", 2_500_000_000, 4, 9, 12, 4, 3, 0) + b"over"
+        packet = struct.pack(">HHHIHB3x", found.texts, 0xC005, 16 + len(body) - 7, 2, 0x8000, order) + body
+        read = decoded(found, packet)
+        assert read[:3] == ("texts", 5, 2.5)
+        assert read.content == Text(2_500_000_000, Kind.PROCEDURE_KILLED, 9, 12, "over", 3)
+        assert repr(read.content) == "<procedure killed, line 12: 'over', t = 2.5 s>"
+
+
+def test_the_desktop_has_no_interpreter_of_bytecode(mission):
+    commands = mission.flight.commands
+    for packet in (*commands.packets.procedure(b"bytecode"), commands.packets.stop(), commands.packets.evaluate("1")):
+        commands.send(packet)
+    assert [r.reason for r in commands.reports] == [Reason.ABSENT] * 4

@@ -70,7 +70,7 @@ def _all(campaign, options, folder):
 
     workers = min(cores() if options.threads is None else options.threads, options.runs)
     if campaign.has_callables and workers > 0:
-        print(f"fledge: the world's events call Python, so {workers} processes fly the runs instead of threads, each "
+        print(f"fledge: the mission calls Python, so {workers} processes fly the runs instead of threads, each "
               "run in a mission loaded afresh", file=sys.stderr)
     begun = time.perf_counter()
     with _Live(f"{campaign.nominal.name}, {campaign.name}", options.runs) as line:
@@ -135,7 +135,7 @@ def _one(campaign, options, folder):
         problem, code = "interrupted", 130
     except (fledge.SetupError, fledge.RunError) as error:
         problem, code = str(error), 1
-    except Exception as error:  # of Python in the world's events
+    except Exception as error:  # of the mission's Python
         from fledge import mission as missions
 
         problem, code = missions.explain(error, sim.mission.folder), 1

@@ -54,7 +54,7 @@ std::pair<std::unique_ptr<sim::CampaignResult>, bool> fly(const sim::Simulation 
                                                           unsigned threads, py::object progress)
 {
     if (sim::has_callables(nominal)) {
-        throw sim::SetupError("a mission whose events call Python cannot be flown by threads");
+        throw sim::SetupError("a mission that calls Python cannot be flown by threads");
     }
     Poll poll;
     const auto report = [&](sim::CampaignProgress at) {

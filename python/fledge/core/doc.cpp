@@ -77,6 +77,9 @@ std::string signature(const FledgeStruct &table)
             text += required ? "" : field.type == FLEDGE_CHAR ? "=''" : field.sub ? "=None" : "=0";
         }
     }
+    if (table.kind == FLEDGE_MODULE) {
+        text += (text.empty() ? "*, " : ", ") + std::string("update=None, reset=None");
+    }
     // PyType_FromSpec takes the part before "--" as the signature.
     return std::string(table.name) + "(" + text + ")\n--\n\n";
 }
@@ -149,6 +152,10 @@ std::string type_doc(const FledgeStruct &table)
         add_group(text, table, FLEDGE_OUT, "Outputs");
         add_group(text, table, FLEDGE_PAR, "Parameters");
         add_group(text, table, FLEDGE_MEM, "Memory");
+        if (table.kind == FLEDGE_MODULE) {
+            text += "\n\nIn Python:\n    update: update(m, t, dt), a function of Python in place of the C\n"
+                    "    reset: reset(m), to run after that of the C";
+        }
     } else {
         add_group(text, table, FLEDGE_NONE, "Fields");
     }

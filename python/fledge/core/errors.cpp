@@ -5,6 +5,8 @@
 
 #include <new>
 
+#include <pybind11/pybind11.h>
+
 namespace fledge::core {
 
 namespace {
@@ -42,6 +44,8 @@ void translate_exception()
         PyErr_SetString(the_setup_error, error.what());
     } catch (const sim::RunError &error) {
         PyErr_SetString(the_run_error, error.what());
+    } catch (pybind11::error_already_set &error) {
+        error.restore();
     } catch (const std::bad_alloc &) {
         PyErr_NoMemory();
     } catch (const std::exception &error) {

@@ -3,6 +3,7 @@
 
 #include "core/doc.h"
 #include "core/errors.h"
+#include "core/script.h"
 #include "core/value.h"
 #include "sim/error.h"
 #include "sim/text.h"
@@ -107,6 +108,8 @@ Root *allocate_root(const Type &type, std::shared_ptr<sim::Instance> instance)
         self->memory = instance->memory();
         self->type = &type;
         self->weak = self->parts = self->context = nullptr;
+        self->runs = false;
+        self->tick = nullptr;
         new (&self->instance) std::shared_ptr<sim::Instance>(std::move(instance));
     }
     return self;
@@ -122,9 +125,11 @@ PyObject *new_root(PyTypeObject *python, PyObject *arguments, PyObject *keywords
     } catch (...) {
         translate_exception();
     }
-    if (self && !set_keywords(reinterpret_cast<PyObject *>(self), type, arguments, keywords)) {
+    PyObject *rest = self ? take_script(*self, keywords) : nullptr;
+    if (self && (!rest || !set_keywords(reinterpret_cast<PyObject *>(self), type, arguments, rest))) {
         Py_CLEAR(self);
     }
+    Py_XDECREF(rest);
     return reinterpret_cast<PyObject *>(self);
 }
 
@@ -202,7 +207,7 @@ PyObject *reset(PyObject *self, PyObject *)
     try {
         Root *root = as_root(self);
         sim::check_parameters(*root->instance);
-        reinterpret_cast<void (*)(void *)>(root->type->table->reset)(root->memory);
+        root->instance->reset();
     } catch (...) {
         translate_exception();
         return nullptr;
@@ -226,8 +231,12 @@ PyObject *update(PyObject *self, PyObject *arguments, PyObject *keywords)
     if (PyErr_Occurred()) {
         return nullptr;
     }
-    Root *root = as_root(self);
-    reinterpret_cast<void (*)(void *, Tick)>(root->type->table->update)(root->memory, tick);
+    try {
+        as_root(self)->instance->update(tick);
+    } catch (...) {
+        translate_exception();
+        return nullptr;
+    }
     Py_RETURN_NONE;
 }
 
@@ -242,6 +251,13 @@ PyMethodDef module_methods[] = {
      "t is the time [s], dt the time since the last update [s], 0 at the first after a reset. Give "
      "t_ns\n"
      "and dt_ns instead for exact nanoseconds."},
+    {"publish", reinterpret_cast<PyCFunction>(reinterpret_cast<void (*)()>(publish)), METH_VARARGS | METH_KEYWORDS,
+     "publish($self, output, /, quality=\"GOOD\")\n--\n\n"
+     "In an update in Python: the output was written, for the time of this update."},
+    {"held", held, METH_O,
+     "held($self, output, /)\n--\n\n"
+     "In an update in Python: the output could not be computed anew. It keeps its content, time and sequence;\n"
+     "its quality is no more than DEGRADED."},
     {}};
 
 PyMemberDef object_members[] = {
@@ -365,7 +381,8 @@ bool is_written_by_its_module(PyObject *object, const Member &member)
     for (; object && is_view(object); object = as_view(object)->owner) {
         outer = as_view(object)->member;
     }
-    return object && outer->field->group == FLEDGE_OUT && !as_root(object)->instance->name.empty();
+    return object && outer->field->group == FLEDGE_OUT && !as_root(object)->runs &&
+           !as_root(object)->instance->name.empty();
 }
 
 PyObject *wrap(std::shared_ptr<sim::Instance> instance)

@@ -66,6 +66,8 @@ struct Root : Object {
     std::shared_ptr<sim::Instance> instance;
     PyObject *parts;   ///< a tuple of the models attached to this one, or null
     PyObject *context; ///< a weak reference to the process it was given to, or null
+    bool runs;         ///< a function of the user's runs with it: it writes outputs
+    const Tick *tick;  ///< of its update, while that runs; else null
 };
 
 inline Object *as_object(PyObject *p)

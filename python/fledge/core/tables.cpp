@@ -2,6 +2,7 @@
 // Libraries, their types, and the tables of types and objects.
 #include "core/doc.h"
 #include "core/extension.h"
+#include "core/script.h"
 #include "core/value.h"
 
 #include "sim/error.h"
@@ -304,6 +305,13 @@ void bind_tables(py::module_ &m)
             return py::bytes(reinterpret_cast<const char *>(o.memory), o.type->table->size);
         },
         "A copy of an object's bytes.");
+    m.def(
+        "script",
+        [](py::handle object) {
+            instance_of(object);
+            return py::reinterpret_steal<py::object>(script_of(*as_root(object.ptr())));
+        },
+        "(update, reset or None) of a module whose update is in Python, or None.");
     m.def(
         "context",
         [](py::handle object) {

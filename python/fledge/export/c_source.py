@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from fledge.errors import SetupError
 from fledge.export import c_run
 from fledge.export.c_text import COLUMNS, broken, comment, doc, plain, seconds, with_notes, wrap
 from fledge.export.c_values import Setting, settings
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def emit(mission: Mission) -> dict[str, str]:
-    """File name -> text."""
+    """File name -> text. Raises ExportError if an update is Python."""
     return {f"{mission.name}.h": header(mission), f"{mission.name}.c": source(mission)}
 
 
@@ -163,8 +164,15 @@ def extern(kind: str, name: str) -> str:
 
 # --- the source ------------------------------------------------------------------------------------
 
+def refuse_scripts(mission: Mission) -> None:
+    """Raise ExportError for modules whose update is Python, a line each."""
+    if texts := [module.script for module in mission.modules if module.script]:
+        raise SetupError("\n".join(texts))
+
+
 def source(mission: Mission) -> str:
     """mission.c"""
+    refuse_scripts(mission)
     parts = ["\n".join([*written(mission), f'#include "{mission.name}.h"', "", "#include <string.h>", ""]),
              *c_run.rates(mission), init(mission), *c_run.configuration(mission), *c_run.tasks(mission),
              c_run.restart(mission), c_run.reset(mission), *c_run.modes(mission), *c_run.events(mission),

@@ -44,7 +44,7 @@ def source(mission: Mission, found: Dictionary) -> str:
     largest = max((b.size for b in found.blocks), default=1)
     lines = [*written(mission), f'#include "{name}_commands.h"', "", f"static uint8_t staged[{largest}];",
              f"static uint8_t queue[{found.room}];", f"static uint8_t packet[{found.longest}];",
-             f"static TelemetryRate rates[{2 + n}];", ""]
+             f"static TelemetryRate rates[{3 + n}];", ""]
     for i, block in enumerate(found.blocks):
         runs = [f"{{{width}u, {count}u}}" for width, count in block.runs]
         lines += [*wrap([f"{run}," for run in runs[:-1]] + runs[-1:], f"static const ExecRun runs_{i}[] = {{", "    ",
@@ -63,7 +63,7 @@ def source(mission: Mission, found: Dictionary) -> str:
             lines += row(f"offsetof({struct}, {message.member})", f"sizeof({message.struct.name})")
         lines += ["};"]
     lines += ["", *functions(mission, found), f"const TelemetryTable {name}_telemetry = {{",
-              f"    {found.telemetry:#06x}u, {n}u, {'outputs' if n else '0'}, rates, packet, mode", "};", "",
+              f"    {found.telemetry:#06x}u, {n}u, {'outputs' if n else '0'}, rates, packet, mode, 0", "};", "",
               *function("static void telemetry(void *mission, uint16_t output, int on, uint16_t every)",
                         ["    (void)mission;", f"    telemetry_rate(&{name}_telemetry, output, on, every);"]),
               f"const CommandTable {name}_commands = {{"]

@@ -19,6 +19,7 @@ from fledge.errors import SetupError
 from fledge.export import names
 from fledge.mission.crossing import crossing_wires
 from fledge.mission.wiring import event_text
+from fledge.objects.script import function_text, script
 
 
 class ExportError(SetupError):
@@ -31,6 +32,7 @@ class Module:
     path: str                        # flight.control
     struct: Any                      # objects.struct() of it
     memory: bytes                    # as flight.py left it, before any reset
+    script: str = ""                 # why it cannot be C, with file and line: its update is Python
 
     @property
     def type(self) -> str:
@@ -195,8 +197,13 @@ class _Reader:
             wanted = set(live)
         self.running = running
         c = names.distinct(live, ("in", "task", "mode", "event"))   # what the mission's struct holds besides
-        return {name: Module(c[name], f"{self.flight.name}.{name}", objects.struct(one), memory[name])
-                for name, one in live.items() if name in wanted}
+        return {name: Module(c[name], f"{self.flight.name}.{name}", objects.struct(one), memory[name],
+                             self.read_script(name, one)) for name, one in live.items() if name in wanted}
+
+    def read_script(self, name, module):
+        functions = script(module)
+        return str(self.refusal(f"{self.flight.name}.{name} is still Python ({function_text(functions[0])}): write it "
+                                "in C, or fly it with export micropython", name)) if functions else ""
 
     # --- wires ---
 

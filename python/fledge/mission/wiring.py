@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from fledge import _core
 from fledge.mission.process import Event, Process, World
+from fledge.objects.script import script
 
 
 def kind_of(process: Process) -> str:
@@ -235,7 +236,9 @@ def _function_text(function) -> str:
 
 
 def _notes(instance) -> list[str]:
-    """Notes beside its name and type: the bodies that attract a craft."""
+    """Notes beside its name and type: the bodies that attract a craft, a module's function in Python."""
+    if functions := script(instance):
+        return [f"Python: {_function_text(functions[0])}"]
     names = ", ".join(getattr(b, "name", None) or _core.path(b) for b in _attached(instance, "gravity"))
     return [f"gravity: {names}"] if names else []
 

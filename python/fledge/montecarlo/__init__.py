@@ -51,8 +51,8 @@ class Campaign:
 
     @property
     def has_callables(self) -> bool:
-        """Whether the mission's events call Python. Processes fly such runs, each in a mission loaded afresh, because
-        the functions of one mission may share data."""
+        """Whether the mission's events or modules call Python. Processes fly such runs, each in a mission loaded
+        afresh, because the functions of one mission may share data."""
         return _core.has_callables(self.nominal.kernel)
 
     def simulation(self, index: int, seed: int = 0) -> Simulation:

@@ -130,7 +130,7 @@ def test_python_events_fall_back_to_processes(tmp_path, capfd):
     mission(tmp_path, RELEASE, CALLABLES)
     assert cli.main(["montecarlo", str(tmp_path), "--runs", "3", "--threads", "2", "--out", str(tmp_path / "out")]) == 0
     out, err = capfd.readouterr()
-    assert "the world's events call Python, so 2 processes fly the runs" in err and err.count("\n") == 1
+    assert "the mission calls Python, so 2 processes fly the runs" in err and err.count("\n") == 1
     assert "3 of 3" in out and "on 2 processes" in out
 
 

@@ -4,6 +4,7 @@
     hooks.py     functions that `_core` calls: conversion to SI, enumerations, wires, texts
     lookup.py    the names in fledge.flight and fledge.world
     measured.py  a field as one number, for conditions and requirements
+    script.py    modules whose update is in Python
     project.py   the libraries of a user's own project
     vector.py    arrays with norm()
 """

@@ -7,6 +7,7 @@ from typing import Any
 
 from fledge import _core
 from fledge.errors import SetupError, did_you_mean
+from fledge.objects.script import function_text, script
 from fledge.objects.si import short_name
 
 GROUPS = (("par", "parameters"), ("in", "inputs"), ("out", "outputs"), ("mem", "memory"), ("", "fields"))
@@ -48,6 +49,9 @@ def show(obj: Any) -> str:
         if isinstance(value, property):
             groups.setdefault("par", []).append((name, _property(obj, name), ""))
     lines = [title(obj)]
+    if functions := script(obj):
+        lines += [f"  {name} in Python: {function_text(one)}" for name, one in zip(("update", "reset"), functions)
+                  if one is not None]
     for group, word in GROUPS:
         rows = groups.get(group, [])
         if group and rows:

@@ -36,21 +36,30 @@ KEYRING = Path("/usr/share/keyrings/debian-archive-keyring.gpg")
 PORT = ROOT / "targets/micropython"
 PARTS = ("py/", "mpy-cross/", "extmod/", "shared/", "tools/mpy-tool.py")   # of the source; the rest is for other ports
 
-# The representation of objects with 64 bits is made for machines of 32. These are its corrections for others, and
-# what a budget needs. file -> (what is there once, what takes its place)
+# The representation of objects with 64 bits is made for machines of 32: corrections for others. Iteration in C counts
+# for a budget, too. Decimals are exact (decimal.h). file -> (what is there once, what takes its place)
 EDITS: dict[str, list[tuple[str, str]]] = {
     "py/obj.h": [("const void *lo, *hi;", "FLEDGE_ROM_OBJ"), ("{.lo = (p), .hi = NULL}", "{.lo = (p)}")],
     "py/parse.c": [("sizeof(mp_parse_node_struct_t) + sizeof(mp_obj_t));",
                     "sizeof(mp_parse_node_struct_t) + 2 * sizeof(mp_parse_node_t));")],
     "py/objint.c": [("8 * sizeof(uintptr_t) + MP_FLOAT_EXP_BIAS", "MP_SMALL_INT_BITS + 1 + MP_FLOAT_EXP_BIAS")],
     "py/runtime.c": [("mp_cstack_check(); // enumerate", "MICROPY_VM_HOOK_LOOP mp_cstack_check(); // enumerate")],
+    "py/objfloat.c": [("const int precision = 16;", "const int precision = DECIMAL_SHORTEST;")],
+    "py/parsenum.c": [("dec_val = (mp_float_t)mantissa;",
+                       "dec_val = decimal_read(str_val_start, (size_t)(str - str_val_start));"),
+                      ("if (exp_val < SMALL_NORMAL_EXP) {", "if (0) {"),
+                      ("if (exp_val < 0 && exp_val >= -EXACT_POWER_OF_10) {", "if (0) {"),
+                      ("dec_val *= MICROPY_FLOAT_C_FUN(pow)(10, exp_val);", "")],
 }
-LEFT_OUT = {"objint_longlong.c"}    # longint.c takes its place
+LEFT_OUT = {"objint_longlong.c", "formatfloat.c"}   # longint.c and decimal.c take their places
 
 WORDS = ["-std=gnu99", "-Os", "-ffp-contract=off", "-fno-math-errno", "-ffunction-sections", "-fdata-sections",
          "-fno-asynchronous-unwind-tables", "-DNDEBUG"]
 OURS = ["-Wall", "-Wextra", "-Wno-unused-parameter"]
+DECIMAL = ["-Dmp_format_float=decimal_format", "-include", "targets/micropython/decimal.h"]
 SEVERAL = {"vm.c": ["-O2"],     # -Os doubles the time of a loop
+           "mpprint.c": DECIMAL, "parsenum.c": DECIMAL,
+           "objfloat.c": [*DECIMAL, "-Dmp_obj_get_float_maybe=units_plain_number"],    # 2.0 * deg is a quantity
            "malloc.c": ["-Dmalloc=arena_take", "-Drealloc=arena_resize", "-Dfree=arena_give",
                         "-include", "targets/micropython/arena.h"]}
 SMALL_INT_BITS, LONG_INT = 47, "longlong"       # of the port
@@ -99,14 +108,16 @@ def cross_compiler() -> Path:
     """mpy-cross, which makes bytecode of Python."""
     source = _source()
     folder = source.parent / "cross"
-    with _whole(folder, _recipe(Path(__file__), Path(shutil.which("gcc") or _missing("gcc")))) as build:
+    with _whole(folder, _recipe(Path(__file__), Path(shutil.which("gcc") or _missing("gcc")),
+                               PORT / "decimal.c", PORT / "decimal.h")) as build:
         if build:
-            sources = [*sorted((source / "py").glob("*.c")), source / "mpy-cross/main.c",
-                       source / "mpy-cross/gccollect.c", source / "shared/runtime/gchelper_generic.c"]
-            words = ["-std=gnu99", "-O1", "-w", "-DFLEDGE_ROM_OBJ=const void *lo, *hi;", f"-I{source}/mpy-cross",
-                     f"-I{source}", f"-I{folder}"]
-            _headers(folder, source, ["gcc", *words], sources[:-3])
-            _ninja(folder, "mpy-cross", "gcc", words, [(path, []) for path in sources], ["-lm"])
+            core = [path for path in sorted((source / "py").glob("*.c")) if path.name != "formatfloat.c"]
+            others = [source / "mpy-cross/main.c", source / "mpy-cross/gccollect.c",
+                      source / "shared/runtime/gchelper_generic.c", PORT / "decimal.c"]
+            words = ["-std=gnu99", "-O1", "-w", *DECIMAL, f"-I{source}/mpy-cross", f"-I{source}", f"-I{folder}",
+                     f"-I{ROOT}"]
+            _headers(folder, source, ["gcc", *words], core)
+            _ninja(folder, "mpy-cross", "gcc", words, [(path, []) for path in [*core, *others]], ["-lm"])
     return folder / "mpy-cross"
 
 

@@ -207,7 +207,7 @@ start those that others read (`{prefix}_OUTPUTS_ON`), the rest after a command.
 
 | id | | payload | bytes |
 |---|---|---|---|
-| {ids[f"{prefix}_HK_TLM_MID"]:#06x} | housekeeping of the app, when it is asked for | | 144 |
+| {ids[f"{prefix}_HK_TLM_MID"]:#06x} | housekeeping of the app, when it is asked for | | 160 |
 | {ids[f"{prefix}_FLIGHT_TLM_MID"]:#06x} | counters of commands, by command 10 | | 96 |
 | {ids[f"{prefix}_REPORT_TLM_MID"]:#06x} | reports of commands | | 40, and the bytes read |
 {packets(mission.outputs, "TLM")}

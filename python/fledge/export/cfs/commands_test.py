@@ -14,7 +14,8 @@ from fledge.export.run_test import FLIGHT, WORLD
 
 CMD, SEND_HK, WAKEUP = 0x18C0, 0x18C1, 0x18C2
 FLIGHT_TLM, REPORT = 0x08C0, 0x08C1
-REASONS = "ok length checksum stream unknown version place value rule initial busy not_staged crc".split()
+REASONS = ("ok length checksum stream unknown version place value rule initial busy not_staged crc absent "
+           "running bytecode failed").split()
 HOUSEKEEPING = ("time command_counter command_errors spare mode accepted executed refused", " ".join(REASONS),
                 "request_errors table_updates table_refusals ticks overdue wakeups_ignored io_refused io_corrupt "
                 "io_saturated inputs inputs_refused spare2")
@@ -59,8 +60,8 @@ def housekeeping(core, first=None):
     if first:
         core.until(first)
     raw = core.telemetry(core.app.ids(core.mission)["NAV_HK_TLM_MID"])
-    assert len(raw) == 144
-    found = dict(zip(HOUSEKEEPING, struct.unpack("<qBBH29I", raw[16:]), strict=True))
+    assert len(raw) == 160
+    found = dict(zip(HOUSEKEEPING, struct.unpack("<qBBH33I", raw[16:]), strict=True))
     assert found["command_counter"] == found["accepted"] % 256
     assert found["command_errors"] == (found["refused"] + found["request_errors"]) % 256
     assert found["refused"] == sum(found[reason] for reason in REASONS)
@@ -124,18 +125,20 @@ def test_noop_and_reset_of_the_counters(core):
         "time": 100_000_000, "ticks": 2, "stamp": (0, int(0.1 * 2**16))}
 
 
+WORDS = {"unknown": "unknown code", "absent": "no interpreter"}
 REFUSED = [
     (command(CMD, 0, checksum=0x17), "checksum"),
     (bytes.fromhex("18c0c000000000"), "length"),
     (command(CMD, 0, b"x"), "length"),
     (command(CMD, 2, b"\0\0\0"), "length"),
-    (command(CMD, 11), "unknown"),
+    (command(CMD, 15), "unknown"),
     (command(CMD, 127), "unknown"),
     (command(CMD, 2, bytes(4)), "version"),
     (lambda core: flown(core, 2, 3), "place"),
     (lambda core: flown(core, 6, 99), "place"),
     (lambda core: flown(core, 10, 0, 2, 1), "value"),
     (lambda core: flown(core, 10, 0, 1, 0), "value"),
+    (lambda core: flown(core, 13, 0), "absent"),
 ]
 
 
@@ -143,7 +146,7 @@ REFUSED = [
 def test_what_is_refused_is_an_event_a_report_and_a_counter(core, packet, reason):
     core.send(packet(core) if callable(packet) else packet)
     assert report(core)[3:5] == (0, reason)
-    core.told(f"is refused: {reason.replace('unknown', 'unknown code')}")
+    core.told(f"is refused: {WORDS.get(reason, reason)}")
     found = housekeeping(core)
     assert found["accepted"] == 0 and found["refused"] == 1 and found[reason] == 1
 

@@ -83,7 +83,8 @@ def config(mission: Mission, app: App, found: Sequence[Any], simulated: bool = F
         "topicids": (f"The topics of {prefix}: of commands and requests, of telemetry, and of the packets that are its "
                      "inputs.", defines({one: f"0x{value:02X}" for one, value in topics.items()})),
         "fcncodes": (f"The function codes of {prefix}'s commands.",
-                     defines({f"{prefix}_{code.name}_CC": str(int(code)) for code in Code})),
+                     defines({f"{prefix}_{code.name}_CC": str(int(code))
+                              for code in (Code.NOOP, Code.RESET_COUNTERS, *ARGUMENTS)})),
         "interface_cfg": (f"What others know of {prefix}: the names of its tables.",
                           defines({f"{prefix}_{t.name.upper()}_TABLE": f'"{prefix}.{t.name}"' for t in found})),
         "mission_cfg": (f"What is the same on all processors of a mission with {prefix}.",

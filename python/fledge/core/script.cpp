@@ -1,0 +1,172 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/script.h"
+
+#include "core/errors.h"
+#include "core/extension.h"
+#include "core/value.h"
+#include "sim/text.h"
+
+namespace py = pybind11;
+
+namespace fledge::core {
+
+namespace {
+
+/// Calls a Python function with the module, at the cost of Python's lock. Copies share the function.
+class Call {
+public:
+    explicit Call(PyObject *function)
+        : function_(Py_NewRef(function), [](PyObject *p) {
+              const py::gil_scoped_acquire gil; // a simulation may end without it
+              Py_DECREF(p);
+          })
+    {
+    }
+
+    PyObject *function() const { return function_.get(); }
+
+    void operator()(sim::Instance &instance, Tick tick) const
+    {
+        const py::gil_scoped_acquire gil;
+        const auto t = py::float_(tick_seconds(tick.t)), dt = py::float_(tick_seconds(tick.dt));
+        const py::object m = object_of(instance.shared_from_this());
+        run(m, &tick, {m.ptr(), t.ptr(), dt.ptr()}, "at " + sim::format_time(tick.t));
+    }
+    void operator()(sim::Instance &instance) const
+    {
+        const py::gil_scoped_acquire gil;
+        const py::object m = object_of(instance.shared_from_this());
+        run(m, nullptr, {m.ptr()}, "at its reset");
+    }
+
+private:
+    void run(py::handle m, const Tick *tick, std::initializer_list<PyObject *> arguments, const std::string &when) const
+    {
+        Root &root = *as_root(m.ptr());
+        root.runs = true;
+        root.tick = tick;
+        PyObject *done = PyObject_Vectorcall(function_.get(), arguments.begin(), arguments.size(), nullptr);
+        root.runs = false;
+        root.tick = nullptr;
+        if (done) {
+            Py_DECREF(done);
+            return;
+        }
+        const bool interrupted = !PyErr_ExceptionMatches(PyExc_Exception);
+        py::error_already_set error;
+        PyObject *explain = interrupted ? nullptr : hook("script_failed");
+        if (!explain) {
+            throw error;
+        }
+        const py::str text =
+            py::reinterpret_borrow<py::object>(explain)(root.instance->path, when, error.value(), error.trace());
+        py::raise_from(error, run_error(), std::string(text).c_str());
+        throw py::error_already_set();
+    }
+
+    std::shared_ptr<PyObject> function_;
+};
+
+/// The output of a module that a view is; null with an exception set.
+Head *output_of(PyObject *self, PyObject *port, const char *what)
+{
+    const Root &root = *as_root(self);
+    if (!root.tick) {
+        PyErr_Format(setup_error(), "%s.%s() is for its own update in Python, while it runs", path_of(self).c_str(),
+                     what);
+        return nullptr;
+    }
+    if (!is_view(port) || as_view(port)->owner != self || as_view(port)->member->field->group != FLEDGE_OUT) {
+        PyErr_Format(setup_error(), "%s.%s: expected an output of the module; found %R. It has %s",
+                     path_of(self).c_str(), what, port,
+                     sim::format_list(sim::field_names(*root.type->table, FLEDGE_OUT)).c_str());
+        return nullptr;
+    }
+    return reinterpret_cast<Head *>(as_view(port)->memory);
+}
+
+} // namespace
+
+PyObject *take_script(Root &root, PyObject *keywords)
+{
+    PyObject *rest = keywords ? PyDict_Copy(keywords) : PyDict_New();
+    PyObject *functions[2] = {};
+    const char *const names[] = {"update", "reset"};
+    bool any = false;
+    for (int i = 0; rest && i < 2; i++) {
+        if ((functions[i] = Py_XNewRef(PyDict_GetItemString(rest, names[i])))) {
+            any = true;
+            PyDict_DelItemString(rest, names[i]);
+        }
+    }
+    if (any && root.instance->model()) {
+        PyErr_Format(PyExc_TypeError, "%s is a model of the world: update= and reset= are for flight modules",
+                     root.type->table->name);
+        Py_CLEAR(rest);
+        any = false;
+    }
+    if (any) {
+        PyObject *check = hook("check_script");
+        PyObject *done =
+            check ? PyObject_CallFunction(check, "sOO", root.type->table->name, functions[0] ? functions[0] : Py_None,
+                                          functions[1] ? functions[1] : Py_None)
+                  : nullptr;
+        if (!done) {
+            Py_CLEAR(rest);
+        } else {
+            root.instance->script.update = Call(functions[0]);
+            if (functions[1] && functions[1] != Py_None) {
+                root.instance->script.reset = Call(functions[1]);
+            }
+            Py_DECREF(done);
+        }
+    }
+    Py_XDECREF(functions[0]);
+    Py_XDECREF(functions[1]);
+    return rest;
+}
+
+PyObject *script_of(const Root &root)
+{
+    const sim::Script &script = root.instance->script;
+    if (!script.update) {
+        Py_RETURN_NONE;
+    }
+    const Call *reset = script.reset ? script.reset.target<Call>() : nullptr;
+    return PyTuple_Pack(2, script.update.target<Call>()->function(), reset ? reset->function() : Py_None);
+}
+
+PyObject *publish(PyObject *self, PyObject *arguments, PyObject *keywords)
+{
+    static const char *names[] = {"", "quality", nullptr};
+    PyObject *port, *quality = nullptr;
+    if (!PyArg_ParseTupleAndKeywords(arguments, keywords, "O|O:publish", const_cast<char **>(names), &port, &quality)) {
+        return nullptr;
+    }
+    Head *head = output_of(self, port, "publish");
+    if (!head) {
+        return nullptr;
+    }
+    *head = head_next(*head, as_root(self)->tick->t, QUALITY_GOOD);
+    if (quality) {
+        PyObject *view = PyObject_GetAttrString(port, "head");
+        const int failed = view ? PyObject_SetAttrString(view, "quality", quality) : -1;
+        Py_XDECREF(view);
+        if (failed) {
+            return nullptr;
+        }
+    }
+    Py_RETURN_NONE;
+}
+
+PyObject *held(PyObject *self, PyObject *port)
+{
+    Head *head = output_of(self, port, "held");
+    if (!head) {
+        return nullptr;
+    }
+    *head = head_held(*head);
+    Py_RETURN_NONE;
+}
+
+} // namespace fledge::core

@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+// A flight module whose update is the user's, in Python: `fsw.SunSlew(update=slew, reset=begin)`.
+#pragma once
+
+#include "core/object.h"
+
+namespace fledge::core {
+
+/// Take `update` and `reset` out of the keywords of a new module or model, and give them to the module. Returns the
+/// other keywords, a new reference; null with an exception set.
+PyObject *take_script(Root &root, PyObject *keywords);
+
+/// Its functions (update, reset or None), or None: a new reference.
+PyObject *script_of(const Root &root);
+
+/// m.publish(m.reference, quality="GOOD") and m.held(m.reference)
+PyObject *publish(PyObject *self, PyObject *arguments, PyObject *keywords);
+PyObject *held(PyObject *self, PyObject *port);
+
+} // namespace fledge::core

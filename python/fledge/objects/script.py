@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Flight modules whose update is the user's, in Python: `fsw.SunSlew(update=slew, reset=begin)`."""
+
+from __future__ import annotations
+
+import inspect
+import os
+import traceback
+from collections.abc import Callable
+from types import TracebackType
+from typing import Any
+
+from fledge import _core
+from fledge.errors import SetupError
+
+_PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__))) + os.sep
+_ARGUMENTS = {"update": "(m, t, dt)", "reset": "(m)"}
+
+
+def check_script(kind: str, update: Any, reset: Any) -> None:
+    """Raise SetupError if these are not the two functions of a module, of which the second may be None."""
+    if update is None:
+        raise SetupError(f"{kind}: reset= goes with update=, the module's update in Python")
+    for name, function, n in (("update", update, 3), ("reset", reset, 1)):
+        if function is None:
+            continue
+        expected = f"{kind}.{name}: expected a function of {_ARGUMENTS[name]}; found "
+        if not callable(function):
+            raise SetupError(f"{expected}{function!r}")
+        if any(test(function) for test in (inspect.isgeneratorfunction, inspect.iscoroutinefunction,
+                                           inspect.isasyncgenfunction)):
+            raise SetupError(f"{expected}{function_text(function)}, whose call does not run it: it is a generator or "
+                             "is asynchronous")
+        try:
+            signature = inspect.signature(function)
+        except (TypeError, ValueError):     # of C, without one
+            continue
+        try:
+            signature.bind(*range(n))
+        except TypeError:
+            raise SetupError(f"{expected}{function_text(function)} with the arguments {signature}") from None
+
+
+def script_failed(path: str, when: str, error: BaseException, trace: TracebackType | None) -> str:
+    """Where and when a function of a module ended with an exception: the last line of the user's."""
+    lines = traceback.extract_tb(trace)
+    own = [line for line in lines if not line.filename.startswith(_PACKAGE)] or lines
+    place = f"{own[-1].filename}, line {own[-1].lineno}: " if own else ""
+    return f"{place}{path} {when}: {type(error).__name__}: {error}"
+
+
+def script(obj: Any) -> tuple[Callable[..., Any], Callable[..., Any] | None] | None:
+    """(update, reset or None) of a module in Python; None: it runs its C."""
+    return _core.script(obj) if isinstance(obj, (_core.Module, _core.Model)) else None
+
+
+def function_text(function: Any) -> str:
+    """ "slew(), flight.py, line 12" """
+    code = getattr(function, "__code__", None)
+    name = getattr(function, "__qualname__", type(function).__qualname__).rpartition("<locals>.")[2]
+    return f"{name}()" + (f", {os.path.basename(code.co_filename)}, line {code.co_firstlineno}" if code else "")
