@@ -42,6 +42,12 @@ typedef struct MissionStart {
 
 enum { MISSION_NO_RESET = 0xFFFF };
 
+/** The heap of a mission that has one, as of a script. */
+typedef struct MissionHeap {
+    size_t used; ///< [bytes] now
+    size_t peak; ///< [bytes] the most so far
+} MissionHeap;
+
 typedef struct MissionHost {
     const char *name;
     void *mission; ///< its memory
@@ -64,6 +70,7 @@ typedef struct MissionHost {
     uint16_t n_rates;
     uint16_t reset; ///< the id of the ComputerReset by which the outside resets the computer; MISSION_NO_RESET: none
     int64_t down;   ///< [ns] how long the computer is down after it
+    MissionHeap (*heap)(void); ///< NULL: the mission has none
 } MissionHost;
 
 extern const MissionHost fledge_mission;
