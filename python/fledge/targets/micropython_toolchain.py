@@ -16,6 +16,7 @@ import shutil
 import subprocess
 import sys
 import tarfile
+import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
@@ -26,7 +27,7 @@ from fledge.errors import Failure
 from fledge.export.write import write_files
 from fledge.files import build_folder
 from fledge.targets import leon3_toolchain
-from fledge.targets.build import ROOT
+from fledge.targets.build import COMMAND, ROOT, _escaped, _words, math_sources, program
 
 PACKAGE, SUITE, VERSION = "micropython", "trixie", "1.25.0+ds-1"
 ARCHIVE = f"{PACKAGE}_{VERSION.rpartition('-')[0]}.orig.tar.xz"
@@ -111,7 +112,7 @@ def cross_compiler() -> Path:
     source = _source()
     folder = source.parent / "cross"
     with _whole(folder, _recipe(Path(__file__), Path(shutil.which("gcc") or _missing("gcc")),
-                               PORT / "decimal.c", PORT / "decimal.h")) as build:
+                                PORT / "decimal.c", PORT / "decimal.h")) as build:
         if build:
             core = [path for path in sorted((source / "py").glob("*.c")) if path.name != "formatfloat.c"]
             others = [source / "mpy-cross/main.c", source / "mpy-cross/gccollect.c",
@@ -125,8 +126,6 @@ def cross_compiler() -> Path:
 
 def compile_mpy(source: str | Path, name: str) -> bytes:
     """The bytecode of a script: its text, or its file. Errors name it so: "nadir_spin/flight.py"."""
-    folder = cross_compiler().parent / "scripts"
-    folder.mkdir(exist_ok=True)
     text = source.read_text(encoding="utf-8") if isinstance(source, Path) else source
     done = subprocess.run([cross_compiler(), f"-msmall-int-bits={SMALL_INT_BITS}", "-s", name, "-o", "/dev/stdout",
                            "--", "/dev/stdin"], input=text.encode(), capture_output=True)
@@ -138,8 +137,6 @@ def compile_mpy(source: str | Path, name: str) -> bytes:
 def freeze(scripts: Mapping[str, str | Path], library: Library) -> str:
     """C that holds the bytecode of scripts, for programs with this library: path of a module, "nadir_spin/flight.py",
     -> its text or file."""
-    import tempfile
-
     scripts = scripts or {"_.py": ""}
     with tempfile.TemporaryDirectory() as folder:
         files = {}
@@ -155,6 +152,24 @@ def freeze(scripts: Mapping[str, str | Path], library: Library) -> str:
         if not -2**63 <= int(large) < 2**63:
             raise Failure(f"the scripts {', '.join(scripts)} have the integer {large}; MicroPython has 64 bits", 1)
     return done.stdout
+
+
+def interpreter(folder: Path, scripts: Mapping[str, str | Path] | None = None, machine: str = "host",
+                development: bool = False, cycles: int = 100, heap: int = 256 * 1024) -> Path:
+    """Build a program for scripts without a mission: it runs the frozen `script`, or, in development, a file; then its
+    functions `init` and, as often as `cycles`, under the lock, `loop`. It ends with the figures of its heap."""
+    from fledge.targets import leon3
+
+    made = library(machine, development)
+    name = "fledge_micropython"
+    write_files({"frozen.c": freeze(scripts or {}, made)}, folder)
+    sources = [PORT / "interpreter/main.c", folder / "frozen.c", *sorted((ROOT / "flight/exec").glob("*.c")),
+               *(ROOT / path for path in COMMAND), *math_sources()]
+    flags = [*made.flags, "-w", f"-DSCRIPT_CYCLES={cycles}", f"-DSCRIPT_HEAP={heap}"]
+    if machine == "leon3":
+        return leon3.program(folder / machine, name, sources, [ROOT], flags, archives=[made.archive])
+    return program(folder / machine, name, sources, [ROOT], made.compiler, flags, ["-static", "-no-pie", "-lm"],
+                   archives=[made.archive])
 
 
 # --- the source ----------------------------------------------------------------------------------
@@ -321,8 +336,6 @@ def _run(command: Sequence[str | Path], folder: Path | None = None, given: str |
 
 def _ninja(folder: Path, output: str, compiler: str, words: Sequence[str],
            sources: Sequence[tuple[Path, Sequence[str]]], link: Sequence[str] = ()) -> None:
-    from fledge.targets.build import _escaped, _words
-
     cached = "ccache " if shutil.which("ccache") else ""
     objects = [f"o/{path.parent.name}_{path.stem}.o" for path, _ in sources]
     rule = "link" if link else "ar"
