@@ -52,7 +52,8 @@ def emit_host(mission: Mission) -> dict[str, str]:
         *((one, own + one) for one in ("restart", "next", "tick")),
         *[("failure", own + "failure"), ("describe", own + "describe"), ("heap", "heap")] * composed,
         ("io", f"&{name}_io"), ("topics", "topics"), ("definitions", f"{name}_definitions"), ("rates", "rates"),
-        ("commands", f"&{name}_commands"), ("telemetry", f"&{name}_telemetry"), ("state", "&commands"), ("schemas", "schemas"), ("channels", "channels"),
+        ("commands", f"&{name}_commands"), ("telemetry", f"&{name}_telemetry"), ("state", "&commands"),
+        ("schemas", "schemas"), ("channels", "channels"),
         ("n_schemas", f"{len(recorded)}u"),
         ("n_channels", f"{len(mission.outputs)}u"), ("n_rates", f"{len(mission.tasks)}u"),
         ("reset", "MISSION_NO_RESET" if mission.reset is None else f"{mission.reset}u"), ("down", mission.down))]
