@@ -229,6 +229,9 @@ static void report(const Options *o, int no_fifo, int no_lock)
         }
         printf("\n");
     }
+    if (fledge_mission.figures != NULL) {
+        fledge_mission.figures(print_line);
+    }
     if (!o->clock) {
         return;
     }
@@ -363,6 +366,9 @@ int main(int argc, char **argv)
     action.sa_handler = SIG_IGN; /* a record that reaches the limit on file sizes is an error of writing */
     (void)sigaction(SIGXFSZ, &action, NULL);
 
+    if (fledge_mission.clock != NULL) {
+        *fledge_mission.clock = pace_now;
+    }
     fledge_mission.init();
     if (fledge_mission.failure != NULL && fledge_mission.failure() != NULL) {
         return complain("script", fledge_mission.failure());
