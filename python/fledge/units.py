@@ -12,7 +12,7 @@ A bare number is SI wherever a quantity is expected. Angles are dimensionless: r
 display and ignored when dimensions are compared. Lists and numpy arrays may be given units; quantities
 only add, compare and convert between like dimensions.
 
-This file also runs under MicroPython, so it imports nothing and keeps to plain classes.
+targets/micropython/units.c does the same under MicroPython, with the units of this file.
 """
 
 # The order of the exponents, the same as in the tables made from the C headers.
@@ -45,6 +45,16 @@ def _zip(f, a, b):
 
 def _multiply(a, b):
     return a * b
+
+
+def _power(x, n):
+    """x to the power of n. Of a whole n by products, whose bits do not depend on a library."""
+    if n != int(n) or n == 0:
+        return x**n
+    product = x
+    for _ in range(abs(int(n)) - 1):
+        product = product * x
+    return product if n > 0 else 1 / product
 
 
 def unit_text(dims):
@@ -98,7 +108,7 @@ class Quantity:
         whole = [int(round(a)) for a in dims]
         if any([abs(a - b) > 1e-9 for a, b in zip(dims, whole)]):
             raise UnitError("%s to the power of %s has no whole exponents" % (self._unit(), n))
-        return Quantity(_map(lambda x: x**n, self.value), whole)
+        return Quantity(_map(lambda x: _power(x, n), self.value), whole)
 
     def __neg__(self):
         return Quantity(_map(lambda x: -x, self.value), self.dims)

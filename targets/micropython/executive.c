@@ -540,7 +540,9 @@ void executive_init(void)
     }
     failure[0] = '\0';
     if (why != NULL) {
-        (void)strncat(failure, why, sizeof failure - 1u);
+        const size_t n = strlen(why) < sizeof failure ? strlen(why) : sizeof failure - 1u;
+        memcpy(failure, why, n);
+        failure[n] = '\0';
         executive = (Executive){0};
     } else {
         link_wires();

@@ -21,7 +21,7 @@ typedef struct ScriptNode {
     const ScriptType *type;   ///< of a module, message or struct; NULL: an array
     uint32_t offset;          ///< [bytes] in the root's memory
     uint16_t field;           ///< the index in the owner's type; of a part of an array, of the array
-    uint16_t row;             ///< of an array of structs or numbers
+    uint16_t row;             ///< of an array of structs; of a part of an array, its index
     uint8_t level;            ///< of an array: how many dimensions its indices have used up
 } ScriptNode;
 
@@ -45,7 +45,7 @@ typedef struct ScriptWire {
 } ScriptWire;
 
 extern const mp_obj_type_t script_module_type, script_view_type, script_array_type, script_wire_type;
-extern const mp_obj_type_t script_inert_type, mp_type_SetupError, mp_type_UnitError;
+extern const mp_obj_type_t script_inert_type, mp_type_SetupError;
 
 /** What stands in for the world and other processes: it accepts everything, gives itself, and allocates nothing. */
 extern const mp_obj_base_t script_inert;
@@ -74,8 +74,17 @@ static inline uint8_t *objects_memory(const ScriptNode *node)
     return objects_root(node)->memory + node->offset;
 }
 
-/** `f.NAME = module`, NAME being that of fledge_script.places[place]: move its bytes there. Raises for another type, a
- *  module that has a place, or a place that is taken. */
+/** Whether a view is a module, not a message or a part. */
+static inline int objects_is_module(const ScriptNode *node)
+{
+    return !node->owner && node->type->reset;
+}
+
+/** [bytes] of what is left of a field when `level` indices are used up: 0: of the whole field. */
+uint32_t objects_stride(const ScriptField *field, uint32_t level);
+
+/** `f.NAME = module`, NAME being that of fledge_script.places[place], which has no module yet: move its bytes there.
+ *  Raises for what is no module, for another type, and for a module that has a place. */
 void objects_place(mp_obj_t module, uint16_t place);
 
 /** All that check_parameters finds on the desktop: raises for a required parameter that the script has not given, and for
@@ -125,9 +134,16 @@ NORETURN void objects_refuse(const char *format, ...);
 /** The same for a longer text: print it to what objects_error() gives, then raise. */
 const mp_print_t *objects_error(void);
 NORETURN void objects_raise(void);
+NORETURN void objects_raise_as(const mp_obj_type_t *type);
 
 /** The repr of a value, on one line of at most 80 characters. */
 void objects_print_found(const mp_print_t *print, mp_obj_t value);
+
+/** An array as nested lists, of anything else the value itself. */
+mp_obj_t objects_plain(mp_obj_t value);
+
+/** An iterator over the items 0 ... n - 1 of an object, in the buffer. */
+mp_obj_t objects_iterate(mp_obj_t object, size_t n, mp_obj_iter_buf_t *buffer);
 
 /** The names of a type's fields of a group, or of all (-1), with commas between them. */
 void objects_print_names(const mp_print_t *print, const ScriptType *type, int group);

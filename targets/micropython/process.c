@@ -71,11 +71,6 @@ static void check_composing(const char *what)
     }
 }
 
-static int same(const char *name, qstr attr)
-{
-    return strcmp(name, qstr_str(attr)) == 0;
-}
-
 /* --- conditions ------------------------------------------------------------------------------------ */
 
 enum { WHOLE = 0xFF }; /* a Watch of a whole field, or of a message */

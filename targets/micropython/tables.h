@@ -53,7 +53,12 @@ typedef struct ScriptField {
     uint8_t count;        ///< the index of the field that says how many leading rows count; SCRIPT_NO_FIELD: all
 } ScriptField;
 
+struct _mp_obj_type_t;
+extern const struct _mp_obj_type_t script_class_type;
+
+/** A type is an object of Python, which makes modules or messages when it is called. */
 typedef struct ScriptType {
+    const struct _mp_obj_type_t *base; ///< script_class_type
     const char *name;
     const ScriptField *fields; ///< in the order of memory, without those that fill gaps
     uint16_t n;
@@ -87,6 +92,24 @@ typedef struct ScriptConstant {
     uint16_t shape[2];
 } ScriptConstant;
 
+extern const struct _mp_obj_type_t script_quantity_type;
+
+/** A quantity, an object of Python: units are such in constant memory. */
+typedef struct ScriptQuantity {
+    const struct _mp_obj_type_t *type; ///< script_quantity_type
+    uint64_t value;                    ///< a number, or nested lists of them
+    int8_t dims[8];                    ///< exponents of m, kg, s, A, K, mol, cd, rad
+} ScriptQuantity;
+
+/** A name of fledge.units. */
+typedef struct ScriptUnitName {
+    const char *name;
+    ScriptQuantity unit;
+} ScriptUnitName;
+
+/** What makes an object of Python of the bits of a number. */
+#define SCRIPT_NUMBER(bits) (UINT64_C(bits) + UINT64_C(0x8004000000000000))
+
 /** All of it. Tasks, modes and events have the order of flight.py, by which commands name them. */
 typedef struct ScriptMission {
     const char *module;           ///< the frozen module to import: "nadir_spin.flight"
@@ -102,10 +125,12 @@ typedef struct ScriptMission {
     const ScriptPlace *places;
     const ScriptInput *inputs;
     const ScriptConstant *constants;
+    const ScriptUnitName *units;
+    const ScriptUnit *unit_texts; ///< how compound units are shown
     const char *const *tasks;
     const char *const *modes;
     const char *const *events;
-    uint16_t n_types, n_places, n_inputs, n_constants, n_tasks, n_modes, n_events;
+    uint16_t n_types, n_places, n_inputs, n_constants, n_units, n_unit_texts, n_tasks, n_modes, n_events;
 } ScriptMission;
 
 extern const ScriptMission fledge_script;

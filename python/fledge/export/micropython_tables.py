@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import binascii
+import struct as packing
 import sys
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from fledge import flight
+from fledge import flight, units
 from fledge.commands import parameters, reversed_numbers
 from fledge.export import names
 from fledge.export.c_source import row, written
@@ -60,6 +61,11 @@ def emit_tables(mission: Mission, module: str, whole: bool, processes: Sequence[
     shapes = table("ScriptConstant constants", (
         (quoted(constant), f"constant_{constant}", f"{{{len(rows)}u, {len(rows[0])}u}}")
         for constant, rows in constants.items()))
+    unit_names = table("ScriptUnitName unit_names", (
+        (quoted(unit), f"{{&script_quantity_type, SCRIPT_NUMBER({bits(one.value)}), {braced(one.dims)}}}")
+        for unit, one in ((unit, getattr(units, unit)) for unit in units.UNITS)))
+    unit_texts = table("ScriptUnit unit_texts", (
+        (quoted(text), braced(dims)) for dims, text in units._NAMES.items()))
 
     def list_of(what: str, these: Sequence[str], *end: str) -> str:
         if these:
@@ -78,13 +84,23 @@ def emit_tables(mission: Mission, module: str, whole: bool, processes: Sequence[
         ("module", quoted(module)), ("process", quoted(mission.process)), ("processes", process_names),
         ("whole", int(whole)), ("commands", f"&{name}_commands"), ("memory", f"&{name}_memory"),
         ("size", f"sizeof {name}_memory"), ("heap_size", "sizeof heap"), ("heap", "heap"),
-        ("types", "types"), ("places", places), ("inputs", inputs),
-        ("constants", shapes), ("tasks", tasks), ("modes", modes), ("events", events),
+        ("types", "types"), ("places", places), ("inputs", inputs), ("constants", shapes),
+        ("units", unit_names), ("unit_texts", unit_texts), ("tasks", tasks), ("modes", modes), ("events", events),
         ("n_types", f"{len(types)}u"), ("n_places", f"{len(mission.modules)}u"),
         ("n_inputs", "0u" if inputs == "0" else "sizeof inputs / sizeof *inputs"),
-        ("n_constants", f"{len(constants)}u"), ("n_tasks", f"{len(mission.tasks)}u"),
+        ("n_constants", f"{len(constants)}u"), ("n_units", f"{len(units.UNITS)}u"),
+        ("n_unit_texts", f"{len(units._NAMES)}u"), ("n_tasks", f"{len(mission.tasks)}u"),
         ("n_modes", f"{len(mission.modes)}u"), ("n_events", f"{len(mission.events)}u"))]
     return {f"{name}_script.c": "\n".join([*lines, "};", ""])}
+
+
+def braced(numbers: Iterable[int]) -> str:
+    return f"{{{', '.join(map(str, numbers))}}}"
+
+
+def bits(x: float) -> str:
+    """Of a double."""
+    return f"{packing.unpack('=Q', packing.pack('=d', x))[0]:#018x}"
 
 
 def quoted(text: str) -> str:
@@ -136,13 +152,13 @@ def visible(struct: Any) -> list[Any]:
 def type_tables(types: dict[str, Any], modules: set[str]) -> list[str]:
     """What types consist of: units and enumerations first, each once."""
     fields = [f for struct in types.values() for f in visible(struct)]
-    units: dict[tuple[str, tuple[int, ...]], int] = {}
+    known: dict[tuple[str, tuple[int, ...]], int] = {}
     for f in fields:
-        units.setdefault((f.unit or "-", tuple(f.dims)), len(units))
+        known.setdefault((f.unit or "-", tuple(f.dims)), len(known))
     enums = {f.ctype: f.enumerators for f in fields if f.type == "enum"}
     lines = ["static const ScriptUnit units[] = {"]
-    for (text, dims) in units:
-        lines += row(quoted(text), f"{{{', '.join(map(str, dims))}}}")
+    for text, dims in known:
+        lines += row(quoted(text), braced(dims))
     lines += ["};", ""]
     for name, values in enums.items():
         lines += [f"static const ScriptEnumerator {name}_values[] = {{"]
@@ -156,12 +172,12 @@ def type_tables(types: dict[str, Any], modules: set[str]) -> list[str]:
             count = next((f"{i}u" for i, one in enumerate(members) if one.name == f.count), "SCRIPT_NO_FIELD")
             lines += row(
                 quoted(f.name), f"&{f.struct.name}_type" if f.type == "struct" else "0",
-                f"&{f.ctype}_enum" if f.type == "enum" else "0", f"&units[{units[f.unit or '-', tuple(f.dims)]}]",
+                f"&{f.ctype}_enum" if f.type == "enum" else "0", f"&units[{known[f.unit or '-', tuple(f.dims)]}]",
                 f"{f.offset}u", f"{{{', '.join(f'{n}u' for n in f.shape or (0,))}}}", f"FLEDGE_{f.type.upper()}",
                 f"SCRIPT_{GROUPS[f.group]}", "SCRIPT_REQUIRED" if f.required else "0u", f"{len(f.shape)}u", count)
         function = names.snake(name)
         calls = [f"(void (*)(void *)){function}_reset", f"(void (*)(void *, Tick)){function}_update"]
-        lines += ["};", *wrap([f"{quoted(name)},", f"{name}_fields,", f"{len(members)}u,", f"sizeof({name}),",
+        lines += ["};", *wrap(["&script_class_type,", f"{quoted(name)},", f"{name}_fields,", f"{len(members)}u,", f"sizeof({name}),",
                                *([f"{calls[0]},", calls[1]] if name in modules else ["0,", "0"])],
                               f"static const ScriptType {name}_type = {{", "    ", "};"), ""]
     return lines

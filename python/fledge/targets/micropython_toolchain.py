@@ -50,6 +50,7 @@ WORDS = ["-std=gnu99", "-Os", "-ffp-contract=off", "-fno-math-errno", "-ffunctio
          "-fno-asynchronous-unwind-tables", "-DNDEBUG"]
 OURS = ["-Wall", "-Wextra", "-Wno-unused-parameter"]
 SEVERAL = {"vm.c": ["-O2"],     # -Os doubles the time of a loop
+           "objfloat.c": ["-Dmp_obj_get_float_maybe=units_plain_number"],    # 2.0 * deg is a quantity
            "malloc.c": ["-Dmalloc=arena_take", "-Drealloc=arena_resize", "-Dfree=arena_give",
                         "-include", "targets/micropython/arena.h"]}
 SMALL_INT_BITS, LONG_INT = 47, "longlong"       # of the port
