@@ -7,6 +7,9 @@
 
 #include <string.h>
 
+/* Of a script without a mission. */
+__attribute__((weak)) const ScriptMission fledge_script = {.process = "flight"};
+
 // --- what stands in for the world --------------------------------------------------------------------
 
 const mp_obj_base_t script_inert = {&script_inert_type};

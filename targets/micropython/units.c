@@ -3,6 +3,7 @@
 
 #include "targets/micropython/objects.h"
 
+#include "py/cstack.h"
 #include "py/objexcept.h"
 #include "py/objlist.h"
 #include "py/cstack.h"
