@@ -50,6 +50,8 @@ typedef struct MissionHost {
     void (*restart)(int64_t t);
     int64_t (*next)(void);
     void (*tick)(int64_t t);
+    const char *(*failure)(void);                 ///< after init: NULL, or why it failed; NULL itself: it cannot
+    void (*describe)(void (*line)(const char *)); ///< print what the mission's script composed; NULL: it has none
     const MissionIo *io;
     const MissionTopic *topics; ///< of each message, by id
     const MissionDefinition *definitions;

@@ -31,6 +31,11 @@ int main(void)
         return 1;
     }
     fledge_mission.init();
+    if (fledge_mission.failure != NULL && fledge_mission.failure() != NULL) {
+        leon3_say(fledge_mission.failure());
+        leon3_say("\n");
+        return 1;
+    }
     const RegisterWindow *clock = place_windows();
     leon3_watch();
     recorder_resume();

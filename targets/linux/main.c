@@ -31,6 +31,7 @@ typedef struct Options {
     double duration;       ///< [s] with the machine's clock; 0: until a signal
     int priority;          ///< of SCHED_FIFO; 0: do not request it
     int clock;             ///< 1: the machine's clock paces flight
+    int describe;          ///< 1: only print what the script composed
     const char *wrong;     ///< the wrong word, or NULL
 } Options;
 
@@ -74,6 +75,7 @@ static const char usage[] = "usage: %s [--record FILE] [--wait S] REGISTERS     
                             "  --wait S        how long to wait for the register file; default: 10\n"
                             "  --clock         pace flight by this machine's clock, in real time\n"
                             "  --priority N    of SCHED_FIFO, 1 to 99; default: 50; 0: do not request it\n"
+                            "  --describe      only print what the mission's script composed, if it has one\n"
                             "  --for S         end after S seconds; default: after a signal\n";
 
 static int number(const char *text, double *value)
@@ -94,6 +96,8 @@ static int read_options(Options *o, int n, char **words)
         double value = 0.0;
         if (strcmp(word, "--clock") == 0) {
             o->clock = 1;
+        } else if (strcmp(word, "--describe") == 0 && fledge_mission.describe != NULL) {
+            o->describe = 1;
         } else if (strncmp(word, "--", 2) == 0) {
             if (i + 1 >= n) {
                 return 0;
@@ -117,7 +121,7 @@ static int read_options(Options *o, int n, char **words)
         }
     }
     o->wrong = NULL;
-    return o->clock || o->registers != NULL;
+    return o->clock || o->describe || o->registers != NULL;
 }
 
 /* ---- set-up and end */
@@ -168,6 +172,11 @@ static int close_record(const char *path, int whole)
         return complain(path, strerror(error));
     }
     return status == MCAP_OK ? FLOWN : complain(path, mcap_status_text(status));
+}
+
+static void print_line(const char *text)
+{
+    (void)puts(text);
 }
 
 static void report(const Options *o, int no_fifo, int no_lock)
@@ -278,6 +287,13 @@ int main(int argc, char **argv)
     (void)sigaction(SIGXFSZ, &action, NULL);
 
     fledge_mission.init();
+    if (fledge_mission.failure != NULL && fledge_mission.failure() != NULL) {
+        return complain("script", fledge_mission.failure());
+    }
+    if (options.describe) {
+        fledge_mission.describe(print_line);
+        return FLOWN;
+    }
     int result = options.record != NULL ? open_record(options.record) : FLOWN;
     if (result == FLOWN) {
         result = attach(&options);

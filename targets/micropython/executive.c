@@ -134,9 +134,12 @@ static int runs_in(const ExecutiveTask *task, const ExecutiveMode *mode)
 int executive_begin(void)
 {
     executive = (Executive){0};
-    executive.modules =
-        arena_take(fledge_script.n_places * sizeof(ExecutiveModule) + fledge_script.n_inputs * sizeof(ExecutiveWire));
-    return executive.modules != NULL;
+    /* The wires come first, because they need the larger alignment. */
+    const size_t wires = fledge_script.n_inputs * sizeof(ExecutiveWire);
+    uint8_t *block = arena_take(wires + fledge_script.n_places * sizeof(ExecutiveModule));
+    executive.inputs = (ExecutiveWire *)(void *)block;
+    executive.modules = block != NULL ? (ExecutiveModule *)(void *)(block + wires) : NULL;
+    return block != NULL;
 }
 
 void executive_name(uint16_t place)
@@ -210,15 +213,14 @@ static void link_wire(ExecutiveWire *wire)
 
 static void link_wires(void)
 {
-    ExecutiveWire *inputs = (ExecutiveWire *)(void *)&executive.modules[fledge_script.n_places];
     for (ExecutiveWire *wire = executive.wires, *next; wire != NULL; wire = next) {
         next = wire->next;
         link_wire(wire);
     }
     for (uint16_t i = 0u; i < fledge_script.n_inputs; i++) {
         const ScriptInput *in = &fledge_script.inputs[i];
-        inputs[i] = (ExecutiveWire){NULL, in->from, in->to, in->size, in->stale_after};
-        link_wire(&inputs[i]);
+        executive.inputs[i] = (ExecutiveWire){NULL, in->from, in->to, in->size, in->stale_after};
+        link_wire(&executive.inputs[i]);
     }
 }
 

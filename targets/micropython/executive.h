@@ -158,12 +158,13 @@ typedef struct Executive {
     ExecutiveTask *tasks;     ///< in the order of equal times
     ExecutiveMode *modes, *initial, *current, *asked;
     ExecutiveEvent *events;
-    ExecutiveWire *wires; ///< until the script is done
-    int64_t t;            ///< [ns] the last tick; -1: none
-    int64_t down;         ///< [ns] of the computer after a reset
-    uint32_t reset;       ///< the offset of the ComputerReset, an input; 0: nothing resets it
-    uint8_t changed;      ///< 1: some configuration is to be published
-    uint8_t composed;     ///< 1: the script is done
+    ExecutiveWire *inputs; ///< those of fledge_script.inputs
+    ExecutiveWire *wires;  ///< of the script, until it is done
+    int64_t t;             ///< [ns] the last tick; -1: none
+    int64_t down;          ///< [ns] of the computer after a reset
+    uint32_t reset;        ///< the offset of the ComputerReset, an input; 0: nothing resets it
+    uint8_t changed;       ///< 1: some configuration is to be published
+    uint8_t composed;      ///< 1: the script is done
 } Executive;
 
 extern Executive executive;

@@ -37,6 +37,7 @@ class Target:
     name = ""
     about = ""
     emulated = False
+    composes = False                # the mission's script composes it there: for missions that fit (docs/micropython.md)
     needs: tuple[str, ...] = ()     # programs that are not always there
 
     def missing(self) -> list[str]:
