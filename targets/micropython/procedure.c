@@ -9,6 +9,7 @@
 #include <py/objgenerator.h>
 #include <py/persistentcode.h>
 #include <py/runtime.h>
+#include <py/smallint.h>
 #include <string.h>
 
 enum {
