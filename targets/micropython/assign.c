@@ -3,7 +3,7 @@
 
 #include "targets/micropython/units.h"
 
-#include "py/runtime.h"
+#include <py/runtime.h>
 
 #include <string.h>
 
@@ -238,8 +238,8 @@ static void convert(const ScriptNode *node, const ScriptField *field, mp_obj_t v
     } else if (seconds) {
         int64_t ns;
         fits = !units_time(number, &ns, objects_error());
-        fits = fits && (is_float(field) ? write_number(field, to, mp_obj_new_float((double)ns))
-                                        : write_whole(field, to, ns));
+        fits = fits &&
+               (is_float(field) ? write_number(field, to, mp_obj_new_float((double)ns)) : write_whole(field, to, ns));
     } else {
         const int bool_fits = depth || (!field->n_dimensions && !is_float(field));
         fits = (bool_fits || !mp_obj_is_bool(number)) && write_number(field, to, number);
@@ -318,8 +318,7 @@ static void print_broken(const ScriptNode *node, const CommandRule *rule, uint32
 {
     const mp_print_t *error = objects_error();
     objects_print_path(error, node);
-    const double x =
-        element_read(rule->number, block + rule->offset + (size_t)element * element_size(rule->number));
+    const double x = element_read(rule->number, block + rule->offset + (size_t)element * element_size(rule->number));
     mp_printf(error, ".%s must be %s, found ", rule->name, rule->text);
     mp_obj_print_helper(error, mp_obj_new_float(x), PRINT_REPR);
     if (rule->n > 1u) {
@@ -578,8 +577,10 @@ static int store(ScriptNode *node, const ScriptField *field, mp_obj_t value)
 NORETURN static void refuse_count(const ScriptNode *node, const ScriptField *field)
 {
     const mp_print_t *error = at_field(node, field);
-    mp_printf(error, ": one number fills the rows that count, and there are none yet; set %s, or give an array with "
-                     "rows", node->type->fields[field->count].name);
+    mp_printf(error,
+              ": one number fills the rows that count, and there are none yet; set %s, or give an array with "
+              "rows",
+              node->type->fields[field->count].name);
     objects_raise();
 }
 

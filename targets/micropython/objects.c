@@ -5,9 +5,9 @@
 
 #include "targets/micropython/assign.h"
 
-#include "py/objexcept.h"
-#include "py/objlist.h"
-#include "py/runtime.h"
+#include <py/objexcept.h>
+#include <py/objlist.h>
+#include <py/runtime.h>
 
 #include <stdarg.h>
 #include <string.h>
@@ -122,9 +122,8 @@ static void refuse_name(const ScriptNode *node, qstr name)
 static ScriptNode *node_of(mp_obj_t value)
 {
     const mp_obj_type_t *type = mp_obj_get_type(value);
-    return type == &script_module_type || type == &script_view_type || type == &script_array_type
-               ? MP_OBJ_TO_PTR(value)
-               : NULL;
+    return type == &script_module_type || type == &script_view_type || type == &script_array_type ? MP_OBJ_TO_PTR(value)
+                                                                                                  : NULL;
 }
 
 ScriptNode *objects_struct(mp_obj_t value)
@@ -194,8 +193,13 @@ static ScriptNode *view_of(ScriptNode *owner, uint32_t index, uint32_t level, ui
     const ScriptField *field = &owner->type->fields[index];
     const int is_struct = field->type == FLEDGE_STRUCT && level == field->n_dimensions;
     ScriptNode *view = mp_obj_malloc(ScriptNode, is_struct ? &script_view_type : &script_array_type);
-    *view = (ScriptNode){.base = view->base, .owner = owner, .next = owner->views, .field = (uint16_t)index,
-                         .row = (uint16_t)row, .level = (uint8_t)level, .type = is_struct ? field->sub : NULL,
+    *view = (ScriptNode){.base = view->base,
+                         .owner = owner,
+                         .next = owner->views,
+                         .field = (uint16_t)index,
+                         .row = (uint16_t)row,
+                         .level = (uint8_t)level,
+                         .type = is_struct ? field->sub : NULL,
                          .offset = owner->offset + field->offset + row * objects_stride(field, level)};
     owner->views = view;
     return view;
@@ -371,8 +375,8 @@ static void store_item(ScriptNode *node, uint32_t i, mp_obj_t value)
         mp_raise_TypeError(MP_ERROR_TEXT("assign to the fields of an item, or to the whole array"));
     }
     if (node->level + 1u == field->n_dimensions) {
-        assign_element(node->owner, field, node->offset - node->owner->offset + i * objects_stride(field, node->level + 1u),
-                       value);
+        assign_element(node->owner, field,
+                       node->offset - node->owner->offset + i * objects_stride(field, node->level + 1u), value);
         return;
     }
     ScriptNode *row = MP_OBJ_TO_PTR(item_of(node, i));
@@ -402,7 +406,8 @@ static mp_obj_t array_subscript(mp_obj_t object, mp_obj_t index, mp_obj_t value)
         mp_bound_slice_t slice;
         mp_obj_slice_indices(index, n, &slice);
         const mp_int_t step = slice.step;
-        const mp_int_t span = step > 0 ? slice.stop - slice.start : slice.start - slice.stop, by = step > 0 ? step : -step;
+        const mp_int_t span = step > 0 ? slice.stop - slice.start : slice.start - slice.stop,
+                       by = step > 0 ? step : -step;
         const uint32_t items = span > 0 ? (uint32_t)((span + by - 1) / by) : 0u;
         mp_obj_list_t *list = value == MP_OBJ_SENTINEL ? MP_OBJ_TO_PTR(mp_obj_new_list(items, NULL)) : NULL;
         for (uint32_t i = 0; i < items; i++) {

@@ -10,7 +10,7 @@
 
 #include "targets/micropython/tables.h"
 
-#include "py/obj.h"
+#include <py/obj.h>
 
 /** What all views begin with. A module, or a message that a script has made itself, is its own root. */
 typedef struct ScriptNode {

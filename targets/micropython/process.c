@@ -5,9 +5,9 @@
 #include "targets/micropython/objects.h"
 #include "targets/micropython/script.h"
 
-#include "py/builtin.h"
-#include "py/objtuple.h"
-#include "py/runtime.h"
+#include <py/builtin.h>
+#include <py/objtuple.h>
+#include <py/runtime.h>
 
 #include <string.h>
 

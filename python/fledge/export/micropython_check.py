@@ -134,7 +134,8 @@ def expected(mission: Mission, flight: Any) -> dict[str, list[str]]:
         for path, offset, raw in event.settings:
             lines["sets"] += _bytewise(event.name, f"{path.partition('.')[2]}+{offset}", raw.hex())
         lines["when"] += [f"{event.name} {part}" for part in parts(event.condition.steps)]
-        lines["until"] += [f"{event.name} {part}" for part in parts(event.until.steps if event.until is not None else [])]
+        lines["until"] += [f"{event.name} {part}" for part in parts(
+            event.until.steps if event.until is not None else [])]
     if flight.reset:
         path, down = flight.reset
         _, name, port = path.split(".")

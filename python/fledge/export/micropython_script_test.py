@@ -54,7 +54,8 @@ def test_mission_py_brings_all_that_it_builds():
 
 def test_given_parameters_reach_build(tmp_path):
     scripts = read_scripts(fledge.load(mission(tmp_path), turn=0.25))
-    assert scripts.module == "small.given" and "build(it):\n    _build(it, turn=0.25)" in scripts.files["small/given.py"]
+    assert scripts.module == "small.given" and "build(it):\n    _build(it, turn=0.25)" in scripts.files[
+        "small/given.py"]
     assert read_scripts(fledge.load(tmp_path / "small")).module == "small.flight"
 
 
@@ -100,4 +101,5 @@ def test_a_simulation_without_files_has_no_script():
 
 def test_errors_of_the_target_name_the_user_s_files(tmp_path):
     files = read_scripts(fledge.load(mission(tmp_path))).files
-    assert placed("small/flight.py, line 7: ValueError: no", files) == f"{tmp_path}/small/flight.py, line 7: ValueError: no"
+    assert placed("small/flight.py, line 7: ValueError: no",
+                  files) == f"{tmp_path}/small/flight.py, line 7: ValueError: no"

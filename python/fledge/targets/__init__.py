@@ -19,6 +19,6 @@ from fledge.targets.micropython import Leon3MicroPython, Leon3MicroPythonQemu, M
 from fledge.targets.target import TARGETS, Flown, Target, fly
 
 TARGETS |= {one.name: one for one in (Cfs(), Leon3(), Leon3Qemu(), Leon3Cfs(), MicroPython(),
-                                           Leon3MicroPython(), Leon3MicroPythonQemu())}
+                                      Leon3MicroPython(), Leon3MicroPythonQemu())}
 
 __all__ = ["TARGETS", "Flown", "Job", "Part", "RealCfs", "Target", "fly"]

@@ -77,7 +77,8 @@ def program(folder: Path | str, name: str, sources: Sequence[Path], includes: Se
         "  description = linking $out",
         "rule whole", f"  command = {compiled} -r -nostdlib -Wl,--gc-sections -Wl,-e,{entry} $in -o $out",
         "  description = measuring $out", *lines, f"build {_escaped(name)}: link {' '.join(linked)}",
-        f"build {_escaped(whole)}: whole {' '.join([*objects, *own])}", f"default {_escaped(name)} {_escaped(whole)}", ""])
+        f"build {_escaped(whole)}: whole {' '.join([*objects, *own])}",
+        f"default {_escaped(name)} {_escaped(whole)}", ""])
     write_files({"build.ninja": text}, folder)
     done = subprocess.run(["ninja", "-C", folder], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
                           errors="replace")

@@ -37,7 +37,8 @@ class Target:
     name = ""
     about = ""
     emulated = False
-    composes = False                # the mission's script composes it there: for missions that fit (docs/micropython.md)
+    # the mission's script composes it there: for missions that fit (docs/micropython.md)
+    composes = False
     needs: tuple[str, ...] = ()     # programs that are not always there
 
     def missing(self) -> list[str]:

@@ -157,7 +157,8 @@ def fly_mission(number: int, folder: Path) -> tuple[str, str]:
     job = Job(str(mission), duration=DURATION, folder=folder / "out", free=True, parameters={"number": number},
               seed=number, roots=[kinds()[0]])
     dice = Random(-number - 1)
-    installed = [name for name, target in TARGETS.items() if name != "desktop" and not target.missing()]
+    installed = [name for name, target in TARGETS.items() if name != "desktop" and not target.missing()
+                 and not target.composes]      # the mission's Python is the desktop's
     on = {part.process: dice.choice(installed) for part in job.parts}
     desktop = TARGETS["desktop"].fly(job)
     flown = fly(job, {process: TARGETS[name] for process, name in on.items()}, "apart")
