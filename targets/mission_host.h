@@ -42,6 +42,12 @@ typedef struct MissionStart {
 
 enum { MISSION_NO_RESET = 0xFFFF };
 
+/** The heap of a mission that has one, as of a script. */
+typedef struct MissionHeap {
+    size_t used; ///< [bytes] now
+    size_t peak; ///< [bytes] the most so far
+} MissionHeap;
+
 typedef struct MissionHost {
     const char *name;
     void *mission; ///< its memory
@@ -52,6 +58,8 @@ typedef struct MissionHost {
     void (*tick)(int64_t t);
     const char *(*failure)(void);                 ///< after init: NULL, or why it failed; NULL itself: it cannot
     void (*describe)(void (*line)(const char *)); ///< print what the mission's script composed; NULL: it has none
+    void (*figures)(void (*line)(const char *));  ///< print what the mission's script did; NULL: it has none
+    int64_t (**clock)(void);                      ///< [ns] where to put a monotonic clock for them; NULL: nowhere
     const MissionIo *io;
     const MissionTopic *topics; ///< of each message, by id
     const MissionDefinition *definitions;
@@ -66,6 +74,7 @@ typedef struct MissionHost {
     uint16_t n_rates;
     uint16_t reset; ///< the id of the ComputerReset by which the outside resets the computer; MISSION_NO_RESET: none
     int64_t down;   ///< [ns] how long the computer is down after it
+    MissionHeap (*heap)(void); ///< NULL: the mission has none
 } MissionHost;
 
 extern const MissionHost fledge_mission;

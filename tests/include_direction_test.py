@@ -34,6 +34,7 @@ LAYERS = [
     {"wiring_picture", "montecarlo", "cosim", "export"},
     {"report", "targets"},
     {"emulator"},
+    {"profile"},
     {"cli"},
 ]
 # The parts that may use the extension `_core`; all others use the public functions of these.

@@ -26,15 +26,16 @@ int _unlink(const char *path);
 int _link(const char *path, const char *other);
 clock_t _times(struct tms *t);
 
+static char *heap_end = leon3_heap; /* `fledge profile` reads it */
+
 void *_sbrk(ptrdiff_t n)
 {
-    static char *end = leon3_heap;
-    char *const old = end;
-    if (n > leon3_stack - end) {
+    char *const old = heap_end;
+    if (n > leon3_stack - heap_end) {
         errno = ENOMEM;
         return (void *)-1;
     }
-    end += n;
+    heap_end += n;
     return old;
 }
 

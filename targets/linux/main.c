@@ -1,13 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* An exported mission as a process of its own, which exchanges data only through a register file. By default the clock
  * of the registers paces flight, tick by tick. With --clock the machine's clock does, and flight reads the registers as
- * they are at that time. The program writes the outputs of flight into its own record.
+ * they are at that time. With --inputs a file plays the outside, at once or by the clock. The program writes the
+ * outputs of flight into its own record.
  *
  * The loop does not allocate. At the end the program prints its results on the standard output, a key and a value on
  * each line. Exit codes: 0 flown to the end, 1 the register file or the record failed, 2 wrong options. */
 #define _POSIX_C_SOURCE 200809L
 #include "record/file_sink.h"
 #include "registers/shared_file.h"
+#include "targets/linux/inputs.h"
 #include "targets/linux/pace.h"
 #include "targets/mission_host.h"
 
@@ -22,11 +24,12 @@
 #define SECOND INT64_C(1000000000)
 #define POLL_NS (SECOND / 4) /* how often the program checks for signals while it waits */
 
-enum { BOARDS_MAX = 4, FLOWN = 0, FAILED = 1, CALLED_WRONGLY = 2 };
+enum { BOARDS_MAX = 4, MARKS_MAX = 32, FLOWN = 0, FAILED = 1, CALLED_WRONGLY = 2 };
 
 typedef struct Options {
     const char *registers; ///< the file, or NULL
     const char *record;    ///< the file, or NULL
+    const char *inputs;    ///< the file, or NULL
     double wait;           ///< [s] how long to wait for the register file
     double duration;       ///< [s] with the machine's clock; 0: until a signal
     int priority;          ///< of SCHED_FIFO; 0: do not request it
@@ -35,6 +38,16 @@ typedef struct Options {
     const char *wrong;     ///< the wrong word, or NULL
 } Options;
 
+/** The heap of flight at some ticks, evenly spread over a run of any length. */
+typedef struct HeapMarks {
+    uint32_t every; ///< ticks
+    uint32_t n;
+    struct {
+        uint32_t tick;
+        uint32_t used, peak; ///< [bytes]
+    } marks[MARKS_MAX];
+} HeapMarks;
+
 typedef struct Runner {
     RegisterFile file;
     RegisterWindow windows[BOARDS_MAX];
@@ -42,12 +55,14 @@ typedef struct Runner {
     FileSink sink;
     MissionRecord record;
     const RegisterWindow *clock; ///< the window of the board with the clock
-    int64_t cpu;                 ///< [ns] of all exchanges
-    int64_t cpu_most;
+    Inputs inputs;
+    int64_t cpu; ///< [ns] of all exchanges
+    int64_t faults;
     uint32_t ticks;
     uint32_t overruns;
     int recording;
-    PaceHistogram late;
+    PaceHistogram late, cycle_cpu, cycle_wall;
+    HeapMarks heap;
 } Runner;
 
 static Runner runner;
@@ -67,16 +82,19 @@ static int complain(const char *what, const char *why)
 
 /* ---- the command line */
 
-static const char usage[] = "usage: %s [--record FILE] [--wait S] REGISTERS        paced by the registers' clock\n"
-                            "       %s --clock [--priority N] [--for S] [--record FILE] [--wait S] [REGISTERS]\n"
-                            "\n"
-                            "REGISTERS is the register file of the boards, or /dev/fd/N; --clock works without it.\n"
-                            "  --record FILE   write all outputs of flight into an MCAP file\n"
-                            "  --wait S        how long to wait for the register file; default: 10\n"
-                            "  --clock         pace flight by this machine's clock, in real time\n"
-                            "  --priority N    of SCHED_FIFO, 1 to 99; default: 50; 0: do not request it\n"
-                            "  --describe      only print what the mission's script composed, if it has one\n"
-                            "  --for S         end after S seconds; default: after a signal\n";
+static const char usage[] =
+    "usage: %s [--record FILE] [--wait S] REGISTERS        paced by the registers' clock\n"
+    "       %s --clock [--priority N] [--for S] [--record FILE] [--wait S] [REGISTERS]\n"
+    "       %s --inputs FILE [--clock [--priority N]] [--for S] [--record FILE]\n"
+    "\n"
+    "REGISTERS is the register file of the boards, or /dev/fd/N; --clock works without it.\n"
+    "  --record FILE   write all outputs of flight into an MCAP file\n"
+    "  --wait S        how long to wait for the register file; default: 10\n"
+    "  --clock         pace flight by this machine's clock, in real time\n"
+    "  --priority N    of SCHED_FIFO, 1 to 99; default: 50; 0: do not request it\n"
+    "  --inputs FILE   what flight reads, of an earlier run; without --clock as fast as possible\n"
+    "  --describe      only print what the mission's script composed, if it has one\n"
+    "  --for S         end after S seconds; default: after a signal, or the last of the inputs\n";
 
 static int number(const char *text, double *value)
 {
@@ -105,6 +123,8 @@ static int read_options(Options *o, int n, char **words)
             i++;
             if (strcmp(word, "--record") == 0) {
                 o->record = words[i];
+            } else if (strcmp(word, "--inputs") == 0) {
+                o->inputs = words[i];
             } else if (strcmp(word, "--wait") == 0 && number(words[i], &value)) {
                 o->wait = value;
             } else if (strcmp(word, "--for") == 0 && number(words[i], &value)) {
@@ -120,8 +140,8 @@ static int read_options(Options *o, int n, char **words)
             return 0;
         }
     }
-    o->wrong = NULL;
-    return o->clock || o->describe || o->registers != NULL;
+    o->wrong = o->inputs != NULL && o->registers != NULL ? o->registers : NULL;
+    return o->wrong == NULL && (o->clock || o->describe || o->inputs != NULL || o->registers != NULL);
 }
 
 /* ---- set-up and end */
@@ -148,7 +168,8 @@ static int attach(const Options *o)
                                                              : register_file_status_text(status));
     }
     runner.clock = &runner.windows[mission_io_clock(io)];
-    return FLOWN;
+    const char *wrong = o->inputs != NULL ? inputs_open(&runner.inputs, o->inputs, io) : NULL;
+    return wrong != NULL ? complain(o->inputs, wrong) : FLOWN;
 }
 
 static int open_record(const char *path)
@@ -179,19 +200,43 @@ static void print_line(const char *text)
     (void)puts(text);
 }
 
+/* Print figures of durations, and how many each bin has: "up to:how many". */
+static void report_durations(const char *name, const PaceHistogram *h)
+{
+    printf("%s_least %" PRId64 "\n%s_median %" PRId64 "\n%s_p99 %" PRId64 "\n%s_most %" PRId64 "\n%s_histogram", name,
+           h->least, name, pace_quantile(h, 0.5), name, pace_quantile(h, 0.99), name, h->most, name);
+    for (uint32_t i = 0u; i < PACE_BINS; i++) {
+        if (h->bins[i] > 0u) {
+            printf(" %" PRId64 ":%" PRIu32, pace_bin_end(i), h->bins[i]);
+        }
+    }
+    printf("\n");
+}
+
 static void report(const Options *o, int no_fifo, int no_lock)
 {
     const double mean = runner.ticks > 0u ? (double)runner.cpu / runner.ticks : 0.0;
-    printf("ticks %" PRIu32 "\ncpu_ns %.0f\ncpu_ns_most %" PRId64 "\n", runner.ticks, mean, runner.cpu_most);
+    printf("ticks %" PRIu32 "\ncpu_ns %.0f\n", runner.ticks, mean);
     printf("refused %" PRIu32 "\ncorrupt %" PRIu32 "\nsaturated %" PRIu32 "\nskipped %" PRIu32 "\n",
            runner.counts.refused, runner.counts.corrupt, runner.counts.saturated, runner.counts.skipped);
+    report_durations("cycle_cpu_ns", &runner.cycle_cpu);
+    report_durations("cycle_wall_ns", &runner.cycle_wall);
+    if (fledge_mission.heap != NULL) {
+        printf("heap");
+        for (uint32_t i = 0u; i < runner.heap.n; i++) {
+            printf(" %" PRIu32 ":%" PRIu32 ":%" PRIu32, runner.heap.marks[i].tick, runner.heap.marks[i].used,
+                   runner.heap.marks[i].peak);
+        }
+        printf("\n");
+    }
+    if (fledge_mission.figures != NULL) {
+        fledge_mission.figures(print_line);
+    }
     if (!o->clock) {
         return;
     }
-    printf("late_ns_least %" PRId64 "\nlate_ns_median %" PRId64 "\nlate_ns_p99 %" PRId64 "\nlate_ns_most %" PRId64
-           "\noverruns %" PRIu32 "\n",
-           runner.late.least, pace_quantile(&runner.late, 0.5), pace_quantile(&runner.late, 0.99), runner.late.most,
-           runner.overruns);
+    report_durations("late_ns", &runner.late);
+    printf("overruns %" PRIu32 "\nfaults %" PRId64 "\n", runner.overruns, runner.faults);
     if (o->priority == 0) {
         printf("scheduling shared, as requested\n");
     } else if (no_fifo != 0) {
@@ -208,18 +253,43 @@ static void report(const Options *o, int no_fifo, int no_lock)
 
 /* ---- the loop, which neither allocates nor prints */
 
-/* Make one exchange, measure its processor time, and record the outputs. */
+/* When there is no room, every second mark goes, and from then on half as many come. */
+static void mark_heap(void)
+{
+    HeapMarks *h = &runner.heap;
+    if (fledge_mission.heap == NULL || runner.ticks % h->every != 0u) {
+        return;
+    }
+    if (h->n == MARKS_MAX) {
+        for (uint32_t i = 0u; i < MARKS_MAX / 2; i++) {
+            h->marks[i] = h->marks[2u * i];
+        }
+        h->n = MARKS_MAX / 2;
+        h->every *= 2u;
+    }
+    const MissionHeap heap = fledge_mission.heap();
+    h->marks[h->n].tick = runner.ticks;
+    h->marks[h->n].used = (uint32_t)heap.used;
+    h->marks[h->n].peak = (uint32_t)heap.peak;
+    h->n++;
+}
+
+/* Make one exchange, measure its time, and record the outputs. */
 static int exchange(int64_t t)
 {
-    const int64_t start = pace_cpu();
+    const int64_t start = pace_now();
+    const int64_t start_cpu = pace_cpu();
     mission_host_exchange(&fledge_mission, runner.windows, t, &runner.counts);
     if (t < 0) {
+        mark_heap();
         return FLOWN;
     }
-    const int64_t cpu = pace_cpu() - start;
+    const int64_t cpu = pace_cpu() - start_cpu;
+    pace_note(&runner.cycle_cpu, cpu);
+    pace_note(&runner.cycle_wall, pace_now() - start);
     runner.cpu += cpu;
-    runner.cpu_most = cpu > runner.cpu_most ? cpu : runner.cpu_most;
     runner.ticks++;
+    mark_heap();
     return !runner.recording || mission_record_take(&runner.record, &fledge_mission, t) == MCAP_OK ? FLOWN : FAILED;
 }
 
@@ -243,26 +313,36 @@ static int fly_by_ticks(void)
     return complain("registers", "a signal stopped the program before the outside ended the run");
 }
 
-/* Fly by the clock of this machine. Time 0 is 10 ms from now. */
-static int fly_by_clock(double duration)
+static int64_t next_instant(const Options *o)
+{
+    return o->inputs != NULL ? inputs_next(&runner.inputs) : fledge_mission.next();
+}
+
+/* Fly by the clock of this machine, or as fast as possible. Time 0 is 10 ms from now. */
+static int fly_alone(const Options *o)
 {
     const int64_t start = pace_now() + SECOND / 100;
-    const int64_t end = duration > 0.0 ? (int64_t)(duration * 1e9) : INT64_MAX;
+    const int64_t end = o->duration > 0.0 ? (int64_t)(o->duration * 1e9) : INT64_MAX / 2;
     if (exchange(-1) != FLOWN) {
         return FAILED;
     }
-    for (int64_t t = fledge_mission.next(); t <= end && !stopped; t = fledge_mission.next()) {
-        if (pace_sleep(start + t) != 0) {
-            continue;
+    for (int64_t t = next_instant(o); t <= end && !stopped; t = next_instant(o)) {
+        if (o->clock) {
+            if (pace_sleep(start + t) != 0) {
+                continue;
+            }
+            pace_note(&runner.late, pace_now() - (start + t));
         }
-        pace_note(&runner.late, pace_now() - (start + t));
         if (register_clock_stopped(runner.clock)) {
             break;
+        }
+        if (o->inputs != NULL) {
+            inputs_put(&runner.inputs, fledge_mission.io, runner.windows, &runner.counts);
         }
         if (exchange(t) != FLOWN) {
             return complain("record", mcap_status_text(runner.record.writer.status));
         }
-        runner.overruns += pace_now() > start + fledge_mission.next();
+        runner.overruns += o->clock && pace_now() - start > next_instant(o);
     }
     return FLOWN;
 }
@@ -276,7 +356,7 @@ int main(int argc, char **argv)
         if (options.wrong != NULL) {
             (void)fprintf(stderr, "%s: cannot use %s here, or its value is wrong\n", argv[0], options.wrong);
         }
-        (void)fprintf(stderr, usage, argv[0], argv[0]);
+        (void)fprintf(stderr, usage, argv[0], argv[0], argv[0]);
         return CALLED_WRONGLY;
     }
     memset(&action, 0, sizeof action);
@@ -286,6 +366,9 @@ int main(int argc, char **argv)
     action.sa_handler = SIG_IGN; /* a record that reaches the limit on file sizes is an error of writing */
     (void)sigaction(SIGXFSZ, &action, NULL);
 
+    if (fledge_mission.clock != NULL) {
+        *fledge_mission.clock = pace_now;
+    }
     fledge_mission.init();
     if (fledge_mission.failure != NULL && fledge_mission.failure() != NULL) {
         return complain("script", fledge_mission.failure());
@@ -298,10 +381,16 @@ int main(int argc, char **argv)
     if (result == FLOWN) {
         result = attach(&options);
     }
+    runner.heap.every = 1u;
     if (result == FLOWN && options.clock) {
         no_lock = pace_lock_memory();
+        pace_prefault();
         no_fifo = options.priority > 0 ? pace_real_time(options.priority) : 0;
-        result = fly_by_clock(options.duration);
+        runner.faults = -pace_faults();
+    }
+    if (result == FLOWN && (options.clock || options.inputs != NULL)) {
+        result = fly_alone(&options);
+        runner.faults += pace_faults();
     } else if (result == FLOWN) {
         result = fly_by_ticks();
     }

@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#define _POSIX_C_SOURCE 200809L
+#define _DEFAULT_SOURCE /* rusage has page faults only with it */
 #include "targets/linux/pace.h"
 
 #include <errno.h>
 #include <sched.h>
 #include <string.h>
 #include <sys/mman.h>
+#include <sys/resource.h>
 #include <time.h>
 
 /* Below 8 ns each bin is 1 ns wide; above, each power of two has eight bins. */
@@ -19,8 +20,7 @@ static uint32_t bin_of(int64_t ns)
     return bin < PACE_BINS ? bin : PACE_BINS - 1u;
 }
 
-/* The upper end of a bin. */
-static int64_t end_of(uint32_t bin)
+int64_t pace_bin_end(uint32_t bin)
 {
     if (bin < 8u) {
         return bin;
@@ -44,7 +44,7 @@ int64_t pace_quantile(const PaceHistogram *h, double share)
     for (uint32_t i = 0u; i < PACE_BINS; i++) {
         seen += h->bins[i];
         if (h->bins[i] > 0u && seen >= wanted) {
-            return i + 1u < PACE_BINS && end_of(i) < h->most ? end_of(i) : h->most;
+            return i + 1u < PACE_BINS && pace_bin_end(i) < h->most ? pace_bin_end(i) : h->most;
         }
     }
     return h->most;
@@ -86,4 +86,28 @@ int pace_real_time(int priority)
 int pace_lock_memory(void)
 {
     return mlockall(MCL_CURRENT | MCL_FUTURE) == 0 ? 0 : errno;
+}
+
+enum { PAGE = 4096, STACK = 128 * 1024 };
+
+extern char data_start, end; /* of static memory: the linker's */
+
+void pace_prefault(void)
+{
+    volatile char stack[STACK];
+    for (size_t i = 0u; i < sizeof stack; i += PAGE) {
+        stack[i] = 0;
+    }
+    for (uintptr_t at = (uintptr_t)&data_start; at < (uintptr_t)&end; at += PAGE) {
+        volatile char *byte = (volatile char *)at;
+        *byte = *byte;
+    }
+    (void)pace_now(); /* the kernel's page with the time */
+}
+
+int64_t pace_faults(void)
+{
+    struct rusage used;
+    (void)getrusage(RUSAGE_SELF, &used);
+    return (int64_t)used.ru_minflt + used.ru_majflt;
 }

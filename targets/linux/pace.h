@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The clock of the machine: wake at given times, with real-time priority if the system permits it, and measure how
- * late the program woke. */
+/* The clock of the machine: wake at given times, with real-time priority and locked memory if the system permits them,
+ * and measure durations. */
 #ifndef TARGETS_LINUX_PACE_H
 #define TARGETS_LINUX_PACE_H
 
@@ -20,6 +20,9 @@ void pace_note(PaceHistogram *h, int64_t ns);
 /** The duration that this share (0 to 1) of the durations does not exceed; 0 if there are none. */
 int64_t pace_quantile(const PaceHistogram *h, double share);
 
+/** The longest duration that a bin counts. */
+int64_t pace_bin_end(uint32_t bin);
+
 /** [ns] of CLOCK_MONOTONIC, and of the processor time of this thread. */
 int64_t pace_now(void);
 int64_t pace_cpu(void);
@@ -30,5 +33,11 @@ int pace_sleep(int64_t until);
 /** Request SCHED_FIFO with a priority; lock the memory. They return 0, or errno if the system refuses. */
 int pace_real_time(int priority);
 int pace_lock_memory(void);
+
+/** Touch the program's static memory and the next part of its stack, so that later none of it costs a page fault. */
+void pace_prefault(void);
+
+/** Page faults of the program so far. */
+int64_t pace_faults(void);
 
 #endif

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "targets/micropython/assign.h"
 
+#include "targets/micropython/update.h"
+
 #include "targets/micropython/units.h"
 
 #include <py/runtime.h>
@@ -101,6 +103,10 @@ static void refuse_output(const ScriptNode *node, const ScriptField *field)
         outer = objects_field_of(n);
     }
     const ScriptRoot *root = (const ScriptRoot *)n;
+    if (root->place >= 0 && update_running() != NULL && update_running() != root) {
+        mp_print_str(at_field(node, field), " is of another module: an update writes its own alone");
+        objects_raise();
+    }
     if (outer->group == SCRIPT_OUT && root->place >= 0 && root->update == MP_OBJ_NULL) {
         mp_print_str(at_field(node, field), " is in an output, which its module writes at each update; assign to a "
                                             "parameter, or to an input that is not wired");
@@ -500,7 +506,7 @@ static int store_text(const ScriptNode *node, const ScriptField *field, mp_obj_t
 /* A row of `to`, from a struct of the same type or from a dict: fields that it leaves out become 0. */
 static void store_row(const ScriptNode *node, const ScriptField *field, mp_obj_t value, uint8_t *to)
 {
-    static const qstr apart[2] = {MP_QSTRnull, MP_QSTRnull};
+    static const qstr apart[3] = {MP_QSTRnull, MP_QSTRnull, MP_QSTRnull};
     const ScriptNode *same = objects_struct(value);
     refuse_inert(node, field, value);
     if (same && same->type == field->sub) {
@@ -592,6 +598,18 @@ void objects_store(ScriptNode *node, const ScriptField *field, mp_obj_t value)
     }
 }
 
+/* Long texts of a script are no qstrs. */
+static const mp_map_elem_t *named(const mp_map_t *values, const char *name)
+{
+    for (size_t i = 0; i < values->alloc; i++) {
+        if (mp_map_slot_is_filled(values, i) && mp_obj_is_str(values->table[i].key) &&
+            !strcmp(mp_obj_str_get_str(values->table[i].key), name)) {
+            return &values->table[i];
+        }
+    }
+    return NULL;
+}
+
 qstr assign_all(ScriptNode *node, mp_map_t *values, const qstr *apart)
 {
     const ScriptType *type = node->type;
@@ -600,9 +618,7 @@ qstr assign_all(ScriptNode *node, mp_map_t *values, const qstr *apart)
     for (int pass = 0; pass < 1 + waiting; pass++) {
         for (uint32_t i = 0; i < type->n; i++) {
             const ScriptField *field = &type->fields[i];
-            const qstr name = qstr_find_strn(field->name, strlen(field->name));
-            mp_map_elem_t *value =
-                name == MP_QSTRnull ? NULL : mp_map_lookup(values, MP_OBJ_NEW_QSTR(name), MP_MAP_LOOKUP);
+            const mp_map_elem_t *value = named(values, field->name);
             if (!value || (pass && (field->count == SCRIPT_NO_FIELD || given(node, i)))) {
                 continue;
             }
@@ -619,7 +635,7 @@ qstr assign_all(ScriptNode *node, mp_map_t *values, const qstr *apart)
         if (mp_map_slot_is_filled(values, i)) {
             const mp_obj_t key = values->table[i].key;
             const qstr name = mp_obj_is_str(key) ? mp_obj_str_get_qstr(key) : MP_QSTR_;
-            if (name != apart[0] && name != apart[1] && !objects_field(type, qstr_str(name))) {
+            if (name != apart[0] && name != apart[1] && name != apart[2] && !objects_field(type, qstr_str(name))) {
                 return name;
             }
         }

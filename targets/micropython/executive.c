@@ -4,10 +4,15 @@
 #include "flight/exec/message.h"
 #include "targets/micropython/arena.h"
 #include "targets/micropython/procedure.h"
+#include "targets/micropython/update.h"
 
 #include <string.h>
 
 Executive executive;
+int64_t (*executive_clock)(void);
+
+static uint8_t texts[2048];
+TelemetryTexts executive_texts = {texts, sizeof texts, 0u, 0u};
 
 /* --- texts ----------------------------------------------------------------------------------------- */
 
@@ -537,6 +542,16 @@ const char *executive_failure(void)
     return failure[0] != '\0' ? failure : NULL;
 }
 
+static void fail(const char *why)
+{
+    const size_t n = why == NULL ? 0u : strlen(why) < sizeof failure ? strlen(why) : sizeof failure - 1u;
+    memcpy(failure, why == NULL ? "" : why, n);
+    failure[n] = '\0';
+    if (n > 0u) {
+        executive = (Executive){0};
+    }
+}
+
 void executive_init(void)
 {
     procedure_forget();
@@ -546,13 +561,8 @@ void executive_init(void)
     if (why == NULL) {
         why = check();
     }
-    failure[0] = '\0';
-    if (why != NULL) {
-        const size_t n = strlen(why) < sizeof failure ? strlen(why) : sizeof failure - 1u;
-        memcpy(failure, why, n);
-        failure[n] = '\0';
-        executive = (Executive){0};
-    } else {
+    fail(why);
+    if (why == NULL) {
         link_wires();
         for (uint16_t i = 0u; i < fledge_script.n_places; i++) {
             executive.modules[i].differs = (uint8_t)differs(&fledge_script.places[i]);
@@ -561,6 +571,14 @@ void executive_init(void)
     executive.composed = 1u;
     arena_in_use->locked = 1;
     executive_restart(0);
+    if (why == NULL) {
+        fail(update_failure()); /* of a reset of the script's */
+    }
+}
+
+void executive_figures(void (*sink)(const char *text))
+{
+    update_figures(sink);
 }
 
 /* --- describing ------------------------------------------------------------------------------------ */

@@ -8,6 +8,7 @@
 
 #include "flight/exec/condition.h"
 #include "flight/exec/task.h"
+#include "flight/telemetry/telemetry.h"
 #include "targets/micropython/tables.h"
 
 #ifdef __cplusplus
@@ -56,6 +57,15 @@ void *executive_parameters(uint16_t block);
  *     reset MODULE+OFFSET DOWN      [ns] the input that resets the computer
  *     heap USED PEAK SIZE           [bytes] of the arena */
 void executive_describe(void (*line)(const char *text));
+
+/** [ns] A monotonic clock, which a host may give to measure by; NULL: none. */
+extern int64_t (*executive_clock)(void);
+
+/** What the script did until now, a line at a time. */
+void executive_figures(void (*line)(const char *text));
+
+/** Texts that wait for the end of the instant. */
+extern TelemetryTexts executive_texts;
 
 /* --- what a script composes ------------------------------------------------------------------------ */
 

@@ -4,6 +4,7 @@
 #include "targets/micropython/objects.h"
 
 #include "targets/micropython/assign.h"
+#include "targets/micropython/update.h"
 
 #include <py/objexcept.h>
 #include <py/objlist.h>
@@ -216,8 +217,7 @@ uint32_t objects_stride(const ScriptField *field, uint32_t level)
 
 ScriptNode *objects_view(ScriptNode *owner, const ScriptField *field, uint16_t row)
 {
-    const int part = field->type == FLEDGE_STRUCT && (row || !field->n_dimensions);
-    return view_of(owner, (uint32_t)(field - owner->type->fields), part ? field->n_dimensions : 0, row);
+    return view_of(owner, (uint32_t)(field - owner->type->fields), field->n_dimensions, row);
 }
 
 void objects_make_views(ScriptNode *node)
@@ -230,7 +230,7 @@ void objects_make_views(ScriptNode *node)
         ScriptNode *view = view_of(node, i, 0, 0);
         if (view->type) {
             objects_make_views(view);
-        } else if ((field->n_dimensions > 1 || field->type == FLEDGE_STRUCT) && field->shape[0] <= 8) {
+        } else if (field->n_dimensions > 1 || field->type == FLEDGE_STRUCT) {
             for (uint32_t row = 0; row < field->shape[0]; row++) {
                 ScriptNode *part = view_of(node, i, 1, row);
                 if (part->type) {
@@ -619,6 +619,8 @@ static mp_obj_t module_update(size_t n, const mp_obj_t *arguments)
 static MP_DEFINE_CONST_FUN_OBJ_VAR_BETWEEN(module_update_object, 1, 3, module_update);
 
 static const mp_rom_map_elem_t module_methods_table[] = {
+    {MP_ROM_QSTR(MP_QSTR_held), MP_ROM_PTR(&update_held_object)},
+    {MP_ROM_QSTR(MP_QSTR_publish), MP_ROM_PTR(&update_publish_object)},
     {MP_ROM_QSTR(MP_QSTR_reset), MP_ROM_PTR(&module_reset_object)},
     {MP_ROM_QSTR(MP_QSTR_update), MP_ROM_PTR(&module_update_object)},
 };
@@ -627,20 +629,24 @@ static MP_DEFINE_CONST_DICT(module_methods, module_methods_table);
 MP_DEFINE_CONST_OBJ_TYPE(script_module_type, MP_QSTR_Module, MP_TYPE_FLAG_NONE, print, print_struct, attr, attribute,
                          locals_dict, &module_methods);
 
-/* `update=` or `reset=` of a module: takes it from the keywords. */
-static mp_obj_t function_of(const ScriptType *type, mp_map_t *keywords, qstr name)
+/* `update=`, `reset=` or `turns=` of a module: takes it from the keywords. MP_OBJ_NULL: it is not there. */
+static mp_obj_t keyword_of(const ScriptType *type, mp_map_t *keywords, qstr name, qstr *apart)
 {
     mp_map_elem_t *found = type->reset ? mp_map_lookup(keywords, MP_OBJ_NEW_QSTR(name), MP_MAP_LOOKUP) : NULL;
-    if (!found || objects_field(type, qstr_str(name))) {
+    *apart = found ? name : MP_QSTRnull;
+    if (!found || found->value == mp_const_none) {
         return MP_OBJ_NULL;
     }
-    const mp_obj_t function = found->value;
-    if (!mp_obj_is_callable(function)) {
-        mp_printf(objects_error(), "%s: %q: expected a function; found ", type->name, name);
-        objects_print_found(&appended, function);
+    const int turns = name == MP_QSTR_turns;
+    if (turns ? !mp_obj_is_small_int(found->value) || MP_OBJ_SMALL_INT_VALUE(found->value) < 1 ||
+                    MP_OBJ_SMALL_INT_VALUE(found->value) > INT32_MAX
+              : !mp_obj_is_callable(found->value)) {
+        mp_printf(objects_error(), "%s.%q: expected %s; found ", type->name, name,
+                  turns ? "a whole number from 1 to 2^31 - 1" : "a function");
+        objects_print_found(&appended, found->value);
         objects_raise();
     }
-    return function;
+    return found->value;
 }
 
 static mp_obj_t make_object(mp_obj_t class, size_t n, size_t n_keywords, const mp_obj_t *arguments)
@@ -651,16 +657,22 @@ static mp_obj_t make_object(mp_obj_t class, size_t n, size_t n_keywords, const m
     }
     mp_map_t keywords;
     mp_map_init_fixed_table(&keywords, n_keywords, arguments);
-    const mp_obj_t update = function_of(type, &keywords, MP_QSTR_update);
-    const mp_obj_t reset = function_of(type, &keywords, MP_QSTR_reset);
+    qstr apart[3];
+    const mp_obj_t update = keyword_of(type, &keywords, MP_QSTR_update, &apart[0]);
+    const mp_obj_t reset = keyword_of(type, &keywords, MP_QSTR_reset, &apart[1]);
+    const mp_obj_t turns = keyword_of(type, &keywords, MP_QSTR_turns, &apart[2]);
+    if (update == MP_OBJ_NULL && (reset != MP_OBJ_NULL || turns != MP_OBJ_NULL)) {
+        objects_refuse("%s: %s= goes with update=, the module's update in Python", type->name,
+                       reset != MP_OBJ_NULL ? "reset" : "turns");
+    }
     ScriptRoot *root = m_malloc0(sizeof *root + type->n / 8u);
     root->node.base.type = &script_module_type;
     root->node.type = type;
     root->place = -1;
     root->update = update;
     root->reset = reset;
+    root->turns = turns != MP_OBJ_NULL ? (uint32_t)MP_OBJ_SMALL_INT_VALUE(turns) : (uint32_t)UPDATE_TURNS;
     root->memory = m_malloc0(type->size);
-    const qstr apart[] = {update ? MP_QSTR_update : MP_QSTRnull, reset ? MP_QSTR_reset : MP_QSTRnull};
     const qstr unknown = assign_all(&root->node, &keywords, apart);
     if (unknown != MP_QSTRnull) {
         refuse_name(&root->node, unknown);

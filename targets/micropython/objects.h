@@ -30,6 +30,7 @@ typedef struct ScriptRoot {
     uint8_t *memory;
     mp_obj_t update; ///< the script's own functions, of `update=` and `reset=`; MP_OBJ_NULL: those of C
     mp_obj_t reset;
+    uint32_t turns;  ///< that a call of them may take
     int16_t place;    ///< the index in fledge_script.places; -1: it has none
     uint8_t given[2]; ///< a bit for each field: whether the script gave it. There are more behind it for long types
 } ScriptRoot;
@@ -97,7 +98,7 @@ void objects_make_views(ScriptNode *node);
 /** The field of that name, or NULL. */
 const ScriptField *objects_field(const ScriptType *type, const char *name);
 
-/** The view of a struct or array (never a number): makes it if it is new. row: of an array of structs, else 0. */
+/** The view of a nested struct: makes it if it is new. row: of an array of structs, else 0. */
 ScriptNode *objects_view(ScriptNode *owner, const ScriptField *field, uint16_t row);
 
 /** The field of the port or nested struct that a view is, in its owner's type; NULL of a root. */

@@ -18,12 +18,8 @@ enum {
     HEAP = 16 * 1024,      /* [bytes] of a procedure */
     TEXT_HEAP = 48 * 1024, /* [bytes] of a text, with its compilation */
     NAMES = 24,            /* in the first table of new names */
-    TEXTS = 2048,          /* [bytes] of texts at one instant */
     DEPTH = 8              /* of nested functions and constants in bytecode */
 };
-
-static uint8_t texts[TEXTS];
-TelemetryTexts script_texts = {texts, sizeof texts, 0u, 0u};
 
 /* --- an interpreter apart -------------------------------------------------------------------------- */
 
@@ -56,7 +52,7 @@ static struct {
 
 static void say(const Apart *a, TelemetryTextKind kind, uint32_t line, const char *text)
 {
-    telemetry_text(&script_texts, a->context.t, kind, a->context.sequence, line, text);
+    telemetry_text(&executive_texts, a->context.t, kind, a->context.sequence, line, text);
 }
 
 static void flush(TelemetryTextKind kind)
@@ -251,7 +247,7 @@ static void begin_turn(Apart *a)
 }
 
 /* Refuse a change of what is no parameter; a text may make it. */
-static void check_rest(const Apart *a, uint16_t i)
+static void check_change(const Apart *a, uint16_t i)
 {
     const ScriptPlace *place = place_at(i);
     const uint8_t *now = a->copies[i]->memory;
@@ -270,12 +266,21 @@ static void check_rest(const Apart *a, uint16_t i)
     }
 }
 
-/* Write the parameters that changed, from the first number to the last. */
-static void write_changes(const Apart *a, uint16_t i)
+static void check_changes(const Apart *a)
+{
+    for (uint16_t i = 0u; i < fledge_script.n_places; i++) {
+        if (a->copies[i] != NULL) {
+            check_change(a, i);
+        }
+    }
+}
+
+/* Write the parameters that changed, from the first number to the last. Returns 0 if they are refused. */
+static int write_changes(const Apart *a, uint16_t i, const mp_print_t *wrong)
 {
     const ScriptPlace *place = place_at(i);
     if (place->block < 0) {
-        return;
+        return 1;
     }
     const CommandBlock *block = &a->context.table->blocks[place->block];
     const uint8_t *now = a->copies[i]->memory + place->parameters, *live = memory_of(place) + place->parameters;
@@ -287,7 +292,7 @@ static void write_changes(const Apart *a, uint16_t i)
         high--;
     }
     if (low == high) {
-        return;
+        return 1;
     }
     while (exec_number_at(block->runs, block->n_runs, low) == 0u) {
         low--;
@@ -298,30 +303,32 @@ static void write_changes(const Apart *a, uint16_t i)
     uint16_t detail = 0u;
     const CommandReason reason =
         command_write(&a->context, (uint16_t)place->block, low, now + low, high - low, &detail);
+    mp_printf(wrong, reason == COMMAND_OK ? "" : "%s.%s", fledge_script.process, place->name);
     if (reason == COMMAND_RULE) {
-        objects_refuse("%s.%s.%s must be %s", fledge_script.process, place->name, block->rules[detail].name,
-                       block->rules[detail].text);
+        mp_printf(wrong, ".%s must be %s", block->rules[detail].name, block->rules[detail].text);
     } else if (reason == COMMAND_INITIAL) {
-        objects_refuse("%s.%s.%s is an initial value: it counts only before flight's first instant",
-                       fledge_script.process, place->name, block->rules[detail].name);
+        mp_printf(wrong, ".%s is an initial value: it counts only before flight's first instant",
+                  block->rules[detail].name);
     } else if (reason != COMMAND_OK) {
-        objects_refuse("%s.%s: more than %d bytes of parameters from the first change to the last; yield in between",
-                       fledge_script.process, place->name, COMMAND_DATA_MAX);
+        mp_printf(wrong, ": more than %d bytes of parameters from the first change to the last; yield in between",
+                  COMMAND_DATA_MAX);
     }
+    return reason == COMMAND_OK;
 }
 
-static void end_turn(const Apart *a)
+/* At the end of a turn, as the script: a module of the configuration may have an update of the script's own. Returns
+ * NULL, or why a change is refused. */
+static const char *end_turn(const Apart *a)
 {
+    static char memory[200];
+    ScriptText text = {memory, sizeof memory, 0u};
+    const mp_print_t wrong = script_text(&text);
     for (uint16_t i = 0u; i < fledge_script.n_places; i++) {
-        if (a->copies[i] != NULL) {
-            check_rest(a, i);
+        if (a->copies[i] != NULL && !write_changes(a, i, &wrong)) {
+            return memory;
         }
     }
-    for (uint16_t i = 0u; i < fledge_script.n_places; i++) {
-        if (a->copies[i] != NULL) {
-            write_changes(a, i);
-        }
-    }
+    return NULL;
 }
 
 /* --- turns ----------------------------------------------------------------------------------------- */
@@ -377,24 +384,8 @@ static mp_obj_t turn(void *context)
     if (kind == MP_VM_RETURN_YIELD && value != (a->waits ? MP_OBJ_FROM_PTR(&pause) : mp_const_none)) {
         objects_refuse("a procedure yields nothing, or wait(time)");
     }
-    end_turn(a);
+    check_changes(a);
     return mp_obj_new_bool(kind == MP_VM_RETURN_YIELD);
-}
-
-/* The line in the text of an error, "check.py, line 12: ..."; 0: none. */
-static uint32_t line_of(const char *text)
-{
-    static const char word[] = ", line ";
-    uint32_t line = 0u;
-    for (; *text != '\0' && *text != ':'; text++) {
-        if (strncmp(text, word, sizeof word - 1u) == 0) {
-            for (text += sizeof word - 1u; *text >= '0' && *text <= '9'; text++) {
-                line = line * 10u + (uint32_t)(*text - '0');
-            }
-            return line;
-        }
-    }
-    return line;
 }
 
 void procedure_run(int64_t t)
@@ -404,9 +395,10 @@ void procedure_run(int64_t t)
     }
     procedure.context.t = t;
     const mp_obj_t result = run_apart(&procedure, turn);
-    if (result == MP_OBJ_NULL) {
+    const char *wrong = result == MP_OBJ_NULL ? script_error() : end_turn(&procedure);
+    if (wrong != NULL) {
         procedure.runs = 0u;
-        say(&procedure, TELEMETRY_PROCEDURE_KILLED, line_of(script_error()), script_error());
+        say(&procedure, TELEMETRY_PROCEDURE_KILLED, result == MP_OBJ_NULL ? script_error_line() : 0u, wrong);
     } else if (result == mp_const_false) {
         procedure.runs = 0u;
         say(&procedure, TELEMETRY_PROCEDURE_ENDED, 0u, "");
@@ -583,7 +575,7 @@ static mp_obj_t run_text(void *context)
     const int lines = memchr(t->text, '\n', t->n) != NULL;
     const mp_obj_t result = script_run_text(t->text, t->n, "text", !lines, globals);
     if (result != MP_OBJ_NULL) {
-        end_turn(&t->apart);
+        check_changes(&t->apart);
     }
     return result;
 }
@@ -599,11 +591,10 @@ static CommandReason evaluate(const CommandContext *context, const uint8_t *text
     one.apart.changes = 1u;
     one.text = (const char *)text;
     one.n = n;
-    const int done = run_apart(&one.apart, run_text) != MP_OBJ_NULL;
+    const char *wrong = run_apart(&one.apart, run_text) == MP_OBJ_NULL ? script_error() : end_turn(&one.apart);
     printed.text[printed.n] = '\0';
-    say(&one.apart, done ? TELEMETRY_RESULT : TELEMETRY_ERROR, done ? 0u : line_of(script_error()),
-        done ? printed.text : script_error());
-    return done ? COMMAND_OK : COMMAND_FAILED;
+    say(&one.apart, wrong == NULL ? TELEMETRY_RESULT : TELEMETRY_ERROR, 0u, wrong == NULL ? printed.text : wrong);
+    return wrong == NULL ? COMMAND_OK : COMMAND_FAILED;
 }
 #else
 static CommandReason evaluate(const CommandContext *context, const uint8_t *text, uint32_t n, uint32_t turns)

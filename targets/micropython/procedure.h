@@ -12,7 +12,7 @@
 #ifndef TARGETS_MICROPYTHON_PROCEDURE_H
 #define TARGETS_MICROPYTHON_PROCEDURE_H
 
-#include "flight/telemetry/telemetry.h"
+#include "flight/command/command.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -20,9 +20,6 @@ extern "C" {
 
 /** For the table of commands. */
 extern const CommandProcedures script_procedures;
-
-/** What scripts and procedures say, for the table of telemetry. */
-extern TelemetryTexts script_texts;
 
 /** The interpreter starts anew: what ran is forgotten. */
 void procedure_forget(void);

@@ -337,7 +337,7 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("--for", dest="duration", metavar="DURATION",
                      help="fly without a scenario for this long (90s, 10min, 2h), recording all outputs")
 
-    from fledge.cli import compare, export, flips, fly, keys, montecarlo, node, replay, up
+    from fledge.cli import compare, export, flips, fly, keys, montecarlo, node, profile, replay, up
 
     node.add_parameters(one)
     node.add(command)
@@ -345,6 +345,7 @@ def parser() -> argparse.ArgumentParser:
     export.add(command)
     fly.add(command)
     flips.add(command)
+    profile.add(command)
     compare.add(command)
     replay.add(command)
     keys.add(command)

@@ -65,7 +65,8 @@ def source(mission: Mission, found: Dictionary) -> str:
             lines += row(f"offsetof({struct}, {message.member})", f"sizeof({message.struct.name})")
         lines += ["};"]
     lines += ["", *functions(mission, found), f"const TelemetryTable {name}_telemetry = {{",
-              f"    {found.telemetry:#06x}u, {n}u, {'outputs' if n else '0'}, rates, packet, mode, {'&script_texts' if composed else '0'}", "};", "",
+              f"    {found.telemetry:#06x}u, {n}u, {'outputs' if n else '0'}, rates, packet, mode, "
+              f"{'&executive_texts' if script else '0'}", "};", "",
               *function("static void telemetry(void *mission, uint16_t output, int on, uint16_t every)",
                         ["    (void)mission;", f"    telemetry_rate(&{name}_telemetry, output, on, every);"]),
               f"const CommandTable {name}_commands = {{"]

@@ -20,13 +20,14 @@ ROOT = Path(__file__).resolve().parents[3]
 
 # The same bits on every machine: no contraction, no errno. Small: no tables to unwind a stack that C never unwinds.
 FLAGS = ["-std=c99", "-Os", "-pedantic", "-Wall", "-Wextra", "-ffp-contract=off", "-fno-math-errno",
-         "-ffunction-sections", "-fdata-sections", "-fno-asynchronous-unwind-tables", "-DMCAP_CRC_TABLES=0",
+         "-ffunction-sections", "-fdata-sections", "-fno-asynchronous-unwind-tables", "-DMCAP_CRC_TABLES=1",
          "-DFILE_SINK_PATH_MAX=256"]
 
 COMMAND = ["flight/command/command.c", "flight/command/rules.c", "flight/telemetry/telemetry.c"]
 RUNNER = ["targets/mission_io.c", "targets/mission_packets.c", "targets/mission_host.c", "targets/linux/main.c",
-          "targets/linux/pace.c", "record/mcap.c", "record/mcap_crc.c", "record/file_sink.c", "registers/lane.c",
-          "registers/field.c", "registers/clock.c", "registers/message.c", "registers/shared_file.c"]
+          "targets/linux/pace.c", "targets/linux/inputs.c", "record/mcap.c", "record/mcap_crc.c",
+          "record/file_sink.c", "registers/lane.c", "registers/field.c", "registers/clock.c", "registers/message.c",
+          "registers/shared_file.c"]
 TABLES = ["targets/mission_packets.c", "registers/lane.c", "registers/field.c"]    # what a mission's tables refer to
 
 
@@ -51,9 +52,9 @@ def program(folder: Path | str, name: str, sources: Sequence[Path], includes: Se
             machine: Sequence[str] = (), archives: Sequence[Path] = ()) -> Path:
     """Build an executable or shared object from C in a folder of its own; returns its path.
 
-    NAME.o beside it is the same without the C library, for `sizes`. link: words; a Path is a file on which the program
-    depends. machine: flags that select the compiler's machine. archives: libraries that are part of the program, not of
-    the system.
+    NAME.o beside it is the same without the C library, for `sizes`; NAME.map is what the linker took. link: words; a
+    Path is a file on which the program depends. machine: flags that select the compiler's machine. archives: libraries
+    that are part of the program, not of the system.
     """
     folder = Path(folder)
     if not shutil.which(compiler):
@@ -73,7 +74,7 @@ def program(folder: Path | str, name: str, sources: Sequence[Path], includes: Se
     text = "\n".join([
         "builddir = .", "rule cc", f"  command = {cached}{compiler} {_words(flags)} -MMD -MF $out.d -c $in -o $out",
         "  depfile = $out.d", "  deps = gcc", "  description = compiling $in",
-        "rule link", f"  command = {compiled} $in {_words(link)} -Wl,--gc-sections -o $out",
+        "rule link", f"  command = {compiled} $in {_words(link)} -Wl,--gc-sections,-Map=$out.map -o $out",
         "  description = linking $out",
         "rule whole", f"  command = {compiled} -r -nostdlib -Wl,--gc-sections -Wl,-e,{entry} $in -o $out",
         "  description = measuring $out", *lines, f"build {_escaped(name)}: link {' '.join(linked)}",

@@ -39,8 +39,7 @@ def program(folder: Path, name: str, sources: Sequence[Path], includes: Sequence
     linked = toolchain.link(FOLDER / "leon3.ld", LEON3_RAM=described["ram"]["base"],
                             LEON3_RAM_SIZE=described["ram"]["size"], LEON3_CLOCK=described["clock"])
     return build.program(folder, name, [*SUPPORT, *sources], [*includes, build.ROOT], toolchain.COMPILER,
-                         [*toolchain.headers(), "-g", "-UMCAP_CRC_TABLES", "-DMCAP_CRC_TABLES=1", *flags], linked,
-                         machine=toolchain.MACHINE, archives=archives)
+                         [*toolchain.headers(), "-g", *flags], linked, machine=toolchain.MACHINE, archives=archives)
 
 
 class Leon3(Target):
@@ -49,6 +48,7 @@ class Leon3(Target):
     name = "leon3"
     about = "a LEON3 board, emulated; no operating system"
     emulated = True
+    profiled_by = "board"
     cpu_of = "simulated"
     needs: tuple[str, ...] = (toolchain.COMPILER,)
     board = BOARD
@@ -79,6 +79,7 @@ class Leon3Qemu(Leon3):
 
     name = "leon3-qemu"
     about = "the same program on stock QEMU"
+    profiled_by = ""
     cpu_of = "emulated"
     needs = (*Leon3.needs, "qemu-system-sparc", "gcc")
     guests: type[Leon3] = Leon3     # the target whose program it is
@@ -108,6 +109,7 @@ class Leon3Cfs(Leon3):
     name = "leon3-cfs"
     cpu_of = "simulated, record too"
     about = "an app of the core Flight System on the board, on the pocket cFE"
+    profiled_by = ""
     app = cfs.App("fsw", order="big")
 
     def build(self, part: Part) -> Path:

@@ -40,6 +40,7 @@ class Target:
     # the mission's script composes it there: for missions that fit (docs/micropython.md)
     composes = False
     needs: tuple[str, ...] = ()     # programs that are not always there
+    profiled_by = ""                # how `fledge profile` measures it: fledge.profile.METHODS; "": it cannot
 
     def missing(self) -> list[str]:
         """The programs that are not installed."""
@@ -119,6 +120,7 @@ class Desktop(Target):
 
     name = "desktop"
     about = "the run in one program, under Python"
+    profiled_by = "desktop"
 
     def prepared(self, part: Part, options: list[Any], timeout: float) -> tuple[list[Any], Callable[..., Flown]]:
         record = new_record(part.folder, "node")
@@ -169,15 +171,16 @@ class Linux(Target):
 
     name = "linux"
     about = "a process of its own on this machine"
+    profiled_by = "process"
     compiler, size = "gcc", "size"
+    link: tuple[str, ...] = ("-static", "-no-pie")  # one file, for a board, and for emulators without libraries
     runner: tuple[str, ...] = ()
     needs: tuple[str, ...] = ("gcc",)
 
     def build(self, part: Part) -> Path:
         sources = [*part.sources(), *(build.ROOT / path for path in build.RUNNER)]
-        # Static: one file, which can be copied to a board, and for which an emulator needs no libraries.
         return build.program(part.folder / self.name, part.mission.name, sources, part.includes(), self.compiler,
-                             flags=["-fno-pie"], link=["-static", "-no-pie"])
+                             flags=["-fno-pie"], link=self.link)
 
     def command(self, built: Path, record: str) -> list[str]:
         return [*self.runner, str(built.resolve()), "--record", record, "{registers}"]
@@ -192,6 +195,7 @@ class Aarch64(Linux):
     name = "aarch64"
     about = "the same for a Raspberry Pi, under qemu-user"
     emulated = True
+    profiled_by = ""
     compiler, size, runner = "aarch64-linux-gnu-gcc", "aarch64-linux-gnu-size", ("qemu-aarch64",)
     needs = (compiler, *runner)
 

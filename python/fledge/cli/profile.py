@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`fledge profile MISSION`: what flight costs on targets: memory, code, instructions and time, initialisation and loop
+apart.
+
+Exit codes: 0 measured, and no loop grows or allocates; 1 one does, or its outputs differ from the desktop's; 2 the
+command line or the mission is wrong; 130 Ctrl-C.
+"""
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from fledge.cli.node import add_parameters, given_parameters
+
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+def add(command: Callable) -> None:
+    """Add the subcommand, by the function of cli.parser() that adds one."""
+    one = command("profile", profile, "measure memory, code, instructions and time of flight on targets",
+                  "profile nadir_spin --on linux,leon3,desktop --for 10min")
+    one.add_argument("mission", help="the name of a mission, or its folder")
+    one.add_argument("scenario", nargs="?", help="its set-up and duration count; default: the mission's first")
+    one.add_argument("--free", action="store_true", help="without a scenario; with --for")
+    one.add_argument("--on", default="linux", metavar="TARGETS", help="of linux, micropython, micropython-dev, leon3, "
+                     "leon3-micropython, and desktop, which is CPython, to compare with; default: linux")
+    one.add_argument("--for", dest="duration", metavar="DURATION", help="fly only so long (90s, 10min, 2h)")
+    one.add_argument("--process", metavar="NAME", help="the flight process, if the mission has several")
+    one.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
+    one.add_argument("--out", metavar="DIR", help="for profile.html, profile.json and what is built; default: "
+                     "runs/MISSION/profile")
+    add_parameters(one)
+
+
+def profile(options: argparse.Namespace) -> int:
+    import json
+    import sys
+
+    from fledge.cli.arguments import parse_duration
+    from fledge.cli.console import say
+    from fledge.cli.runs import alone
+    from fledge.columns import columns
+    from fledge.errors import Failure
+    from fledge.export.write import write_files
+    from fledge.profile import page, profile as measure
+    from fledge.targets import Job
+
+    names = list(dict.fromkeys(filter(None, map(str.strip, options.on.split(",")))))
+    if not names:
+        raise Failure("profile: --on names no target")
+    duration = parse_duration(options.duration) if options.duration else None
+    if options.free and (options.scenario or not duration):
+        raise Failure("profile: --free is without a scenario, and needs --for")
+    name = Path(options.mission).name
+    folder = Path(options.out) if options.out else Path("runs") / name / "profile"
+    with alone(folder):
+        job = Job(options.mission, options.scenario, duration, options.seed, folder=folder, free=options.free,
+                  parameters=given_parameters(options))
+        say(f"{job.title}, {job.scenario}, {job.duration:g} s")
+        found = measure(job, names, options.process)
+        for line in columns(page.table(found), right=set(range(1, len(found) + 1))):
+            say("  " + line)
+        facts = {"mission": job.title, "scenario": job.scenario, "duration": job.duration,
+                 "targets": [one.as_json() for one in found]}
+        paths = write_files({"profile.json": json.dumps(facts, indent=1) + "\n",
+                             "profile.html": page.page(job.title, job.scenario, job.duration, found)}, folder)
+    say(f"  report   {paths[1]}\n  figures  {paths[0]}")
+    problems = [f"{one.target}: {problem}" for one in found for problem in one.problems()]
+    for problem in problems:
+        print(f"fledge: {problem}", file=sys.stderr)
+    return 1 if problems else 0

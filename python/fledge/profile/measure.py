@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is measured of a target, and what of it must not grow."""
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+GROWTH = 0.02       # of the instructions per cycle, from the first third of the loop to the last
+Points = list[tuple[int, float]]    # (cycle, value)
+
+
+@dataclass
+class Profile:
+    """Sizes in bytes. None: not known of this target."""
+    target: str
+    method: str
+    cycles: int
+    same: bool | None = None            # whether flight put out the bits of the desktop
+    strict: bool = True                 # its loop must not grow; False: of the desktop, which keeps what is recorded
+    # initialisation
+    init_instructions: int | None = None
+    init_heap: int | None = None        # at most
+    init_stack: int | None = None       # at most
+    # loop
+    instructions: Points = field(default_factory=list)  # per cycle, of the cycles from this one to the next point
+    heap: Points = field(default_factory=list)
+    loop_heap: int | None = None        # at most
+    loop_stack: int | None = None       # at most
+    allocations: int | None = None      # requests to allocators in the loop
+    functions: list[tuple[str, float]] = field(default_factory=list)   # instructions per cycle, the dearest first
+    time: dict[str, float] = field(default_factory=dict)        # [s] per cycle: median, p99, most
+    time_of: str = ""
+    # the program
+    static: int | None = None           # memory that the program has from its start
+    code: dict[str, int] = field(default_factory=dict)          # of each part
+    executable: int | None = None       # the file, stripped
+    total_instructions: int | None = None       # of the whole program
+
+    @property
+    def per_cycle(self) -> float | None:
+        """Instructions of a cycle, the mean of the loop."""
+        return _mean(self.instructions, 0, self.cycles, self.cycles)
+
+    def thirds(self) -> tuple[list[float], list[float]]:
+        """(instructions per cycle, heap at most) in each third of the loop; [] of what is not known."""
+        ends = [round(self.cycles * i / 3) for i in range(4)]
+        parts = list(zip(ends, ends[1:]))
+        heap = [[h for cycle, h in self.heap if a <= cycle <= b] for a, b in parts]
+        counts = [_mean(self.instructions, a, b, self.cycles) for a, b in parts]
+        return ([one for one in counts if one is not None] if None not in counts else [],
+                [max(one) for one in heap] if all(heap) else [])
+
+    def problems(self) -> list[str]:
+        """What is wrong with the loop, in words."""
+        found = [] if self.same in (None, True) else ["its outputs differ from the desktop's"]
+        if not self.strict:
+            return found
+        counts, heap = self.thirds()
+        if heap and heap[2] > heap[0]:
+            found.append(f"its heap grows in the loop, from {heap[0]:,.0f} to {heap[2]:,.0f} bytes between the first "
+                         f"and the last third, {(heap[2] - heap[0]) / (self.cycles * 2 / 3):.3g} bytes per cycle")
+        if self.allocations:
+            found.append(f"its loop allocates: {self.allocations:,} requests in {self.cycles:,} cycles")
+        if counts and counts[0] < counts[1] < counts[2] and counts[2] > counts[0] * (1 + GROWTH):
+            found.append(f"a cycle takes ever more instructions: {counts[0]:,.0f}, {counts[1]:,.0f} and "
+                         f"{counts[2]:,.0f} in the thirds of the loop, {counts[2] / counts[0] - 1:+.1%}")
+        return found
+
+    def as_json(self) -> dict[str, Any]:
+        counts, heap = self.thirds()
+        return {**dataclasses.asdict(self), "per_cycle": self.per_cycle,
+                "thirds": {"instructions": counts, "heap": heap}, "problems": self.problems()}
+
+
+def _mean(points: Points, begin: int, end: int, cycles: int) -> float | None:
+    """The mean of a step function of the cycle."""
+    if not points or end <= begin:
+        return None
+    stops = [*(cycle for cycle, _ in points[1:]), cycles]
+    total = sum(value * max(0, min(stop, end) - max(start, begin)) for (start, value), stop in zip(points, stops))
+    return total / (end - begin)
