@@ -3,6 +3,7 @@
 
 #include "targets/micropython/executive.h"
 #include "targets/micropython/objects.h"
+#include "targets/micropython/process.h"
 #include "targets/micropython/script.h"
 #include "targets/micropython/units.h"
 
@@ -141,6 +142,7 @@ static mp_obj_t copy_of(uint16_t i)
         root->update = apart->changes ? mp_const_none : MP_OBJ_NULL; /* its outputs may be written */
         root->memory = m_malloc(place->type->size);
         memcpy(root->memory, memory_of(place), place->type->size);
+        memcpy(root->given, objects_module(process_instance(i))->given, 1u + place->type->n / 8u);
         apart->copies[i] = root;
     }
     return MP_OBJ_FROM_PTR(apart->copies[i]);

@@ -264,6 +264,7 @@ def test_one_procedure_runs_at_a_time_and_stops_by_command(flight):
 
 
 def test_a_thousand_procedures_leave_flight_as_it_was(flight):
+    flight.fly()
     before = flight.heap
     codes = [toolchain.compile_mpy(f"""
 from fledge.units import N, m
@@ -319,8 +320,10 @@ def test_a_text_reads_and_sets_what_flies(console):
                             ("while True: pass", "turns"), ("[0] * 100000", "the heap of"), ("f.x", "has no 'x'")):
         kind, text = console.ask(wrong)
         assert kind == error and expected in text
-    assert console.ask("f.control.torque.torque_B[1] = 7; f.tracking.attitude.sigma_BN = [1, 2, 3]") == (result, "")
-    assert console.ask("f.tracking.attitude.sigma_BN") == (result, "[1.0, 2.0, 3.0]\n")
+    assert console.ask("f.enter('rest')") == (result, "")
+    assert console.ask("f.control.torque.torque_B[1] = 7; f.control.error.sigma_BR = [1, 2, 3]") == (result, "")
+    assert console.ask("f.control.torque.torque_B, f.control.error.sigma_BR") == (
+        result, "([0.0, 7.0, 0.0], [1.0, 2.0, 3.0])\n")
 
 
 def test_the_flight_build_evaluates_nothing(flight):
