@@ -4,7 +4,6 @@
 #include "flight/exec/message.h"
 #include "targets/micropython/arena.h"
 #include "targets/micropython/procedure.h"
-#include "targets/micropython/update.h"
 
 #include <string.h>
 

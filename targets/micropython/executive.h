@@ -183,6 +183,13 @@ extern Executive executive;
  *  when the arena is there. Returns NULL, or why it failed. */
 const char *process_run(void);
 
+/** Of update.c: NULL, or the text of a failure that there was. */
+const char *update_failure(void);
+
+/** Of update.c: a line for each module whose update is the script's: updates, failures, turns, times and the last
+ *  failure. */
+void update_figures(void (*line)(const char *text));
+
 /** Begin to compose. Returns 0 if the arena has no room for the table of modules. */
 int executive_begin(void);
 

@@ -8,6 +8,7 @@
 #ifndef TARGETS_MICROPYTHON_UPDATE_H
 #define TARGETS_MICROPYTHON_UPDATE_H
 
+#include "targets/micropython/executive.h"
 #include "targets/micropython/objects.h"
 
 enum { UPDATE_TURNS = 10000 }; /* of loops and returns of functions in one update, if a script says nothing else */
@@ -18,14 +19,8 @@ void update_install(ScriptRoot *module);
 /** Forget those of an earlier start. */
 void update_begin(void);
 
-/** NULL, or the text of a failure that there was. */
-const char *update_failure(void);
-
 /** The module whose function runs now, or NULL. */
 const ScriptRoot *update_running(void);
-
-/** A line for each module whose update is the script's: updates, failures, turns, times and the last failure. */
-void update_figures(void (*line)(const char *text));
 
 /** m.publish(m.reference, quality="GOOD") and m.held(m.reference) */
 MP_DECLARE_CONST_FUN_OBJ_KW(update_publish_object);

@@ -20,7 +20,8 @@ def emit_host(mission: Mission) -> dict[str, str]:
     recorded = {m.struct.name for m in mission.outputs}
     composed = mission.form == "micropython"
     lines = [*written(mission), f'#include "{name}_commands.h"', f'#include "{name}_io.h"',
-             *['#include "targets/micropython/executive.h"'] * composed, '#include "targets/mission_host.h"', "",
+             *['#include "targets/micropython/arena.h"', '#include "targets/micropython/executive.h"'] * composed,
+             '#include "targets/mission_host.h"', "",
              f"extern const MissionDefinition {name}_definitions[];", *[f"static {struct} m;"] * (not composed),
              f"static McapSchema schemas[{len(recorded)}];",
              f"static McapChannel channels[{len(mission.outputs)}];", "static CommandState commands;",
@@ -31,6 +32,9 @@ def emit_host(mission: Mission) -> dict[str, str]:
         back = "return " if result != "void" else ""
         lines += [f"static {result} {function}({parameter})", "{", f"    {back}{name}_{function}(&m{argument});", "}",
                   ""]
+    if composed:
+        lines += ["static MissionHeap heap(void)", "{",
+                  "    return (MissionHeap){arena_in_use->used, arena_in_use->peak};", "}", ""]
     if mission.changed:
         lines += ["static void init(void)", "{", "    executive_init();", f"    {name}_set_up();", "}", ""]
     lines += ["static const MissionTopic topics[] = {"]
@@ -47,7 +51,7 @@ def emit_host(mission: Mission) -> dict[str, str]:
         ("start", "&start"), ("init", "init" if mission.changed else own + "init"),
         *((one, own + one) for one in ("restart", "next", "tick")),
         *((one, own + one) for one in ("failure", "describe", "figures") if composed),
-        *((("clock", "&executive_clock"),) if composed else ()), ("io", f"&{name}_io"), ("topics", "topics"),
+        *[("heap", "heap"), ("clock", "&executive_clock")] * composed, ("io", f"&{name}_io"), ("topics", "topics"),
         ("definitions", f"{name}_definitions"), ("rates", "rates"), ("commands", f"&{name}_commands"),
         ("telemetry", f"&{name}_telemetry"), ("state", "&commands"), ("schemas", "schemas"), ("channels", "channels"),
         ("n_schemas", f"{len(recorded)}u"),
