@@ -3,12 +3,12 @@
  * `main(f)`, and in a build of development lines of text.
  *
  * Each has a heap of its own, and its own names; when it ends, all of that is gone, and the script's is as it was. It
- * sees copies of the modules that it reads, made at the beginning of its turn. At the end of the turn the parameters that
- * it has changed are written as by a command. A text may change messages and memory, too.
+ * sees copies of the modules that it reads, made at the beginning of its turn. At the end of the turn the parameters
+ * that it has changed are written as by a command. A text may change messages and memory, too.
  *
- * A turn of a procedure is what it does at one instant of flight, after its tasks and events: until `yield`, which gives
- * the next instant, or `yield wait(time)`. It ends when main returns, or when it raises, has no memory left, or takes
- * more turns of its loops and calls in one instant than its start allows. */
+ * A turn of a procedure is what it does at one instant of flight, after its tasks and events: until `yield`, which
+ * gives the next instant, or `yield wait(time)`. It ends when main returns, or when it raises, has no memory left, or
+ * takes more turns of its loops and returns of functions in one instant than its start allows. */
 #ifndef TARGETS_MICROPYTHON_PROCEDURE_H
 #define TARGETS_MICROPYTHON_PROCEDURE_H
 

@@ -204,7 +204,8 @@ def test_a_procedure_that_goes_wrong_is_killed_and_flight_goes_on(flight, progra
 
 
 def test_what_does_not_raise_until_later_is_killed_at_its_line(flight):
-    assert flight.start("def main(f):\n    for i in range(3):\n        yield\n    g()\n\n\ndef g():\n    [][0]\n") == Reason.OK
+    assert flight.start(
+        "def main(f):\n    for i in range(3):\n        yield\n    g()\n\n\ndef g():\n    [][0]\n") == Reason.OK
     flight.fly(3)
     assert flight.said()[1] == (Kind.PROCEDURE_KILLED, 8, "check.py, line 8: IndexError: list index out of range")
 
@@ -223,7 +224,8 @@ GOOD = "def main(f):\n    f.control.K = 3.0\n    yield\n"
 
 def test_damaged_bytecode_is_refused(flight, programs):
     code = toolchain.compile_mpy(GOOD, "check.py")
-    for wrong in (b"M" + bytes([5]) + code[2:], b"N" + code[1:], code[:2] + b"\x2b" + code[3:], code[:3] + b"\x3f" + code[4:],
+    for wrong in (b"M" + bytes([5]) + code[2:], b"N" + code[1:],
+                  code[:2] + b"\x2b" + code[3:], code[:3] + b"\x3f" + code[4:],
                   b"M", bytes(100), code + b"\0", *(code[:n] for n in range(4, len(code), 7))):
         assert flight.start(wrong) == Reason.BYTECODE, wrong.hex()
     packets = flight.packets.procedure(code)
@@ -240,7 +242,7 @@ def test_bytecode_with_changed_bytes_never_ends_flight(flight):
     code = toolchain.compile_mpy(GOOD, "check.py")
     for i in range(4, 12):
         assert flight.start(code[:i] + bytes([code[i] ^ 0x81]) + code[i + 1:]) in (Reason.BYTECODE, Reason.OK,
-                                                                                 Reason.RUNNING)
+                                                                                   Reason.RUNNING)
 
 
 def test_one_procedure_runs_at_a_time_and_stops_by_command(flight):

@@ -2,7 +2,8 @@
 /* Flies a mission by lines of its standard input, without registers:
  *
  *     c HEX     a packet of a command arrives
- *     t NS      an instant of flight; afterwards "m CRC", of the mission's memory, and "a USED PEAK" of the script's heap
+ *     t NS      an instant of flight; afterwards "m CRC", of the mission's memory, and "a USED PEAK", of the heap of
+ *               the script
  *     r NS      the computer is reset
  *
  * Each packet of telemetry is a line "p HEX". A line "." ends the answer. */
