@@ -198,6 +198,8 @@ def _fly(options, job, runs, bounds):
                          digest(archive, part.outputs, part.is_instant), text))
     for line in table.lines(rows):
         say("  " + line)
+    for line in table.scripts(rows):
+        say("  " + line)
     say(f"  records  {', '.join(map(str, archives))}")
     return 1 if not _judged(options, job, records) or not same else 0
 
