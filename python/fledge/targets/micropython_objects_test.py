@@ -136,7 +136,7 @@ class Expressions:
         self.dice = Random(seed)
 
     def real(self, low, high):
-        return repr(round(self.dice.uniform(low, high), 4))
+        return repr(self.dice.uniform(low, high))
 
     def number(self):
         dice = self.dice
