@@ -189,7 +189,7 @@ def test_what_goes_wrong_in_an_update_stays_in_its_module(flown):
     """The flight was compared with the desktop's, where the same modules hold their outputs at the same times."""
     name, out = flown
     log = (out / f"{name}.log").read_text()
-    assert "flight.control 17 updates of the script, 0 calls failed; at most 9 of 10000 turns; longest " in log
+    assert "flight.control 17 updates of the script, 0 calls failed; at most 9 of 5000 turns; longest " in log
     for module in REASONS:
         assert f"flight.{module} 21 updates of the script, 4 calls failed; at most " in log
 
