@@ -140,6 +140,7 @@ static const mp_obj_module_t flight_module = {.base = {&mp_type_module}, .global
 
 static const mp_rom_map_elem_t fledge_table[] = {
     {MP_ROM_QSTR(MP_QSTR___name__), MP_ROM_QSTR(MP_QSTR_fledge)},
+    {MP_ROM_QSTR(MP_QSTR___path__), MP_ROM_QSTR(MP_QSTR_fledge)}, /* an import of another part finds nothing there */
     {MP_ROM_QSTR(MP_QSTR_flight), MP_ROM_PTR(&flight_module)},
     {MP_ROM_QSTR(MP_QSTR_units), MP_ROM_PTR(&script_units_module)},
     {MP_ROM_QSTR(MP_QSTR_world), MP_ROM_PTR(&world_module)},

@@ -212,8 +212,7 @@ uint32_t objects_stride(const ScriptField *field, uint32_t level)
 
 ScriptNode *objects_view(ScriptNode *owner, const ScriptField *field, uint16_t row)
 {
-    const int part = field->type == FLEDGE_STRUCT && (row || !field->n_dimensions);
-    return view_of(owner, (uint32_t)(field - owner->type->fields), part ? field->n_dimensions : 0, row);
+    return view_of(owner, (uint32_t)(field - owner->type->fields), field->n_dimensions, row);
 }
 
 void objects_make_views(ScriptNode *node)

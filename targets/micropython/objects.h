@@ -97,7 +97,7 @@ void objects_make_views(ScriptNode *node);
 /** The field of that name, or NULL. */
 const ScriptField *objects_field(const ScriptType *type, const char *name);
 
-/** The view of a struct or array (never a number): makes it if it is new. row: of an array of structs, else 0. */
+/** The view of a nested struct: makes it if it is new. row: of an array of structs, else 0. */
 ScriptNode *objects_view(ScriptNode *owner, const ScriptField *field, uint16_t row);
 
 /** The field of the port or nested struct that a view is, in its owner's type; NULL of a root. */

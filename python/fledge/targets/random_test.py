@@ -32,5 +32,5 @@ def test_a_difference_is_seen(tmp_path, monkeypatch):
         return build(self, part)
 
     monkeypatch.setattr(target.Linux, "build", spoiled)
-    flown, difference = fly_mission(3, tmp_path)
+    flown, difference = fly_mission(3, tmp_path, ["linux"])
     assert "p0.noise00.kinds" in difference and "p0=" in flown
