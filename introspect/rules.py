@@ -33,7 +33,7 @@ implicit in int interface internal is lock long namespace new null object operat
 params private protected public readonly ref return sbyte sealed short sizeof stackalloc static
 string struct switch this throw true try typeof uint ulong unchecked unsafe ushort using virtual
 void volatile while"""
-_METHODS = ("held", "publish", "reset", "update")    # of a module in Python
+_METHODS = ("held", "publish", "reset", "turns", "update")    # of a module in Python, and keywords
 _KEYWORDS = [("C", set(_C.split())), ("C++", set(_CPP.split())), ("Python", set(_PYTHON.split()))]
 _MESSAGE_KEYWORDS = _KEYWORDS + [("C#", set(_CSHARP.split()))]
 
@@ -67,7 +67,7 @@ def names(struct: Struct) -> Iterator[Finding]:
                                   f"`{f.name}` is one in {' and '.join(keyword_of)}", "rename it")
         elif struct.kind.is_interface and f.name in _METHODS:
             yield f.line, Refusal(f"no member is named {', '.join(_METHODS[:-1])} or {_METHODS[-1]}",
-                                  f"`{f.path}`: modules have a function of that name in Python", "rename it")
+                                  f"`{f.path}`: the name means something else in Python", "rename it")
         elif f.name.endswith("_") or "__" in f.name or not f.name[0].isalpha():
             yield f.line, Refusal("a name begins with a letter, has no `__` and no `_` at its end",
                                   f"`{f.name}`", "rename it")

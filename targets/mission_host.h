@@ -56,6 +56,10 @@ typedef struct MissionHost {
     void (*restart)(int64_t t);
     int64_t (*next)(void);
     void (*tick)(int64_t t);
+    const char *(*failure)(void);                 ///< after init: NULL, or why it failed; NULL itself: it cannot
+    void (*describe)(void (*line)(const char *)); ///< print what the mission's script composed; NULL: it has none
+    void (*figures)(void (*line)(const char *));  ///< print what the mission's script did; NULL: it has none
+    int64_t (**clock)(void);                      ///< [ns] where to put a monotonic clock for them; NULL: nowhere
     const MissionIo *io;
     const MissionTopic *topics; ///< of each message, by id
     const MissionDefinition *definitions;

@@ -61,6 +61,9 @@ def launch():
     (tree / "pytest.ini").write_text("[pytest]\npython_files = *_test.py\n")
     (tree / "python/fledge/cli/__main__.py").write_text(
         "import os, sys\nprint(*sys.argv[1:], 'in', os.getcwd(), 'for', os.environ['FLEDGE_PROJECT'])\n")
+    (tree / "python/fledge/targets").mkdir()
+    (tree / "python/fledge/targets/micropython_toolchain.py").write_text(
+        "import os, sys\nopen(os.environ['FAKE'] + '/micropython', 'a').write(' '.join(sys.argv[1:]) + '\\n')\n")
     for tool in TOOLS:
         (bin_ / tool).symlink_to(shutil.which(tool))
     for name, script in STAND_INS.items():
@@ -341,7 +344,6 @@ def test_the_first_command_runs_after_an_install(launch):
 def test_the_toolchain_of_the_leon3_comes_when_it_is_needed(launch, arguments, purposes):
     (launch.fake / "updated").touch()
     library = launch.tree / "python/fledge/targets/leon3_toolchain.py"
-    library.parent.mkdir()
     library.write_text("import os, pathlib\npathlib.Path(os.environ['FAKE'], 'library').touch()\n")
     done = launch(*arguments)
     assert done.returncode == 0, done.stderr
@@ -350,6 +352,19 @@ def test_the_toolchain_of_the_leon3_comes_when_it_is_needed(launch, arguments, p
         assert all((f" {name}" in installed) == (purpose in purposes) for name in packages(purpose))
     assert (launch.fake / "library").exists() == bool(purposes)
     assert ("building the C library" in done.stderr) == bool(purposes)
+
+
+@pytest.mark.parametrize("arguments, asked", [
+    (["setup", "--micropython"], [""]), (["setup", "--test"], ["source"]), (["test"], ["source"]), (["setup"], []),
+    (["fly", "x", "--on", "linux,micropython"], ["source"]), (["export", "micropython", "x"], ["source"]),
+    (["bench", "micropython"], ["source"]), (["plot", "runs/x/fly/micropython.mcap"], [])])
+def test_micropython_comes_when_it_is_needed(launch, arguments, asked):
+    (launch.fake / "updated").touch()
+    (launch.fake / "status").write_text("0")
+    (launch.fake / "report").write_text(REPORT.format(0))
+    launch(*arguments)
+    assert launch.said("micropython") == asked
+    assert (" debian-archive-keyring" in " ".join(launch.said("apt"))) == bool(asked)
 
 
 def test_commands_run_where_the_user_stands(launch):

@@ -82,7 +82,7 @@ def _struct(s: Struct) -> str:
         parameters.append("**properties: Any")
     if s.kind is Kind.MODULE:
         parameters += [f"update: Callable[[{s.name}, float, float], Any] = ...",
-                       f"reset: Callable[[{s.name}], Any] = ..."]
+                       f"reset: Callable[[{s.name}], Any] = ...", "turns: int = ..."]
     if parameters:
         star = "*, " if settable or s.kind is Kind.MODULE else ""
         lines += [f"    def __init__(self, {star}{', '.join(parameters)}) -> None:\n",

@@ -106,8 +106,8 @@ def test_mypy_finds_a_mistake_in_a_mission(folder, right, wrong, complaint):
 def test_parameters_are_completed_with_unit_rule_and_meaning(folder):
     text = (folder / "stubs/_fledge_flight.pyi").read_text()
     assert "    def __init__(self, *, K: _0, P: _2, K_I: _0 = ..., u_I_max: _0 = ..., hold: _0 = ..., " \
-           "update: Callable[[MrpFeedback, float, float], Any] = ..., reset: Callable[[MrpFeedback], Any] = ...) " \
-           "-> None:\n" \
+           "update: Callable[[MrpFeedback, float, float], Any] = ..., reset: Callable[[MrpFeedback], Any] = ..., " \
+           "turns: int = ...) -> None:\n" \
            '        """K [N m], required, > 0: gain on the MRP error\n' in text
     assert '    K: _Number\n    """[N m], required, > 0: gain on the MRP error"""\n' in text
     project = (folder / "stubs/_project_flight.pyi").read_text()

@@ -23,6 +23,12 @@ static const RegisterWindow *place_windows(void)
     return &windows[mission_io_clock(io)];
 }
 
+static void say_line(const char *text)
+{
+    leon3_say(text);
+    leon3_say("\n");
+}
+
 int main(void)
 {
     Tick tick;
@@ -30,7 +36,14 @@ int main(void)
         leon3_say("the mission has more than 4 register boards\n");
         return 1;
     }
+    if (fledge_mission.clock != NULL) {
+        *fledge_mission.clock = leon3_now;
+    }
     fledge_mission.init();
+    if (fledge_mission.failure != NULL && fledge_mission.failure() != NULL) {
+        say_line(fledge_mission.failure());
+        return 1;
+    }
     const RegisterWindow *clock = place_windows();
     leon3_watch();
     recorder_resume();
@@ -47,5 +60,9 @@ int main(void)
             leon3_idle();
         }
     }
-    return recorder_end(&counts);
+    const int status = recorder_end(&counts);
+    if (fledge_mission.figures != NULL) {
+        fledge_mission.figures(say_line);
+    }
+    return status;
 }

@@ -34,6 +34,7 @@ typedef struct Options {
     double duration;       ///< [s] with the machine's clock; 0: until a signal
     int priority;          ///< of SCHED_FIFO; 0: do not request it
     int clock;             ///< 1: the machine's clock paces flight
+    int describe;          ///< 1: only print what the script composed
     const char *wrong;     ///< the wrong word, or NULL
 } Options;
 
@@ -92,6 +93,7 @@ static const char usage[] =
     "  --clock         pace flight by this machine's clock, in real time\n"
     "  --priority N    of SCHED_FIFO, 1 to 99; default: 50; 0: do not request it\n"
     "  --inputs FILE   what flight reads, of an earlier run; without --clock as fast as possible\n"
+    "  --describe      only print what the mission's script composed, if it has one\n"
     "  --for S         end after S seconds; default: after a signal, or the last of the inputs\n";
 
 static int number(const char *text, double *value)
@@ -112,6 +114,8 @@ static int read_options(Options *o, int n, char **words)
         double value = 0.0;
         if (strcmp(word, "--clock") == 0) {
             o->clock = 1;
+        } else if (strcmp(word, "--describe") == 0 && fledge_mission.describe != NULL) {
+            o->describe = 1;
         } else if (strncmp(word, "--", 2) == 0) {
             if (i + 1 >= n) {
                 return 0;
@@ -137,7 +141,7 @@ static int read_options(Options *o, int n, char **words)
         }
     }
     o->wrong = o->inputs != NULL && o->registers != NULL ? o->registers : NULL;
-    return o->wrong == NULL && (o->clock || o->inputs != NULL || o->registers != NULL);
+    return o->wrong == NULL && (o->clock || o->describe || o->inputs != NULL || o->registers != NULL);
 }
 
 /* ---- set-up and end */
@@ -191,6 +195,11 @@ static int close_record(const char *path, int whole)
     return status == MCAP_OK ? FLOWN : complain(path, mcap_status_text(status));
 }
 
+static void print_line(const char *text)
+{
+    (void)puts(text);
+}
+
 /* Print figures of durations, and how many each bin has: "up to:how many". */
 static void report_durations(const char *name, const PaceHistogram *h)
 {
@@ -219,6 +228,9 @@ static void report(const Options *o, int no_fifo, int no_lock)
                    runner.heap.marks[i].peak);
         }
         printf("\n");
+    }
+    if (fledge_mission.figures != NULL) {
+        fledge_mission.figures(print_line);
     }
     if (!o->clock) {
         return;
@@ -354,7 +366,17 @@ int main(int argc, char **argv)
     action.sa_handler = SIG_IGN; /* a record that reaches the limit on file sizes is an error of writing */
     (void)sigaction(SIGXFSZ, &action, NULL);
 
+    if (fledge_mission.clock != NULL) {
+        *fledge_mission.clock = pace_now;
+    }
     fledge_mission.init();
+    if (fledge_mission.failure != NULL && fledge_mission.failure() != NULL) {
+        return complain("script", fledge_mission.failure());
+    }
+    if (options.describe) {
+        fledge_mission.describe(print_line);
+        return FLOWN;
+    }
     int result = options.record != NULL ? open_record(options.record) : FLOWN;
     if (result == FLOWN) {
         result = attach(&options);

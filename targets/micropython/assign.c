@@ -1,9 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "targets/micropython/assign.h"
 
+#include "targets/micropython/update.h"
+
 #include "targets/micropython/units.h"
 
-#include "py/runtime.h"
+#include <py/runtime.h>
 
 #include <string.h>
 
@@ -101,6 +103,10 @@ static void refuse_output(const ScriptNode *node, const ScriptField *field)
         outer = objects_field_of(n);
     }
     const ScriptRoot *root = (const ScriptRoot *)n;
+    if (root->place >= 0 && update_running() != NULL && update_running() != root) {
+        mp_print_str(at_field(node, field), " is of another module: an update writes its own alone");
+        objects_raise();
+    }
     if (outer->group == SCRIPT_OUT && root->place >= 0 && root->update == MP_OBJ_NULL) {
         mp_print_str(at_field(node, field), " is in an output, which its module writes at each update; assign to a "
                                             "parameter, or to an input that is not wired");
@@ -238,8 +244,8 @@ static void convert(const ScriptNode *node, const ScriptField *field, mp_obj_t v
     } else if (seconds) {
         int64_t ns;
         fits = !units_time(number, &ns, objects_error());
-        fits = fits && (is_float(field) ? write_number(field, to, mp_obj_new_float((double)ns))
-                                        : write_whole(field, to, ns));
+        fits = fits &&
+               (is_float(field) ? write_number(field, to, mp_obj_new_float((double)ns)) : write_whole(field, to, ns));
     } else {
         const int bool_fits = depth || (!field->n_dimensions && !is_float(field));
         fits = (bool_fits || !mp_obj_is_bool(number)) && write_number(field, to, number);
@@ -318,8 +324,7 @@ static void print_broken(const ScriptNode *node, const CommandRule *rule, uint32
 {
     const mp_print_t *error = objects_error();
     objects_print_path(error, node);
-    const double x =
-        element_read(rule->number, block + rule->offset + (size_t)element * element_size(rule->number));
+    const double x = element_read(rule->number, block + rule->offset + (size_t)element * element_size(rule->number));
     mp_printf(error, ".%s must be %s, found ", rule->name, rule->text);
     mp_obj_print_helper(error, mp_obj_new_float(x), PRINT_REPR);
     if (rule->n > 1u) {
@@ -501,7 +506,7 @@ static int store_text(const ScriptNode *node, const ScriptField *field, mp_obj_t
 /* A row of `to`, from a struct of the same type or from a dict: fields that it leaves out become 0. */
 static void store_row(const ScriptNode *node, const ScriptField *field, mp_obj_t value, uint8_t *to)
 {
-    static const qstr apart[2] = {MP_QSTRnull, MP_QSTRnull};
+    static const qstr apart[3] = {MP_QSTRnull, MP_QSTRnull, MP_QSTRnull};
     const ScriptNode *same = objects_struct(value);
     refuse_inert(node, field, value);
     if (same && same->type == field->sub) {
@@ -578,8 +583,10 @@ static int store(ScriptNode *node, const ScriptField *field, mp_obj_t value)
 NORETURN static void refuse_count(const ScriptNode *node, const ScriptField *field)
 {
     const mp_print_t *error = at_field(node, field);
-    mp_printf(error, ": one number fills the rows that count, and there are none yet; set %s, or give an array with "
-                     "rows", node->type->fields[field->count].name);
+    mp_printf(error,
+              ": one number fills the rows that count, and there are none yet; set %s, or give an array with "
+              "rows",
+              node->type->fields[field->count].name);
     objects_raise();
 }
 
@@ -591,6 +598,18 @@ void objects_store(ScriptNode *node, const ScriptField *field, mp_obj_t value)
     }
 }
 
+/* Long texts of a script are no qstrs. */
+static const mp_map_elem_t *named(const mp_map_t *values, const char *name)
+{
+    for (size_t i = 0; i < values->alloc; i++) {
+        if (mp_map_slot_is_filled(values, i) && mp_obj_is_str(values->table[i].key) &&
+            !strcmp(mp_obj_str_get_str(values->table[i].key), name)) {
+            return &values->table[i];
+        }
+    }
+    return NULL;
+}
+
 qstr assign_all(ScriptNode *node, mp_map_t *values, const qstr *apart)
 {
     const ScriptType *type = node->type;
@@ -599,9 +618,7 @@ qstr assign_all(ScriptNode *node, mp_map_t *values, const qstr *apart)
     for (int pass = 0; pass < 1 + waiting; pass++) {
         for (uint32_t i = 0; i < type->n; i++) {
             const ScriptField *field = &type->fields[i];
-            const qstr name = qstr_find_strn(field->name, strlen(field->name));
-            mp_map_elem_t *value =
-                name == MP_QSTRnull ? NULL : mp_map_lookup(values, MP_OBJ_NEW_QSTR(name), MP_MAP_LOOKUP);
+            const mp_map_elem_t *value = named(values, field->name);
             if (!value || (pass && (field->count == SCRIPT_NO_FIELD || given(node, i)))) {
                 continue;
             }
@@ -618,7 +635,7 @@ qstr assign_all(ScriptNode *node, mp_map_t *values, const qstr *apart)
         if (mp_map_slot_is_filled(values, i)) {
             const mp_obj_t key = values->table[i].key;
             const qstr name = mp_obj_is_str(key) ? mp_obj_str_get_qstr(key) : MP_QSTR_;
-            if (name != apart[0] && name != apart[1] && !objects_field(type, qstr_str(name))) {
+            if (name != apart[0] && name != apart[1] && name != apart[2] && !objects_field(type, qstr_str(name))) {
                 return name;
             }
         }

@@ -7,6 +7,10 @@
 #include <string.h>
 
 Executive executive;
+int64_t (*executive_clock)(void);
+
+static uint8_t texts[2048];
+TelemetryTexts executive_texts = {texts, sizeof texts, 0u, 0u};
 
 /* --- texts ----------------------------------------------------------------------------------------- */
 
@@ -134,9 +138,12 @@ static int runs_in(const ExecutiveTask *task, const ExecutiveMode *mode)
 int executive_begin(void)
 {
     executive = (Executive){0};
-    executive.modules =
-        arena_take(fledge_script.n_places * sizeof(ExecutiveModule) + fledge_script.n_inputs * sizeof(ExecutiveWire));
-    return executive.modules != NULL;
+    /* The wires come first, because they need the larger alignment. */
+    const size_t wires = fledge_script.n_inputs * sizeof(ExecutiveWire);
+    uint8_t *block = arena_take(wires + fledge_script.n_places * sizeof(ExecutiveModule));
+    executive.inputs = (ExecutiveWire *)(void *)block;
+    executive.modules = block != NULL ? (ExecutiveModule *)(void *)(block + wires) : NULL;
+    return block != NULL;
 }
 
 void executive_name(uint16_t place)
@@ -210,15 +217,14 @@ static void link_wire(ExecutiveWire *wire)
 
 static void link_wires(void)
 {
-    ExecutiveWire *inputs = (ExecutiveWire *)(void *)&executive.modules[fledge_script.n_places];
     for (ExecutiveWire *wire = executive.wires, *next; wire != NULL; wire = next) {
         next = wire->next;
         link_wire(wire);
     }
     for (uint16_t i = 0u; i < fledge_script.n_inputs; i++) {
         const ScriptInput *in = &fledge_script.inputs[i];
-        inputs[i] = (ExecutiveWire){NULL, in->from, in->to, in->size, in->stale_after};
-        link_wire(&inputs[i]);
+        executive.inputs[i] = (ExecutiveWire){NULL, in->from, in->to, in->size, in->stale_after};
+        link_wire(&executive.inputs[i]);
     }
 }
 
@@ -530,6 +536,16 @@ const char *executive_failure(void)
     return failure[0] != '\0' ? failure : NULL;
 }
 
+static void fail(const char *why)
+{
+    const size_t n = why == NULL ? 0u : strlen(why) < sizeof failure ? strlen(why) : sizeof failure - 1u;
+    memcpy(failure, why == NULL ? "" : why, n);
+    failure[n] = '\0';
+    if (n > 0u) {
+        executive = (Executive){0};
+    }
+}
+
 void executive_init(void)
 {
     memset(fledge_script.memory, 0, fledge_script.size);
@@ -538,13 +554,8 @@ void executive_init(void)
     if (why == NULL) {
         why = check();
     }
-    failure[0] = '\0';
-    if (why != NULL) {
-        const size_t n = strlen(why) < sizeof failure ? strlen(why) : sizeof failure - 1u;
-        memcpy(failure, why, n);
-        failure[n] = '\0';
-        executive = (Executive){0};
-    } else {
+    fail(why);
+    if (why == NULL) {
         link_wires();
         for (uint16_t i = 0u; i < fledge_script.n_places; i++) {
             executive.modules[i].differs = (uint8_t)differs(&fledge_script.places[i]);
@@ -553,6 +564,14 @@ void executive_init(void)
     executive.composed = 1u;
     arena_in_use->locked = 1;
     executive_restart(0);
+    if (why == NULL) {
+        fail(update_failure()); /* of a reset of the script's */
+    }
+}
+
+void executive_figures(void (*sink)(const char *text))
+{
+    update_figures(sink);
 }
 
 /* --- describing ------------------------------------------------------------------------------------ */

@@ -8,6 +8,7 @@
 
 #include "flight/exec/condition.h"
 #include "flight/exec/task.h"
+#include "flight/telemetry/telemetry.h"
 #include "targets/micropython/tables.h"
 
 #ifdef __cplusplus
@@ -56,6 +57,15 @@ void *executive_parameters(uint16_t block);
  *     reset MODULE+OFFSET DOWN      [ns] the input that resets the computer
  *     heap USED PEAK SIZE           [bytes] of the arena */
 void executive_describe(void (*line)(const char *text));
+
+/** [ns] A monotonic clock, which a host may give to measure by; NULL: none. */
+extern int64_t (*executive_clock)(void);
+
+/** What the script did until now, a line at a time. */
+void executive_figures(void (*line)(const char *text));
+
+/** Texts that wait for the end of the instant. */
+extern TelemetryTexts executive_texts;
 
 /* --- what a script composes ------------------------------------------------------------------------ */
 
@@ -158,12 +168,13 @@ typedef struct Executive {
     ExecutiveTask *tasks;     ///< in the order of equal times
     ExecutiveMode *modes, *initial, *current, *asked;
     ExecutiveEvent *events;
-    ExecutiveWire *wires; ///< until the script is done
-    int64_t t;            ///< [ns] the last tick; -1: none
-    int64_t down;         ///< [ns] of the computer after a reset
-    uint32_t reset;       ///< the offset of the ComputerReset, an input; 0: nothing resets it
-    uint8_t changed;      ///< 1: some configuration is to be published
-    uint8_t composed;     ///< 1: the script is done
+    ExecutiveWire *inputs; ///< those of fledge_script.inputs
+    ExecutiveWire *wires;  ///< of the script, until it is done
+    int64_t t;             ///< [ns] the last tick; -1: none
+    int64_t down;          ///< [ns] of the computer after a reset
+    uint32_t reset;        ///< the offset of the ComputerReset, an input; 0: nothing resets it
+    uint8_t changed;       ///< 1: some configuration is to be published
+    uint8_t composed;      ///< 1: the script is done
 } Executive;
 
 extern Executive executive;
@@ -171,6 +182,13 @@ extern Executive executive;
 /** Start the interpreter and run the script, which composes by the functions below: of process.c. Calls executive_begin
  *  when the arena is there. Returns NULL, or why it failed. */
 const char *process_run(void);
+
+/** Of update.c: NULL, or the text of a failure that there was. */
+const char *update_failure(void);
+
+/** Of update.c: a line for each module whose update is the script's: updates, failures, turns, times and the last
+ *  failure. */
+void update_figures(void (*line)(const char *text));
 
 /** Begin to compose. Returns 0 if the arena has no room for the table of modules. */
 int executive_begin(void);

@@ -102,8 +102,8 @@ const ScriptField adder_fields[] = {field("a", FLEDGE_STRUCT, SCRIPT_IN, offseto
                                     field("updates", FLEDGE_F64, SCRIPT_MEM, offsetof(Adder, mem.updates))};
 const ScriptField constant_fields[] = {field("y", FLEDGE_STRUCT, SCRIPT_OUT, offsetof(Constant, out.y)),
                                        field("value", FLEDGE_F64, SCRIPT_PAR, offsetof(Constant, par.value))};
-const ScriptType adder{"Adder", adder_fields, 4, sizeof(Adder), reset_adder, update_adder};
-const ScriptType constant{"Constant", constant_fields, 2, sizeof(Constant), reset_constant, update_constant};
+const ScriptType adder{nullptr, "Adder", adder_fields, 4, sizeof(Adder), reset_adder, update_adder};
+const ScriptType constant{nullptr, "Constant", constant_fields, 2, sizeof(Constant), reset_constant, update_constant};
 
 constexpr std::uint32_t place_at(std::size_t offset)
 {
@@ -153,29 +153,42 @@ Arena arena;
 
 } // namespace
 
-const ScriptMission fledge_script = {"test.flight",
-                                     "flight",
-                                     processes,
-                                     0,
-                                     &table,
-                                     &memory,
-                                     sizeof memory,
-                                     sizeof heap,
-                                     heap,
-                                     nullptr,
-                                     places,
-                                     inputs,
-                                     nullptr,
-                                     tasks,
-                                     modes,
-                                     events,
-                                     0,
-                                     4,
-                                     1,
-                                     0,
-                                     2,
-                                     2,
-                                     2};
+const ScriptMission fledge_script = {
+    .module = "test.flight",
+    .process = "flight",
+    .processes = processes,
+    .whole = 0,
+    .commands = &table,
+    .memory = &memory,
+    .size = sizeof memory,
+    .heap_size = sizeof heap,
+    .heap = heap,
+    .types = nullptr,
+    .places = places,
+    .inputs = inputs,
+    .constants = nullptr,
+    .units = nullptr,
+    .unit_texts = nullptr,
+    .tasks = tasks,
+    .modes = modes,
+    .events = events,
+    .n_types = 0,
+    .n_places = 4,
+    .n_inputs = 1,
+    .n_constants = 0,
+    .n_units = 0,
+    .n_unit_texts = 0,
+    .n_tasks = 2,
+    .n_modes = 2,
+    .n_events = 2,
+};
+
+const char *update_failure()
+{
+    return nullptr;
+}
+
+void update_figures(void (*)(const char *)) {}
 
 Arena *arena_in_use = &arena;
 

@@ -3,7 +3,7 @@
 #include "targets/micropython/objects.h"
 #include "targets/micropython/units.h"
 
-#include "py/runtime.h"
+#include <py/runtime.h>
 
 #include <string.h>
 

@@ -4,10 +4,11 @@
 #include "targets/micropython/objects.h"
 
 #include "targets/micropython/assign.h"
+#include "targets/micropython/update.h"
 
-#include "py/objexcept.h"
-#include "py/objlist.h"
-#include "py/runtime.h"
+#include <py/objexcept.h>
+#include <py/objlist.h>
+#include <py/runtime.h>
 
 #include <stdarg.h>
 #include <string.h>
@@ -122,9 +123,8 @@ static void refuse_name(const ScriptNode *node, qstr name)
 static ScriptNode *node_of(mp_obj_t value)
 {
     const mp_obj_type_t *type = mp_obj_get_type(value);
-    return type == &script_module_type || type == &script_view_type || type == &script_array_type
-               ? MP_OBJ_TO_PTR(value)
-               : NULL;
+    return type == &script_module_type || type == &script_view_type || type == &script_array_type ? MP_OBJ_TO_PTR(value)
+                                                                                                  : NULL;
 }
 
 ScriptNode *objects_struct(mp_obj_t value)
@@ -194,8 +194,13 @@ static ScriptNode *view_of(ScriptNode *owner, uint32_t index, uint32_t level, ui
     const ScriptField *field = &owner->type->fields[index];
     const int is_struct = field->type == FLEDGE_STRUCT && level == field->n_dimensions;
     ScriptNode *view = mp_obj_malloc(ScriptNode, is_struct ? &script_view_type : &script_array_type);
-    *view = (ScriptNode){.base = view->base, .owner = owner, .next = owner->views, .field = (uint16_t)index,
-                         .row = (uint16_t)row, .level = (uint8_t)level, .type = is_struct ? field->sub : NULL,
+    *view = (ScriptNode){.base = view->base,
+                         .owner = owner,
+                         .next = owner->views,
+                         .field = (uint16_t)index,
+                         .row = (uint16_t)row,
+                         .level = (uint8_t)level,
+                         .type = is_struct ? field->sub : NULL,
                          .offset = owner->offset + field->offset + row * objects_stride(field, level)};
     owner->views = view;
     return view;
@@ -225,7 +230,7 @@ void objects_make_views(ScriptNode *node)
         ScriptNode *view = view_of(node, i, 0, 0);
         if (view->type) {
             objects_make_views(view);
-        } else if ((field->n_dimensions > 1 || field->type == FLEDGE_STRUCT) && field->shape[0] <= 8) {
+        } else if (field->n_dimensions > 1 || field->type == FLEDGE_STRUCT) {
             for (uint32_t row = 0; row < field->shape[0]; row++) {
                 ScriptNode *part = view_of(node, i, 1, row);
                 if (part->type) {
@@ -370,8 +375,8 @@ static void store_item(ScriptNode *node, uint32_t i, mp_obj_t value)
         mp_raise_TypeError(MP_ERROR_TEXT("assign to the fields of an item, or to the whole array"));
     }
     if (node->level + 1u == field->n_dimensions) {
-        assign_element(node->owner, field, node->offset - node->owner->offset + i * objects_stride(field, node->level + 1u),
-                       value);
+        assign_element(node->owner, field,
+                       node->offset - node->owner->offset + i * objects_stride(field, node->level + 1u), value);
         return;
     }
     ScriptNode *row = MP_OBJ_TO_PTR(item_of(node, i));
@@ -401,7 +406,8 @@ static mp_obj_t array_subscript(mp_obj_t object, mp_obj_t index, mp_obj_t value)
         mp_bound_slice_t slice;
         mp_obj_slice_indices(index, n, &slice);
         const mp_int_t step = slice.step;
-        const mp_int_t span = step > 0 ? slice.stop - slice.start : slice.start - slice.stop, by = step > 0 ? step : -step;
+        const mp_int_t span = step > 0 ? slice.stop - slice.start : slice.start - slice.stop,
+                       by = step > 0 ? step : -step;
         const uint32_t items = span > 0 ? (uint32_t)((span + by - 1) / by) : 0u;
         mp_obj_list_t *list = value == MP_OBJ_SENTINEL ? MP_OBJ_TO_PTR(mp_obj_new_list(items, NULL)) : NULL;
         for (uint32_t i = 0; i < items; i++) {
@@ -613,6 +619,8 @@ static mp_obj_t module_update(size_t n, const mp_obj_t *arguments)
 static MP_DEFINE_CONST_FUN_OBJ_VAR_BETWEEN(module_update_object, 1, 3, module_update);
 
 static const mp_rom_map_elem_t module_methods_table[] = {
+    {MP_ROM_QSTR(MP_QSTR_held), MP_ROM_PTR(&update_held_object)},
+    {MP_ROM_QSTR(MP_QSTR_publish), MP_ROM_PTR(&update_publish_object)},
     {MP_ROM_QSTR(MP_QSTR_reset), MP_ROM_PTR(&module_reset_object)},
     {MP_ROM_QSTR(MP_QSTR_update), MP_ROM_PTR(&module_update_object)},
 };
@@ -621,20 +629,24 @@ static MP_DEFINE_CONST_DICT(module_methods, module_methods_table);
 MP_DEFINE_CONST_OBJ_TYPE(script_module_type, MP_QSTR_Module, MP_TYPE_FLAG_NONE, print, print_struct, attr, attribute,
                          locals_dict, &module_methods);
 
-/* `update=` or `reset=` of a module: takes it from the keywords. */
-static mp_obj_t function_of(const ScriptType *type, mp_map_t *keywords, qstr name)
+/* `update=`, `reset=` or `turns=` of a module: takes it from the keywords. MP_OBJ_NULL: it is not there. */
+static mp_obj_t keyword_of(const ScriptType *type, mp_map_t *keywords, qstr name, qstr *apart)
 {
     mp_map_elem_t *found = type->reset ? mp_map_lookup(keywords, MP_OBJ_NEW_QSTR(name), MP_MAP_LOOKUP) : NULL;
-    if (!found || objects_field(type, qstr_str(name))) {
+    *apart = found ? name : MP_QSTRnull;
+    if (!found || found->value == mp_const_none) {
         return MP_OBJ_NULL;
     }
-    const mp_obj_t function = found->value;
-    if (!mp_obj_is_callable(function)) {
-        mp_printf(objects_error(), "%s: %q: expected a function; found ", type->name, name);
-        objects_print_found(&appended, function);
+    const int turns = name == MP_QSTR_turns;
+    if (turns ? !mp_obj_is_small_int(found->value) || MP_OBJ_SMALL_INT_VALUE(found->value) < 1 ||
+                    MP_OBJ_SMALL_INT_VALUE(found->value) > INT32_MAX
+              : !mp_obj_is_callable(found->value)) {
+        mp_printf(objects_error(), "%s.%q: expected %s; found ", type->name, name,
+                  turns ? "a whole number from 1 to 2^31 - 1" : "a function");
+        objects_print_found(&appended, found->value);
         objects_raise();
     }
-    return function;
+    return found->value;
 }
 
 static mp_obj_t make_object(mp_obj_t class, size_t n, size_t n_keywords, const mp_obj_t *arguments)
@@ -645,16 +657,22 @@ static mp_obj_t make_object(mp_obj_t class, size_t n, size_t n_keywords, const m
     }
     mp_map_t keywords;
     mp_map_init_fixed_table(&keywords, n_keywords, arguments);
-    const mp_obj_t update = function_of(type, &keywords, MP_QSTR_update);
-    const mp_obj_t reset = function_of(type, &keywords, MP_QSTR_reset);
+    qstr apart[3];
+    const mp_obj_t update = keyword_of(type, &keywords, MP_QSTR_update, &apart[0]);
+    const mp_obj_t reset = keyword_of(type, &keywords, MP_QSTR_reset, &apart[1]);
+    const mp_obj_t turns = keyword_of(type, &keywords, MP_QSTR_turns, &apart[2]);
+    if (update == MP_OBJ_NULL && (reset != MP_OBJ_NULL || turns != MP_OBJ_NULL)) {
+        objects_refuse("%s: %s= goes with update=, the module's update in Python", type->name,
+                       reset != MP_OBJ_NULL ? "reset" : "turns");
+    }
     ScriptRoot *root = m_malloc0(sizeof *root + type->n / 8u);
     root->node.base.type = &script_module_type;
     root->node.type = type;
     root->place = -1;
     root->update = update;
     root->reset = reset;
+    root->turns = turns != MP_OBJ_NULL ? (uint32_t)MP_OBJ_SMALL_INT_VALUE(turns) : (uint32_t)UPDATE_TURNS;
     root->memory = m_malloc0(type->size);
-    const qstr apart[] = {update ? MP_QSTR_update : MP_QSTRnull, reset ? MP_QSTR_reset : MP_QSTRnull};
     const qstr unknown = assign_all(&root->node, &keywords, apart);
     if (unknown != MP_QSTRnull) {
         refuse_name(&root->node, unknown);

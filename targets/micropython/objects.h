@@ -10,7 +10,7 @@
 
 #include "targets/micropython/tables.h"
 
-#include "py/obj.h"
+#include <py/obj.h>
 
 /** What all views begin with. A module, or a message that a script has made itself, is its own root. */
 typedef struct ScriptNode {
@@ -30,6 +30,7 @@ typedef struct ScriptRoot {
     uint8_t *memory;
     mp_obj_t update; ///< the script's own functions, of `update=` and `reset=`; MP_OBJ_NULL: those of C
     mp_obj_t reset;
+    uint32_t turns;  ///< that a call of them may take
     int16_t place;    ///< the index in fledge_script.places; -1: it has none
     uint8_t given[2]; ///< a bit for each field: whether the script gave it. There are more behind it for long types
 } ScriptRoot;

@@ -4,10 +4,11 @@
 #include "targets/micropython/executive.h"
 #include "targets/micropython/objects.h"
 #include "targets/micropython/script.h"
+#include "targets/micropython/update.h"
 
-#include "py/builtin.h"
-#include "py/objtuple.h"
-#include "py/runtime.h"
+#include <py/builtin.h>
+#include <py/objtuple.h>
+#include <py/runtime.h>
 
 #include <string.h>
 
@@ -579,6 +580,9 @@ static void process_store(qstr attr, mp_obj_t value)
     objects_place(value, (uint16_t)place);
     process.instances[place] = value;
     executive_name((uint16_t)place);
+    if (objects_module(value)->update != MP_OBJ_NULL) {
+        update_install(objects_module(value));
+    }
 }
 
 static void process_attr(mp_obj_t self, qstr attr, mp_obj_t *dest)
@@ -1093,6 +1097,7 @@ const char *process_run(void)
     static Arena arena;
     arena_begin(&arena, fledge_script.heap, fledge_script.heap_size);
     script_start(&arena);
+    update_begin();
     if (!executive_begin()) {
         return "the heap has no room for the table of modules";
     }

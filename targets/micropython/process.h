@@ -6,7 +6,7 @@
 
 #include "targets/micropython/tables.h"
 
-#include "py/obj.h"
+#include <py/obj.h>
 
 /** `f`, once executive_begin has made its tables. */
 mp_obj_t process_object(void);

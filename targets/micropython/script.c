@@ -25,19 +25,18 @@ uint32_t script_turns;
 
 static uint64_t frames[FRAMES / sizeof(uint64_t)];
 static nlr_buf_t *guard; /* of the innermost script_guard */
-static int limited;
+static uint32_t limit;   /* 0: none */
 static char failure[256];
+static uint32_t failure_line;
+
+/* Of a script that is over its limit. It has a place from its first raise on. */
+static mp_obj_exception_t over_limit;
 
 /* ---- texts into memory of fixed size */
 
-typedef struct Text {
-    char *at;
-    size_t size, n;
-} Text;
-
 static void add(void *context, const char *text, size_t n)
 {
-    Text *t = context;
+    ScriptText *t = context;
     const size_t room = t->size - 1u - t->n;
     n = n < room ? n : room;
     memcpy(t->at + t->n, text, n);
@@ -45,12 +44,25 @@ static void add(void *context, const char *text, size_t n)
     t->at[t->n] = '\0';
 }
 
+mp_print_t script_text(ScriptText *text)
+{
+    text->n = 0u;
+    text->at[0] = '\0';
+    return (mp_print_t){text, add};
+}
+
+static void put_place(const mp_print_t *print, qstr file, size_t line)
+{
+    failure_line = (uint32_t)line;
+    mp_printf(print, "%q, line %u: ", file, (unsigned)line);
+}
+
 /* The place of the innermost script, then the exception. */
 static void explain(mp_obj_t exception)
 {
-    Text text = {failure, sizeof failure, 0};
-    const mp_print_t print = {&text, add};
-    failure[0] = '\0';
+    ScriptText text = {failure, sizeof failure, 0};
+    const mp_print_t print = script_text(&text);
+    failure_line = 0u;
     if (!mp_obj_is_exception_instance(exception)) {
         mp_obj_print_helper(&print, exception, PRINT_REPR);
         return;
@@ -58,10 +70,12 @@ static void explain(mp_obj_t exception)
     size_t n, *places;
     mp_obj_exception_get_traceback(exception, &n, &places);
     if (n >= 3u) {
-        mp_printf(&print, "%q, line %u: ", (qstr)places[0], (unsigned)places[1]);
+        put_place(&print, (qstr)places[0], places[1]);
     }
     const mp_obj_type_t *type = mp_obj_get_type(exception);
-    if (type == &mp_type_MemoryError && arena_in_use->locked) {
+    if (exception == MP_OBJ_FROM_PTR(&over_limit)) {
+        mp_printf(&print, "it takes more than %u turns of loops and returns", (unsigned)limit);
+    } else if (type == &mp_type_MemoryError && arena_in_use->locked) {
         mp_printf(&print, "MemoryError: this allocates %u bytes, but after the start nothing may allocate",
                   (unsigned)arena_in_use->wanted);
     } else if (type == &mp_type_MemoryError) {
@@ -75,6 +89,11 @@ static void explain(mp_obj_t exception)
 const char *script_error(void)
 {
     return failure;
+}
+
+uint32_t script_error_line(void)
+{
+    return failure_line;
 }
 
 void script_print(const char *text, size_t n)
@@ -189,27 +208,29 @@ mp_obj_t script_run_text(const char *text, size_t n, const char *name, int inter
 
 /* ---- budgets */
 
-static const mp_obj_exception_t over_limit = {
-    {&mp_type_RuntimeError}, 0, 0, NULL, (mp_obj_tuple_t *)(void *)&mp_const_empty_tuple_obj};
-
 void script_limit(uint32_t turns)
 {
-    limited = turns != 0u;
+    limit = turns;
+    over_limit = (mp_obj_exception_t){.base = {&mp_type_RuntimeError}};
+    over_limit.args = (mp_obj_tuple_t *)(void *)&mp_const_empty_tuple_obj;
     script_turns = turns + NOTHING_LEFT;
 }
 
 uint32_t script_left(void)
 {
-    return limited ? script_turns - NOTHING_LEFT : UINT32_MAX;
+    return limit != 0u ? script_turns - NOTHING_LEFT : UINT32_MAX;
 }
 
 void script_turned(void)
 {
-    if (limited && guard) {
-        script_turns = NOTHING_LEFT;
-        MP_STATE_THREAD(nlr_top) = guard; /* past all that the script catches */
-        nlr_jump((void *)(uintptr_t)&over_limit);
+    if (limit == 0u || !guard) {
+        return;
     }
+    script_turns = NOTHING_LEFT;
+    if (over_limit.traceback_data) {
+        MP_STATE_THREAD(nlr_top) = guard; /* past all that the script catches */
+    }
+    nlr_jump(&over_limit); /* at first as any exception, so that it gets its place */
 }
 
 /* ---- start, and what the interpreter asks of its port */

@@ -31,6 +31,18 @@ const char *script_error(void);
  *  MP_OBJ_NULL. */
 void script_limit(uint32_t turns);
 
+/** The line of script_error(); 0: none. */
+uint32_t script_error_line(void);
+
+/** A text in memory of fixed size; what is too long for it is cut. */
+typedef struct ScriptText {
+    char *at;
+    size_t size, n; ///< [bytes] of the memory; of the text
+} ScriptText;
+
+/** Begin a text, for mp_printf and other functions that print. */
+mp_print_t script_text(ScriptText *text);
+
 /** How many turns a script has left of its limit. */
 uint32_t script_left(void);
 

@@ -3,11 +3,10 @@
 
 #include "targets/micropython/objects.h"
 
-#include "py/cstack.h"
-#include "py/objexcept.h"
-#include "py/objlist.h"
-#include "py/cstack.h"
-#include "py/runtime.h"
+#include <py/cstack.h>
+#include <py/objexcept.h>
+#include <py/objlist.h>
+#include <py/runtime.h>
 
 #include <string.h>
 

@@ -5,7 +5,7 @@
 
 #include "targets/micropython/tables.h"
 
-#include "py/obj.h"
+#include <py/obj.h>
 
 extern const mp_obj_type_t mp_type_UnitError;
 extern const mp_obj_module_t script_units_module;

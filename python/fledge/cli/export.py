@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`fledge export c MISSION`: what flies, as source without Python; `fledge export cfs MISSION --app NAME`: as an app
-of the core Flight System.
+of the core Flight System; `fledge export micropython MISSION`: as a program of MicroPython, whose script composes it.
 
 Exit codes as of all commands: 0 written; 2 the command line or the mission is wrong, and nothing is written.
 """
@@ -20,8 +20,9 @@ if TYPE_CHECKING:
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
     one = command("export", export, "write what flies in a mission as C", "export c nadir_spin --out nadir_spin_c")
-    one.add_argument("form", choices=["c", "cfs"], help="c: MISSION.h and MISSION.c, in C99; cfs: an app for the apps "
-                     "folder of a cFS tree")
+    one.add_argument("form", choices=["c", "cfs", "micropython"], help="c: MISSION.h and MISSION.c, in C99; cfs: an "
+                     "app for the apps folder of a cFS tree; micropython: a program for this machine, which its script "
+                     "composes")
     one.add_argument("mission", help="the name of a mission, or its folder")
     one.add_argument("--process", metavar="NAME", help="the flight process; default: the only one")
     one.add_argument("--tasks", metavar="NAMES", help="export only these tasks, as in gnc,telemetry; default: all")
@@ -41,7 +42,9 @@ def add(command: Callable) -> None:
     one.add_argument("--simulated", action="store_true", help="cfs: with registers in a file, for a simulation")
     one.add_argument("--order", choices=["little", "big"], default=None, help="cfs: byte order of the target, for .tbl "
                      "files; default: little")
-    one.add_argument("--out", metavar="DIR", help="default: runs/MISSION/c, or runs/MISSION/cfs/APP")
+    one.add_argument("--development", action="store_true", help="micropython: with the compiler and a prompt")
+    one.add_argument("--out", metavar="DIR", help="default: runs/MISSION/c, runs/MISSION/micropython, or "
+                     "runs/MISSION/cfs/APP")
     add_parameters(one)
 
 
@@ -55,12 +58,16 @@ def export(options: argparse.Namespace) -> int:
     if options.form == "cfs" and not options.app:
         raise Failure("export cfs: name the app, as in --app nav")
     for name in ("app", "topic", "wakeup", "input", "keep", "simulated", "order"):
-        if options.form == "c" and getattr(options, name):
-            raise Failure(f"export c: --{name} is for `export cfs`")
+        if options.form != "cfs" and getattr(options, name):
+            raise Failure(f"export {options.form}: --{name} is for `export cfs`")
+    if options.form != "micropython" and options.development:
+        raise Failure(f"export {options.form}: --development is for `export micropython`")
     if options.outputs and options.board:
         raise Failure("export: --outputs is for the mission's own board; give --board without files")
     if options.outputs and options.board is None and options.form == "c":
         raise Failure("export: --outputs is for the mission's own board; give --board, without files")
+    if options.form == "micropython":
+        return export_micropython(options)
     mission = exports.read(fledge.load(options.mission, **given_parameters(options)), options.process, tasks)
     folder = Path(options.out) if options.out else Path("runs") / mission.folder / options.form
     if options.form == "cfs":
@@ -79,6 +86,27 @@ def export(options: argparse.Namespace) -> int:
         say(f"  wrote  {len(paths)} files in {folder}; {folder / 'README.md'} says how they go into a cFS tree")
     for what in mission.left_out:
         say(f"  left out  {what}")
+    return 0
+
+
+def export_micropython(options: argparse.Namespace) -> int:
+    import fledge
+    from fledge import export as exports
+    from fledge.cli.console import say
+    from fledge.errors import Failure
+    from fledge.targets import micropython, table
+
+    for name in ("tasks", "outputs"):
+        if getattr(options, name):
+            raise Failure(f"export micropython: --{name} is for `export c`; a script composes the whole process")
+    sim = fledge.load(options.mission, **given_parameters(options))
+    mission = exports.read(sim, options.process)
+    folder = Path(options.out) if options.out else Path("runs") / mission.folder / "micropython"
+    composed = exports.compose(sim, mission, boards=options.board or ())
+    built = micropython.export(composed, sim.process(mission.process), folder, options.development)
+    for path in sorted(folder.glob("c/*")):
+        say(f"  wrote  {path}")
+    say(f"  built  {built}, {table.size(micropython.stripped(built))} without symbols")
     return 0
 
 

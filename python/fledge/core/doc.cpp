@@ -78,7 +78,7 @@ std::string signature(const FledgeStruct &table)
         }
     }
     if (table.kind == FLEDGE_MODULE) {
-        text += (text.empty() ? "*, " : ", ") + std::string("update=None, reset=None");
+        text += (text.empty() ? "*, " : ", ") + std::string("update=None, reset=None, turns=None");
     }
     // PyType_FromSpec takes the part before "--" as the signature.
     return std::string(table.name) + "(" + text + ")\n--\n\n";
@@ -154,7 +154,8 @@ std::string type_doc(const FledgeStruct &table)
         add_group(text, table, FLEDGE_MEM, "Memory");
         if (table.kind == FLEDGE_MODULE) {
             text += "\n\nIn Python:\n    update: update(m, t, dt), a function of Python in place of the C\n"
-                    "    reset: reset(m), to run after that of the C";
+                    "    reset: reset(m), to run after that of the C\n"
+                    "    turns: how many turns of loops and returns of functions an update may take on a target";
         }
     } else {
         add_group(text, table, FLEDGE_NONE, "Fields");

@@ -90,11 +90,11 @@ Head *output_of(PyObject *self, PyObject *port, const char *what)
 PyObject *take_script(Root &root, PyObject *keywords)
 {
     PyObject *rest = keywords ? PyDict_Copy(keywords) : PyDict_New();
-    PyObject *functions[2] = {};
-    const char *const names[] = {"update", "reset"};
+    PyObject *given[3] = {};
+    const char *const names[] = {"update", "reset", "turns"};
     bool any = false;
-    for (int i = 0; rest && i < 2; i++) {
-        if ((functions[i] = Py_XNewRef(PyDict_GetItemString(rest, names[i])))) {
+    for (int i = 0; rest && i < 3; i++) {
+        if ((given[i] = Py_XNewRef(PyDict_GetItemString(rest, names[i])))) {
             any = true;
             PyDict_DelItemString(rest, names[i]);
         }
@@ -103,26 +103,25 @@ PyObject *take_script(Root &root, PyObject *keywords)
         PyErr_Format(PyExc_TypeError, "%s is a model of the world: update= and reset= are for flight modules",
                      root.type->table->name);
         Py_CLEAR(rest);
-        any = false;
-    }
-    if (any) {
+    } else if (any) {
+        const auto or_none = [](PyObject *p) { return p ? p : Py_None; };
         PyObject *check = hook("check_script");
-        PyObject *done =
-            check ? PyObject_CallFunction(check, "sOO", root.type->table->name, functions[0] ? functions[0] : Py_None,
-                                          functions[1] ? functions[1] : Py_None)
-                  : nullptr;
+        PyObject *done = check ? PyObject_CallFunction(check, "sOOO", root.type->table->name, or_none(given[0]),
+                                                       or_none(given[1]), or_none(given[2]))
+                               : nullptr;
         if (!done) {
             Py_CLEAR(rest);
         } else {
-            root.instance->script.update = Call(functions[0]);
-            if (functions[1] && functions[1] != Py_None) {
-                root.instance->script.reset = Call(functions[1]);
+            root.instance->script.update = Call(given[0]);
+            if (given[1] && given[1] != Py_None) {
+                root.instance->script.reset = Call(given[1]);
             }
             Py_DECREF(done);
         }
     }
-    Py_XDECREF(functions[0]);
-    Py_XDECREF(functions[1]);
+    for (PyObject *one : given) {
+        Py_XDECREF(one);
+    }
     return rest;
 }
 

@@ -6,8 +6,9 @@
 
 namespace fledge::core {
 
-/// Take `update` and `reset` out of the keywords of a new module or model, and give them to the module. Returns the
-/// other keywords, a new reference; null with an exception set.
+/// Take `update`, `reset` and `turns` out of the keywords of a new module or model, and give the functions to the module.
+/// `turns`, a limit on targets, is checked alone. Returns the other keywords, a new reference; null with an exception
+/// set.
 PyObject *take_script(Root &root, PyObject *keywords);
 
 /// Its functions (update, reset or None), or None: a new reference.

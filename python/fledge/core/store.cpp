@@ -483,7 +483,7 @@ int set_f64(PyObject *self, PyObject *value, void *closure)
         const double x = PyFloat_AS_DOUBLE(value);
         const bool above = field.bounds & FLEDGE_LO_OPEN ? x > field.lo : x >= field.lo;
         const bool below = field.bounds & FLEDGE_HI_OPEN ? x < field.hi : x <= field.hi;
-        const bool plain = std::isfinite(x) && !(field.flags & FLEDGE_NON_ZERO) &&
+        const bool plain = exec_computable(x) && !(field.flags & FLEDGE_NON_ZERO) &&
                            (above || !(field.bounds & FLEDGE_HAS_LO)) && (below || !(field.bounds & FLEDGE_HAS_HI));
         if ((plain || !member.checked) && !is_written_by_its_module(self, member)) {
             save(as_object(self)->memory + field.offset, x);

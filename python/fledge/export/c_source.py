@@ -28,11 +28,13 @@ def header(mission: Mission) -> str:
     """mission.h"""
     name, guard = mission.name, f"{mission.name.upper()}_H"
     includes = sorted({s.header for s in (*(m.struct for m in mission.modules), *(i.struct for i in mission.inputs))})
+    composed = mission.form == "micropython"
     parts = [
-        head(mission),
+        "\n".join([*written(mission), ""]) if composed else head(mission),
         f"#ifndef {guard}\n#define {guard}\n",
         "".join(f'#include "{path}"\n' for path in includes) + '#include "targets/mission.h"\n',
-        modes(mission), ids(mission), inputs(mission), whole(mission), functions(mission),
+        "" if composed else modes(mission), ids(mission), inputs(mission), whole(mission),
+        composed_functions(mission) if composed else functions(mission),
         "/** All messages, by id. */\n" + extern("MissionMessage", f"{name}_messages[{name.upper()}_MESSAGES]"),
         parameter_list(mission),
         "#endif\n",
@@ -57,7 +59,13 @@ def head(mission: Mission) -> str:
 
 def written(mission: Mission) -> list[str]:
     """The first line of both files."""
-    return comment(f"{mission.name}: written by `fledge export c {mission.words}`; change the mission instead.")
+    return comment(f"{mission.name}: written by `fledge export {mission.form} {mission.words}`; change the mission "
+                   "instead.")
+
+
+def memory(mission: Mission) -> str:
+    """The name of a composed mission's memory."""
+    return f"{mission.name}_memory"
 
 
 def modes(mission: Mission) -> str:
@@ -104,6 +112,20 @@ def inputs(mission: Mission) -> str:
 def whole(mission: Mission) -> str:
     """The struct of the mission."""
     name = mission.struct()
+    rows = [] if mission.form == "micropython" else times(mission)
+    if mission.inputs:
+        rows += [*[""] * bool(rows), f"    {name}In in;"]
+    for title, modules in (("published when their parameters change", mission.configuration),
+                           *((f"the task {t.title}", t.run) for t in mission.tasks)):
+        if modules:
+            rows += [*[""] * bool(rows), f"    /* {plain(title)} */", *(f"    {m.type} {m.name};" for m in modules)]
+    return "\n".join([*doc("All that flies. It holds no pointers: a copy of its bytes is a snapshot."),
+                      f"typedef struct {name} {{", *rows, f"}} {name};", ""])
+
+
+def times(mission: Mission) -> list[str]:
+    """What the rules of time keep of it."""
+    name = mission.struct()
     rows = ["    struct {", *with_notes([(f"ExecTask {t.name};", f"every {seconds(t.period)}"
                                           + (f", from {seconds(t.offset)} on" if t.offset else "")
                                           + (f"; in {', '.join(mission.mode_titles[m] for m in t.modes)}"
@@ -119,14 +141,7 @@ def whole(mission: Mission) -> str:
         rows += ["    struct {",
                  *with_notes([(f"ExecEvent {e.name};", e.text) for e in mission.events], "        ", "///<", ""),
                  "    } event;"]
-    if mission.inputs:
-        rows += ["", f"    {name}In in;"]
-    for title, modules in (("published when their parameters change", mission.configuration),
-                           *((f"the task {t.title}", t.run) for t in mission.tasks)):
-        if modules:
-            rows += ["", f"    /* {plain(title)} */", *(f"    {m.type} {m.name};" for m in modules)]
-    return "\n".join([*doc("All that flies. It holds no pointers: a copy of its bytes is a snapshot."),
-                      f"typedef struct {name} {{", *rows, f"}} {name};", ""])
+    return rows
 
 
 def functions(mission: Mission) -> str:
@@ -146,6 +161,15 @@ def functions(mission: Mission) -> str:
         found.append((f"Publish {module.name} anew at t [ns], after its parameters were changed.",
                       f"void {name}_publish_{module.name}({struct} *m, int64_t t);"))
     return "\n".join(line for text, declaration in found for line in (*doc(text), declaration, ""))
+
+
+def composed_functions(mission: Mission) -> str:
+    """The memory of a mission that its script composes, and what a scenario changes of it."""
+    lines = [f"extern {mission.struct()} {memory(mission)};", ""]
+    if mission.changed:
+        lines += [*doc("After the script has composed the mission: what the scenario changes of it before it runs."),
+                  f"void {mission.name}_set_up(void);", ""]
+    return "\n".join(lines)
 
 
 def parameter_list(mission: Mission) -> str:
@@ -172,6 +196,11 @@ def refuse_scripts(mission: Mission) -> None:
 
 def source(mission: Mission) -> str:
     """mission.c"""
+    if mission.form == "micropython":
+        return "\n".join(part for part in (
+            "\n".join([*written(mission), f'#include "{mission.name}.h"', "",
+                       *['#include <string.h>', ""] * bool(mission.changed)]),
+            set_up(mission), messages(mission), parameters(mission)) if part)
     refuse_scripts(mission)
     parts = ["\n".join([*written(mission), f'#include "{mission.name}.h"', "", "#include <string.h>", ""]),
              *c_run.rates(mission), init(mission), *c_run.configuration(mission), *c_run.tasks(mission),
@@ -191,6 +220,17 @@ def init(mission: Mission) -> str:
             lines += ["", *paragraph(f"{module.name}: {first_words(module.struct.doc)}", found)]
     return "\n".join([f"void {mission.name}_init({mission.struct()} *m)", "{", *lines, "",
                       f"    {mission.name}_reset(m);", "}", ""])
+
+
+def set_up(mission: Mission) -> str:
+    lines: list[str] = []
+    for module in mission.changed:
+        place = f"{memory(mission)}.{module.name}"
+        lines += [""] * bool(lines) + [f"    memset(&{place}, 0, sizeof {place});"]
+        found = list(settings(module.struct, module.memory, place, module.name))
+        if found:
+            lines += paragraph(f"{module.name}: {first_words(module.struct.doc)}", found)
+    return "\n".join([f"void {mission.name}_set_up(void)", "{", *lines, "}", ""]) if lines else ""
 
 
 def paragraph(title: str, found: list[Setting]) -> list[str]:

@@ -42,7 +42,8 @@ def header(mission: Mission) -> str:
 def source(mission: Mission, found: Dictionary) -> str:
     name, struct, n = mission.name, mission.struct(), len(mission.outputs)
     largest = max((b.size for b in found.blocks), default=1)
-    lines = [*written(mission), f'#include "{name}_commands.h"', "", f"static uint8_t staged[{largest}];",
+    script = ['#include "targets/micropython/executive.h"'] * (mission.form == "micropython")
+    lines = [*written(mission), f'#include "{name}_commands.h"', *script, "", f"static uint8_t staged[{largest}];",
              f"static uint8_t queue[{found.room}];", f"static uint8_t packet[{found.longest}];",
              f"static TelemetryRate rates[{3 + n}];", ""]
     for i, block in enumerate(found.blocks):
@@ -63,7 +64,8 @@ def source(mission: Mission, found: Dictionary) -> str:
             lines += row(f"offsetof({struct}, {message.member})", f"sizeof({message.struct.name})")
         lines += ["};"]
     lines += ["", *functions(mission, found), f"const TelemetryTable {name}_telemetry = {{",
-              f"    {found.telemetry:#06x}u, {n}u, {'outputs' if n else '0'}, rates, packet, mode, 0", "};", "",
+              f"    {found.telemetry:#06x}u, {n}u, {'outputs' if n else '0'}, rates, packet, mode, "
+              f"{'&executive_texts' if script else '0'}", "};", "",
               *function("static void telemetry(void *mission, uint16_t output, int on, uint16_t every)",
                         ["    (void)mission;", f"    telemetry_rate(&{name}_telemetry, output, on, every);"]),
               f"const CommandTable {name}_commands = {{"]
@@ -81,6 +83,8 @@ def functions(mission: Mission, found: Dictionary) -> list[str]:
     name, struct = mission.name, mission.struct()
     memory = ([f"    return (uint8_t *)mission + {name}_parameters[block].offset;"] if found.blocks
               else ["    (void)block;", "    return mission;"])
+    if mission.form == "micropython":
+        return executive(memory)
     enter = ([f"    {name}_enter(mission, ({struct}Mode)mode);"] if mission.modes
              else ["    (void)mission;", "    (void)mode;"])
     mode = [f"    return (uint16_t)((const {struct} *)mission)->mode.current;"] if mission.modes else [
@@ -99,6 +103,18 @@ def functions(mission: Mission, found: Dictionary) -> list[str]:
             *function("static void publish(void *mission, uint16_t block, int64_t t)", publish),
             *function("static void arm(void *mission, uint16_t event, int on)", arm),
             *function("static void reset(void *mission, int64_t t)", [f"    {name}_restart(mission, t);"])]
+
+
+def executive(memory: list[str]) -> list[str]:
+    """The same for a mission that its script composes."""
+    return [*function("static void *parameters(void *mission, uint16_t block)", memory),
+            *(line for head, call in (
+                ("void enter(void *mission, uint16_t mode)", "executive_enter(mode)"),
+                ("uint16_t mode(const void *mission)", "return executive_mode()"),
+                ("void publish(void *mission, uint16_t block, int64_t t)", "executive_publish(block, t)"),
+                ("void arm(void *mission, uint16_t event, int on)", "executive_arm(event, on)"),
+                ("void reset(void *mission, int64_t t)", "executive_restart(t)"))
+              for line in function(f"static {head}", ["    (void)mission;", f"    {call};"]))]
 
 
 def function(head: str, lines: Sequence[str]) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from fledge.export.c_source import row, written
+from fledge.export.c_source import memory, row, written
 from fledge.export.c_text import string
 
 if TYPE_CHECKING:
@@ -18,18 +18,25 @@ def emit_host(mission: Mission) -> dict[str, str]:
     messages = [*mission.inputs, *mission.outputs]
     types = list({m.struct.name: m.struct for m in messages}.values())
     recorded = {m.struct.name for m in mission.outputs}
+    composed = mission.form == "micropython"
     lines = [*written(mission), f'#include "{name}_commands.h"', f'#include "{name}_io.h"',
+             *['#include "targets/micropython/arena.h"', '#include "targets/micropython/executive.h"'] * composed,
              '#include "targets/mission_host.h"', "",
-             f"extern const MissionDefinition {name}_definitions[];", f"static {struct} m;",
+             f"extern const MissionDefinition {name}_definitions[];", *[f"static {struct} m;"] * (not composed),
              f"static McapSchema schemas[{len(recorded)}];",
              f"static McapChannel channels[{len(mission.outputs)}];", "static CommandState commands;",
              "static MissionStart start;", ""]
-    for function, result, parameter, argument in (("init", "void", "void", ""), ("next", "int64_t", "void", ""),
-                                                  ("restart", "void", "int64_t t", ", t"),
-                                                  ("tick", "void", "int64_t t", ", t")):
+    for function, result, parameter, argument in () if composed else (
+            ("init", "void", "void", ""), ("next", "int64_t", "void", ""), ("restart", "void", "int64_t t", ", t"),
+            ("tick", "void", "int64_t t", ", t")):
         back = "return " if result != "void" else ""
         lines += [f"static {result} {function}({parameter})", "{", f"    {back}{name}_{function}(&m{argument});", "}",
                   ""]
+    if composed:
+        lines += ["static MissionHeap heap(void)", "{",
+                  "    return (MissionHeap){arena_in_use->used, arena_in_use->peak};", "}", ""]
+    if mission.changed:
+        lines += ["static void init(void)", "{", "    executive_init();", f"    {name}_set_up();", "}", ""]
     lines += ["static const MissionTopic topics[] = {"]
     places = {one.name: i for i, one in enumerate(types)}
     for one in messages:
@@ -38,9 +45,13 @@ def emit_host(mission: Mission) -> dict[str, str]:
     lines += ["};", "", "static const ExecRate rates[] = {"]
     lines += [f"    {{{task.period}, {task.offset}}}," for task in mission.tasks]
     lines += ["};", "", "const MissionHost fledge_mission = {"]
+    own = "executive_" if composed else ""
     lines += [f"    .{key} = {value}," for key, value in (
-        ("name", f'"{mission.folder}"'), ("mission", "&m"), ("start", "&start"), ("init", "init"),
-        ("restart", "restart"), ("next", "next"), ("tick", "tick"), ("io", f"&{name}_io"), ("topics", "topics"),
+        ("name", f'"{mission.folder}"'), ("mission", f"&{memory(mission) if composed else 'm'}"),
+        ("start", "&start"), ("init", "init" if mission.changed else own + "init"),
+        *((one, own + one) for one in ("restart", "next", "tick")),
+        *((one, own + one) for one in ("failure", "describe", "figures") if composed),
+        *[("heap", "heap"), ("clock", "&executive_clock")] * composed, ("io", f"&{name}_io"), ("topics", "topics"),
         ("definitions", f"{name}_definitions"), ("rates", "rates"), ("commands", f"&{name}_commands"),
         ("telemetry", f"&{name}_telemetry"), ("state", "&commands"), ("schemas", "schemas"), ("channels", "channels"),
         ("n_schemas", f"{len(recorded)}u"),

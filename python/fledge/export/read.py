@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 import struct as packing
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -114,6 +114,8 @@ class Mission:
     left_out: list                   # titles of tasks and events that are not exported
     reset: int | None = None         # the index in `inputs` of the message by which the computer is reset
     down: int = 0                    # [ns] how long it is down then
+    form: str = "c"                  # c: its functions are exported, too; micropython: its script composes it
+    changed: list = field(default_factory=list)     # micropython: Modules that are not as the script leaves them
 
     @property
     def title(self) -> str:

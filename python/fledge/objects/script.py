@@ -17,10 +17,14 @@ _PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__))) + os.sep
 _ARGUMENTS = {"update": "(m, t, dt)", "reset": "(m)"}
 
 
-def check_script(kind: str, update: Any, reset: Any) -> None:
-    """Raise SetupError if these are not the two functions of a module, of which the second may be None."""
+def check_script(kind: str, update: Any, reset: Any, turns: Any) -> None:
+    """Raise SetupError if these are not the two functions of a module, of which the second may be None, and how many
+    turns of loops and returns of functions an update may take on a target, or None."""
     if update is None:
-        raise SetupError(f"{kind}: reset= goes with update=, the module's update in Python")
+        raise SetupError(f"{kind}: {'reset' if reset is not None else 'turns'}= goes with update=, the module's update "
+                         "in Python")
+    if turns is not None and (not isinstance(turns, int) or isinstance(turns, bool) or not 0 < turns < 2**31):
+        raise SetupError(f"{kind}.turns: expected a whole number from 1 to 2^31 - 1; found {turns!r}")
     for name, function, n in (("update", update, 3), ("reset", reset, 1)):
         if function is None:
             continue

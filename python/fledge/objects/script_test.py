@@ -175,6 +175,8 @@ def stepwise(m, t, dt):
     (dict(update=asleep), "is asynchronous"),
     (dict(update=stepwise), "is a generator"),
     (dict(reset=begin), "reset= goes with update="),
+    (dict(turns=5), "turns= goes with update="),
+    (dict(update=turn, turns=0), "turns: expected a whole number from 1 to 2\\^31 - 1; found 0"),
 ])
 def test_what_is_no_function_of_a_module_is_refused(keywords, complaint):
     with pytest.raises(SetupError, match=complaint):
@@ -187,7 +189,7 @@ def test_a_model_of_the_world_is_refused():
 
 
 def test_a_module_in_python_is_tried_alone():
-    m = fsw.InertialPointing(update=turn)
+    m = fsw.InertialPointing(update=turn, turns=500)
     m.reset()
     m.update(t=1.0, dt=0.5)
     assert (m.reference.head.t, m.reference.omega_RN_N[2]) == (1_000_000_000, 0.01)

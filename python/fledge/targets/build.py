@@ -49,11 +49,12 @@ def module_sources(mission: Mission, roots: Sequence[Path]) -> list[Path]:
 
 def program(folder: Path | str, name: str, sources: Sequence[Path], includes: Sequence[Path], compiler: str = "gcc",
             flags: Sequence[str] = (), link: Sequence[str | Path] = (), entry: str = "main",
-            machine: Sequence[str] = ()) -> Path:
+            machine: Sequence[str] = (), archives: Sequence[Path] = ()) -> Path:
     """Build an executable or shared object from C in a folder of its own; returns its path.
 
     NAME.o beside it is the same without the C library, for `sizes`; NAME.map is what the linker took. link: words; a
-    Path is a file on which the program depends. machine: flags that select the compiler's machine.
+    Path is a file on which the program depends. machine: flags that select the compiler's machine. archives: libraries
+    that are part of the program, not of the system.
     """
     folder = Path(folder)
     if not shutil.which(compiler):
@@ -68,7 +69,8 @@ def program(folder: Path | str, name: str, sources: Sequence[Path], includes: Se
         objects.append(stem)
         lines.append(f"build {stem}: cc {_escaped(source)}")
     whole = f"{name}.o"
-    linked = [*objects, *(["|"] if link else []), *(_escaped(one) for one in link if isinstance(one, Path))]
+    own = list(map(_escaped, archives))
+    linked = [*objects, *own, *(["|"] if link else []), *(_escaped(one) for one in link if isinstance(one, Path))]
     text = "\n".join([
         "builddir = .", "rule cc", f"  command = {cached}{compiler} {_words(flags)} -MMD -MF $out.d -c $in -o $out",
         "  depfile = $out.d", "  deps = gcc", "  description = compiling $in",
@@ -76,7 +78,8 @@ def program(folder: Path | str, name: str, sources: Sequence[Path], includes: Se
         "  description = linking $out",
         "rule whole", f"  command = {compiled} -r -nostdlib -Wl,--gc-sections -Wl,-e,{entry} $in -o $out",
         "  description = measuring $out", *lines, f"build {_escaped(name)}: link {' '.join(linked)}",
-        f"build {_escaped(whole)}: whole {' '.join(objects)}", f"default {_escaped(name)} {_escaped(whole)}", ""])
+        f"build {_escaped(whole)}: whole {' '.join([*objects, *own])}",
+        f"default {_escaped(name)} {_escaped(whole)}", ""])
     write_files({"build.ninja": text}, folder)
     done = subprocess.run(["ninja", "-C", folder], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
                           errors="replace")

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fledge import export
+from fledge import export, mission as missions
 from fledge.commands import Report, Timed, decoded, read_script, script
 from fledge.errors import Failure
 from fledge.objects import project
@@ -43,6 +44,11 @@ class Part:
             raise Failure(f"the scenario {job.scenario} changes {self.process} between its runs, by commands, which no "
                           f"snorkel of {', '.join(path.name for path in self.boards)} carries; add one with carries = "
                           "\"commands\"")
+
+    @cached_property
+    def composed(self) -> export.Composed:
+        """The same for MicroPython: what its script composes, and what the scenario changes of it before it runs."""
+        return export.compose(self.job.fresh, self.mission, self.job.own[self.process], self.boards)
 
     @cached_property
     def written(self) -> list[Path]:
@@ -87,16 +93,25 @@ class Part:
 
     def sources(self) -> list[Path]:
         """All sources of flight: the exported ones, those of its modules, of commands, and flight/math."""
-        written = [path.resolve() for path in self.written if path.suffix == ".c"]
-        return [*written, *build.module_sources(self.mission, self.roots), *build.math_sources(),
+        return self._with_modules(self.written)
+
+    def _with_modules(self, written: Sequence[Path]) -> list[Path]:
+        return [*(path.resolve() for path in written if path.suffix == ".c"),
+                *build.module_sources(self.mission, self.roots), *build.math_sources(),
                 *(build.ROOT / path for path in build.COMMAND)]
 
     def includes(self) -> list[Path]:
         return [(self.folder / "c").resolve(), *self.roots]
 
+    def table_sources(self) -> list[Path]:
+        """The sources of the mission and its boards as data for the outside, which runs no function of flight."""
+        data = replace(self.mission, modules=[replace(one, script="") for one in self.mission.modules])
+        written = export.write(data, self.folder / "c", self.files)
+        return [*self._with_modules(written), *(build.ROOT / path for path in build.TABLES)]
+
     def tables(self) -> Path:
-        """The mission and its boards as data for the outside: a shared object for this machine."""
-        sources = [*self.sources(), *(build.ROOT / path for path in build.TABLES)]
+        """A shared object of it for this machine."""
+        sources = self.table_sources()
         return build.program(self.folder / "tables", f"{self.mission.name}.so", sources, self.includes(),
                              flags=["-fPIC"], link=["-shared", "-Wl,-z,defs"], entry="fledge_mission")
 
@@ -157,6 +172,16 @@ class Job:
                               if process == "" else self.unknown(process, known))
         self.parts = [Part(self, one, own.get(one.process, ()), self.folder / one.process if several else self.folder)
                       for one in play.missions]
+
+    @cached_property
+    def fresh(self) -> Any:
+        """The simulation as the mission's files make it, without the scenario."""
+        return missions.load(self.asked, **self.parameters)
+
+    @cached_property
+    def own(self) -> dict[str, Mission]:
+        """Its flight processes by name."""
+        return {one.process: one for one in export.read_all(self.fresh)}
 
     def unknown(self, process: str, known: Sequence[str]) -> str:
         return f"{self.title} has no flight process '{process}'; it has {', '.join(known)}"

@@ -33,14 +33,13 @@ def read_board(path: Path) -> dict[str, Any]:
 
 
 def program(folder: Path, name: str, sources: Sequence[Path], includes: Sequence[Path], flags: Sequence[str] = (),
-            board: Path = BOARD) -> Path:
+            board: Path = BOARD, archives: Sequence[Path] = ()) -> Path:
     """Build a program for a LEON3 board, with its board support."""
     described = read_board(board)
     linked = toolchain.link(FOLDER / "leon3.ld", LEON3_RAM=described["ram"]["base"],
                             LEON3_RAM_SIZE=described["ram"]["size"], LEON3_CLOCK=described["clock"])
     return build.program(folder, name, [*SUPPORT, *sources], [*includes, build.ROOT], toolchain.COMPILER,
-                         [*toolchain.headers(), "-g", *flags], linked,
-                         machine=toolchain.MACHINE)
+                         [*toolchain.headers(), "-g", *flags], linked, machine=toolchain.MACHINE, archives=archives)
 
 
 class Leon3(Target):
@@ -83,10 +82,11 @@ class Leon3Qemu(Leon3):
     profiled_by = ""
     cpu_of = "emulated"
     needs = (*Leon3.needs, "qemu-system-sparc", "gcc")
+    guests: type[Leon3] = Leon3     # the target whose program it is
 
     def build(self, part: Part) -> Path:
-        super().build(part)
-        sources = [*part.sources(), *(build.ROOT / path for path in build.TABLES), FOLDER / "qemu.c",
+        self.guests().build(part)
+        sources = [*part.table_sources(), FOLDER / "qemu.c",
                    build.ROOT / "targets/mission_io.c",
                    *(build.ROOT / f"registers/{name}.c" for name in ("clock", "message", "shared_file"))]
         return build.program(part.folder / self.name, part.mission.name, sources, part.includes())
@@ -98,10 +98,9 @@ class Leon3Qemu(Leon3):
     def sizes(self, built: Path) -> tuple[int, int]:
         return super().sizes(self.guest(built))
 
-    @staticmethod
-    def guest(built: Path) -> Path:
+    def guest(self, built: Path) -> Path:
         """The program of the board."""
-        return built.parent.parent / Leon3.name / built.name
+        return built.parent.parent / self.guests.name / built.name
 
 
 class Leon3Cfs(Leon3):

@@ -3,7 +3,8 @@
 the interpreter as libraries: for this machine and for a LEON3 board, for flight and for development. All of it is
 built once, in build/micropython (of an installed Fledge: in ~/.cache), and again when a part of it has changed.
 
-    /usr/bin/python3 -m fledge.targets.micropython_toolchain [leon3]        builds all libraries [also for LEON3]
+    /usr/bin/python3 -m fledge.targets.micropython_toolchain [leon3]        builds all of it [for LEON3, too]
+    /usr/bin/python3 -m fledge.targets.micropython_toolchain source         only fetches the source
 """
 from __future__ import annotations
 
@@ -329,16 +330,17 @@ def _ninja(folder: Path, output: str, compiler: str, words: Sequence[str],
         raise Failure(f"{folder / output} cannot be built:\n{failed.strip()}", 1)
 
 
-def build(*machines: str) -> None:
-    """Build all of it."""
-    for machine in machines:
-        for development in (False, True):
-            library(machine, development)
-    cross_compiler()
+def main(arguments: Sequence[str]) -> None:
+    _source()
+    if arguments != ["source"]:
+        cross_compiler()
+        for machine in ("host", *arguments):
+            for development in (False, True):
+                library(machine, development)
 
 
 if __name__ == "__main__":
     try:
-        build("host", *sys.argv[1:])
+        main(sys.argv[1:])
     except Failure as failure:
         sys.exit(f"Error: {failure}")

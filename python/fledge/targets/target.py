@@ -37,6 +37,8 @@ class Target:
     name = ""
     about = ""
     emulated = False
+    # the mission's script composes it there: for missions that fit (docs/micropython.md)
+    composes = False
     needs: tuple[str, ...] = ()     # programs that are not always there
     profiled_by = ""                # how `fledge profile` measures it: fledge.profile.METHODS; "": it cannot
 

@@ -4,7 +4,7 @@
 #include "targets/micropython/objects.h"
 #include "targets/micropython/script.h"
 
-#include "py/runtime.h"
+#include <py/runtime.h>
 
 #include <stdio.h>
 #include <string.h>
