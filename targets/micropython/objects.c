@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Modules, messages, structs and arrays as views of C memory, by the tables of a mission. What assignments accept is what
- * the desktop's objects accept (python/fledge/core/store.cpp). */
+/* Modules, messages, structs and arrays as views of C memory, by the tables of a mission. Assignments accept what the
+ * desktop's objects accept (python/fledge/core/store.cpp). */
 #include "targets/micropython/objects.h"
 
 #include "targets/micropython/assign.h"

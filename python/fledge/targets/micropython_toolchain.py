@@ -16,6 +16,7 @@ import shutil
 import subprocess
 import sys
 import tarfile
+import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
@@ -26,7 +27,7 @@ from fledge.errors import Failure
 from fledge.export.write import write_files
 from fledge.files import build_folder
 from fledge.targets import leon3_toolchain
-from fledge.targets.build import ROOT
+from fledge.targets.build import COMMAND, ROOT, _escaped, _words, math_sources, program
 
 PACKAGE, SUITE, VERSION = "micropython", "trixie", "1.25.0+ds-1"
 ARCHIVE = f"{PACKAGE}_{VERSION.rpartition('-')[0]}.orig.tar.xz"
@@ -36,22 +37,32 @@ KEYRING = Path("/usr/share/keyrings/debian-archive-keyring.gpg")
 PORT = ROOT / "targets/micropython"
 PARTS = ("py/", "mpy-cross/", "extmod/", "shared/", "tools/mpy-tool.py")   # of the source; the rest is for other ports
 
-# The representation of objects with 64 bits is made for machines of 32. These are its corrections for others, and
-# what a budget needs. file -> (what is there once, what takes its place)
+# The representation of objects with 64 bits is made for machines of 32: corrections for others. Iteration in C counts
+# for a budget, too. Decimals are exact (decimal.h). file -> (what is there once, what takes its place)
 EDITS: dict[str, list[tuple[str, str]]] = {
     "py/obj.h": [("const void *lo, *hi;", "FLEDGE_ROM_OBJ"), ("{.lo = (p), .hi = NULL}", "{.lo = (p)}")],
     "py/parse.c": [("sizeof(mp_parse_node_struct_t) + sizeof(mp_obj_t));",
                     "sizeof(mp_parse_node_struct_t) + 2 * sizeof(mp_parse_node_t));")],
     "py/objint.c": [("8 * sizeof(uintptr_t) + MP_FLOAT_EXP_BIAS", "MP_SMALL_INT_BITS + 1 + MP_FLOAT_EXP_BIAS")],
     "py/runtime.c": [("mp_cstack_check(); // enumerate", "MICROPY_VM_HOOK_LOOP mp_cstack_check(); // enumerate")],
+    "py/objfloat.c": [("const int precision = 16;", "const int precision = DECIMAL_SHORTEST;")],
+    "py/parsenum.c": [("dec_val = (mp_float_t)mantissa;",
+                       "dec_val = decimal_read(str_val_start, (size_t)(str - str_val_start));"),
+                      ("if (exp_val < SMALL_NORMAL_EXP) {", "if (0) {"),
+                      ("if (exp_val < 0 && exp_val >= -EXACT_POWER_OF_10) {", "if (0) {"),
+                      ("dec_val *= MICROPY_FLOAT_C_FUN(pow)(10, exp_val);", "")],
+    "tools/mpy-tool.py": [('n = struct.unpack("<I", struct.pack("<f", obj))[0]', "n = 0"),     # large floats fail there
+                          ("n += 0x8004000000000000", "n = (n + 0x8004000000000000) % 2**64")],
 }
-LEFT_OUT = {"objint_longlong.c"}    # longint.c takes its place
+LEFT_OUT = {"objint_longlong.c", "formatfloat.c"}   # longint.c and decimal.c take their places
 
 WORDS = ["-std=gnu99", "-Os", "-ffp-contract=off", "-fno-math-errno", "-ffunction-sections", "-fdata-sections",
          "-fno-asynchronous-unwind-tables", "-DNDEBUG"]
 OURS = ["-Wall", "-Wextra", "-Wno-unused-parameter"]
+DECIMAL = ["-Dmp_format_float=decimal_format", "-include", "targets/micropython/decimal.h"]
 SEVERAL = {"vm.c": ["-O2"],     # -Os doubles the time of a loop
-           "objfloat.c": ["-Dmp_obj_get_float_maybe=units_plain_number"],    # 2.0 * deg is a quantity
+           "mpprint.c": DECIMAL, "parsenum.c": DECIMAL,
+           "objfloat.c": [*DECIMAL, "-Dmp_obj_get_float_maybe=units_plain_number"],    # 2.0 * deg is a quantity
            "malloc.c": ["-Dmalloc=arena_take", "-Drealloc=arena_resize", "-Dfree=arena_give",
                         "-include", "targets/micropython/arena.h"]}
 SMALL_INT_BITS, LONG_INT = 47, "longlong"       # of the port
@@ -100,21 +111,21 @@ def cross_compiler() -> Path:
     """mpy-cross, which makes bytecode of Python."""
     source = _source()
     folder = source.parent / "cross"
-    with _whole(folder, _recipe(Path(__file__), Path(shutil.which("gcc") or _missing("gcc")))) as build:
+    with _whole(folder, _recipe(Path(__file__), Path(shutil.which("gcc") or _missing("gcc")),
+                                PORT / "decimal.c", PORT / "decimal.h")) as build:
         if build:
-            sources = [*sorted((source / "py").glob("*.c")), source / "mpy-cross/main.c",
-                       source / "mpy-cross/gccollect.c", source / "shared/runtime/gchelper_generic.c"]
-            words = ["-std=gnu99", "-O1", "-w", "-DFLEDGE_ROM_OBJ=const void *lo, *hi;", f"-I{source}/mpy-cross",
-                     f"-I{source}", f"-I{folder}"]
-            _headers(folder, source, ["gcc", *words], sources[:-3])
-            _ninja(folder, "mpy-cross", "gcc", words, [(path, []) for path in sources], ["-lm"])
+            core = [path for path in sorted((source / "py").glob("*.c")) if path.name != "formatfloat.c"]
+            others = [source / "mpy-cross/main.c", source / "mpy-cross/gccollect.c",
+                      source / "shared/runtime/gchelper_generic.c", PORT / "decimal.c"]
+            words = ["-std=gnu99", "-O1", "-w", *DECIMAL, f"-I{source}/mpy-cross", f"-I{source}", f"-I{folder}",
+                     f"-I{ROOT}"]
+            _headers(folder, source, ["gcc", *words], core)
+            _ninja(folder, "mpy-cross", "gcc", words, [(path, []) for path in [*core, *others]], ["-lm"])
     return folder / "mpy-cross"
 
 
 def compile_mpy(source: str | Path, name: str) -> bytes:
     """The bytecode of a script: its text, or its file. Errors name it so: "nadir_spin/flight.py"."""
-    folder = cross_compiler().parent / "scripts"
-    folder.mkdir(exist_ok=True)
     text = source.read_text(encoding="utf-8") if isinstance(source, Path) else source
     done = subprocess.run([cross_compiler(), f"-msmall-int-bits={SMALL_INT_BITS}", "-s", name, "-o", "/dev/stdout",
                            "--", "/dev/stdin"], input=text.encode(), capture_output=True)
@@ -126,8 +137,6 @@ def compile_mpy(source: str | Path, name: str) -> bytes:
 def freeze(scripts: Mapping[str, str | Path], library: Library) -> str:
     """C that holds the bytecode of scripts, for programs with this library: path of a module, "nadir_spin/flight.py",
     -> its text or file."""
-    import tempfile
-
     scripts = scripts or {"_.py": ""}
     with tempfile.TemporaryDirectory() as folder:
         files = {}
@@ -143,6 +152,24 @@ def freeze(scripts: Mapping[str, str | Path], library: Library) -> str:
         if not -2**63 <= int(large) < 2**63:
             raise Failure(f"the scripts {', '.join(scripts)} have the integer {large}; MicroPython has 64 bits", 1)
     return done.stdout
+
+
+def interpreter(folder: Path, scripts: Mapping[str, str | Path] | None = None, machine: str = "host",
+                development: bool = False, cycles: int = 100, heap: int = 256 * 1024) -> Path:
+    """Build a program for scripts without a mission: it runs the frozen `script`, or, in development, a file; then its
+    functions `init` and, as often as `cycles`, under the lock, `loop`. It ends with the figures of its heap."""
+    from fledge.targets import leon3
+
+    made = library(machine, development)
+    name = "fledge_micropython"
+    write_files({"frozen.c": freeze(scripts or {}, made)}, folder)
+    sources = [PORT / "interpreter/main.c", folder / "frozen.c", *sorted((ROOT / "flight/exec").glob("*.c")),
+               *(ROOT / path for path in COMMAND), *math_sources()]
+    flags = [*made.flags, "-w", f"-DSCRIPT_CYCLES={cycles}", f"-DSCRIPT_HEAP={heap}"]
+    if machine == "leon3":
+        return leon3.program(folder / machine, name, sources, [ROOT], flags, archives=[made.archive])
+    return program(folder / machine, name, sources, [ROOT], made.compiler, flags, ["-static", "-no-pie", "-lm"],
+                   archives=[made.archive])
 
 
 # --- the source ----------------------------------------------------------------------------------
@@ -309,8 +336,6 @@ def _run(command: Sequence[str | Path], folder: Path | None = None, given: str |
 
 def _ninja(folder: Path, output: str, compiler: str, words: Sequence[str],
            sources: Sequence[tuple[Path, Sequence[str]]], link: Sequence[str] = ()) -> None:
-    from fledge.targets.build import _escaped, _words
-
     cached = "ccache " if shutil.which("ccache") else ""
     objects = [f"o/{path.parent.name}_{path.stem}.o" for path, _ in sources]
     rule = "link" if link else "ar"
