@@ -11,6 +11,7 @@ import os
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from fledge.errors import Failure
 from fledge.files import build_folder
 from fledge.profile import Profile, board, code, desktop, process, valgrind
 from fledge.targets import TARGETS, Job, build, inputs
+from fledge.targets.micropython import MicroPython
 
 from bench.rows import Rows, in_turn, median_ratio, options, report
 
@@ -28,6 +30,14 @@ CASES = ["linux", "micropython", "micropython-dev", "leon3-micropython", "wall",
 GOALS = {"micropython": (150_000, 8 * 1024), "micropython-dev": (200_000, 24 * 1024)}
 INSTRUCTIONS = 1.2e9
 missed: list[str] = []
+
+
+class Development(MicroPython):
+    name = "micropython-dev"
+    development = True
+
+
+ON: dict[str, Any] = {Development.name: Development(), **TARGETS}
 
 
 def goal(what: str, value: float, limit: float | None, thesis: str = "") -> str:
@@ -41,7 +51,7 @@ def goal(what: str, value: float, limit: float | None, thesis: str = "") -> str:
 
 def spin(rows: Rows, name: str, part: Any, record: Path) -> Profile:
     """The figures of the mission on a target."""
-    target = TARGETS[name]
+    target = ON[name]
     found = (board if target.profiled_by == "board" else process).measure(target, part, record)
     size, heap = GOALS.get(name, (None, None))
     problems = found.problems()
@@ -92,12 +102,10 @@ def wall(rows: Rows, part: Any, runs: int) -> None:
     whole = desktop.PROGRAM.format(mission=MISSION, parameters={}, seed=0, duration=SECONDS)
     # Without flight: what is left of the loop is the world.
     world = whole.replace("sim.prepare()", "sim.flight.start_in(sim.flight.mode('off', []))\nsim.prepare()")
-    cases: dict[str, Any] = {"CPython": lambda: seconds(
-        [*python, whole]), "its world": lambda: seconds([*python, world])}
+    cases: dict[str, Any] = {"CPython": partial(seconds, [*python, whole]),
+                             "its world": partial(seconds, [*python, world])}
     for name in ("linux", "micropython", "micropython-dev"):
-        if name in TARGETS:
-            built = TARGETS[name].build(part).resolve()
-            cases[name] = lambda built=built: seconds([built, "--inputs", file])
+        cases[name] = partial(seconds, [ON[name].build(part).resolve(), "--inputs", file])
     samples = in_turn(cases, runs)
     thesis = {"CPython": "flight and world; thesis 0.824, flight alone", "its world": "the same without flight",
               "micropython": "thesis 0.649"}
@@ -143,8 +151,9 @@ def interpreter(folder: Path, development: bool) -> Path:
 
     library = toolchain.library("host", development)
     frozen, = write_files({"frozen.c": toolchain.freeze({"script.py": SENSOR}, library)}, folder)
-    return build.program(folder, "interpreter", [build.ROOT / "targets/micropython/interpreter/main.c",
-                                                 frozen.resolve()], [build.ROOT], library.compiler,
+    sources = [build.ROOT / "targets/micropython/interpreter/main.c", frozen.resolve(), *build.math_sources(),
+               *(build.ROOT / path for path in build.COMMAND)]
+    return build.program(folder, "interpreter", sources, [build.ROOT], library.compiler,
                          [*library.flags, "-DSCRIPT_CYCLES=1"], ["-no-pie", "-lm"], archives=[library.archive])
 
 
@@ -158,7 +167,7 @@ def main(arguments: list[str]) -> int:
     if len(part.instants) != CYCLES:
         raise Failure(f"{MISSION} has {len(part.instants)} cycles in {SECONDS:g} s, not {CYCLES}")
     for name in cases:
-        if name in TARGETS:
+        if name in ON:
             spin(rows, name, part, record)
         elif name == "wall":
             wall(rows, part, chosen.runs)
