@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 from fledge.emulator import Board
 from fledge.profile import code
 from fledge.profile.measure import Profile
-from fledge.targets import build
 from fledge.targets import leon3_toolchain as toolchain
 from fledge.targets.leon3 import read_board
 
@@ -67,7 +66,7 @@ def measure(target: Any, part: Part, record: Path) -> Profile:
     clock = read_board(target.board)["clock"]
     link = board._link
     found = Profile(target.name, "the emulator, in the closed loop", n, code=parts, static=static,
-                    executable=build.sizes(built, toolchain.SIZE)[0],
+                    executable=code.stripped(built, toolchain.SIZE),
                     time={"mean": link.cycles / link.ticks / clock}, time_of="simulated, from tick to answer")
     with Archive(record) as archive:
         found.same = _same(archive, crossing, outputs)
@@ -78,6 +77,8 @@ def measure(target: Any, part: Part, record: Path) -> Profile:
     found.instructions = [(i, sum(steps[i:i + every]) / len(steps[i:i + every])) for i in range(0, n, every)]
     found.init_heap, found.init_stack = memory.peak or heap[0][1], stack[0][1]
     found.heap = [(cycle, bytes_) for cycle, bytes_ in heap[1:]]
+    if memory.refused:      # under the lock no request succeeds
+        found.allocations = sum(one != memory.refused[0] for one in memory.refused)
     found.loop_heap = max((one for _, one in heap[1:]), default=None)
     found.loop_stack = max((one for _, one in stack[1:]), default=None)
     return found
@@ -88,6 +89,7 @@ class Memory:
 
     def __init__(self, board: Any) -> None:
         self.board, self.peak = board, 0
+        self.refused: list[int] = []    # [bytes] of the last request that the lock refused, at each mark under it
         symbols = board.core.symbols()
         self.arena, self.sbrk = "arena_in_use" in symbols, "heap_end" in symbols
 
@@ -99,9 +101,11 @@ class Memory:
         used = self.word("heap_end") - self.board.address("leon3_heap") if self.sbrk else 0
         arena = self.word("arena_in_use") if self.arena else 0
         if arena:       # targets/micropython/arena.h
-            _, _, now, peak = struct.unpack(">4I", self.board.peek(arena, 16))
+            _, _, now, peak, locked, wanted = struct.unpack(">6I", self.board.peek(arena, 24))
             self.peak = self.peak or used + peak
             used += now
+            if locked:
+                self.refused.append(wanted)
         return used
 
     def stack(self) -> int:
