@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 from fledge.emulator import Board
 from fledge.profile import code
 from fledge.profile.measure import Profile
-from fledge.targets import leon3_toolchain as toolchain
 from fledge.targets.leon3 import read_board
 
 if TYPE_CHECKING:
@@ -66,7 +65,7 @@ def measure(target: Any, part: Part, record: Path) -> Profile:
     clock = read_board(target.board)["clock"]
     link = board._link
     found = Profile(target.name, "the emulator, in the closed loop", n, code=parts, static=static,
-                    executable=code.stripped(built, toolchain.SIZE),
+                    executable=sum(parts.values()),
                     time={"mean": link.cycles / link.ticks / clock}, time_of="simulated, from tick to answer")
     with Archive(record) as archive:
         found.same = _same(archive, crossing, outputs)
