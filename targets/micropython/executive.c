@@ -477,8 +477,7 @@ int64_t executive_next(void)
 {
     int64_t t = INT64_MAX;
     for (const ExecutiveTask *task = executive.tasks; task != NULL; task = task->next) {
-        const int asked = executive.asked != executive.current && runs_in(task, executive.asked);
-        t = exec_sooner(t, exec_next(&task->state, task->rate, asked, executive.t));
+        t = exec_sooner(t, exec_next(&task->state, task->rate, runs_in(task, executive.asked), executive.t));
     }
     return t;
 }
