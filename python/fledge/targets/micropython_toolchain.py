@@ -45,7 +45,9 @@ EDITS: dict[str, list[tuple[str, str]]] = {
                     "sizeof(mp_parse_node_struct_t) + 2 * sizeof(mp_parse_node_t));")],
     "py/objint.c": [("8 * sizeof(uintptr_t) + MP_FLOAT_EXP_BIAS", "MP_SMALL_INT_BITS + 1 + MP_FLOAT_EXP_BIAS")],
     "py/runtime.c": [("mp_cstack_check(); // enumerate", "MICROPY_VM_HOOK_LOOP mp_cstack_check(); // enumerate")],
-    "py/objfloat.c": [("const int precision = 16;", "const int precision = DECIMAL_SHORTEST;")],
+    "py/objfloat.c": [("const int precision = 16;", "const int precision = DECIMAL_SHORTEST;"),
+                      ("MICROPY_FLOAT_C_FUN(pow)(lhs_val, rhs_val)", "script_pow(lhs_val, rhs_val)")],
+    "py/modbuiltins.c": [("MICROPY_FLOAT_C_FUN(pow)(10, (mp_float_t)num_dig)", "script_pow(10, (mp_float_t)num_dig)")],
     "py/parsenum.c": [("dec_val = (mp_float_t)mantissa;",
                        "dec_val = decimal_read(str_val_start, (size_t)(str - str_val_start));"),
                       ("if (exp_val < SMALL_NORMAL_EXP) {", "if (0) {"),
@@ -117,7 +119,7 @@ def cross_compiler() -> Path:
             core = [path for path in sorted((source / "py").glob("*.c")) if path.name != "formatfloat.c"]
             others = [source / "mpy-cross/main.c", source / "mpy-cross/gccollect.c",
                       source / "shared/runtime/gchelper_generic.c", PORT / "decimal.c"]
-            words = ["-std=gnu99", "-O1", "-w", *DECIMAL, f"-I{source}/mpy-cross", f"-I{source}", f"-I{folder}",
+            words = ["-std=gnu99", "-O1", "-w", *DECIMAL, "-Dscript_pow=pow", f"-I{source}/mpy-cross", f"-I{source}", f"-I{folder}",
                      f"-I{ROOT}"]
             _headers(folder, source, ["gcc", *words], core)
             _ninja(folder, "mpy-cross", "gcc", words, [(path, []) for path in [*core, *others]], ["-lm"])
