@@ -590,12 +590,23 @@ NORETURN static void refuse_count(const ScriptNode *node, const ScriptField *fie
     objects_raise();
 }
 
+void (*objects_changed)(uint16_t place);
+
+static void tell(const ScriptNode *node)
+{
+    const int16_t place = objects_root(node)->place;
+    if (objects_changed != NULL && place >= 0) {
+        objects_changed((uint16_t)place);
+    }
+}
+
 void objects_store(ScriptNode *node, const ScriptField *field, mp_obj_t value)
 {
     refuse_output(node, field);
     if (!store(node, field, value)) {
         refuse_count(node, field);
     }
+    tell(node);
 }
 
 /* Long texts of a script are no qstrs. */
@@ -655,6 +666,7 @@ void assign_element(ScriptNode *node, const ScriptField *field, uint32_t at, mp_
         swap(to, aside, width);
         objects_raise();
     }
+    tell(node);
 }
 
 mp_obj_t assign_item(mp_obj_t value, uint32_t k, uint32_t n)

@@ -205,12 +205,15 @@ void *executive_parameters(uint16_t block)
     return NULL;
 }
 
-/* A wire belongs to the configuration that it comes from, or else to the module that reads it. */
+/* A wire belongs to the configuration that it comes from, which does not age, or else to the module that reads it. */
 static void link_wire(ExecutiveWire *wire)
 {
     const int from = executive_place(wire->from); /* -1: an input of the mission */
-    ExecutiveModule *owner =
-        from >= 0 && !executive.modules[from].scheduled ? &executive.modules[from] : module_at(wire->to);
+    ExecutiveModule *owner = module_at(wire->to);
+    if (from >= 0 && !executive.modules[from].scheduled) {
+        owner = &executive.modules[from];
+        wire->stale_after = 0;
+    }
     wire->next = owner->wires;
     owner->wires = wire;
 }
@@ -305,14 +308,14 @@ static int differs(const ScriptPlace *place)
 
 /* --- running --------------------------------------------------------------------------------------- */
 
-static void carry(const ExecutiveWire *wire, int64_t t, int64_t stale_after)
+static void carry(const ExecutiveWire *wire, int64_t t)
 {
     uint8_t *to = at(wire->to);
     memcpy(to, at(wire->from), wire->size);
-    if (stale_after != 0) {
+    if (wire->stale_after != 0) {
         Head head;
         memcpy(&head, to, sizeof head);
-        exec_age(&head, t, stale_after);
+        exec_age(&head, t, wire->stale_after);
         memcpy(to, &head, sizeof head);
     }
 }
@@ -322,7 +325,7 @@ static void publish(ExecutiveModule *module, int64_t t)
     module->changed = 0u;
     module->update(module->self, (Tick){t, 0});
     for (const ExecutiveWire *wire = module->wires; wire != NULL; wire = wire->next) {
-        carry(wire, t, 0); /* configuration does not age */
+        carry(wire, t);
     }
 }
 
@@ -332,7 +335,7 @@ static void run(ExecutiveTask *task, int64_t t)
     for (uint16_t i = 0u; i < task->n; i++) {
         const ExecutiveModule *module = &executive.modules[task->run[i]];
         for (const ExecutiveWire *wire = module->wires; wire != NULL; wire = wire->next) {
-            carry(wire, t, wire->stale_after);
+            carry(wire, t);
         }
         module->update(module->self, tick);
     }
@@ -522,7 +525,7 @@ void executive_arm(uint16_t event, int on)
 
 void executive_changed(uint16_t place)
 {
-    if (!executive.modules[place].scheduled) {
+    if (executive.composed && !executive.modules[place].scheduled) {
         executive.modules[place].changed = executive.changed = 1u;
     }
 }

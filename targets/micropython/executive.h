@@ -75,7 +75,7 @@ typedef struct ExecutiveWire {
     struct ExecutiveWire *next;
     uint32_t from, to;   ///< [bytes]
     uint32_t size;       ///< [bytes]
-    int64_t stale_after; ///< [ns]; 0: never
+    int64_t stale_after; ///< [ns]; 0: never, as of configuration
 } ExecutiveWire;
 
 /** What runs for a place. When it is named, its functions are those of its type; a script's own replace them. */
@@ -209,7 +209,7 @@ ExecutiveTask *executive_find_task(const char *name);
 ExecutiveMode *executive_find_mode(const char *name);
 ExecutiveEvent *executive_find_event(const char *name);
 
-/** A parameter of a place was set by the script: its configuration is published at the next instant. */
+/** The script has set a parameter of a place while flight runs: configuration is published at the next instant. */
 void executive_changed(uint16_t place);
 
 /** Request a mode from the next instant on. */

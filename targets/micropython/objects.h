@@ -110,6 +110,9 @@ uint32_t objects_rows(const ScriptNode *owner, const ScriptField *field);
 /** "flight.control.torque", "MrpFeedback" of what has no place. */
 void objects_print_path(const mp_print_t *print, const ScriptNode *node);
 
+/** Called after a script has set something of the module of a place; NULL: nothing is. */
+extern void (*objects_changed)(uint16_t place);
+
 /** Assign to a field: converts, checks, and leaves the memory as it was on failure. */
 void objects_store(ScriptNode *node, const ScriptField *field, mp_obj_t value);
 

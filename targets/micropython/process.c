@@ -485,7 +485,10 @@ static const char *name_of(mp_obj_t handle, const mp_obj_type_t *type, const cha
     }
     if (!mp_obj_is_type(handle, type)) {
         const mp_print_t *print = objects_error();
-        mp_printf(print, "%s: expected a %q or its name; found ", what, type->name);
+        mp_printf(print, "%s: expected %s or its name; found ", what,
+                  type == &task_type   ? "a task"
+                  : type == &mode_type ? "a mode"
+                                       : "an event");
         objects_print_found(print, handle);
         objects_raise();
     }
@@ -759,13 +762,18 @@ static mp_obj_t process_task(size_t n, const mp_obj_t *args, mp_map_t *keywords)
 }
 static MP_DEFINE_CONST_FUN_OBJ_KW(process_task_obj, 1, process_task);
 
-static mp_obj_t process_mode(mp_obj_t self, mp_obj_t given, mp_obj_t tasks)
+static mp_obj_t process_mode(size_t n_arguments, const mp_obj_t *args, mp_map_t *keywords)
 {
-    (void)self;
-    const char *name = new_name(given, "mode");
+    static const mp_arg_t allowed[] = {
+        {MP_QSTR_name, MP_ARG_REQUIRED | MP_ARG_OBJ, {.u_int = 0}},
+        {MP_QSTR_tasks, MP_ARG_REQUIRED | MP_ARG_OBJ, {.u_int = 0}},
+    };
+    mp_arg_val_t given[MP_ARRAY_SIZE(allowed)];
+    mp_arg_parse_all(n_arguments - 1u, args + 1, keywords, MP_ARRAY_SIZE(allowed), allowed, given);
+    const char *name = new_name(given[0].u_obj, "mode");
     size_t n;
     mp_obj_t *items;
-    mp_obj_get_array(tasks, &n, &items);
+    mp_obj_get_array(given[1].u_obj, &n, &items);
     ModeHandle *handle = mp_obj_malloc(ModeHandle, &mode_type);
     handle->mode = (ExecutiveMode){.name = name, .n = (uint16_t)n};
     handle->mode.tasks = m_new(ExecutiveTask *, n);
@@ -781,7 +789,7 @@ static mp_obj_t process_mode(mp_obj_t self, mp_obj_t given, mp_obj_t tasks)
     executive_add_mode(&handle->mode);
     return MP_OBJ_FROM_PTR(handle);
 }
-static MP_DEFINE_CONST_FUN_OBJ_3(process_mode_obj, process_mode);
+static MP_DEFINE_CONST_FUN_OBJ_KW(process_mode_obj, 1, process_mode);
 
 static ExecutiveMode *mode_of(mp_obj_t given, const char *what, const char *does)
 {
@@ -1098,6 +1106,7 @@ const char *process_run(void)
     arena_begin(&arena, fledge_script.heap, fledge_script.heap_size);
     script_start(&arena);
     update_begin();
+    objects_changed = executive_changed;
     if (!executive_begin()) {
         return "the heap has no room for the table of modules";
     }

@@ -25,7 +25,7 @@ def build(f):
     f.sink = fsw.Sink()
     f.connect(f.flags.kinds >> f.sink.kinds)
     gnc = f.task("gnc", every=1 * s, run=[f.noise, f.sink])
-    f.mode("idle", [])
+    f.mode(tasks=[], name="idle")
     work = f.mode("work", [gnc])
     k = f.watch(f.noise.kinds)
     f.event("first", when=(k.x > 1 * m) & ~(k.phase == "SAFE"), enter=work)
@@ -49,7 +49,7 @@ CASES = [
     ('f.task("late", every=1, run=[f.other.kinds])', "run takes modules of the process; found"),
     ('f.task("late", run=[f.other])', "'every' argument required"),
     ('f.mode("more", ["gnc", "nothing"])', "mode flight.more names the task nothing; the process has gnc"),
-    ('f.mode("more", [f.noise])', "mode flight.more: expected a Task or its name"),
+    ('f.mode("more", [f.noise])', "mode flight.more: expected a task or its name; found"),
     ('f.mode("idle", [])', "mode flight.idle: it is already there"),
     ('f.mode("task", [])', "mode flight.task: this name is taken by the process itself"),
     ('f.start_in("nothing")', "there is no mode nothing; the process has idle, work"),
@@ -61,7 +61,7 @@ CASES = [
     ('f.event("e", when=k.x > 1, until=k.x < 0, once=True, enter=work)', "leave out until"),
     ('f.event("e", when=k.x > 1, enter="nothing")', "event flight.e enters the mode nothing; the process has idle, work"),
     ('f.event("e", when=k.x > 1, enter=work, modes=["idle", "x"])', "event flight.e looks in the mode x"),
-    ('f.event("e", when=k.x > 1, arm=3)', "event flight.e: expected a Event or its name; found 3"),
+    ('f.event("e", when=k.x > 1, arm=3)', "event flight.e: expected an event or its name; found 3"),
     ('f.event("e", when=k.x > 1, do=print)', "flight's events are data"),
     ('f.event("e", when=k.x > 1, set=[f.watch(f.flags).x])', "set takes pairs of a field and a value"),
     ('f.event("e", when=k.x > 1, set=[(f.watch(f.flags).x, 3 * s)])', "flight.flags.x"),
@@ -140,7 +140,11 @@ def refusals(tmp_path_factory):
 
 
 def test_the_mission_itself_is_composed(refusals):
-    assert refusals[0] == "composed" and len(refusals) == 1 + len(CASES)
+    assert refusals[0] == "composed" and len(refusals) == 2 + len(CASES)
+
+
+def test_configuration_that_the_script_changes_in_flight_is_published_at_the_next_instant(refusals):
+    assert refusals[-1] == "0 2.5"
 
 
 def test_each_is_refused_with_its_line(refusals):

@@ -63,7 +63,7 @@ def _differences(mission: Mission, flight: Any, lines: list[str]) -> Iterator[st
         start, end, age = line.split()
         yield (f"the wire {start} >> {end}" + f", stale after {int(age) / 1e9:g} s," * bool(int(age))
                + f" is only {'here' if line in ours['wire'] else 'there'}")
-    theirs["sets"] = [one for line in theirs.get("sets", []) for one in _bytewise(*line.split())]
+    theirs["sets"] = [one for line in theirs.get("sets", []) for one in _bytewise(*line.rsplit(" ", 2))]
     for kind, what in LISTED.items():
         for here, there in zip_longest(ours[kind], theirs.get(kind, [])):
             if here != there:
