@@ -249,29 +249,31 @@ static CommandReason write_parameters(const CommandState *s, const CommandBlock 
     return reason;
 }
 
-CommandReason command_write(CommandState *s, const CommandTable *table, void *mission, uint16_t module, uint32_t at,
-                            const uint8_t *bytes, uint32_t n, uint16_t *detail)
+CommandReason command_write(const CommandContext *context, uint16_t module, uint32_t at, const uint8_t *bytes,
+                            uint32_t n, uint16_t *detail)
 {
+    const CommandTable *table = context->table;
     CommandReason reason = COMMAND_PLACE;
     if (module < table->n_blocks && n > 0u && n <= (uint32_t)COMMAND_DATA_MAX &&
         has_numbers(&table->blocks[module], at, n)) {
         const CommandBlock *block = &table->blocks[module];
-        reason = write_parameters(s, block, table->parameters(mission, module), at, bytes, n, 0, detail);
+        uint8_t *memory = table->parameters(context->mission, module);
+        reason = write_parameters(context->state, block, memory, at, bytes, n, 0, detail);
         if (reason == COMMAND_OK && block->configuration != 0u) {
-            table->publish(mission, module, s->t);
+            table->publish(context->mission, module, context->t);
         }
     }
-    count(s, reason, 1);
+    count(context->state, reason, 1);
     return reason;
 }
 
-CommandReason command_enter(CommandState *s, const CommandTable *table, void *mission, uint16_t mode)
+CommandReason command_enter(const CommandContext *context, uint16_t mode)
 {
-    const CommandReason reason = mode < table->n_modes ? COMMAND_OK : COMMAND_PLACE;
+    const CommandReason reason = mode < context->table->n_modes ? COMMAND_OK : COMMAND_PLACE;
     if (reason == COMMAND_OK) {
-        table->enter(mission, mode);
+        context->table->enter(context->mission, mode);
     }
-    count(s, reason, 1);
+    count(context->state, reason, 1);
     return reason;
 }
 
@@ -307,19 +309,21 @@ static CommandReason commit(CommandState *s, const CommandTable *table, uint8_t 
     return reason;
 }
 
-static CommandReason start(const CommandProcedures *procedures, const uint8_t *packet, uint16_t sequence)
+static CommandReason start(const CommandContext *context, const uint8_t *packet)
 {
+    const CommandProcedures *procedures = context->table->procedures;
     const uint16_t slot = word(packet, FIRST);
     const uint32_t n = long_word(packet, SECOND);
     return command_crc(procedures->slots + slot * procedures->room, n) != word(packet, COUNT)
                ? COMMAND_CRC
-               : procedures->start(slot, n, long_word(packet, TURNS), sequence);
+               : procedures->start(context, slot, n, long_word(packet, TURNS));
 }
 
 static CommandReason execute(CommandState *s, const CommandTable *table, void *mission, const uint8_t *packet,
                              CommandReport *report, uint8_t *data)
 {
     const uint16_t place = length_of(packet) >= (uint32_t)SECOND ? word(packet, FIRST) : 0u;
+    const CommandContext context = {s, table, mission, report->t, report->sequence};
     CommandReason reason = COMMAND_OK;
     switch (report->code) {
     case COMMAND_MODE: table->enter(mission, place); break;
@@ -355,11 +359,11 @@ static CommandReason execute(CommandState *s, const CommandTable *table, void *m
         memcpy(table->procedures->slots + place * table->procedures->room + offset_of(packet), packet + COMMAND_DATA,
                length_of(packet) - (uint32_t)COMMAND_DATA);
         break;
-    case COMMAND_START_PROCEDURE: reason = start(table->procedures, packet, report->sequence); break;
-    case COMMAND_STOP_PROCEDURE: reason = table->procedures->stop(place, report->sequence); break;
+    case COMMAND_START_PROCEDURE: reason = start(&context, packet); break;
+    case COMMAND_STOP_PROCEDURE: reason = table->procedures->stop(&context, place); break;
     case COMMAND_EVALUATE:
-        reason = table->procedures->evaluate(packet + COMMAND_DATA, length_of(packet) - (uint32_t)COMMAND_DATA,
-                                             offset_of(packet), report->sequence);
+        reason = table->procedures->evaluate(&context, packet + COMMAND_DATA,
+                                             length_of(packet) - (uint32_t)COMMAND_DATA, offset_of(packet));
         break;
     default: break;
     }

@@ -98,15 +98,27 @@ typedef struct CommandBlock {
     uint16_t spare;
 } CommandBlock;
 
-/** The procedures of a host with an interpreter. `sequence` is that of the command. */
+struct CommandState;
+struct CommandTable;
+
+/** For whom, on what, and when something is done: of what a command starts, to be kept. */
+typedef struct CommandContext {
+    struct CommandState *state;
+    const struct CommandTable *table;
+    void *mission;
+    int64_t t;         ///< [ns] the instant
+    uint16_t sequence; ///< of the command
+} CommandContext;
+
+/** The procedures of a host with an interpreter. */
 typedef struct CommandProcedures {
     uint8_t *slots; ///< memory for n slots
     uint32_t room;  ///< [bytes] of each
     uint16_t n;
     uint16_t evaluates; ///< 1: the interpreter evaluates text
-    CommandReason (*start)(uint16_t slot, uint32_t n, uint32_t turns, uint16_t sequence);
-    CommandReason (*stop)(uint16_t slot, uint16_t sequence);
-    CommandReason (*evaluate)(const uint8_t *text, uint32_t n, uint32_t turns, uint16_t sequence);
+    CommandReason (*start)(const CommandContext *context, uint16_t slot, uint32_t n, uint32_t turns);
+    CommandReason (*stop)(const CommandContext *context, uint16_t slot);
+    CommandReason (*evaluate)(const CommandContext *context, const uint8_t *text, uint32_t n, uint32_t turns);
 } CommandProcedures;
 
 /** A mission's dictionary, as `fledge export` writes it and the desktop makes it, and the functions of what they
@@ -168,11 +180,11 @@ CommandReason command_accept(CommandState *s, const CommandTable *table, const u
 void command_execute(CommandState *s, const CommandTable *table, void *mission, int64_t t, CommandSink sink,
                      void *user);
 
-/** What a procedure does at the last instant that began, with the checks and counters of a command: write parameters,
- *  n > 0 bytes as they lie in memory, whole numbers; request a mode. detail: as in a report. */
-CommandReason command_write(CommandState *s, const CommandTable *table, void *mission, uint16_t module, uint32_t at,
-                            const uint8_t *bytes, uint32_t n, uint16_t *detail);
-CommandReason command_enter(CommandState *s, const CommandTable *table, void *mission, uint16_t mode);
+/** What a procedure does, with the checks and counters of a command: write parameters, n > 0 bytes as they lie in
+ *  memory, whole numbers; request a mode. detail: as in a report. */
+CommandReason command_write(const CommandContext *context, uint16_t module, uint32_t at, const uint8_t *bytes,
+                            uint32_t n, uint16_t *detail);
+CommandReason command_enter(const CommandContext *context, uint16_t mode);
 
 /** CRC-16-CCITT (as of CCSDS 131.0-B, from 0xFFFF) of a block with big-endian numbers. */
 uint16_t command_crc(const uint8_t *bytes, uint32_t n);

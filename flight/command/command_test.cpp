@@ -64,16 +64,17 @@ CommandProcedures procedures = {slots,
                                 600,
                                 2,
                                 1,
-                                [](uint16_t slot, uint32_t n, uint32_t turns, uint16_t sequence) {
+                                [](const CommandContext *c, uint16_t slot, uint32_t n, uint32_t turns) {
                                     asked += "start " + std::to_string(slot) + " " + std::to_string(n) + " " +
-                                             std::to_string(turns) + " " + std::to_string(sequence) + ";";
+                                             std::to_string(turns) + " " + std::to_string(c->sequence) + " " +
+                                             std::to_string(c->t) + ";";
                                     return verdict;
                                 },
-                                [](uint16_t slot, uint16_t sequence) {
-                                    asked += "stop " + std::to_string(slot) + " " + std::to_string(sequence) + ";";
+                                [](const CommandContext *c, uint16_t slot) {
+                                    asked += "stop " + std::to_string(slot) + " " + std::to_string(c->sequence) + ";";
                                     return verdict;
                                 },
-                                [](const uint8_t *text, uint32_t n, uint32_t turns, uint16_t) {
+                                [](const CommandContext *, const uint8_t *text, uint32_t n, uint32_t turns) {
                                     asked += std::string(text, text + n) + " " + std::to_string(turns) + ";";
                                     return verdict;
                                 }};
@@ -453,10 +454,10 @@ TEST_F(Command, AProcedureStartsWhenItIsStagedAsAWhole)
     EXPECT_EQ(command(packet(11, version + Bytes{0, 1, 0, 0, 0, 0} + low)), COMMAND_OK);
     EXPECT_EQ(asked, "");
     EXPECT_EQ(command(start), COMMAND_OK);
-    EXPECT_EQ(asked, "start 1 600 65536 7;");
+    EXPECT_EQ(asked, "start 1 600 65536 7 115;");
     EXPECT_EQ(command(packet(13, version + Bytes{0, 1})), COMMAND_OK);
     EXPECT_EQ(command(packet(14, version + Bytes{0, 0, 0, 0, 1, 0} + Bytes{'f', '.', 'K'})), COMMAND_OK);
-    EXPECT_EQ(asked, "start 1 600 65536 7;stop 1 7;f.K 256;");
+    EXPECT_EQ(asked, "start 1 600 65536 7 115;stop 1 7;f.K 256;");
     verdict = COMMAND_RUNNING;
     EXPECT_EQ(command(start), COMMAND_RUNNING);
     EXPECT_EQ(state.counters.reasons[COMMAND_RUNNING], 1u);
@@ -465,9 +466,10 @@ TEST_F(Command, AProcedureStartsWhenItIsStagedAsAWhole)
 
 TEST_F(Command, AProcedureWritesByTheRulesOfCommands)
 {
+    const CommandContext context = {&state, &table, &mission, 100, 7};
     uint16_t detail = 99;
     const auto write = [&](uint16_t module, uint32_t at, double x) {
-        return command_write(&state, &table, &mission, module, at, reinterpret_cast<const uint8_t *>(&x), 8, &detail);
+        return command_write(&context, module, at, reinterpret_cast<const uint8_t *>(&x), 8, &detail);
     };
     execute();
     EXPECT_EQ(write(0, 0, 5.0), COMMAND_OK);
@@ -480,8 +482,8 @@ TEST_F(Command, AProcedureWritesByTheRulesOfCommands)
     EXPECT_EQ(write(1, 8, 0.5), COMMAND_OK);
     EXPECT_EQ(write(1, 4, 0.5), COMMAND_PLACE);
     EXPECT_EQ(write(3, 0, 0.5), COMMAND_PLACE);
-    EXPECT_EQ(command_enter(&state, &table, &mission, 1), COMMAND_OK);
-    EXPECT_EQ(command_enter(&state, &table, &mission, 2), COMMAND_PLACE);
+    EXPECT_EQ(command_enter(&context, 1), COMMAND_OK);
+    EXPECT_EQ(command_enter(&context, 2), COMMAND_PLACE);
     EXPECT_EQ(mission.log, "publish 0 100;enter 1;");
     EXPECT_EQ(state.counters.executed, 3u);
     EXPECT_EQ(state.counters.refused, 5u);

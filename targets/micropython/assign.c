@@ -595,7 +595,7 @@ void (*objects_changed)(uint16_t place);
 static void tell(const ScriptNode *node)
 {
     const int16_t place = objects_root(node)->place;
-    if (objects_changed != NULL && place >= 0) {
+    if (objects_changed != NULL && place >= 0 && update_running() == NULL) {
         objects_changed((uint16_t)place);
     }
 }

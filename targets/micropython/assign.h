@@ -5,9 +5,9 @@
 
 #include "targets/micropython/objects.h"
 
-/** Assign from keywords or a dict, in the order of the fields, so that the array that sets a count comes before a number
- *  that fills it. apart: three keywords that are no fields, or MP_QSTRnull. Returns the first name that is no field, or
- *  MP_QSTRnull. */
+/** Assign from keywords or a dict, in the order of the fields, so that the array that sets a count comes before a
+ *  number that fills it. apart: three keywords that are no fields, or MP_QSTRnull. Returns the first name that is no
+ *  field, or MP_QSTRnull. */
 qstr assign_all(ScriptNode *node, mp_map_t *values, const qstr *apart);
 
 /** Assign to one number of an array, `at` bytes from the start of the node. */

@@ -3,6 +3,7 @@
 
 #include "flight/exec/message.h"
 #include "targets/micropython/arena.h"
+#include "targets/micropython/procedure.h"
 
 #include <string.h>
 
@@ -343,6 +344,7 @@ static void run(ExecutiveTask *task, int64_t t)
 
 void executive_restart(int64_t t)
 {
+    procedure_end();
     if (executive.modules == NULL) {
         return;
     }
@@ -466,6 +468,9 @@ void executive_tick(int64_t t)
     for (ExecutiveEvent *event = executive.events; ran && event != NULL; event = event->next) {
         look_at(event, t);
     }
+    if (ran) {
+        procedure_run(t);
+    }
 }
 
 int64_t executive_next(void)
@@ -551,6 +556,7 @@ static void fail(const char *why)
 
 void executive_init(void)
 {
+    procedure_forget();
     memset(fledge_script.memory, 0, fledge_script.size);
     executive = (Executive){0};
     const char *why = process_run();

@@ -3,6 +3,7 @@
 #include "targets/micropython/executive.h"
 
 #include "targets/micropython/arena.h"
+#include "targets/micropython/procedure.h"
 
 #include <gtest/gtest.h>
 
@@ -189,6 +190,15 @@ const char *update_failure()
 }
 
 void update_figures(void (*)(const char *)) {}
+
+int procedures; // how often one had its turn
+
+void procedure_forget() {}
+void procedure_end() {}
+void procedure_run(std::int64_t)
+{
+    procedures++;
+}
 
 Arena *arena_in_use = &arena;
 
@@ -412,9 +422,11 @@ TEST_F(Composed, LooksAtEventsOnlyInTheirModesAndWhenATaskRan)
     tick(2.0);
     EXPECT_EQ(made->settled.state.fired_at, -1);
     executive_enter(0);
+    const int before = procedures;
     executive_tick(executive_next());
     executive_tick(executive_next() - 1); // nothing is due
     EXPECT_EQ(made->settled.state.held, 1);
+    EXPECT_EQ(procedures, before + 1);
 }
 
 TEST_F(Composed, CommandsAndTheScriptPublishConfiguration)

@@ -190,6 +190,9 @@ static long long divided(long long a, long long b, long long *rest)
 
 mp_obj_t mp_obj_int_binary_op(mp_binary_op_t op, mp_obj_t left, mp_obj_t right)
 {
+    if (mp_obj_is_float(right)) {
+        return mp_obj_float_binary_op(op, (mp_float_t)value_of(left), right);
+    }
     if (!mp_obj_is_int(right)) {
         return mp_obj_int_binary_op_extra_cases(op, left, right);
     }
@@ -228,6 +231,9 @@ mp_obj_t mp_obj_int_binary_op(mp_binary_op_t op, mp_obj_t left, mp_obj_t right)
         }
         result = power(a, b);
         break;
+    case MP_BINARY_OP_TRUE_DIVIDE:
+    case MP_BINARY_OP_INPLACE_TRUE_DIVIDE:
+        return mp_obj_float_binary_op(op, (mp_float_t)a, mp_obj_new_float((mp_float_t)b));
     case MP_BINARY_OP_LESS: return mp_obj_new_bool(a < b);
     case MP_BINARY_OP_MORE: return mp_obj_new_bool(a > b);
     case MP_BINARY_OP_LESS_EQUAL: return mp_obj_new_bool(a <= b);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Modules, messages, structs and arrays as views of C memory, by the tables of a mission. What assignments accept is what
- * the desktop's objects accept (python/fledge/core/store.cpp). */
+/* Modules, messages, structs and arrays as views of C memory, by the tables of a mission. Assignments accept what the
+ * desktop's objects accept (python/fledge/core/store.cpp). */
 #include "targets/micropython/objects.h"
 
 #include "targets/micropython/assign.h"
@@ -610,6 +610,9 @@ static MP_DEFINE_CONST_FUN_OBJ_1(module_reset_object, module_reset);
 static mp_obj_t module_update(size_t n, const mp_obj_t *arguments)
 {
     const ScriptRoot *module = MP_OBJ_TO_PTR(arguments[0]);
+    if (module->update != MP_OBJ_NULL) {
+        objects_refuse("%s.update: it is Python; the task that runs it calls it", module->node.type->name);
+    }
     if (objects_is_module(&module->node)) {
         module->node.type->update(module->memory, (Tick){n > 1 ? objects_time(arguments[1], "update: t") : 0,
                                                          n > 2 ? objects_time(arguments[2], "update: dt") : 0});

@@ -30,7 +30,7 @@ typedef struct ScriptRoot {
     uint8_t *memory;
     mp_obj_t update; ///< the script's own functions, of `update=` and `reset=`; MP_OBJ_NULL: those of C
     mp_obj_t reset;
-    uint32_t turns;  ///< that a call of them may take
+    uint32_t turns;   ///< that a call of them may take
     int16_t place;    ///< the index in fledge_script.places; -1: it has none
     uint8_t given[2]; ///< a bit for each field: whether the script gave it. There are more behind it for long types
 } ScriptRoot;
@@ -88,8 +88,8 @@ uint32_t objects_stride(const ScriptField *field, uint32_t level);
  *  Raises for what is no module, for another type, and for a module that has a place. */
 void objects_place(mp_obj_t module, uint16_t place);
 
-/** All that check_parameters finds on the desktop: raises for a required parameter that the script has not given, and for
- *  one that breaks its rule. */
+/** All that check_parameters finds on the desktop: raises for a required parameter that the script has not given, and
+ *  for one that breaks its rule. */
 void objects_check(const ScriptRoot *module);
 
 /** Make all views of a module now, so that its own `update` allocates none under the lock. */

@@ -19,8 +19,8 @@ int units_alike(const int8_t *a, const int8_t *b);
 /** "N m", "rad/s"; nothing if dimensionless. */
 void units_print(const mp_print_t *print, const int8_t *dims);
 
-/** A time, a quantity or a number of seconds, in the nearest whole number of nanoseconds. NULL, or the type of the error
- *  whose text it has printed. */
+/** A time, a quantity or a number of seconds, in the nearest whole number of nanoseconds. NULL, or the type of the
+ *  error whose text it has printed. */
 const mp_obj_type_t *units_time(mp_obj_t value, int64_t *ns, const mp_print_t *error);
 
 /** What objfloat.c uses for mp_obj_get_float_maybe: a quantity without dimension stays a quantity in `2.0 * deg`. */

@@ -59,7 +59,7 @@ static void tell(Update *u, int64_t t)
         const mp_print_t print = script_text(&text);
         objects_print_path(&print, &u->module->node);
         mp_printf(&print, ", failure %u: %s", (unsigned)u->failures, u->failure);
-        telemetry_text(&executive_texts, t, TELEMETRY_SCRIPT, 0u, script_error_line(), memory);
+        telemetry_text(&executive_texts, t >= 0 ? t : executive.t, TELEMETRY_SCRIPT, 0u, script_error_line(), memory);
         u->crc = crc;
         u->told = u->failures;
     }

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Modules whose update is the script's: `fsw.SunSlew(update=slew, reset=begin, turns=2000)`. The executive calls slew(m,
- * t, dt) in place of the C function, with times in seconds, and begin(m) after the C reset.
+/* Modules whose update is the script's: `fsw.SunSlew(update=slew, reset=begin, turns=2000)`. The executive calls
+ * slew(m, t, dt) in place of the C function, with times in seconds, and begin(m) after the C reset.
  *
- * Where such a function raises, allocates or takes more turns than it may, its module is as before the call, but for the
- * heads of its outputs, which are held (head_held). A text of telemetry says why: at the first failure, at one for
+ * Where such a function raises, allocates or takes more turns than it may, its module is as before the call, but for
+ * the heads of its outputs, which are held (head_held). A text of telemetry says why: at the first failure, at one for
  * another reason, and then when the number of failures has doubled. Flight goes on. */
 #ifndef TARGETS_MICROPYTHON_UPDATE_H
 #define TARGETS_MICROPYTHON_UPDATE_H

@@ -165,7 +165,7 @@ def _fly(options, job, runs, bounds):
     boards = [path.name for path in job.boards]
     say(whole + (f", through {', '.join(boards)}" if boards else ""))
 
-    rows, same, first, archives, records = [], True, {}, {}, {}
+    rows, same, first, archives, records, wrong = [], True, {}, {}, {}, []
     for name, on in {"desktop": None, **runs}.items():
         try:
             patience = PATIENCE if options.gdb else 60.0
@@ -194,11 +194,14 @@ def _fly(options, job, runs, bounds):
                 text, ok = str(found[0]) if found else "none", not found
             same = same and ok
             place = on[part.process].name if on else "desktop"
+            wrong += [f"{place}: {text}" for text in part.failures(name)] if on else []
             rows.append((f"{part.process} on {place}" if len(job.parts) > 1 else place, one,
                          digest(archive, part.outputs, part.is_instant), text))
     for line in table.lines(rows):
         say("  " + line)
     say(f"  records  {', '.join(map(str, archives))}")
+    for text in wrong:
+        say(f"  script   {text}")
     return 1 if not _judged(options, job, records) or not same else 0
 
 

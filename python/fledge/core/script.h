@@ -6,9 +6,9 @@
 
 namespace fledge::core {
 
-/// Take `update`, `reset` and `turns` out of the keywords of a new module or model, and give the functions to the module.
-/// `turns`, a limit on targets, is checked alone. Returns the other keywords, a new reference; null with an exception
-/// set.
+/// Take `update`, `reset` and `turns` out of the keywords of a new module or model, and give the functions to the
+/// module. `turns`, a limit on targets, is only checked. Returns the other keywords, a new reference; null with an
+/// exception set.
 PyObject *take_script(Root &root, PyObject *keywords);
 
 /// Its functions (update, reset or None), or None: a new reference.

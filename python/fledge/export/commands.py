@@ -42,7 +42,8 @@ def header(mission: Mission) -> str:
 def source(mission: Mission, found: Dictionary) -> str:
     name, struct, n = mission.name, mission.struct(), len(mission.outputs)
     largest = max((b.size for b in found.blocks), default=1)
-    script = ['#include "targets/micropython/executive.h"'] * (mission.form == "micropython")
+    composed = mission.form == "micropython"
+    script = [f'#include "targets/micropython/{one}.h"' for one in ("executive", "procedure")] if composed else []
     lines = [*written(mission), f'#include "{name}_commands.h"', *script, "", f"static uint8_t staged[{largest}];",
              f"static uint8_t queue[{found.room}];", f"static uint8_t packet[{found.longest}];",
              f"static TelemetryRate rates[{3 + n}];", ""]
@@ -74,7 +75,8 @@ def source(mission: Mission, found: Dictionary) -> str:
         ("n_blocks", f"{len(found.blocks)}u"), ("n_modes", f"{len(found.modes)}u"),
         ("n_events", f"{len(found.events)}u"), ("n_outputs", f"{n}u"), ("blocks", "blocks" if found.blocks else "0"),
         ("staged", "staged"), ("queue", "queue"), ("room", "sizeof queue"), ("parameters", "parameters"),
-        ("enter", "enter"), ("publish", "publish"), ("arm", "arm"), ("reset", "reset"), ("telemetry", "telemetry"))]
+        ("enter", "enter"), ("publish", "publish"), ("arm", "arm"), ("reset", "reset"), ("telemetry", "telemetry"),
+        *[("procedures", "&script_procedures")] * composed)]
     return "\n".join([*lines, "};", ""])
 
 

@@ -41,10 +41,10 @@ def emit_tables(mission: Mission, module: str, whole: bool, processes: Sequence[
 
     def table(head: str, rows: Iterable[Sequence[Any]]) -> str:
         """The lines of a table, and what refers to it: "0" of an empty one."""
-        rows = [line for items in rows for line in row(*map(str, items))]
-        if rows:
-            lines.extend([f"static const {head}[] = {{", *rows, "};", ""])
-        return head.split()[-1] if rows else "0"
+        found = [line for items in rows for line in row(*map(str, items))]
+        if found:
+            lines.extend([f"static const {head}[] = {{", *found, "};", ""])
+        return head.split()[-1] if found else "0"
 
     places = table("ScriptPlace places", (
         (quoted(script_name(one)), f"&{one.type}_type", f"offsetof({struct}, {one.name})",
@@ -70,8 +70,8 @@ def emit_tables(mission: Mission, module: str, whole: bool, processes: Sequence[
     def list_of(what: str, these: Sequence[str], *end: str) -> str:
         if these:
             texts = [*map(quoted, these), *end]
-            lines.extend(wrap([*(f"{one}," for one in texts[:-1]), texts[-1]], f"static const char *const {what}[] = {{",
-                              "    ", "};"))
+            lines.extend(wrap([*(f"{one}," for one in texts[:-1]), texts[-1]],
+                              f"static const char *const {what}[] = {{", "    ", "};"))
         return what if these else "0"
 
     process_names = list_of("processes", processes, "0")
@@ -177,7 +177,7 @@ def type_tables(types: dict[str, Any], modules: set[str]) -> list[str]:
                 f"SCRIPT_{GROUPS[f.group]}", "SCRIPT_REQUIRED" if f.required else "0u", f"{len(f.shape)}u", count)
         function = names.snake(name)
         calls = [f"(void (*)(void *)){function}_reset", f"(void (*)(void *, Tick)){function}_update"]
-        lines += ["};", *wrap(["&script_class_type,", f"{quoted(name)},", f"{name}_fields,", f"{len(members)}u,", f"sizeof({name}),",
-                               *([f"{calls[0]},", calls[1]] if name in modules else ["0,", "0"])],
+        head = ["&script_class_type,", f"{quoted(name)},", f"{name}_fields,", f"{len(members)}u,", f"sizeof({name}),"]
+        lines += ["};", *wrap([*head, *([f"{calls[0]},", calls[1]] if name in modules else ["0,", "0"])],
                               f"static const ScriptType {name}_type = {{", "    ", "};"), ""]
     return lines

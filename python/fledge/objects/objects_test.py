@@ -220,7 +220,8 @@ def test_help_shows_units_shapes_rules_and_meaning():
     assert "P: float [N m s], shape (3, 3), required" in doc
     assert "speeds: WheelSpeeds, optional" in doc
     assert inspect.getdoc(fsw.WheelConfig.axes_B) == "float, shape (n <= 8, 3), required, non-zero\n\nspin axes"
-    assert str(inspect.signature(fsw.MrpFeedback)) == "(*, K, P, K_I=0, u_I_max=0, hold=0, update=None, reset=None, turns=None)"
+    assert str(inspect.signature(fsw.MrpFeedback)) == (
+        "(*, K, P, K_I=0, u_I_max=0, hold=0, update=None, reset=None, turns=None)")
 
 
 def test_completion_offers_every_field():

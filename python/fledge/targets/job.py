@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fledge import export, mission as missions
-from fledge.commands import Report, Timed, decoded, read_script, script
+from fledge.commands import Kind, Report, Timed, decoded, read_script, script
 from fledge.errors import Failure
 from fledge.objects import project
 from fledge.targets import build
@@ -69,10 +69,19 @@ class Part:
 
     def reports(self, target: str) -> list[Report]:
         """The reports of commands among them."""
+        return self._contents(target, "reports")
+
+    def failures(self, target: str) -> list[str]:
+        """What went wrong there in updates of the script, the last text of each module."""
+        texts = [one.text for one in self._contents(target, "texts") if one.kind is Kind.SCRIPT]
+        return list({text.partition(",")[0]: text for text in texts}.values())
+
+    def _contents(self, target, path):
+        """Those of the packets of a kind."""
         file = self.telemetry(target)
         found = export.dictionary(self.mission)
-        packets = [decoded(found, one.packet) for one in read_script(file.read_text(encoding="utf-8"))]
-        return [one.content for one in packets if one.path == "reports"]
+        packets = read_script(file.read_text(encoding="utf-8")) if file.exists() else []
+        return [one.content for one in (decoded(found, each.packet) for each in packets) if one.path == path]
 
     def bounds(self) -> list[tuple[str, float, float, str]]:
         """(field, how much it may differ from the desktop's, [s] from when on, "file:line") by the files of the

@@ -2,7 +2,7 @@
 """The objects and units of a script, beside those of the desktop: random assignments to all modules, and random
 expressions, in one script that both run. Its lines must be equal: bytes, values, and what is refused.
 
-    FLEDGE_CASES=20000 FLEDGE_SEED=7 /usr/bin/python3 -m pytest targets/micropython/objects_test.py
+    FLEDGE_CASES=20000 FLEDGE_SEED=7 /usr/bin/python3 -m pytest python/fledge/targets/micropython_objects_test.py
 """
 
 import os
@@ -34,7 +34,8 @@ def numbers(x):
 
 def shown(x):
     if hasattr(x, "dims"):
-        return numbers(x.value) + " " + str(x.dims) + " " + str(x).split("]")[-1].split(" ", 1)[-1].strip("0123456789.e-")
+        unit = str(x).split("]")[-1].split(" ", 1)[-1].strip("0123456789.e-")
+        return numbers(x.value) + " " + str(x.dims) + " " + unit
     return numbers(x.tolist() if hasattr(x, "tolist") else x)
 
 
@@ -69,9 +70,9 @@ def run(types, tmp_path_factory):
     modules = [Module(names.snake(name), f"flight.{names.snake(name)}", objects.struct(made), objects.memory(made()))
                for name, made in known.items() if objects.struct(made).kind == "module"]
     mission = Mission(name="every", folder="every", process="flight", several=False, about="", modules=modules,
-                      configuration=modules, tasks=[], modes=[], mode_titles={}, initial_mode=None, events=[], inputs=[],
-                      outputs=[], wires={m.name: [] for m in modules}, published={m.name: [] for m in modules},
-                      left_out=[])
+                      configuration=modules, tasks=[], modes=[], mode_titles={}, initial_mode=None, events=[],
+                      inputs=[], outputs=[], wires={m.name: [] for m in modules},
+                      published={m.name: [] for m in modules}, left_out=[])
     library = micropython_toolchain.library("host", True)
     write_files({"every.h": c_source.header(mission), **commands.emit_commands(mission),
                  "every.c": "".join(f"{line}\n" for line in (
@@ -114,8 +115,11 @@ HEAD = f"from fledge.units import {', '.join(units.UNITS)}, Quantity, UnitError,
 
 def check(run, known, cases):
     """cases: statements each, which begin with `print(number, ...)`."""
-    text = HEAD + "\n".join(cases)
-    ours, theirs = run("from fledge import flight as fsw\n" + text), desktop(text, known)
+    ours, theirs = [], []
+    for first in range(0, len(cases), 200):     # the interpreter reads a long script slowly
+        text = HEAD + "\n".join(cases[first:first + 200])
+        ours += run("from fledge import flight as fsw\n" + text)
+        theirs += desktop(text, known)
     for a, b in zip(ours, theirs):
         if a != b:
             case = next(c for c in cases if f"print({a.split()[0]}," in c)
@@ -148,15 +152,18 @@ class Expressions:
     def quantity(self, depth):
         dice = self.dice
         if depth == 0:
-            return dice.choice([dice.choice(units.UNITS), f"{self.value()} * {dice.choice(units.UNITS)}", "kg * m / s**2",
-                                f"{self.number()} * deg", "Quantity(2.5, (1, 0, -1, 0, 0, 0, 0, 1))"])
+            unit = dice.choice(units.UNITS)
+            return dice.choice([unit, f"{self.value()} * {unit}", "kg * m / s**2", f"{self.number()} * deg",
+                                "Quantity(2.5, (1, 0, -1, 0, 0, 0, 0, 1))"])
         a, b = (f"({self.quantity(dice.randint(0, depth - 1))})" for _ in range(2))
         return dice.choice([
-            lambda: f"{a} * {b}", lambda: f"{a} / {b}", lambda: f"{a} + {b}", lambda: f"{a} - {b}", lambda: f"{a} + {a}",
+            lambda: f"{a} * {b}", lambda: f"{a} / {b}", lambda: f"{a} + {b}", lambda: f"{a} - {b}",
+            lambda: f"{a} + {a}",
             lambda: f"{a} ** {dice.randint(-3, 4)}", lambda: f"-{a}", lambda: f"abs({a})", lambda: f"+{a}",
             lambda: f"{self.value()} * {a}", lambda: f"{self.value()} / {a}", lambda: f"{a} * {self.value()}",
             lambda: f"{a} / {self.value()}", lambda: f"{self.number()} + {a} / {a}", lambda: f"3 - {a} / {a}",
-            lambda: f"{a}[{dice.randint(-2, 2)}]", lambda: f"(m**{dice.randint(1, 4)} * s) ** 0.5", lambda: f"[x for x in {a}][0]"])()
+            lambda: f"{a}[{dice.randint(-2, 2)}]", lambda: f"(m**{dice.randint(1, 4)} * s) ** 0.5",
+            lambda: f"[x for x in {a}][0]"])()
 
     def any(self):
         dice = self.dice
@@ -166,7 +173,7 @@ class Expressions:
             lambda: f"{a} != {a}", lambda: f"{a} < {b}", lambda: f"{a} >= {a}", lambda: f"float({a})",
             lambda: f"float({a} / {a})", lambda: f"len({a})", lambda: f"bool({a})", lambda: f"nanoseconds({a})",
             lambda: f"nanoseconds({self.number()} * {dice.choice(['s', 'ms', 'us', 'ns', 'minute', 'day', 'm'])})",
-            lambda: f"nanoseconds({dice.choice(['0.5e-9', '1.5e-9', '2.5e-9', '1e11', 'True', '3', '9223372036', '[1]'])})",
+            lambda: f"nanoseconds({dice.choice(['0.5e-9', '1.5e-9', '2.5e-9', '1e11', 'True', '9223372036', '[1]'])})",
             lambda: f"{a}.value", lambda: f"{a}.dims"])()
 
 
@@ -201,8 +208,9 @@ class Assignments(Expressions):
             return dice.choice([repr(name), repr(name.partition("_")[2]), repr(name.rpartition("_")[2]), repr(number),
                                 repr(dice.choice(["NO", "good", 99, 1.0, True, None]))])
         if field.type in ("f64", "f32"):
-            return dice.choice([self.number, lambda: self.real(0, 5), lambda: self.real(0, 5), lambda:
-                                dice.choice(["1e300", "1e-120", "float('nan')", "float('inf')", "True", "'1'", "None"])])()
+            odd = ["1e300", "1e-120", "float('nan')", "float('inf')", "True", "'1'", "None"]
+            return dice.choice([self.number, lambda: self.real(0, 5), lambda: self.real(0, 5),
+                                lambda: dice.choice(odd)])()
         bits = min(int(field.type[1:]), 62)
         least, most = (0, 2**bits - 1) if field.type[0] == "u" else (-2**(bits - 1), 2**(bits - 1) - 1)
         return repr(dice.choice([0, 1, 2, 3, dice.randint(0, 9), least, most, least - 1, most + 1,
@@ -254,7 +262,7 @@ class Assignments(Expressions):
         if field.type == "struct":
             n = field.shape[0] if field.shape else 0
             n = dice.randint(0, n) if field.count or dice.random() < 0.2 else n
-            one = lambda: self.structure(field.struct)
+            def one(): return self.structure(field.struct)
             return "[" + ", ".join(one() for _ in range(n)) + "]" if field.shape else one()
         return self.plain(field)
 
@@ -310,3 +318,133 @@ def test_assignments_have_the_bytes_and_refusals_of_the_desktop(run, types):
     stored = sum(line.endswith("stored") for line in lines)
     refused = sum(line.endswith("refused") for line in lines)
     assert stored > CASES / 2 and refused > CASES / 4
+
+
+# --- what the desktop has no equal of ----------------------------------------------------------------
+
+def errors(run, *statements):
+    """The text of each statement's error."""
+    text = "from fledge import flight as fsw, world, Orbit, SetupError\nimport fledge\n" + HEAD + """
+a = place(fsw.TrackingError(sigma_BcB=[0, 0, 1]), "tracking_error")
+b = place(fsw.MrpFeedback(K=1, P=2), "mrp_feedback")
+c = fsw.WheelConfig()
+"""
+    for one in statements:
+        text += (f"try:\n    {one}\n    print('no error')\n"
+                 "except Exception as e:\n    print(type(e).__name__ + ': ' + str(e))\n")
+    return run(text)
+
+
+def test_errors_name_the_place_and_what_is_allowed(run):
+    found = errors(
+        run, "b.K = 'high'", "b.K = -2 * N * m", "b.K = 3 * kg", "b.gain = 1", "b.K2", "fsw.MrpFeedback(1)",
+        "fsw.MrpFeedback(gain=1)", "b.error.head.quality = 'BEST'", "c.J = 1", "c.axes_B = [[1, 2]]",
+        "b.torque.torque_B = [1, 2, 3]", "b.torque.torque_B[0] = 1", "place(b, 'mrp_feedback')",
+        "place(fsw.WheelConfig(), 'mrp_feedback')", "fsw.Unknown", "from fledge.units import furlong",
+        "b.wheels.axes_B[9]", "b.P[0][1] = 'x'", "del b.K", "b.P[0:2] = [1]")
+    assert found[:4] == [
+        "SetupError: flight.mrp_feedback.K: expected a number, in N m; found 'high'",
+        "SetupError: flight.mrp_feedback.K must be 0 or of size 1e-100 to 1e100, > 0 N m, found -2.0",
+        "SetupError: flight.mrp_feedback.K: expected a quantity in N m; found 3.0 kg",
+        "AttributeError: flight.mrp_feedback has no attribute 'gain'; parameters: K, P, K_I, u_I_max, hold; inputs: "
+        "error, vehicle, wheels, speeds, external; outputs: torque; memory: z, sigma_BR, newest, running"]
+    starts = ["AttributeError: flight.mrp_feedback has no attribute 'K2'", "TypeError: MrpFeedback takes keywords only",
+              "TypeError: MrpFeedback has no attribute 'gain'",
+              "SetupError: flight.mrp_feedback.error.head.quality: expected QUALITY_NONE, ",
+              "SetupError: WheelConfig.J: one number fills the rows that count, and there are none yet; set n",
+              "SetupError: WheelConfig.axes_B: expected shape (up to 8, 3) of numbers; found [[1, 2]]",
+              "SetupError: flight.mrp_feedback.torque.torque_B is in an output",
+              "SetupError: flight.mrp_feedback.torque.torque_B is in an output",
+              "SetupError: flight.mrp_feedback: this module is flight.mrp_feedback already",
+              "SetupError: flight.mrp_feedback: on the desktop it is a MrpFeedback; found a WheelConfig",
+              "AttributeError: fledge.flight has no 'Unknown' on this target; there are BaseReference, ",
+              "ImportError: fledge.units has no unit 'furlong'; the units are m, km, ",
+              "IndexError: ", "SetupError: flight.mrp_feedback.P: expected ",
+              "AttributeError: flight.mrp_feedback.K cannot be deleted", "SetupError: expected 2 items, or one number"]
+    assert len(found) == 4 + len(starts)
+    for text, start in zip(found[4:], starts):
+        assert text.startswith(start), text
+
+
+def test_wires_join_an_output_to_inputs_of_its_type(run):
+    found = errors(
+        run, "print(a.error >> b.error)", "print((a.error >> [b.error, world.x.y]).latency(1).stale_after(2 * s))",
+        "a.error >> b", "a.error >> b.vehicle", "b.error >> b.error", "a.error >> a.error", "a.error >> 3",
+        "a.error.head >> b.error", "a >> b.error", "(a.error >> b.error) >> b.error",
+        "(a.error >> b.error).latency(2)", "(a.error >> b.error).stale_after(2 * m)",
+        "fsw.AttError() >> b.error")
+    assert found[:4] == ["flight.tracking_error.error >> flight.mrp_feedback.error", "no error"] * 2
+    starts = ["SetupError: flight.tracking_error.error >> flight.mrp_feedback: name an input, not the module; it has "
+              "the inputs error, vehicle, wheels, speeds, external",
+              "SetupError: flight.tracking_error.error >> flight.mrp_feedback.vehicle: the output is AttError, the "
+              "input takes VehicleData",
+              "SetupError: flight.mrp_feedback.error >> flight.mrp_feedback.error: flight.mrp_feedback.error is no "
+              "output; flight.mrp_feedback has the outputs torque",
+              "SetupError: flight.tracking_error.error >> flight.tracking_error.error: flight.tracking_error.error is "
+              "no input; ", "SetupError: flight.tracking_error.error >> 3: expected an input or a list of inputs",
+              "SetupError: flight.tracking_error.error.head >> flight.mrp_feedback.error: "
+              "flight.tracking_error.error.head is no output", "TypeError: ", "TypeError: ",
+              "SetupError: flight.tracking_error.error >> flight.mrp_feedback.error: latency must be 0 or 1",
+              "SetupError: stale_after: expected a time, found 2.0 m", ""]
+    for text, start in zip(found[4:], starts):
+        assert text.startswith(start) and text != "no error", text
+
+
+def test_what_stands_in_for_the_world_accepts_all_and_allocates_nothing(run):
+    found = errors(
+        run, "w = fledge.anything", "w.wheels = world.ReactionWheels(axes_B=c.axes_B, J=2 * kg)",
+        "w.craft = Orbit(world.MARS, a=7471 * km, f=270 * deg)",
+        "w.connect(w.craft.state >> a.attitude, b.torque >> w.craft.torque, w.x >> [b.error])",
+        "print([x for x in w.list], len(w), -w * 3 * m + 2 - w[3] is w, 3 * m / w is w, [2] * w is w)",
+        "b.K = w.gain", "b.P = [w, w, w]", "b.P[0][0] = w", "b.error = w", "fsw.RasterManager(angles=[[w, 0, 0]])",
+        "used = lock(True)\n    for i in range(100):\n        w.task(w.a[3], run=w.b >> w.c)\n"
+        "    print(lock(False) - used)")
+    assert found[:3] == ["no error"] * 3 and found[3] == "no error"
+    assert found[4:6] == ["[] 0 True True True", "no error"]
+    for text in found[6:11]:
+        assert "a value of the world or of another process is not known on the target" in text
+    assert found[11:] == ["0", "no error"]
+
+
+def test_attributes_and_items_allocate_nothing_under_the_lock(run):
+    found = run("""
+from fledge import flight as fsw
+a, b = place(fsw.TrackingError(), "tracking_error"), place(fsw.MrpFeedback(K=1, P=2), "mrp_feedback")
+w = fsw.WheelConfig(axes_B=fsw.PYRAMID, J=1)
+def loop():
+    for i in range(3):
+        b.error.sigma_BR[i] = b.K * b.P[i][i] + len(w.axes_B)
+        b.error.head.t = i
+        b.K = 2.5 + i
+        b.z = a.sigma_BcB
+        w.J[i] = w.axes_B[i][2] * w.axes_B[i][2] + w.n
+        w.axes_B[i][0] = 0.25
+    total = 0.0
+    for x in w.J:
+        total += x
+    for row in w.axes_B:
+        total += row[0]
+    return total
+loop()
+used = lock(True)
+for i in range(50):
+    loop()
+print(lock(False) - used, loop())
+lock(True)
+try:
+    b.K = -1
+except Exception as e:
+    lock(False)
+    print(e)
+""")
+    assert found == ["0 14.75", "flight.mrp_feedback.K must be 0 or of size 1e-100 to 1e100, > 0 N m, found -1.0"]
+
+
+def test_rules_hold_for_elements_and_what_is_required_is_asked_for(run):
+    found = errors(
+        run, "w = fsw.WheelConfig(axes_B=fsw.PYRAMID, J=1)", "w.J[1] = -1", "print(w.J)", "w.reset()",
+        "fsw.WheelConfig(J=[1]).reset()", "print(w)")
+    assert found[0] == "no error" and found[1].startswith("SetupError: WheelConfig.J must be ")
+    assert found[1].endswith("found -1.0 at [1]") and found[2:5] == ["[1.0, 1.0, 1.0, 1.0]", "no error", "no error"]
+    assert found[5] == "SetupError: WheelConfig.axes_B is required"
+    assert found[6].startswith("WheelConfig(wheels=WheelSet, n=4, axes_B=[[-0.5, 0.5, -0.70710")

@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Modules whose update is Python, in flight: on the desktop and under MicroPython with the same bits; and what such an
+update may do wrong there, which its module alone bears."""
+
+import re
+import shutil
+import subprocess
+
+import pytest
+
+from fledge import cli
+from fledge.commands import Dictionary, decoded, read_script
+from fledge.targets import TARGETS
+
+WORLD = """
+from fledge import world
+from fledge.units import kg, m, ms, rad, s
+
+
+def build(w, f):
+    w.craft = world.Spacecraft(I_B=[700, 700, 800] * kg * m**2, sigma_BN=[0.1, 0.2, -0.3],
+                               omega_BN_B=[0.001, -0.01, 0.03] * rad / s)
+    w.nav = world.Navigation()
+    w.connect(w.craft.state >> w.nav.truth, w.nav.attitude >> f.tracking.attitude)
+    w.task("dynamics", every=100 * ms, run=[w.craft, w.nav])
+"""
+
+FLIGHT = """
+from fledge import flight as fsw
+from fledge.units import N, m, s
+
+ON_DESKTOP = hasattr(fsw, "TYPES")      # where the first error would end the run: there a module holds its output
+
+
+def begin(m):
+    m.z[0] = 0.25
+
+
+def feedback(m, t, dt):
+    if m.error.head.quality == 0:
+        m.held(m.torque)
+        return
+    for i in range(3):
+        m.z[i] += m.error.sigma_BR[i] * dt
+        m.torque.torque_B[i] = -m.K * (m.error.sigma_BR[i] + 1e-4 * m.z[i]) - m.P[i][i] * m.error.omega_BR_B[i]
+    m.publish(m.torque, quality="DEGRADED" if t < 5 else "GOOD")
+
+
+def weigh(m, t, dt):
+    for i in range(3):
+        m.vehicle.I_B[i][i] = 2.0 * m.I_B[i][i]
+    m.publish(m.vehicle)
+
+
+def allocates(m, t):
+    m.reference.omega_RN_N = [t, 0, 0]
+
+
+def overruns(m, t):
+    while True:
+        pass
+
+
+def clings(m, t):
+    while True:
+        try:
+            overruns(m, t)
+        except Exception:
+            pass
+
+
+def dives(m, t):
+    dives(m, t)
+
+
+def divides(m, t):
+    m.reference.sigma_RN[1] = 1 / (t - t)
+
+
+def misnames(m, t):
+    m.reference.sigma_RM = t
+
+
+def missizes(m, t):
+    m.reference.sigma_RN = (1, 2)
+
+
+def mistypes(m, t):
+    m.reference.sigma_RN = "north"
+
+
+def mispublishes(m, t):
+    m.publish(m.sigma_RN)
+
+
+def meddles(m, t):
+    others[0].K = 1.0
+
+
+def grows(m, t):
+    others.extend(WRONGS)
+
+
+WRONGS = (allocates, overruns, clings, dives, divides, misnames, missizes, mistypes, mispublishes, meddles, grows)
+others = []
+
+
+def failing(wrong):
+    \"\"\"An update that goes wrong from 2 s to 4 s, after it has begun to write.\"\"\"
+    def update(m, t, dt):
+        wrongly = 2 <= t < 4
+        if wrongly and ON_DESKTOP:
+            m.held(m.reference)
+            return
+        m.reference.sigma_RN[0] = 0.001 * t
+        if wrongly:
+            wrong(m, t)
+        m.publish(m.reference)
+
+    return update
+
+
+def build(f):
+    f.still = fsw.InertialPointing(sigma_RN=[0.1, -0.1, 0.2])
+    f.tracking = fsw.TrackingError()
+    f.control = fsw.MrpFeedback(K=2.5 * N * m, P=45.0, update=feedback, reset=begin)
+    others.append(f.control)
+    f.vehicle = fsw.VehicleConfig(I_B=700.0, update=weigh)
+    f.connect(f.still.reference >> f.tracking.reference, f.tracking.error >> f.control.error,
+              f.vehicle.vehicle >> f.control.vehicle)
+    wrong = []
+    for one in WRONGS:
+        name = one.__name__
+        setattr(f, name, fsw.InertialPointing(update=failing(one), turns=500))
+        wrong.append(getattr(f, name))
+    f.task("wrong", every=0.5 * s, run=wrong)
+    f.task("gnc", every=0.5 * s, run=[f.still, f.tracking, f.control])
+"""
+
+SCENARIOS = """
+from fledge.units import s
+
+
+def fly(sim):
+    sim.run(10 * s)
+"""
+
+# What the ground reads of each, at the line of that error in flight.py.
+REASONS = {
+    "allocates": ("omega_RN_N = [", r"MemoryError: this allocates \d+ bytes, but after the start nothing may allocate"),
+    "overruns": ("        pass", "it takes more than 500 turns of loops and returns"),
+    "clings": ("        pass", "it takes more than 500 turns of loops and returns"),
+    "dives": ("    dives(m, t)", "RuntimeError: "),
+    "divides": ("1 / (t - t)", "ZeroDivisionError: "),
+    "misnames": ("sigma_RM", r"AttributeError: flight.misnames.reference has no attribute 'sigma_RM'"),
+    "missizes": ("= (1, 2)", r"SetupError: flight.missizes.reference.sigma_RN: expected shape \(3\)"),
+    "mistypes": ('"north"', r"SetupError: flight.mistypes.reference.sigma_RN: expected shape \(3\)"),
+    "mispublishes": ("m.publish(m.sigma_RN)", r"SetupError: flight.mispublishes.publish: expected an output of"),
+    "meddles": (".K = 1.0", "SetupError: flight.control.K is of another module: an update writes its own alone"),
+    "grows": ("others.extend(WRONGS)", "MemoryError: "),
+}
+
+
+@pytest.fixture(scope="module")
+def mission(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("missions") / "unruly"
+    folder.mkdir()
+    for name, text in (("flight.py", FLIGHT), ("world.py", WORLD), ("scenarios.py", SCENARIOS)):
+        (folder / name).write_text(text)
+    return folder
+
+
+@pytest.fixture(scope="module", params=["micropython", "leon3-micropython"])
+def flown(request, mission):
+    """The name of a target, and the folder with what the flight there left."""
+    if missing := TARGETS[request.param].missing():
+        pytest.skip(f"{', '.join(missing)} not installed")
+    out = mission.parent / request.param
+    assert cli.main(["fly", str(mission), "--on", request.param, "--out", str(out)]) == 0
+    return request.param, out
+
+
+def test_what_goes_wrong_in_an_update_stays_in_its_module(flown):
+    """The flight was compared with the desktop's, where the same modules hold their outputs at the same times."""
+    name, out = flown
+    log = (out / f"{name}.log").read_text()
+    assert "flight.control 21 updates of the script, 0 calls failed; at most 9 of 10000 turns; longest " in log
+    for module in REASONS:
+        assert f"flight.{module} 21 updates of the script, 4 calls failed; at most " in log
+
+
+@pytest.mark.parametrize("wrong, why", [
+    ("1 / 0 if not ON_DESKTOP else 0", "ZeroDivisionError: divide by zero"),
+    ("m.publish(m.torque) if not ON_DESKTOP else 0",
+     "SetupError: flight.control.publish() is for its own update in Python, while it runs"),
+])
+def test_a_reset_that_fails_at_the_start_is_refused_before_flight(mission, tmp_path, capfd, wrong, why):
+    folder = tmp_path / "unruly"
+    shutil.copytree(mission, folder)
+    (folder / "flight.py").write_text(FLIGHT.replace("m.z[0] = 0.25", wrong))
+    assert cli.main(["fly", str(folder), "--on", "micropython", "--out", str(tmp_path / "out")]) == 2
+    assert f"{folder}/flight.py, line 9: {why}" in capfd.readouterr().err
+    done = subprocess.run([tmp_path / "out/micropython/unruly", "--clock"], capture_output=True, text=True)
+    assert done.returncode == 1 and done.stderr == f"unruly: script: unruly/flight.py, line 9: {why}\n"
+
+
+@pytest.mark.parametrize("module", REASONS)
+def test_the_ground_reads_module_line_and_reason(flown, module):
+    name, out = flown
+    where, why = REASONS[module]
+    line = 1 + next(i for i, text in enumerate(FLIGHT.splitlines()) if where in text)
+    found = Dictionary.load(out / "c/unruly_packets.json")
+    packets = read_script((out / f"{name}.telemetry.txt").read_text())
+    texts = [text for text in (decoded(found, one.packet).content for one in packets)
+             if text.text.startswith(f"flight.{module}, ")]
+    assert [(text.t, text.kind.name, text.line, text.lost) for text in texts] == [
+        (t, "SCRIPT", line, 0) for t in (2_000_000_000, 2_500_000_000, 3_500_000_000)]
+    for text, failure in zip(texts, (1, 2, 4)):
+        assert re.match(rf"flight.{module}, failure {failure}: unruly/flight.py, line {line}: {why}", text.text)
+    assert re.search(rf"flight.{module}.failure unruly/flight.py, line {line}: {why}",
+                     (out / f"{name}.log").read_text())
