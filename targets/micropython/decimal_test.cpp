@@ -17,7 +17,7 @@ namespace {
 unsigned cases()
 {
     const char *given = std::getenv("FLEDGE_CASES");
-    return given ? static_cast<unsigned>(std::strtoul(given, nullptr, 10)) : 5000u;
+    return given ? static_cast<unsigned>(std::strtoul(given, nullptr, 10)) : 3000u;
 }
 
 std::string expected(double value, char format, int precision)

@@ -132,7 +132,8 @@ def compile_mpy(source: str | Path, name: str) -> bytes:
     done = subprocess.run([cross_compiler(), f"-msmall-int-bits={SMALL_INT_BITS}", "-s", name, "-o", "/dev/stdout",
                            "--", "/dev/stdin"], input=text.encode(), capture_output=True)
     if done.returncode:
-        raise Failure(f"{name} cannot be compiled for MicroPython:\n{_reason(done.stderr.decode(errors='replace'))}", 1)
+        reason = _reason(done.stderr.decode(errors="replace")).replace("/dev/stdin", name)
+        raise Failure(f"{name} cannot be compiled for MicroPython:\n{reason}", 1)
     return done.stdout
 
 
@@ -193,15 +194,19 @@ def _source() -> Path:
                     _, _, member.name = member.name.partition("/")
                     if member.isreg() and member.name.startswith(PARTS):
                         packed.extract(member, unpacked, set_attrs=False)
-            for name, edits in EDITS.items():
-                text = (unpacked / name).read_text(encoding="utf-8")
-                for old, new in edits:
-                    if text.count(old) != 1:
-                        raise Failure(f"{unpacked / name} is not that of MicroPython {VERSION}: '{old}' is there "
-                                      f"{text.count(old)} times", 1)
-                    text = text.replace(old, new)
-                write_files({name: text}, unpacked)
+            _edit(unpacked, EDITS)
     return folder / "source"
+
+
+def _edit(folder: Path, edits: Mapping[str, Sequence[tuple[str, str]]]) -> None:
+    for name, changes in edits.items():
+        text = (folder / name).read_text(encoding="utf-8")
+        for old, new in changes:
+            if text.count(old) != 1:
+                raise Failure(f"{folder / name} is not that of MicroPython {VERSION}: '{old}' is there "
+                              f"{text.count(old)} times", 1)
+            text = text.replace(old, new)
+        write_files({name: text}, folder)
 
 
 def _folder() -> Path:
