@@ -38,9 +38,10 @@ static Pair times(Pair a, Pair b)
     return sum(p.high, p.low + (a.high * b.low + a.low * b.high));
 }
 
-/* x^n with n a whole number > 0. */
-static double whole_power(double x, unsigned n, int inverse)
+/* x^exponent, which is > 0, or what is inverse to it. */
+static double whole_power(double x, unsigned exponent, int inverse)
 {
+    unsigned n = exponent;
     double plain = 1.0;
     Pair result = {1.0, 0.0}, base = {x, 0.0};
     for (double square = x;; square *= square) {
@@ -58,6 +59,10 @@ static double whole_power(double x, unsigned n, int inverse)
     const int exact = fm_abs(plain) > 1e-280 && fm_abs(plain) < 1e280 && result.low - result.low == 0.0;
     if (!inverse) {
         return exact ? result.high + result.low : plain;
+    }
+    if (!exact && exponent > 1u && fm_abs(plain) == INFINITY) { /* its inverse may be a subnormal number */
+        const double half = whole_power(x, exponent / 2u, 1);
+        return half == 0.0 ? half : half * whole_power(x, exponent - exponent / 2u, 1);
     }
     const double q = 1.0 / (exact ? result.high : plain);
     if (!exact) {
