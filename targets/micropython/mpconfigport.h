@@ -110,7 +110,7 @@ void script_turned(void);
 #define MICROPY_PY_MICROPYTHON 0
 #define MICROPY_PY_MATH 0 /* math.c has it, on flight/math */
 #define MICROPY_PY_MATH_CONSTANTS 1
-#define MICROPY_PY_SYS 1  /* for the path that leads to frozen modules */
+#define MICROPY_PY_SYS 1 /* for the path that leads to frozen modules */
 #define MICROPY_PY_SYS_MODULES 0
 #define MICROPY_PY_SYS_EXIT 0
 #define MICROPY_PY_SYS_ARGV 0

@@ -119,8 +119,8 @@ def cross_compiler() -> Path:
             core = [path for path in sorted((source / "py").glob("*.c")) if path.name != "formatfloat.c"]
             others = [source / "mpy-cross/main.c", source / "mpy-cross/gccollect.c",
                       source / "shared/runtime/gchelper_generic.c", PORT / "decimal.c"]
-            words = ["-std=gnu99", "-O1", "-w", *DECIMAL, "-Dscript_pow=pow", f"-I{source}/mpy-cross", f"-I{source}", f"-I{folder}",
-                     f"-I{ROOT}"]
+            words = ["-std=gnu99", "-O1", "-w", *DECIMAL, "-Dscript_pow=pow", f"-I{source}/mpy-cross", f"-I{source}",
+                     f"-I{folder}", f"-I{ROOT}"]
             _headers(folder, source, ["gcc", *words], core)
             _ninja(folder, "mpy-cross", "gcc", words, [(path, []) for path in [*core, *others]], ["-lm"])
     return folder / "mpy-cross"
