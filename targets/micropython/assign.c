@@ -67,7 +67,7 @@ static const mp_print_t *at_field(const ScriptNode *node, const ScriptField *fie
 {
     const mp_print_t *error = objects_error();
     objects_print_path(error, node);
-    mp_printf(error, ".%s", field->name);
+    mp_printf(error, *node->type->name ? ".%s" : "%s", field->name);
     return error;
 }
 
@@ -595,7 +595,7 @@ void (*objects_changed)(uint16_t place);
 static void tell(const ScriptNode *node)
 {
     const int16_t place = objects_root(node)->place;
-    if (objects_changed != NULL && place >= 0) {
+    if (objects_changed != NULL && place >= 0 && update_running() == NULL) {
         objects_changed((uint16_t)place);
     }
 }
@@ -737,22 +737,25 @@ int objects_encode(ScriptNode *node, const ScriptField *field, int32_t index, mp
 
 double objects_constant(const ScriptField *field, mp_obj_t value, const char *what)
 {
-    const ScriptType type = {.name = what, .fields = field, .n = 1, .size = 8};
+    ScriptField named = *field;
+    named.name = what;
+    named.n_dimensions = 0;
+    const ScriptType type = {.name = "", .fields = &named, .n = 1};
     const ScriptRoot root = {.node = {.base = {&script_view_type}, .type = &type}, .place = -1};
     int seconds = 0;
-    refuse_inert(&root.node, field, value);
+    refuse_inert(&root.node, &named, value);
     if (field->type == FLEDGE_ENUM) {
         int32_t number;
         if (!enumerator(field->values, value, &number)) {
-            refuse(&root.node, field, value);
+            refuse(&root.node, &named, value);
         }
         return number;
     }
-    const mp_obj_t number = within(&root.node, field, value, &seconds);
+    const mp_obj_t number = within(&root.node, &named, value, &seconds);
     mp_float_t x;
     int64_t ns;
     if (seconds ? units_time(number, &ns, objects_error()) != NULL : !units_plain_number(number, &x)) {
-        refuse(&root.node, field, value);
+        refuse(&root.node, &named, value);
     }
     return seconds ? (double)ns : x;
 }

@@ -127,7 +127,9 @@ class _Reader:
         if top == "__future__":
             self.files.setdefault("__future__.py", "annotations = None\n")
         elif top == "fledge":
-            wrong = [one for one in names if one not in NAMES and one != "*"] if name == "fledge" else []
+            if "*" in names:
+                raise refusal(path, node, f"the target cannot import * from {name}: import names")
+            wrong = [one for one in names if one not in NAMES] if name == "fledge" else []
             if wrong or name not in {"fledge", *FLEDGE}:
                 raise refusal(path, node, f"fledge{f'.{wrong[0]}' if wrong else name[6:]} is not on the target, which "
                               f"has {listed(sorted(NAMES))} of fledge")

@@ -48,6 +48,12 @@ def test_those_of_another_mission_and_a_folder_of_modules(tmp_path):
                              "small/parts/one.py"]
 
 
+def test_names_are_imported_one_by_one(tmp_path):
+    text = FLIGHT.replace("from fledge.units import s", "from fledge.units import *")
+    with pytest.raises(export.ExportError, match=r"flight.py, line 3: the target cannot import \* from fledge.units"):
+        names(mission(tmp_path, text))
+
+
 def test_mission_py_brings_all_that_it_builds():
     assert names("formation") == [f"formation/{name}.py" for name in ("mission", "chief", "deputy", "truth")]
 

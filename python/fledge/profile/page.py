@@ -49,7 +49,7 @@ GROUPS: list[tuple[str, list[Row]]] = [
         ("stack, most ", lambda p: _bytes(p.loop_stack))]),
     ("Program", [
         ("static memory", lambda p: _bytes(p.static)),
-        ("file, stripped", lambda p: _bytes(p.executable)),
+        ("file, stripped; of a board: code", lambda p: _bytes(p.executable)),
         ("instructions in all", lambda p: _count(p.total_instructions)),
         ("outputs as on the desktop", lambda p: {True: "yes", False: "NO", None: "-"}[p.same])]),
 ]

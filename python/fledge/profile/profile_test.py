@@ -112,13 +112,13 @@ def test_the_map_is_read():
             "                0x0000000000401020                a_function_with_a_long_name\n"
             " .rodata        0x0000000000402000        0x8 /lib/libc.a(printf.o)\n"
             " *fill*         0x0000000000402008        0x8 \n"
-            " .bss           0x0000000000403000       0x40 libmicropython.a(vm.o)\n")
+            " .bss           0x0000000000403000       0x40 libmicropython.a(py_vm.o)\n")
     assert code.sections(text) == [(".text.run", 32, "o/00_a.o"), (".text.a_function_with_a_long_name", 16, "o/01_b.o"),
-                                   (".rodata", 8, "/lib/libc.a(printf.o)"), (".bss", 64, "libmicropython.a(vm.o)")]
+                                   (".rodata", 8, "/lib/libc.a(printf.o)"), (".bss", 64, "libmicropython.a(py_vm.o)")]
     sources = {"o/00_a.o": f"{build.ROOT}/flight/control/a.c", "o/01_b.o": "/somewhere/c/mission.c"}
     assert [code.part_of(file, sources) for _, _, file in code.sections(text)] == [
         "modules", "tables and scripts", "C library", "interpreter"]
-    assert code.part_of("libmicropython.a(py_vm.o)", {}) == "interpreter"
+    assert code.part_of("/build/libmicropython.a(micropython_objects.o)", {}) == "executive and binding"
 
 
 @pytest.mark.parametrize("arguments, wrong", [

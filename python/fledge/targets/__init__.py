@@ -7,6 +7,8 @@
     target.py     the targets: the desktop, a Linux process, the same for aarch64 and sparc64
     cfs.py        the target that is an app of the core Flight System
     leon3.py      the targets on a LEON3 board; leon3_toolchain.py has its compiler and C library
+    inputs.py     what flight reads on the desktop, as a file that a process plays
+    clock.py      a process by the machine's clock, with histograms
     micropython.py  the targets whose interpreter composes the mission; micropython_toolchain.py builds the interpreter
     loop.py       the programs of one flight: controller, world, and the node of the target's board
     table.py      the table that `fledge fly` prints

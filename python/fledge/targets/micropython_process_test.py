@@ -28,7 +28,9 @@ def build(f):
     f.mode(tasks=[], name="idle")
     work = f.mode("work", [gnc])
     k = f.watch(f.noise.kinds)
-    f.event("first", when=(k.x > 1 * m) & ~(k.phase == "SAFE"), enter=work)
+    first = f.event("first", when=(k.x > 1 * m) & ~(k.phase == "SAFE"), enter=work)
+    assert [f.name, gnc.name, f.gnc.name, f.work.name, f.active_mode] == ["flight", "gnc", "gnc", "work", "idle"]
+    assert [f.first is first, first.name, first.armed, first.fired_at] == [True, "first", True, None]
 """
 END = '    f.task("rest", every=1 * s, run=[f.other])\n'
 LINE = BASE.count("\n") + 1
@@ -36,7 +38,8 @@ THERE = "only where it flies"    # the desktop does not refuse it, or only when 
 
 CASES = [
     ("f.connect(f.noise.kinds >> f.sink.kinds)", "flight.noise.kinds >> flight.sink.kinds: the input is wired already"),
-    ("f.connect(f.noise.kinds >> f.other.hint, 3)", "flight.connect: expected wires, as in a.output >> b.input; found 3"),
+    ("f.connect(f.noise.kinds >> f.other.hint, 3)",
+     "flight.connect: expected wires, as in a.output >> b.input; found 3"),
     ("f.connect(fsw.Noise().kinds >> f.other.hint)", "give both modules their names first"),
     ("f.connect((f.noise.kinds >> f.other.hint).latency(1))", "a latency is for wires between processes", THERE),
     ('f.task("empty", every=1, run=[])', "task flight.empty runs nothing"),
@@ -49,19 +52,21 @@ CASES = [
     ('f.task("late", every=1, run=[f.other.kinds])', "run takes modules of the process; found"),
     ('f.task("late", run=[f.other])', "'every' argument required"),
     ('f.mode("more", ["gnc", "nothing"])', "mode flight.more names the task nothing; the process has gnc"),
-    ('f.mode("more", [f.noise])', "mode flight.more: expected a task or its name; found"),
+    ('f.mode("more", [f.noise])', "mode flight.more takes tasks by handle or name; found"),
     ('f.mode("idle", [])', "mode flight.idle: it is already there"),
     ('f.mode("task", [])', "mode flight.task: this name is taken by the process itself"),
     ('f.start_in("nothing")', "there is no mode nothing; the process has idle, work"),
-    ('f.event("e", when=3, enter=work)', "event flight.e: when takes a condition, as in watch(port).field < 1; found 3"),
+    ('f.event("e", when=3, enter=work)',
+     "event flight.e: when takes a condition, as in watch(port).field < 1; found 3"),
     ('f.event("e", when=k.x > 1, until=2, enter=work)', "event flight.e: until takes a condition"),
     ('f.event("e", when=k.x > 1)', "event flight.e does nothing"),
     ('f.event("e", when=k.x > 1, enter=work, count=0)', "event flight.e: the count must be >= 1"),
     ('f.event("e", when=k.x > 1, enter=work, hold=-1 * s)', "event flight.e: hold must be >= 0"),
     ('f.event("e", when=k.x > 1, until=k.x < 0, once=True, enter=work)', "leave out until"),
-    ('f.event("e", when=k.x > 1, enter="nothing")', "event flight.e enters the mode nothing; the process has idle, work"),
+    ('f.event("e", when=k.x > 1, enter="nothing")',
+     "event flight.e enters the mode nothing; the process has idle, work"),
     ('f.event("e", when=k.x > 1, enter=work, modes=["idle", "x"])', "event flight.e looks in the mode x"),
-    ('f.event("e", when=k.x > 1, arm=3)', "event flight.e: expected an event or its name; found 3"),
+    ('f.event("e", when=k.x > 1, arm=3)', "event flight.e takes events by handle or name; found 3"),
     ('f.event("e", when=k.x > 1, do=print)', "flight's events are data"),
     ('f.event("e", when=k.x > 1, set=[f.watch(f.flags).x])', "set takes pairs of a field and a value"),
     ('f.event("e", when=k.x > 1, set=[(f.watch(f.flags).x, 3 * s)])', "flight.flags.x"),
@@ -102,7 +107,8 @@ CASES = [
     ("f.reset_by(f.noise.hint)", "flight.reset_by: expected an input of a module of this process, a ComputerReset"),
     # What the tables do not have, after the script.
     ('f.mode("more", [])', "the script does not make, at its place, the mode flight.more", THERE),
-    ('f.event("more", when=k.x > 1, enter=work)', "the script does not make, at its place, the event flight.more", THERE),
+    ('f.event("more", when=k.x > 1, enter=work)',
+     "the script does not make, at its place, the event flight.more", THERE),
 ]
 
 
