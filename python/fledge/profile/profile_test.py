@@ -83,6 +83,23 @@ def test_what_grows_is_found(tmp_path, monkeypatch, capsys, text, wrong):
         assert re.search(f"fledge: planted: {one}", said) and re.search(f"planted: {one}", page), said
 
 
+@needs_valgrind
+def test_a_script_that_allocates_in_the_loop_is_found(tmp_path, capsys):
+    if TARGETS["micropython"].missing():
+        pytest.skip("micropython is not installed")
+    mission = tmp_path / "careless"
+    shutil.copytree(build.ROOT / "missions/inertial_spin", mission)
+    text = (mission / "flight.py").read_text()
+    spin = "f.spin     = fsw.InertialSpin("
+    assert text.count(spin) == 1
+    (mission / "flight.py").write_text(text.replace(spin, f"{spin}update=careless, ").replace("def build(f):", (
+        "def careless(m, t, dt):\n    pair = [t, dt]\n    m.publish(m.reference)\n\n\ndef build(f):")))
+    assert cli.main(["profile", str(mission), "--free", "--for", "15s", "--on", "micropython", "--out",
+                     str(tmp_path / "out")]) == 1
+    said = capsys.readouterr().err
+    assert re.search(r"^fledge: micropython: its loop allocates: \d+ requests in 31 cycles$", said, re.MULTILINE), said
+
+
 def flight(instructions, heap, **more):
     return Profile("x", "", 30, instructions=list(enumerate(instructions)), heap=list(enumerate(heap)), **more)
 
