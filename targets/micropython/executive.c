@@ -529,7 +529,7 @@ void executive_arm(uint16_t event, int on)
 
 void executive_changed(uint16_t place)
 {
-    if (executive.composed && !executive.modules[place].scheduled) {
+    if (executive.composed && executive.modules != NULL && !executive.modules[place].scheduled) {
         executive.modules[place].changed = executive.changed = 1u;
     }
 }
