@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Conditions of events as data: comparisons, joined by and, or, not in postfix order. The exported C of a mission writes
- * them out as expressions (python/fledge/export/c_condition.py). */
+/* Conditions of events as data: comparisons, joined by and, or, not in postfix order. The exported C of a mission
+ * writes them out as expressions (python/fledge/export/c_condition.py). */
 #ifndef FLIGHT_EXEC_CONDITION_H
 #define FLIGHT_EXEC_CONDITION_H
 

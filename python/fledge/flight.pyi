@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 # The types of the flight modules and messages. The build writes them from the headers.
+from typing import Any
+
 from _fledge_flight import *
 from _project_flight import *
 
 PYRAMID: list[list[float]]
+TYPES: dict[str, Any]

@@ -29,6 +29,17 @@ static void say_line(const char *text)
     leon3_say("\n");
 }
 
+/* As targets/linux says it: tick:used:peak, and a space. */
+static void say_mark(uint32_t tick, MissionHeap heap)
+{
+    leon3_say_number(tick);
+    leon3_say(":");
+    leon3_say_number((uint32_t)heap.used);
+    leon3_say(":");
+    leon3_say_number((uint32_t)heap.peak);
+    leon3_say(" ");
+}
+
 int main(void)
 {
     Tick tick;
@@ -44,14 +55,18 @@ int main(void)
         say_line(fledge_mission.failure());
         return 1;
     }
+    const MissionHeap begun = fledge_mission.heap != NULL ? fledge_mission.heap() : (MissionHeap){0u, 0u};
     const RegisterWindow *clock = place_windows();
+    uint32_t ticks = 0u;
     leon3_watch();
     recorder_resume();
     while (!register_clock_stopped(clock)) {
         if (register_clock_due(clock, &tick)) {
             mission_host_exchange(&fledge_mission, windows, tick.t, &counts);
             register_clock_finish(clock);
+            ticks++;
             if (tick.t < 0) {
+                ticks = 0u;
                 recorder_begin(&fledge_mission, TARGET);
             } else {
                 recorder_take(&fledge_mission, tick.t, TARGET);
@@ -61,6 +76,13 @@ int main(void)
         }
     }
     const int status = recorder_end(&counts);
+    if (fledge_mission.heap != NULL) {
+        const MissionHeap heap = fledge_mission.heap();
+        leon3_say("heap ");
+        say_mark(0u, begun);
+        say_mark(ticks, heap);
+        leon3_say("\n");
+    }
     if (fledge_mission.figures != NULL) {
         fledge_mission.figures(say_line);
     }

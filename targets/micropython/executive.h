@@ -33,8 +33,8 @@ void executive_publish(uint16_t block, int64_t t);
 void executive_arm(uint16_t event, int on);
 void *executive_parameters(uint16_t block);
 
-/** Print what the script composed, a line at a time. Names are without "flight."; those of one kind come in the order of
- *  flight.py, if not said otherwise:
+/** Print what the script composed, a line at a time. Names are without "flight."; those of one kind come in the order
+ *  of flight.py, if not said otherwise:
  *
  *     module NAME TYPE              of each module, and then its memory after the reset at 0:
  *     bytes NAME OFFSET HEX         at most 32 bytes as they lie in memory, unless all are zero
@@ -51,9 +51,9 @@ void *executive_parameters(uint16_t block);
  *     arms EVENT EVENT, disarms EVENT EVENT
  *     sets EVENT MODULE+OFFSET HEX  at most 32 bytes
  *     when EVENT PART, until EVENT PART     the parts of its conditions in postfix order: & or | or ~ or
- *                                   OPERAND RELATION OPERAND. An operand is MODULE+OFFSET:MEASURE, as in control+96:norm,
- *                                   a double by its bits, 0x3ff0000000000000, or in decimal a whole number that no double
- *                                   represents
+ *                                   OPERAND RELATION OPERAND. An operand is MODULE+OFFSET:MEASURE, as in
+ *                                   control+96:norm, a double by its bits, 0x3ff0000000000000, or in decimal a whole
+ *                                   number that no double represents
  *     reset MODULE+OFFSET DOWN      [ns] the input that resets the computer
  *     heap USED PEAK SIZE           [bytes] of the arena */
 void executive_describe(void (*line)(const char *text));

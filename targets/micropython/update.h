@@ -11,7 +11,7 @@
 #include "targets/micropython/executive.h"
 #include "targets/micropython/objects.h"
 
-enum { UPDATE_TURNS = 10000 }; /* of loops and returns of functions in one update, if a script says nothing else */
+enum { UPDATE_TURNS = 5000 }; /* of loops and returns of functions in one update, if a script says nothing else */
 
 /** A module with functions of the script has its place: the executive calls them from now on. */
 void update_install(ScriptRoot *module);

@@ -199,6 +199,8 @@ def _fly(options, job, runs, bounds):
                          digest(archive, part.outputs, part.is_instant), text))
     for line in table.lines(rows):
         say("  " + line)
+    for line in table.scripts(rows):
+        say("  " + line)
     say(f"  records  {', '.join(map(str, archives))}")
     for text in wrong:
         say(f"  script   {text}")

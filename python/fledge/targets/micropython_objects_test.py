@@ -21,6 +21,9 @@ from fledge.export.write import write_files
 from fledge.objects.testing import kinds
 from fledge.targets import build, micropython_toolchain
 
+# Macros of MicroPython shift negative numbers, and its exceptions leave frames on the stack without a word.
+SANITIZE = ["-fsanitize=address,undefined", "-fno-sanitize-recover=undefined", "-fno-sanitize=shift-base",
+            "--param", "asan-stack=0"]
 CASES, SEED = int(os.environ.get("FLEDGE_CASES", "600")), int(os.environ.get("FLEDGE_SEED", "1"))
 
 PRELUDE = """
@@ -86,9 +89,11 @@ def run(types, tmp_path_factory):
     roots = [folder, kinds_folder, build.ROOT]
     program = build.program(
         folder / "program", "every",
-        [build.ROOT / "targets/micropython/testing/objects.c", *folder.glob("every*.c"),
+        [build.ROOT / "targets/micropython/testing/objects.c", *micropython_toolchain.PORT.glob("*.c"),
+         *folder.glob("every*.c"),
          *build.module_sources(mission, roots), *build.math_sources(), *(build.ROOT / one for one in build.COMMAND)],
-        roots, library.compiler, library.flags, [library.archive, "-no-pie", "-lm"])
+        roots, library.compiler, [*library.flags, "-std=gnu99", *SANITIZE],
+        [*SANITIZE, library.archive, "-no-pie", "-lm"])
 
     def run(text):
         (folder / "script.py").write_text(PRELUDE + text)

@@ -102,12 +102,15 @@ def test_the_computer_is_down_for_its_time_and_then_begins_anew(at, down, tmp_pa
                     sequence[at_once & (sequence > 0)].tolist())) == rows, name
 
 
-def test_a_target_is_reset_as_the_desktop_is(tmp_path, capsys):
+@pytest.mark.parametrize("target", [pytest.param(name, marks=pytest.mark.skipif(
+    bool(TARGETS[name].missing()), reason="it is not installed")) for name in (
+        "linux", "micropython", "leon3-micropython")])
+def test_a_target_is_reset_as_the_desktop_is(target, tmp_path, capsys):
     at, down = CASES[2]
     folder, out = mission(tmp_path / "resets", at, down), tmp_path / "out"
-    assert cli.main(["fly", str(folder), "--for", "40s", "--on", "linux", "--out", str(out)]) == 0, \
+    assert cli.main(["fly", str(folder), "--for", "40s", "--on", target, "--out", str(out)]) == 0, \
         capsys.readouterr()
-    record = Archive(out / "linux.mcap")
+    record = Archive(out / f"{target}.mcap")
     for name, rows in expected(at, down, 40_000).items():
         times, sequence = (record[f"{name}.head.{field}"] for field in ("t", "sequence"))
         assert dict(zip((times // 1_000_000)[sequence > 0].tolist(), sequence[sequence > 0].tolist())) == rows, name

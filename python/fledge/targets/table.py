@@ -26,6 +26,18 @@ def lines(rows: Iterable[tuple[str, Flown | None, str, str]]) -> list[str]:
     return columns(cells)
 
 
+def scripts(rows: Iterable[tuple[str, Flown | None, str, str]]) -> list[str]:
+    """Lines about the scripts of targets that have one: the heap, and the updates in Python."""
+    found = []
+    for name, flown, _, _ in rows:
+        if flown and flown.heap:
+            start, end, most = flown.heap
+            found.append(f"heap     {name}: {size(start)} after the start, at most {size(most)}; "
+                         + (f"flat for {flown.steps} steps" if start == end else f"IT GREW to {size(end)}"))
+        found += [f"script   {name}: {line}" for line in (flown.script if flown else ())]
+    return found
+
+
 def cpu(seconds: float | None) -> str:
     if seconds is None:
         return "-"

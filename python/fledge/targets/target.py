@@ -29,6 +29,8 @@ class Flown:
     memory: int | None = None
     saturated: int = 0      # numbers that were limited to the range of their words, on either side
     lost: int = 0           # packets that a full queue refused or dropped, or that a newer one replaced unseen
+    heap: tuple[int, int, int] | None = None    # [bytes] of a script: used at the start, at the end, at most
+    script: tuple[str, ...] = ()                # what its own updates did, a line each
 
 
 class Target:
@@ -87,7 +89,16 @@ class Target:
         code, memory = self.sizes(built)
         return Flown(record, int(figures["ticks"]), float(figures["cpu_ns"]) / 1e9, "emulated" if self.emulated else "",
                      code, memory, *(sum(int(figures.get(k, 0)) for k in keys) for keys in (
-                         ("saturated", "outside_saturated"), ("lost", "skipped", "outside_skipped"))))
+                         ("saturated", "outside_saturated"), ("lost", "skipped", "outside_skipped"))),
+                     heap=_heap(figures.get("heap", "")),
+                     script=tuple(f"{key} {text}" for key, text in figures.items() if "of the script" in text
+                                  or key.endswith(".failure")))
+
+
+def _heap(marks):
+    """(used at the start, at the end, at most) of marks "tick:used:peak ..."."""
+    found = [tuple(map(int, mark.split(":"))) for mark in marks.split()]
+    return (found[0][1], found[-1][1], found[-1][2]) if found else None
 
 
 def fly(job: Job, on: Mapping[str, Target], name: str, timeout: float = 60.0) -> dict[str, Flown]:

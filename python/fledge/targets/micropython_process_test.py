@@ -36,7 +36,8 @@ THERE = "only where it flies"    # the desktop does not refuse it, or only when 
 
 CASES = [
     ("f.connect(f.noise.kinds >> f.sink.kinds)", "flight.noise.kinds >> flight.sink.kinds: the input is wired already"),
-    ("f.connect(f.noise.kinds >> f.other.hint, 3)", "flight.connect: expected wires, as in a.output >> b.input; found 3"),
+    ("f.connect(f.noise.kinds >> f.other.hint, 3)",
+     "flight.connect: expected wires, as in a.output >> b.input; found 3"),
     ("f.connect(fsw.Noise().kinds >> f.other.hint)", "give both modules their names first"),
     ("f.connect((f.noise.kinds >> f.other.hint).latency(1))", "a latency is for wires between processes", THERE),
     ('f.task("empty", every=1, run=[])', "task flight.empty runs nothing"),
@@ -53,13 +54,15 @@ CASES = [
     ('f.mode("idle", [])', "mode flight.idle: it is already there"),
     ('f.mode("task", [])', "mode flight.task: this name is taken by the process itself"),
     ('f.start_in("nothing")', "there is no mode nothing; the process has idle, work"),
-    ('f.event("e", when=3, enter=work)', "event flight.e: when takes a condition, as in watch(port).field < 1; found 3"),
+    ('f.event("e", when=3, enter=work)',
+     "event flight.e: when takes a condition, as in watch(port).field < 1; found 3"),
     ('f.event("e", when=k.x > 1, until=2, enter=work)', "event flight.e: until takes a condition"),
     ('f.event("e", when=k.x > 1)', "event flight.e does nothing"),
     ('f.event("e", when=k.x > 1, enter=work, count=0)', "event flight.e: the count must be >= 1"),
     ('f.event("e", when=k.x > 1, enter=work, hold=-1 * s)', "event flight.e: hold must be >= 0"),
     ('f.event("e", when=k.x > 1, until=k.x < 0, once=True, enter=work)', "leave out until"),
-    ('f.event("e", when=k.x > 1, enter="nothing")', "event flight.e enters the mode nothing; the process has idle, work"),
+    ('f.event("e", when=k.x > 1, enter="nothing")',
+     "event flight.e enters the mode nothing; the process has idle, work"),
     ('f.event("e", when=k.x > 1, enter=work, modes=["idle", "x"])', "event flight.e looks in the mode x"),
     ('f.event("e", when=k.x > 1, arm=3)', "event flight.e: expected an event or its name; found 3"),
     ('f.event("e", when=k.x > 1, do=print)', "flight's events are data"),
@@ -102,7 +105,8 @@ CASES = [
     ("f.reset_by(f.noise.hint)", "flight.reset_by: expected an input of a module of this process, a ComputerReset"),
     # What the tables do not have, after the script.
     ('f.mode("more", [])', "the script does not make, at its place, the mode flight.more", THERE),
-    ('f.event("more", when=k.x > 1, enter=work)', "the script does not make, at its place, the event flight.more", THERE),
+    ('f.event("more", when=k.x > 1, enter=work)',
+     "the script does not make, at its place, the event flight.more", THERE),
 ]
 
 
