@@ -91,9 +91,9 @@ int main(int argc, char **argv)
     const RegisterWindow *clock = &windows[mission_io_clock(io)];
     int attached = 0, open = 1, turns = 0;
     while (attached ? register_file_peer_lives(&file) : turns++ < PATIENCE) {
-        struct pollfd input = {.fd = open ? STDIN_FILENO : -1, .events = POLLIN};
         attached = attached || register_file_peer_lives(&file);
-        if (poll(&input, 1, TURN_MS) > 0 && attached && !pass_commands()) {
+        struct pollfd input = {.fd = attached && open ? STDIN_FILENO : -1, .events = POLLIN};
+        if (poll(&input, 1, TURN_MS) > 0 && !pass_commands()) {
             open = 0;
             register_clock_stop(clock);
         }

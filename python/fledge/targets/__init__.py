@@ -9,6 +9,7 @@
     leon3.py      the targets on a LEON3 board; leon3_toolchain.py has its compiler and C library
     console.py    a program that flies by this machine's clock and takes commands
     micropython.py  the targets whose interpreter composes the mission; micropython_toolchain.py builds the interpreter
+    procedures.py sends a file to flight, which runs it as a procedure
     loop.py       the programs of one flight: controller, world, and the node of the target's board
     table.py      the table that `fledge fly` prints
 """
@@ -18,9 +19,10 @@ from fledge.targets.cfs import Cfs, RealCfs
 from fledge.targets.leon3 import Leon3, Leon3Cfs, Leon3Qemu
 from fledge.targets.micropython import (Leon3MicroPython, Leon3MicroPythonQemu, MicroPython,
                                         MicroPythonDevelopment)
+from fledge.targets.procedures import procedure
 from fledge.targets.target import TARGETS, Flown, Target, fly
 
 TARGETS |= {one.name: one for one in (Cfs(), Leon3(), Leon3Qemu(), Leon3Cfs(), MicroPython(),
                                       MicroPythonDevelopment(), Leon3MicroPython(), Leon3MicroPythonQemu())}
 
-__all__ = ["TARGETS", "Flown", "Job", "Part", "RealCfs", "Target", "fly"]
+__all__ = ["TARGETS", "Flown", "Job", "Part", "RealCfs", "Target", "fly", "procedure"]

@@ -114,7 +114,6 @@ class Console:
             if getattr(one, "sequence", None) == sequence and (is_answer(one) or _refused(one)):
                 return
 
-
     def _send(self, packets):
         with contextlib.suppress(BrokenPipeError):      # the relay has ended: what is heard ends, too
             self.outside.stdin.write("".join(f"{packet.hex()}\n" for packet in packets))
