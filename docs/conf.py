@@ -44,8 +44,8 @@ html_theme_options = {"sidebar_hide_name": False}
 CHAPTERS = {
     "Begin": ["docs/tutorial", "docs/guide", "docs/existing-code", "docs/debugging", "docs/glossary"],
     "Several programs": ["docs/cosim", "Co-simulation, inside <cosim/README>", "registers/README"],
-    "Targets": ["docs/export", "docs/targets", "docs/avionics", "docs/leon3", "docs/leon3-debugging",
-                "docs/cfs", "targets/cfs/README", "record/README"],
+    "Targets": ["docs/export", "docs/targets", "docs/profiling", "docs/avionics", "docs/leon3", "docs/leon3-debugging",
+                "docs/micropython", "docs/cfs", "targets/cfs/README", "record/README"],
     "Models and missions": ["docs/environment", "docs/accuracy", "docs/references", "missions/README"],
     "Reference": [f"{REFERENCE}/{page}" for page in (
         "flight-modules", "flight-messages", "world-models", "world-messages", "python", "nodes")],

@@ -112,8 +112,19 @@ def test_the_guide_shows_what_fledge_prints(tmp_path):
     assert (tmp_path / "runs/imager/acquire/band.png").stat().st_size > 10_000
 
 
+@pytest.mark.skipif(not shutil.which("valgrind"), reason="valgrind is not installed")
+@pytest.mark.skipif(os.environ.get("FLEDGE_PRESET") == "asan", reason="Valgrind does not share a process with it")
+def test_flight_is_profiled(tmp_path):
+    assert follow("profiling.md", Shell(tmp_path)) == 2
+    assert (tmp_path / "runs/nadir_spin/profile/profile.html").stat().st_size > 10_000
+
+
 def test_existing_code_is_wrapped_and_flown(tmp_path):
     assert follow("existing-code.md", Shell(tmp_path)) >= 6
+
+
+def test_a_mission_flies_under_micropython(tmp_path):
+    assert follow("micropython.md", Shell(tmp_path)) == 4
 
 
 @pytest.mark.skipif(not shutil.which("mcs"), reason="mono-mcs is not installed")

@@ -477,8 +477,7 @@ int64_t executive_next(void)
 {
     int64_t t = INT64_MAX;
     for (const ExecutiveTask *task = executive.tasks; task != NULL; task = task->next) {
-        const int asked = executive.asked != executive.current && runs_in(task, executive.asked);
-        t = exec_sooner(t, exec_next(&task->state, task->rate, asked, executive.t));
+        t = exec_sooner(t, exec_next(&task->state, task->rate, runs_in(task, executive.asked), executive.t));
     }
     return t;
 }
@@ -530,7 +529,7 @@ void executive_arm(uint16_t event, int on)
 
 void executive_changed(uint16_t place)
 {
-    if (executive.composed && !executive.modules[place].scheduled) {
+    if (executive.composed && executive.modules != NULL && !executive.modules[place].scheduled) {
         executive.modules[place].changed = executive.changed = 1u;
     }
 }
@@ -568,6 +567,11 @@ void executive_init(void)
         link_wires();
         for (uint16_t i = 0u; i < fledge_script.n_places; i++) {
             executive.modules[i].differs = (uint8_t)differs(&fledge_script.places[i]);
+            if (executive.modules[i].differs) {
+                telemetry_text(
+                    &executive_texts, -1, TELEMETRY_SCRIPT, 0u, 0u,
+                    wrong("", fledge_script.places[i].name, ": its parameters are not those of the desktop"));
+            }
         }
     }
     executive.composed = 1u;

@@ -267,7 +267,7 @@ struct Composition {
         work.name = "work";
         work.n = 1;
         work.tasks = working;
-        wires[0] = {nullptr, offsetof(Mission, constant.out.y), offsetof(Mission, second.in.a), sizeof(Number), 0};
+        wires[0] = {nullptr, offsetof(Mission, constant.out.y), offsetof(Mission, second.in.a), sizeof(Number), 5};
         wires[1] = {nullptr, offsetof(Mission, first.out.y), offsetof(Mission, third.in.a), sizeof(Number), 0};
         high.relation = EXEC_GREATER;
         high.of.operands[0] = element(offsetof(Mission, third.out.y.x));
@@ -304,6 +304,7 @@ struct Composition {
         }
         memory.constant.par.value = 1.5;
         memory.first.par.gain = 10.0;
+        executive_changed(0); // while it composes: not for the first instant
         executive_add_wire(&wires[0]);
         executive_add_wire(&wires[1]);
         executive_add_task(&fast);
@@ -398,6 +399,50 @@ TEST_F(Composed, RunsTasksOfHigherPriorityFirst)
     EXPECT_EQ(happened, (Names{"reset second", "second", "first", "third"}));
 }
 
+TEST_F(Composed, RunsTasksOfEqualPriorityInTheirOrder)
+{
+    made = std::make_unique<Composition>();
+    made->slow.priority = 0;
+    made->slow.rate.offset = 0;
+    executive_init();
+    executive_enter(1);
+    tick(1.0);
+    EXPECT_EQ(happened, (Names{"reset second", "first", "third", "second"}));
+}
+
+TEST_F(Composed, FindsTheNextTimeOfATaskOfTheRequestedMode)
+{
+    made = std::make_unique<Composition>();
+    made->fast.rate.offset = 3;
+    made->slow.rate.offset = 0;
+    executive_init();
+    executive_enter(1);
+    EXPECT_EQ(executive_next(), 0) << "before the first tick";
+    executive_enter(0);
+    EXPECT_EQ(tick(1.0), 3);
+    EXPECT_EQ(tick(1.0), 13);
+    executive_enter(1);
+    EXPECT_EQ(executive_next(), 20) << "not a time that is past";
+}
+
+TEST_F(Composed, AnEventWaitsUntilItsOtherConditionHolds)
+{
+    made = std::make_unique<Composition>();
+    made->settled.once = 0;
+    made->settled.until = &made->low;
+    executive_init();
+    for (const double x : {2.0, 2.0, 0.0, 2.0, 2.0}) {
+        tick(x);
+    }
+    EXPECT_EQ(made->settled.state.fired_at, 10);
+    EXPECT_EQ(made->settled.state.armed, -1);
+    executive_enter(0);
+    for (const double x : {-20.0, 2.0, 2.0}) {
+        tick(x);
+    }
+    EXPECT_EQ(made->settled.state.fired_at, 60);
+}
+
 TEST_F(Composed, FiresItsEventsInOrder)
 {
     tick(1.0);
@@ -435,6 +480,7 @@ TEST_F(Composed, CommandsAndTheScriptPublishConfiguration)
     executive_publish(0, 3);
     EXPECT_EQ(memory.second.in.a.x, 7.0);
     executive_publish(1, 3);
+    executive_changed(1);
     EXPECT_EQ(happened, (Names{"constant"})) << "a module of a task publishes nothing";
     memory.constant.par.value = 8.0;
     executive_changed(0);
@@ -514,6 +560,9 @@ TEST_F(Composed, NamesParametersThatDifferFromTheDesktops)
     described.clear();
     executive_describe([](const char *text) { described.emplace_back(text); });
     EXPECT_EQ(std::count(described.begin(), described.end(), "differs first"), 1);
+    const std::string text(reinterpret_cast<const char *>(executive_texts.memory) + sizeof(TelemetryText),
+                           executive_texts.used - sizeof(TelemetryText));
+    EXPECT_EQ(text, "flight.first: its parameters are not those of the desktop");
 }
 
 TEST_F(Composed, StartsAnewAfterAResetOfTheComputer)
@@ -541,6 +590,7 @@ std::string refusal(const std::function<void(Composition &)> &change)
     executive_enter(1);
     executive_arm(0, 1);
     executive_publish(0, 5);
+    executive_changed(0);
     EXPECT_EQ(executive_next(), INT64_MAX);
     described.clear();
     executive_describe([](const char *text) { described.emplace_back(text); });

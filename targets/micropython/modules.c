@@ -144,6 +144,7 @@ static const mp_rom_map_elem_t fledge_table[] = {
     {MP_ROM_QSTR(MP_QSTR_flight), MP_ROM_PTR(&flight_module)},
     {MP_ROM_QSTR(MP_QSTR_units), MP_ROM_PTR(&script_units_module)},
     {MP_ROM_QSTR(MP_QSTR_world), MP_ROM_PTR(&world_module)},
+    {MP_ROM_QSTR(MP_QSTR_Quantity), MP_ROM_PTR(&script_quantity_type)},
     {MP_ROM_QSTR(MP_QSTR_SetupError), MP_ROM_PTR(&mp_type_SetupError)},
     {MP_ROM_QSTR(MP_QSTR___getattr__), MP_ROM_PTR(&inert_named_object)}, /* Orbit and the like */
 };

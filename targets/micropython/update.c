@@ -4,7 +4,7 @@
 #include "targets/micropython/executive.h"
 #include "targets/micropython/script.h"
 
-#include "py/runtime.h"
+#include <py/runtime.h>
 
 #include <string.h>
 

@@ -28,9 +28,10 @@ def add(command: Callable) -> None:
     one.add_argument("scenario", nargs="?", help="its set-up and duration count; default: the mission's first")
     one.add_argument("--free", action="store_true", help="without a scenario; with --for")
     one.add_argument("--on", default="desktop,linux", metavar="TARGETS", help="of desktop, linux, aarch64, sparc64, "
-                     "cfs, leon3, leon3-qemu, leon3-cfs; default: desktop,linux. The desktop always flies, because the "
-                     "others are compared with it. chief=cfs,deputy=leon3: one run, with a target for each of these "
-                     "flight processes; all others on the desktop's code")
+                     "cfs, leon3, leon3-qemu, leon3-cfs, micropython, leon3-micropython, leon3-micropython-qemu; "
+                     "default: desktop,linux. The desktop always flies, because the others are compared with it. "
+                     "chief=cfs,deputy=leon3: one run, with a target for each of these flight processes; all others on "
+                     "the desktop's code")
     one.add_argument("--for", dest="duration", metavar="DURATION", help="fly only so long (90s, 10min, 2h)")
     one.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
     one.add_argument("--board", nargs="+", default=[], metavar="FILE", help="boards that the messages pass, as "
@@ -41,6 +42,9 @@ def add(command: Callable) -> None:
     one.add_argument("--settled", metavar="DURATION", help="the time from which --within holds; default: the beginning")
     one.add_argument("--cfs", metavar="DIR", help="with --on cfs: build and fly in a copy of this cFS tree, instead of "
                      "on the pocket cFE")
+    one.add_argument("--clock", action="store_true", help="fly one process in real time, by the clock of this machine, "
+                     "with the inputs of the desktop's flight; print and plot how late it woke and how long a cycle "
+                     "took; with --for")
     one.add_argument("--report", action="store_true", help="also write the plots and a page about the run on each "
                      "target, as run does")
     tools = one.add_argument_group("on one leon3 or leon3-cfs (docs/leon3-debugging.md)")
@@ -78,6 +82,8 @@ def fly(options: argparse.Namespace) -> int:
     settled = parse_duration(options.settled) if options.settled else 0.0
     if not duration and options.duration:
         raise Failure("--for: fly longer than 0 s")
+    if options.clock and not duration:
+        raise Failure("--clock: give a duration with --for; each second takes one")
     part = options.build or options.join is not None       # then the duration does not matter
     if options.free and (options.scenario or not (duration or part)):
         raise Failure("fly: --free is without a scenario, and needs --for")
@@ -87,6 +93,8 @@ def fly(options: argparse.Namespace) -> int:
         job.part(process)
     others = [(one, targets[name]) for name in names if name != "desktop" for one in job.parts]
     others += [(job.part(process), targets[name]) for process, name in apart.items() if name != "desktop"]
+    if options.clock and len(others) != 1:
+        raise Failure(f"--clock: name one target of one flight process with --on; found {len(others)}")
     if options.join is not None and len(others) != 1:
         several = f", as in {job.parts[0].process}=linux" if len(job.parts) > 1 else ""
         raise Failure(f"--join: name one target with --on{several}; found {len(others)}")
@@ -104,6 +112,8 @@ def fly(options: argparse.Namespace) -> int:
     with alone(job.folder):
         if options.build:
             return _build(job, others)
+        if options.clock:
+            return _clock(job, others)
         if options.join is not None:
             return _join(job, *others[0], options.join, options.keys)
         runs = {name: {one.process: targets[name] for one in job.parts} for name in names if name != "desktop"}
@@ -239,6 +249,31 @@ def _build(job, others):
         name = f"{part.process} on {target.name}" if len(job.parts) > 1 else target.name
         say(f"  {name:8}  {built}  {table.size(code)} of code, {table.size(memory)} of memory")
     return 0
+
+
+def _clock(job, others):
+    import dataclasses
+    import json
+
+    from fledge.cli.console import say
+    from fledge.columns import columns
+    from fledge.export.write import write_files
+    from fledge.plot import save
+    from fledge.targets import TARGETS, clock
+
+    (part, target), = others
+    paced = clock.fly(target, part, TARGETS["desktop"].fly(job)[part.process].record)
+    title = f"{job.title}, {job.duration:g} s by the clock, on {target.name}"
+    say(f"{title}\n  scheduling  {paced.scheduling}\n  memory      {paced.memory}; page faults in the loop: "
+        f"{paced.faults}\n  cycles      {paced.cycles}, of which {paced.overruns} ended after the next should begin")
+    for line in columns(paced.lines(), right={1, 2, 3, 4}):
+        say("  " + line)
+    files = write_files({f"{target.name}_clock.json": json.dumps(dataclasses.asdict(paced), indent=1) + "\n"},
+                        part.folder)
+    say(f"  outputs     {'as on the desktop' if paced.same else 'NOT as on the desktop'}\n"
+        f"  figures     {files[0]}\n"
+        f"  plot        {save(clock.plot(paced, title), part.folder, f'{target.name}_clock')}")
+    return 0 if paced.same else 1
 
 
 def _join(job, part, target, address, keys):

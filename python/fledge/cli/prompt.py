@@ -14,7 +14,7 @@ TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-HELP = """A line is Python, which flight evaluates at its next instant: f.control.K; f.control.K = 3; f.enter("science").
+HELP = """A line is Python, which flight evaluates at its next instant: f.control.K; f.control.K = 3.
 :run FILE    send a procedure, and start it
 :stop        stop it
 :help        print this

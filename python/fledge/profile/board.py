@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING, Any
 from fledge.emulator import Board
 from fledge.profile import code
 from fledge.profile.measure import Profile
-from fledge.targets import build
-from fledge.targets import leon3_toolchain as toolchain
 from fledge.targets.leon3 import read_board
 
 if TYPE_CHECKING:
@@ -35,8 +33,10 @@ def measure(target: Any, part: Part, record: Path) -> Profile:
     stack: list[tuple[int, int]] = []
     memory = Memory(board)
     outputs: list[tuple[int, bytes]] = []
+    crossing = [one for id, one in enumerate(part.mission.outputs, len(part.mission.inputs))
+                if board._link.carries(id)]
     views = [getattr(board.sim.process(part.process).instances[name], port) for name, port in
-             (one.path.split(".")[1:] for one in part.mission.outputs)]
+             (one.path.split(".")[1:] for one in crossing)]
     tick, exchange = flight.tick, flight.exchange
     every = max(1, len(part.instants) // MARKS)
 
@@ -65,10 +65,10 @@ def measure(target: Any, part: Part, record: Path) -> Profile:
     clock = read_board(target.board)["clock"]
     link = board._link
     found = Profile(target.name, "the emulator, in the closed loop", n, code=parts, static=static,
-                    executable=build.sizes(built, toolchain.SIZE)[0],
+                    executable=sum(parts.values()),
                     time={"mean": link.cycles / link.ticks / clock}, time_of="simulated, from tick to answer")
     with Archive(record) as archive:
-        found.same = _same(archive, part, outputs)
+        found.same = _same(archive, crossing, outputs)
     found.total_instructions = after[-1]
     # The first cycle also begins the record: what that takes belongs to the start.
     found.init_instructions = after[0] + steps[0] - steps[1]
@@ -76,6 +76,8 @@ def measure(target: Any, part: Part, record: Path) -> Profile:
     found.instructions = [(i, sum(steps[i:i + every]) / len(steps[i:i + every])) for i in range(0, n, every)]
     found.init_heap, found.init_stack = memory.peak or heap[0][1], stack[0][1]
     found.heap = [(cycle, bytes_) for cycle, bytes_ in heap[1:]]
+    if memory.refused:      # under the lock no request succeeds
+        found.allocations = sum(one != memory.refused[0] for one in memory.refused)
     found.loop_heap = max((one for _, one in heap[1:]), default=None)
     found.loop_stack = max((one for _, one in stack[1:]), default=None)
     return found
@@ -86,6 +88,7 @@ class Memory:
 
     def __init__(self, board: Any) -> None:
         self.board, self.peak = board, 0
+        self.refused: list[int] = []    # [bytes] of the last request that the lock refused, at each mark under it
         symbols = board.core.symbols()
         self.arena, self.sbrk = "arena_in_use" in symbols, "heap_end" in symbols
 
@@ -97,9 +100,11 @@ class Memory:
         used = self.word("heap_end") - self.board.address("leon3_heap") if self.sbrk else 0
         arena = self.word("arena_in_use") if self.arena else 0
         if arena:       # targets/micropython/arena.h
-            _, _, now, peak = struct.unpack(">4I", self.board.peek(arena, 16))
+            _, _, now, peak, locked, wanted = struct.unpack(">6I", self.board.peek(arena, 24))
             self.peak = self.peak or used + peak
             used += now
+            if locked:
+                self.refused.append(wanted)
         return used
 
     def stack(self) -> int:
@@ -110,10 +115,10 @@ class Memory:
         return high - low - 4 * unused
 
 
-def _same(archive, part, outputs):
-    """Whether these outputs are those of a record, at all instants of flight."""
+def _same(archive, messages, outputs):
+    """Whether these outputs, all messages at each instant, are those of a record."""
     expected: dict[int, bytes] = {}
-    for one in part.mission.outputs:
+    for one in messages:
         topic = f"/{one.path.replace('.', '/')}"
         for t, row in zip(archive.time_ns(topic).tolist(), archive[topic]):
             expected[t] = expected.get(t, b"") + row.tobytes()

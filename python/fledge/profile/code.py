@@ -55,8 +55,7 @@ def part_of(file: str, sources: dict[str, str]) -> str:
         return found or ("modules" if "/flight/" in inside else TABLES)
     archive, _, member = file.partition("(")
     if "micropython" in archive:        # the interpreter and our part of it, in one library
-        ours = {path.stem for path in (build.ROOT / "targets/micropython").glob("*.c")}
-        return EXECUTIVE if re.split(r"[.)]", member)[0] in ours else INTERPRETER
+        return EXECUTIVE if member.startswith("micropython_") else INTERPRETER
     return LIBRARY
 
 

@@ -8,6 +8,8 @@
     cfs.py        the target that is an app of the core Flight System
     leon3.py      the targets on a LEON3 board; leon3_toolchain.py has its compiler and C library
     console.py    a program that flies by this machine's clock and takes commands
+    inputs.py     what flight reads on the desktop, as a file that a process plays
+    clock.py      a process by the machine's clock, with histograms
     micropython.py  the targets whose interpreter composes the mission; micropython_toolchain.py builds the interpreter
     procedures.py sends a file to flight, which runs it as a procedure
     loop.py       the programs of one flight: controller, world, and the node of the target's board

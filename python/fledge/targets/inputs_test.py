@@ -1,13 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the desktop's flight reads, played from a file: the same bits, with commands, and without the world."""
+import json
+import re
+import shutil
 import struct
 import subprocess
 
 import pytest
 
+from fledge import cli
 from fledge.archive import Archive
 from fledge.archive.compare import compare
-from fledge.targets import TARGETS, Job, inputs
+from fledge.targets import TARGETS, Job, build, clock, inputs
+from fledge.targets.table import cpu
 
 FREE = {"duration": 30.0, "free": True}
 
@@ -52,7 +57,11 @@ def test_other_inputs_give_other_outputs(captured, tmp_path):
 
 
 def test_commands_play_at_their_instants(tmp_path):
-    job = Job("two_body_pointing", folder=tmp_path)
+    mission = tmp_path / "stiffer"
+    shutil.copytree(build.ROOT / "missions/nadir_spin", mission)
+    (mission / "scenarios.py").write_text("def stiffer(sim):\n    sim.run(5)\n    sim.flight.control.K = 5.0\n"
+                                          "    sim.run(5)\n")
+    job = Job(str(mission), folder=tmp_path)
     part = job.parts[0]
     record = TARGETS["desktop"].fly(job)[part.process].record
     instants = inputs.capture(part, record)
@@ -84,3 +93,39 @@ def test_a_damaged_file_is_refused(job, tmp_path, content, wrong):
 def test_a_file_that_is_not_there(job, tmp_path):
     done = play(job.parts[0], tmp_path / "none")
     assert (done.returncode, done.stderr) == (1, f"nadir_spin: {tmp_path / 'none'}: No such file or directory\n")
+
+
+# --- by the machine's clock ------------------------------------------------------------------------
+
+@pytest.mark.parametrize("target", ["linux", "micropython"])
+def test_a_flight_by_the_clock_is_reported(tmp_path, capsys, target):
+    if TARGETS[target].missing():
+        pytest.skip(f"{target} is not installed")
+    out = str(tmp_path / "out")
+    assert cli.main(["fly", "nadir_spin", "--on", target, "--clock", "--for", "1s", "--out", out]) == 0
+    said = capsys.readouterr().out
+    assert re.search(r"^  scheduling  (SCHED_FIFO 50|shared, not real-time: the system refused SCHED_FIFO)", said, re.M)
+    assert re.search(r"^  memory      (not )?locked.*; page faults in the loop: \d+$", said, re.M)
+    assert "  cycles      3, of which " in said and "  outputs     as on the desktop\n" in said
+    facts = json.loads((tmp_path / f"out/{target}_clock.json").read_text())
+    for key, name in clock.DURATIONS.items():
+        assert sum(n for _, n in facts["histograms"][key]) == 3
+        assert re.search(f"^  {name} +{cpu(facts['quantiles'][key]['least'] / 1e9)} ", said, re.M)
+    assert (tmp_path / f"out/{target}_clock.png").stat().st_size > 10_000
+
+
+def test_bins_of_a_histogram_have_their_width():
+    # As TEST(Pace, ...): eight bins in each power of two, one nanosecond wide below 8 ns.
+    assert [clock._width(end) for end in (0, 7, 8, 15, 17, 31, 1023, 1151)] == [1, 1, 1, 1, 2, 2, 64, 128]
+
+
+@pytest.mark.parametrize("arguments, wrong", [
+    (["--on", "linux"], "--clock: give a duration with --for; each second takes one"),
+    (["--on", "sparc64", "--for", "1s"], "--clock: sparc64 does not run by the clock of this machine"),
+    (["--on", "desktop", "--for", "1s"], "--clock: name one target of one flight process with --on; found 0"),
+    (["--on", "linux,sparc64", "--for", "1s"], "--clock: name one target of one flight process with --on; found 2")])
+def test_only_one_process_flies_by_the_clock(tmp_path, capsys, arguments, wrong):
+    if "sparc64" in arguments[1] and TARGETS["sparc64"].missing():
+        pytest.skip("the cross compiler is not installed")
+    assert cli.main(["fly", "nadir_spin", "--clock", "--out", str(tmp_path), *arguments]) == 2
+    assert wrong in capsys.readouterr().err

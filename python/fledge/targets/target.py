@@ -220,5 +220,10 @@ class Sparc64(Aarch64):
     needs = (compiler, *runner)
 
 
+def on_this_machine(target: Target) -> bool:
+    """Whether it is a process of this machine's own kind, as valgrind and the clock need it."""
+    return target.profiled_by == "process"
+
+
 DESKTOP = Desktop()
 TARGETS = {one.name: one for one in (DESKTOP, Linux(), Aarch64(), Sparc64())}
