@@ -567,6 +567,11 @@ void executive_init(void)
         link_wires();
         for (uint16_t i = 0u; i < fledge_script.n_places; i++) {
             executive.modules[i].differs = (uint8_t)differs(&fledge_script.places[i]);
+            if (executive.modules[i].differs) {
+                telemetry_text(
+                    &executive_texts, -1, TELEMETRY_SCRIPT, 0u, 0u,
+                    wrong("", fledge_script.places[i].name, ": its parameters are not those of the desktop"));
+            }
         }
     }
     executive.composed = 1u;

@@ -17,7 +17,7 @@ extern "C" {
 
 /** Start the interpreter, run the script, check what it composed, lock the arena, begin at 0. Again after a reset of
  *  the computer: the arena begins anew. A script that fails leaves a mission without tasks; executive_failure() says
- *  why. */
+ *  why. A text of telemetry names each module whose parameters are not those of the desktop. */
 void executive_init(void);
 
 /** NULL, or why the script did not compose the mission: "flight.py, line 12: ..." */

@@ -560,6 +560,9 @@ TEST_F(Composed, NamesParametersThatDifferFromTheDesktops)
     described.clear();
     executive_describe([](const char *text) { described.emplace_back(text); });
     EXPECT_EQ(std::count(described.begin(), described.end(), "differs first"), 1);
+    const std::string text(reinterpret_cast<const char *>(executive_texts.memory) + sizeof(TelemetryText),
+                           executive_texts.used - sizeof(TelemetryText));
+    EXPECT_EQ(text, "flight.first: its parameters are not those of the desktop");
 }
 
 TEST_F(Composed, StartsAnewAfterAResetOfTheComputer)
