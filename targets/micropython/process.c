@@ -389,42 +389,52 @@ static MP_DEFINE_CONST_OBJ_TYPE(condition_type, MP_QSTR_Condition, MP_TYPE_FLAG_
 
 /* --- handles --------------------------------------------------------------------------------------- */
 
-typedef struct TaskHandle {
+typedef struct Handle {
     mp_obj_base_t base;
+    mp_obj_t name;
+} Handle;
+
+typedef struct TaskHandle {
+    Handle handle;
     ExecutiveTask task;
 } TaskHandle;
 
 typedef struct ModeHandle {
-    mp_obj_base_t base;
+    Handle handle;
     ExecutiveMode mode;
 } ModeHandle;
 
 typedef struct EventHandle {
-    mp_obj_base_t base;
+    Handle handle;
     ExecutiveEvent event;
 } EventHandle;
 
 #define HANDLE(Type, member, record) ((Type *)(void *)((char *)(record)-offsetof(Type, member)))
 
-static mp_obj_t new_text(const char *text)
+static const mp_obj_type_t task_type, mode_type, event_type;
+
+static const char *kind_of(const mp_obj_type_t *type)
 {
-    return MP_OBJ_NEW_QSTR(qstr_from_str(text));
+    return type == &task_type ? "task" : type == &mode_type ? "mode" : "event";
 }
 
-static void task_attr(mp_obj_t self, qstr attr, mp_obj_t *dest)
+static void handle_print(const mp_print_t *print, mp_obj_t self, mp_print_kind_t kind)
+{
+    (void)kind;
+    mp_printf(print, "<%s %s>", kind_of(mp_obj_get_type(self)),
+              mp_obj_str_get_str(((Handle *)MP_OBJ_TO_PTR(self))->name));
+}
+
+static void handle_attr(mp_obj_t self, qstr attr, mp_obj_t *dest)
 {
     if (dest[0] == MP_OBJ_NULL && attr == MP_QSTR_name) {
-        dest[0] = new_text(((TaskHandle *)MP_OBJ_TO_PTR(self))->task.name);
+        dest[0] = ((Handle *)MP_OBJ_TO_PTR(self))->name;
+    } else if (dest[0] == MP_OBJ_NULL) {
+        dest[1] = MP_OBJ_SENTINEL;
     }
 }
 
-static void task_print(const mp_print_t *print, mp_obj_t self, mp_print_kind_t kind)
-{
-    (void)kind;
-    mp_printf(print, "<task %s>", ((TaskHandle *)MP_OBJ_TO_PTR(self))->task.name);
-}
-
-static MP_DEFINE_CONST_OBJ_TYPE(task_type, MP_QSTR_Task, MP_TYPE_FLAG_NONE, attr, task_attr, print, task_print);
+static MP_DEFINE_CONST_OBJ_TYPE(task_type, MP_QSTR_Task, MP_TYPE_FLAG_NONE, attr, handle_attr, print, handle_print);
 
 static mp_obj_t mode_enter(mp_obj_t self)
 {
@@ -433,25 +443,10 @@ static mp_obj_t mode_enter(mp_obj_t self)
 }
 static MP_DEFINE_CONST_FUN_OBJ_1(mode_enter_obj, mode_enter);
 
-static void mode_attr(mp_obj_t self, qstr attr, mp_obj_t *dest)
-{
-    if (dest[0] == MP_OBJ_NULL && attr == MP_QSTR_name) {
-        dest[0] = new_text(((ModeHandle *)MP_OBJ_TO_PTR(self))->mode.name);
-    } else if (dest[0] == MP_OBJ_NULL) {
-        dest[1] = MP_OBJ_SENTINEL;
-    }
-}
-
-static void mode_print(const mp_print_t *print, mp_obj_t self, mp_print_kind_t kind)
-{
-    (void)kind;
-    mp_printf(print, "<mode %s>", ((ModeHandle *)MP_OBJ_TO_PTR(self))->mode.name);
-}
-
 static const mp_rom_map_elem_t mode_locals_table[] = {{MP_ROM_QSTR(MP_QSTR_enter), MP_ROM_PTR(&mode_enter_obj)}};
 static MP_DEFINE_CONST_DICT(mode_locals, mode_locals_table);
 
-static MP_DEFINE_CONST_OBJ_TYPE(mode_type, MP_QSTR_Mode, MP_TYPE_FLAG_NONE, attr, mode_attr, print, mode_print,
+static MP_DEFINE_CONST_OBJ_TYPE(mode_type, MP_QSTR_Mode, MP_TYPE_FLAG_NONE, attr, handle_attr, print, handle_print,
                                 locals_dict, &mode_locals);
 
 static void event_attr(mp_obj_t self, qstr attr, mp_obj_t *dest)
@@ -460,25 +455,17 @@ static void event_attr(mp_obj_t self, qstr attr, mp_obj_t *dest)
     if (dest[0] == MP_OBJ_SENTINEL && dest[1] != MP_OBJ_NULL && attr == MP_QSTR_armed) {
         event->state.armed = mp_obj_is_true(dest[1]);
         dest[0] = MP_OBJ_NULL;
-    } else if (dest[0] != MP_OBJ_NULL) {
-        return;
-    } else if (attr == MP_QSTR_armed) {
+    } else if (dest[0] == MP_OBJ_NULL && attr == MP_QSTR_armed) {
         dest[0] = mp_obj_new_bool(event->state.armed == 1);
-    } else if (attr == MP_QSTR_fired_at) {
+    } else if (dest[0] == MP_OBJ_NULL && attr == MP_QSTR_fired_at) {
         const int64_t t = event->state.fired_at;
         dest[0] = t < 0 ? mp_const_none : mp_obj_new_float((double)t / 1e9);
-    } else if (attr == MP_QSTR_name) {
-        dest[0] = new_text(event->name);
+    } else {
+        handle_attr(self, attr, dest);
     }
 }
 
-static void event_print(const mp_print_t *print, mp_obj_t self, mp_print_kind_t kind)
-{
-    (void)kind;
-    mp_printf(print, "<event %s>", ((EventHandle *)MP_OBJ_TO_PTR(self))->event.name);
-}
-
-static MP_DEFINE_CONST_OBJ_TYPE(event_type, MP_QSTR_Event, MP_TYPE_FLAG_NONE, attr, event_attr, print, event_print);
+static MP_DEFINE_CONST_OBJ_TYPE(event_type, MP_QSTR_Event, MP_TYPE_FLAG_NONE, attr, event_attr, print, handle_print);
 
 /* A handle of a type, or a name: the name. */
 static const char *name_of(mp_obj_t handle, const mp_obj_type_t *type, const char *what)
@@ -488,16 +475,11 @@ static const char *name_of(mp_obj_t handle, const mp_obj_type_t *type, const cha
     }
     if (!mp_obj_is_type(handle, type)) {
         const mp_print_t *print = objects_error();
-        mp_printf(print, "%s: expected %s or its name; found ", what,
-                  type == &task_type   ? "a task"
-                  : type == &mode_type ? "a mode"
-                                       : "an event");
+        mp_printf(print, "%s takes %ss by handle or name; found ", what, kind_of(type));
         objects_print_found(print, handle);
         objects_raise();
     }
-    return type == &task_type   ? ((TaskHandle *)MP_OBJ_TO_PTR(handle))->task.name
-           : type == &mode_type ? ((ModeHandle *)MP_OBJ_TO_PTR(handle))->mode.name
-                                : ((EventHandle *)MP_OBJ_TO_PTR(handle))->event.name;
+    return mp_obj_str_get_str(((Handle *)MP_OBJ_TO_PTR(handle))->name);
 }
 
 /* One of several, or what stands alone; None: nothing. */
@@ -605,9 +587,10 @@ static void process_attr(mp_obj_t self, qstr attr, mp_obj_t *dest)
     }
     if (is_own(attr)) {
         if (attr == MP_QSTR_name) {
-            dest[0] = new_text(PROCESS);
+            dest[0] = MP_OBJ_NEW_QSTR(qstr_from_str(PROCESS));
         } else if (attr == MP_QSTR_active_mode) {
-            dest[0] = new_text(executive.current != NULL ? executive.current->name : "");
+            ExecutiveMode *mode = executive.current != NULL ? executive.current : executive.initial;
+            dest[0] = mode != NULL ? HANDLE(ModeHandle, mode, mode)->handle.name : MP_OBJ_NEW_QSTR(MP_QSTR_);
         } else {
             dest[1] = MP_OBJ_SENTINEL;
         }
@@ -753,6 +736,7 @@ static mp_obj_t process_task(size_t n, const mp_obj_t *args, mp_map_t *keywords)
         objects_refuse("task %s.%s %s", PROCESS, name, n_run == 0u ? "runs nothing" : "is already there");
     }
     TaskHandle *handle = mp_obj_malloc(TaskHandle, &task_type);
+    handle->handle.name = given[NAME].u_obj;
     handle->task = (ExecutiveTask){.name = name, .n = (uint16_t)n_run, .run = places};
     handle->task.rate.period = time_of(given[EVERY].u_obj, "task", name, "every");
     handle->task.rate.offset = time_of(given[OFFSET].u_obj, "task", name, "offset");
@@ -778,6 +762,7 @@ static mp_obj_t process_mode(size_t n_arguments, const mp_obj_t *args, mp_map_t 
     mp_obj_t *items;
     mp_obj_get_array(given[1].u_obj, &n, &items);
     ModeHandle *handle = mp_obj_malloc(ModeHandle, &mode_type);
+    handle->handle.name = given[0].u_obj;
     handle->mode = (ExecutiveMode){.name = name, .n = (uint16_t)n};
     handle->mode.tasks = m_new(ExecutiveTask *, n);
     Text what;
@@ -957,8 +942,10 @@ static mp_obj_t process_event(size_t n, const mp_obj_t *args, mp_map_t *keywords
                        what);
     }
     EventHandle *handle = mp_obj_malloc(EventHandle, &event_type);
+    handle->handle.name = given[NAME].u_obj;
     ExecutiveEvent *event = &handle->event;
     *event = (ExecutiveEvent){.name = name, .once = given[ONCE].u_bool, .armed = given[ARMED].u_bool};
+    event->state = event->armed ? exec_armed() : exec_disarmed();
     event->when = condition_of(given[WHEN].u_obj, what, "when");
     if (given[UNTIL].u_obj != mp_const_none) {
         event->until = condition_of(given[UNTIL].u_obj, what, "until");

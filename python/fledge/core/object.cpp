@@ -385,6 +385,12 @@ bool is_written_by_its_module(PyObject *object, const Member &member)
            !as_root(object)->instance->name.empty();
 }
 
+bool is_of_another(PyObject *object)
+{
+    PyObject *root = running() ? root_of(object) : nullptr;
+    return root && as_root(root)->instance.get() != running() && !as_root(root)->instance->name.empty();
+}
+
 PyObject *wrap(std::shared_ptr<sim::Instance> instance)
 {
     const Type *type = find_type(instance->type());

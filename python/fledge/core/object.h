@@ -96,6 +96,9 @@ PyObject *root_of(PyObject *object);
 /// Whether a field is in an output of a module or model that has a process: an assignment would have no effect.
 bool is_written_by_its_module(PyObject *object, const Member &member);
 
+/// Whether it is of another module than the one whose function in Python runs.
+bool is_of_another(PyObject *object);
+
 /// A new object for an instance. A new reference, or null with an exception set.
 PyObject *wrap(std::shared_ptr<sim::Instance> instance);
 

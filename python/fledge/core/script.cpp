@@ -6,11 +6,15 @@
 #include "core/value.h"
 #include "sim/text.h"
 
+#include <utility>
+
 namespace py = pybind11;
 
 namespace fledge::core {
 
 namespace {
+
+thread_local const sim::Instance *now_running;
 
 /// Calls a Python function with the module, at the cost of Python's lock. Copies share the function.
 class Call {
@@ -43,11 +47,13 @@ private:
     void run(py::handle m, const Tick *tick, std::initializer_list<PyObject *> arguments, const std::string &when) const
     {
         Root &root = *as_root(m.ptr());
+        const sim::Instance *const outer = std::exchange(now_running, root.instance.get());
         root.runs = true;
         root.tick = tick;
         PyObject *done = PyObject_Vectorcall(function_.get(), arguments.begin(), arguments.size(), nullptr);
         root.runs = false;
         root.tick = nullptr;
+        now_running = outer;
         if (done) {
             Py_DECREF(done);
             return;
@@ -86,6 +92,11 @@ Head *output_of(PyObject *self, PyObject *port, const char *what)
 }
 
 } // namespace
+
+const sim::Instance *running()
+{
+    return now_running;
+}
 
 PyObject *take_script(Root &root, PyObject *keywords)
 {

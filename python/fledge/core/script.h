@@ -14,6 +14,9 @@ PyObject *take_script(Root &root, PyObject *keywords);
 /// Its functions (update, reset or None), or None: a new reference.
 PyObject *script_of(const Root &root);
 
+/// The module whose function of the user's runs in this thread, or null.
+const sim::Instance *running();
+
 /// m.publish(m.reference, quality="GOOD") and m.held(m.reference)
 PyObject *publish(PyObject *self, PyObject *arguments, PyObject *keywords);
 PyObject *held(PyObject *self, PyObject *port);

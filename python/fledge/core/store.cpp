@@ -460,6 +460,11 @@ int set_any(PyObject *self, PyObject *value, void *closure)
         PyErr_Format(PyExc_AttributeError, "%s.%s cannot be deleted", path_of(self).c_str(), member.field->name);
         return -1;
     }
+    if (is_of_another(self)) {
+        PyErr_Format(setup_error(), "%s.%s is of another module: an update writes its own alone", path_of(self).c_str(),
+                     member.field->name);
+        return -1;
+    }
     if (is_written_by_its_module(self, member)) {
         PyErr_Format(setup_error(),
                      "%s.%s is in an output of %s, which writes it at each update: an assignment has no "
@@ -485,7 +490,7 @@ int set_f64(PyObject *self, PyObject *value, void *closure)
         const bool below = field.bounds & FLEDGE_HI_OPEN ? x < field.hi : x <= field.hi;
         const bool plain = exec_computable(x) && !(field.flags & FLEDGE_NON_ZERO) &&
                            (above || !(field.bounds & FLEDGE_HAS_LO)) && (below || !(field.bounds & FLEDGE_HAS_HI));
-        if ((plain || !member.checked) && !is_written_by_its_module(self, member)) {
+        if ((plain || !member.checked) && !is_written_by_its_module(self, member) && !is_of_another(self)) {
             save(as_object(self)->memory + field.offset, x);
             if (member.checked) {
                 mark_given(self, member);

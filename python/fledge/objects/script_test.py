@@ -160,6 +160,20 @@ def test_outputs_can_be_written_in_the_update_alone():
         m.update = turn
 
 
+def test_an_update_writes_its_own_module_alone():
+    def meddle(m, t, dt):
+        wrong(sim.flight.spin)
+
+    sim = turned(meddle)
+    for wrong, complaint in ((lambda spin: setattr(spin, "rates", [1, 2, 3]), "spin.rates is of another module: an upd"),
+                             (lambda spin: setattr(spin.base.head, "t", 3), "base.head.t is of another module"),
+                             (lambda spin: spin.rates.fill(1), "read-only")):
+        sim.reset()
+        with pytest.raises(RunError, match=complaint):
+            sim.run(1 * s)
+    sim.flight.spin.rates = [1, 2, 3]
+
+
 async def asleep(m, t, dt):
     pass
 

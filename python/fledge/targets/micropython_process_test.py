@@ -28,7 +28,9 @@ def build(f):
     f.mode(tasks=[], name="idle")
     work = f.mode("work", [gnc])
     k = f.watch(f.noise.kinds)
-    f.event("first", when=(k.x > 1 * m) & ~(k.phase == "SAFE"), enter=work)
+    first = f.event("first", when=(k.x > 1 * m) & ~(k.phase == "SAFE"), enter=work)
+    assert [f.name, gnc.name, f.gnc.name, f.work.name, f.active_mode] == ["flight", "gnc", "gnc", "work", "idle"]
+    assert [f.first is first, first.name, first.armed, first.fired_at] == [True, "first", True, None]
 """
 END = '    f.task("rest", every=1 * s, run=[f.other])\n'
 LINE = BASE.count("\n") + 1
@@ -50,7 +52,7 @@ CASES = [
     ('f.task("late", every=1, run=[f.other.kinds])', "run takes modules of the process; found"),
     ('f.task("late", run=[f.other])', "'every' argument required"),
     ('f.mode("more", ["gnc", "nothing"])', "mode flight.more names the task nothing; the process has gnc"),
-    ('f.mode("more", [f.noise])', "mode flight.more: expected a task or its name; found"),
+    ('f.mode("more", [f.noise])', "mode flight.more takes tasks by handle or name; found"),
     ('f.mode("idle", [])', "mode flight.idle: it is already there"),
     ('f.mode("task", [])', "mode flight.task: this name is taken by the process itself"),
     ('f.start_in("nothing")', "there is no mode nothing; the process has idle, work"),
@@ -64,7 +66,7 @@ CASES = [
     ('f.event("e", when=k.x > 1, enter="nothing")',
      "event flight.e enters the mode nothing; the process has idle, work"),
     ('f.event("e", when=k.x > 1, enter=work, modes=["idle", "x"])', "event flight.e looks in the mode x"),
-    ('f.event("e", when=k.x > 1, arm=3)', "event flight.e: expected an event or its name; found 3"),
+    ('f.event("e", when=k.x > 1, arm=3)', "event flight.e takes events by handle or name; found 3"),
     ('f.event("e", when=k.x > 1, do=print)', "flight's events are data"),
     ('f.event("e", when=k.x > 1, set=[f.watch(f.flags).x])', "set takes pairs of a field and a value"),
     ('f.event("e", when=k.x > 1, set=[(f.watch(f.flags).x, 3 * s)])', "flight.flags.x"),
