@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Modules, messages, structs and arrays as views of C memory, by the tables of a mission. Assignments accept what the
  * desktop's objects accept (python/fledge/core/store.cpp). */
+#include <stdarg.h> /* first: mp_vprintf is declared where va_start is */
+
 #include "targets/micropython/objects.h"
 
 #include "targets/micropython/assign.h"
@@ -10,7 +12,6 @@
 #include <py/objlist.h>
 #include <py/runtime.h>
 
-#include <stdarg.h>
 #include <string.h>
 
 MP_DEFINE_EXCEPTION(SetupError, ValueError)
