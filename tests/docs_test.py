@@ -113,6 +113,7 @@ def test_the_guide_shows_what_fledge_prints(tmp_path):
 
 
 @pytest.mark.skipif(not shutil.which("valgrind"), reason="valgrind is not installed")
+@pytest.mark.skipif(os.environ.get("FLEDGE_PRESET") == "asan", reason="Valgrind does not share a process with it")
 def test_flight_is_profiled(tmp_path):
     assert follow("profiling.md", Shell(tmp_path)) == 2
     assert (tmp_path / "runs/nadir_spin/profile/profile.html").stat().st_size > 10_000

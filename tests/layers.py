@@ -38,7 +38,7 @@ RULES = {
                       "and byte orders", [*FLIGHT, "flight/exec", "introspect"]),
     "introspect": Rule("Python", "the reader of headers, and the emitters", []),
     "targets": Rule("C99", "what hosts an exported mission (`mission.h`); `targets/cfs` is the pocket cFE, where "
-                    "NASA's is not",
+                    "NASA's is not; `targets/micropython` composes a mission by its script",
                     [*FLIGHT, "flight/exec", "flight/command", "flight/telemetry", "registers", "record"]),
     "sim": Rule("C++20", "the kernel: instances, wires, tasks, processes, clock, recorder",
                 [*FLIGHT, "flight/exec", "flight/command", "record"]),

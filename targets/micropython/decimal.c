@@ -247,8 +247,8 @@ static Decimal exactly(uint64_t bits)
     return d;
 }
 
-/* Cut to as few digits as read back as the same number. Any 15 digits do, behind which zeros fall off, unless the number
- * is subnormal. */
+/* Cut to as few digits as read back as the same number. Unless it is subnormal, 15 digits stay what they are when they
+ * become a double: fewer come of them by themselves, as zeros at the end fall off. */
 static void shorten(Decimal *d, double value)
 {
     for (int n = value < 2.3e-308 ? 1 : 15; n < 17; n++) {

@@ -19,8 +19,8 @@ enum { DECIMAL_SHORTEST = 127 };
 double decimal_read(const char *text, size_t n);
 
 /** Write a double with its ending 0 and return its length. format: e, f, g, E, F or G, as of printf; precision: of
- *  printf, < 0: 6; sign: what a number without a minus begins with, 0: nothing. What does not fit in format f is written
- *  in format e, with fewer digits if it must. A size of less than 10 is too small for any number: the text is empty. */
+ *  printf, < 0: 6; sign: what a number without a minus begins with, 0: nothing. What does not fit in format f takes
+ *  format e, with fewer digits if it must. A size of less than 10 is too small for any number: the text is empty. */
 int decimal_format(double value, char *text, size_t size, char format, int precision, char sign);
 
 #ifdef __cplusplus

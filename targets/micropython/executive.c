@@ -529,7 +529,7 @@ void executive_arm(uint16_t event, int on)
 
 void executive_changed(uint16_t place)
 {
-    if (executive.composed && !executive.modules[place].scheduled) {
+    if (executive.composed && executive.modules != NULL && !executive.modules[place].scheduled) {
         executive.modules[place].changed = executive.changed = 1u;
     }
 }
@@ -640,6 +640,11 @@ static void describe_module(Sink sink, uint16_t i)
     static const uint8_t zeros[ROW];
     const ScriptPlace *place = &fledge_script.places[i];
     two_words(sink, "module", place->name, place->type->name);
+    if (executive.modules[i].update != place->type->update) {
+        start("python");
+        put_word(place->name);
+        sink(line.text);
+    }
     for (uint32_t k = 0u; k < place->type->size; k += ROW) {
         const uint32_t n = place->type->size - k < ROW ? place->type->size - k : ROW;
         if (memcmp(at(place->offset + k), zeros, n) != 0) {

@@ -594,6 +594,7 @@ std::string refusal(const std::function<void(Composition &)> &change)
     executive_enter(1);
     executive_arm(0, 1);
     executive_publish(0, 5);
+    executive_changed(0);
     EXPECT_EQ(executive_next(), INT64_MAX);
     described.clear();
     executive_describe([](const char *text) { described.emplace_back(text); });

@@ -109,7 +109,8 @@ void script_turned(void);
 #define MICROPY_PY_IO 0
 #define MICROPY_PY_MICROPYTHON 0
 #define MICROPY_PY_MATH 0 /* math.c has it, on flight/math */
-#define MICROPY_PY_SYS 1  /* for the path that leads to frozen modules */
+#define MICROPY_PY_MATH_CONSTANTS 1
+#define MICROPY_PY_SYS 1 /* for the path that leads to frozen modules */
 #define MICROPY_PY_SYS_MODULES 0
 #define MICROPY_PY_SYS_EXIT 0
 #define MICROPY_PY_SYS_ARGV 0
@@ -131,6 +132,7 @@ void script_turned(void);
 #define MP_STATE_PORT MP_STATE_VM
 #define MICROPY_USE_INTERNAL_ERRNO 1
 #define MICROPY_USE_INTERNAL_PRINTF 0
+double script_pow(double x, double y); /* math.c: the same bits on every target */
 void script_print(const char *text, size_t n);
 #define MP_PLAT_PRINT_STRN(text, n) script_print(text, n)
 

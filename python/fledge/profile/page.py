@@ -9,6 +9,7 @@ from datetime import datetime, timezone
 from functools import partial
 from typing import Any
 
+from fledge.profile.code import LIBRARY, NAMES
 from fledge.profile.measure import Profile
 from fledge.targets.table import cpu
 
@@ -68,8 +69,6 @@ def table(found: Sequence[Profile]) -> list[tuple[str, ...]]:
 
 
 def _parts(found: Sequence[Profile]) -> list[str]:
-    from fledge.profile.code import NAMES
-
     return [name for name in NAMES if any(name in one.code for one in found)]
 
 
@@ -106,7 +105,8 @@ def _figures(found: Sequence[Profile]) -> list[tuple[str, str, bytes]]:
                       "targets side by side.", _png(partial(_instructions, counted))))
     coded = [one for one in found if one.code]
     if coded:
-        plots.append(("Code and constants by part", "What the linker took, by the folder of its source.",
+        plots.append(("Code and constants by part", "What the linker took, by the folder of its source; the C "
+                      "library, which is static on some targets, is left out here.",
                       _png(partial(_code, coded), 0.8 + 0.5 * len(coded))))
     return plots
 
@@ -154,6 +154,8 @@ def _code(found: Sequence[Profile], axes: Any) -> None:
     left = [0.0] * len(found)
     names = [one.target for one in found]
     for part in _parts(found):
+        if part == LIBRARY:
+            continue
         sizes = [one.code.get(part, 0) / 1024 for one in found]
         axes.barh(names, sizes, left=left, label=part, height=0.6)
         left = [a + b for a, b in zip(left, sizes)]

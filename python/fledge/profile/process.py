@@ -52,7 +52,7 @@ def measure(target: Any, part: Part, record: Path) -> Profile:
                           for one, mark, end in zip(loop, marks, marks[1:])]
     found.allocations = sum(one.calls[name] for one in loop for name in ALLOCATORS)
     own: Counter[str] = sum((one.own for one in loop), Counter())
-    found.functions = [(name, cost / marks[-1]) for name, cost in own.most_common(25)]
+    found.functions = [(name, cost / marks[-1]) for name, cost in own.most_common(12)]
 
     # Massif sees only an allocator that it can replace by one in a library.
     shared = copy.copy(target)

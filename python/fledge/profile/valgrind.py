@@ -20,8 +20,9 @@ def run(tool: str, options: Sequence[str], command: Sequence[str | Path], folder
     """Run a command under a tool, in a folder; returns what it printed."""
     if not shutil.which("valgrind"):
         raise Failure("profile: valgrind is not installed")
+    clean = {name: value for name, value in {**os.environ, **(environment or {})}.items() if name != "LD_PRELOAD"}
     done = subprocess.run(["valgrind", "-q", f"--tool={tool}", *options, *map(str, command)], cwd=folder, text=True,
-                          capture_output=True, errors="replace", env={**os.environ, **(environment or {})})
+                          capture_output=True, errors="replace", env=clean)
     if done.returncode:
         raise Failure(f"profile: {command[0]} failed under {tool}:\n{(done.stderr or done.stdout).strip()[-2000:]}", 1)
     return done.stdout

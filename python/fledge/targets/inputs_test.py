@@ -97,18 +97,21 @@ def test_a_file_that_is_not_there(job, tmp_path):
 
 # --- by the machine's clock ------------------------------------------------------------------------
 
-def test_a_flight_by_the_clock_is_reported(tmp_path, capsys):
+@pytest.mark.parametrize("target", ["linux", "micropython"])
+def test_a_flight_by_the_clock_is_reported(tmp_path, capsys, target):
+    if TARGETS[target].missing():
+        pytest.skip(f"{target} is not installed")
     out = str(tmp_path / "out")
-    assert cli.main(["fly", "nadir_spin", "--on", "linux", "--clock", "--for", "1s", "--out", out]) == 0
+    assert cli.main(["fly", "nadir_spin", "--on", target, "--clock", "--for", "1s", "--out", out]) == 0
     said = capsys.readouterr().out
     assert re.search(r"^  scheduling  (SCHED_FIFO 50|shared, not real-time: the system refused SCHED_FIFO)", said, re.M)
     assert re.search(r"^  memory      (not )?locked.*; page faults in the loop: \d+$", said, re.M)
     assert "  cycles      3, of which " in said and "  outputs     as on the desktop\n" in said
-    facts = json.loads((tmp_path / "out/linux_clock.json").read_text())
+    facts = json.loads((tmp_path / f"out/{target}_clock.json").read_text())
     for key, name in clock.DURATIONS.items():
         assert sum(n for _, n in facts["histograms"][key]) == 3
         assert re.search(f"^  {name} +{cpu(facts['quantiles'][key]['least'] / 1e9)} ", said, re.M)
-    assert (tmp_path / "out/linux_clock.png").stat().st_size > 10_000
+    assert (tmp_path / f"out/{target}_clock.png").stat().st_size > 10_000
 
 
 def test_bins_of_a_histogram_have_their_width():

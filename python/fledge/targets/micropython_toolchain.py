@@ -45,7 +45,9 @@ EDITS: dict[str, list[tuple[str, str]]] = {
                     "sizeof(mp_parse_node_struct_t) + 2 * sizeof(mp_parse_node_t));")],
     "py/objint.c": [("8 * sizeof(uintptr_t) + MP_FLOAT_EXP_BIAS", "MP_SMALL_INT_BITS + 1 + MP_FLOAT_EXP_BIAS")],
     "py/runtime.c": [("mp_cstack_check(); // enumerate", "MICROPY_VM_HOOK_LOOP mp_cstack_check(); // enumerate")],
-    "py/objfloat.c": [("const int precision = 16;", "const int precision = DECIMAL_SHORTEST;")],
+    "py/objfloat.c": [("const int precision = 16;", "const int precision = DECIMAL_SHORTEST;"),
+                      ("MICROPY_FLOAT_C_FUN(pow)(lhs_val, rhs_val)", "script_pow(lhs_val, rhs_val)")],
+    "py/modbuiltins.c": [("MICROPY_FLOAT_C_FUN(pow)(10, (mp_float_t)num_dig)", "script_pow(10, (mp_float_t)num_dig)")],
     "py/parsenum.c": [("dec_val = (mp_float_t)mantissa;",
                        "dec_val = decimal_read(str_val_start, (size_t)(str - str_val_start));"),
                       ("if (exp_val < SMALL_NORMAL_EXP) {", "if (0) {"),
@@ -117,8 +119,8 @@ def cross_compiler() -> Path:
             core = [path for path in sorted((source / "py").glob("*.c")) if path.name != "formatfloat.c"]
             others = [source / "mpy-cross/main.c", source / "mpy-cross/gccollect.c",
                       source / "shared/runtime/gchelper_generic.c", PORT / "decimal.c"]
-            words = ["-std=gnu99", "-O1", "-w", *DECIMAL, f"-I{source}/mpy-cross", f"-I{source}", f"-I{folder}",
-                     f"-I{ROOT}"]
+            words = ["-std=gnu99", "-O1", "-w", *DECIMAL, "-Dscript_pow=pow", f"-I{source}/mpy-cross", f"-I{source}",
+                     f"-I{folder}", f"-I{ROOT}"]
             _headers(folder, source, ["gcc", *words], core)
             _ninja(folder, "mpy-cross", "gcc", words, [(path, []) for path in [*core, *others]], ["-lm"])
     return folder / "mpy-cross"
@@ -130,7 +132,8 @@ def compile_mpy(source: str | Path, name: str) -> bytes:
     done = subprocess.run([cross_compiler(), f"-msmall-int-bits={SMALL_INT_BITS}", "-s", name, "-o", "/dev/stdout",
                            "--", "/dev/stdin"], input=text.encode(), capture_output=True)
     if done.returncode:
-        raise Failure(f"{name} cannot be compiled for MicroPython:\n{_reason(done.stderr.decode(errors='replace'))}", 1)
+        reason = _reason(done.stderr.decode(errors="replace")).replace("/dev/stdin", name)
+        raise Failure(f"{name} cannot be compiled for MicroPython:\n{reason}", 1)
     return done.stdout
 
 
@@ -191,15 +194,19 @@ def _source() -> Path:
                     _, _, member.name = member.name.partition("/")
                     if member.isreg() and member.name.startswith(PARTS):
                         packed.extract(member, unpacked, set_attrs=False)
-            for name, edits in EDITS.items():
-                text = (unpacked / name).read_text(encoding="utf-8")
-                for old, new in edits:
-                    if text.count(old) != 1:
-                        raise Failure(f"{unpacked / name} is not that of MicroPython {VERSION}: '{old}' is there "
-                                      f"{text.count(old)} times", 1)
-                    text = text.replace(old, new)
-                write_files({name: text}, unpacked)
+            _edit(unpacked, EDITS)
     return folder / "source"
+
+
+def _edit(folder: Path, edits: Mapping[str, Sequence[tuple[str, str]]]) -> None:
+    for name, changes in edits.items():
+        text = (folder / name).read_text(encoding="utf-8")
+        for old, new in changes:
+            if text.count(old) != 1:
+                raise Failure(f"{folder / name} is not that of MicroPython {VERSION}: '{old}' is there "
+                              f"{text.count(old)} times", 1)
+            text = text.replace(old, new)
+        write_files({name: text}, folder)
 
 
 def _folder() -> Path:

@@ -7,7 +7,6 @@
 #include <string.h>
 
 #include "targets/micropython/script.h"
-#include "targets/micropython/tables.h"
 #include <py/runtime.h>
 
 #ifndef SCRIPT_HEAP
@@ -16,8 +15,6 @@
 #ifndef SCRIPT_CYCLES
 #define SCRIPT_CYCLES 100
 #endif
-
-const ScriptMission fledge_script = {.process = "flight"}; /* there is none */
 
 static uint64_t heap[SCRIPT_HEAP / sizeof(uint64_t)];
 static Arena arena;
