@@ -621,7 +621,7 @@ static void put_port(uint32_t offset)
     put(".");
     for (uint16_t i = 0u; i < place->type->n; i++) {
         if (place->type->fields[i].offset == offset - place->offset) {
-            put(place->type->fields[i].name);
+            put(script_field_name(&place->type->fields[i]));
         }
     }
 }
@@ -640,6 +640,11 @@ static void describe_module(Sink sink, uint16_t i)
     static const uint8_t zeros[ROW];
     const ScriptPlace *place = &fledge_script.places[i];
     two_words(sink, "module", place->name, place->type->name);
+    if (executive.modules[i].update != place->type->update) {
+        start("python");
+        put_word(place->name);
+        sink(line.text);
+    }
     for (uint32_t k = 0u; k < place->type->size; k += ROW) {
         const uint32_t n = place->type->size - k < ROW ? place->type->size - k : ROW;
         if (memcmp(at(place->offset + k), zeros, n) != 0) {

@@ -37,6 +37,7 @@ void *executive_parameters(uint16_t block);
  *  of flight.py, if not said otherwise:
  *
  *     module NAME TYPE              of each module, and then its memory after the reset at 0:
+ *     python NAME                   its update is the script's
  *     bytes NAME OFFSET HEX         at most 32 bytes as they lie in memory, unless all are zero
  *     differs NAME                  its parameters are not those of the desktop (ScriptPlace.crc)
  *     wire A.OUTPUT B.INPUT AGE     [ns] within the process, with stale_after; by modules

@@ -123,8 +123,10 @@ PyObject *take_script(Root &root, PyObject *keywords)
         if (!done) {
             Py_CLEAR(rest);
         } else {
-            root.instance->script.update = Call(given[0]);
-            if (given[1] && given[1] != Py_None) {
+            if (or_none(given[0]) != Py_None) {
+                root.instance->script.update = Call(given[0]);
+            }
+            if (or_none(given[1]) != Py_None) {
                 root.instance->script.reset = Call(given[1]);
             }
             Py_DECREF(done);

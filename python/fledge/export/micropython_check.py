@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from fledge import objects
 from fledge.export.c_condition import locate
+from fledge.objects.script import script
 
 if TYPE_CHECKING:
     from fledge.export.read import Mission
@@ -59,6 +60,8 @@ def _differences(mission: Mission, flight: Any, lines: list[str]) -> Iterator[st
         yield from _in_memory(f"{flight.name}.{name}", one, here, there)
 
     ours = expected(mission, flight)
+    for name in sorted(set(ours["python"]) ^ set(theirs.get("python", []))):
+        yield f"the update of {name} is Python only {'here' if name in ours['python'] else 'there'}"
     for line in sorted(set(ours["wire"]) ^ set(theirs.get("wire", []))):
         start, end, age = line.split()
         yield (f"the wire {start} >> {end}" + f", stale after {int(age) / 1e9:g} s," * bool(int(age))
@@ -107,7 +110,7 @@ def _start(struct: Any, offset: int) -> int:
 
 def expected(mission: Mission, flight: Any) -> dict[str, list[str]]:
     """The lines that the target should print, by kind."""
-    lines: dict[str, list[str]] = {kind: [] for kind in ("wire", *LISTED)}
+    lines: dict[str, list[str]] = {kind: [] for kind in ("python", "wire", *LISTED)}
     titles = {one.name: one.path.partition(".")[2] for one in mission.modules}
 
     def end(place: str) -> str:
@@ -118,6 +121,7 @@ def expected(mission: Mission, flight: Any) -> dict[str, list[str]]:
     for wires in (*mission.wires.values(), *mission.published.values()):
         lines["wire"] += [f"{end(w.source)} {end(w.target)} {w.stale_after}" for w in wires
                           if not w.source.startswith("in.")]
+    lines["python"] = [name for name, one in flight.instances.items() if script(one)]
     for task in sorted(flight.tasks, key=lambda one: -one.priority):
         lines["task"].append(f"{task.name} {task.period} {task.offset} {task.priority}")
         lines["runs"] += [f"{task.name} {name}" for name in task.run]

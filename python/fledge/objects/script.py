@@ -19,7 +19,9 @@ _ARGUMENTS = {"update": "(m, t, dt)", "reset": "(m)"}
 
 def check_script(kind: str, update: Any, reset: Any, turns: Any) -> None:
     """Raise SetupError if these are not the two functions of a module, of which the second may be None, and how many
-    turns of loops and returns of functions an update may take on a target, or None."""
+    turns of loops and returns of functions an update may take on a target, or None. None of them is no script."""
+    if update is reset is turns is None:
+        return
     if update is None:
         raise SetupError(f"{kind}: {'reset' if reset is not None else 'turns'}= goes with update=, the module's update "
                          "in Python")

@@ -194,6 +194,15 @@ def test_what_goes_wrong_in_an_update_stays_in_its_module(flown):
         assert f"flight.{module} 21 updates of the script, 4 calls failed; at most " in log
 
 
+def test_a_module_that_is_python_only_there_is_refused(mission, tmp_path, capfd):
+    folder = tmp_path / "unruly"
+    shutil.copytree(mission, folder)
+    (folder / "flight.py").write_text(FLIGHT.replace(
+        "fsw.TrackingError()", "fsw.TrackingError(update=None if ON_DESKTOP else feedback)"))
+    assert cli.main(["fly", str(folder), "--on", "micropython", "--out", str(tmp_path / "out")]) == 2
+    assert "the update of tracking is Python only there" in capfd.readouterr().err
+
+
 @pytest.mark.parametrize("wrong, why", [
     ("1 / 0 if not ON_DESKTOP else 0", "ZeroDivisionError: divide by zero"),
     ("m.publish(m.torque) if not ON_DESKTOP else 0",
