@@ -795,7 +795,8 @@ def test_the_help_and_the_page_name_every_target(capsys):
     with pytest.raises(SystemExit):
         cli.main(["fly", "--help"])
     help_text, page = capsys.readouterr().out, (build.ROOT / "docs/targets.md").read_text(encoding="utf-8")
-    about = re.sub(r"-\s+", "-", help_text.rpartition("--on TARGETS")[2].partition("--for")[0])   # long names are broken
+    about = help_text.rpartition("--on TARGETS")[2].partition("--for")[0]
+    about = re.sub(r"-\s+", "-", about)     # long names are broken
     for name in TARGETS:
         assert re.search(rf"\b{name}\b", about)
         assert f"\n| `{name}` |" in page
