@@ -1,10 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Integers that do not fit into an object, up to 64 bits. What is larger raises OverflowError. An object of these takes
  * memory, so they exist at the start alone. */
+#include <py/binary.h>
 #include <py/obj.h>
 #include <py/objint.h>
 #include <py/runtime.h>
 #include <py/smallint.h>
+
+#include "targets/micropython/arena.h"
+
+bool script_times(mp_const_obj_t object, mp_int_t *n);
+mp_int_t script_range_int(mp_const_obj_t object);
 
 static NORETURN void overflow(void)
 {
@@ -245,4 +251,44 @@ mp_obj_t mp_obj_int_binary_op(mp_binary_op_t op, mp_obj_t left, mp_obj_t right)
         overflow();
     }
     return mp_obj_new_int_from_ll(result);
+}
+
+/* ---- what MicroPython would cut to fewer bits (the toolchain makes it call these) */
+
+/* Of an element of an array. */
+void script_check_fits(char typecode, uint64_t object)
+{
+    if (!mp_obj_is_int(object) || typecode == 'O' || typecode == 'd' || typecode == 'f') {
+        return;
+    }
+    const long long value = value_of(object);
+    const int bits = 8 * (int)mp_binary_get_size('@', typecode, NULL);
+    const int is_signed = typecode >= 'a';
+    const long long most = bits - is_signed > 62 ? INT64_MAX : (1LL << (bits - is_signed)) - 1;
+    if (value > most || value < (is_signed ? -most - 1 : 0)) {
+        mp_raise_msg_varg(&mp_type_OverflowError, MP_ERROR_TEXT("an element of %d bits cannot be %lld"), bits, value);
+    }
+}
+
+/* Of a range: its numbers, and how many it has, fit into objects. */
+mp_int_t script_range_int(mp_const_obj_t object)
+{
+    const mp_int_t value = mp_obj_get_int(object), most = (mp_int_t)1 << 45;
+    if (value > most - 1 || value < -most) {
+        mp_raise_msg(&mp_type_OverflowError, MP_ERROR_TEXT("a range ends at 2**45"));
+    }
+    return value;
+}
+
+/* How often a sequence is repeated, as mp_obj_get_int_maybe(): its size stays a size_t. */
+bool script_times(mp_const_obj_t object, mp_int_t *n)
+{
+    if (!mp_obj_get_int_maybe(object, n)) {
+        return false;
+    }
+    if (*n > 0 && (uint64_t)*n > SIZE_MAX / arena_in_use->size) {
+        arena_in_use->wanted = SIZE_MAX;
+        m_malloc_fail(SIZE_MAX);
+    }
+    return true;
 }

@@ -132,7 +132,8 @@ void script_turned(void);
 #define MP_STATE_PORT MP_STATE_VM
 #define MICROPY_USE_INTERNAL_ERRNO 1
 #define MICROPY_USE_INTERNAL_PRINTF 0
-double script_pow(double x, double y); /* math.c: the same bits on every target */
+void script_check_fits(char typecode, uint64_t object); /* longint.c */
+double script_pow(double x, double y);                  /* math.c: the same bits on every target */
 void script_print(const char *text, size_t n);
 #define MP_PLAT_PRINT_STRN(text, n) script_print(text, n)
 

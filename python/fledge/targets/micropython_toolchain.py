@@ -53,6 +53,9 @@ EDITS: dict[str, list[tuple[str, str]]] = {
                       ("if (exp_val < SMALL_NORMAL_EXP) {", "if (0) {"),
                       ("if (exp_val < 0 && exp_val >= -EXACT_POWER_OF_10) {", "if (0) {"),
                       ("dec_val *= MICROPY_FLOAT_C_FUN(pow)(10, exp_val);", "")],
+    "py/binary.c": [("void mp_binary_set_val_array(char typecode, void *p, size_t index, mp_obj_t val_in) {",
+                     "void mp_binary_set_val_array(char typecode, void *p, size_t index, mp_obj_t val_in) {"
+                     " script_check_fits(typecode, val_in);")],
     "tools/mpy-tool.py": [('n = struct.unpack("<I", struct.pack("<f", obj))[0]', "n = 0"),     # large floats fail there
                           ("n += 0x8004000000000000", "n = (n + 0x8004000000000000) % 2**64")],
 }
@@ -63,6 +66,9 @@ WORDS = ["-std=gnu99", "-Os", "-ffp-contract=off", "-fno-math-errno", "-ffunctio
 OURS = ["-Wall", "-Wextra", "-Wno-unused-parameter"]
 DECIMAL = ["-Dmp_format_float=decimal_format", "-include", "targets/micropython/decimal.h"]
 SEVERAL = {"vm.c": ["-O2"],     # -Os doubles the time of a loop
+           # what would cut an integer to fewer bits
+           "objrange.c": ["-Dmp_obj_get_int=script_range_int"],
+           **{name: ["-Dmp_obj_get_int_maybe=script_times"] for name in ("objlist.c", "objtuple.c", "objstr.c")},
            "mpprint.c": DECIMAL, "parsenum.c": DECIMAL,
            "objfloat.c": [*DECIMAL, "-Dmp_obj_get_float_maybe=units_plain_number"],    # 2.0 * deg is a quantity
            "malloc.c": ["-Dmalloc=arena_take", "-Drealloc=arena_resize", "-Dfree=arena_give",
@@ -119,8 +125,8 @@ def cross_compiler() -> Path:
             core = [path for path in sorted((source / "py").glob("*.c")) if path.name != "formatfloat.c"]
             others = [source / "mpy-cross/main.c", source / "mpy-cross/gccollect.c",
                       source / "shared/runtime/gchelper_generic.c", PORT / "decimal.c"]
-            words = ["-std=gnu99", "-O1", "-w", *DECIMAL, "-Dscript_pow=pow", f"-I{source}/mpy-cross", f"-I{source}",
-                     f"-I{folder}", f"-I{ROOT}"]
+            words = ["-std=gnu99", "-O1", "-w", *DECIMAL, "-Dscript_pow=pow", "-Dscript_check_fits(a,b)=",
+                     f"-I{source}/mpy-cross", f"-I{source}", f"-I{folder}", f"-I{ROOT}"]
             _headers(folder, source, ["gcc", *words], core)
             _ninja(folder, "mpy-cross", "gcc", words, [(path, []) for path in [*core, *others]], ["-lm"])
     return folder / "mpy-cross"

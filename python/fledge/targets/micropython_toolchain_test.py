@@ -117,6 +117,28 @@ def test_integers_are_right_or_refused(run):
     assert "float too big" in run("int(1e19)")[1]
 
 
+@pytest.mark.parametrize("expression, says", [
+    ("array.array('B', [256])", "an element of 8 bits cannot be 256"),
+    ("array.array('b', [-129])", "an element of 8 bits cannot be -129"),
+    ("array.array('i', [1 << 40])", "an element of 32 bits cannot be 1099511627776"),
+    ("array.array('Q', [-1])", "an element of 64 bits cannot be -1"),
+    ("bytearray([1, 300])", "an element of 8 bits cannot be 300"), ("range(a(1 << 50))", "a range ends at 2**45"),
+    ("[1, 2] * a(1 << 62)", "the heap of "), ("'ab' * a(1 << 62)", "the heap of "),
+    ("(1,) * a(1 << 62)", "the heap of "),
+])
+def test_an_integer_is_never_cut_to_fewer_bits(run, expression, says):
+    _, error = run(f"import array\ndef a(x):\n    return x\nx = {expression}\n")
+    assert re.match(r"script.py, line 4: \w+Error: ", error) and says in error
+
+
+def test_the_integers_at_the_ends_of_an_array_fit(run):
+    printed, error = run("import array\nprint(array.array('b', [-128, 127]), array.array('H', [0, 65535]), [1] * 2, "
+                         "len(range(1 << 44)), array.array('q', [-(1 << 62), (1 << 62)]), bytearray([0, 255]))")
+    assert (printed[0], error) == ("array('b', [-128, 127]) array('H', [0, 65535]) [1, 1] 17592186044416 "
+                                   "array('q', [-4611686018427387904, 4611686018427387904]) "
+                                   "bytearray(b'\\x00\\xff')", "")
+
+
 def test_an_integer_that_has_no_64_bits_is_not_frozen():
     with pytest.raises(Failure, match="have the integer 18446744073709551616; MicroPython has 64 bits"):
         toolchain.freeze({"a.py": "x = 1 << 64\n"}, toolchain.library())
