@@ -4,6 +4,7 @@
 #include "sim/runtime.h"
 
 #include <algorithm>
+#include <cstring>
 #include <utility>
 
 namespace fledge::sim {
@@ -47,14 +48,18 @@ Commands::Commands(Runtime &runtime, Process &process, std::shared_ptr<const Dic
     };
     table_.reset = [](void *c, std::int64_t t) {
         auto &me = *static_cast<Commands *>(c);
+        me.end_procedure(t, false, "flight begins anew");
         me.runtime_.restart(me.runtime_.of(me.process_), t);
     };
     table_.telemetry = [](void *, std::uint16_t, int, std::uint16_t) {}; // the desktop records without packets
+    procedures_ = {slots_.data(), slot_room, slots, 0, start, stop, nullptr};
+    table_.procedures = &procedures_;
     begin();
 }
 
 void Commands::begin()
 {
+    runs_ = false;
     command_begin(&state_);
     reports_.clear();
     place_ = 0;
@@ -62,6 +67,7 @@ void Commands::begin()
 
 void Commands::forget()
 {
+    runs_ = false;
     command_begin(&state_);
 }
 
@@ -92,6 +98,132 @@ void Commands::find_place(Ns t)
 void Commands::execute(Ns t)
 {
     command_execute(&state_, &table_, this, t, report, this);
+}
+
+// --- procedures ------------------------------------------------------------------------------------
+
+CommandReason Commands::start(const CommandContext *context, std::uint16_t slot, std::uint32_t n, std::uint32_t)
+{
+    auto &me = *static_cast<Commands *>(context->mission);
+    const std::uint8_t *code = me.slots_.data() + slot * slot_room;
+    if (me.runs_ || !me.process_.procedure_host().start) {
+        return me.runs_ ? COMMAND_RUNNING : COMMAND_ABSENT;
+    }
+    const auto reason =
+        static_cast<CommandReason>(me.process_.procedure_host().start({code, code + n}, context->sequence));
+    me.context_ = *context;
+    me.slot_ = slot;
+    me.runs_ = reason == COMMAND_OK;
+    return reason;
+}
+
+CommandReason Commands::stop(const CommandContext *context, std::uint16_t slot)
+{
+    auto &me = *static_cast<Commands *>(context->mission);
+    if (!me.runs_ || me.slot_ != slot) {
+        return COMMAND_RUNNING;
+    }
+    me.end_procedure(context->t, false, "by command");
+    return COMMAND_OK;
+}
+
+void Commands::end_procedure(Ns t, bool killed, const std::string &why)
+{
+    if (std::exchange(runs_, false)) {
+        process_.procedure_host().end(t, killed, why);
+    }
+}
+
+bool Commands::run_procedure(Ns t)
+{
+    if (!runs_) {
+        return false;
+    }
+    std::vector<std::vector<std::byte>> before;
+    for (const auto &one : process_.instances()) {
+        before.emplace_back(one->memory(), one->memory() + one->type().size);
+    }
+    context_.t = t;
+    const int turn = process_.procedure_host().turn(t);
+    const auto restore = [&] {
+        for (std::size_t i = 0; i < before.size(); i++) {
+            std::copy(before[i].begin(), before[i].end(), process_.instances()[i]->memory());
+        }
+    };
+    if (turn == ProcedureHost::FAILED) {
+        runs_ = false;
+        restore();
+        return false;
+    }
+    for (std::size_t i = 0; i < before.size(); i++) {
+        const Instance &one = *process_.instances()[i];
+        for (const FledgeField &field : fields(one.type())) {
+            if (field.group != FLEDGE_PAR &&
+                !std::equal(one.memory() + field.offset, one.memory() + field.offset + field.size,
+                            before[i].data() + field.offset)) {
+                restore();
+                end_procedure(t, true, one.path + "." + field.name + " is no parameter: a procedure cannot set it");
+                return false;
+            }
+        }
+    }
+    const std::string wrong = write_changes(before);
+    if (!wrong.empty()) {
+        end_procedure(t, true, wrong);
+    } else if (turn == ProcedureHost::ENDED) {
+        runs_ = false;
+    }
+    return true;
+}
+
+std::string Commands::write_changes(const std::vector<std::vector<std::byte>> &before)
+{
+    for (std::uint16_t place = 0; place < blocks_.size(); place++) {
+        const Dictionary::Block &block = dictionary_->blocks[place];
+        for (std::size_t i = 0; i < before.size(); i++) {
+            if (process_.instances()[i]->name != block.instance) {
+                continue;
+            }
+            if (std::string wrong = write_changes(block, place, before[i].data() + block.offset); !wrong.empty()) {
+                return wrong;
+            }
+        }
+    }
+    return "";
+}
+
+std::string Commands::write_changes(const Dictionary::Block &block, std::uint16_t place, const std::byte *before)
+{
+    auto *live = static_cast<std::uint8_t *>(table_.parameters(this, place));
+    const std::vector<std::uint8_t> now(live, live + block.size);
+    std::memcpy(live, before, block.size);
+    std::uint32_t low = 0, high = block.size;
+    while (low < high && now[low] == live[low]) {
+        low++;
+    }
+    while (high > low && now[high - 1] == live[high - 1]) {
+        high--;
+    }
+    if (low == high) {
+        return "";
+    }
+    const auto begins = [&](std::uint32_t at) {
+        return exec_number_at(block.runs.data(), static_cast<std::uint32_t>(block.runs.size()), at) != 0;
+    };
+    while (!begins(low)) {
+        low--;
+    }
+    while (high < block.size && !begins(high)) {
+        high++;
+    }
+    std::uint16_t detail = 0;
+    const CommandReason reason = command_write(&context_, place, low, now.data() + low, high - low, &detail);
+    const std::string path = process_.find(block.instance)->path;
+    return reason == COMMAND_OK        ? ""
+           : reason == COMMAND_RULE    ? path + ": a parameter breaks its rule"
+           : reason == COMMAND_INITIAL ? path + ": an initial value counts only before flight's first instant"
+                                       : path + ": more than " + std::to_string(COMMAND_DATA_MAX) +
+                                             " bytes of parameters from the first change to the last; yield in between";
 }
 
 bool Commands::used() const

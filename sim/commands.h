@@ -31,6 +31,10 @@ public:
     CommandReason accept(const std::vector<std::uint8_t> &packet, Ns last); ///< after the instant `last`
     void execute(Ns t);
 
+    /// After the events of the instant t: let the procedure have its turn. Returns whether it has changed parameters.
+    bool run_procedure(Ns t);
+    CommandReason enter(std::uint16_t mode) { return command_enter(&context_, mode); } ///< of a procedure
+
     bool waiting() const { return state_.waiting > 0; }
     /// Whether a snapshot must have its state.
     bool used() const;
@@ -41,6 +45,13 @@ public:
     void visit_state(const std::function<void(void *, std::size_t)> &block);
 
 private:
+    static CommandReason start(const CommandContext *context, std::uint16_t slot, std::uint32_t n, std::uint32_t turns);
+    static CommandReason stop(const CommandContext *context, std::uint16_t slot);
+    void end_procedure(Ns t, bool killed, const std::string &why);
+    /// Write what a procedure changed: `before` is the memory of each instance. Returns "", or why it is refused.
+    std::string write_changes(const std::vector<std::vector<std::byte>> &before);
+    std::string write_changes(const Dictionary::Block &block, std::uint16_t place, const std::byte *before);
+
     static void report(void *self, const CommandReport *report, const std::uint8_t *data);
 
     Runtime &runtime_;
@@ -50,6 +61,14 @@ private:
     std::vector<std::uint8_t> staged_, queue_;
     CommandTable table_{};
     CommandState state_{};
+    static constexpr std::uint16_t slots = 2;        // as targets/micropython/procedure.c has
+    static constexpr std::uint32_t slot_room = 2048; // [bytes]
+
+    std::vector<std::uint8_t> slots_ = std::vector<std::uint8_t>(slots * slot_room);
+    CommandProcedures procedures_{};
+    CommandContext context_{}; ///< of the procedure that runs
+    std::uint16_t slot_ = 0;   ///< of it
+    bool runs_ = false;
     std::vector<CommandReply> reports_;
     std::size_t place_ = 0; ///< in the script
 };

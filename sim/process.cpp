@@ -307,6 +307,12 @@ CommandReason Process::command(const std::vector<std::uint8_t> &packet)
     return owner_->runtime_->command(*this, packet);
 }
 
+CommandReason Process::command_mode(const std::string &mode)
+{
+    const int index = mode_index(mode);
+    return owner_->runtime_->of(*this).commands->enter(static_cast<std::uint16_t>(index));
+}
+
 std::vector<CommandReply> Process::take_reports()
 {
     return owner_->runtime_ ? owner_->runtime_->of(*this).commands->take_reports() : std::vector<CommandReply>{};

@@ -698,6 +698,9 @@ void Runtime::instant()
         if (turn && has_events_) {
             run_own_events(*turn, t);
         }
+        if (turn && turn->commands && turn->ran == t && turn->commands->run_procedure(t)) {
+            see_parameters(*turn->process);
+        }
     };
     for (RunTask &task : tasks_) {
         if (task.process != turn) {

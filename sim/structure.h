@@ -125,6 +125,18 @@ struct Dictionary {
     std::vector<Block> blocks;
 };
 
+/// What runs the procedures of commands: Python, in place of an interpreter on board. A clone has none.
+struct ProcedureHost {
+    enum Turn { GOES_ON, ENDED, FAILED };
+
+    /// Begin a procedure; COMMAND_OK, or why not.
+    std::function<int(const std::vector<std::uint8_t> &bytecode, std::uint16_t sequence)> start;
+    /// At an instant of the process: a Turn. What it changed in the modules is taken back if it failed.
+    std::function<int(Ns t)> turn;
+    /// It has ended otherwise: killed, because of a change that is refused, or stopped.
+    std::function<void(Ns t, bool killed, const std::string &why)> end;
+};
+
 /// What resets the computer of a process.
 struct ResetLine {
     Port input; ///< a ComputerReset
@@ -212,6 +224,10 @@ public:
     /// Commands for later, in the order of time: each is accepted before the first instant after its time.
     void set_script(std::vector<ScriptedCommand> script);
     const std::vector<ScriptedCommand> &script() const { return script_; }
+    void set_procedure_host(ProcedureHost host) { procedure_host_ = std::move(host); }
+    const ProcedureHost &procedure_host() const { return procedure_host_; }
+    /// As the command that requests a mode, of a procedure in its turn.
+    CommandReason command_mode(const std::string &mode);
     /// The reports since the last call, of a run that is prepared.
     std::vector<CommandReply> take_reports();
     CommandCounters command_counters() const;
@@ -234,6 +250,7 @@ private:
     std::function<void(Ns t)> flight_;
     std::shared_ptr<const Dictionary> dictionary_;
     std::vector<ScriptedCommand> script_;
+    ProcedureHost procedure_host_;
     std::optional<ResetLine> reset_;
     int initial_ = -1;
 };

@@ -287,8 +287,63 @@ def test_texts_of_flight_are_read_in_both_byte_orders(mission):
         assert repr(read.content) == "<procedure killed, line 12: 'over', t = 2.5 s>"
 
 
-def test_the_desktop_has_no_interpreter_of_bytecode(mission):
+def test_the_desktop_runs_only_procedures_whose_source_it_knows(mission):
     commands = mission.flight.commands
     for packet in (*commands.packets.procedure(b"bytecode"), commands.packets.stop(), commands.packets.evaluate("1")):
         commands.send(packet)
-    assert [r.reason for r in commands.reports] == [Reason.ABSENT] * 4
+    mission.run(1 * s)
+    assert [r.reason for r in commands.reports if not r.good] == [Reason.ABSENT, Reason.BYTECODE, Reason.RUNNING]
+
+
+PROCEDURE = """
+from fledge.units import N, m, s
+
+def main(f):
+    print("mode", f.active_mode)
+    f.enter("rest")
+    yield wait(2 * s)
+    f.control.K = 3 * N * m
+    f.vehicle.I_B = [700, 700, 801]
+    yield
+    print(f.control.K, f.active_mode)
+"""
+
+
+def test_a_procedure_on_the_desktop(mission):
+    commands, f = mission.flight.commands, mission.flight
+    commands.procedure(b"1", PROCEDURE, "check.py")
+    mission.run(1 * s)
+    assert f.active_mode == "rest" and f.control.K == 2.5
+    mission.run(2 * s)
+    assert f.control.K == 3 and f.vehicle.vehicle.I_B[2, 2] == 801 and f.vehicle.vehicle.head.t == 2_000_000_000
+    assert [(one.kind, one.text) for one in commands.texts] == [
+        (Kind.PROCEDURE_STARTED, ""), (Kind.PRINTED, "mode wait"), (Kind.PRINTED, "3.0 wait"),
+        (Kind.PROCEDURE_ENDED, "")]
+    assert commands.counters.executed == 2 + 3      # of the procedure: a mode, and parameters of two modules
+
+
+@pytest.mark.parametrize("body, text, line", [
+    ("1 / 0", "ZeroDivisionError: division by zero", 4),
+    ("f.control.K = -1.0", "SetupError: flight.control.K must be > 0 N m, found -1", 4),
+    ("f.control.error.sigma_BR[0] = 1", "flight.control.error is no parameter: a procedure cannot set it", 0),
+    ("f.spin = 3", "SetupError: flight.spin cannot be set here; set parameters, as in f.control.K = 3", 4),
+    ("f.enter('x')", "SetupError: ", 4), ("yield 3", "SetupError: a procedure yields nothing, or wait(time)", 0)])
+def test_a_procedure_that_goes_wrong_on_the_desktop_changes_nothing(mission, body, text, line):
+    commands = mission.flight.commands
+    commands.procedure(b"2", f"def main(f):\n    yield\n    f.control.u_I_max = 2\n    {body}\n    yield\n", "check.py")
+    mission.run(2 * s)
+    started, killed = commands.texts
+    assert started.kind == Kind.PROCEDURE_STARTED and killed.kind == Kind.PROCEDURE_KILLED
+    assert text in killed.text and killed.line == line
+    assert mission.flight.control.u_I_max == 0.1
+
+
+def test_a_procedure_on_the_desktop_is_stopped(mission):
+    commands = mission.flight.commands
+    for stop in (commands.stop_procedure, commands.reset):
+        commands.procedure(b"3", "def main(f):\n    while True:\n        yield\n", "check.py")
+        mission.run(2 * s)
+        stop()
+        mission.run(2 * s)
+    assert [one.text for one in commands.texts] == ["", "by command", "", "flight begins anew"]
+    assert commands.counters.refused == 0

@@ -29,7 +29,7 @@ static void print_expected(const mp_print_t *print, const ScriptField *field)
             mp_printf(print, "a list of %s%d, each ", field->count == SCRIPT_NO_FIELD ? "" : "up to ",
                       (int)field->shape[0]);
         }
-        mp_printf(print, "a %s or dict of its fields", field->sub->name);
+        mp_printf(print, "a %s or dict of its fields", script_field_struct(field)->name);
         return;
     }
     if (field->n_dimensions) {
@@ -40,8 +40,8 @@ static void print_expected(const mp_print_t *print, const ScriptField *field)
         mp_print_str(print, ") of ");
     }
     if (field->type == FLEDGE_ENUM) {
-        for (uint32_t i = 0; i < field->values->n; i++) {
-            mp_printf(print, i ? ", %s" : "%s", field->values->values[i].name);
+        for (uint32_t i = 0; i < script_field_enum(field)->n; i++) {
+            mp_printf(print, i ? ", %s" : "%s", script_field_enum(field)->values[i].name);
         }
     } else if (is_float(field)) {
         mp_print_str(print, field->n_dimensions ? "numbers" : "a number");
@@ -57,8 +57,8 @@ static void print_expected(const mp_print_t *print, const ScriptField *field)
     } else if (field->n_dimensions == 2 && field->count == SCRIPT_NO_FIELD && field->shape[0] == field->shape[1]) {
         mp_printf(print, ", or %d for the diagonal, or one for a multiple of the identity", (int)field->shape[0]);
     }
-    if (strcmp(field->unit->text, "-")) {
-        mp_printf(print, ", in %s", field->unit->text);
+    if (strcmp(script_field_unit(field)->text, "-")) {
+        mp_printf(print, ", in %s", script_field_unit(field)->text);
     }
 }
 
@@ -67,7 +67,9 @@ static const mp_print_t *at_field(const ScriptNode *node, const ScriptField *fie
 {
     const mp_print_t *error = objects_error();
     objects_print_path(error, node);
-    mp_printf(error, *node->type->name ? ".%s" : "%s", field->name);
+    if (node->type->fields) { /* it has none, but a name of its own, in objects_constant */
+        mp_printf(error, ".%s", script_field_name(field));
+    }
     return error;
 }
 
@@ -220,15 +222,15 @@ static mp_obj_t within(const ScriptNode *node, const ScriptField *field, mp_obj_
     if (!q || field->type == FLEDGE_ENUM) {
         return value;
     }
-    if (!units_alike(q->dims, field->unit->dims)) {
+    if (!units_alike(q->dims, script_field_unit(field)->dims)) {
         const mp_print_t *error = at_field(node, field);
-        const int plain = !strcmp(field->unit->text, "-");
+        const int plain = !strcmp(script_field_unit(field)->text, "-");
         mp_printf(error, ": expected a %s%s; found ", plain ? "number without unit" : "quantity in ",
-                  plain ? "" : field->unit->text);
+                  plain ? "" : script_field_unit(field)->text);
         objects_print_found(error, value);
         objects_raise();
     }
-    *seconds |= !strcmp(field->unit->text, "ns");
+    *seconds |= !strcmp(script_field_unit(field)->text, "ns");
     return within(node, field, q->value, seconds);
 }
 
@@ -240,7 +242,7 @@ static void convert(const ScriptNode *node, const ScriptField *field, mp_obj_t v
     const mp_obj_t number = within(node, field, value, &seconds);
     if (field->type == FLEDGE_ENUM && (!field->n_dimensions || depth || !mp_obj_is_int(value))) {
         int32_t found;
-        fits = enumerator(field->values, value, &found) && write_whole(field, to, found);
+        fits = enumerator(script_field_enum(field), value, &found) && write_whole(field, to, found);
     } else if (seconds) {
         int64_t ns;
         fits = !units_time(number, &ns, objects_error());
@@ -404,7 +406,7 @@ static void set_count(const ScriptNode *node, const ScriptField *field, uint32_t
 static void settle_count(const ScriptNode *node, const ScriptField *field, uint32_t rows)
 {
     const ScriptType *type = node->type;
-    const char *count = type->fields[field->count].name;
+    const char *count = script_field_name(&type->fields[field->count]);
     const uint32_t n = count_of(node, field);
     if (n == rows) {
         return;
@@ -413,7 +415,7 @@ static void settle_count(const ScriptNode *node, const ScriptField *field, uint3
     for (uint32_t i = 0; i < type->n && n && !holder; i++) {
         const ScriptField *other = &type->fields[i];
         if (other->count == field->count && other != field && (given(node, i) || !objects_is_module(node))) {
-            holder = other->name;
+            holder = script_field_name(other);
         }
     }
     if (holder) {
@@ -509,19 +511,20 @@ static void store_row(const ScriptNode *node, const ScriptField *field, mp_obj_t
     static const qstr apart[3] = {MP_QSTRnull, MP_QSTRnull, MP_QSTRnull};
     const ScriptNode *same = objects_struct(value);
     refuse_inert(node, field, value);
-    if (same && same->type == field->sub) {
-        memcpy(to, objects_memory(same), field->sub->size);
+    if (same && same->type == script_field_struct(field)) {
+        memcpy(to, objects_memory(same), script_field_struct(field)->size);
         return;
     }
     if (!mp_obj_is_type(value, &mp_type_dict)) {
         refuse(node, field, value);
     }
-    ScriptRoot row = {.node = {.base = {&script_view_type}, .type = field->sub}, .memory = to, .place = -1};
+    ScriptRoot row = {
+        .node = {.base = {&script_view_type}, .type = script_field_struct(field)}, .memory = to, .place = -1};
     const qstr unknown = assign_all(&row.node, mp_obj_dict_get_map(value), apart);
     if (unknown != MP_QSTRnull) {
         const mp_print_t *error = at_field(node, field);
-        mp_printf(error, ": %s has no field '%q'; it has ", field->sub->name, unknown);
-        objects_print_names(error, field->sub, -1);
+        mp_printf(error, ": %s has no field '%q'; it has ", script_field_struct(field)->name, unknown);
+        objects_print_names(error, script_field_struct(field), -1);
         objects_raise();
     }
 }
@@ -542,7 +545,7 @@ static uint32_t store_structs(const ScriptNode *node, const ScriptField *field, 
     }
     memset(aside, 0, objects_stride(field, 0));
     for (size_t i = 0; i < n; i++) {
-        store_row(node, field, items[i], aside + i * field->sub->size);
+        store_row(node, field, items[i], aside + i * script_field_struct(field)->size);
     }
     return (uint32_t)n;
 }
@@ -586,7 +589,7 @@ NORETURN static void refuse_count(const ScriptNode *node, const ScriptField *fie
     mp_printf(error,
               ": one number fills the rows that count, and there are none yet; set %s, or give an array with "
               "rows",
-              node->type->fields[field->count].name);
+              script_field_name(&node->type->fields[field->count]));
     objects_raise();
 }
 
@@ -629,7 +632,7 @@ qstr assign_all(ScriptNode *node, mp_map_t *values, const qstr *apart)
     for (int pass = 0; pass < 1 + waiting; pass++) {
         for (uint32_t i = 0; i < type->n; i++) {
             const ScriptField *field = &type->fields[i];
-            const mp_map_elem_t *value = named(values, field->name);
+            const mp_map_elem_t *value = named(values, script_field_name(field));
             if (!value || (pass && (field->count == SCRIPT_NO_FIELD || given(node, i)))) {
                 continue;
             }
@@ -738,15 +741,14 @@ int objects_encode(ScriptNode *node, const ScriptField *field, int32_t index, mp
 double objects_constant(const ScriptField *field, mp_obj_t value, const char *what)
 {
     ScriptField named = *field;
-    named.name = what;
     named.n_dimensions = 0;
-    const ScriptType type = {.name = "", .fields = &named, .n = 1};
+    const ScriptType type = {.name = what};
     const ScriptRoot root = {.node = {.base = {&script_view_type}, .type = &type}, .place = -1};
     int seconds = 0;
     refuse_inert(&root.node, &named, value);
     if (field->type == FLEDGE_ENUM) {
         int32_t number;
-        if (!enumerator(field->values, value, &number)) {
+        if (!enumerator(script_field_enum(field), value, &number)) {
             refuse(&root.node, &named, value);
         }
         return number;

@@ -621,7 +621,7 @@ static void put_port(uint32_t offset)
     put(".");
     for (uint16_t i = 0u; i < place->type->n; i++) {
         if (place->type->fields[i].offset == offset - place->offset) {
-            put(place->type->fields[i].name);
+            put(script_field_name(&place->type->fields[i]));
         }
     }
 }

@@ -90,19 +90,20 @@ void update_constant(void *self, Tick t)
     happened.push_back("constant");
 }
 
-constexpr ScriptUnit unit{"-", {}};
+constexpr char names[] = "a\0y\0gain\0updates\0value";
+enum : std::uint8_t { a = 0, y = 2, gain = 4, updates = 9, value = 17 }; // where they begin
 
-ScriptField field(const char *name, std::uint8_t type, std::uint8_t group, std::size_t offset)
+ScriptField field(std::uint16_t name, std::uint8_t type, std::uint8_t group, std::size_t offset)
 {
-    return {name, nullptr, nullptr, &unit, static_cast<std::uint32_t>(offset), {}, type, group, 0, 0, SCRIPT_NO_FIELD};
+    return {static_cast<std::uint32_t>(offset), name, 0, {}, type, group, 0, 0, 0, SCRIPT_NO_FIELD};
 }
 
-const ScriptField adder_fields[] = {field("a", FLEDGE_STRUCT, SCRIPT_IN, offsetof(Adder, in.a)),
-                                    field("y", FLEDGE_STRUCT, SCRIPT_OUT, offsetof(Adder, out.y)),
-                                    field("gain", FLEDGE_F64, SCRIPT_PAR, offsetof(Adder, par.gain)),
-                                    field("updates", FLEDGE_F64, SCRIPT_MEM, offsetof(Adder, mem.updates))};
-const ScriptField constant_fields[] = {field("y", FLEDGE_STRUCT, SCRIPT_OUT, offsetof(Constant, out.y)),
-                                       field("value", FLEDGE_F64, SCRIPT_PAR, offsetof(Constant, par.value))};
+const ScriptField adder_fields[] = {field(a, FLEDGE_STRUCT, SCRIPT_IN, offsetof(Adder, in.a)),
+                                    field(y, FLEDGE_STRUCT, SCRIPT_OUT, offsetof(Adder, out.y)),
+                                    field(gain, FLEDGE_F64, SCRIPT_PAR, offsetof(Adder, par.gain)),
+                                    field(updates, FLEDGE_F64, SCRIPT_MEM, offsetof(Adder, mem.updates))};
+const ScriptField constant_fields[] = {field(y, FLEDGE_STRUCT, SCRIPT_OUT, offsetof(Constant, out.y)),
+                                       field(value, FLEDGE_F64, SCRIPT_PAR, offsetof(Constant, par.value))};
 const ScriptType adder{nullptr, "Adder", adder_fields, 4, sizeof(Adder), reset_adder, update_adder};
 const ScriptType constant{nullptr, "Constant", constant_fields, 2, sizeof(Constant), reset_constant, update_constant};
 
@@ -164,6 +165,9 @@ const ScriptMission fledge_script = {
     .size = sizeof memory,
     .heap_size = sizeof heap,
     .heap = heap,
+    .names = names,
+    .field_units = nullptr,
+    .enums = nullptr,
     .types = nullptr,
     .places = places,
     .inputs = inputs,

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Modules, messages, structs and arrays as views of C memory, by the tables of a mission. Assignments accept what the
  * desktop's objects accept (python/fledge/core/store.cpp). */
+#include <stdarg.h> /* first: mp_vprintf is declared where va_start is */
+
 #include "targets/micropython/objects.h"
 
 #include "targets/micropython/assign.h"
@@ -10,7 +12,6 @@
 #include <py/objlist.h>
 #include <py/runtime.h>
 
-#include <stdarg.h>
 #include <string.h>
 
 MP_DEFINE_EXCEPTION(SetupError, ValueError)
@@ -88,7 +89,7 @@ void objects_print_names(const mp_print_t *print, const ScriptType *type, int gr
     const char *between = "";
     for (uint32_t i = 0; i < type->n; i++) {
         if (group < 0 || type->fields[i].group == group) {
-            mp_printf(print, "%s%s", between, type->fields[i].name);
+            mp_printf(print, "%s%s", between, script_field_name(&type->fields[i]));
             between = ", ";
         }
     }
@@ -142,7 +143,7 @@ ScriptRoot *objects_module(mp_obj_t value)
 const ScriptField *objects_field(const ScriptType *type, const char *name)
 {
     for (uint32_t i = 0; i < type->n; i++) {
-        if (!strcmp(type->fields[i].name, name)) {
+        if (!strcmp(script_field_name(&type->fields[i]), name)) {
             return &type->fields[i];
         }
     }
@@ -178,7 +179,7 @@ void objects_print_path(const mp_print_t *print, const ScriptNode *node)
     }
     const ScriptField *field = objects_field_of(node);
     objects_print_path(print, node->owner);
-    mp_printf(print, ".%s", field->name);
+    mp_printf(print, ".%s", script_field_name(field));
     if (node->type && field->n_dimensions) {
         mp_printf(print, "[%d]", (int)node->row);
     }
@@ -200,7 +201,7 @@ static ScriptNode *view_of(ScriptNode *owner, uint32_t index, uint32_t level, ui
                          .field = (uint16_t)index,
                          .row = (uint16_t)row,
                          .level = (uint8_t)level,
-                         .type = is_struct ? field->sub : NULL,
+                         .type = is_struct ? script_field_struct(field) : NULL,
                          .offset = owner->offset + field->offset + row * objects_stride(field, level)};
     owner->views = view;
     return view;
@@ -208,7 +209,8 @@ static ScriptNode *view_of(ScriptNode *owner, uint32_t index, uint32_t level, ui
 
 uint32_t objects_stride(const ScriptField *field, uint32_t level)
 {
-    uint32_t size = field->type == FLEDGE_STRUCT ? field->sub->size : element_size((FledgeType)field->type);
+    uint32_t size =
+        field->type == FLEDGE_STRUCT ? script_field_struct(field)->size : element_size((FledgeType)field->type);
     for (uint32_t i = level; i < field->n_dimensions; i++) {
         size *= field->shape[i];
     }
@@ -300,7 +302,7 @@ static void attribute(mp_obj_t object, qstr name, mp_obj_t *dest)
 static void print_value(const mp_print_t *print, ScriptNode *node, const ScriptField *field)
 {
     if (field->type == FLEDGE_STRUCT) {
-        mp_print_str(print, field->sub->name);
+        mp_print_str(print, script_field_struct(field)->name);
     } else {
         mp_obj_print_helper(print, value_of(node, field), PRINT_REPR);
     }
@@ -313,7 +315,7 @@ static void print_struct(const mp_print_t *print, mp_obj_t object, mp_print_kind
     objects_print_path(print, node);
     mp_print_str(print, "(");
     for (uint32_t i = 0; i < node->type->n; i++) {
-        mp_printf(print, "%s%s=", i ? ", " : "", node->type->fields[i].name);
+        mp_printf(print, "%s%s=", i ? ", " : "", script_field_name(&node->type->fields[i]));
         print_value(print, node, &node->type->fields[i]);
     }
     mp_print_str(print, ")");

@@ -262,7 +262,7 @@ static void check_change(const Apart *a, uint16_t i)
         }
         if (!a->changes) {
             objects_refuse("%s.%s.%s is no parameter: a procedure cannot set it", fledge_script.process, place->name,
-                           field->name);
+                           script_field_name(field));
         }
         memcpy(live + field->offset, now + field->offset, size);
     }

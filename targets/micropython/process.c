@@ -109,7 +109,7 @@ static void watch_print(const mp_print_t *print, mp_obj_t self, mp_print_kind_t 
     mp_print_str(print, !reduced ? "" : w->measure == EXEC_NORM ? "norm(" : "max_abs(");
     objects_print_path(print, w->node);
     if (w->field != NULL) {
-        mp_printf(print, ".%s", w->field->name);
+        mp_printf(print, ".%s", script_field_name(w->field));
     }
     if (w->measure == EXEC_ELEMENT) {
         uint32_t size = 1u;
@@ -152,7 +152,8 @@ static void watch_attr(mp_obj_t self, qstr attr, mp_obj_t *dest)
         const int message = field->type == FLEDGE_STRUCT && field->n_dimensions == 0u;
         dest[0] = message ? new_watch(objects_view(w->node, field, 0), NULL) : new_watch(w->node, field);
     } else if (w->field->type == FLEDGE_STRUCT) {
-        objects_refuse("%s is an array of %s; pick one, as in [0]", watch_text(&text, w), w->field->sub->name);
+        objects_refuse("%s is an array of %s; pick one, as in [0]", watch_text(&text, w),
+                       script_field_struct(w->field)->name);
     } else {
         objects_refuse("%s is a number or array; it has norm(), max_abs() and [index]", watch_text(&text, w));
     }
@@ -228,7 +229,7 @@ static void check_number(const Watch *w, const char *verb)
     if (w->field == NULL || w->field->type == FLEDGE_STRUCT) {
         const mp_print_t *print = objects_error();
         mp_printf(print, "%s: %s one of its fields: ", watch_text(&text, w), verb);
-        objects_print_names(print, w->field != NULL ? w->field->sub : w->node->type, -1);
+        objects_print_names(print, w->field != NULL ? script_field_struct(w->field) : w->node->type, -1);
         objects_raise();
     }
     if (w->field->type == FLEDGE_CHAR) {
@@ -265,7 +266,7 @@ static ExecutiveOperand operand_of(const Watch *w)
 
 static int in_ns(const ScriptField *field)
 {
-    return strcmp(field->unit->text, "ns") == 0;
+    return strcmp(script_field_unit(field)->text, "ns") == 0;
 }
 
 /* A constant as a double if that is exact, or else as a whole number. */
@@ -274,7 +275,7 @@ static ExecutiveOperand constant_of(const Watch *w, mp_obj_t value)
     const ScriptField *field = w->field;
     ExecutiveOperand o = {.constant = 1u, .type = FLEDGE_F64, .measure = EXEC_ELEMENT};
     Text text;
-    if (field->values == NULL && (mp_obj_is_int(value) || (in_ns(field) && !mp_obj_is_float(value)))) {
+    if (script_field_enum(field) == NULL && (mp_obj_is_int(value) || (in_ns(field) && !mp_obj_is_float(value)))) {
         o.of.whole = mp_obj_is_int(value) ? mp_obj_get_int(value) : objects_time(value, watch_text(&text, w));
         const double real = (double)o.of.whole;
         if (real < 9223372036854775808.0 && (int64_t)real == o.of.whole) {
@@ -299,10 +300,12 @@ static ExecutiveOperand other_of(const Watch *w, const Watch *other)
     if (w->node == other->node && a == b && w->index == other->index && w->measure == other->measure) {
         objects_refuse("%s: this compares a field with itself", watch_text(&ours, w));
     }
-    if (a->values != b->values || memcmp(a->unit->dims, b->unit->dims, 7) != 0 || in_ns(a) != in_ns(b)) {
+    if (script_field_enum(a) != script_field_enum(b) ||
+        memcmp(script_field_unit(a)->dims, script_field_unit(b)->dims, 7) != 0 || in_ns(a) != in_ns(b)) {
         objects_refuse("%s cannot be compared with %s: the first is in %s, the second in %s", watch_text(&ours, w),
-                       watch_text(&theirs, other), a->values != NULL ? a->values->name : a->unit->text,
-                       b->values != NULL ? b->values->name : b->unit->text);
+                       watch_text(&theirs, other),
+                       script_field_enum(a) != NULL ? script_field_enum(a)->name : script_field_unit(a)->text,
+                       script_field_enum(b) != NULL ? script_field_enum(b)->name : script_field_unit(b)->text);
     }
     return o;
 }

@@ -31,25 +31,23 @@ typedef struct ScriptEnum {
     uint16_t n;
 } ScriptEnum;
 
-struct ScriptType;
-
 /** A unit of the headers. All are of the SI, but "ns". */
 typedef struct ScriptUnit {
     const char *text; ///< "N m"; "-": none
     int8_t dims[8];   ///< exponents of m, kg, s, A, K, mol, cd, rad
 } ScriptUnit;
 
+/** Small, for there are many. */
 typedef struct ScriptField {
-    const char *name;
-    const struct ScriptType *sub; ///< of a FLEDGE_STRUCT
-    const ScriptEnum *values;     ///< of a FLEDGE_ENUM
-    const ScriptUnit *unit;
     uint32_t offset; ///< [bytes] from the start of the struct
+    uint16_t name;   ///< where it begins in the mission's names
+    uint16_t of;     ///< of a FLEDGE_STRUCT, the index of its type, of a FLEDGE_ENUM, of its enumeration
     uint16_t shape[SCRIPT_DIMENSIONS];
     uint8_t type;         ///< FledgeType
     uint8_t group;        ///< ScriptGroup
     uint8_t flags;        ///< SCRIPT_REQUIRED
     uint8_t n_dimensions; ///< 0: a scalar
+    uint8_t unit;         ///< the index of its unit
     uint8_t count;        ///< the index of the field that says how many leading rows count; SCRIPT_NO_FIELD: all
 } ScriptField;
 
@@ -121,6 +119,9 @@ typedef struct ScriptMission {
     uint32_t size;      ///< [bytes] of it
     uint32_t heap_size; ///< [bytes]
     void *heap;         ///< of the interpreter, aligned to 8 bytes
+    const char *names;  ///< of all fields, each with its end
+    const ScriptUnit *field_units;
+    const ScriptEnum *enums;
     const ScriptType *const *types;
     const ScriptPlace *places;
     const ScriptInput *inputs;
@@ -134,6 +135,28 @@ typedef struct ScriptMission {
 } ScriptMission;
 
 extern const ScriptMission fledge_script;
+
+static inline const char *script_field_name(const ScriptField *field)
+{
+    return fledge_script.names + field->name;
+}
+
+/** The type of a FLEDGE_STRUCT. */
+static inline const ScriptType *script_field_struct(const ScriptField *field)
+{
+    return fledge_script.types[field->of];
+}
+
+/** The enumeration of a FLEDGE_ENUM, or NULL. */
+static inline const ScriptEnum *script_field_enum(const ScriptField *field)
+{
+    return field->type == FLEDGE_ENUM ? &fledge_script.enums[field->of] : NULL;
+}
+
+static inline const ScriptUnit *script_field_unit(const ScriptField *field)
+{
+    return &fledge_script.field_units[field->unit];
+}
 
 #ifdef __cplusplus
 }

@@ -337,7 +337,7 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("--for", dest="duration", metavar="DURATION",
                      help="fly without a scenario for this long (90s, 10min, 2h), recording all outputs")
 
-    from fledge.cli import compare, export, flips, fly, keys, montecarlo, node, profile, replay, up
+    from fledge.cli import compare, export, flips, fly, keys, montecarlo, node, profile, prompt, replay, up
 
     node.add_parameters(one)
     node.add(command)
@@ -346,6 +346,7 @@ def parser() -> argparse.ArgumentParser:
     fly.add(command)
     flips.add(command)
     profile.add(command)
+    prompt.add(command)
     compare.add(command)
     replay.add(command)
     keys.add(command)

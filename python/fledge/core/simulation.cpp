@@ -419,6 +419,15 @@ void bind_simulation(py::module_ &m)
                  }
                  p.set_script(std::move(script));
              })
+        .def(
+            "set_procedure_host",
+            [](sim::Process &p, decltype(sim::ProcedureHost::start) start, decltype(sim::ProcedureHost::turn) turn,
+               decltype(sim::ProcedureHost::end) end) {
+                p.set_procedure_host({std::move(start), std::move(turn), std::move(end)});
+            },
+            "What runs procedures: start(bytecode as numbers, sequence), turn(t), end(t, killed, why).")
+        .def("command_mode",
+             [](sim::Process &p, const std::string &mode) { return static_cast<int>(p.command_mode(mode)); })
         .def("take_reports", reports, "(t, sequence, code, executed, reason, detail, bytes read back) of each")
         .def_property_readonly(
             "command_counters",

@@ -13,6 +13,7 @@ from fledge.commands import parameters, reversed_numbers
 from fledge.export import names
 from fledge.export.c_source import row, written
 from fledge.export.c_text import string, wrap
+from fledge.export.read import ExportError
 
 if TYPE_CHECKING:
     from fledge.export.read import Mission, Module
@@ -84,7 +85,8 @@ def emit_tables(mission: Mission, module: str, whole: bool, processes: Sequence[
         ("module", quoted(module)), ("process", quoted(mission.process)), ("processes", process_names),
         ("whole", int(whole)), ("commands", f"&{name}_commands"), ("memory", f"&{name}_memory"),
         ("size", f"sizeof {name}_memory"), ("heap_size", "sizeof heap"), ("heap", "heap"),
-        ("types", "types"), ("places", places), ("inputs", inputs), ("constants", shapes),
+        ("names", "names"), ("field_units", "field_units"), ("enums", "enums"), ("types", "types"),
+        ("places", places), ("inputs", inputs), ("constants", shapes),
         ("units", unit_names), ("unit_texts", unit_texts), ("tasks", tasks), ("modes", modes), ("events", events),
         ("n_types", f"{len(types)}u"), ("n_places", f"{len(mission.modules)}u"),
         ("n_inputs", "0u" if inputs == "0" else "sizeof inputs / sizeof *inputs"),
@@ -143,20 +145,33 @@ def types_of(mission: Mission) -> dict[str, Any]:
 
 
 def visible(struct: Any) -> list[Any]:
-    """The fields that a script sees. 255 is no index: SCRIPT_NO_FIELD."""
+    """The fields that a script sees."""
     fields = [f for f in struct.fields if not f.spare]
-    assert len(fields) < 255, struct.name
+    for f in fields:
+        if len(f.shape) > 3 or any(n > 65535 for n in f.shape):
+            raise ExportError(f"{struct.name}.{f.name} has shape {tuple(f.shape)}; a script has arrays of up to 3 "
+                              "dimensions, each of up to 65535")
+    if len(fields) > 254:
+        raise ExportError(f"{struct.name} has {len(fields)} fields; a script has up to 254 of a struct")
     return fields
 
 
 def type_tables(types: dict[str, Any], modules: set[str]) -> list[str]:
-    """What types consist of: units and enumerations first, each once."""
+    """What types consist of: names, units and enumerations first, each once."""
     fields = [f for struct in types.values() for f in visible(struct)]
-    known: dict[tuple[str, tuple[int, ...]], int] = {}
+    names_at: dict[str, int] = {}
+    at = 0
     for f in fields:
-        known.setdefault((f.unit or "-", tuple(f.dims)), len(known))
+        if f.name not in names_at:
+            names_at[f.name] = at
+            at += len(f.name) + 1
+    known = list(dict.fromkeys((f.unit or "-", tuple(f.dims)) for f in fields))
+    if at > 65535 or len(known) > 255:
+        raise ExportError(f"the modules have {len(known)} units and {at} bytes of names of fields; a script has up to "
+                          "255 and 65535")
     enums = {f.ctype: f.enumerators for f in fields if f.type == "enum"}
-    lines = ["static const ScriptUnit units[] = {"]
+    lines = [*wrap([f'"{name}\\0"' for name in names_at], "static const char names[] = ", "    ", ";"), "",
+             "static const ScriptUnit field_units[] = {"]
     for text, dims in known:
         lines += row(quoted(text), braced(dims))
     lines += ["};", ""]
@@ -164,17 +179,22 @@ def type_tables(types: dict[str, Any], modules: set[str]) -> list[str]:
         lines += [f"static const ScriptEnumerator {name}_values[] = {{"]
         for enumerator, value in values:
             lines += row(quoted(enumerator), str(value))
-        lines += ["};", f'static const ScriptEnum {name}_enum = {{"{name}", {name}_values, {len(values)}u}};', ""]
+        lines += ["};"]
+    lines += ["static const ScriptEnum enums[] = {",
+              *(f'    {{"{name}", {name}_values, {len(values)}u}},' for name, values in enums.items()), "};", ""]
+    places, enum_places = list(types), list(enums)
     for name, struct in types.items():
         members = visible(struct)
         lines += [f"static const ScriptField {name}_fields[] = {{"]
         for f in members:
+            of = places.index(f.struct.name) if f.type == "struct" else enum_places.index(f.ctype) if (
+                f.type == "enum") else 0
             count = next((f"{i}u" for i, one in enumerate(members) if one.name == f.count), "SCRIPT_NO_FIELD")
-            lines += row(
-                quoted(f.name), f"&{f.struct.name}_type" if f.type == "struct" else "0",
-                f"&{f.ctype}_enum" if f.type == "enum" else "0", f"&units[{known[f.unit or '-', tuple(f.dims)]}]",
-                f"{f.offset}u", f"{{{', '.join(f'{n}u' for n in f.shape or (0,))}}}", f"FLEDGE_{f.type.upper()}",
-                f"SCRIPT_{GROUPS[f.group]}", "SCRIPT_REQUIRED" if f.required else "0u", f"{len(f.shape)}u", count)
+            line, = row(f"{f.offset}u", f"{names_at[f.name]}u", f"{of}u",
+                        f"{{{', '.join(f'{n}u' for n in f.shape or (0,))}}}", f"FLEDGE_{f.type.upper()}",
+                        f"SCRIPT_{GROUPS[f.group]}", "SCRIPT_REQUIRED" if f.required else "0u", f"{len(f.shape)}u",
+                        f"{known.index((f.unit or '-', tuple(f.dims)))}u", count)
+            lines += [f"{line} /* {f.name} */"]
         function = names.snake(name)
         calls = [f"(void (*)(void *)){function}_reset", f"(void (*)(void *, Tick)){function}_update"]
         head = ["&script_class_type,", f"{quoted(name)},", f"{name}_fields,", f"{len(members)}u,", f"sizeof({name}),"]

@@ -15,8 +15,11 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fledge import _core
-from fledge.commands import NUMBERS, Dictionary, Packets, Reason, Report, parameters, reversed_numbers
+from fledge.commands import (NUMBERS, TURNS, Dictionary, Packets, Reason, Report, Text, parameters,
+                             reversed_numbers)
 from fledge.errors import SetupError
+from fledge.mission import procedures
+from fledge.mission.procedures import Procedures
 
 if TYPE_CHECKING:
     from fledge.mission.process import Flight
@@ -51,6 +54,7 @@ class Commands:
         self.packets = Packets(self.dictionary)
         self.sent: list[tuple[int, bytes]] = []
         self._reports: list[Report] = []
+        self._procedures = Procedures(process, core)
         self._attach()
 
     def _attach(self):
@@ -110,6 +114,20 @@ class Commands:
         """The rate of packets of an output, or of all. On the desktop it changes nothing: record() has them."""
         return self._send([self.packets.telemetry(output, on, every)])
 
+    def procedure(self, bytecode: bytes, source: str = "", name: str = "", turns: int = TURNS, slot: int = 0
+                  ) -> list[Report]:
+        """Send a procedure and start it. On the desktop CPython runs its source, of the file `name`; without it, the
+        desktop refuses it. fledge.targets.procedure() makes the bytecode of a file. turns: of its loops and returns of
+        functions that it may take on board in one instant."""
+        packets = self.packets.procedure(bytecode, turns, slot)
+        if source:
+            procedures.SOURCES[bytecode] = source, name
+        return self._send(packets)
+
+    def stop_procedure(self, slot: int = 0) -> list[Report]:
+        """Stop the procedure of a slot."""
+        return self._send([self.packets.stop(slot)])
+
     def noop(self) -> list[Report]:
         return self._send([self.packets.noop()])
 
@@ -132,6 +150,11 @@ class Commands:
         self._reports += [Report(t, sequence, code, executed, Reason(reason), detail, data)
                           for t, sequence, code, executed, reason, detail, data in self._core.take_reports()]
         return list(self._reports)
+
+    @property
+    def texts(self) -> list[Text]:
+        """What procedures have said so far, in order."""
+        return list(self._procedures.texts)
 
     @property
     def counters(self) -> Counters:

@@ -794,8 +794,9 @@ def test_the_help_and_the_page_name_every_target(capsys):
     with pytest.raises(SystemExit):
         cli.main(["fly", "--help"])
     help_text, page = capsys.readouterr().out, (build.ROOT / "docs/targets.md").read_text(encoding="utf-8")
+    about = re.sub(r"-\s+", "-", help_text.rpartition("--on TARGETS")[2].partition("--for")[0])   # long names are broken
     for name in TARGETS:
-        assert re.search(rf"\b{name}\b", help_text.rpartition("--on TARGETS")[2].partition("--for")[0])
+        assert re.search(rf"\b{name}\b", about)
         assert f"\n| `{name}` |" in page
 
 

@@ -85,6 +85,14 @@ class MicroPython(Linux):
                                                                   True)
 
 
+class MicroPythonDevelopment(MicroPython):
+    """The same with the compiler, so that flight evaluates texts."""
+
+    name = "micropython-dev"
+    about = "the same with Python's compiler on board, for `fledge console`"
+    development = True
+
+
 def checked(part: Part) -> Path:
     """The program of a part for this machine, whose script composed what the desktop's did."""
     built = program(part.composed, part.folder / MicroPython.name, part.roots)

@@ -8,9 +8,12 @@ from types import SimpleNamespace
 import pytest
 
 import fledge
-from fledge import export
-from fledge.commands import Dictionary, Kind, Packets, Reason, decoded
-from fledge.targets import build, micropython
+from fledge import cli, export
+from fledge.archive import Archive
+from fledge.archive.compare import compare
+from fledge.commands import Dictionary, Kind, Packets, Reason, decoded, read_script
+from fledge.errors import SetupError
+from fledge.targets import TARGETS, build, micropython, procedure
 from fledge.targets import micropython_toolchain as toolchain
 
 MISSION = '''
@@ -346,3 +349,54 @@ def test_texts_and_a_procedure_do_not_disturb_each_other(console):
         assert (one, two) == (Kind.RESULT, Kind.PRINTED)
         assert (answer, printed) == (f"'other_name{i}'\n", f"name_of_procedure{i + 1}")
     assert console.heap[0] == heap
+
+
+# --- of a scenario ---------------------------------------------------------------------------------
+
+CHECK = """
+from fledge.units import N, kg, m, s
+
+def main(f):
+    f.enter("science")
+    yield wait(3 * s)
+    while f.tracking.error.head.sequence < 9:
+        yield
+    f.control.K = 3 * N * m
+    f.vehicle.I_B = [710, 700, 800] * kg * m**2
+    print("error", f.tracking.error.sigma_BR[0] != 0, f.active_mode)
+    yield
+    f.control.P[1][1] = 40.0
+"""
+SCENARIOS = """
+from pathlib import Path
+
+from fledge.targets import procedure
+from fledge.units import s
+
+
+def check(sim):
+    sim.run(3 * s)
+    procedure(sim.flight, Path(__file__).with_name("check.py"))
+    sim.run(20 * s)
+    assert sim.flight.control.K == 3 and sim.flight.control.P[1, 1] == 40
+"""
+
+
+def test_a_procedure_flies_the_same_bits_on_the_desktop_and_on_targets(tmp_path, capsys):
+    targets = [one for one in ("micropython", "leon3-micropython") if not TARGETS[one].missing()]
+    mission, out = tmp_path / "mission", tmp_path / "out"
+    mission.mkdir()
+    for name, text in (("flight", MISSION), ("world", WORLD), ("check", CHECK), ("scenarios", SCENARIOS)):
+        (mission / f"{name}.py").write_text(text)
+    assert cli.main(["fly", str(mission), "--on", ",".join(targets), "--out", str(out)]) == 0, capsys.readouterr()
+    found = Dictionary.load(next((out / "c").glob("*_packets.json")))
+    for target in targets:
+        assert compare(Archive(out / "desktop.mcap"), Archive(out / f"{target}.mcap")) == []
+        packets = [decoded(found, one.packet) for one in read_script((out / f"{target}.telemetry.txt").read_text())]
+        assert [(one.content.kind, one.content.text) for one in packets if one.path == "texts"] == [
+            (Kind.PROCEDURE_STARTED, ""), (Kind.PRINTED, "error True science"), (Kind.PROCEDURE_ENDED, "")]
+
+
+def test_a_procedure_that_is_no_file(tmp_path):
+    with pytest.raises(SetupError, match="procedure: .*none.py: No such file"):
+        procedure(None, tmp_path / "none.py")
