@@ -19,7 +19,6 @@ from fledge.errors import Failure
 from fledge.files import build_folder
 from fledge.profile import Profile, board, code, desktop, process, valgrind
 from fledge.targets import TARGETS, Job, build, inputs
-from fledge.targets.micropython import MicroPython
 
 from bench.rows import Rows, in_turn, median_ratio, options, report
 
@@ -30,14 +29,6 @@ CASES = ["linux", "micropython", "micropython-dev", "leon3-micropython", "wall",
 GOALS = {"micropython": (150_000, 8 * 1024), "micropython-dev": (200_000, 24 * 1024)}
 INSTRUCTIONS = 1.2e9
 missed: list[str] = []
-
-
-class Development(MicroPython):
-    name = "micropython-dev"
-    development = True
-
-
-ON: dict[str, Any] = {Development.name: Development(), **TARGETS}
 
 
 def goal(what: str, value: float, limit: float | None, thesis: str = "") -> str:
@@ -51,7 +42,7 @@ def goal(what: str, value: float, limit: float | None, thesis: str = "") -> str:
 
 def spin(rows: Rows, name: str, part: Any, record: Path) -> Profile:
     """The figures of the mission on a target."""
-    target = ON[name]
+    target = TARGETS[name]
     on_board = target.profiled_by == "board"
     found = (board if on_board else process).measure(target, part, record)
     size, heap = GOALS.get(name, (None, None))
@@ -106,7 +97,7 @@ def wall(rows: Rows, part: Any, runs: int) -> None:
     cases: dict[str, Any] = {"CPython": partial(seconds, [*python, whole]),
                              "its world": partial(seconds, [*python, world])}
     for name in ("linux", "micropython", "micropython-dev"):
-        cases[name] = partial(seconds, [ON[name].build(part).resolve(), "--inputs", file])
+        cases[name] = partial(seconds, [TARGETS[name].build(part).resolve(), "--inputs", file])
     samples = in_turn(cases, runs)
     thesis = {"CPython": "flight and world; thesis 0.824, flight alone", "its world": "the same without flight",
               "micropython": "thesis 0.649"}
@@ -168,7 +159,7 @@ def main(arguments: list[str]) -> int:
     if len(part.instants) != CYCLES:
         raise Failure(f"{MISSION} has {len(part.instants)} cycles in {SECONDS:g} s, not {CYCLES}")
     for name in cases:
-        if name in ON:
+        if name in TARGETS:
             spin(rows, name, part, record)
         elif name == "wall":
             wall(rows, part, chosen.runs)

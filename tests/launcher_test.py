@@ -362,9 +362,22 @@ def test_micropython_comes_when_it_is_needed(launch, arguments, asked):
     (launch.fake / "updated").touch()
     (launch.fake / "status").write_text("0")
     (launch.fake / "report").write_text(REPORT.format(0))
+    (launch.tree / "python/fledge/targets/leon3_toolchain.py").touch()      # a bench of MicroPython needs it, too
     launch(*arguments)
     assert launch.said("micropython") == asked
     assert (" debian-archive-keyring" in " ".join(launch.said("apt"))) == bool(asked)
+
+
+@pytest.mark.parametrize("arguments, needed", [
+    (["profile", "x"], ["profile"]), (["profile", "x", "--on", "leon3"], ["profile", "leon3"]),
+    (["bench", "micropython"], ["profile", "leon3"]), (["fly", "x"], [])])
+def test_profiles_install_what_they_measure_with(launch, arguments, needed):
+    (launch.fake / "updated").touch()
+    (launch.tree / "python/fledge/targets/leon3_toolchain.py").touch()
+    launch(*arguments)
+    installed = " ".join(launch.said("apt"))
+    for purpose in ("profile", "leon3"):
+        assert all((f" {name}" in installed) == (purpose in needed) for name in packages(purpose))
 
 
 def test_commands_run_where_the_user_stands(launch):

@@ -99,7 +99,7 @@ const MissionIo IO = {MESSAGES, BOARDS, ROWS, 4, 1, 3, nullptr, {0, 3}, {0, 4}, 
 const ExecRun NUMBERS[] = {{8, 2}};
 const CommandBlock BLOCKS[] = {{NUMBERS, nullptr, 16, 1, 0, 0, 0}};
 std::uint8_t staged[16], waiting[64], packet[TELEMETRY_REPORT_MAX];
-TelemetryRate rates[2];
+TelemetryRate rates[3];
 const CommandTable COMMANDS = {
     0x1880,
     0x1234,
@@ -116,8 +116,10 @@ const CommandTable COMMANDS = {
     nullptr,
     nullptr,
     nullptr,
+    nullptr,
     nullptr};
-const TelemetryTable TELEMETRY = {0x0880, 0, nullptr, rates, packet, [](const void *) -> std::uint16_t { return 0; }};
+const TelemetryTable TELEMETRY = {0x0880, 0, nullptr, rates, packet, [](const void *) -> std::uint16_t { return 0; },
+                                  nullptr};
 CommandState state;
 MissionStart begun;
 const MissionTopic TOPICS[] = {{"/world/m/a", 0, 0, 0},

@@ -29,9 +29,9 @@ def add(command: Callable) -> None:
     one.add_argument("--free", action="store_true", help="without a scenario; with --for")
     one.add_argument("--on", default="desktop,linux", metavar="TARGETS", help="of desktop, linux, aarch64, sparc64, "
                      "cfs, leon3, leon3-qemu, leon3-cfs, micropython, micropython-dev, leon3-micropython, "
-                     "leon3-micropython-qemu; default: desktop,linux. The desktop always flies, because the others are compared with it. "
-                     "chief=cfs,deputy=leon3: one run, with a target for each of these flight processes; all others on "
-                     "the desktop's code")
+                     "leon3-micropython-qemu; default: desktop,linux. The desktop always flies, because the others are "
+                     "compared with it. chief=cfs,deputy=leon3: one run, with a target for each of these flight "
+                     "processes; all others on the desktop's code")
     one.add_argument("--for", dest="duration", metavar="DURATION", help="fly only so long (90s, 10min, 2h)")
     one.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
     one.add_argument("--board", nargs="+", default=[], metavar="FILE", help="boards that the messages pass, as "

@@ -58,7 +58,8 @@ def test_flight_puts_out_the_same_bits_on_every_target(mission, folder, capsys):
     names = everywhere().split(",")
     if mission != "nadir_spin" and not WHOLE:
         # One mission is enough for the byte order, and for QEMU, which looks at its registers without a pause.
-        names = [name for name in names if name not in ("sparc64", "leon3-qemu", "leon3-micropython-qemu")]
+        names = [name for name in names if name not in (
+            "sparc64", "leon3-qemu", "micropython-dev", "leon3-micropython-qemu")]
     assert cli.main(["fly", mission, *span, "--on", ",".join(names), "--out", str(out)]) == 0, capsys.readouterr()
     rows = [line.split() for line in capsys.readouterr().out.partition("  heap")[0].splitlines()[2:]]
     assert [row[0] for row in rows] == names
@@ -551,13 +552,13 @@ def test_a_bound_may_be_given_or_tightened_in_the_command(tmp_path, capsys):
 # --- size ------------------------------------------------------------------------------------------
 
 def test_nadir_spin_is_small(folder):
-    """Flight modules, generated code, commands and telemetry, runner and record: under 50 KiB of text and 14 KiB of
+    """Flight modules, generated code, commands and telemetry, runner and record: under 52 KiB of text and 16 KiB of
     memory, without the C library. The generated code is under 4.25 KiB, its messages' definitions, for the record,
     aside."""
     job = Job("nadir_spin", duration=1.0, folder=folder / "nadir_spin")
     target = TARGETS["linux"]
     code, memory = target.sizes(target.build(job.parts[0]))
-    assert 20 * 1024 < code < 50 * 1024 and 4 * 1024 < memory <= 14 * 1024
+    assert 20 * 1024 < code < 52 * 1024 and 4 * 1024 < memory <= 16 * 1024
     objects = {path.stem.partition("_")[2]: path for path in (job.folder / "linux/o").glob("*.o")}
     written = 0
     for name in ("nadir_spin", "nadir_spin_board", "nadir_spin_io", "nadir_spin_host"):
@@ -794,7 +795,8 @@ def test_the_help_and_the_page_name_every_target(capsys):
     with pytest.raises(SystemExit):
         cli.main(["fly", "--help"])
     help_text, page = capsys.readouterr().out, (build.ROOT / "docs/targets.md").read_text(encoding="utf-8")
-    about = re.sub(r"-\s+", "-", help_text.rpartition("--on TARGETS")[2].partition("--for")[0])   # long names are broken
+    about = help_text.rpartition("--on TARGETS")[2].partition("--for")[0]
+    about = re.sub(r"-\s+", "-", about)     # long names are broken
     for name in TARGETS:
         assert re.search(rf"\b{name}\b", about)
         assert f"\n| `{name}` |" in page
