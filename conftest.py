@@ -21,6 +21,7 @@ os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [os.environ.get("PYTHONP
 # Tests of the launcher, of documents, of the build and of programs of targets, none of which the sanitizers look into.
 IN_RELEASE = [ROOT / path for path in (
     "bench/mutants_test.py", "python/fledge/export/cfs/flight_test.py", "python/fledge/targets/cfs_test.py",
+    "python/fledge/targets/console_test.py", "python/fledge/targets/procedure_test.py",
     "python/fledge/targets/random_test.py", "tests/docs_test.py",
     "tests/format_test.py", "tests/install_test.py", "tests/launcher_test.py", "tests/project_test.py")]
 
