@@ -24,7 +24,7 @@ static long long value_of(mp_const_obj_t o)
 
 mp_obj_t mp_obj_new_int_from_ll(long long value)
 {
-    if (MP_SMALL_INT_FITS(value)) {
+    if (MP_SMALL_INT_FITS((mp_uint_t)value)) {
         return MP_OBJ_NEW_SMALL_INT(value);
     }
     mp_obj_int_t *o = mp_obj_malloc(mp_obj_int_t, &mp_type_int);

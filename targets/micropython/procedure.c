@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "targets/micropython/procedure.h"
 
+#include "flight/exec/event.h"
 #include "targets/micropython/executive.h"
 #include "targets/micropython/objects.h"
 #include "targets/micropython/process.h"
@@ -236,6 +237,34 @@ static mp_obj_t wait(mp_obj_t time)
 }
 static MP_DEFINE_CONST_FUN_OBJ_1(wait_object, wait);
 
+static mp_obj_t measure(mp_obj_t array, ExecMeasure what)
+{
+    const ScriptNode *node = mp_obj_is_type(array, &script_array_type) ? MP_OBJ_TO_PTR(array) : NULL;
+    const ScriptField *field = node != NULL ? objects_field_of(node) : NULL;
+    if (field == NULL || field->type == FLEDGE_STRUCT || field->type == FLEDGE_CHAR) {
+        const mp_print_t *error = objects_error();
+        mp_printf(error, "%s: expected an array of a module or message; found ",
+                  what == EXEC_NORM ? "norm" : "max_abs");
+        objects_print_found(error, array);
+        objects_raise();
+    }
+    const FledgeType type = (FledgeType)field->type;
+    return mp_obj_new_float(
+        exec_measured(what, type, objects_memory(node), objects_stride(field, node->level) / element_size(type)));
+}
+
+static mp_obj_t norm(mp_obj_t array)
+{
+    return measure(array, EXEC_NORM);
+}
+static MP_DEFINE_CONST_FUN_OBJ_1(norm_object, norm);
+
+static mp_obj_t max_abs(mp_obj_t array)
+{
+    return measure(array, EXEC_MAX_ABS);
+}
+static MP_DEFINE_CONST_FUN_OBJ_1(max_abs_object, max_abs);
+
 /* --- the end of a turn ----------------------------------------------------------------------------- */
 
 static void begin_turn(Apart *a)
@@ -340,8 +369,10 @@ static void begin_globals(Apart *a, const char *name)
     begin_names();
     a->copies = m_new0(ScriptRoot *, fledge_script.n_places);
     a->globals = MP_OBJ_TO_PTR(mp_obj_new_dict(8));
-    mp_obj_dict_store(MP_OBJ_FROM_PTR(a->globals), MP_OBJ_NEW_QSTR(MP_QSTR___name__),
-                      MP_OBJ_NEW_QSTR(qstr_from_str(name)));
+    const mp_obj_t globals = MP_OBJ_FROM_PTR(a->globals);
+    mp_obj_dict_store(globals, MP_OBJ_NEW_QSTR(MP_QSTR___name__), MP_OBJ_NEW_QSTR(qstr_from_str(name)));
+    mp_obj_dict_store(globals, MP_OBJ_NEW_QSTR(MP_QSTR_norm), MP_OBJ_FROM_PTR(&norm_object));
+    mp_obj_dict_store(globals, MP_OBJ_NEW_QSTR(MP_QSTR_max_abs), MP_OBJ_FROM_PTR(&max_abs_object));
 }
 
 static mp_obj_t begin_procedure(Apart *a)

@@ -3,6 +3,7 @@
 (targets/micropython/procedure.h). There is no limit of turns or memory here."""
 from __future__ import annotations
 
+import math
 import weakref
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
@@ -71,7 +72,8 @@ class Procedures:
     def _run(self) -> bool:
         if self.main is None:
             self._say(Kind.PROCEDURE_STARTED)
-            names = {"wait": self._wait, "print": self._print, "__name__": "procedure"}
+            names = {"wait": self._wait, "norm": _norm, "max_abs": _max_abs, "print": self._print,
+                     "__name__": "procedure"}
             exec(self.code, names)
             if "main" not in names:
                 raise SetupError("a procedure defines main(f)")
@@ -126,6 +128,18 @@ class _Seen:
 
     def __setattr__(self, name: str, _: Any) -> None:
         raise SetupError(f"{self._seen[0].name}.{name} cannot be set here; set parameters, as in f.control.K = 3")
+
+
+def _norm(array: Any) -> float:
+    """As flight/exec/event.h, in the same order."""
+    total = 0.0
+    for x in array.flat:
+        total += float(x) * float(x)
+    return math.sqrt(total)
+
+
+def _max_abs(array: Any) -> float:
+    return max((abs(float(x)) for x in array.flat), default=0.0)
 
 
 def _line(error: BaseException, code: Any) -> int:

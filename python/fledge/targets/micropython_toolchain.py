@@ -61,8 +61,8 @@ EDITS: dict[str, list[tuple[str, str]]] = {
 }
 LEFT_OUT = {"objint_longlong.c", "formatfloat.c"}   # longint.c and decimal.c take their places
 
-WORDS = ["-std=gnu99", "-Os", "-ffp-contract=off", "-fno-math-errno", "-ffunction-sections", "-fdata-sections",
-         "-fno-asynchronous-unwind-tables", "-DNDEBUG"]
+WORDS = ["-std=gnu99", "-Os", "-fwrapv", "-ffp-contract=off", "-fno-math-errno", "-ffunction-sections",
+         "-fdata-sections", "-fno-asynchronous-unwind-tables", "-DNDEBUG"]
 OURS = ["-Wall", "-Wextra", "-Wno-unused-parameter"]
 DECIMAL = ["-Dmp_format_float=decimal_format", "-include", "targets/micropython/decimal.h"]
 SEVERAL = {"vm.c": ["-O2"],     # -Os doubles the time of a loop

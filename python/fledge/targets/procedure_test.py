@@ -188,6 +188,7 @@ KILLED = {
     "flight's own script": ("import flight", 2, "no module named"),
     "a negative wait": ("yield wait(-1)", 2, "wait: the time must be >= 0"),
     "a wait without a yield": ("wait(1)\n    yield", 0, "yields nothing, or wait(time)"),
+    "a norm of a number": ("norm(3)", 2, "norm: expected an array of a module or message; found 3"),
     "a value": ("yield 3", 0, "yields nothing, or wait(time)"),
     "an update of a module": ("f.spin.update(5.0)", 0, "is no parameter"),
 }
@@ -311,6 +312,8 @@ def console(programs):
 
 def test_a_text_reads_and_sets_what_flies(console):
     result, error = Kind.RESULT, Kind.ERROR
+    assert console.ask("norm(f.guidance.sigma_RN) ** 2 - 0.14 < 1e-15, max_abs(f.vehicle.I_B)") == (
+        result, "(True, 800.0)\n")
     assert console.ask("1 + 1") == (result, "2\n")
     assert console.ask("f.control.K") == (result, "2.5\n")
     assert console.ask("f.control.K = 3 * N * m") == (result, "")
@@ -359,9 +362,10 @@ from fledge.units import N, kg, m, s
 def main(f):
     f.enter("science")
     yield wait(3 * s)
-    while f.tracking.error.head.sequence < 9:
+    while f.tracking.error.head.sequence < 9 or norm(f.tracking.error.sigma_BR) > 9:
         yield
     f.control.K = 3 * N * m
+    f.control.K_I = norm(f.tracking.error.sigma_BR) + max_abs(f.vehicle.I_B)
     f.vehicle.I_B = [710, 700, 800] * kg * m**2
     print("error", f.tracking.error.sigma_BR[0] != 0, f.active_mode)
     yield
