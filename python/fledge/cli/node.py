@@ -78,7 +78,9 @@ def node(options: argparse.Namespace) -> int:
         raise Failure("node: --name is for one process; several are called as they are")
     if options.record:
         Path(options.record).mkdir(parents=True, exist_ok=True)
-    signal.signal(signal.SIGTERM, _terminate)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _end)
     if options.until is None and options.seed is not None:
         raise Failure("node: the seed is the controller's to give; --seed is for a run with --until")
     if len(names) > 1 or options.until is not None:
@@ -252,13 +254,16 @@ class _Programs:
             self.wait(timeout)
 
 
-def _terminate(number, frame):
+def _end(number, frame):
+    """End this program once: the terminal and the command that started it may each send a signal."""
+    for each in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(each, signal.SIG_IGN)
     raise KeyboardInterrupt
 
 
 @contextlib.contextmanager
 def _undisturbed():
-    """Ignore further signals: the terminal and the command that started this program may each send one."""
+    """Ignore signals."""
     before = {number: signal.signal(number, signal.SIG_IGN) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield

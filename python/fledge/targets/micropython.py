@@ -22,6 +22,8 @@ from fledge.targets.target import Linux
 if TYPE_CHECKING:
     from fledge.targets.job import Part
 
+LINK = ["-no-pie", "-Wl,-z,noseparate-code", "-lm"]     # without separate pages for code: 4 KB less
+
 
 def export(composed: Composed, flight: Any, folder: Path, development: bool = False) -> Path:
     """Write a mission's C into folder / "c", build its program for this machine, and check that the script composes
@@ -37,7 +39,7 @@ def program(composed: Composed, folder: Path, roots: Sequence[Path], development
     library = toolchain.library("host", development)
     sources = [*_sources(composed, folder, roots, library), *(build.ROOT / path for path in build.RUNNER)]
     return build.program(folder, composed.mission.name, sources, [(folder / "c").resolve(), *roots],
-                         library.compiler, library.flags, ["-no-pie", "-lm"], archives=[library.archive])
+                         library.compiler, library.flags, LINK, archives=[library.archive])
 
 
 def _sources(composed, folder, roots, library):
