@@ -576,6 +576,9 @@ def test_an_observer_sees_what_nodes_write_and_a_ground_system_writes(programs):
         with pytest.raises(NodeError, match="has no field q; it has k"):
             ground.write("/ground/stiffness", {"q": 1})
         viewer.write("/ground/stiffness", {"k": 3.0})
+        viewer.subscribe("/mass/")      # which the controller reads after it
+        while viewer.next(20).topic != "/mass/state":
+            pass
         controller.process.send_signal(signal.SIGINT)
         code, errors = controller.end()
         assert "viewer writes /ground/stiffness: /ground/stiffness is not written by viewer" in errors

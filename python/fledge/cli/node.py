@@ -78,16 +78,14 @@ def node(options: argparse.Namespace) -> int:
         raise Failure("node: --name is for one process; several are called as they are")
     if options.record:
         Path(options.record).mkdir(parents=True, exist_ok=True)
-    for number in (signal.SIGINT, signal.SIGTERM):
-        if signal.getsignal(number) is not signal.SIG_IGN:
-            signal.signal(number, _end)
     if options.until is None and options.seed is not None:
         raise Failure("node: the seed is the controller's to give; --seed is for a run with --until")
-    if len(names) > 1 or options.until is not None:
-        from fledge import cosim
+    with _ending_once():
+        if len(names) > 1 or options.until is not None:
+            from fledge import cosim
 
-        return _several(sim, scenario, names, options, cosim.checked_wires(sim))
-    return _one(sim, scenario, names[0], options)
+            return _several(sim, scenario, names, options, cosim.checked_wires(sim))
+        return _one(sim, scenario, names[0], options)
 
 
 def _one(sim, scenario, process, options, crossing=None, address=None, quiet=False):
@@ -254,11 +252,24 @@ class _Programs:
             self.wait(timeout)
 
 
-def _end(number, frame):
-    """End this program once: the terminal and the command that started it may each send a signal."""
-    for each in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(each, signal.SIG_IGN)
-    raise KeyboardInterrupt
+@contextlib.contextmanager
+def _ending_once():
+    """SIGINT and SIGTERM interrupt once: the terminal and the command that started this program may each send one."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+
+    def interrupt(number, frame):
+        for each in before:
+            signal.signal(each, signal.SIG_IGN)
+        raise KeyboardInterrupt
+
+    for number, handler in before.items():
+        if handler is not signal.SIG_IGN:
+            signal.signal(number, interrupt)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 @contextlib.contextmanager

@@ -89,6 +89,7 @@ def page(mission: str, scenario: str, duration: float | None, found: Sequence[Pr
         made=datetime.now(timezone.utc), problems=[(one.target, text) for one in found for text in one.problems()],
         figures=[(title, note, b64encode(png).decode()) for title, note, png in _figures(found)],
         heapless=[one.target for one in found if one.init_heap == 0 and one.loop_heap == 0],
+        short=[one.target for one in found if not one.heap],
         functions=[one for one in found if one.functions])
 
 
@@ -96,7 +97,7 @@ def _figures(found: Sequence[Profile]) -> list[tuple[str, str, bytes]]:
     """(title, note, PNG) of each plot."""
     plots = []
     for one in found:
-        if one.init_heap or one.loop_heap:
+        if one.heap and (one.init_heap or one.loop_heap):
             note = f"At most {_bytes(one.init_heap)} in initialisation, {_bytes(one.loop_heap)} in the loop."
             plots.append((f"Heap over time, {one.target}", note, _png(partial(_heap, one))))
     counted = [one for one in found if one.instructions]

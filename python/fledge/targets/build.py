@@ -81,12 +81,19 @@ def program(folder: Path | str, name: str, sources: Sequence[Path], includes: Se
         f"build {_escaped(whole)}: whole {' '.join([*objects, *own])}",
         f"default {_escaped(name)} {_escaped(whole)}", ""])
     write_files({"build.ninja": text}, folder)
+    run_ninja(folder, name)
+    return folder / name
+
+
+def run_ninja(folder: Path, output: str) -> None:
+    """Build folder / output as folder / "build.ninja" says. Raises Failure with the words of the compiler."""
+    # A sanitizer's library, which Python may need, would slow a compiler down.
+    plain = {name: value for name, value in os.environ.items() if name != "LD_PRELOAD"}
     done = subprocess.run(["ninja", "-C", folder], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-                          errors="replace")
+                          errors="replace", env=plain)
     if done.returncode:
         failed = done.stdout.partition("FAILED:")[2] or done.stdout
-        raise Failure(f"{folder / name} cannot be built:\n{failed.strip()}", 1)
-    return folder / name
+        raise Failure(f"{folder / output} cannot be built:\n{failed.strip()}", 1)
 
 
 def sizes(built: Path, tool: str = "size") -> tuple[int, int]:

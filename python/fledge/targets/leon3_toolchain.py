@@ -17,6 +17,7 @@ from pathlib import Path
 from fledge.errors import Failure
 from fledge.export.write import write_files
 from fledge.files import build_folder
+from fledge.targets.build import run_ninja
 
 COMPILER, SIZE = "sparc64-linux-gnu-gcc", "sparc64-linux-gnu-size"
 NEWLIB = Path("/usr/src/newlib")
@@ -121,8 +122,7 @@ def _build(archive, folder):
         "  rspfile = $out.list", "  rspfile_content = $in",
         *(f"build {name}: cc {file}\n  definitions = {text}" for name, file, text in members),
         f"build libc.a: ar {' '.join(name for name, _, _ in members)}", ""])}, folder)
-    if subprocess.run(["ninja", "-C", folder]).returncode:
-        raise Failure(f"the C library for LEON3 cannot be built, in {folder}", 1)
+    run_ninja(folder, "libc.a")
 
 
 def _objects(source):

@@ -27,7 +27,7 @@ from fledge.errors import Failure
 from fledge.export.write import write_files
 from fledge.files import build_folder
 from fledge.targets import leon3_toolchain
-from fledge.targets.build import COMMAND, ROOT, _escaped, _words, math_sources, program
+from fledge.targets.build import COMMAND, ROOT, _escaped, _words, math_sources, program, run_ninja
 
 PACKAGE, SUITE, VERSION = "micropython", "trixie", "1.25.0+ds-1"
 ARCHIVE = f"{PACKAGE}_{VERSION.rpartition('-')[0]}.orig.tar.xz"
@@ -361,11 +361,7 @@ def _ninja(folder: Path, output: str, compiler: str, words: Sequence[str],
         *(f"build {name}: cc {_escaped(path)}\n  more = {_words(more)}"
           for name, (path, more) in zip(objects, sources)),
         f"build {output}: {rule} {' '.join(objects)}", ""])}, folder)
-    done = subprocess.run(["ninja", "-C", folder], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-                          errors="replace")
-    if done.returncode:
-        failed = done.stdout.partition("FAILED:")[2] or done.stdout
-        raise Failure(f"{folder / output} cannot be built:\n{failed.strip()}", 1)
+    run_ninja(folder, output)
 
 
 def main(arguments: Sequence[str]) -> None:
