@@ -11,6 +11,7 @@ get_filename_component(FLEDGE_ROOT ${CMAKE_CURRENT_LIST_DIR}/.. ABSOLUTE)
 #   layout  a file that compiles only where structs lie in memory as the tables say
 #   orders  the byte order of its messages: `fledge_messages_<name>`, see registers/message.h
 #   models  what makes its models: `fledge_models_<name>`, see sim/model_library.h
+#   functions  what Python may call of its math/: `fledge_functions_<name>`, see sim/function.h
 #   stubs   stubs/*.pyi, its types for Python's editors and type checkers
 # Without EMIT: tables, layout and stubs. Folders are relative to ROOT (default: the project); INCLUDE names
 # further roots that headers include from, besides Fledge itself. BUILT_BY names the targets that compile the
@@ -55,7 +56,7 @@ function(fledge_introspect target)
         list(APPEND options --emit ${what})
         list(APPEND written ${out}/${arg_LIBRARY}_${what})
     endforeach()
-    list(TRANSFORM written APPEND .c REGEX "_(tables|layout|orders)$")
+    list(TRANSFORM written APPEND .c REGEX "_(tables|layout|orders|functions)$")
     list(TRANSFORM written APPEND .cpp REGEX "_models$")
     if(arg_LIBRARY MATCHES "^(flight|world)$")
         list(TRANSFORM written REPLACE "[^/]*_stubs$" stubs/_fledge_${arg_LIBRARY}.pyi)

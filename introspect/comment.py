@@ -54,7 +54,8 @@ def doc_text(raw: str | None) -> str:
     if not raw:
         return ""
     if raw.startswith("/**") and not raw.startswith("/**<"):
-        lines = [re.sub(r"^\s*\*? ?", "", line) for line in raw[3:-2].splitlines()]
+        first, *rest = raw[3:-2].splitlines() or [""]
+        lines = [first, *(re.sub(r"^\s*\*? ?", "", line) for line in rest)]
     elif raw.startswith("///") and not raw.startswith("///<"):
         lines = [re.sub(r"^\s*///? ?", "", line) for line in raw.splitlines()]
     else:

@@ -194,20 +194,42 @@ class Struct:
 
 
 @dataclass(frozen=True)
+class Argument:
+    """What a function takes or gives: a double, an int, or a struct of one array of doubles."""
+    name: str
+    ctype: str                  # "double", "int", "Vec3"
+    shape: tuple[int, ...]      # () is a number
+
+
+@dataclass(frozen=True)
+class Function:
+    """A function of numbers and arrays: double, int for what it gives, Vec3 and their like."""
+    name: str
+    doc: str
+    takes: tuple[Argument, ...]
+    returns: Argument | None
+    fills: tuple[Argument, ...]  # what it writes through pointers, its last parameters
+    header: str
+    library: str = ""
+
+
+@dataclass(frozen=True)
 class Library:
     """What the headers of one library declare, each in the order of names."""
     name: str
     structs: tuple[Struct, ...]
     enums: tuple[Enumeration, ...]
+    functions: tuple[Function, ...] = ()
 
 
 @dataclass(frozen=True)
 class Model:
     """All that was read: structs and enums by name, the libraries in the order they were asked for,
-    and the files and folders on which this depends."""
+    functions of numbers, and the files and folders on which this depends."""
     structs: dict[str, Struct]
     enums: dict[str, Enumeration]
     library_names: tuple[str, ...]
+    functions: tuple[Function, ...] = field(default=(), compare=False)
     files: tuple[str, ...] = field(default=(), compare=False)
     folders: tuple[str, ...] = field(default=(), compare=False)
 
@@ -216,4 +238,5 @@ class Model:
             raise KeyError(f"no library `{name}`; there are: {', '.join(self.library_names)}")
         return Library(name,
                        tuple(s for s in self.structs.values() if s.library == name),
-                       tuple(e for e in self.enums.values() if e.library == name))
+                       tuple(e for e in self.enums.values() if e.library == name),
+                       tuple(f for f in self.functions if f.library == name))

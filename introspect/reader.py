@@ -12,7 +12,7 @@ are taken too if they keep the rules. If not, the model leaves them out: they ar
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,7 +21,8 @@ from clang.cindex import Type as ClangType
 
 from introspect import comment, libclang, rules, units
 from introspect.errors import HeaderError, Problem, Refusal
-from introspect.model import Enumeration, Enumerator, Field, Group, Kind, Model, Struct, Type
+from introspect.model import (Argument, Enumeration, Enumerator, Field, Function, Group, Kind, Model, Struct,
+                              Type)
 from introspect.sources import Headers, Source
 
 # Where flight code flies besides this machine: big-endian 32-bit SPARC V8, and aarch64.
@@ -95,7 +96,8 @@ class _Reader:
         self._judge()
         included = {os.path.abspath(i.include.name) for i in self._unit.get_includes()}
         return Model(dict(sorted(self._structs.items())), dict(sorted(self._enums.items())),
-                     self._headers.libraries, tuple(sorted(included | self._headers.ignored)),
+                     self._headers.libraries, tuple(self._number_functions()),
+                     tuple(sorted(included | self._headers.ignored)),
                      tuple(sorted(self._headers.folders)))
 
     def _judge(self) -> None:
@@ -305,6 +307,28 @@ class _Reader:
                           f"`{member}` is of type {struct.name}", "wire modules by messages")
         return struct
 
+    # Functions
+
+    def _number_functions(self) -> Iterator[Function]:
+        """The functions of the headers whose parameters are numbers and arrays, and pointers to results at the end."""
+        for name, cursor in sorted(self._functions.items()):
+            file = libclang.file_of(cursor)
+            if file not in self._headers.sources:
+                continue
+            arguments = list(cursor.get_arguments())
+            pointers = [a.type.kind is TypeKind.POINTER for a in arguments]
+            if pointers != sorted(pointers):
+                continue
+            takes = [_argument(a.spelling, a.type) for a, pointer in zip(arguments, pointers) if not pointer]
+            fills = [_argument(a.spelling, a.type.get_pointee()) for a, pointer in zip(arguments, pointers) if pointer]
+            returns = _argument("", cursor.result_type)
+            if None in takes or None in fills or not returns and cursor.result_type.kind is not TypeKind.VOID \
+                    or not returns and not fills or any(one.ctype == "int" for one in takes):
+                continue
+            doc = comment.doc_text(cursor.raw_comment) or comment.field_text(cursor.raw_comment) or ""
+            yield Function(name, doc, tuple(takes), returns, tuple(fills), self._headers.relative(file),
+                           self._headers.library(file))
+
     # Enums
 
     def _enum(self, cursor: Cursor, where: str = "the enum") -> Enumeration:
@@ -348,6 +372,18 @@ def _element(type_: ClangType) -> tuple[ClangType, tuple[int, ...]]:
         shape += (type_.element_count,)
         type_ = type_.element_type
     return type_, shape
+
+
+def _argument(name: str, type_: ClangType) -> Argument | None:
+    """A number, or a struct of one array of doubles; None if it is neither."""
+    if type_.is_const_qualified():
+        return None
+    if type_.spelling in ("double", "int"):
+        return Argument(name, type_.spelling, ())
+    record = type_.get_canonical()
+    members = list(record.get_fields()) if record.kind is TypeKind.RECORD else []
+    element, shape = _element(members[0].type) if len(members) == 1 else (record, ())
+    return Argument(name, type_.spelling, shape) if shape and element.kind is TypeKind.DOUBLE else None
 
 
 def _array_shape(declaration: Cursor) -> tuple[int, ...]:

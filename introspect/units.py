@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Units as headers write them: `[N m / s]`, `[rad/s^2]`, `[kg m^2]`, `[1/s]`, `[-]`, `[ns]`.
 
-    unit   = "-" | "ns" | ( factor | "1" "/" factor ) { ("/" | " ") factor }
+    unit   = "-" | "ns" | "SI" | ( factor | "1" "/" factor ) { ("/" | " ") factor }
     factor = symbol [ "^" integer ]
 
 A "/" divides by the next factor only, so `J/kg K` is J kg^-1 K. Only SI units without prefix are
 known, because every number in a header is SI; the one exception is time in integer nanoseconds,
-which stands alone.
+which stands alone. What has the unit of something else, such as the size of a fault, is in [SI]: a
+quantity of any dimension.
 """
 from __future__ import annotations
 
@@ -35,6 +36,7 @@ SYMBOLS = {base: _exponents(**{base: 1}) for base in BASES} | {
 
 DIMENSIONLESS = Unit("-", _exponents())
 NANOSECONDS = Unit("ns", _exponents(s=1), 1e-9)
+ANY = Unit("SI", _exponents())
 
 _FACTOR = re.compile(r"([A-Za-z]+)(?:\^([+-]?[0-9]+))?")
 _LARGEST = 127  # an exponent fits into an int8_t
@@ -47,6 +49,8 @@ def parse(text: str) -> Unit:
         return DIMENSIONLESS
     if text == "ns":
         return NANOSECONDS
+    if text == "SI":
+        return ANY
     dims = [0] * len(BASES)
     tokens = re.findall(r"/|[^/\s]+", text)
     sign, expected = 1, True

@@ -2,7 +2,7 @@
 import pytest
 
 from introspect.errors import Refusal
-from introspect.units import BASES, NANOSECONDS, parse
+from introspect.units import ANY, BASES, NANOSECONDS, parse
 
 
 def dims(**powers):
@@ -39,6 +39,7 @@ def test_units_have_the_exponents_of_their_factors(text, expected):
 
 def test_nanoseconds_are_the_one_scaled_unit():
     assert parse("ns") == NANOSECONDS
+    assert parse("SI") == ANY
     assert NANOSECONDS.dims == dims(s=1) and NANOSECONDS.scale == 1e-9
 
 

@@ -4,9 +4,10 @@
 An emitter is a function `emit(library) -> {file name: text}`. Its text depends on the model alone,
 in a fixed order, so that equal headers give equal files. A new emitter costs its module and a line.
 """
-from introspect.emit import layout, models, orders, schema, stubs, tables
+from introspect.emit import functions, layout, models, orders, schema, stubs, tables
 
 EMITTERS = {
+    "functions": functions.emit,
     "tables": tables.emit,
     "layout": layout.emit,
     "models": models.emit,

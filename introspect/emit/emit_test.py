@@ -94,7 +94,7 @@ def link(model, folder, includes):
     (folder / "stubs.c").write_text(stubs + foreign)
     for source in [*sources, folder / "stubs.c"]:
         assert compile_c(source, *includes).stderr == ""
-    # -Bsymbolic: its own symbols, whatever this process has loaded before
+    # -Bsymbolic: the tables refer to one another, not to tables of the same names that this process has loaded.
     subprocess.run(["gcc", "-shared", "-Wl,-Bsymbolic", "-o", folder / "tables.so",
                     *(f"{source}.o" for source in [*sources, folder / "stubs.c"])], check=True)
     return ctypes.CDLL(str(folder / "tables.so"))
