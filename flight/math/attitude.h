@@ -50,6 +50,18 @@ static inline Vec3 mrp_project(double scalar, Vec3 vector, double norm)
     return vec_scale(scalar < 0.0 ? 1.0 / (scalar - norm) : 1.0 / (scalar + norm), vector);
 }
 
+/** The MRP of a turn by a vector, whose length is the angle. Small angles take tan x / x by its series. */
+static inline Vec3 mrp_turn(Vec3 phi)
+{
+    double s, c, angle = vec_norm(phi), x2 = angle * angle / 16.0;
+    if (angle < 0.1) {
+        double series = 1.0 / 3.0 + x2 * (2.0 / 15.0 + x2 * (17.0 / 315.0 + x2 * (62.0 / 2835.0)));
+        return vec_scale(0.25 * (1.0 + x2 * series), phi);
+    }
+    fm_sincos(0.5 * angle, &s, &c);
+    return mrp_project(c, vec_scale(s / angle, phi), 1.0);
+}
+
 static inline Quat mrp_to_quat(Vec3 sigma)
 {
     double s2 = vec_norm2(sigma);

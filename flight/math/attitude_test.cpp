@@ -83,6 +83,18 @@ TEST(Mrp, small_turns_keep_their_relative_accuracy)
     }
 }
 
+TEST(Mrp, of_a_turn_by_a_vector)
+{
+    Random random{12};
+    for (int i = 0; i < 3000; i++) {
+        const Vector3d e = random.direction();
+        const double angle = i % 3 ? std::exp(random.real(-30, std::log(pi))) : random.real(0.09, 0.11);
+        EXPECT_LT((eigen(mrp_turn(vec(angle * e))) - std::tan(angle / 4) * e).norm(), 1e-15 * std::tan(angle / 4));
+    }
+    EXPECT_TRUE(all_zero(mrp_turn(vec3(0, 0, 0))));
+    EXPECT_NEAR(vec_norm(mrp_turn(vec3(0, 1.5 * pi, 0))), std::tan(pi / 8), 1e-15) << "the short set";
+}
+
 TEST(Mrp, of_a_matrix_that_is_not_quite_orthonormal_stays_near)
 {
     Random random{3};

@@ -67,6 +67,28 @@ static inline Vec3 vec_unit(Vec3 a)
     return n > 0.0 ? vec_scale(1.0 / n, a) : vec3(0.0, 0.0, 0.0);
 }
 
+/** The unit axis that is farthest from the direction of a. */
+static inline Vec3 vec_far_axis(Vec3 a)
+{
+    double x = fm_abs(a.v[0]), y = fm_abs(a.v[1]), z = fm_abs(a.v[2]);
+    if (x <= y && x <= z) {
+        return vec3(1.0, 0.0, 0.0);
+    }
+    return y <= z ? vec3(0.0, 1.0, 0.0) : vec3(0.0, 0.0, 1.0);
+}
+
+/** x, or the nearer end of [-limit, limit]. */
+static inline double fm_clamp(double x, double limit)
+{
+    return x > limit ? limit : x < -limit ? -limit : x;
+}
+
+/** Each component within [-limit, limit]. */
+static inline Vec3 vec_clamp(Vec3 a, double limit)
+{
+    return vec3(fm_clamp(a.v[0], limit), fm_clamp(a.v[1], limit), fm_clamp(a.v[2], limit));
+}
+
 /** 1 if no component is a NaN or an infinity. */
 static inline int vec_finite(Vec3 a)
 {
