@@ -5,8 +5,8 @@
  * - If a required input was never written, or the result is not finite, the module does not write its
  *   output. The output keeps its content, time and sequence; its quality falls to QUALITY_DEGRADED
  *   (head_held). An output that was never written stays all zero.
- * - A torque is not held for ever. After a time without new data (data_lost), MrpFeedback and WheelTorques write
- *   a torque of zero, QUALITY_DEGRADED, and TrackingError computes no more errors from an old attitude.
+ * - A torque is not held for ever. After a time without new data (data_lost), modules of control and
+ *   actuation write one of zero, QUALITY_DEGRADED, and TrackingError computes no more errors from an old attitude.
  *   A reference may be held for ever: the body then keeps to it.
  * - A module does not test its inputs for NaN and infinity. It tests its result.
  * - A module changes its memory only when it writes its output. */
@@ -86,6 +86,12 @@ static inline Head head_next(Head last, int64_t t, Quality quality)
 static inline Head head_held(Head last)
 {
     return (Head){last.t, quality_min(last.quality, QUALITY_DEGRADED), last.sequence};
+}
+
+/** [ns] The time in an input's head, or t where that is still to come. */
+static inline int64_t head_time(Head input, int64_t t)
+{
+    return input.t < t ? input.t : t;
 }
 
 /** [ns] The time for which an input says what it holds: at t, a good one says it of t. */
