@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* With unit axes n_i and cosines c_i of the lit sensors, s solves (sum n_i n_i^T) s = sum c_i n_i. */
+/* With unit axes n_i, cosines c_i and weights w_i of the lit sensors,
+ * s solves (sum w_i n_i n_i^T) s = sum w_i c_i n_i. */
 #include "flight/sensing/sun_direction.h"
 
 #include <string.h>
@@ -9,24 +10,36 @@
 /* What one converter says. */
 typedef struct View {
     double cosine[SUN_SENSORS_MAX];
+    uint32_t lit;
+    int finite; /* all cosines */
     Vec3 s_B;
     int rank;      /* of the lit sensors' axes; 0 if they give no direction */
     double misfit; /* how far the readings are from those of a Sun in the direction s_B */
 } View;
+
+static double weight(const SunDirection *m, uint32_t i)
+{
+    return m->par.weight[i] > 0.0 ? m->par.weight[i] : 1.0;
+}
 
 static View see(const SunDirection *m, const SunSensorCounts *counts, uint32_t which)
 {
     View v;
     Mat3 S = {{{0.0}}};
     Vec3 sum = vec3(0.0, 0.0, 0.0);
+    v.lit = 0u;
+    v.finite = 1;
     for (uint32_t i = 0u; i < m->par.n; i++) {
         const Vec3 n = vec_unit(m->par.axes_B[i]);
         v.cosine[i] = (m->par.offset[which] + m->par.scale[which] * counts->counts[i]) / m->par.current[i];
+        v.finite = v.finite && isfinite(v.cosine[i]);
         if (v.cosine[i] >= m->par.dark) {
-            sum = vec_add(sum, vec_scale(v.cosine[i], n));
+            const double w = weight(m, i);
+            v.lit |= 1u << i;
+            sum = vec_add(sum, vec_scale(w * v.cosine[i], n));
             for (int j = 0; j < 3; j++) {
                 for (int k = 0; k < 3; k++) {
-                    S.m[j][k] += n.v[j] * n.v[k];
+                    S.m[j][k] += w * n.v[j] * n.v[k];
                 }
             }
         }
@@ -39,7 +52,10 @@ static View see(const SunDirection *m, const SunSensorCounts *counts, uint32_t w
         const double cosine = v.rank > 0 ? vec_dot(vec_unit(m->par.axes_B[i]), v.s_B) : 1.0;
         const double fits = cosine < m->par.dark ? 0.0 : cosine;
         const double reads = v.cosine[i] < m->par.dark ? 0.0 : v.cosine[i];
-        v.misfit += (reads - fits) * (reads - fits);
+        v.misfit += weight(m, i) * (reads - fits) * (reads - fits);
+    }
+    if (v.lit == 0u) {
+        v.misfit = 1.0; /* an eclipse: likelier than one lit sensor, not likelier than a Sun that fits */
     }
     return v;
 }
@@ -75,6 +91,19 @@ void sun_direction_update(SunDirection *m, Tick t)
     /* While they differ, the one that fits. */
     const int better = status->miscompare != 0u && view[1].misfit < view[0].misfit;
     const uint32_t used = status->faulty == 1u || !head_written(head[0]) || (status->faulty == 0u && better) ? 1u : 0u;
+    SunCosines *cosines = &m->out.cosines;
+    if (head_written(head[used]) && view[used].finite) {
+        cosines->head = head_next(cosines->head, t.t, quality_through(head[used]));
+        cosines->n = m->par.n;
+        cosines->lit = view[used].lit;
+        for (uint32_t i = 0u; i < m->par.n; i++) {
+            cosines->cosine[i] = view[used].cosine[i];
+            cosines->weight[i] = weight(m, i);
+            cosines->axes_B[i] = vec_unit(m->par.axes_B[i]);
+        }
+    } else {
+        cosines->head = head_held(cosines->head);
+    }
     const Quality quality =
         quality_min(quality_through(head[used]), view[used].rank == 3 ? QUALITY_GOOD : QUALITY_DEGRADED);
     if (head_written(head[used]) && view[used].rank > 0 && vec_finite(view[used].s_B)) {

@@ -2,14 +2,9 @@
 #ifndef FLIGHT_SENSING_SUN_DIRECTION_H
 #define FLIGHT_SENSING_SUN_DIRECTION_H
 
-#include "flight/math/vec.h"
 #include "flight/msg/avionics.h"
-
-/** A direction to the Sun. */
-typedef struct SunHeading {
-    Head head;
-    Vec3 s_B; ///< [-] unit vector, B components
-} SunHeading;
+#include "flight/msg/navigation.h"
+#include "flight/msg/sun.h"
 
 /** What two redundant converters of the sun sensors say of each other. */
 typedef struct SunSensorStatus {
@@ -20,11 +15,12 @@ typedef struct SunSensorStatus {
     uint32_t spare;
 } SunSensorStatus;
 
-/** The direction to the Sun by coarse sun sensors that two converters read, of which one may fail.
- *  The direction is that whose cosines are nearest to the readings of the lit sensors. The two converters are compared
- *  channel by channel; while channels differ, the one whose readings fit a unit vector worse is suspected, and after
- *  `persistence` such updates it is out of use until a reset of the module. A is preferred to B.
- *  By lit sensors that span only a plane, the direction is one in that plane, degraded; by fewer it is held, degraded.
+/** The direction to the Sun by coarse sun sensors that two converters read, of which one may fail. The direction is
+ *  that whose cosines are nearest to the readings of the lit sensors, in the sum of weighted squares. The two
+ *  converters are compared channel by channel; while channels differ, the one whose readings fit a unit vector worse
+ *  is suspected, and after `persistence` such updates it is out of use until a reset of the module. A is preferred to
+ *  B. By lit sensors that span only a plane, the direction is one in that plane, degraded; by fewer it is held,
+ *  degraded.
  *  Source: least squares; thesis section 5.4.3 for the test of the converters. */
 typedef struct SunDirection {
     struct {
@@ -33,6 +29,7 @@ typedef struct SunDirection {
     } in;
     struct {
         SunHeading heading;
+        SunCosines cosines; ///< of the converter that is used
         SunSensorStatus status;
     } out;
     struct {
@@ -42,6 +39,8 @@ typedef struct SunDirection {
         double current[SUN_SENSORS_MAX]; ///< [A] required, count n, > 0: of a sensor that faces the Sun
         double scale[2];                 ///< [A] required, > 0: of one count of A and of B
         double offset[2];                ///< [A] of the count 0
+        double weight[SUN_SENSORS_MAX];  ///< [-] count n, >= 0: proportional to the inverse of the variance of a
+                                         ///< sensor's error; 0: 1
         double dark;                     ///< [-] required, in [0, 1]: below this cosine a sensor counts as dark
         double differ;                   ///< [-] required, > 0: a difference of cosines that counts
     } par;

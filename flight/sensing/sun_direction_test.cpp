@@ -115,6 +115,37 @@ TEST(SunDirection, the_faulty_converter_is_named_and_the_other_one_used)
     }
 }
 
+TEST(SunDirection, it_is_the_weighted_solution_of_the_lit_cosines_that_it_puts_out)
+{
+    Sensors s;
+    std::uniform_real_distribution<double> any(0.2, 5);
+    for (int k = 0; k < 300; k++) {
+        s.see(s.any());
+        for (std::size_t i = 0; i < 8; i++) {
+            s.m.par.weight[i] = i == 3 ? 0 : any(s.bits);
+            s.m.in.a.counts[i] = static_cast<std::uint16_t>(s.m.in.a.counts[i] + (i * 7u) % 5u); // they do not agree
+            s.m.in.b.counts[i] = 0;
+        }
+        s.m.in.b.head = {};
+        const Vector3d found = s.update();
+        const SunCosines &seen = s.m.out.cosines;
+        Matrix3d A = Matrix3d::Zero();
+        Vector3d b = Vector3d::Zero();
+        for (std::size_t i = 0; i < seen.n; i++) {
+            const Vector3d n = eigen(seen.axes_B[i]);
+            EXPECT_EQ(seen.weight[i], i == 3 ? 1 : s.m.par.weight[i]);
+            EXPECT_EQ(seen.lit >> i & 1, seen.cosine[i] >= 0.02);
+            if (seen.lit >> i & 1) {
+                A += seen.weight[i] * n * n.transpose();
+                b += seen.weight[i] * seen.cosine[i] * n;
+            }
+        }
+        if (s.m.out.heading.head.quality == QUALITY_GOOD) {
+            EXPECT_LT((found - A.ldlt().solve(b).normalized()).norm(), 1e-9);
+        }
+    }
+}
+
 TEST(SunDirection, a_passing_difference_condemns_nothing)
 {
     Sensors s;
@@ -142,6 +173,32 @@ TEST(SunDirection, in_the_dark_the_direction_is_held)
     EXPECT_EQ(s.m.out.heading.head.quality, QUALITY_DEGRADED);
     EXPECT_EQ(s.m.out.heading.head.sequence, before.head.sequence);
     EXPECT_EQ(s.m.out.status.miscompare, 0u) << "both are dark";
+}
+
+TEST(SunDirection, in_the_dark_too_the_converter_with_a_stuck_channel_is_named)
+{
+    for (const bool second : {false, true}) {
+        Sensors s;
+        for (int k = 0; k < 10; k++) {
+            s.see(Vector3d::Zero());
+            (second ? s.m.in.b : s.m.in.a).counts[3] = 4095;
+            s.update();
+        }
+        EXPECT_EQ(s.m.out.status.faulty, second ? 2u : 1u);
+        EXPECT_EQ(s.m.out.cosines.lit, 0u);
+
+        Sensors dead; // in sunlight, one that sees nothing is the faulty one
+        const Vector3d sun = dead.any();
+        for (int k = 0; k < 10; k++) {
+            dead.see(sun);
+            SunSensorCounts &none = second ? dead.m.in.b : dead.m.in.a;
+            for (auto &count : none.counts) {
+                count = second ? 4 : 0;
+            }
+            dead.update();
+        }
+        EXPECT_EQ(dead.m.out.status.faulty, second ? 2u : 1u);
+    }
 }
 
 TEST(SunDirection, one_converter_is_enough)
