@@ -1,0 +1,81 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* On the ellipse, with p to periapsis and q ahead in the orbit's plane,
+ *     x = a (cos E - e) p + a sqrt(1 - e^2) sin E q,   E - e sin E = M,   dE = dM / (1 - e cos E).
+ * The plane turns by W = dOmega n3 + domega h, with the pole n3 and the orbit's normal h; so
+ *     v = x' + W x x,   a = x'' + 2 W x x' + W x (W x x) + dW x x,   dW = dOmega n3 x domega h. */
+#include "flight/navigation/element_ephemeris.h"
+
+#include <string.h>
+
+void element_ephemeris_reset(ElementEphemeris *m)
+{
+    memset(&m->out, 0, sizeof m->out);
+}
+
+/* E of E - e sin E = M, by Newton's method of order 4 from Danby's start, which converges for every e < 1. */
+static double eccentric_anomaly(double M, double e)
+{
+    double s, c;
+    fm_sincos(M, &s, &c);
+    M = fm_atan2(s, c);
+    double E = M + (s < 0.0 ? -0.85 : 0.85) * e;
+    for (int k = 0; k < 12; k++) {
+        fm_sincos(E, &s, &c);
+        const double f = E - e * s - M, df = 1.0 - e * c;
+        const double d1 = -f / df;
+        const double d2 = -f / (df + 0.5 * d1 * e * s);
+        const double d3 = -f / (df + 0.5 * d2 * e * s + d2 * d2 * e * c / 6.0);
+        E += d3;
+        if (fm_abs(d3) < 1e-9) {
+            break; /* the next one would be below a rounding */
+        }
+    }
+    return E;
+}
+
+void element_ephemeris_update(ElementEphemeris *m, Tick t)
+{
+    const int64_t now = head_written(m->in.time.head) ? m->in.time.time : t.t;
+    const double dt = tick_seconds(tick_since(now, m->par.epoch));
+    const double a = m->par.a, e = m->par.e;
+    const double n = fm_sqrt(m->par.mu / a) / a;
+    const double root = fm_sqrt((1.0 - e) * (1.0 + e));
+    const double ratio = m->par.radius / (a * root * root);
+    const double k = 0.75 * m->par.J2 * ratio * ratio * n;
+
+    double si, ci, sO, cO, so, co, sE, cE;
+    fm_sincos(m->par.i, &si, &ci);
+    const double dOmega = -2.0 * k * ci;
+    const double domega = k * (5.0 * ci * ci - 1.0);
+    const double dM = n + k * root * (3.0 * ci * ci - 1.0);
+    fm_sincos(m->par.node + dOmega * dt, &sO, &cO);
+    fm_sincos(m->par.periapsis + domega * dt, &so, &co);
+    fm_sincos(eccentric_anomaly(m->par.M + dM * dt, e), &sE, &cE);
+
+    const Vec3 pole = vec3(0.0, 0.0, 1.0);
+    const Vec3 node = vec3(cO, sO, 0.0), ahead = vec3(-sO * ci, cO * ci, si);
+    const Vec3 normal = vec_cross(node, ahead);
+    const Vec3 p = vec_add(vec_scale(co, node), vec_scale(so, ahead));
+    const Vec3 q = vec_sub(vec_scale(co, ahead), vec_scale(so, node));
+    const double near = 1.0 - e * cE;
+    const Vec3 x = vec_add(vec_scale(a * (cE - e), p), vec_scale(a * root * sE, q));
+    const Vec3 dx = vec_add(vec_scale(-a * dM / near * sE, p), vec_scale(a * dM / near * root * cE, q));
+    const Vec3 ddx = vec_scale(-dM * dM / (near * near * near), x);
+
+    const Vec3 W = vec_add(vec_scale(dOmega, pole), vec_scale(domega, normal));
+    const Vec3 dW = vec_scale(dOmega * domega, vec_cross(pole, normal));
+    const Vec3 carried = vec_cross(W, x);
+    const Vec3 v = vec_add(dx, carried);
+    const Vec3 acceleration =
+        vec_add(vec_add(ddx, vec_scale(2.0, vec_cross(W, dx))), vec_add(vec_cross(W, carried), vec_cross(dW, x)));
+    NavOrbit *orbit = &m->out.orbit;
+    BodyState *body = &m->out.body;
+    if (vec_finite(x) && vec_finite(v) && vec_finite(acceleration)) {
+        const Quality quality = quality_optional(m->in.time.head);
+        *orbit = (NavOrbit){head_next(orbit->head, t.t, quality), x, v, acceleration};
+        *body = (BodyState){head_next(body->head, t.t, quality), x, v, acceleration};
+    } else {
+        orbit->head = head_held(orbit->head);
+        body->head = head_held(body->head);
+    }
+}

@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+// Against motion by universal variables, derivatives, and orbits that are known for their rates.
+#include "flight/testing/conics.h"
+#include "flight/testing/derivative.h"
+
+extern "C" {
+#include "flight/navigation/element_ephemeris.h"
+}
+
+#include <gtest/gtest.h>
+
+namespace flight::testing {
+namespace {
+
+ElementEphemeris any(Random &random, double e)
+{
+    ElementEphemeris m{};
+    m.par.epoch = 5'000'000'000;
+    m.par.mu = mu_mars;
+    m.par.e = e;
+    m.par.a = random.real(4e6, 3e7) / (1 - e);
+    m.par.i = random.real(0, pi);
+    m.par.node = random.real(-pi, pi);
+    m.par.periapsis = random.real(-pi, pi);
+    m.par.M = random.real(-pi, pi);
+    return m;
+}
+
+/// [s] since the epoch.
+BodyState at(ElementEphemeris &m, double t)
+{
+    element_ephemeris_update(&m, {m.par.epoch + std::llround(t * 1e9), 0});
+    EXPECT_EQ(std::memcmp(&m.out.orbit, &m.out.body, sizeof m.out.body), 0);
+    return m.out.body;
+}
+
+TEST(ElementEphemeris, without_J2_it_is_keplers_motion_for_any_time)
+{
+    Random random{1};
+    for (int i = 0; i < 500; i++) {
+        ElementEphemeris m = any(random, i % 5 == 0 ? 0 : random.real(0, 0.99));
+        const BodyState begin = at(m, 0);
+        const double period = 2 * pi * std::sqrt(std::pow(m.par.a, 3) / m.par.mu);
+        const double t = std::floor(random.real(-3, 3) * period);
+        const Motion motion = kepler({eigen(begin.r_PN_N), eigen(begin.v_PN_N)}, m.par.mu, t);
+        const BodyState then = at(m, t);
+        const double scale = 1e-11 / (1 - m.par.e);
+        EXPECT_LT((eigen(then.r_PN_N) - motion.r).norm(), scale * m.par.a) << m.par.e;
+        EXPECT_LT((eigen(then.a_PN_N) - gravity(eigen(then.r_PN_N), m.par.mu)).norm(), 1e-12 * vec_norm(then.a_PN_N));
+        // The elements that the state has.
+        const Vector3d r = eigen(begin.r_PN_N), v = eigen(begin.v_PN_N), h = r.cross(v);
+        EXPECT_NEAR(1 / (2 / r.norm() - v.squaredNorm() / m.par.mu), m.par.a, 1e-9 * m.par.a);
+        EXPECT_NEAR((v.cross(h) / m.par.mu - r.normalized()).norm(), m.par.e, 1e-9);
+        EXPECT_NEAR(h.z() / h.norm(), std::cos(m.par.i), 1e-12);
+        const Vector3d node = Vector3d(std::cos(m.par.node), std::sin(m.par.node), 0);
+        EXPECT_NEAR(node.dot(h) / h.norm(), 0, 1e-12);
+    }
+}
+
+TEST(ElementEphemeris, velocity_and_acceleration_are_the_derivatives_also_with_J2)
+{
+    Random random{2};
+    for (int i = 0; i < 300; i++) {
+        ElementEphemeris m = any(random, random.real(0, 0.6));
+        m.par.J2 = 0.3; // a hundred times any planet's, so that an error shows
+        m.par.radius = 3.4e6;
+        const double middle = random.real(0, 1e4);
+        const auto r = [&](double t) -> Vector3d { return eigen(at(m, middle + t).r_PN_N); };
+        const auto v = [&](double t) -> Vector3d { return eigen(at(m, middle + t).v_PN_N); };
+        const BodyState now = at(m, middle);
+        EXPECT_LT((derivative<Vector3d>(r, 8) - eigen(now.v_PN_N)).norm(), 1e-6 * vec_norm(now.v_PN_N));
+        EXPECT_LT((derivative<Vector3d>(v, 8) - eigen(now.a_PN_N)).norm(), 1e-5 * vec_norm(now.a_PN_N));
+    }
+}
+
+TEST(ElementEphemeris, known_orbits_have_their_rates)
+{
+    ElementEphemeris m{};
+    m.par.mu = 3.986004415e14;
+    m.par.J2 = 1.0826353865e-3;
+    m.par.radius = 6378136.3;
+    m.par.a = 7178136.3; // 800 km
+    m.par.e = 0;
+    m.par.i = 98.603 * pi / 180;
+    const auto normal = [&](double t) -> Vector3d {
+        const BodyState body = at(m, t);
+        return (eigen(body.r_PN_N).cross(eigen(body.v_PN_N))).normalized();
+    };
+    // Sun-synchronous: the node goes round in a year. The velocity contains the turn of the plane, so the normal is
+    // not quite that of the plane; a whole number of days apart this matters little.
+    const Vector3d begin = normal(0), end = normal(30 * 86400.0);
+    const double turned =
+        std::atan2(begin.x() * end.y() - begin.y() * end.x(), begin.x() * end.x() + begin.y() * end.y());
+    EXPECT_NEAR(turned, 30 * 2 * pi / 365.2422, 0.002);
+
+    // At the critical inclination the periapsis stays: after any time the lowest point is where it was.
+    m.par.i = std::acos(std::sqrt(0.2));
+    m.par.a = 26.56e6;
+    m.par.e = 0.74;
+    m.par.periapsis = 1.5 * pi;
+    const double n = std::sqrt(m.par.mu / std::pow(m.par.a, 3)), p = m.par.a * (1 - 0.74 * 0.74);
+    const double k = 0.75 * m.par.J2 * std::pow(m.par.radius / p, 2) * n;
+    const double dM = n + k * std::sqrt(1 - 0.74 * 0.74) * (3 * 0.2 - 1);
+    for (int turns = 0; turns < 200; turns += 40) {
+        const BodyState low = at(m, turns * 2 * pi / dM);
+        EXPECT_NEAR(vec_norm(low.r_PN_N), m.par.a * 0.26, 1e-2);
+        EXPECT_NEAR(low.r_PN_N.v[2], -m.par.a * 0.26 * std::sin(m.par.i), 1.0);
+    }
+}
+
+TEST(ElementEphemeris, follows_the_ephemerides_time_where_it_is_wired)
+{
+    Random random{3};
+    ElementEphemeris m = any(random, 0.1);
+    const BodyState then = at(m, 100);
+    m.in.time = {with(QUALITY_STALE), m.par.epoch + 100'000'000'000};
+    EXPECT_EQ(at(m, 0).r_PN_N.v[0], then.r_PN_N.v[0]);
+    EXPECT_EQ(m.out.body.head.quality, QUALITY_DEGRADED);
+}
+
+} // namespace
+} // namespace flight::testing
