@@ -22,14 +22,6 @@ static AttReference sensed_base(const NavAttitude *other)
     return base;
 }
 
-/* The MRP of a turn by a vector, whose length is the angle. */
-static Vec3 turn(Vec3 phi)
-{
-    double s, c, angle = vec_norm(phi);
-    fm_sincos(0.5 * angle, &s, &c);
-    return mrp_project(c, angle > 0.0 ? vec_scale(s / angle, phi) : vec3(0.0, 0.0, 0.0), 1.0);
-}
-
 void base_reference_update(BaseReference *m, Tick t)
 {
     AttReference *out = &m->out.reference;
@@ -42,7 +34,7 @@ void base_reference_update(BaseReference *m, Tick t)
     Vec3 gained = vec_scale(age, base.domega_RN_N);
     Vec3 phi = vec_scale(age, vec_add(base.omega_RN_N, vec_scale(0.5, gained)));
     now.head = head_next(out->head, t.t, quality_through(base.head));
-    now.sigma_RN = mrp_compose(base.sigma_RN, turn(phi));
+    now.sigma_RN = mrp_compose(base.sigma_RN, mrp_turn(phi));
     now.omega_RN_N = vec_add(base.omega_RN_N, gained);
     now.domega_RN_N = base.domega_RN_N;
     if (head_written(base.head) && age <= m->par.hold && vec_finite(now.sigma_RN) && vec_finite(now.omega_RN_N) &&

@@ -53,16 +53,6 @@ static Moving moving_unit(Moving a)
     return (Moving){u, du, vec_scale(1.0 / n, vec_sub(a.ddx, rest))};
 }
 
-/* The axis of N that is farthest from r1. */
-static Vec3 any_axis(Vec3 r1)
-{
-    double x = fm_abs(r1.v[0]), y = fm_abs(r1.v[1]), z = fm_abs(r1.v[2]);
-    if (x <= y && x <= z) {
-        return vec3(1.0, 0.0, 0.0);
-    }
-    return y <= z ? vec3(0.0, 1.0, 0.0) : vec3(0.0, 0.0, 1.0);
-}
-
 /* (2.3) with (2.6) to (2.12). Gives r2. */
 static Vec3 point_at_both(Moving r1, Moving normal, AttReference *reference)
 {
@@ -107,7 +97,7 @@ static Vec3 transported(const TwoBodyPointing *m, Moving r1)
 static Vec3 point_at_primary(Moving r1, Vec3 last, AttReference *reference)
 {
     Vec3 n = vec_cross(r1.x, last);
-    Vec3 r3 = vec_unit(vec_norm2(n) > PARALLEL ? n : vec_cross(r1.x, any_axis(r1.x)));
+    Vec3 r3 = vec_unit(vec_norm2(n) > PARALLEL ? n : vec_cross(r1.x, vec_far_axis(r1.x)));
     Vec3 r2 = vec_cross(r3, r1.x);
     reference->sigma_RN = dcm_to_mrp(mat_rows(r1.x, r2, r3));
     reference->omega_RN_N = vec_cross(r1.x, r1.dx);
