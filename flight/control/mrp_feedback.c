@@ -9,23 +9,8 @@
 
 #include <string.h>
 
+#include "flight/control/wheel_momentum.h"
 #include "flight/math/attitude.h"
-
-static Vec3 wheel_momentum(const WheelSet *wheels, const WheelSpeeds *speeds, Vec3 omega_BN_B)
-{
-    Vec3 momentum = vec3(0.0, 0.0, 0.0);
-    for (uint32_t i = 0; i < wheels_count(wheels); i++) {
-        Vec3 axis = wheels->axes_B[i];
-        double h = wheels->J[i] * (vec_dot(omega_BN_B, axis) + speeds->Omega[i]);
-        momentum = vec_add(momentum, vec_scale(h, axis));
-    }
-    return momentum;
-}
-
-static double clamp(double x, double limit)
-{
-    return x > limit ? limit : x < -limit ? -limit : x;
-}
 
 /* z grows by the trapezoid between two errors. Where the MRP changed to the shadow set in between,
  * the last error is taken in the set that the motion passed through. The limit on z, not on the
@@ -43,7 +28,7 @@ static Vec3 integral(const MrpFeedback *m, Tick t)
     }
     if (m->par.u_I_max > 0.0) {
         double limit = m->par.u_I_max / m->par.K_I;
-        z = vec3(clamp(z.v[0], limit), clamp(z.v[1], limit), clamp(z.v[2], limit));
+        z = vec_clamp(z, limit);
     }
     return z;
 }
@@ -80,12 +65,8 @@ void mrp_feedback_update(MrpFeedback *m, Tick t)
     int wheels = head_written(m->in.wheels.head);
     int speeds = head_written(m->in.speeds.head);
 
-    Quality quality = quality_min(quality_through(m->in.error.head), quality_through(m->in.vehicle.head));
-    quality = quality_min(quality, quality_optional(m->in.external.head));
-    quality = quality_min(quality, quality_optional(m->in.wheels.head));
-    if (wheels) {
-        quality = quality_min(quality, speeds ? quality_through(m->in.speeds.head) : QUALITY_DEGRADED);
-    }
+    Quality quality =
+        torque_quality(m->in.error.head, m->in.vehicle.head, m->in.external.head, m->in.wheels.head, m->in.speeds.head);
 
     Vec3 z = integral(m, t);
     Vec3 torque_B = control_torque(m, z, wheels && speeds);

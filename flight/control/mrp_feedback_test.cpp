@@ -146,7 +146,7 @@ struct ClosedLoop {
 TEST(MrpFeedback, converges_on_a_turning_reference_from_any_attitude)
 {
     Random random{2};
-    for (int run = 0; run < 20; run++) {
+    for (int run = 0; run < runs(20); run++) {
         ClosedLoop loop{any(random, 4), {}};
         loop.m.in.vehicle.I_B = mat(random.spd(1));
         loop.m.par.K = 10;
