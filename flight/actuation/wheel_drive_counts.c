@@ -3,6 +3,7 @@
 
 #include <string.h>
 
+#include "flight/actuation/motor.h"
 #include "flight/math/vec.h"
 
 void wheel_drive_counts_reset(WheelDriveCounts *m)
@@ -20,9 +21,10 @@ void wheel_drive_counts_update(WheelDriveCounts *m, Tick t)
     int32_t counts[WHEELS_MAX];
     uint64_t limited = 0u;
     for (uint32_t i = 0u; i < WHEELS_MAX; i++) {
-        const double emf = knows_speeds ? m->par.back_emf * m->in.speeds.Omega[i] : 0.0;
-        double x = (m->par.resistance * m->in.command.u[i] / m->par.torque_constant + emf) / m->par.volts * end;
-        if (isnan(x)) {
+        const double Omega = knows_speeds ? m->in.speeds.Omega[i] : 0.0;
+        double x = motor_volts(m->in.command.u[i], Omega, m->par.resistance, m->par.torque_constant, m->par.back_emf) /
+                   m->par.volts * end;
+        if (!isfinite(x)) {
             quality = QUALITY_NONE;
             x = 0.0;
         }
@@ -30,11 +32,17 @@ void wheel_drive_counts_update(WheelDriveCounts *m, Tick t)
         x = x > end - 1.0 ? end - 1.0 : x < -end ? -end : x;
         counts[i] = (int32_t)(x < 0.0 ? x - 0.5 : x + 0.5);
     }
-    if (quality == QUALITY_NONE) {
-        m->out.drive.head = head_held(m->out.drive.head);
-        return;
+    WheelDrive *out = &m->out.drive;
+    const int64_t newest = quality != QUALITY_NONE ? data_time(m->in.command.head, t.t) : m->mem.newest;
+    if (head_written(out->head) && data_lost(t, newest, m->par.hold)) {
+        out->head = head_next(out->head, t.t, QUALITY_DEGRADED);
+        memset(out->counts, 0, sizeof out->counts);
+    } else if (quality != QUALITY_NONE) {
+        m->mem.saturated += limited;
+        m->mem.newest = newest;
+        out->head = head_next(out->head, t.t, quality);
+        memcpy(out->counts, counts, sizeof counts);
+    } else {
+        out->head = head_held(out->head);
     }
-    m->mem.saturated += limited;
-    m->out.drive.head = head_next(m->out.drive.head, t.t, quality);
-    memcpy(m->out.drive.counts, counts, sizeof counts);
 }

@@ -6,7 +6,8 @@
 
 /** Turn motor torques into counts of the wheels' converter, as the volts that give them:
  *  V = R u / k + e Omega, where Omega is known, else without the back-EMF. Counts end at those of the converter.
- *  Where no counts can be computed, the output is held, degraded; the torques themselves fall to zero without data.
+ *  Where no counts can be computed, the output is held, degraded. After `hold` without new commands, which includes one
+ *  that is not good and gets older, the counts are zero, degraded.
  *  Source: a direct-current motor's static equation. */
 typedef struct WheelDriveCounts {
     struct {
@@ -23,9 +24,11 @@ typedef struct WheelDriveCounts {
         double torque_constant; ///< [N m/A] required, > 0: k
         double resistance;      ///< [ohm] required, > 0: R
         double back_emf;        ///< [V s] >= 0: e, volts per rad/s
+        double hold;            ///< [s] >= 0: how long the counts go on without new commands; 0: ten updates
     } par;
     struct {
         uint64_t saturated; ///< [-] updates in which a count was limited
+        int64_t newest;     ///< [ns] the time of the newest commands that were used
     } mem;
 } WheelDriveCounts;
 

@@ -73,6 +73,15 @@ TEST(WheelDriveCounts, without_a_number_the_counts_are_held)
     EXPECT_EQ(m.out.drive.counts[0], before.counts[0]);
     EXPECT_EQ(m.out.drive.head.sequence, before.head.sequence);
     EXPECT_EQ(m.out.drive.head.quality, QUALITY_DEGRADED);
+    m.in.command.u[0] = 0.05;
+    m.in.speeds.head = {0, QUALITY_GOOD, 1};
+    m.in.speeds.Omega[0] = HUGE_VAL;
+    m.par.hold = 3;
+    for (int k = 1; k < 6; k++) {
+        wheel_drive_counts_update(&m, {ns(k), ns(1)});
+        EXPECT_EQ(m.out.drive.counts[0], k <= 3 ? before.counts[0] : 0);
+        EXPECT_EQ(m.out.drive.head.quality, QUALITY_DEGRADED);
+    }
 }
 
 } // namespace

@@ -7,7 +7,7 @@
 
 #include <string.h>
 
-#include "flight/math/mat.h"
+#include "flight/actuation/allocation.h"
 
 void wheel_torques_reset(WheelTorques *m)
 {
@@ -29,51 +29,28 @@ static Mat3 controlled_axes(const WheelTorques *m, int n_axes)
 static int distribute(const WheelTorques *m, double u[WHEELS_MAX])
 {
     const WheelSet *wheels = &m->in.wheels;
-    const uint8_t *available = m->in.availability.available;
-    int all = !head_written(m->in.availability.head);
+    const WheelAvailability *may = &m->in.availability;
     uint32_t n = wheels_count(wheels);
     int subset = m->par.n_axes > 0u && m->par.n_axes < 4u;
     int n_axes = subset ? (int)m->par.n_axes : 3;
     Mat3 C = subset ? controlled_axes(m, n_axes) : mat_identity();
 
     Vec3 A[WHEELS_MAX];
-    double xx = 0.0, yy = 0.0, zz = 0.0, xy = 0.0, xz = 0.0, yz = 0.0;
+    Gram gram = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
     for (uint32_t i = 0; i < n; i++) {
         Vec3 a = vec3(0.0, 0.0, 0.0);
-        if (all || available[i]) {
+        if (may_use(may->head, may->available[i])) {
             a = subset ? mat_vec(C, wheels->axes_B[i]) : wheels->axes_B[i];
         }
         A[i] = a;
-        xx += a.v[0] * a.v[0];
-        yy += a.v[1] * a.v[1];
-        zz += a.v[2] * a.v[2];
-        xy += a.v[0] * a.v[1];
-        xz += a.v[0] * a.v[2];
-        yz += a.v[1] * a.v[2];
+        gram_add(&gram, a);
     }
     int rank;
-    Mat3 S = {{{xx, xy, xz}, {xy, yy, yz}, {xz, yz, zz}}};
-    Vec3 y = mat_vec(mat_sym_pinv(S, &rank), mat_vec(C, m->in.torque.torque_B));
+    Vec3 y = mat_vec(gram_pinv(&gram, &rank), mat_vec(C, m->in.torque.torque_B));
     for (uint32_t i = 0; i < n; i++) {
         u[i] = -vec_dot(A[i], y);
     }
     return rank == n_axes;
-}
-
-/* The largest factor <= 1 by which all motors stay within their limits; NaN for a limit that is. */
-static double saturation(const WheelSet *wheels, const double u[WHEELS_MAX])
-{
-    double factor = 1.0;
-    for (uint32_t i = 0; i < wheels_count(wheels); i++) {
-        double limit = wheels->u_max[i];
-        if (isnan(limit)) {
-            return limit;
-        }
-        if (limit > 0.0 && fm_abs(u[i]) * factor > limit) {
-            factor = limit / fm_abs(u[i]);
-        }
-    }
-    return factor;
 }
 
 void wheel_torques_update(WheelTorques *m, Tick t)
@@ -84,7 +61,7 @@ void wheel_torques_update(WheelTorques *m, Tick t)
 
     double u[WHEELS_MAX] = {0.0};
     int spanned = distribute(m, u);
-    double factor = saturation(wheels, u);
+    double factor = within_limits(wheels->u_max, u, wheels_count(wheels));
     Vec3 torque_B = vec3(0.0, 0.0, 0.0);
     for (uint32_t i = 0; i < wheels_count(wheels); i++) {
         u[i] *= factor;
