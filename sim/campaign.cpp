@@ -20,7 +20,8 @@ namespace {
 
 constexpr double pi = 3.14159265358979323846;
 constexpr int draws_max = 10'000; ///< tries to draw between the bounds of a normal distribution
-constexpr double far = 8.0;       ///< standard deviations; practically no draw is farther from the mean
+constexpr double none = std::numeric_limits<double>::quiet_NaN();
+constexpr double far = 8.0; ///< standard deviations; practically no draw is farther from the mean
 
 std::shared_ptr<Instance> find_instance(const Simulation &simulation, std::string_view path)
 {
@@ -72,7 +73,10 @@ struct Place {
     double nominal(std::size_t i) const { return element_read(field->type, element(instance->memory(), i)); }
     bool whole() const { return field->type != FLEDGE_F64 && field->type != FLEDGE_F32; }
     /// The element across the diagonal of an inertia; of anything else, the element itself.
-    std::size_t mirror(std::size_t i) const { return field->flags & FLEDGE_INERTIA ? i % 3 * 3 + i / 3 : i; }
+    std::size_t mirror(std::size_t i) const
+    {
+        return field->flags & FLEDGE_INERTIA ? i - i % 9 + i % 3 * 3 + i % 9 / 3 : i;
+    }
     /// Returns the number as the type of the field holds it, or throws SetupError.
     double set(std::byte *memory, std::size_t i, double x, const std::string &path) const
     {
@@ -137,9 +141,14 @@ double absolute(const Distribution &distribution, double nominal, double x)
     return distribution.relative ? nominal * x : distribution.about ? nominal + x : x;
 }
 
-double draw(const Distribution &distribution, Random &random, double nominal, bool whole, const std::string &path)
+double draw(const Distribution &distribution, Random &random, std::size_t point, double nominal, bool whole,
+            const std::string &path)
 {
     const bool steps = whole && !distribution.relative; // else the product is rounded
+    if (distribution.kind == Distribution::Kind::grid) {
+        const std::vector<double> &listed = distribution.choices;
+        return absolute(distribution, nominal, listed[point / distribution.stride % listed.size()]);
+    }
     if (distribution.kind == Distribution::Kind::choice) {
         const auto n = static_cast<double>(distribution.choices.size());
         return absolute(distribution, nominal, distribution.choices[static_cast<std::size_t>(n * random.uniform())]);
@@ -181,7 +190,7 @@ void check_reach(const Place &place, std::size_t element, const Distribution &d,
             throw SetupError(text);
         }
     }
-    if (d.kind == Distribution::Kind::choice) {
+    if (d.kind == Distribution::Kind::choice || d.kind == Distribution::Kind::grid) {
         return;
     }
     const bool normal = d.kind == Distribution::Kind::normal;
@@ -195,6 +204,42 @@ void check_reach(const Place &place, std::size_t element, const Distribution &d,
             throw SetupError(text + ", of draws between " + format_number(absolute(d, nominal, low)) + " and " +
                              format_number(absolute(d, nominal, high)));
         }
+    }
+}
+
+/// Throws SetupError that begins with the path on a distribution that cannot be drawn from, whatever its parameter.
+void check_numbers(const Distribution &d, bool whole, const std::string &path)
+{
+    const auto refuse = [&](const std::string &rule) { throw SetupError(path + ": " + rule); };
+    if (!std::isfinite(d.a) || !std::isfinite(d.b) || std::isnan(d.lo) || std::isnan(d.hi)) {
+        refuse("a distribution needs finite numbers");
+    }
+    switch (d.kind) {
+    case Distribution::Kind::uniform:
+        if (!(d.a <= d.b)) {
+            refuse("uniform between " + format_number(d.a) + " and " + format_number(d.b) +
+                   ": the lower bound is above the upper one");
+        }
+        if (whole && !d.relative && std::ceil(d.a) > d.b) {
+            refuse("there is no whole number between " + format_number(d.a) + " and " + format_number(d.b));
+        }
+        break;
+    case Distribution::Kind::choice:
+    case Distribution::Kind::grid:
+        if (d.choices.empty() || d.stride == 0) {
+            refuse("there is nothing to choose from");
+        }
+        break;
+    case Distribution::Kind::normal:
+        if (!(d.b >= 0.0)) {
+            refuse("a standard deviation must be >= 0, found " + format_number(d.b));
+        }
+        if (!(d.lo < d.hi) || d.lo > d.a + far * d.b || d.hi < d.a - far * d.b) {
+            refuse("a normal distribution about " + format_number(d.a) + " with deviation " + format_number(d.b) +
+                   " never falls between " + format_number(d.lo) + " and " + format_number(d.hi));
+        }
+        break;
+    case Distribution::Kind::attitude: break;
     }
 }
 
@@ -212,15 +257,15 @@ public:
 
     void fly(std::size_t run, CampaignResult &result, const std::atomic<bool> &stop)
     {
-        std::vector<double> draws;
         try {
-            if (own_.prepared()) { // false after a run with invalid draws
-                own_.reset();
-            }
-            draws = disperse(nominal_, own_, plan_, plan_.first + run);
+            begin_anew(nominal_, own_);
+            const std::vector<double> draws = disperse(nominal_, own_, plan_, plan_.first + run);
+            std::copy(draws.begin(), draws.end(),
+                      result.draws.begin() + static_cast<std::ptrdiff_t>(run * draws.size()));
             RunControl control;
             control.poll = [&](Ns) { return !stop; };
             if (!own_.run_until(plan_.duration, control)) {
+                std::fill_n(result.draws.begin() + static_cast<std::ptrdiff_t>(run * draws.size()), draws.size(), none);
                 return;
             }
         } catch (const std::exception &error) {
@@ -228,7 +273,6 @@ public:
         }
         result.flown[run] = 1;
         result.health[run] = own_.health();
-        std::copy(draws.begin(), draws.end(), result.draws.begin() + static_cast<std::ptrdiff_t>(run * draws.size()));
         for (std::size_t i = 0; i < logs_.size(); i++) {
             keep(*logs_[i], plan_.retained[i], result.samples, result.failures[run].empty(),
                  result.retained[i].data() + run * result.samples * plan_.retained[i].elements);
@@ -261,19 +305,9 @@ private:
     std::vector<std::shared_ptr<Log>> logs_;
 };
 
-std::size_t dispersed_elements(const CampaignPlan &plan)
-{
-    std::size_t n = 0;
-    for (const Dispersion &dispersion : plan.dispersions) {
-        n += dispersion.elements.size();
-    }
-    return n;
-}
-
 /// A result of the right size, filled with NaN.
 CampaignResult room_for(const CampaignPlan &plan)
 {
-    const double none = std::numeric_limits<double>::quiet_NaN();
     CampaignResult result;
     result.samples = static_cast<std::size_t>(plan.duration / plan.every) + 1;
     result.flown.resize(plan.runs);
@@ -290,6 +324,18 @@ CampaignResult room_for(const CampaignPlan &plan)
 
 Distribution::Distribution() : lo(-std::numeric_limits<double>::infinity()), hi(std::numeric_limits<double>::infinity())
 {
+}
+
+std::size_t dispersed_elements(const CampaignPlan &plan)
+{
+    std::size_t n = 0;
+    for (const Dispersion &dispersion : plan.dispersions) {
+        n += dispersion.elements.size();
+    }
+    for (const Composition &composition : plan.compositions) {
+        n += composition.numbers.size();
+    }
+    return n;
 }
 
 bool has_callables(const Simulation &simulation)
@@ -330,49 +376,68 @@ void check_dispersion(const Simulation &nominal, const Dispersion &dispersion)
         }
     }
     const Distribution &d = dispersion.distribution;
-    const auto refuse = [&](const std::string &rule) { throw SetupError(dispersion.path + ": " + rule); };
-    if (!std::isfinite(d.a) || !std::isfinite(d.b) || std::isnan(d.lo) || std::isnan(d.hi)) {
-        refuse("a distribution needs finite numbers");
+    if (field->type == FLEDGE_ENUM && d.kind != Distribution::Kind::choice && d.kind != Distribution::Kind::grid) {
+        throw SetupError(dispersion.path + ": an enumeration is drawn by a choice");
     }
-    if (field->type == FLEDGE_ENUM && d.kind != Distribution::Kind::choice) {
-        refuse("an enumeration is drawn by a choice");
-    }
-    switch (d.kind) {
-    case Distribution::Kind::uniform:
-        if (!(d.a <= d.b)) {
-            refuse("uniform between " + format_number(d.a) + " and " + format_number(d.b) +
-                   ": the lower bound is above the upper one");
-        }
-        if (place.whole() && !d.relative && std::ceil(d.a) > d.b) {
-            refuse("there is no whole number between " + format_number(d.a) + " and " + format_number(d.b));
-        }
-        break;
-    case Distribution::Kind::choice:
-        if (d.choices.empty()) {
-            refuse("there is nothing to choose from");
-        }
-        break;
-    case Distribution::Kind::normal:
-        if (!(d.b >= 0.0)) {
-            refuse("a standard deviation must be >= 0, found " + format_number(d.b));
-        }
-        if (!(d.lo < d.hi) || d.lo > d.a + far * d.b || d.hi < d.a - far * d.b) {
-            refuse("a normal distribution about " + format_number(d.a) + " with deviation " + format_number(d.b) +
-                   " never falls between " + format_number(d.lo) + " and " + format_number(d.hi));
-        }
-        break;
-    case Distribution::Kind::attitude:
+    check_numbers(d, place.whole(), dispersion.path);
+    if (d.kind == Distribution::Kind::attitude) {
         if (dispersion.elements != std::vector<std::size_t>{0, 1, 2} || n != 3 || field->type != FLEDGE_F64) {
-            refuse("a random attitude needs the three elements of an MRP");
+            throw SetupError(dispersion.path + ": a random attitude needs the three elements of an MRP");
         }
         return;
     }
     const auto still = [&](std::size_t i) { return place.nominal(i) == 0.0; };
     if (d.relative && std::all_of(dispersion.elements.begin(), dispersion.elements.end(), still)) {
-        refuse("its nominal value is 0, which no factor changes");
+        throw SetupError(dispersion.path + ": its nominal value is 0, which no factor changes");
     }
     for (std::size_t element : dispersion.elements) {
         check_reach(place, element, d, dispersion.path);
+    }
+}
+
+void check_composition(const Simulation &nominal, const Composition &composition)
+{
+    std::size_t elements = 0;
+    for (const std::string &path : composition.parameters) {
+        const Place place = find_path(nominal, path);
+        if (!place.field || place.top->group != FLEDGE_PAR || place.whole()) {
+            throw SetupError(path + " is no parameter that can be dispersed");
+        }
+        elements += field_elements(*place.field);
+    }
+    std::vector<double> numbers;
+    for (const Composition::Number &number : composition.numbers) {
+        check_numbers(number.distribution, false, number.path);
+        if (number.distribution.relative && number.nominal == 0.0) {
+            throw SetupError(number.path + ": its nominal value is 0, which no factor changes");
+        }
+        numbers.push_back(number.nominal);
+    }
+    if (composition.values(numbers).size() != elements) {
+        throw SetupError(composition.numbers.front().path + ": it does not give as many numbers as it sets");
+    }
+    // The ends of bounded distributions, one at a time, as check_reach() of single parameters.
+    for (std::size_t i = 0; i < numbers.size(); i++) {
+        const auto &[path, at, d] = composition.numbers[i];
+        std::vector<double> ends = d.choices;
+        if (d.kind == Distribution::Kind::uniform) {
+            ends = {d.a, d.b};
+        } else if (d.kind == Distribution::Kind::normal) {
+            for (const double end : {d.lo, d.hi}) {
+                if (std::abs(end - d.a) < far * d.b) {
+                    ends.push_back(end);
+                }
+            }
+        }
+        for (const double end : ends) {
+            std::vector<double> one = numbers;
+            one[i] = absolute(d, at, end);
+            try {
+                composition.values(one);
+            } catch (const SetupError &error) {
+                throw SetupError(path + " = " + format_number(one[i]) + ": " + error.what());
+            }
+        }
     }
 }
 
@@ -401,16 +466,26 @@ void check_plan(const Simulation &nominal, const CampaignPlan &plan)
         throw SetupError("the time between retained samples must be > 0, found " + format_time(plan.every));
     }
     std::vector<std::string> drawn;
+    const auto add = [&](const std::string &path) {
+        if (std::find(drawn.begin(), drawn.end(), path) != drawn.end()) {
+            throw SetupError(path + " is dispersed twice");
+        }
+        drawn.push_back(path);
+    };
     for (const Dispersion &dispersion : plan.dispersions) {
         check_dispersion(nominal, dispersion);
         const Place place = find_path(nominal, dispersion.path);
         for (std::size_t element : dispersion.elements) {
-            const std::string path =
-                dispersion.path + index_text(*place.field, std::min(element, place.mirror(element)));
-            if (std::find(drawn.begin(), drawn.end(), path) != drawn.end()) {
-                throw SetupError(path + " is dispersed twice");
+            add(dispersion.path + index_text(*place.field, std::min(element, place.mirror(element))));
+        }
+    }
+    for (const Composition &composition : plan.compositions) {
+        check_composition(nominal, composition);
+        for (const std::string &path : composition.parameters) {
+            const Place place = find_path(nominal, path);
+            for (std::size_t element = 0; element < field_elements(*place.field); element++) {
+                add(path + index_text(*place.field, element));
             }
-            drawn.push_back(path);
         }
     }
     for (const Retained &variable : plan.retained) {
@@ -418,10 +493,28 @@ void check_plan(const Simulation &nominal, const CampaignPlan &plan)
     }
 }
 
+void begin_anew(const Simulation &nominal, Simulation &clone)
+{
+    for (std::size_t i = 0; i < nominal.processes().size(); i++) {
+        const auto &from = nominal.processes()[i]->instances(), &to = clone.processes()[i]->instances();
+        for (std::size_t k = 0; k < from.size(); k++) {
+            for (const FledgeField &field : fields(from[k]->type())) {
+                if (field.group == FLEDGE_PAR) {
+                    std::memmove(to[k]->memory() + field.offset, from[k]->memory() + field.offset, field.size);
+                }
+            }
+        }
+    }
+    if (clone.prepared()) { // false after a run with invalid draws
+        clone.reset();
+    }
+}
+
 std::vector<double> disperse(const Simulation &nominal, Simulation &simulation, const CampaignPlan &plan,
                              std::size_t index)
 {
-    const std::string run = "run " + std::to_string(index);
+    const std::size_t point = index % plan.points;
+    const std::string run = "run " + std::to_string(index / plan.points);
     simulation.set_seed(Random(plan.seed, run).bits());
     std::vector<double> draws;
     for (const Dispersion &dispersion : plan.dispersions) {
@@ -442,7 +535,24 @@ std::vector<double> disperse(const Simulation &nominal, Simulation &simulation, 
             // A stream for each element, so that one dispersion more changes no other's draws.
             const std::string path = dispersion.path + index_text(*from.field, element);
             Random random(plan.seed, run + " " + path);
-            set(element, draw(dispersion.distribution, random, from.nominal(element), from.whole(), path));
+            set(element, draw(dispersion.distribution, random, point, from.nominal(element), from.whole(), path));
+        }
+    }
+    for (const Composition &composition : plan.compositions) {
+        std::vector<double> drawn;
+        for (const auto &[path, at, distribution] : composition.numbers) {
+            Random random(plan.seed, run + " " + path);
+            drawn.push_back(draw(distribution, random, point, at, false, path));
+        }
+        const std::vector<double> values = composition.values(drawn);
+        draws.insert(draws.end(), drawn.begin(), drawn.end());
+        auto next = values.begin();
+        for (const std::string &path : composition.parameters) {
+            const Place from = find_path(nominal, path);
+            const auto to = find_instance(simulation, from.instance->path);
+            for (std::size_t element = 0; element < field_elements(*from.field); element++) {
+                from.set(to->memory(), element, *next++, path);
+            }
         }
     }
     return draws;

@@ -21,6 +21,7 @@ struct Distribution {
         normal,   ///< mean a, standard deviation b; cut to [lo, hi]
         attitude, ///< of an MRP vector: uniform over all attitudes
         choice,   ///< one of `choices`, each with equal probability
+        grid,     ///< of the run's point: the next of `choices` after every `stride` points, from the first again
     };
     Kind kind = Kind::uniform;
     double a = 0.0, b = 0.0;
@@ -28,6 +29,7 @@ struct Distribution {
     bool relative = false; ///< a and b (lo, hi) are factors of the nominal value
     bool about = false;    ///< a and b (lo, hi) are added to the nominal value
     std::vector<double> choices;
+    std::size_t stride = 1;
 
     Distribution();
 };
@@ -41,6 +43,20 @@ struct Dispersion {
     Distribution distribution;
 };
 
+/// Numbers that are drawn together, and of which a function makes parameters: the elements of an orbit, and its state.
+struct Composition {
+    /// Its path names its random stream and its column.
+    struct Number {
+        std::string path;
+        double nominal = 0.0;
+        Distribution distribution;
+    };
+    std::vector<Number> numbers;
+    std::vector<std::string> parameters; ///< "world.craft.r_BN_N"; all elements of each
+    /// The elements of the parameters, one after the other. Throws SetupError. Many threads call it.
+    std::function<std::vector<double>(const std::vector<double> &)> values;
+};
+
 /// A field of a message whose samples the result retains.
 struct Retained {
     std::string port;         ///< "flight.tracking.error"
@@ -52,9 +68,12 @@ struct Retained {
 struct CampaignPlan {
     std::uint64_t seed = 0;
     std::size_t first = 0, runs = 0; ///< indices first, first + 1, ...
+    std::size_t points = 1;          ///< of a grid, each of which flies once before any flies again: the index of a run
+                                     ///< is its point, plus `points` times the index of its draws and random streams
     Ns duration = 0;
     Ns every = 0; ///< between retained samples, > 0
     std::vector<Dispersion> dispersions;
+    std::vector<Composition> compositions; ///< their draws follow those of the dispersions
     std::vector<Retained> retained;
 };
 
@@ -83,11 +102,21 @@ bool has_callables(const Simulation &simulation);
 /// within it, any other must reach into it.
 void check_dispersion(const Simulation &nominal, const Dispersion &dispersion);
 
+/// Throws SetupError unless a composition can set its parameters, nominally too.
+void check_composition(const Simulation &nominal, const Composition &composition);
+
 /// Throws SetupError on a port that is not there, or a field outside its message.
 void check_retained(const Simulation &nominal, const Retained &variable);
 
-/// Both for all of a plan, which must have runs and disperse no element twice.
+/// All of these for a plan, which must have runs and disperse no element twice.
 void check_plan(const Simulation &nominal, const CampaignPlan &plan);
+
+/// How many numbers of each run are drawn.
+std::size_t dispersed_elements(const CampaignPlan &plan);
+
+/// Bring a clone that may have run back to before its run, with the nominal parameters: events, commands and the caller
+/// may have changed some.
+void begin_anew(const Simulation &nominal, Simulation &clone);
 
 /// Set the parameters and the seed of one run in a simulation that has not run yet. `nominal` has the nominal values
 /// and does not change. Returns the draws.

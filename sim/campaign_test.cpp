@@ -109,6 +109,28 @@ TEST(Campaign, NeitherThreadsNorOrderChangeABit)
     EXPECT_EQ(interface<Tank>(nominal.tank).out.level.x, one.retained[0][151 * 11 + 10]);
 }
 
+TEST(Campaign, ARunBeginsWithTheNominalParametersWhateverTheRunBeforeHasSet)
+{
+    Nominal nominal;
+    nominal.plan.dispersions.pop_back(); // the gain is nominal
+    Event event;
+    event.name = "stops";
+    event.condition = Condition(
+        {{nominal.control, offsetof(Scale, out.number.x), FLEDGE_F64}, Operand::of(-2.0), EXEC_LESS}, "product < -2");
+    const double none = 0.0;
+    const auto *bytes = reinterpret_cast<const std::byte *>(&none);
+    event.set = {{nominal.control, offsetof(Scale, par.gain), {bytes, bytes + sizeof none}}};
+    nominal.sim.process("flight").add_event(event);
+    const CampaignResult all = fly(nominal.sim, nominal.plan, 1);
+    for (std::size_t run : {0u, 1u, 199u}) {
+        CampaignPlan plan = nominal.plan;
+        plan.first = run;
+        plan.runs = 1;
+        const CampaignResult alone = fly(nominal.sim, plan, 1);
+        EXPECT_EQ(all.retained[0][run * 11 + 10], alone.retained[0][10]) << run;
+    }
+}
+
 TEST(Campaign, OneDispersionMoreChangesNoOthersDraws)
 {
     Nominal nominal;
@@ -225,6 +247,67 @@ TEST(Campaign, NoElementIsDispersedTwice)
     nominal.plan.dispersions.push_back(nominal.plan.dispersions[0]);
     EXPECT_THAT(error_of([&] { check_plan(nominal.sim, nominal.plan); }),
                 HasSubstr("world.tank.initial is dispersed twice"));
+}
+
+TEST(Campaign, ACompositionSetsParametersOfSeveralDraws)
+{
+    Nominal nominal;
+    nominal.plan.dispersions.pop_back();
+    Composition product;
+    product.parameters = {"flight.control.gain"};
+    product.numbers = {{"x", -1.0, {}}, {"y", 0.5, {}}};
+    product.numbers[0].distribution.about = true;
+    product.numbers[1].distribution.kind = Distribution::Kind::normal;
+    product.numbers[1].distribution.b = 0.1;
+    product.values = [](const std::vector<double> &x) {
+        if (x[0] > 0.5) {
+            throw SetupError("too far");
+        }
+        return std::vector{x[0] * x[1]};
+    };
+    const auto error = [&] { return error_of([&] { check_plan(nominal.sim, nominal.plan); }); };
+    nominal.plan.compositions = {product};
+    product.numbers[0].distribution.b = 2.0;
+    EXPECT_EQ(error(), "(no error)");
+    Nominal other;
+    const auto draws = disperse(nominal.sim, other.sim, nominal.plan, 3);
+    ASSERT_EQ(draws.size(), 3u);
+    EXPECT_EQ(draws[1], -1.0); // uniform between 0 and 0, about the nominal -1
+    EXPECT_EQ(interface<Scale>(other.control).par.gain, draws[1] * draws[2]);
+    EXPECT_NE(draws[2], disperse(nominal.sim, other.sim, nominal.plan, 4)[2]);
+
+    nominal.plan.compositions = {product};
+    EXPECT_EQ(error(), "x = 1: too far");
+    nominal.plan.compositions[0].parameters = {"flight.control.product"};
+    EXPECT_EQ(error(), "flight.control.product is no parameter that can be dispersed");
+    nominal.plan.compositions[0] = product;
+    nominal.plan.compositions[0].numbers[0].distribution.b = 0.0;
+    nominal.plan.dispersions.push_back({"flight.control.gain", {0}, {}});
+    EXPECT_EQ(error(), "flight.control.gain is dispersed twice");
+}
+
+TEST(Campaign, AGridFliesEachPointWithTheSameDraws)
+{
+    Nominal nominal;
+    nominal.plan.points = 6;
+    for (auto [stride, choices] : {std::pair{1u, std::vector{1.0, 2.0, 3.0}}, std::pair{3u, std::vector{-1.0, -2.0}}}) {
+        Dispersion &axis = nominal.plan.dispersions[stride == 1 ? 0 : 1];
+        axis.distribution = {};
+        axis.distribution.kind = Distribution::Kind::grid;
+        axis.distribution.choices = choices;
+        axis.distribution.stride = stride;
+    }
+    check_plan(nominal.sim, nominal.plan);
+    std::vector<std::uint64_t> seeds;
+    for (std::size_t index = 0; index < 12; index++) {
+        Nominal other;
+        const auto draws = disperse(nominal.sim, other.sim, nominal.plan, index);
+        EXPECT_EQ(draws[0], 1.0 + static_cast<double>(index % 3)) << index;
+        EXPECT_EQ(draws[1], -1.0 - static_cast<double>(index % 6 / 3)) << index;
+        seeds.push_back(other.sim.seed());
+    }
+    EXPECT_EQ(seeds[0], seeds[5]);
+    EXPECT_NE(seeds[0], seeds[6]);
 }
 
 TEST(Campaign, SamplesStandAtTheirTimes)

@@ -88,17 +88,21 @@ void check_field(const FledgeStruct &type, const FledgeField &field, const std::
             const auto zero = [&](std::size_t k) { return number(field, bytes, i + k) == 0.0; };
             if (zero(0) && (vector == 1 || (zero(1) && zero(2)))) {
                 fail(vector == 3 ? "must have a length" : "must not be zero",
-                     field.ndim ? "zero at " + index_text(field, i, field.ndim - (vector == 3)) : "zero");
+                     field.ndim > (vector == 3) ? "zero at " + index_text(field, i, field.ndim - (vector == 3))
+                                                : "zero");
             }
         }
     }
     if (field.flags & FLEDGE_INERTIA) {
-        if (const std::string fault = inertia_fault(bytes); !fault.empty()) {
-            std::string matrix;
-            for (std::size_t i = 0; i < 9; i++) {
-                matrix += (i % 3 ? ", " : i ? "], [" : "[") + format_number(number(field, bytes, i));
+        for (std::size_t at = 0; at < rows * row; at += 9) {
+            if (const std::string fault = inertia_fault(bytes + at * sizeof(double)); !fault.empty()) {
+                std::string matrix;
+                for (std::size_t i = 0; i < 9; i++) {
+                    matrix += (i % 3 ? ", " : i ? "], [" : "[") + format_number(number(field, bytes, at + i));
+                }
+                const std::string place = field.ndim > 2 ? " at [" + std::to_string(at / 9) + "]" : "";
+                fail(fault, "[" + matrix + "]]" + unit + place);
             }
-            fail(fault, "[" + matrix + "]]" + unit);
         }
     }
 }

@@ -20,6 +20,7 @@ struct Values {
     double axes[3][3];
     double I[3][3];
     std::uint32_t n, spare;
+    double several[2][3][3];
 };
 
 FledgeField field(const char *name, std::size_t offset, std::initializer_list<std::uint32_t> shape)
@@ -49,7 +50,10 @@ struct Checker {
         list[3] = field("n", offsetof(Values, n), {});
         list[3].type = FLEDGE_U32;
         list[3].size = 4;
-        type.n = 4;
+        list[4] = field("several", offsetof(Values, several), {2, 3, 3});
+        list[4].flags = FLEDGE_INERTIA;
+        list[4].count = "n";
+        type.n = 5;
         type.fields = list;
     }
     std::string operator()(int i) const
@@ -61,7 +65,7 @@ struct Checker {
         }
         return "";
     }
-    FledgeField list[4];
+    FledgeField list[5];
     FledgeStruct type{};
     Values values{};
 };
@@ -151,6 +155,24 @@ TEST(Check, Inertia)
     EXPECT_THAT(check(2), HasSubstr("must be positive definite"));
     set_inertia(check, 0, 0, 0);
     EXPECT_THAT(check(2), HasSubstr("must be positive definite"));
+}
+
+TEST(Check, EachOfSeveralInertias)
+{
+    Checker check;
+    check.values.n = 2;
+    for (auto &I : check.values.several) {
+        I[0][0] = I[1][1] = I[2][2] = 1.0;
+    }
+    EXPECT_EQ(check(4), "");
+    check.values.several[1][2][2] = 3.0;
+    EXPECT_EQ(check(4), "flight.thing.several is that of no body: a principal moment exceeds the sum of the others, "
+                        "found [[1, 0, 0], [0, 1, 0], [0, 0, 3]] kg m^2 at [1]");
+    check.values.n = 1;
+    EXPECT_EQ(check(4), "") << "one that does not count";
+    check.values.several[0][0][1] = 0.5;
+    EXPECT_EQ(check(4),
+              "flight.thing.several must be symmetric, found [[1, 0.5, 0], [0, 1, 0], [0, 0, 1]] kg m^2 at [0]");
 }
 
 TEST(Text, IsShortAndExact)

@@ -31,20 +31,6 @@ void each_double(const FledgeStruct &type, std::uint32_t base, const std::string
     }
 }
 
-/// "x[2] is nan" of the first double in a message that is not finite; "" if all are.
-std::string not_finite(const FledgeStruct &type, const std::byte *message)
-{
-    std::string found;
-    each_double(type, 0, "", [&](std::uint32_t at, const std::string &name) {
-        double x;
-        std::memcpy(&x, message + at, sizeof x);
-        if (found.empty() && !std::isfinite(x)) {
-            found = name + " is " + format_number(x);
-        }
-    });
-    return found;
-}
-
 std::string often(const Health::Tally &tally, std::uint64_t updates)
 {
     return " at " + std::to_string(tally.count) + " of " + std::to_string(updates) + " updates, first at " +
@@ -92,6 +78,19 @@ std::string every(const Place &place)
 }
 
 } // namespace
+
+std::string not_finite(const FledgeStruct &type, const std::byte *message)
+{
+    std::string found;
+    each_double(type, 0, "", [&](std::uint32_t at, const std::string &name) {
+        double x;
+        std::memcpy(&x, message + at, sizeof x);
+        if (found.empty() && !std::isfinite(x)) {
+            found = name + " is " + format_number(x);
+        }
+    });
+    return found;
+}
 
 const char *kind_name(Finding::Kind kind)
 {

@@ -31,6 +31,9 @@ struct Finding {
     std::string text;        ///< all of it in words
 };
 
+/// "x[2] is nan" of the first double in a message that is not finite; "" if all are.
+std::string not_finite(const FledgeStruct &type, const std::byte *message);
+
 /// "unwritten", "held", ...
 const char *kind_name(Finding::Kind kind);
 

@@ -2,6 +2,7 @@
 #include "sim/instance.h"
 
 #include "sim/error.h"
+#include "sim/scripted_model.h"
 
 #include <cstdlib>
 #include <cstring>
@@ -30,7 +31,9 @@ void Instance::Free::operator()(std::byte *p) const
 Instance::Instance(const FledgeStruct &type)
     : path(type.name), given(type.n, false), type_(&type), memory_(allocate(type.size))
 {
-    if (type.kind != FLEDGE_MODULE) {
+    if (type.kind == FLEDGE_MODEL) {
+        model_ = std::make_unique<ScriptedModel>(*this);
+    } else if (type.kind != FLEDGE_MODULE) {
         throw SetupError(std::string(type.name) + " is not a flight module");
     }
 }
@@ -46,7 +49,11 @@ Instance::Instance(const ModelType &type)
 
 void Instance::reset()
 {
-    reinterpret_cast<void (*)(void *)>(type_->reset)(memory());
+    if (type_->reset) {
+        reinterpret_cast<void (*)(void *)>(type_->reset)(memory());
+    } else {
+        clear(*this);
+    }
     if (script.reset) {
         script.reset(*this);
     }
@@ -70,6 +77,15 @@ std::shared_ptr<Instance> Instance::clone() const
     other->script = script;
     std::memcpy(other->memory(), memory(), type_->size);
     return other;
+}
+
+void clear(Instance &instance)
+{
+    for (const FledgeField &field : fields(instance.type())) {
+        if (field.group == FLEDGE_OUT || field.group == FLEDGE_MEM) {
+            std::memset(instance.memory() + field.offset, 0, field.size);
+        }
+    }
 }
 
 const FledgeField *find_field(const FledgeStruct &type, std::string_view name)

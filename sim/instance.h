@@ -14,18 +14,20 @@ namespace fledge::sim {
 
 class Instance;
 
-/// Functions of the user's that a module runs: `update` in place of its type's, `reset` after its type's. A clone has
-/// copies of them.
+/// Functions of the user's that a module runs: `update` in place of its type's, `reset` after its type's. The type of a
+/// prototype has no functions of its own. A clone has copies of them.
 struct Script {
     std::function<void(Instance &, Tick)> update; ///< empty: the type's
-    std::function<void(Instance &)> reset;        ///< may be empty
+    std::function<void(Instance &)> reset;        ///< of a flight module; may be empty
+    std::function<void(Instance &)> prepare;      ///< of a world model, as Model::prepare(); may be empty
+    std::function<void(Instance &, Tick)> begin;  ///< of a world model, as Model::reset(); may be empty
 };
 
 /// Owns the C struct of a module or the interface of a model. The memory is zeroed, aligned to 64 bytes,
 /// and never moves while the instance lives.
 class Instance : public std::enable_shared_from_this<Instance> {
 public:
-    /// A flight module. Throws SetupError if the type is not a module.
+    /// A flight module, or a world model whose behaviour is its script. Throws SetupError for other types.
     explicit Instance(const FledgeStruct &type);
     /// A world model.
     explicit Instance(const ModelType &type);
@@ -43,9 +45,9 @@ public:
     /// Which fields the user has set, by index in the table of the type.
     std::vector<bool> given;
 
-    Script script; ///< of a flight module
+    Script script;
 
-    /// Run a flight module's functions.
+    /// Run a flight module's functions. Without a reset of its type's, outputs and memory become zero.
     void reset();
     void update(Tick tick);
 
@@ -61,6 +63,9 @@ private:
     std::unique_ptr<std::byte[], Free> memory_;
     std::unique_ptr<Model> model_;
 };
+
+/// Outputs and memory become zero.
+void clear(Instance &instance);
 
 /// The fields of a type, for loops.
 inline std::span<const FledgeField> fields(const FledgeStruct &type)

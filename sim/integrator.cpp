@@ -8,6 +8,7 @@
 #include "sim/dop853.h"
 #include "sim/error.h"
 #include "sim/text.h"
+#include "sim/wide.h"
 
 #include <algorithm>
 #include <cmath>
@@ -39,14 +40,7 @@ public:
 
     void advance(System &system, Ns start, Ns dt, double *x, const double *dx) override
     {
-        // A rigid craft has 16 states, with up to four wheels 20, with eight 24: loops of known
-        // length are a tenth of such a step faster.
-        switch (n_) {
-        case 16: return step<16>(system, start, tick_seconds(dt), x, dx);
-        case 20: return step<20>(system, start, tick_seconds(dt), x, dx);
-        case 24: return step<24>(system, start, tick_seconds(dt), x, dx);
-        default: return step<0>(system, start, tick_seconds(dt), x, dx);
-        }
+        in_registers<&Rk4::advance_by>(*this, system, start, tick_seconds(dt), x, dx);
     }
 
     std::unique_ptr<Integrator> fresh() const override { return make_rk4(); }
@@ -57,8 +51,21 @@ public:
     }
 
 private:
+    [[gnu::always_inline]] void advance_by(System &system, Ns start, double h, double *x, const double *dx)
+    {
+        // A rigid craft has 16 states, with up to four wheels 20, with eight, or two panels, 24: loops of known length
+        // are a tenth of such a step faster.
+        switch (n_) {
+        case 16: return step<16>(system, start, h, x, dx);
+        case 20: return step<20>(system, start, h, x, dx);
+        case 24: return step<24>(system, start, h, x, dx);
+        default: return step<0>(system, start, h, x, dx);
+        }
+    }
+
     /// known: the number of states, 0 if only n_ knows it.
-    template <std::size_t known> void step(System &system, Ns start, double h, double *x, const double *dx)
+    template <std::size_t known>
+    [[gnu::always_inline]] void step(System &system, Ns start, double h, double *x, const double *dx)
     {
         const std::size_t n = known ? known : n_;
         double *const k2 = work_.data(), *const k3 = k2 + n, *const k4 = k3 + n;

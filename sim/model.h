@@ -19,9 +19,21 @@ namespace fledge::sim {
 
 /// What a model needs before a run.
 struct Setup {
-    std::string name;             ///< process and instance, as in "world.craft"
-    std::uint64_t seed = 0;       ///< of the run; see Random
-    const Integrator *integrator; ///< the process' method: take a fresh() one
+    std::string name;                 ///< process and instance, as in "world.craft"
+    std::uint64_t seed = 0;           ///< of the run; see Random
+    const Integrator *integrator;     ///< the process' method: take a fresh() one
+    std::vector<std::string> wired{}; ///< its inputs that an output or the caller feeds
+};
+
+class Model;
+
+/// A state of the differential equations of a model, for who looks at it from outside.
+struct DifferentialState {
+    const Model *of;  ///< whose it is: the model's or one of its parts'
+    std::string name; ///< "omega_BN_B[1]"
+    std::string unit; ///< "-" if it has none
+    double *value;    ///< in memory()
+    double *rate;     ///< its derivative as last computed, in memory()
 };
 
 class Model {
@@ -32,8 +44,8 @@ public:
     /// Throws SetupError that begins with setup.name.
     virtual void prepare(const Setup &setup) = 0;
 
-    /// Parameters were changed between two runs, and the kernel has checked them: compute again what depends
-    /// on them. The state stays as it is.
+    /// Parameters were changed, between two runs, where the kernel has checked them, or by an event within one:
+    /// compute again what depends on them. The state stays as it is.
     virtual void refresh() {}
 
     /// A run up to the time `until` is about to begin. Throws SetupError if the data of the model (an
@@ -47,9 +59,22 @@ public:
     /// tick.dt is 0 at the first update after a reset.
     virtual void update(Tick tick) = 0;
 
+    /// Begin the random streams as reset() does, by the seed of prepare(). The rest of the state stays as it is.
+    virtual void reseed() {}
+
     /// The models that this one advances itself. They are in no task; the kernel carries their inputs before it
     /// updates this one.
     virtual std::vector<Model *> parts() const { return {}; }
+
+    /// What kind of model has this one among its parts(), for messages; null if it belongs into a task.
+    virtual const char *part_of() const { return nullptr; }
+
+    /// The states that it integrates, its own and those of its parts. May be called after prepare().
+    virtual std::vector<DifferentialState> differential_states() { return {}; }
+
+    /// Something outside has changed these states, or the inputs: compute the derivatives at the time of the last
+    /// update, and publish. dt > 0: as an update that begins now takes the inputs for dt; 0: as the last one took them.
+    virtual void follow(Ns dt) { (void)dt; }
 
     /// All that changes during a run besides the interface: a snapshot is a copy of these bytes.
     virtual std::span<std::byte> memory() { return {}; }

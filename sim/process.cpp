@@ -229,11 +229,10 @@ void Process::play(const Instance &instance, Played output)
     if (std::none_of(instances_.begin(), instances_.end(), own)) {
         throw SetupError(path + " is not of the process " + name);
     }
-    if (field.group != FLEDGE_OUT || output.bytes.size() != output.times.size() * field.size ||
-        std::adjacent_find(output.times.begin(), output.times.end(), std::greater_equal<>()) != output.times.end()) {
-        throw SetupError(path + ": a playback takes the messages of an output, of " + std::to_string(field.size) +
-                         " bytes each, with rising times");
+    if (field.group != FLEDGE_OUT) {
+        throw SetupError(path + " is no output: a playback is of those");
     }
+    output.messages->check(path, field.size);
     stand_in();
     output.held.resize(output.sent ? field.size : 0);
     playback_[&instance].outputs.push_back(std::move(output));
@@ -276,11 +275,9 @@ const std::byte *Process::given(const Port &port, const Process &reader) const
 void Playback::at(Ns t)
 {
     for (Played &one : outputs) {
-        const auto after = std::upper_bound(one.times.begin(), one.times.end(), t);
-        if (after != one.times.begin()) {
-            const auto last = static_cast<std::size_t>(after - one.times.begin()) - 1;
-            const std::uint32_t size = one.output->size;
-            std::memcpy(one.sent ? one.held.data() : memory + one.output->offset, one.bytes.data() + last * size, size);
+        if (const std::size_t n = one.messages->until(t)) {
+            std::byte *to = one.sent ? one.held.data() : memory + one.output->offset;
+            std::memcpy(to, one.messages->message(n - 1), one.output->size);
         }
     }
 }

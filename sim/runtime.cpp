@@ -101,9 +101,21 @@ std::vector<const FledgeField *> changed_fields(const Instance &instance, const 
     return changed;
 }
 
+/// The parameters of an instance lie together in its memory.
 bool unchanged(const Instance &instance, const std::vector<std::byte> &seen)
 {
-    return changed_fields(instance, seen).empty();
+    const auto all = fields(instance.type());
+    const auto first =
+        std::find_if(all.begin(), all.end(), [](const FledgeField &field) { return field.group == FLEDGE_PAR; });
+    return first == all.end() || !std::memcmp(instance.memory() + first->offset, seen.data(), seen.size());
+}
+
+/// Where parameters changed, a model computes again what it derives from them.
+void refresh(Instance &instance, const std::vector<std::byte> &seen)
+{
+    if (instance.model() && !unchanged(instance, seen)) {
+        instance.model()->refresh();
+    }
 }
 
 } // namespace
@@ -113,6 +125,7 @@ Runtime::Runtime(const Structure &built, Roles roles, Recorder &recorder)
 {
     // Pointers go into both, so that their elements must not move.
     exchanges_.reserve(structure.wires.size());
+    fed_.reserve(structure.feeds.size());
     processes_.reserve(structure.processes.size());
     for (const auto &process : structure.processes) {
         RunProcess &run = processes_.emplace_back();
@@ -162,6 +175,9 @@ Runtime::Runtime(const Structure &built, Roles roles, Recorder &recorder)
             keep_parameters(run);
         }
         for (const auto &instance : process->instances()) {
+            if (instance->model()) {
+                models_.push_back(instance->model());
+            }
             note_parameters(*instance, known_.emplace_back(instance.get(), std::vector<std::byte>{}).second);
             if (roles_.at(instance.get()).configuration) {
                 Configuration module{instance.get(), &run, {}};
@@ -191,13 +207,71 @@ void Runtime::lay_out_wires(const Instance &consumer)
             const std::uint32_t n = wire.from.field->size / 8;
             const Ns period = std::max(longest_period(*roles_.at(wire.from.instance.get()).process),
                                        longest_period(*roles_.at(&consumer).process));
-            exchanges_.push_back({from, n, period, -1, std::vector<std::uint64_t>(n)});
+            exchanges_.push_back({&wire, from, n, period, -1, std::vector<std::uint64_t>(n)});
             from = exchanges_.back().held.data();
         }
         copies_.push_back(copy_of(wire, from));
         if (wire.options.stale_after) {
             copies_.back().age = health.watch_age(wire.to);
         }
+    }
+    for (const Feed &feed : structure.feeds) {
+        if (feed.to.instance.get() == &consumer && feed.messages) {
+            const std::uint32_t n = feed.to.field->size / 8;
+            fed_.push_back({&feed, 0, std::vector<std::uint64_t>(n)});
+            copies_.push_back({fed_.back().held.data(), words(feed.to.bytes()), n, feed.stale_after, 0});
+            if (feed.stale_after) {
+                copies_.back().age = health.watch_age(feed.to);
+            }
+        }
+    }
+}
+
+/// What an input that is fed gets at t, and when that changes next.
+void Runtime::deliver(Fed &fed, Ns t)
+{
+    const Messages &messages = *fed.feed->messages;
+    const std::size_t n = messages.until(t);
+    std::byte *held = reinterpret_cast<std::byte *>(fed.held.data());
+    fed.due = n < messages.times.size() ? messages.times[n] : never;
+    if (n == 0) {
+        std::fill(fed.held.begin(), fed.held.end(), 0); // nothing was written yet
+        return;
+    }
+    const std::byte *last = messages.message(n - 1);
+    std::memcpy(held, last, fed.held.size() * sizeof(Word));
+    const bool between = !fed.feed->linear.empty() && n < messages.times.size();
+    if (!between && !fed.feed->always) {
+        return;
+    }
+    fed.due = exec_later(t, 1);
+    // A writing for each instant. The reader's own memory has the last one, so that a snapshot has it.
+    Head head, seen;
+    std::memcpy(&head, held, sizeof head);
+    std::memcpy(&seen, fed.feed->to.bytes(), sizeof seen);
+    if (between) {
+        const std::byte *coming = messages.message(n);
+        const double share = static_cast<double>(t - messages.times[n - 1]) /
+                             static_cast<double>(messages.times[n] - messages.times[n - 1]);
+        for (const std::uint32_t at : fed.feed->linear) {
+            double a, b;
+            std::memcpy(&a, last + at, sizeof a);
+            std::memcpy(&b, coming + at, sizeof b);
+            a += share * (b - a);
+            std::memcpy(held + at, &a, sizeof a);
+        }
+        Head later;
+        std::memcpy(&later, coming, sizeof later);
+        head.quality = quality_min(head.quality, later.quality);
+    }
+    head = head_next(seen, t, head.quality);
+    std::memcpy(held, &head, sizeof head);
+}
+
+void Runtime::feed_again()
+{
+    for (Fed &fed : fed_) {
+        fed.due = 0;
     }
 }
 
@@ -212,6 +286,10 @@ void Runtime::reset(Ns after)
     for (const Wire &wire : structure.wires) {
         std::memset(wire.to.bytes(), 0, wire.to.field->size);
     }
+    for (const Feed &feed : structure.feeds) {
+        std::memset(feed.to.bytes(), 0, feed.to.field->size);
+    }
+    feed_again();
     for (RunProcess &process : processes_) {
         begin(process, start);
         process.resets = 0;
@@ -267,6 +345,11 @@ void Runtime::restart(RunProcess &process, Ns t)
             carry({words(wire.from.bytes()), words(wire.to.bytes()), wire.to.field->size / 8, 0, 0}, t);
         } else {
             std::memset(wire.to.bytes(), 0, wire.to.field->size);
+        }
+    }
+    for (const Feed &feed : structure.feeds) {
+        if (roles_.at(feed.to.instance.get()).process == process.process) {
+            std::memset(feed.to.bytes(), 0, feed.to.field->size);
         }
     }
     begin(process, t);
@@ -364,10 +447,10 @@ void Runtime::take_parameters()
     Faults faults;
     std::vector<Instance *> changed;
     for (const auto &[instance, seen] : known_) {
-        const auto differing = changed_fields(*instance, seen);
-        if (differing.empty()) {
+        if (unchanged(*instance, seen)) {
             continue;
         }
+        const auto differing = changed_fields(*instance, seen);
         changed.push_back(instance);
         faults.collect([&, &one = *instance] { check_parameters(one); });
         for (const FledgeField *field : differing) {
@@ -398,24 +481,22 @@ void Runtime::take_parameters()
     }
 }
 
-void Runtime::ready_for(Ns t)
+void Runtime::ready_for(Ns t, bool same_parameters)
 {
     if (!failure_.empty()) {
         throw RunError("the run ended: " + failure_ + "\nreset it, or restore a snapshot");
     }
-    take_parameters();
+    if (!same_parameters) {
+        take_parameters();
+    }
     for (RunProcess &process : processes_) {
         if (process.reset && now < 0) {
             keep_parameters(process);
         }
     }
     Faults faults;
-    for (const auto &process : structure.processes) {
-        for (const auto &instance : process->instances()) {
-            if (instance->model()) {
-                faults.collect([&] { instance->model()->ensure_data_until(t); });
-            }
-        }
+    for (Model *model : models_) {
+        faults.collect([&] { model->ensure_data_until(t); });
     }
     faults.raise();
 }
@@ -564,6 +645,41 @@ std::span<const std::byte> Runtime::incoming(const Port &input) const
     return {reinterpret_cast<const std::byte *>(found->from), input.field->size};
 }
 
+bool Runtime::override_input(const Port &input, std::uint32_t place, double value)
+{
+    const Word *message = words(input.bytes());
+    Word *to = words(input.bytes() + place);
+    const auto is = [&](const Word *end) { return [=](const Copy &one) { return one.to == end; }; };
+    const auto comes = std::find_if(copies_.begin(), copies_.end(), is(message));
+    if (comes == copies_.end()) {
+        return false;
+    }
+    std::uint64_t bits;
+    std::memcpy(&bits, &value, sizeof bits);
+    for (std::uint64_t &one : overrides_) {
+        const auto from = [&](const Copy &copy) { return copy.from == &one && copy.to == to; };
+        if (std::any_of(copies_.begin(), copies_.end(), from)) {
+            one = bits;
+            return true;
+        }
+    }
+    // One more copy, of a word, behind that of the message.
+    const auto at = static_cast<std::uint32_t>(comes - copies_.begin()) + 1;
+    copies_.insert(copies_.begin() + at, {&overrides_.emplace_back(bits), to, 1, 0, 0});
+    for (Step &step : steps_) {
+        step.first_copy += step.first_copy >= at;
+        step.last_copy += step.last_copy >= at;
+    }
+    return true;
+}
+
+void Runtime::visit_held(const std::function<void(const Wire &, void *, std::size_t)> &block)
+{
+    for (Exchange &exchange : exchanges_) {
+        block(*exchange.wire, exchange.held.data(), exchange.words * sizeof(Word));
+    }
+}
+
 inline void Runtime::run_task(RunTask &task, Ns t)
 {
     if (const auto &flight = task.process->process->flight(); flight && task.process->ran != t) {
@@ -678,6 +794,9 @@ void Runtime::act(RunProcess &process, const Event &event, Ns t)
     }
     if (event.action) {
         event.action();
+        for (auto &[instance, seen] : known_) {
+            refresh(*instance, seen);
+        }
     }
 }
 
@@ -690,6 +809,11 @@ void Runtime::instant()
         if (due > exchange.done) {
             exchange.done = due;
             copy_words(exchange.from, exchange.held.data(), exchange.words);
+        }
+    }
+    for (Fed &fed : fed_) {
+        if (t >= fed.due) {
+            deliver(fed, t);
         }
     }
     RunProcess *turn = nullptr;
@@ -734,10 +858,12 @@ bool Runtime::run_until(Ns t, const RunControl &control)
 {
     using Clock = std::chrono::steady_clock;
     using namespace std::chrono_literals;
-    const auto start = Clock::now();
+    const auto start = control.pace > 0.0 ? Clock::now() : Clock::time_point{};
     const Ns simulated_start = std::max<Ns>(time(), 0);
     auto polled = start;
-    int until_look = 1; // read the clock only sometimes: it takes as long as a small update
+    // Read the clock only sometimes, for it takes as long as a small update; more often where updates are slow.
+    int looks_after = 16, until_look = looks_after;
+    Clock::time_point looked;
     const auto polite = [&](Clock::time_point at) {
         if (control.poll && at - polled >= 50ms) {
             polled = at;
@@ -774,9 +900,12 @@ bool Runtime::run_until(Ns t, const RunControl &control)
                 if (!sleep_until(next)) {
                     return stopped();
                 }
-            } else if (--until_look == 0) {
-                until_look = 256;
-                if (!polite(Clock::now())) {
+            } else if (control.poll && --until_look == 0) {
+                const auto at = Clock::now();
+                looks_after = at - looked > 5ms ? std::max(1, looks_after / 2) : std::min(256, 2 * looks_after);
+                until_look = looks_after;
+                looked = at;
+                if (!polite(at)) {
                     return stopped();
                 }
             }
@@ -843,14 +972,13 @@ void Runtime::visit_state(const std::function<void(void *, std::size_t)> &block)
 void Runtime::restored()
 {
     failure_.clear();
+    feed_again();
     for (RunProcess &process : processes_) {
         process.ran = -1;
     }
     find_places();
     for (auto &[instance, seen] : known_) {
-        if (instance->model() && !unchanged(*instance, seen)) {
-            instance->model()->refresh(); // quantities that the model derives from its parameters
-        }
+        refresh(*instance, seen);
         note_parameters(*instance, seen);
     }
 }

@@ -11,6 +11,7 @@
 #include "sim/simulation.h"
 
 #include <algorithm>
+#include <deque>
 #include <limits>
 
 namespace fledge::sim {
@@ -66,10 +67,18 @@ struct RunTask {
 
 /// A wire with latency: the consumer reads `held`, the output at the end of the last exchange before.
 struct Exchange {
+    const Wire *wire;
     const Word *from;
     std::uint32_t words;
     Ns period;
     Ns done; ///< the last exchange's time; -1: none yet
+    std::vector<std::uint64_t> held;
+};
+
+/// An input that is fed by hand: its reader gets `held`.
+struct Fed {
+    const Feed *feed;
+    Ns due; ///< when `held` changes next
     std::vector<std::uint64_t> held;
 };
 
@@ -94,14 +103,20 @@ public:
 
     /// The check before a run until t: takes over the changed parameters, and asks the models whether they
     /// can go so far. Throws SetupError with all that cannot, RunError if the run has failed.
-    void ready_for(Ns t);
+    void ready_for(Ns t, bool same_parameters = false);
     bool parameters_changed() const;
+
+    /// What feeds deliver has changed: look at it anew.
+    void feed_again();
 
     RunProcess &of(const Process &process);
     RunEvent &of(const Process &process, const Event &event);
     void enter(const Process &process, int mode);
     void event_added(const Process &process);
     std::span<const std::byte> incoming(const Port &input) const;
+    bool override_input(const Port &input, std::uint32_t place, double value); ///< see Simulation::override_input()
+    /// Call with what each wire with latency holds.
+    void visit_held(const std::function<void(const Wire &, void *, std::size_t)> &block);
     void set_commands(Process &process, std::shared_ptr<const Dictionary> dictionary);
     CommandReason command(const Process &process, const std::vector<std::uint8_t> &packet);
 
@@ -129,6 +144,7 @@ public:
 
 private:
     void lay_out_wires(const Instance &consumer);
+    void deliver(Fed &fed, Ns t);
     void take_parameters();
     void instant(); ///< run one
     Ns last_tick(const Process &process, Ns t) const;
@@ -155,7 +171,10 @@ private:
     std::vector<RunProcess> processes_;
     std::vector<RunTask> tasks_; ///< in the order of equal times
     std::vector<Exchange> exchanges_;
+    std::vector<Fed> fed_;
+    std::deque<std::uint64_t> overrides_; ///< numbers in place of those that come to inputs
     std::vector<Configuration> configuration_;
+    std::vector<Model *> models_;
     std::vector<std::pair<Instance *, std::vector<std::byte>>> known_; ///< parameters as last seen
     bool changes_ = false; ///< some process has a change before it, which counts at its next instant
     bool has_events_ = false;

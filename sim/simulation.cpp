@@ -6,12 +6,13 @@
 #include "sim/text.h"
 
 #include <algorithm>
+#include <cstring>
 #include <iterator>
 #include <unordered_map>
 
 namespace fledge::sim {
 
-Simulation::Simulation(std::uint64_t seed) : structure_{seed, {}, {}} {}
+Simulation::Simulation(std::uint64_t seed) : structure_{seed, {}, {}, {}} {}
 Simulation::~Simulation() = default;
 
 // ---- build
@@ -70,8 +71,64 @@ void Simulation::connect(const Port &from, const Port &to, WireOptions options)
             throw SetupError(wire + ": " + to.path() + " is already written by " + other.from.path());
         }
     }
+    if (structure_.feed_of(to)) {
+        throw SetupError(wire + ": " + to.path() + " is fed by hand");
+    }
     set_up_again();
     structure_.wires.push_back({from, to, options});
+}
+
+void Simulation::feed(Feed feed)
+{
+    const Port &to = feed.to;
+    const std::string path = to.path();
+    const auto is_here = [&](const auto &process) { return process->find(to.instance->name) == to.instance; };
+    if (to.field->group != FLEDGE_IN || std::none_of(processes().begin(), processes().end(), is_here)) {
+        throw SetupError(path + " is no input of this simulation, and only inputs are fed by hand; " +
+                         to.instance->path + " has " + format_list(field_names(to.instance->type(), FLEDGE_IN)));
+    }
+    for (const Wire &wire : wires()) {
+        if (wire.to.instance == to.instance && wire.to.field == to.field) {
+            throw SetupError(path + " cannot be fed by hand: " + wire.from.path() + " already writes it");
+        }
+    }
+    if (feed.stale_after < 0) {
+        throw SetupError("feed " + path + ": stale_after must be >= 0, found " + format_time(feed.stale_after));
+    }
+    if (feed.messages) {
+        const Messages &messages = *feed.messages;
+        messages.check("feed " + path, to.field->size);
+        for (std::size_t i = 0; i < messages.times.size(); i++) {
+            Head head;
+            std::memcpy(&head, messages.message(i), sizeof head);
+            for (const FledgeField &field : fields(*to.field->sub)) {
+                if (head_written(head)) {
+                    check_field(*to.field->sub, field, messages.message(i),
+                                "feed " + path + " at " + format_time(messages.times[i]));
+                }
+            }
+        }
+    }
+    const Feed *known = structure_.feed_of(to);
+    if (!known || !known->messages || !feed.messages) {
+        set_up_again();
+    }
+    if (!known) {
+        structure_.feeds.push_back(std::move(feed));
+        return;
+    }
+    structure_.feeds[static_cast<std::size_t>(known - structure_.feeds.data())] = std::move(feed);
+    if (runtime_) {
+        runtime_->feed_again();
+    }
+}
+
+void Simulation::feed(const Port &input)
+{
+    set_up_again();
+    std::erase_if(structure_.wires,
+                  [&](const Wire &wire) { return wire.to.instance == input.instance && wire.to.field == input.field; });
+    feed(Feed{input, nullptr, false, {}, 0, "the caller"});
 }
 
 void Simulation::set_seed(std::uint64_t seed)
@@ -93,7 +150,18 @@ void Simulation::prepare()
     for (const auto &process : processes()) {
         for (const auto &instance : process->instances()) {
             if (Model *model = instance->model()) {
-                faults.collect([&] { model->prepare({instance->path, seed(), &process->integrator()}); });
+                Setup setup{instance->path, seed(), &process->integrator()};
+                for (const Wire &wire : structure_.wires) {
+                    if (wire.to.instance == instance) {
+                        setup.wired.emplace_back(wire.to.field->name);
+                    }
+                }
+                for (const Feed &feed : structure_.feeds) {
+                    if (feed.to.instance == instance) {
+                        setup.wired.emplace_back(feed.to.field->name);
+                    }
+                }
+                faults.collect([&] { model->prepare(setup); });
             }
         }
     }
@@ -162,7 +230,11 @@ void Simulation::ready_for(Ns t)
 
 bool Simulation::run_until(Ns t, const RunControl &control)
 {
-    ready_for(t);
+    if (control.same_parameters && runtime_) {
+        runtime_->ready_for(t, true);
+    } else {
+        ready_for(t);
+    }
     recorder_.reserve(runtime_->now, t, runtime_->shortest_period());
     return runtime_->run_until(t, control);
 }
@@ -208,6 +280,47 @@ void Simulation::restore(std::span<const std::byte> bytes)
     prepare();
     sim::restore(*runtime_, bytes);
     recorder_.rewind(now());
+}
+
+void Simulation::check_snapshot(std::span<const std::byte> bytes) const
+{
+    (void)sim::check_snapshot(*runtime_, bytes);
+}
+
+void Simulation::reseed()
+{
+    for (const auto &process : processes()) {
+        for (const auto &instance : process->instances()) {
+            if (instance->model()) {
+                instance->model()->reseed();
+            }
+        }
+    }
+}
+
+std::vector<Simulation::StateBlock> Simulation::state_blocks() const
+{
+    return runtime_ ? sim::state_blocks(*runtime_) : std::vector<StateBlock>{};
+}
+
+void Simulation::follow(bool next)
+{
+    prepare();
+    for (const auto &process : processes()) {
+        for (const Task &task : process->tasks()) {
+            for (const auto &instance : task.run) {
+                if (instance->model()) {
+                    instance->model()->follow(next ? task.period : 0);
+                }
+            }
+        }
+    }
+}
+
+bool Simulation::override_input(const Port &input, std::uint32_t place, double value)
+{
+    prepare();
+    return runtime_->override_input(input, place, value);
 }
 
 std::unique_ptr<Simulation> Simulation::clone() const
@@ -259,6 +372,10 @@ std::unique_ptr<Simulation> Simulation::clone() const
         wire.to.instance = clones.at(wire.to.instance.get());
         copy->structure_.wires.push_back(std::move(wire));
     }
+    for (Feed feed : feeds()) {
+        feed.to.instance = clones.at(feed.to.instance.get());
+        copy->structure_.feeds.push_back(std::move(feed));
+    }
     for (std::size_t i = 0; i < processes().size(); i++) {
         copy->processes()[i]->dictionary_ = processes()[i]->dictionary_;
         copy->processes()[i]->script_ = processes()[i]->script_;
@@ -286,6 +403,7 @@ void Simulation::isolate(const std::string &name)
     const auto removed = [&](const Instance &instance) { return isolated.find(instance.name).get() != &instance; };
     std::erase_if(structure_.wires,
                   [&](const Wire &wire) { return removed(*wire.from.instance) || removed(*wire.to.instance); });
+    std::erase_if(structure_.feeds, [&](const Feed &feed) { return removed(*feed.to.instance); });
     recorder_.forget([&](const Log &log) { return removed(*log.instance); });
     auto &all = structure_.processes;
     const auto rest =

@@ -28,6 +28,8 @@ struct RunControl {
     double pace = 0.0;
     /// Called about every 50 ms of wall time; false stops the run after the current instant.
     std::function<bool(Ns now)> poll;
+    /// The caller has changed no parameter since the last run, so that there is nothing to look for.
+    bool same_parameters = false;
 };
 
 /// How a paced run kept up.
@@ -57,6 +59,15 @@ public:
     /// holds what the producer published at its reset.
     void connect(const Port &from, const Port &to, WireOptions options = {});
     const std::vector<Wire> &wires() const { return structure_.wires; }
+
+    /// Give an input its messages by hand, in place of a wire. One that has a feed with messages gets others at any
+    /// time. Throws SetupError if the port is no input of this simulation, has a wire, if the messages do not suit it,
+    /// or if the simulation has run.
+    void feed(Feed feed);
+    /// From now on the caller writes an input: its wire is removed, and it needs none. A reset makes it a message that
+    /// was never written. Throws SetupError if the port is no input of this simulation, or the simulation has run.
+    void feed(const Port &input);
+    const std::vector<Feed> &feeds() const { return structure_.feeds; }
 
     std::uint64_t seed() const { return structure_.seed; }
     void set_seed(std::uint64_t seed); ///< takes effect at the next reset
@@ -111,6 +122,26 @@ public:
     std::vector<std::byte> snapshot() const;
     /// Throws SetupError if the bytes belong to a simulation of another structure. Logs are kept.
     void restore(std::span<const std::byte> bytes);
+    /// The check of restore() alone, of a simulation that is prepared.
+    void check_snapshot(std::span<const std::byte> bytes) const;
+    /// The random streams of the models begin anew, by the seed with which the simulation was prepared; all else stays.
+    void reseed();
+
+    /// Where a snapshot has the memory of an instance, of its model, or what a wire with latency holds.
+    struct StateBlock {
+        enum Kind { INSTANCE, MODEL, HELD } kind;
+        std::string path; ///< of the instance, or of the wire's reader
+        std::size_t offset, size;
+    };
+    std::vector<StateBlock> state_blocks() const;
+
+    /// States or inputs were changed by a restored snapshot: models compute what follows, and publish. See
+    /// Model::follow; next: with the inputs for the next update.
+    void follow(bool next);
+
+    /// In place of what comes to an input, a number at this place of its message [bytes] is this one from now on. A
+    /// clone and a reset forget it. Returns false if nothing comes to the input: its memory is all there is.
+    bool override_input(const Port &input, std::uint32_t place, double value);
 
     /// A simulation at the same time, which shares no data with this one. Its recorder is empty. Its events have copies
     /// of the C++ or Python callables.

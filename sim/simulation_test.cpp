@@ -54,6 +54,20 @@ template <class F> std::string error_of(F &&f)
     return "(no error)";
 }
 
+/// Good Numbers, each valid at its time.
+std::shared_ptr<const Messages> messages(std::vector<Ns> times, std::initializer_list<double> values)
+{
+    Messages made{std::move(times), {}};
+    std::size_t i = 0;
+    for (const double x : values) {
+        const Number number{{i < made.times.size() ? made.times[i] : 0, QUALITY_GOOD, static_cast<std::uint32_t>(++i)},
+                            x};
+        const auto *first = reinterpret_cast<const std::byte *>(&number);
+        made.bytes.insert(made.bytes.end(), first, first + sizeof number);
+    }
+    return std::make_shared<Messages>(std::move(made));
+}
+
 /// A tank at 10 Hz whose level a controller at 2 Hz drives back to zero.
 struct Loop {
     explicit Loop(WireOptions command = {}, WireOptions level = {})
@@ -103,6 +117,120 @@ TEST(Schedule, HoldsACommandOverTheFollowingInterval)
         EXPECT_NEAR(loop.level(), expected, 1e-12);
         expected *= 0.75;
     }
+}
+
+TEST(Feed, WhatIsWrittenByHandReplacesTheWire)
+{
+    // What the wire carried, given by hand at the same times, moves the tank in the same way.
+    Loop wired, loop;
+    const Port flow = port(loop.tank, "flow");
+    loop.sim.feed(flow);
+    EXPECT_EQ(loop.sim.wires().size(), 1u);
+    loop.sim.run_until(0);
+    wired.sim.run_until(0);
+    for (int k = 1; k <= 10; k++) {
+        interface<Tank>(loop.tank).in.flow = interface<Scale>(wired.control).out.number;
+        loop.sim.run_until(k * 500 * ms);
+        wired.sim.run_until(k * 500 * ms);
+        EXPECT_EQ(loop.level(), wired.level());
+    }
+    // A clone is fed as well, and a reset forgets what was given.
+    const auto clone = loop.sim.clone();
+    EXPECT_EQ(clone->feeds().size(), 1u);
+    clone->reset();
+    clone->run_until(1000 * ms);
+    const auto &tank = *reinterpret_cast<const Tank *>(clone->process("world").find("tank")->memory());
+    EXPECT_EQ(tank.out.level.x, 8.0);
+    EXPECT_EQ(interface<Tank>(loop.tank).in.flow.head.sequence, 10u);
+}
+
+TEST(Feed, MessagesOverTimeMoveTheTankAsTheirIntegral)
+{
+    Simulation sim;
+    auto tank = make(sim.add_process("world"), "tank", tank_type);
+    sim.process("world").add_task({"dynamics", 100 * ms, 0, 0, {tank}});
+    const auto number = [&] { return interface<Tank>(tank).in.flow; };
+    sim.feed({port(tank, "flow"), messages({250 * ms, 1000 * ms}, {2.0, 4.0}), false, {}, 0, ""});
+    sim.run_until(200 * ms);
+    EXPECT_EQ(number().head.quality, QUALITY_NONE);
+    sim.run_until(900 * ms); // from 300 ms on, a step ends with the first one
+    EXPECT_NEAR(interface<Tank>(tank).out.level.x, 7 * 0.1 * 2.0, 1e-12);
+    EXPECT_EQ(number().head.t, 250 * ms);
+    // What comes instead is linear, from where the tank stands.
+    const double before = interface<Tank>(tank).out.level.x;
+    sim.feed({port(tank, "flow"), messages({1000 * ms, 2000 * ms}, {0.0, 10.0}), false, {sizeof(Head)}, 0, ""});
+    const auto middle = sim.snapshot();
+    for (int i = 0; i < 2; i++) {
+        sim.restore(middle);
+        sim.run_until(2000 * ms);
+        EXPECT_NEAR(interface<Tank>(tank).out.level.x, before + 0.1 * 55.0, 1e-12);
+        EXPECT_EQ(number().head.t, 2000 * ms);
+    }
+    // A constant is new at each instant, as are the messages of a module that runs there.
+    sim.feed({port(tank, "flow"), messages({0}, {1.0}), true, {}, 0, ""});
+    sim.run_until(3000 * ms);
+    EXPECT_NEAR(interface<Tank>(tank).out.level.x, before + 5.5 + 1.0, 1e-12);
+    EXPECT_EQ(number().head.t, 3000 * ms);
+}
+
+TEST(Feed, AnInputThatIsFedNeedsNoWireAndTakesNone)
+{
+    Loop loop;
+    EXPECT_THAT(error_of([&] { loop.sim.feed(port(loop.control, "product")); }), HasSubstr("is no input"));
+    loop.sim.feed(port(loop.control, "number")); // required
+    loop.sim.prepare();
+    EXPECT_THAT(error_of([&] { loop.sim.connect(port(loop.tank, "level"), port(loop.control, "number")); }),
+                HasSubstr("flight.control.number is fed by hand"));
+    loop.sim.run_until(0);
+    EXPECT_THAT(error_of([&] { loop.sim.feed(port(loop.tank, "flow")); }), HasSubstr("reset it before"));
+}
+
+TEST(State, ANumberMayStandInPlaceOfWhatComesToAnInput)
+{
+    for (const int latency : {0, 1}) {
+        Loop loop(WireOptions{latency});
+        loop.sim.run_until(500 * ms);
+        const auto before = loop.sim.snapshot();
+        const auto clone = loop.sim.clone();
+        EXPECT_TRUE(loop.sim.override_input(port(loop.tank, "flow"), sizeof(Head), 3.0));
+        EXPECT_TRUE(loop.sim.override_input(port(loop.tank, "flow"), sizeof(Head), 2.0));
+        EXPECT_FALSE(loop.sim.override_input(port(loop.control, "offset"), sizeof(Head), 3.0)) << "nothing comes there";
+        const double level = loop.level();
+        loop.sim.run_until(1000 * ms);
+        EXPECT_NEAR(loop.level(), level + 0.5 * 2.0, 1e-12);
+        EXPECT_EQ(interface<Scale>(loop.control).out.number.x, -0.5 * loop.level()) << "the wires beside it go on";
+        loop.sim.restore(before);
+        loop.sim.run_until(1000 * ms);
+        EXPECT_NEAR(loop.level(), level + 0.5 * 2.0, 1e-12);
+        Simulation &other = *clone;
+        other.run_until(1000 * ms);
+        const double product = interface<Tank>(other.process("world").find("tank")).out.level.x;
+        EXPECT_NEAR(product, level - 0.5 * 0.5 * level, 1e-12) << "the clone keeps its wire";
+    }
+}
+
+TEST(State, BlocksSayWhereASnapshotHasWhat)
+{
+    Loop loop(WireOptions{1});
+    EXPECT_TRUE(loop.sim.state_blocks().empty());
+    loop.sim.run_until(600 * ms);
+    const auto bytes = loop.sim.snapshot();
+    std::map<std::string, double> seen;
+    for (const auto &block : loop.sim.state_blocks()) {
+        ASSERT_LE(block.offset + block.size, bytes.size());
+        const auto at = [&](std::size_t offset) {
+            double x;
+            std::memcpy(&x, bytes.data() + block.offset + offset, sizeof x);
+            return x;
+        };
+        if (block.kind == Simulation::StateBlock::INSTANCE && block.path == "world.tank") {
+            seen["level"] = at(offsetof(Tank, out) + offsetof(Number, x));
+        } else if (block.kind == Simulation::StateBlock::HELD) {
+            seen[block.path] = at(offsetof(Number, x));
+        }
+    }
+    EXPECT_EQ(seen.at("level"), loop.level());
+    EXPECT_EQ(seen.at("world.tank.flow"), interface<Tank>(loop.tank).in.flow.x);
 }
 
 TEST(Schedule, OrdersEqualTimesByPriorityThenDeclaration)
@@ -166,30 +294,19 @@ TEST(Playback, PutsOutWhatWasPutOutElsewhereWhateverParametersAndModesSay)
     sim.connect(port(tank, "level"), port(scale, "number"));
     sim.connect(port(scale, "product"), port(tank, "flow"));
     const FledgeField *output = port(scale, "product").field;
-    const auto messages = [&](std::initializer_list<double> values) {
-        std::vector<std::byte> bytes;
-        for (const double x : values) {
-            Number number{};
-            number.head.quality = QUALITY_GOOD;
-            number.x = x;
-            const auto *first = reinterpret_cast<const std::byte *>(&number);
-            bytes.insert(bytes.end(), first, first + sizeof number);
-        }
-        return bytes;
-    };
     EXPECT_THAT(error_of([&] {
-                    flight.play(*tank, {output, {0}, messages({1.0}), false, {}});
+                    flight.play(*tank, {output, messages({0}, {1.0}), false, {}});
                 }),
                 HasSubstr("world.tank.product is not of the process flight"));
     EXPECT_THAT(error_of([&] {
-                    flight.play(*scale, {output, {0, 0}, messages({1.0, 2.0}), false, {}});
+                    flight.play(*scale, {output, messages({0, 0}, {1.0, 2.0}), false, {}});
                 }),
-                HasSubstr("with rising times"));
+                HasSubstr("flight.scale.product: the times of messages must rise; found 0 s, then 0 s"));
     EXPECT_THAT(error_of([&] {
-                    flight.play(*scale, {output, {0, 500 * ms}, messages({1.0}), false, {}});
+                    flight.play(*scale, {output, messages({0, 500 * ms}, {1.0}), false, {}});
                 }),
-                HasSubstr("flight.scale.product: a playback takes the messages of an output, of 24 bytes each"));
-    flight.play(*scale, {output, {0, 1000 * ms}, messages({2.0, -3.0}), false, {}});
+                HasSubstr("flight.scale.product: expected a message of 24 bytes for each time"));
+    flight.play(*scale, {output, messages({0, 1000 * ms}, {2.0, -3.0}), false, {}});
     const auto level = [](Simulation &one) { return interface<Tank>(one.process("world").find("tank")).out.level.x; };
     for (Simulation *one : {&sim, sim.clone().release()}) {
         one->run_until(1000 * ms);
@@ -207,7 +324,7 @@ TEST(Playback, PutsOutWhatWasPutOutElsewhereWhateverParametersAndModesSay)
         }
     }
     EXPECT_THAT(error_of([&] {
-                    flight.play(*scale, {output, {0}, messages({1.0}), false, {}});
+                    flight.play(*scale, {output, messages({0}, {1.0}), false, {}});
                 }),
                 HasSubstr("has run until 2 s"));
 }
@@ -262,7 +379,10 @@ TEST(Playback, OtherProcessesReadWhatWasSentToThem)
         Number number{};
         number.x = sent ? 2.5 : 2.4375;
         const auto *first = reinterpret_cast<const std::byte *>(&number);
-        flight.play(*source, {port(source, "number").field, {0}, {first, first + sizeof number}, sent, {}});
+        flight.play(*source, {port(source, "number").field,
+                              std::make_shared<Messages>(Messages{{0}, {first, first + sizeof number}}),
+                              sent,
+                              {}});
     }
     sim.step();
     for (int again = 0; again < 2; again++) {
@@ -468,13 +588,16 @@ TEST(Parts, AreFedByTheirOwnWiresAndAdvancedByTheirOwner)
     sim.run_until(1000 * ms);
     EXPECT_NEAR(interface<Tank>(tank).out.level.x, 5.0 - 2.0 * 1.0, 1e-12);
     world.find("leak");
-    EXPECT_THAT(error_of([&] {
-                    Simulation other;
-                    Process &w = other.add_process("world");
-                    make(w, "leak", leak_type);
-                    other.prepare();
-                }),
-                HasSubstr("world.leak is in no task"));
+    for (const bool scheduled : {false, true}) {
+        Simulation other;
+        Process &w = other.add_process("world");
+        auto alone = make(w, "leak", leak_type);
+        if (scheduled) {
+            w.add_task({"dynamics", 100 * ms, 0, 0, {alone}});
+        }
+        EXPECT_EQ(error_of([&] { other.prepare(); }),
+                  "Leak world.leak is a part of no tank: add it to the `parts` of one, and to no task");
+    }
 }
 
 TEST(Modes, TakeEffectAtTheNextInstantAndResetWhatBecomesActive)

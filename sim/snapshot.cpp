@@ -2,6 +2,7 @@
 #include "sim/snapshot.h"
 
 #include <cstring>
+#include <map>
 
 namespace fledge::sim {
 
@@ -39,7 +40,32 @@ std::vector<std::byte> save(Runtime &runtime)
     return bytes;
 }
 
-void restore(Runtime &runtime, std::span<const std::byte> bytes)
+std::vector<Simulation::StateBlock> state_blocks(Runtime &runtime)
+{
+    std::map<const void *, std::size_t> offsets;
+    std::size_t at = sizeof(std::uint64_t); // behind the hash
+    runtime.visit_state([&](const void *block, std::size_t n) {
+        offsets[block] = at;
+        at += n;
+    });
+    std::vector<Simulation::StateBlock> blocks;
+    for (const auto &process : runtime.structure.processes) {
+        for (const auto &instance : process->instances()) {
+            using enum Simulation::StateBlock::Kind;
+            blocks.push_back({INSTANCE, instance->path, offsets.at(instance->memory()), instance->type().size});
+            if (Model *model = instance->model(); model && !model->memory().empty()) {
+                const auto memory = model->memory();
+                blocks.push_back({MODEL, instance->path, offsets.at(memory.data()), memory.size()});
+            }
+        }
+    }
+    runtime.visit_held([&](const Wire &wire, const void *block, std::size_t n) {
+        blocks.push_back({Simulation::StateBlock::HELD, wire.to.path(), offsets.at(block), n});
+    });
+    return blocks;
+}
+
+bool check_snapshot(Runtime &runtime, std::span<const std::byte> bytes)
 {
     std::uint64_t hash = 0;
     std::size_t size = sizeof hash;
@@ -55,7 +81,13 @@ void restore(Runtime &runtime, std::span<const std::byte> bytes)
                          " bytes) is of a simulation with other modules, tasks or events; this one's have " +
                          std::to_string(size) + " bytes");
     }
-    const std::byte *from = bytes.data() + sizeof hash;
+    return commanded;
+}
+
+void restore(Runtime &runtime, std::span<const std::byte> bytes)
+{
+    const bool commanded = check_snapshot(runtime, bytes);
+    const std::byte *from = bytes.data() + sizeof(std::uint64_t);
     const auto take = [&](void *to, std::size_t n) {
         std::memcpy(to, from, n);
         from += n;

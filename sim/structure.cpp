@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <functional>
 
 namespace fledge::sim {
 
@@ -23,6 +24,31 @@ void Event::visit(const std::function<void(std::shared_ptr<Instance> &)> &f)
     for (Setting &setting : set) {
         f(setting.instance);
     }
+}
+
+std::size_t Messages::until(Ns t) const
+{
+    return static_cast<std::size_t>(std::upper_bound(times.begin(), times.end(), t) - times.begin());
+}
+
+void Messages::check(const std::string &path, std::size_t size) const
+{
+    const auto falls = std::adjacent_find(times.begin(), times.end(), std::greater_equal<>());
+    if (falls != times.end()) {
+        throw SetupError(path + ": the times of messages must rise; found " + format_time(falls[0]) + ", then " +
+                         format_time(falls[1]));
+    }
+    if (bytes.size() != times.size() * size) {
+        throw SetupError(path + ": expected a message of " + std::to_string(size) + " bytes for each time");
+    }
+}
+
+const Feed *Structure::feed_of(const Port &input) const
+{
+    const auto found = std::find_if(feeds.begin(), feeds.end(), [&](const Feed &feed) {
+        return feed.to.instance == input.instance && feed.to.field == input.field;
+    });
+    return found == feeds.end() ? nullptr : &*found;
 }
 
 bool same_type(const FledgeStruct *a, const FledgeStruct *b)
@@ -150,7 +176,11 @@ void check(const Structure &structure, const Roles &roles)
         for (const auto &instance : process->instances()) {
             const Role &role = roles.at(instance.get());
             const bool has_inputs = !field_names(instance->type(), FLEDGE_IN).empty();
-            if (role.part && role.scheduled) {
+            const char *whole = instance->model() ? instance->model()->part_of() : nullptr;
+            if (whole && !role.part) {
+                faults.add(std::string(instance->type().name) + " " + instance->path + " is a part of no " + whole +
+                           ": add it to the `parts` of one, and to no task");
+            } else if (role.part && role.scheduled) {
                 faults.add(instance->path + " is part of another model, which advances it: take it out of its task");
             } else if (!role.part && !role.scheduled && (!role.configuration || has_inputs)) {
                 faults.add(instance->path + " is in no task");
@@ -161,7 +191,8 @@ void check(const Structure &structure, const Roles &roles)
                     return wire.to.instance == instance && wire.to.field == &field;
                 };
                 if (field.group == FLEDGE_IN && !(field.flags & FLEDGE_OPTIONAL) &&
-                    std::none_of(structure.wires.begin(), structure.wires.end(), feeds)) {
+                    std::none_of(structure.wires.begin(), structure.wires.end(), feeds) &&
+                    !structure.feed_of({instance, &field})) {
                     faults.add(instance->path + "." + field.name + " is not wired; outputs of its type " +
                                field.sub->name + ": " + format_list(structure.outputs_of_type(field.sub)));
                 }

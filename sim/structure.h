@@ -94,13 +94,34 @@ struct Event {
     void visit(const std::function<void(std::shared_ptr<Instance> &)> &f);
 };
 
-/// The messages of an output as they were elsewhere, by time.
-struct Played {
-    const FledgeField *output = nullptr;
+/// The messages of a port as they were elsewhere, or as a user gives them.
+struct Messages {
     std::vector<Ns> times;        ///< rising
     std::vector<std::byte> bytes; ///< a message for each time
-    bool sent = false;            ///< these are what other processes read, which need not be what was put out
-    std::vector<std::byte> held;  ///< with `sent`: the last one
+
+    /// How many there are until t.
+    std::size_t until(Ns t) const;
+    const std::byte *message(std::size_t i) const { return bytes.data() + i * (bytes.size() / times.size()); }
+    /// Throws SetupError that begins with `path`, unless there is one of this size for each rising time.
+    void check(const std::string &path, std::size_t size) const;
+};
+
+/// What an output was elsewhere.
+struct Played {
+    const FledgeField *output = nullptr;
+    std::shared_ptr<const Messages> messages;
+    bool sent = false;           ///< these are what other processes read, which need not be what was put out
+    std::vector<std::byte> held; ///< with `sent`: the last one
+};
+
+/// What an input gets by hand, in place of a wire: at each instant the last message until then.
+struct Feed {
+    Port to;
+    std::shared_ptr<const Messages> messages; ///< null: the caller writes the input itself
+    bool always = false;                      ///< the only message holds for each instant
+    std::vector<std::uint32_t> linear;        ///< [bytes] the doubles that change linearly from message to message
+    Ns stale_after = 0;                       ///< as of a wire
+    std::string source;                       ///< in words
 };
 
 /// An instance that does not run: at each of its instants its outputs become the last messages until then.
@@ -260,6 +281,10 @@ struct Structure {
     std::uint64_t seed = 0;
     std::vector<std::unique_ptr<Process>> processes;
     std::vector<Wire> wires;
+    std::vector<Feed> feeds;
+
+    /// The feed of an input, or null.
+    const Feed *feed_of(const Port &input) const;
 
     Process &process(std::string_view name) const; ///< throws SetupError with the valid names
 

@@ -54,6 +54,7 @@ public:
     explicit LeakModel(void *memory) : interface(*static_cast<Leak *>(memory)) {}
     void prepare(const Setup &) override {}
     void reset(Ns) override { interface.out = {}; }
+    const char *part_of() const override { return "tank"; }
     void update(Tick tick) override
     {
         interface.out.flow = {head_next(interface.out.flow.head, tick.t, QUALITY_GOOD), interface.in.command.x};

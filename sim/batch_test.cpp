@@ -1,0 +1,348 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sim/batch.h"
+
+#include "sim/testing/toys.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <numeric>
+
+using namespace fledge::sim;
+using namespace fledge::sim::toys;
+using ::testing::DoubleNear;
+using ::testing::HasSubstr;
+using ::testing::Pointwise;
+
+namespace {
+
+constexpr Ns second = 1'000'000'000;
+
+std::string error_of(const std::function<void()> &f)
+{
+    try {
+        f();
+    } catch (const SetupError &error) {
+        return error.what();
+    }
+    return "(no error)";
+}
+
+/// x' = u, from a level of 8; a controller that puts out gain x, joined to the tank by a wire.
+struct Nominal {
+    Nominal()
+    {
+        Process &world = sim.add_process("world");
+        Process &flight = sim.add_process("flight");
+        world.add("tank", tank);
+        flight.add("control", control);
+        interface<Tank>(tank).par.initial = 8.0;
+        interface<Scale>(control).par.gain = -0.5;
+        world.add_task({"dynamics", second / 10, 0, 0, {tank}});
+        flight.add_task({"gnc", second / 2, 0, 0, {control}});
+        sim.connect(port(tank, "level"), port(control, "number"));
+        sim.connect(port(control, "product"), port(tank, "flow"));
+    }
+
+    /// Clones that get a flow and show their level.
+    BatchPlan plan(std::size_t clones, unsigned threads = 1)
+    {
+        BatchPlan plan;
+        plan.clones = clones;
+        plan.threads = threads;
+        plan.every = second / 2;
+        plan.actions = {{"world.tank", offsetof(Tank, in.flow.x), FLEDGE_F64, {"world.tank.flow.x"}}};
+        plan.observations = {{"world.tank", offsetof(Tank, out.level.x), FLEDGE_F64, {"world.tank.level.x"}}};
+        return plan;
+    }
+
+    Simulation sim;
+    std::shared_ptr<Instance> tank = std::make_shared<Instance>(tank_type);
+    std::shared_ptr<Instance> control = std::make_shared<Instance>(scale_type);
+};
+
+void begin(Batch &batch)
+{
+    std::vector<std::size_t> all(batch.clones());
+    std::iota(all.begin(), all.end(), std::size_t{0});
+    std::vector<BatchRun> runs(all.size());
+    for (std::size_t i : all) {
+        runs[i] = {7, i};
+    }
+    EXPECT_TRUE(batch.reset(all, runs));
+}
+
+Dispersion levels(double low, double high)
+{
+    Dispersion level{"world.tank.initial", {0}, {}};
+    level.distribution.a = low;
+    level.distribution.b = high;
+    return level;
+}
+
+} // namespace
+
+TEST(Batch, EachCloneIntegratesItsOwnActions)
+{
+    Nominal nominal;
+    for (unsigned threads : {1u, 2u, 5u}) {
+        Batch batch(nominal.sim, nominal.plan(37, threads));
+        begin(batch);
+        std::vector<double> actions(37), observed(37);
+        std::vector<double> expected(37, 8.0);
+        for (int step = 1; step <= 20; step++) {
+            for (std::size_t i = 0; i < 37; i++) {
+                actions[i] = std::ldexp(static_cast<double>(i), -3) - 2.0;
+                expected[i] += 0.5 * actions[i];
+            }
+            ASSERT_TRUE(batch.step(actions, observed));
+            for (std::size_t i = 0; i < 37; i++) {
+                EXPECT_NEAR(observed[i], expected[i], 1e-12);
+                EXPECT_EQ(batch.time(i), step * second / 2);
+            }
+        }
+    }
+    EXPECT_EQ(nominal.sim.time(), -1) << "the original is left alone";
+    EXPECT_EQ(nominal.sim.wires().size(), 2u);
+}
+
+TEST(Batch, AnActionInAnOutputReachesEachInputThatItFeeds)
+{
+    Nominal nominal;
+    BatchPlan plan = nominal.plan(1);
+    plan.actions = {{"flight.control", offsetof(Scale, out.number.x), FLEDGE_F64, {"flight.control.product.x"}}};
+    plan.observations.push_back(
+        {"flight.control", offsetof(Scale, out.number.x), FLEDGE_F64, {"flight.control.product.x"}});
+    Batch batch(nominal.sim, plan);
+    begin(batch);
+    std::vector<double> observed(2);
+    ASSERT_TRUE(batch.step(std::vector{-4.0}, observed));
+    EXPECT_THAT(observed, Pointwise(DoubleNear(1e-12), {6.0, -3.0})); // the controller goes on, and nothing reads it
+}
+
+TEST(Batch, AnActionInAParameterChangesIt)
+{
+    Nominal nominal;
+    BatchPlan plan = nominal.plan(2);
+    plan.actions = {{"flight.control", offsetof(Scale, par.gain), FLEDGE_F64, {"flight.control.gain"}}};
+    Batch batch(nominal.sim, plan);
+    begin(batch);
+    std::vector<double> observed(2);
+    // The first step has the flow of the nominal gain at 0: 8 - 0.5 * 4; then each its own.
+    ASSERT_TRUE(batch.step(std::vector{-1.0, 0.0}, observed));
+    EXPECT_THAT(observed, Pointwise(DoubleNear(1e-12), {6.0, 6.0}));
+    ASSERT_TRUE(batch.step(std::vector{-1.0, 0.0}, observed));
+    EXPECT_THAT(observed, Pointwise(DoubleNear(1e-12), {3.0, 6.0}));
+    // A clone that begins anew has the nominal gain again.
+    EXPECT_TRUE(batch.reset(std::vector<std::size_t>{0}, std::vector<BatchRun>{{7, 0}}));
+    ASSERT_TRUE(batch.step(std::vector{0.0, 0.0}, observed));
+    EXPECT_THAT(observed, Pointwise(DoubleNear(1e-12), {6.0, 6.0}));
+}
+
+TEST(Batch, RunsAreThoseOfTheCampaignOfThatSeed)
+{
+    Nominal nominal;
+    BatchPlan plan = nominal.plan(6, 2);
+    plan.campaign.dispersions = {levels(2.0, 10.0)};
+    CampaignPlan campaign;
+    campaign.seed = 7;
+    campaign.dispersions = plan.campaign.dispersions;
+    Batch batch(nominal.sim, plan);
+    begin(batch);
+    EXPECT_TRUE(batch.reset(std::vector<std::size_t>{4, 1}, std::vector<BatchRun>{{7, 44}, {7, 11}}));
+    std::vector<double> observed(6);
+    batch.observe(observed);
+    for (std::size_t i = 0; i < 6; i++) {
+        Nominal other;
+        const std::size_t run = i == 4 ? 44 : i == 1 ? 11 : i;
+        const double drawn = disperse(other.sim, other.sim, campaign, run)[0];
+        EXPECT_EQ(batch.draws(i)[0], drawn);
+        EXPECT_EQ(observed[i], drawn);
+        EXPECT_EQ(batch.run(i).index, run);
+    }
+}
+
+TEST(Batch, ACloneThatFailsStandsStillUntilItIsReset)
+{
+    Nominal nominal;
+    BatchPlan plan = nominal.plan(4, 2);
+    plan.campaign.dispersions = {levels(-1.0, 1.0)}; // a level below 0 is refused when the run begins
+    plan.campaign.dispersions[0].distribution.kind = Distribution::Kind::choice;
+    plan.campaign.dispersions[0].distribution.choices = {-1.0, 1.0};
+    Batch batch(nominal.sim, plan);
+    begin(batch);
+    std::vector<double> observed(4), actions(4, 0.0);
+    std::size_t failed = 0;
+    for (std::size_t i = 0; i < 4; i++) {
+        failed += !batch.failure(i).empty();
+        actions[i] = batch.failure(i).empty() ? 2.0 : std::numeric_limits<double>::quiet_NaN();
+    }
+    ASSERT_TRUE(failed > 0 && failed < 4);
+    ASSERT_TRUE(batch.step(actions, observed));
+    for (std::size_t i = 0; i < 4; i++) {
+        if (batch.failure(i).empty()) {
+            EXPECT_NEAR(observed[i], 2.0, 1e-12);
+            continue;
+        }
+        EXPECT_THAT(batch.failure(i), HasSubstr("world.tank.initial must be >= 0"));
+        EXPECT_TRUE(std::isnan(observed[i]));
+        // Another run of it flies.
+        for (std::uint64_t run = 100; !batch.failure(i).empty(); run++) {
+            EXPECT_TRUE(batch.reset(std::vector{i}, std::vector<BatchRun>{{7, run}}));
+        }
+        actions[i] = 2.0;
+    }
+    ASSERT_TRUE(batch.step(actions, observed));
+    EXPECT_EQ(std::count_if(observed.begin(), observed.end(), [](double x) { return std::abs(x - 2.0) < 1e-12; }),
+              static_cast<std::ptrdiff_t>(failed));
+}
+
+TEST(Batch, GoesOnFromASnapshot)
+{
+    Nominal nominal;
+    nominal.sim.run_until(3 * second);
+    const double level = interface<Tank>(nominal.tank).out.level.x;
+    const auto snapshot = nominal.sim.snapshot();
+    Batch batch(nominal.sim, nominal.plan(3, 2));
+    begin(batch);
+    std::vector<double> observed(3);
+    batch.observe(observed);
+    EXPECT_THAT(observed, Pointwise(DoubleNear(1e-12), {8.0, 8.0, 8.0}))
+        << "a batch begins at 0, wherever the original stands";
+    EXPECT_TRUE(batch.reset(std::vector<std::size_t>{1}, std::vector<BatchRun>{{7, 1}}, snapshot));
+    EXPECT_EQ(batch.time(1), 3 * second);
+    ASSERT_TRUE(batch.step(std::vector{2.0, 2.0, 2.0}, observed));
+    EXPECT_NEAR(observed[0], 9.0, 1e-12);
+    EXPECT_NEAR(observed[1], level + 1.0, 1e-12);
+    EXPECT_THAT(error_of([&] {
+                    (void)batch.reset(std::vector<std::size_t>{0}, std::vector<BatchRun>{{7, 1}},
+                                      std::span(snapshot).first(100));
+                }),
+                HasSubstr("other modules, tasks or events"));
+    EXPECT_EQ(batch.time(0), second / 2) << "it is left alone";
+}
+
+TEST(Batch, ASnapshotOfACloneGoesOnInAnother)
+{
+    Nominal nominal;
+    Batch batch(nominal.sim, nominal.plan(2));
+    begin(batch);
+    std::vector<double> observed(2);
+    ASSERT_TRUE(batch.step(std::vector{1.0, -1.0}, observed));
+    const auto snapshot = batch.copy(1)->snapshot();
+    EXPECT_TRUE(batch.reset(std::vector<std::size_t>{0}, std::vector<BatchRun>{{7, 0}}, snapshot));
+    batch.observe(observed);
+    EXPECT_THAT(observed, Pointwise(DoubleNear(1e-12), {7.5, 7.5}));
+}
+
+TEST(Batch, AStepThatIsInterruptedIsTakenUp)
+{
+    Nominal nominal;
+    for (unsigned threads : {1u, 2u}) {
+        Batch batch(nominal.sim, nominal.plan(64, threads));
+        begin(batch);
+        const std::vector<double> actions(64, 0.5);
+        std::vector<double> observed(64);
+        const bool ended = batch.step(actions, observed, [] { return false; });
+        if (threads == 1) { // else the other thread may have done all before the first look
+            EXPECT_FALSE(ended);
+            EXPECT_EQ(batch.time(0), second / 2);
+            EXPECT_EQ(batch.time(63), 0) << "it has not come to its end";
+        }
+        ASSERT_TRUE(ended || batch.step(actions, observed));
+        batch.observe(observed);
+        for (std::size_t i = 0; i < 64; i++) {
+            EXPECT_NEAR(observed[i], 8.25, 1e-12) << "each has taken one step";
+            EXPECT_EQ(batch.time(i), second / 2);
+        }
+    }
+}
+
+TEST(Batch, TakesOneCallAtATime)
+{
+    Nominal nominal;
+    Batch batch(nominal.sim, nominal.plan(4));
+    begin(batch);
+    std::vector<double> actions(4), observed(4);
+    std::string error;
+    ASSERT_TRUE(batch.step(actions, observed, [&] {
+        error = error_of([&] { (void)batch.step(actions, observed); });
+        return true;
+    }));
+    EXPECT_THAT(error, HasSubstr("one call at a time"));
+    ASSERT_TRUE(batch.step(actions, observed));
+    EXPECT_EQ(batch.time(3), second);
+}
+
+TEST(Batch, RefusesWhatCannotBe)
+{
+    Nominal nominal;
+    const auto refused = [&](auto change) {
+        BatchPlan plan = nominal.plan(2);
+        change(plan);
+        return error_of([&] { Batch(nominal.sim, plan); });
+    };
+    const auto action = [&](const char *instance, std::size_t offset) {
+        return refused([&](BatchPlan &plan) {
+            plan.actions = {{instance, static_cast<std::uint32_t>(offset), FLEDGE_F64, {"it"}}};
+        });
+    };
+    EXPECT_THAT(refused([](BatchPlan &plan) { plan.clones = 0; }), HasSubstr("at least one clone"));
+    EXPECT_THAT(refused([](BatchPlan &plan) { plan.every = 0; }), HasSubstr("must be > 0, found 0 s"));
+    EXPECT_THAT(refused([](BatchPlan &plan) { plan.actions.push_back(plan.actions[0]); }),
+                HasSubstr("two actions in the same place"));
+    EXPECT_THAT(action("world.nothing", 0), HasSubstr("there is no instance world.nothing"));
+    EXPECT_THAT(action("world.tank", offsetof(Tank, par.initial)), HasSubstr("is an initial value"));
+    EXPECT_THAT(action("flight.control", offsetof(Scale, mem.updates)), HasSubstr("no input, output or parameter"));
+    interface<Scale>(nominal.control).par.gain = std::numeric_limits<double>::quiet_NaN();
+    EXPECT_THAT(refused([](BatchPlan &) {}), HasSubstr("flight.control.gain must be finite"));
+    interface<Scale>(nominal.control).par.gain = 1.0;
+    Event event;
+    event.name = "calls";
+    event.predicate = [] { return false; };
+    event.action = [] {};
+    nominal.sim.process("world").add_event(event);
+    EXPECT_THAT(refused([](BatchPlan &) {}), HasSubstr("call Python"));
+}
+
+TEST(Batch, RefusesActionsThatAreNoNumbersBeforeAnyCloneMoves)
+{
+    Nominal nominal;
+    Batch batch(nominal.sim, nominal.plan(2));
+    std::vector<double> observed(2);
+    EXPECT_THAT(error_of([&] {
+                    (void)batch.step(std::vector{0.0, 0.0}, observed);
+                }),
+                HasSubstr("clone 0 has not begun"));
+    begin(batch);
+    EXPECT_THAT(error_of([&] {
+                    (void)batch.step(std::vector{0.0, std::nan("")}, observed);
+                }),
+                HasSubstr("world.tank.flow.x of clone 1: expected a finite number, found nan"));
+    EXPECT_EQ(batch.time(0), 0);
+}
+
+TEST(Batch, AChildOfAForkIsRefused)
+{
+    Nominal nominal;
+    auto batch = std::make_unique<Batch>(nominal.sim, nominal.plan(2, 2));
+    begin(*batch);
+    if (const pid_t child = fork(); child == 0) {
+        std::vector<double> observed(2);
+        const bool refused = error_of([&] {
+                                 (void)batch->step(std::vector{0.0, 0.0}, observed);
+                             }).find("belongs to the process that made it") != std::string::npos;
+        batch.reset(); // without waiting for threads that are not there
+        _exit(refused ? 0 : 1);
+    } else {
+        int status = -1;
+        ASSERT_EQ(waitpid(child, &status, 0), child);
+        EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0);
+    }
+}
