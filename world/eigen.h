@@ -23,4 +23,11 @@ inline Vec3 vec(const Eigen::Vector3d &a)
     return vec3(a[0], a[1], a[2]);
 }
 
+inline Mat3 mat(const Eigen::Matrix3d &a)
+{
+    Mat3 b;
+    Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(b.m[0]) = a;
+    return b;
+}
+
 } // namespace fledge::world

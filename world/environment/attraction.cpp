@@ -7,11 +7,14 @@
 #include "world/environment/bodies.h"
 #include "world/environment/harmonics.h"
 
+#include <Eigen/Dense>
+
 #include <algorithm>
 #include <cmath>
 
 namespace fledge::world {
 
+using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using sim::Ns;
 
@@ -94,7 +97,8 @@ Attraction::Source Attraction::find(const GravityBody &body) const
     source.mu = body.mu;
     source.target = id;
     source.point = !body.has_zonals() && !body.field;
-    if (body.field) {
+    source.pole_N = body.pole_N;
+    if (body.field || (body.has_zonals() && !body.pole_stays)) {
         try {
             source.turning.push_back(sky_->orientation(id));
         } catch (const sim::SetupError &error) {
@@ -136,6 +140,13 @@ void Attraction::ensure_data_until(Ns until)
         if (source.moves) {
             require(source, covered_, until);
         }
+        for (const Orientation &orientation : source.turning) {
+            try {
+                sky_->require(orientation, covered_, until);
+            } catch (const sim::SetupError &error) {
+                throw sim::SetupError(craft_ + ".gravity: " + error.what());
+            }
+        }
     }
     covered_ = until;
 }
@@ -159,7 +170,8 @@ void Attraction::place(Source &source, Ns start, double tau) const
         source.r_PN_N = sky_->position(source.target, start, tau, source.cursor);
     }
     if (!source.turning.empty()) {
-        source.dcm_PN = source.turning[0].at(sky_->epoch_at(start), tau).dcm_PN;
+        source.dcm_PN = source.turning[0].dcm_PN(sky_->epoch_at(start), tau);
+        source.pole_N = source.dcm_PN.row(2);
     }
     source.start = start;
     source.tau = tau;
@@ -259,7 +271,7 @@ Vector3d Attraction::pull(const GravityBody &body, const Source &source, const V
 {
     const Vector3d r_BP_N = r_BN_N - source.r_PN_N;
     const auto shaped = [&] {
-        return body.field ? body.field->gravity_N(source.dcm_PN, r_BP_N) : gravity(body, r_BP_N);
+        return body.field ? body.field->gravity_N(source.dcm_PN, r_BP_N) : gravity(body, r_BP_N, source.pole_N);
     };
     if (!source.pulls_origin) {
         return source.point ? point_mass_gravity(source.mu, r_BP_N) : shaped();
@@ -282,6 +294,17 @@ Vector3d Attraction::at(Ns start, double tau, const Vector3d &r_BN_N)
         } else {
             sum += gravity(body, r_BN_N - position(i, start, tau));
         }
+    }
+    return sum;
+}
+
+Vector3d Attraction::torque(Ns start, double tau, const Vector3d &r_BN_N, const Matrix3d &dcm_BN, const Matrix3d &I_B)
+{
+    Vector3d sum = Vector3d::Zero();
+    for (std::size_t i = 0; i < bodies_.size(); i++) {
+        const Vector3d r_B = dcm_BN * (r_BN_N - position(i, start, tau));
+        const double r2 = r_B.squaredNorm();
+        sum += (3.0 * (sky_ ? sources_[i].mu : bodies_[i].mu) / (r2 * r2 * std::sqrt(r2))) * r_B.cross(I_B * r_B);
     }
     return sum;
 }

@@ -54,6 +54,10 @@ public:
     /// [m/s^2] at r_BN_N [m] and start + tau [s]. Throws RunError where the sky ends.
     Eigen::Vector3d at(sim::Ns start, double tau, const Eigen::Vector3d &r_BN_N);
 
+    /// [N m] The torque of gravity on a body with this inertia, B components: that of points.
+    Eigen::Vector3d torque(sim::Ns start, double tau, const Eigen::Vector3d &r_BN_N, const Eigen::Matrix3d &dcm_BN,
+                           const Eigen::Matrix3d &I_B);
+
     /// One line for each body that another one stands for.
     std::vector<std::string> assumptions() const;
 
@@ -65,13 +69,14 @@ private:
         bool moves = false;               ///< relative to the origin
         bool pulls_origin = false;        ///< so that there is a second term
         bool point = true;                ///< neither zonals nor a field
-        std::vector<Orientation> turning; ///< of a field: one
+        std::vector<Orientation> turning; ///< of a field, or of zonals: one
 
         // Where and how it was found last: methods of integration ask for an instant twice.
         sim::Ns start = 0;
         double tau = std::numeric_limits<double>::quiet_NaN();
         Eigen::Vector3d r_PN_N{0, 0, 0};
         Eigen::Matrix3d dcm_PN;
+        Eigen::Vector3d pole_N;
         Ephemeris::Cursor cursor;
     };
 

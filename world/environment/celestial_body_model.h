@@ -5,15 +5,16 @@
 #include "sim/model.h"
 #include "world/environment/celestial_body.h"
 #include "world/environment/sky.h"
+#include "world/environment/sky_user.h"
 
 namespace fledge::world {
 
-class CelestialBodyModel final : public sim::Model {
+class CelestialBodyModel final : public sim::Model, public SkyUser {
 public:
     explicit CelestialBodyModel(CelestialBody &interface) : interface_(interface) {}
 
-    void set_sky(std::shared_ptr<const Sky> sky) { sky_ = std::move(sky); }
-    const std::shared_ptr<const Sky> &sky() const { return sky_; }
+    void set_sky(std::shared_ptr<const Sky> sky) override { sky_ = std::move(sky); }
+    const std::shared_ptr<const Sky> &sky() const override { return sky_; }
 
     void prepare(const sim::Setup &setup) override;
     void refresh() override;

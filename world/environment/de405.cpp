@@ -196,6 +196,7 @@ SegmentFile read_de405(const std::string &folder)
     wanted.push_back({10, 0, 10, 1.0});
     wanted.push_back({301, 3, 9, moon});
     wanted.push_back({399, 3, 9, moon - 1.0});
+    wanted.push_back({301, 301, 12, 1.0}); // librations
 
     SegmentFile result;
     auto memory = std::make_shared<std::vector<std::vector<double>>>();
@@ -238,6 +239,8 @@ SegmentFile read_de405(const std::string &folder)
         result.segments.push_back(std::move(s));
     }
     result.memory = std::move(memory);
+    result.librations = std::make_shared<Librations>(Librations{result.segments.back(), result.memory});
+    result.segments.pop_back();
     return result;
 }
 

@@ -12,7 +12,7 @@
 //
 // In JPL's own files two dates precede the coefficients of a row, and the layout counts them, from
 // 1. Columns are Mercury to Pluto with the Earth-Moon barycentre third, relative to the solar
-// system's barycentre; the Moon relative to the Earth; the Sun; nutations and librations, not read.
+// system's barycentre; the Moon relative to the Earth; the Sun; nutations, not read; librations [rad].
 // Source: the casacore Table Data System, file format; JPL, DE405.
 #pragma once
 

@@ -135,6 +135,26 @@ std::string spans_text(std::vector<const ChebyshevSegment *> segments)
 
 } // namespace
 
+void Librations::angles(Epoch epoch, double tau, double *angles, double *rates) const
+{
+    BodyState state{{0, 0, 0}, {0, 0, 0}, {0, 0, 0}};
+    add_state(segment, Instant(epoch, tau), 1.0, state);
+    for (int i = 0; i < 3; i++) {
+        angles[i] = state.r[i];
+        rates[i] = state.v[i];
+    }
+}
+
+void Librations::require(Epoch from, Epoch to) const
+{
+    for (const Epoch &epoch : {from, to}) {
+        if (!(epoch.seconds() >= segment.first && epoch.seconds() <= segment.last)) {
+            throw sim::SetupError("the librations of the Moon are given from " + spans_text({&segment}) +
+                                  "; asked for at " + format_tdb(epoch.seconds()));
+        }
+    }
+}
+
 /// From a body to the next one up the tree.
 struct Ephemeris::Step {
     int up = -1;                                            ///< -1: there is none

@@ -54,6 +54,18 @@ struct ChebyshevSegment {
     std::string file;
 };
 
+/// How the Moon stands: the Euler angles of its principal axes relative to the ICRF, [PN] = R3(psi) R1(theta) R3(phi).
+struct Librations {
+    ChebyshevSegment segment; ///< of phi, theta, psi [rad] in place of x, y, z
+    std::shared_ptr<const void> memory;
+
+    /// Writes phi, theta, psi and their rates [rad/s].
+    void angles(Epoch epoch, double tau, double *angles, double *rates) const;
+
+    /// Throws SetupError unless they are given at all instants from, to.
+    void require(Epoch from, Epoch to) const;
+};
+
 class Ephemeris {
 public:
     /// Where the Debian package casacore-data-jpl-de405 puts it.

@@ -22,11 +22,11 @@ bool GravityBody::has_zonals() const
     return std::any_of(J.begin(), J.end(), [](double j) { return j != 0.0; });
 }
 
-Eigen::Vector3d gravity(const GravityBody &body, const Eigen::Vector3d &r_N)
+Eigen::Vector3d gravity(const GravityBody &body, const Eigen::Vector3d &r_N, const Eigen::Vector3d &pole_N)
 {
     const double r2 = r_N.squaredNorm();
     const double r = std::sqrt(r2);
-    const double s = r_N.dot(body.pole_N) / r;
+    const double s = r_N.dot(pole_N) / r;
     const double q = body.radius / r;
     double radial = -1.0, polar = 0.0;
     double before = 1.0, slope = 3.0 * s; // P'_{n-1} and P'_n
@@ -40,7 +40,7 @@ Eigen::Vector3d gravity(const GravityBody &body, const Eigen::Vector3d &r_N)
         slope = after;
         power *= q;
     }
-    return (body.mu / r2) * ((radial / r) * r_N - polar * body.pole_N);
+    return (body.mu / r2) * ((radial / r) * r_N - polar * pole_N);
 }
 
 double gravity_potential(const GravityBody &body, const Eigen::Vector3d &r_N)

@@ -27,7 +27,7 @@ struct GravityBody {
     double mu = 0.0;                 ///< [m^3/s^2]
     double radius = 0.0;             ///< [m] equatorial, of the zonal harmonics; 0: not given
     std::array<double, 5> J{};       ///< [-] J2, J3, J4, J5, J6; 0: none
-    Eigen::Vector3d pole_N{0, 0, 1}; ///< unit vector of the axis of symmetry
+    Eigen::Vector3d pole_N{0, 0, 1}; ///< unit vector of the axis of symmetry; a sky replaces it by the pole of date
     Eigen::Vector3d r_PN_N{0, 0, 0}; ///< [m] at time 0
     Eigen::Vector3d v_PN_N{0, 0, 0}; ///< [m/s]
     std::optional<int> naif;         ///< the number by which a sky finds it
@@ -35,6 +35,8 @@ struct GravityBody {
     std::shared_ptr<const Harmonics> field;
     /// [m] Radius of the sphere about its centre that no spacecraft may enter; not given: `radius`; 0: none.
     std::optional<double> surface;
+    /// Whether pole_N holds also where a sky knows the pole of date.
+    bool pole_stays = false;
 
     bool has_zonals() const;
 };
@@ -63,8 +65,12 @@ inline Eigen::Vector3d third_body_gravity(double mu, const Eigen::Vector3d &r_N,
     return (-mu / (d.squaredNorm() * d.norm())) * (r_N + f * r_PN_N);
 }
 
-/// The acceleration [m/s^2] at a position r_N [m] relative to the body, by mu and J.
-Eigen::Vector3d gravity(const GravityBody &body, const Eigen::Vector3d &r_N);
+/// The acceleration [m/s^2] at a position r_N [m] relative to the body, by mu and J about a pole, a unit vector.
+Eigen::Vector3d gravity(const GravityBody &body, const Eigen::Vector3d &r_N, const Eigen::Vector3d &pole_N);
+inline Eigen::Vector3d gravity(const GravityBody &body, const Eigen::Vector3d &r_N)
+{
+    return gravity(body, r_N, body.pole_N);
+}
 
 /// The potential U [m^2/s^2], positive as in mu / r: gravity is its gradient.
 double gravity_potential(const GravityBody &body, const Eigen::Vector3d &r_N);

@@ -108,6 +108,29 @@ double slope(const double *c, double t)
     return c[1] + 2.0 * c[2] * t;
 }
 
+/// An angle and its rate.
+struct Angle {
+    double value, rate;
+};
+
+/// By the right ascension and declination of the pole and the prime meridian.
+BodyAttitude turned(const Angle &ra, const Angle &dec, const Angle &W)
+{
+    double sr, cr, sd, cd, sw, cw;
+    fm_sincos(ra.value, &sr, &cr);
+    fm_sincos(dec.value, &sd, &cd);
+    fm_sincos(W.value, &sw, &cw);
+    const Vector3d node(-sr, cr, 0.0); // where the equator ascends, and 90 degrees further along it
+    const Vector3d further(-sd * cr, -sd * sr, cd);
+    BodyAttitude attitude;
+    attitude.dcm_PN.row(0) = cw * node + sw * further;
+    attitude.dcm_PN.row(1) = cw * further - sw * node;
+    attitude.dcm_PN.row(2) = Vector3d(cd * cr, cd * sr, sd);
+    attitude.omega_PN_P =
+        Vector3d(ra.rate * cd * sw - dec.rate * cw, ra.rate * cd * cw + dec.rate * sw, W.rate + ra.rate * sd);
+    return attitude;
+}
+
 } // namespace
 
 Orientation Orientation::built_in(int body)
@@ -193,8 +216,46 @@ Orientation Orientation::from(const TextKernel &pck, int body)
     return orientation;
 }
 
+Orientation Orientation::of(std::shared_ptr<const EarthRotation> earth)
+{
+    Orientation orientation;
+    orientation.body_ = 399;
+    orientation.earth_ = std::move(earth);
+    return orientation;
+}
+
+Orientation Orientation::of(std::shared_ptr<const Librations> moon)
+{
+    Orientation orientation;
+    orientation.body_ = 301;
+    orientation.moon_ = std::move(moon);
+    return orientation;
+}
+
+void Orientation::require(Epoch from, Epoch to) const
+{
+    if (earth_) {
+        earth_->require(from, to);
+    } else if (moon_) {
+        moon_->require(from, to);
+    }
+}
+
+Matrix3d Orientation::dcm_PN(Epoch epoch, double tau) const
+{
+    return earth_ ? earth_->dcm_PN(epoch, tau, window_) : at(epoch, tau).dcm_PN;
+}
+
 BodyAttitude Orientation::at(Epoch epoch, double tau) const
 {
+    if (earth_) {
+        return earth_->at(epoch, tau, window_);
+    }
+    if (moon_) {
+        double angles[3], rates[3];
+        moon_->angles(epoch, tau, angles, rates);
+        return turned({angles[0] - pi / 2.0, rates[0]}, {pi / 2.0 - angles[1], -rates[1]}, {angles[2], rates[2]});
+    }
     // Whole days and the rest: the prime meridian turns fast, and keeps its resolution so.
     constexpr std::int64_t day_ns = 86'400'000'000'000;
     const std::int64_t days = epoch.ns / day_ns;
@@ -219,20 +280,7 @@ BodyAttitude Orientation::at(Epoch epoch, double tau) const
         W += term.pm * s;
         W_rate += term.pm * c * rate;
     }
-
-    double sr, cr, sd, cd, sw, cw;
-    fm_sincos(ra, &sr, &cr);
-    fm_sincos(dec, &sd, &cd);
-    fm_sincos(W, &sw, &cw);
-    const Vector3d node(-sr, cr, 0.0); // where the equator ascends, and 90 degrees further along it
-    const Vector3d further(-sd * cr, -sd * sr, cd);
-    BodyAttitude attitude;
-    attitude.dcm_PN.row(0) = cw * node + sw * further;
-    attitude.dcm_PN.row(1) = cw * further - sw * node;
-    attitude.dcm_PN.row(2) = Vector3d(cd * cr, cd * sr, sd);
-    attitude.omega_PN_P =
-        Vector3d(ra_rate * cd * sw - dec_rate * cw, ra_rate * cd * cw + dec_rate * sw, W_rate + ra_rate * sd);
-    return attitude;
+    return turned({ra, ra_rate}, {dec, dec_rate}, {W, W_rate});
 }
 
 double equatorial_radius(const TextKernel &pck, int body)

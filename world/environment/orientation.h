@@ -13,24 +13,21 @@
 // Built in are the Sun, Mercury to Neptune and the Moon, of the IAU's report of 2000 (Seidelmann et
 // al. 2002), as in NAIF's pck00008.tpc. The Moon has all
 // 13 periodic terms: within about 0.01 deg of its libration. The Earth has precession only, neither
-// nutation nor the true length of day: within about 0.2 deg of the terrestrial frame.
+// nutation nor the true length of day: within about 0.2 deg of the terrestrial frame. earth_rotation.h
+// has what replaces it.
 #pragma once
 
+#include "world/environment/earth_rotation.h"
+#include "world/environment/ephemeris.h"
 #include "world/environment/text_kernel.h"
-#include "world/environment/timescale.h"
 
-#include <Eigen/Core>
-
+#include <memory>
 #include <string>
 #include <vector>
 
 namespace fledge::world {
 
-struct BodyAttitude {
-    Eigen::Matrix3d dcm_PN;     ///< maps N (ICRF) to P (fixed in the body)
-    Eigen::Vector3d omega_PN_P; ///< [rad/s] of P relative to N, P components
-};
-
+/// Of one body. Each caller has its own, as it keeps what it interpolates from.
 class Orientation {
 public:
     /// From the built-in constants. Throws SetupError that lists the bodies it knows.
@@ -40,10 +37,18 @@ public:
     /// Throws SetupError if one is missing or not of the right shape.
     static Orientation from(const TextKernel &pck, int body);
 
+    /// Of the Earth; of the Moon's principal axes.
+    static Orientation of(std::shared_ptr<const EarthRotation> earth);
+    static Orientation of(std::shared_ptr<const Librations> moon);
+
     int body() const { return body_; }
 
     /// At tau [s] after an epoch.
     BodyAttitude at(Epoch epoch, double tau = 0.0) const;
+    Eigen::Matrix3d dcm_PN(Epoch epoch, double tau = 0.0) const;
+
+    /// Throws SetupError unless it is known at all instants from, to.
+    void require(Epoch from, Epoch to) const;
 
 private:
     struct Term {
@@ -55,6 +60,9 @@ private:
     double ra_[3] = {}, dec_[3] = {}; ///< [rad], per century, per century^2
     double pm_[3] = {};               ///< [rad], per day, per day^2
     std::vector<Term> terms_;
+    std::shared_ptr<const EarthRotation> earth_; ///< this or the Moon's librations replace them
+    std::shared_ptr<const Librations> moon_;
+    mutable EarthRotation::Window window_;
 };
 
 /// [m] The mean of BODYnnn_RADII's first two, and the third. Throws SetupError if they are missing.

@@ -10,13 +10,22 @@ namespace fledge::world {
 
 using sim::Ns;
 
-Sky::Sky(Ephemeris ephemeris, TimeSystem time, Epoch epoch, int center, std::optional<TextKernel> pck)
+Sky::Sky(Ephemeris ephemeris, TimeSystem time, Epoch epoch, int center, std::optional<TextKernel> pck,
+         const std::optional<EarthData> &earth, std::shared_ptr<const Librations> moon)
     : ephemeris_(std::move(ephemeris)), time_(std::move(time)), epoch_(epoch), center_(center),
-      given_center_(given_as(center)), pck_(std::move(pck))
+      given_center_(given_as(center)), pck_(std::move(pck)), moon_(std::move(moon))
 {
     // The lowest number is at the root of the tree: the barycentre of the solar system, mostly.
     if (const std::vector<int> known = ephemeris_.bodies(); !known.empty()) {
         ephemeris_.require(given_center_, known.front(), epoch_, epoch_);
+    }
+    if (earth) {
+        theory_ = earth->theory;
+        earth_ = std::make_shared<EarthRotation>(*earth, time_);
+        earth_->require(epoch_, epoch_);
+    }
+    if (moon_) {
+        moon_->require(epoch_, epoch_);
     }
 }
 
@@ -62,8 +71,24 @@ void Sky::require(int body, Ns from, Ns to) const
     ephemeris_.require(body, given_center_, epoch_at(from), epoch_at(to));
 }
 
+void Sky::require(const Orientation &orientation, Ns from, Ns to) const
+{
+    orientation.require(epoch_at(from), epoch_at(to));
+}
+
+Eigen::Matrix3d Sky::true_of_date(Ns t) const
+{
+    return world::true_of_date(theory_, time_, epoch_at(t));
+}
+
 Orientation Sky::orientation(int body) const
 {
+    if (earth_ && body == 399) {
+        return Orientation::of(earth_);
+    }
+    if (moon_ && body == 301) {
+        return Orientation::of(moon_);
+    }
     return pck_ && pck_->has("BODY" + std::to_string(body) + "_PM") ? Orientation::from(*pck_, body)
                                                                     : Orientation::built_in(body);
 }

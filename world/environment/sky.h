@@ -17,9 +17,11 @@ namespace fledge::world {
 
 class Sky {
 public:
-    /// The bodies' orientations come from `pck` where it has them, else from built-in constants.
-    /// Throws SetupError if the ephemeris has not the center at the epoch.
-    Sky(Ephemeris ephemeris, TimeSystem time, Epoch epoch, int center, std::optional<TextKernel> pck = std::nullopt);
+    /// The bodies' orientations come from `pck` where it has them, else from built-in constants; that of the
+    /// Earth from `earth` and that of the Moon from `moon`, if they are given.
+    /// Throws SetupError if the ephemeris has not the center at the epoch, or `earth` is not known then.
+    Sky(Ephemeris ephemeris, TimeSystem time, Epoch epoch, int center, std::optional<TextKernel> pck = std::nullopt,
+        const std::optional<EarthData> &earth = std::nullopt, std::shared_ptr<const Librations> moon = nullptr);
 
     const Ephemeris &ephemeris() const { return ephemeris_; }
     const TimeSystem &time_system() const { return time_; }
@@ -37,11 +39,20 @@ public:
     Eigen::Vector3d position(int body, sim::Ns start, double tau, Ephemeris::Cursor &cursor) const;
     BodyState state(int body, sim::Ns t, Ephemeris::Cursor &cursor) const;
 
+    /// Whether N and the time of the run are the same in both.
+    bool has_frame_of(const Sky &other) const { return center_ == other.center_ && epoch_ == other.epoch_; }
+
     /// Throws SetupError unless the body's position is there at every instant from, to.
     void require(int body, sim::Ns from, sim::Ns to) const;
 
-    /// Throws SetupError if it is not known.
+    /// Throws SetupError if it is not known. Each caller keeps its own.
     Orientation orientation(int body) const;
+
+    /// Throws SetupError unless the orientation is known at every instant from, to.
+    void require(const Orientation &orientation, sim::Ns from, sim::Ns to) const;
+
+    /// Maps N to the Earth's true equator and equinox at t, by the theory of `earth`, or else IAU 2006/2000A.
+    Eigen::Matrix3d true_of_date(sim::Ns t) const;
 
 private:
     Ephemeris ephemeris_;
@@ -49,6 +60,9 @@ private:
     Epoch epoch_;
     int center_, given_center_;
     std::optional<TextKernel> pck_;
+    std::shared_ptr<const EarthRotation> earth_;
+    std::shared_ptr<const Librations> moon_;
+    EarthData::Theory theory_ = EarthData::Theory::iau2006;
 };
 
 } // namespace fledge::world

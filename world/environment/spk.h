@@ -20,6 +20,7 @@ namespace fledge::world {
 struct SegmentFile {
     std::vector<ChebyshevSegment> segments; ///< in the order of the file
     std::shared_ptr<const void> memory;     ///< where their records lie
+    std::shared_ptr<const Librations> librations;
 };
 
 /// A kernel in this machine's byte order is mapped, so that only what is used occupies memory;

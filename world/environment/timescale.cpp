@@ -20,6 +20,8 @@ using namespace std::chrono;
 constexpr std::int64_t second = 1'000'000'000; // [ns]
 constexpr std::int64_t day_seconds = 86'400;
 constexpr std::int64_t noon = 43'200; // [s] J2000 lies at noon, days begin at midnight
+constexpr std::int64_t tai_minus_gps = 19 * second;
+constexpr std::int64_t gps_days = 7300; // from 1980-01-06 to 2000-01-01
 constexpr int first_year = 1709, last_year = 2291;
 constexpr std::array<std::string_view, 12> months = {"JAN", "FEB", "MAR", "APR", "MAY", "JUN",
                                                      "JUL", "AUG", "SEP", "OCT", "NOV", "DEC"};
@@ -77,7 +79,7 @@ CalendarTime calendar_time(std::int64_t since_noon)
 
 std::string_view name_of(TimeScale scale)
 {
-    constexpr std::string_view names[] = {"UTC", "TAI", "TT", "TDB"};
+    constexpr std::string_view names[] = {"UTC", "TAI", "TT", "TDB", "GPS"};
     return names[static_cast<int>(scale)];
 }
 
@@ -276,6 +278,11 @@ std::int64_t TimeSystem::tt(Epoch epoch) const
     return tt;
 }
 
+std::int64_t TimeSystem::gps(Epoch epoch) const
+{
+    return tai(epoch) - tai_minus_gps + (gps_days * day_seconds + noon) * second;
+}
+
 const TimeSystem::Step *TimeSystem::step_at(std::int64_t tai) const
 {
     const Step *found = nullptr;
@@ -341,6 +348,7 @@ Epoch TimeSystem::epoch(const CalendarTime &time, TimeScale scale) const
     case TimeScale::utc: return from_tai(reading + step->tai_minus_utc * second);
     case TimeScale::tai: return from_tai(reading);
     case TimeScale::tt: return from_tt(reading);
+    case TimeScale::gps: return from_tai(reading + tai_minus_gps);
     case TimeScale::tdb: break;
     }
     return {reading};
@@ -368,12 +376,14 @@ Epoch TimeSystem::epoch(std::string_view text) const
         scale = TimeScale::tt;
     } else if (suffix == " TDB") {
         scale = TimeScale::tdb;
+    } else if (suffix == " GPS") {
+        scale = TimeScale::gps;
     } else {
         whole = whole && (suffix.empty() || suffix == "Z" || suffix == " UTC");
     }
     if (!whole) {
         refuse(text, "expected a date as in 2015-03-02T12:00:00, with up to 9 decimals, and "
-                     "optionally Z, \" UTC\", \" TAI\", \" TT\" or \" TDB\"");
+                     "optionally Z, \" UTC\", \" TAI\", \" TT\", \" TDB\" or \" GPS\"");
     }
     return epoch(time, scale);
 }
@@ -386,6 +396,8 @@ CalendarTime TimeSystem::calendar(Epoch epoch, TimeScale scale) const
         reading = tt(epoch);
     } else if (scale == TimeScale::tai) {
         reading = tai(epoch);
+    } else if (scale == TimeScale::gps) {
+        reading = tai(epoch) - tai_minus_gps;
     } else if (scale == TimeScale::utc) {
         const std::int64_t now = tai(epoch);
         const Step *step = step_at(now);

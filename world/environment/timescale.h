@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Instants and the scales that date them: UTC, TAI, TT, TDB.
+// Instants and the scales that date them: UTC, TAI, TT, TDB, and the time of GPS.
 //
 //   TAI = UTC + leap seconds          a whole number of seconds since 1972
 //   TT  = TAI + 32.184 s
+//   GPS = TAI - 19 s
 //   TDB = TT + K sin E,  E = M + e sin M,  M = M0 + M1 t        (t: TT past J2000)
 //
 // The last is the model of SPICE's leap-seconds kernels: within 30 us of the full theory (Moyer
@@ -30,7 +31,7 @@ struct Epoch {
     friend auto operator<=>(const Epoch &, const Epoch &) = default;
 };
 
-enum class TimeScale { utc, tai, tt, tdb };
+enum class TimeScale { utc, tai, tt, tdb, gps };
 
 /// What a clock on a wall shows, in the Gregorian calendar (also before its introduction).
 struct CalendarTime {
@@ -56,7 +57,7 @@ public:
     static TimeSystem read(const std::string &path);
 
     /// From "2015-03-02T12:00:00", "2015-03-02 12:00:00.5 TDB", "2016-12-31T23:59:60Z",
-    /// "2015-03-02". The scale is UTC (also "Z", " UTC") unless " TAI", " TT" or " TDB" follows.
+    /// "2015-03-02". The scale is UTC (also "Z", " UTC") unless " TAI", " TT", " TDB" or " GPS" follows.
     /// Throws SetupError on a time that is none, on UTC before 1972, on years outside 1709 to 2291.
     Epoch epoch(std::string_view text) const;
     Epoch epoch(const CalendarTime &time, TimeScale scale) const;
@@ -72,6 +73,9 @@ public:
     std::int64_t tai(Epoch epoch) const { return tt(epoch) - tt_minus_tai_; }
     Epoch from_tt(std::int64_t tt) const;
     Epoch from_tai(std::int64_t tai) const { return from_tt(tai + tt_minus_tai_); }
+
+    /// [ns] of GPS past 1980-01-06T00:00:00, when its weeks began to count.
+    std::int64_t gps(Epoch epoch) const;
 
     /// [s] TAI - UTC. Throws SetupError before 1972.
     int tai_minus_utc(Epoch epoch) const;

@@ -132,6 +132,18 @@ TEST(TimeScale, TextMayNameItsScaleAndLeaveOutTheClock)
     EXPECT_EQ(system.text(noon, TimeScale::tt), "2015-03-02T12:01:07.184 TT");
 }
 
+TEST(TimeScale, GpsCountsFromItsBeginningWithoutLeapSeconds)
+{
+    const TimeSystem system;
+    EXPECT_EQ(system.gps(system.epoch("1980-01-06")), 0);
+    EXPECT_EQ(system.epoch("1980-01-06 GPS"), system.epoch("1980-01-06"));
+    // The counter of weeks with 10 bits began anew there, 18 s ahead of UTC's midnight.
+    EXPECT_EQ(system.gps(system.epoch("2019-04-06T23:59:42")), 2048 * 604'800'000'000'000);
+    EXPECT_EQ(system.epoch("2019-04-07T00:00:00 GPS"), system.epoch("2019-04-06T23:59:42Z"));
+    EXPECT_EQ(system.text(system.epoch("2019-04-06T23:59:42.5"), TimeScale::gps), "2019-04-07T00:00:00.5 GPS");
+    EXPECT_EQ(system.gps(system.epoch("1979-12-30")), -604'801'000'000'000); // a leap second lies between
+}
+
 TEST(TimeScale, WhatIsNoTimeIsRefused)
 {
     const TimeSystem system;

@@ -9,12 +9,15 @@
 /** The true motion of a spacecraft. */
 typedef struct CraftState {
     Head head;
-    Vec3 r_BN_N;      ///< [m]       position of the centre of mass relative to the origin of N
+    Vec3 r_BN_N;      ///< [m]       position of the body's origin relative to the origin of N
     Vec3 v_BN_N;      ///< [m/s]     its velocity relative to N
     Vec3 sigma_BN;    ///< [-]       attitude of B relative to N, |sigma| <= 1
     Vec3 omega_BN_B;  ///< [rad/s]   angular rate of B relative to N, B components
     Vec3 domega_BN_B; ///< [rad/s^2] its derivative, B components
-    Vec3 a_BN_N;      ///< [m/s^2]   acceleration relative to N
+    Vec3 a_BN_N;      ///< [m/s^2]   acceleration of the body's origin relative to N
+    Vec3 r_CN_N;      ///< [m]       position of the centre of mass relative to the origin of N
+    Vec3 v_CN_N;      ///< [m/s]     its velocity relative to N
+    Vec3 g_CN_N;      ///< [m/s^2]   acceleration of the centre of mass by gravity
 } CraftState;
 
 /** A force and a torque on a spacecraft, held until the next message. */

@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "world/environment/magnetism_model.h"
+
+#include "sim/text.h"
+#include "world/eigen.h"
+
+#include <Eigen/Dense>
+
+#include <cstdio>
+
+namespace fledge::world {
+
+using Eigen::Vector3d;
+using sim::Ns;
+
+namespace {
+
+constexpr int earth = 399;
+constexpr double seconds_a_year = 365.2425 * 86400.0;
+
+/// Decimal, as the World Magnetic Model counts: the share of the calendar year that has passed.
+double decimal_year(const TimeSystem &system, Epoch epoch)
+{
+    const int year = system.calendar(epoch, TimeScale::utc).year;
+    const auto begin_of = [&](int y) { return system.epoch(CalendarTime{y, 1, 1, 0, 0, 0, 0}, TimeScale::utc); };
+    const Epoch begin = begin_of(year), end = begin_of(year + 1);
+    return year + static_cast<double>(epoch.ns - begin.ns) / static_cast<double>(end.ns - begin.ns);
+}
+
+} // namespace
+
+void MagnetismModel::prepare(const sim::Setup &setup)
+{
+    EnvironmentModel::prepare(setup);
+    refresh();
+}
+
+void MagnetismModel::refresh()
+{
+    EnvironmentModel::refresh();
+    const auto &par = interface_.par;
+    const bool dipole = vec_norm2(par.dipole_P) > 0.0;
+    model_.reset();
+    if (path_.empty()) {
+        if (!dipole) {
+            refuse(": give a moment, dipole_P, or the file of a World Magnetic Model, coefficients=\"WMM2025.COF\"");
+        }
+        if (par.degree > 0) {
+            refuse(".degree: there is no file of coefficients; found " + std::to_string(par.degree));
+        }
+        return;
+    }
+    if (dipole) {
+        refuse(".dipole_P: the file " + path_ + " has the dipole already");
+    }
+    if (bodies()[0].naif != earth) {
+        refuse(".coefficients: " + path_ + " is the field of EARTH (399); found " + bodies()[0].name);
+    }
+    if (!sky()) {
+        refuse(".sky is missing: the field of " + path_ + " turns with the Earth and changes with the years");
+    }
+    try {
+        model_ = MagneticCoefficients::read(path_, static_cast<int>(par.degree));
+        year_ = decimal_year(sky()->time_system(), sky()->epoch_at(0));
+    } catch (const sim::SetupError &error) {
+        refuse(std::string(".coefficients: ") + error.what());
+    }
+    require_year(0, "begins");
+}
+
+double MagnetismModel::year(Ns t) const
+{
+    return year_ + tick_seconds(t) / seconds_a_year;
+}
+
+void MagnetismModel::require_year(Ns t, const char *what) const
+{
+    if (model_ && !(year(t) >= model_->epoch() && year(t) <= model_->end())) {
+        char text[200];
+        std::snprintf(text, sizeof text, " holds from %.1f to %.1f; the run %s in %.3f", model_->epoch(), model_->end(),
+                      what, year(t));
+        refuse(".coefficients: " + model_->name() + text);
+    }
+}
+
+void MagnetismModel::ensure_data_until(Ns until)
+{
+    EnvironmentModel::ensure_data_until(until);
+    require_year(until, "ends");
+}
+
+Vector3d MagnetismModel::at(Ns start, double tau, const Vector3d &r_BN_N) const
+{
+    const Eigen::Matrix3d &dcm_PN = attitude(start, tau).dcm_PN;
+    const Vector3d r_P = dcm_PN * (r_BN_N - r_PN_N(0, start, tau));
+    if (r_P.isZero(0.0)) {
+        throw sim::RunError(name() + ": the field is asked for in the centre of " + bodies()[0].name +
+                            ", where it has no value; where is the spacecraft?");
+    }
+    if (model_) {
+        return dcm_PN.transpose() * model_->field(r_P, year(start));
+    }
+    const Vector3d m = view(interface_.par.dipole_P);
+    const double r = r_P.norm();
+    const Vector3d u = r_P / r;
+    return dcm_PN.transpose() * ((3.0 * m.dot(u) * u - m) / (r * r * r));
+}
+
+void MagnetismModel::publish(Ns t)
+{
+    const CraftState &truth = interface_.in.truth;
+    if (!head_written(truth.head)) {
+        return;
+    }
+    interface_.out.field = {head_next(interface_.out.field.head, t, quality_through(truth.head)),
+                            vec(at(t, 0.0, view(truth.r_BN_N)))};
+}
+
+void MagnetismModel::copy_setup(const sim::Model &original,
+                                const std::function<sim::Model *(const sim::Model *)> &counterpart)
+{
+    EnvironmentModel::copy_setup(original, counterpart);
+    path_ = dynamic_cast<const MagnetismModel &>(original).path_;
+}
+
+} // namespace fledge::world

@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: Apache-2.0
+// The cones of umbra and penumbra in closed form, and the light between them by rings of the sky.
+#include "world/environment/sunlight_model.h"
+
+#include "world/eigen.h"
+#include "world/environment/shadow.h"
+#include "world/environment/testing/files.h"
+#include "world/environment/testing/two_circles.h"
+
+#include <Eigen/Dense>
+
+#include <algorithm>
+#include <numbers>
+#include <random>
+
+namespace fledge::world {
+namespace {
+
+using Eigen::Vector3d;
+using testing::error_of;
+
+constexpr double pi = std::numbers::pi;
+constexpr double Rs = 6.957e8, AU = 149597870700.0;
+
+/// An observer behind a body, on whose axis it is `along` from its centre and `off` beside.
+struct Behind {
+    double R, D; ///< [m] radius of the body, distance from the Sun
+
+    double hidden(double along, double off) const
+    {
+        const Vector3d axis = Vector3d(2, -1, 2) / 3.0, side = Vector3d(1, 2, 0).normalized();
+        const Vector3d r_PB = along * axis + off * side;
+        return hidden_share(D * axis + r_PB, Rs, r_PB, R);
+    }
+    /// Radii of the two cones at a distance behind the body: tangents to both spheres, outside and crossed.
+    double umbra(double along) const
+    {
+        const double s = (Rs - R) / D;
+        return (R / s - along) * s / std::sqrt(1 - s * s);
+    }
+    double penumbra(double along) const
+    {
+        const double s = (Rs + R) / D;
+        return (R / s + along) * s / std::sqrt(1 - s * s);
+    }
+};
+
+TEST(Shadow, ItsConesAreTheTangentsOfBothSpheres)
+{
+    for (const Behind b : {Behind{6378e3, AU}, {1737e3, AU}, {7.1e7, 5.2 * AU}, {1e7, 1e10}}) {
+        const double apex = b.R * b.D / (Rs - b.R);
+        for (const double share : {0.01, 0.1, 0.5, 0.9, 0.999}) {
+            const double along = share * apex;
+            if (along * along + b.umbra(along) * b.umbra(along) < 1.01 * b.R * b.R) {
+                continue; // still beside the body
+            }
+            const double width = b.penumbra(along) - b.umbra(along), inside = b.umbra(along),
+                         outside = b.penumbra(along);
+            EXPECT_EQ(b.hidden(along, 0.0), 1.0);
+            EXPECT_EQ(b.hidden(along, inside - 1e-6 * width), 1.0) << b.R << " " << share;
+            EXPECT_LT(b.hidden(along, inside + 1e-6 * width), 1.0);
+            EXPECT_GT(b.hidden(along, inside + 1e-6 * width), 1.0 - 1e-3);
+            EXPECT_GT(b.hidden(along, outside - 1e-6 * width), 0.0);
+            EXPECT_LT(b.hidden(along, outside - 1e-6 * width), 1e-3);
+            EXPECT_EQ(b.hidden(along, outside + 1e-6 * width), 0.0) << b.R << " " << share;
+        }
+        // Beyond the apex the eclipse is annular; at the apex it is just whole.
+        EXPECT_EQ(b.hidden(apex * (1 - 1e-9), 0.0), 1.0);
+        for (const double share : {1.01, 1.5, 4.0}) {
+            const double along = share * apex;
+            const double ratio = std::asin(b.R / along) / std::asin(Rs / (b.D + along));
+            EXPECT_NEAR(b.hidden(along, 0.0), ratio * ratio, 1e-12);
+            EXPECT_LT(b.hidden(along, 0.0), 1.0);
+        }
+    }
+}
+
+TEST(Shadow, PartsOfTheDiscAreThoseOfRingsOfTheSky)
+{
+    // Rings about the Sun's centre, of which the body hides an arc, on the sphere of the sky.
+    const Behind b{6378e3, AU};
+    for (const auto &[along, within] : {std::pair{2000e3, 3e-4}, {7000e3, 2e-4}, {4e7, 3e-5}}) {
+        const double inside = b.umbra(along), width = b.penumbra(along) - inside;
+        double last = 1.0;
+        for (double share = 0.05; share < 1.0; share += 0.1) {
+            const Vector3d r_PB(along, inside + share * width, 0), r_SB = Vector3d(AU, 0, 0) + r_PB;
+            const double sun = std::asin(Rs / r_SB.norm()), body = std::asin(b.R / r_PB.norm());
+            const double apart = std::atan2(r_SB.cross(r_PB).norm(), r_SB.dot(r_PB));
+            double hidden = 0.0;
+            constexpr int rings = 3000;
+            for (int i = 0; i < rings; i++) {
+                const double ring = (i + 0.5) / rings * sun;
+                const double arc =
+                    (std::cos(body) - std::cos(ring) * std::cos(apart)) / std::sin(ring) / std::sin(apart);
+                hidden += std::acos(std::clamp(arc, -1.0, 1.0)) / pi * std::sin(ring) * sun / rings;
+            }
+            hidden /= 1.0 - std::cos(sun);
+            const double found = hidden_share(r_SB, Rs, r_PB, b.R);
+            EXPECT_NEAR(found, hidden, within) << along << " " << share;
+            EXPECT_LT(found, last);
+            last = found;
+        }
+    }
+}
+
+TEST(Shadow, IsBehindTheBodyOnly)
+{
+    const double R = 6378e3;
+    std::mt19937 random(1);
+    std::normal_distribution<double> normal;
+    for (int round = 0; round < 300; round++) {
+        const Vector3d r_PB = 7000e3 * Vector3d(normal(random), normal(random), normal(random)).normalized();
+        const double hidden = hidden_share(Vector3d(AU, 0, 0) + r_PB, Rs, r_PB, R);
+        if (r_PB[0] < 0.0) {
+            EXPECT_EQ(hidden, 0.0);
+        }
+        EXPECT_GE(hidden, 0.0);
+        EXPECT_LE(hidden, 1.0);
+    }
+    EXPECT_EQ(hidden_share({AU, 0, 0}, Rs, {R / 2, 0, 0}, R), 1.0);      // inside the body
+    EXPECT_EQ(hidden_share({AU, 0, 0}, Rs, {AU + 1e9, 0, 0}, 1e8), 0.0); // the body is behind the Sun
+    EXPECT_EQ(hidden_share({AU, 0, 0}, Rs, {1e9, 0, 0}, 1e8), 1.0);
+}
+
+struct Light : ::testing::Test {
+    Sunlight i{};
+    SunlightModel model{i};
+
+    static GravityBody body(const char *name, double radius, const Vector3d &r)
+    {
+        GravityBody made;
+        made.name = name;
+        made.mu = 1.0;
+        made.radius = radius;
+        made.r_PN_N = r;
+        return made;
+    }
+};
+
+TEST_F(Light, FallsWithTheSquareOfTheDistanceAndWithEachEclipse)
+{
+    model.set_body(body("SUN", Rs, {2.0 * AU, 0, 0}));
+    model.add_body(body("EARTH", 6378e3, {0, 0, 0}));
+    model.add_body(body("MOON", 1738e3, {-384e6, 2e7, 0}));
+    model.prepare({"world.light", 1, nullptr});
+    const auto lit = model.at(0, 0.0, {7e6, 0, 0});
+    EXPECT_EQ(lit.visible, 1.0);
+    EXPECT_NEAR(lit.irradiance, 1361.0 / 4.0, 0.05);
+    EXPECT_LT((lit.s_N - Vector3d::UnitX()).norm(), 1e-12);
+    EXPECT_EQ(model.at(0, 0.0, {-7e6, 0, 0}).visible, 0.0);
+    EXPECT_EQ(model.at(0, 0.0, {-7e6, 0, 0}).irradiance, 0.0);
+    EXPECT_EQ(model.at(0, 0.0, {-384e6 - 2e6, 2e7, 0}).visible, 0.0) << "behind the Moon";
+    // Half in the shadow of one: what remains is what the geometry says.
+    const Vector3d edge(-7e6, 6.38e6, 0);
+    const double hidden = hidden_share(edge - Vector3d(2 * AU, 0, 0), Rs, edge, 6378e3);
+    EXPECT_GT(hidden, 0.0);
+    EXPECT_LT(hidden, 1.0);
+    EXPECT_EQ(model.at(0, 0.0, edge).visible, 1.0 - hidden);
+    i.par.irradiance = 1000.0;
+    EXPECT_NEAR(model.at(0, 0.0, {7e6, 0, 0}).irradiance, 250.0, 0.05);
+
+    model.reset(0);
+    i.in.truth.head.quality = QUALITY_GOOD;
+    i.in.truth.r_BN_N = vec(edge);
+    model.update({5, 5});
+    EXPECT_EQ(i.out.light.visible, 1.0 - hidden);
+    EXPECT_EQ(i.out.light.irradiance, model.at(5, 0.0, edge).irradiance);
+    EXPECT_EQ(i.out.light.head.t, 5);
+}
+
+TEST_F(Light, NamesWhatIsWrong)
+{
+    const auto refusal = [&] { return error_of([&] { model.prepare({"world.light", 1, nullptr}); }); };
+    model.add_body(body("EARTH", 6378e3, {0, 0, 0}));
+    EXPECT_EQ(refusal(), "world.light.sun is missing: give it a body, as in sun=world.SUN");
+    model.set_body(body("SUN", Rs, {AU, 0, 0}));
+    EXPECT_EQ(refusal(), "");
+    model.set_sky(testing::TwoCircles::sky(testing::TwoCircles::sun));
+    EXPECT_EQ(refusal(), "world.light: SUN has no NAIF number, by which the sky would find it");
+    GravityBody sun = body("SUN", Rs, {AU, 0, 0});
+    sun.naif = 10;
+    model.set_body(sun);
+    EXPECT_EQ(refusal(), "world.light: SUN was given a position, but the sky holds its position");
+}
+
+} // namespace
+} // namespace fledge::world
