@@ -1,32 +1,146 @@
 // SPDX-License-Identifier: Apache-2.0
-// A part of a spacecraft that exchanges momentum with it and may have states of its own.
+// A part of a spacecraft that exchanges momentum with it and may have states of its own. There are two kinds.
 //
-// A part's states are chosen so that their derivatives need the body's angular rate, not its
-// acceleration (for a wheel: its inertial angular momentum, not its speed). Then the body's own
-// inertia is constant, however many parts move, and
+// An ordinary part has states whose derivatives need the body's angular rate, not its acceleration (for a balanced
+// wheel: its inertial angular momentum, not its speed). It adds loads to the equation of the body, whose inertia is
+// constant:
 //
 //   I_B domega = -omega x (I_B omega + momentum) + torque
 //
-// needs one virtual call per part and stage of the integrator. In the same call, a part takes from its own
+// That needs one virtual call per part and stage of the integrator. In the same call, a part takes from its own
 // momentum what it gives to the body, so only rounding changes the sum.
+//
+// A coupled part moves mass relative to the body, or changes it (panels, sloshing fuel, tanks, imbalanced wheels). It
+// adds what it carries and its degrees of freedom to the equations of the whole; the craft solves them for the
+// accelerations of the body, and the part computes its own from these. A degree of freedom q costs a product of six
+// numbers with themselves. docs/dynamics.md derives it. A craft without coupled parts pays nothing for this.
 #pragma once
 
 #include "flight/math/vec.h"
 #include "sim/model.h"
 
+#include <cstddef>
+
 namespace fledge::world {
 
-/// What the parts do to the body; each adds its own. B components.
+/// What acts on the body; each part adds its own.
 struct Loads {
-    Vec3 momentum; ///< [N m s] angular momentum that is not in I_B omega
-    Vec3 torque;   ///< [N m]   torque on the body
+    Vec3 momentum; ///< [N m s] angular momentum that is not in I_B omega, B components
+    Vec3 torque;   ///< [N m]   on the body about the centre of mass C, B components
+    Vec3 force_N;  ///< [N]     at C, N components; of parts that push
+    Vec3 force_B;  ///< [N]     at C, B components; of parts that push
+    // Of parts that change masses, which need a coupled part on the same craft: the tank.
+    double mass_rate; ///< [kg/s]   of the whole; < 0 while mass leaves
+    Vec3 moment_rate; ///< [kg m/s] of mass x position, from masses that change, each where it is; B components
+
+    /// A force that acts at a point: `arm` is its position relative to C (its place in B less Motion::r_CB_B).
+    void push(const Vec3 &force, const Vec3 &arm)
+    {
+        force_B = vec_add(force_B, force);
+        torque = vec_add(torque, vec_cross(arm, force));
+    }
 };
+
+/// The motion of the craft at one instant. B is the frame and the origin of the body, C the centre of mass of all.
+/// Where no part pushes and none is coupled, only start, tau and omega are set.
+struct Motion {
+    sim::Ns start; ///< [ns]    when the step began
+    double tau;    ///< [s]     since then
+    Vec3 r_BN_N;   ///< [m]     of B's origin, which is C unless the craft has an offset or coupled parts
+    Vec3 v_BN_N;   ///< [m/s]
+    Vec3 sigma_BN; ///< [-]
+    Vec3 omega;    ///< [rad/s] of B relative to N, B components
+    Mat3 C_BN;     ///< only if a part pushes
+    double mass;   ///< [kg]    of all
+    Vec3 r_CB_B;   ///< [m]     the centre of mass relative to B's origin, B components
+    Mat3 I_C_B;    ///< [kg m^2] of all about C, B components, wheels included; only if a part pushes
+};
+
+/// A degree of freedom of a coupled part, the coordinate q: how it moves mass with the body at rest, and what acts on
+/// it. Its equation is  push . a + turn . domega + inertia ddq = force.  B components.
+struct Freedom {
+    Vec3 push;      ///< the derivative of the linear momentum by dq:  sum dm (dr/dq)
+    Vec3 turn;      ///< of the angular momentum about B's origin:     sum dm r x (dr/dq)
+    double inertia; ///< sum dm |dr/dq|^2, > 0
+    double force;   ///< on q, with the terms of omega and dq, without those of the accelerations
+
+    /// ddq, once the body's accelerations are known (Effector::accelerate).
+    double acceleration(const Vec3 &a, const Vec3 &domega) const
+    {
+        return (force - vec_dot(push, a) - vec_dot(turn, domega)) / inertia;
+    }
+};
+
+/// How the mass properties of a part change with its coordinate q.
+struct Change {
+    Vec3 push;          ///< d(push)/dq
+    Vec3 turn;          ///< d(turn)/dq
+    Vec3 inertia_omega; ///< d(inertia about B's origin)/dq omega
+};
+
+/// A matrix whose rows fill registers of four; the fourth elements are 0.
+struct alignas(32) Rows {
+    double m[3][4];
+};
+
+/// The equations of the whole craft about B's origin, to which the coupled parts add. B components.
+///
+///   [ mass     -[moment]x ] [ a      ]   [ force  ]
+///   [ [moment]x  inertia  ] [ domega ] = [ torque ]   less what the degrees of freedom take,
+///
+/// where a is the acceleration of B's origin less gravity. The craft itself adds the terms of omega alone,
+/// omega x (omega x moment) and omega x (inertia omega); the parts those with the rates of their coordinates.
+struct alignas(32) Whole {
+    static constexpr std::size_t matrix = 52; ///< numbers from `mass` to `angular`: all that is in the matrix
+
+    double mass;                 ///< [kg]
+    Vec3 moment;                 ///< [kg m]   sum dm r
+    Rows inertia;                ///< [kg m^2] sum dm (r.r - r r), with what I_B leaves out of it left out
+    Rows linear, cross, angular; ///< what the degrees of freedom take from the three blocks of the matrix
+    Vec3 drift;  ///< [kg m/s] the rate of `moment` as B sees it, from masses that move (sum of dq Freedom::push)
+    Vec3 force;  ///< [N]      what moving masses exert on the body, less the terms of all accelerations
+    Vec3 torque; ///< [N m]    and its torque about B's origin
+
+    /// A rigid mass with its centre at r and an inertia about that centre.
+    void add(double m, const Vec3 &r, const Mat3 &about_center);
+    void add(double m, const Vec3 &r);
+
+    /// What a moving mass exerts at the point r, less the terms of all accelerations. Other forces belong to the Loads.
+    void push_at(const Vec3 &f, const Vec3 &r)
+    {
+        force = vec_add(force, f);
+        torque = vec_add(torque, vec_cross(r, f));
+    }
+
+    /// A degree of freedom that now has the rate dq.
+    void free(const Freedom &q, double dq);
+
+    /// The same, with the terms of omega and dq that follow from how the masses change with q. Adds to q.force.
+    void free(Freedom &q, double dq, const Vec3 &omega, const Change &change);
+};
+
+static_assert(offsetof(Whole, drift) == Whole::matrix * sizeof(double));
 
 /// The rotation of the body. B components.
 struct BodyRate {
     Vec3 omega;  ///< [rad/s]
     Vec3 domega; ///< [rad/s^2] as last published
 };
+
+/// What a state of a part is, for who looks at it from outside.
+struct StateName {
+    std::size_t at;   ///< its place among the states
+    std::string name; ///< "theta[1]"
+    const char *unit; ///< "-" if it has none
+};
+
+/// Names of n elements of an array that begins at a place.
+inline void add_names(std::vector<StateName> &names, std::size_t at, const char *array, const char *unit, std::size_t n)
+{
+    for (std::size_t i = 0; i < n; i++) {
+        names.push_back({at + i, std::string(array) + "[" + std::to_string(i) + "]", unit});
+    }
+}
 
 /// All that latch() computes and derive() uses belongs to memory(): where latch() finds no change after a snapshot was
 /// restored, the spacecraft uses the derivatives that it computed before the snapshot.
@@ -35,6 +149,14 @@ public:
     /// The number of its states, a multiple of state_block. It is constant, and valid before prepare().
     virtual std::size_t states() const = 0;
 
+    /// What the states are; those that only pad have no name.
+    virtual std::vector<StateName> names() const
+    {
+        std::vector<StateName> all;
+        add_names(all, 0, "x", "", states());
+        return all;
+    }
+
     /// Forget the run, and write the initial states.
     virtual void start(const Vec3 &omega, double *x) = 0;
 
@@ -42,20 +164,74 @@ public:
     /// Returns whether the results of derive() change.
     virtual bool latch(const double *x, const BodyRate &rate, double dt) = 0;
 
-    /// Write the states' derivatives and add the loads.
-    virtual void derive(const double *x, const Vec3 &omega, double *dx, Loads &loads) const = 0;
+    /// Write the states' derivatives and add the loads. The coupled parts have had their couple() by then.
+    virtual void derive(const double *x, const Motion &motion, double *dx, Loads &loads) const
+    {
+        (void)x, (void)motion, (void)dx, (void)loads;
+    }
+
+    /// Whether it adds forces, which need the craft's mass, or uses C_BN or I_C_B of the Motion. It is constant.
+    virtual bool pushes() const { return false; }
+
+    /// Add to `inertia` [kg m^2] what I_B leaves out but the craft has (a wheel's about its axis).
+    virtual void add_hidden_inertia(Mat3 &inertia) const { (void)inertia; }
+
+    /// Whether it is coupled. It is constant, and valid before prepare(). Then the craft calls couple() before all
+    /// derive() and accelerate() after them, and needs its mass. The part's states belong to accelerate().
+    virtual bool couples() const { return false; }
+
+    /// Add the masses that it carries, its degrees of freedom and its loads; all terms but those of the accelerations,
+    /// and of omega alone. Of the motion only start, tau, sigma_BN, omega and C_BN are known. What it computes here it
+    /// may keep for accelerate(), which follows at the same x.
+    virtual void couple(const double *x, const Motion &motion, Loads &loads, Whole &whole)
+    {
+        (void)x, (void)motion, (void)loads, (void)whole;
+    }
+
+    /// Write the derivatives of its states from the body's accelerations: a [m/s^2] of B's origin less gravity, and
+    /// domega [rad/s^2], B components.
+    virtual void accelerate(const double *x, const Vec3 &a, const Vec3 &domega, double *dx) const
+    {
+        (void)x, (void)a, (void)domega, (void)dx;
+    }
+
+    /// The part on which it is mounted, or null. It is constant, and valid before prepare(). The craft calls couple()
+    /// of the carrier first.
+    virtual const Effector *carrier() const { return nullptr; }
+
+    /// At the end of a step: bring states to their usual range (an angle within a turn). Only of coupled parts.
+    virtual void normalize(double *x) const { (void)x; }
+
+    /// Whether its loads jump or bend at times of its own, as those of valves. It is constant, and valid before
+    /// prepare().
+    virtual bool switches() const { return false; }
+
+    /// A step begins at t: choose what acts until `end` [ns], and bring that forward to the first instant after t at
+    /// which it changes. There a step ends, and the next one begins with a call. Returns whether the results of
+    /// derive() change at t.
+    virtual bool stretch(sim::Ns t, sim::Ns &end)
+    {
+        (void)t, (void)end;
+        return false;
+    }
 
     /// Write the outputs for time t.
     virtual void publish(sim::Ns t, const double *x, const Vec3 &omega) = 0;
+
+    /// Called once, when it becomes a part of this spacecraft, by which it may ask that in derive().
+    virtual void join(const sim::Model &spacecraft) { (void)spacecraft; }
 
     /// Make it a part of this spacecraft. False if it is a part of another one.
     bool claim(const sim::Model &spacecraft)
     {
         if (!host_) {
             host_ = &spacecraft;
+            join(spacecraft);
         }
         return host_ == &spacecraft;
     }
+
+    const char *part_of() const final { return "spacecraft"; }
 
     // The spacecraft resets and updates its parts by the functions above.
     void reset(sim::Ns) final {}
@@ -64,5 +240,53 @@ public:
 private:
     const sim::Model *host_ = nullptr;
 };
+
+inline void Whole::add(double m, const Vec3 &r)
+{
+    mass += m;
+    moment = vec_add(moment, vec_scale(m, r));
+    const double r2 = vec_norm2(r);
+    for (int i = 0; i < 3; i++) {
+        inertia.m[i][i] += m * r2;
+        for (int j = 0; j < 3; j++) {
+            inertia.m[i][j] -= m * r.v[i] * r.v[j];
+        }
+    }
+}
+
+inline void Whole::add(double m, const Vec3 &r, const Mat3 &about_center)
+{
+    add(m, r);
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++) {
+            inertia.m[i][j] += about_center.m[i][j];
+        }
+    }
+}
+
+inline void Whole::free(const Freedom &q, double dq)
+{
+    const Vec3 push = vec_scale(1.0 / q.inertia, q.push), turn = vec_scale(1.0 / q.inertia, q.turn);
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++) {
+            linear.m[i][j] += push.v[i] * q.push.v[j];
+            cross.m[i][j] += push.v[i] * q.turn.v[j];
+            angular.m[i][j] += turn.v[i] * q.turn.v[j];
+        }
+    }
+    force = vec_sub(force, vec_scale(q.force, push));
+    torque = vec_sub(torque, vec_scale(q.force, turn));
+    drift = vec_add(drift, vec_scale(dq, q.push));
+}
+
+inline void Whole::free(Freedom &q, double dq, const Vec3 &omega, const Change &change)
+{
+    const Vec3 pushed = vec_add(vec_scale(2.0, vec_cross(omega, q.push)), vec_scale(dq, change.push));
+    const Vec3 turned = vec_add(vec_add(change.inertia_omega, vec_cross(omega, q.turn)), vec_scale(dq, change.turn));
+    force = vec_sub(force, vec_scale(dq, pushed));
+    torque = vec_sub(torque, vec_scale(dq, turned));
+    q.force += 0.5 * vec_dot(omega, change.inertia_omega);
+    free(q, dq);
+}
 
 } // namespace fledge::world

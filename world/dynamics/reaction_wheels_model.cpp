@@ -9,11 +9,31 @@
 
 namespace fledge::world {
 
-using sim::state_block;
+namespace {
+constexpr double pi = 3.141592653589793;
+}
 
 std::size_t ReactionWheelsModel::states() const
 {
-    return sim::padded(interface_.par.n);
+    return sim::padded(interface_.par.n) * (imbalanced() ? 2 : 1);
+}
+
+std::vector<StateName> ReactionWheelsModel::names() const
+{
+    std::vector<StateName> all;
+    add_names(all, 0, "h", "N m s", n_);
+    add_names(all, padded_, "theta", "rad", imbalanced_ ? n_ : 0);
+    return all;
+}
+
+bool ReactionWheelsModel::imbalanced() const
+{
+    const auto &par = interface_.par;
+    bool any = false;
+    for (std::size_t i = 0; i < std::min<std::size_t>(par.n, WHEELS_MAX); i++) {
+        any |= par.unbalance[i] != 0.0 || par.couple[i] != 0.0;
+    }
+    return any;
 }
 
 void ReactionWheelsModel::prepare(const sim::Setup &setup)
@@ -23,48 +43,124 @@ void ReactionWheelsModel::prepare(const sim::Setup &setup)
         throw sim::SetupError(setup.name + ": there must be 1 to " + std::to_string(WHEELS_MAX) + " wheels; found " +
                               std::to_string(par.n));
     }
+    name_ = setup.name;
+    seeded_ = sim::Random(setup.seed, setup.name);
+    check();
     n_ = par.n;
-    padded_ = states();
+    padded_ = sim::padded(n_);
+    imbalanced_ = imbalanced();
+    coupled_ = couples();
     for (std::size_t i = 0; i < n_; i++) {
         if (par.Omega_max[i] > 0.0 && std::abs(par.Omega[i]) > par.Omega_max[i]) {
             throw sim::SetupError(
                 setup.name + ".Omega[" + std::to_string(i) + "]: the initial speed must be within Omega_max, " +
                 sim::format_number(par.Omega_max[i]) + " rad/s; found " + sim::format_number(par.Omega[i]));
         }
+        if (par.stiction[i] > par.friction[i] && par.stribeck[i] == 0.0) {
+            throw sim::SetupError(setup.name + ".stribeck[" + std::to_string(i) +
+                                  "] must be > 0 where stiction exceeds friction; found 0");
+        }
     }
+}
+
+void ReactionWheelsModel::check() const
+{
+    const auto &par = interface_.par;
+    bool limited = true;
+    for (std::uint32_t i = 0; i < par.n; i++) {
+        limited &= par.u_max[i] > 0.0 && par.Omega_max[i] > 0.0;
+    }
+    check_faults(name_, {par.faults, par.n_faults}, 2 * WHEELS_MAX, limited);
 }
 
 void ReactionWheelsModel::start(const Vec3 &omega, double *x)
 {
     const auto &par = interface_.par;
     wheels_ = {};
+    wheels_.faults.reset(seeded_);
     for (std::size_t i = 0; i < n_; i++) {
         const Vec3 axis = vec_scale(1.0 / vec_norm(par.axes_B[i]), par.axes_B[i]);
-        wheels_.gx[i] = axis.v[0];
-        wheels_.gy[i] = axis.v[1];
-        wheels_.gz[i] = axis.v[2];
+        std::copy(axis.v, axis.v + 3, wheels_.axis[i]);
+        for (int j = 0; j < 3; j++) {
+            wheels_.g[j][i] = axis.v[j];
+        }
         wheels_.J[i] = par.J[i];
         wheels_.J_inverse[i] = 1.0 / par.J[i];
         x[i] = par.J[i] * (vec_dot(axis, omega) + par.Omega[i]);
+        if (imbalanced_) {
+            // Any direction will do for theta = 0.
+            const Vec3 out = vec_unit(vec_cross(axis, fm_abs(axis.v[0]) < 0.6 ? vec3(1, 0, 0) : vec3(0, 1, 0)));
+            const Vec3 directions[2] = {out, vec_cross(axis, out)};
+            for (int k = 0; k < 2; k++) {
+                const Vec3 u = vec_scale(par.unbalance[i], directions[k]);
+                const Vec3 r = par.r_WB_B[i], d = vec_add(vec_scale(par.couple[i], directions[k]), vec_cross(r, u));
+                const Vec3 w = vec_scale(par.couple[i], vec_cross(axis, directions[k]));
+                for (int j = 0, at = 0; j < 3; j++) {
+                    wheels_.u[k][j][i] = u.v[j];
+                    wheels_.d[k][j][i] = d.v[j];
+                    for (int l = j; l < 3; l++, at++) {
+                        wheels_.inertia[k][at][i] = axis.v[j] * w.v[l] + w.v[j] * axis.v[l] - r.v[j] * u.v[l] -
+                                                    u.v[j] * r.v[l] + (j == l ? 2.0 * vec_dot(r, u) : 0.0);
+                    }
+                }
+            }
+            x[padded_ + i] = par.theta[i];
+        }
     }
-    wheels_.by_speed = 1.0;
+    refresh();
     interface_.out = {};
     interface_.mem = {};
 }
 
 void ReactionWheelsModel::refresh()
 {
-    wheels_.by_speed = 1.0; // so that the next latch() computes all torques
+    check();
+    const auto &par = interface_.par;
+    wheels_.again = 1.0; // so that the next latch() computes all torques
+    wheels_.rubs = 0.0;
+    for (std::size_t i = 0; i < n_; i++) {
+        if (par.friction[i] > 0.0 || par.stiction[i] > 0.0 || par.Omega_max[i] > 0.0) {
+            wheels_.rubs = 1.0;
+        }
+    }
 }
 
 /// Whether the commands are those of the last update.
 bool ReactionWheelsModel::as_before(bool commanded) const
 {
-    bool same = true;
-    for (std::size_t i = 0; i < n_; i++) {
-        same &= (commanded ? interface_.in.command.u[i] : 0.0) == wheels_.asked[i];
+    for (std::size_t b = 0; b < padded_; b += state_block) {
+        const Quad u = commanded ? quad_at(interface_.in.command.u + b) : quad(0.0);
+        const auto differ = u != quad_at(wheels_.asked + b);
+        if (differ[0] | differ[1] | differ[2] | differ[3]) {
+            return false;
+        }
     }
-    return same;
+    return true;
+}
+
+/// The friction that acts for dt [s]. The limit of speed reduces the motor's torque u.
+double ReactionWheelsModel::rub(std::size_t i, const double *x, const BodyRate &rate, double dt, double &u) const
+{
+    const auto &par = interface_.par;
+    double F = dt > 0.0 ? par.friction[i] : 0.0;
+    const double stiction = dt > 0.0 ? par.stiction[i] : 0.0, limit = par.Omega_max[i];
+    if (!(F > 0.0 || stiction > 0.0 || (limit > 0.0 && u != 0.0))) {
+        return 0.0;
+    }
+    const double Omega = speed(i, x, rate.omega);
+    if (stiction > F) {
+        const double ratio = Omega / par.stribeck[i];
+        F += (stiction - F) * fm_exp(-ratio * ratio);
+    }
+    // The torque with which the wheel turns with the body and ends at rest relative to it.
+    const double rest = wheels_.J[i] * (along(i, rate.domega) - Omega / dt);
+    if (limit > 0.0 && u != 0.0) {
+        const double sign = u > 0.0 ? 1.0 : -1.0;
+        const double brakes = Omega * sign > 0.0 ? F + par.viscosity[i] * limit : -F;
+        const double most = sign * rest + wheels_.J[i] * limit / dt + brakes;
+        u = sign * std::clamp(sign * u, 0.0, std::max(most, 0.0));
+    }
+    return std::clamp(rest - u, -F, F);
 }
 
 bool ReactionWheelsModel::latch(const double *x, const BodyRate &rate, double dt)
@@ -72,45 +168,37 @@ bool ReactionWheelsModel::latch(const double *x, const BodyRate &rate, double dt
     const auto &par = interface_.par;
     const bool acts = dt > 0.0;
     const bool commanded = acts && head_written(interface_.in.command.head);
-    if (!wheels_.by_speed && as_before(commanded)) {
+    const bool faulty = acts && wheels_.faults.any();
+    if (wheels_.again == 0.0 && !faulty && as_before(commanded)) {
         return false;
     }
-    bool changed = false;
-    wheels_.by_speed = 0.0;
+    bool changed = false, limited = false;
+    wheels_.again = faulty ? 1.0 : wheels_.rubs;
     for (std::size_t i = 0; i < n_; i++) {
         double u = commanded ? interface_.in.command.u[i] : 0.0;
-        wheels_.asked[i] = u;
+        if (faulty) {
+            const double most = par.u_max[i] > 0.0 ? par.u_max[i] : unlimited;
+            wheels_.faults.apply(i, {&u, 1}, -most, most);
+        }
+        const double asked = u;
         if (par.u_max[i] > 0.0) {
             u = std::clamp(u, -par.u_max[i], par.u_max[i]);
         }
-        const double F = acts ? par.friction[i] : 0.0;
-        const double c = par.viscosity[i];
-        const double limit = par.Omega_max[i];
-        double friction = 0.0;
-        wheels_.by_speed += par.friction[i] + limit;
-        if (F > 0.0 || (limit > 0.0 && u != 0.0)) {
-            const double Omega = speed(i, x, rate.omega);
-            // The torque with which the wheel turns with the body and ends at rest relative to it.
-            const double rest = wheels_.J[i] * (along(i, rate.domega) - Omega / dt);
-            if (limit > 0.0 && u != 0.0) {
-                const double sign = u > 0.0 ? 1.0 : -1.0;
-                const double brakes = Omega * sign > 0.0 ? F + c * limit : -F;
-                const double most = sign * rest + wheels_.J[i] * limit / dt + brakes;
-                u = sign * std::clamp(sign * u, 0.0, std::max(most, 0.0));
-            }
-            friction = std::clamp(rest - u, -F, F);
-        }
-        interface_.out.applied.u[i] = u;
-        changed |= u + friction != wheels_.torque[i] || c != wheels_.viscosity[i];
+        const double friction = wheels_.rubs != 0.0 ? rub(i, x, rate, dt, u) : 0.0;
+        // What flight has scaled to the limit may exceed it by rounding.
+        limited |= std::abs(u - asked) > 1e-9 * std::abs(asked);
+        changed |= u + friction != wheels_.torque[i] || par.viscosity[i] != wheels_.viscosity[i];
+        wheels_.asked[i] = asked;
         wheels_.torque[i] = u + friction;
-        wheels_.viscosity[i] = c;
+        wheels_.viscosity[i] = par.viscosity[i];
+        interface_.out.applied.u[i] = u;
     }
+    wheels_.limited = limited;
     if (changed) {
         Vec3 reaction{};
         double viscous = 0.0;
         for (std::size_t i = 0; i < n_; i++) {
-            const Vec3 axis = vec3(wheels_.gx[i], wheels_.gy[i], wheels_.gz[i]);
-            reaction = vec_sub(reaction, vec_scale(wheels_.torque[i], axis));
+            reaction = vec_sub(reaction, vec_scale(wheels_.torque[i], vec(quad_at(wheels_.axis[i]))));
             viscous = std::max(viscous, wheels_.viscosity[i]);
         }
         wheels_.reaction = reaction;
@@ -119,42 +207,164 @@ bool ReactionWheelsModel::latch(const double *x, const BodyRate &rate, double dt
     return changed;
 }
 
-void ReactionWheelsModel::derive(const double *x, const Vec3 &omega, double *dx, Loads &loads) const
+void ReactionWheelsModel::derive(const double *x, const Motion &motion, double *dx, Loads &loads) const
+{
+    if (!coupled_) {
+        sim::in_registers<&ReactionWheelsModel::derive_in_lanes>(*this, x, motion, dx, loads);
+    }
+}
+
+LANES_INLINE void ReactionWheelsModel::derive_in_lanes(const double *x, const Motion &motion, double *dx,
+                                                       Loads &loads) const
 {
     const Wheels &w = wheels_;
-    Vec3 momentum = loads.momentum, torque = vec_add(loads.torque, w.reaction);
+    Quad momentum = quad(loads.momentum);
     for (std::size_t b = 0; b < padded_; b += state_block) {
-        double hx[state_block], hy[state_block], hz[state_block];
-        for (std::size_t j = 0; j < state_block; j++) {
-            hx[j] = w.gx[b + j] * x[b + j];
-            hy[j] = w.gy[b + j] * x[b + j];
-            hz[j] = w.gz[b + j] * x[b + j];
-            dx[b + j] = w.torque[b + j];
-        }
-        momentum = vec_add(momentum, vec3((hx[0] + hx[1]) + (hx[2] + hx[3]), (hy[0] + hy[1]) + (hy[2] + hy[3]),
-                                          (hz[0] + hz[1]) + (hz[2] + hz[3])));
+        const auto of = [&](std::size_t i) { return quad_at(w.axis[b + i]) * x[b + i]; };
+        momentum += (of(0) + of(1)) + (of(2) + of(3));
+        put_quad(dx + b, quad_at(w.torque + b));
     }
+    put(loads.momentum, momentum);
+    put(loads.torque, quad(loads.torque) + quad(w.reaction));
     if (w.viscous > 0.0) {
-        for (std::size_t i = 0; i < n_; i++) {
-            const double drag = w.viscosity[i] * speed(i, x, omega);
-            dx[i] -= drag;
-            torque = vec_add(torque, vec_scale(drag, vec3(w.gx[i], w.gy[i], w.gz[i])));
+        drag(x, motion, dx, loads);
+    }
+    if (imbalanced_) {
+        shake(x, motion, dx, loads);
+    }
+}
+
+void ReactionWheelsModel::drag(const double *x, const Motion &motion, double *dx, Loads &loads) const
+{
+    for (std::size_t i = 0; i < n_; i++) {
+        const double torque = wheels_.viscosity[i] * speed(i, x, motion.omega);
+        dx[i] -= torque;
+        loads.torque = vec_add(loads.torque, vec_scale(torque, vec(quad_at(wheels_.axis[i]))));
+    }
+}
+
+LANES_INLINE ReactionWheelsModel::Turned ReactionWheelsModel::turned(std::size_t i, const double *x) const
+{
+    Quad s, c;
+    sincos(quad_at(x + padded_ + i), s, c);
+    const Quad3 u[2] = {quads(wheels_.u[0], i), quads(wheels_.u[1], i)};
+    const Quad3 d[2] = {quads(wheels_.d[0], i), quads(wheels_.d[1], i)};
+    return {s, c, c * u[0] + s * u[1], c * u[1] - s * u[0], c * d[0] + s * d[1], c * d[1] - s * d[0]};
+}
+
+/// The simple jitter.
+LANES_INLINE void ReactionWheelsModel::shake(const double *x, const Motion &motion, double *dx, Loads &loads) const
+{
+    const Quad3 omega = quads(motion.omega);
+    Quad3 force{}, torque{};
+    for (std::size_t i = 0; i < n_; i += state_block) {
+        const Turned now = turned(i, x);
+        const Quad Omega = quad_at(x + i) * quad_at(wheels_.J_inverse + i) - dot(quads(wheels_.g, i), omega);
+        put_quad(dx + padded_ + i, Omega);
+        force = force + Omega * Omega * now.u;
+        torque = torque + Omega * Omega * now.d;
+    }
+    // d is about B's origin; the loads' torque is about C.
+    const Quad all = sums(force);
+    put(loads.force_B, quad(loads.force_B) + all);
+    put(loads.torque, quad(loads.torque) + sums(torque) - cross(quad(motion.r_CB_B), all));
+}
+
+void ReactionWheelsModel::add_hidden_inertia(Mat3 &inertia) const
+{
+    for (std::size_t i = 0; i < n_; i++) {
+        const double *g = wheels_.axis[i];
+        for (int j = 0; j < 3; j++) {
+            for (int k = 0; k < 3; k++) {
+                inertia.m[j][k] += wheels_.J[i] * g[j] * g[k];
+            }
         }
     }
-    loads = {momentum, torque};
+}
+
+void ReactionWheelsModel::couple(const double *x, const Motion &motion, Loads &loads, Whole &whole)
+{
+    sim::in_registers<&ReactionWheelsModel::couple_in_lanes>(*this, x, motion, loads, whole);
+}
+
+LANES_INLINE void ReactionWheelsModel::couple_in_lanes(const double *x, const Motion &motion, Loads &loads,
+                                                       Whole &whole)
+{
+    // The coordinate is the wheel's angle in inertial space: its rate is h / J. So the inertia about the axis, which
+    // I_B leaves out, is in no difference of large numbers.
+    const Quad3 omega = quads(motion.omega);
+    for (std::size_t i = 0; i < n_; i += state_block) {
+        const Turned now = turned(i, x);
+        const Quad3 &u = now.u, &sigma = now.sigma, &delta = now.delta, g = quads(wheels_.g, i);
+        const Quad h = quad_at(x + i), by_J = quad_at(wheels_.J_inverse + i), Omega = h * by_J - dot(g, omega);
+        const Quad3 turn = g + by_J * delta, push = by_J * sigma;
+        const QuadSymmetric in[2] = {symmetric(wheels_.inertia[0], i), symmetric(wheels_.inertia[1], i)};
+        const Quad3 bends = (now.cosine * in[1] - now.sine * in[0]).times(omega); // d(inertia)/dtheta omega
+        const Quad force =
+            quad_at(wheels_.torque + i) - quad_at(wheels_.viscosity + i) * Omega + 0.5 * dot(omega, bends);
+        add_at(&whole.mass, sums(Quad{}, u.x, u.y, u.z));
+        (now.cosine * in[0] + now.sine * in[1]).add_to(whole.inertia);
+        square(by_J, sigma).add_to(whole.linear);
+        add_at(whole.cross.m[0], sums(sigma.x * turn));
+        add_at(whole.cross.m[1], sums(sigma.y * turn));
+        add_at(whole.cross.m[2], sums(sigma.z * turn));
+        (both(g, delta) + square(by_J, delta)).add_to(whole.angular);
+        const Quad drift = sums(Omega * sigma), omegas = quad(motion.omega);
+        put(whole.drift, quad(whole.drift) + drift);
+        put(whole.force, quad(whole.force) + sums(Omega * Omega * u - force * push) - 2.0 * cross(omegas, drift));
+        put(whole.torque, quad(whole.torque) + sums(Omega * (Omega * now.d - bends) - force * turn) -
+                              cross(omegas, sums(Omega * delta)));
+        put(loads.momentum, quad(loads.momentum) + sums(h * g));
+        acting_[i / state_block] = {force, Omega, sigma, delta};
+    }
+}
+
+void ReactionWheelsModel::accelerate(const double *, const Vec3 &a, const Vec3 &domega, double *dx) const
+{
+    sim::in_registers<&ReactionWheelsModel::accelerate_in_lanes>(*this, a, domega, dx);
+}
+
+LANES_INLINE void ReactionWheelsModel::accelerate_in_lanes(const Vec3 &a, const Vec3 &domega, double *dx) const
+{
+    const Quad3 linear = quads(a), angular = quads(domega);
+    for (std::size_t i = 0; i < n_; i += state_block) {
+        const Acting &now = acting_[i / state_block];
+        put_quad(dx + i, now.force - dot(now.sigma, linear) - dot(now.delta, angular));
+        put_quad(dx + padded_ + i, now.rate);
+    }
+}
+
+/// Angles within a turn keep their digits.
+void ReactionWheelsModel::normalize(double *x) const
+{
+    for (std::size_t i = 0; i < n_; i++) {
+        double &theta = x[padded_ + i];
+        if (fm_abs(theta) > pi) {
+            theta -= 2.0 * pi * std::nearbyint(theta / (2.0 * pi));
+        }
+    }
+}
+
+/// The faults of the measured speeds. Returns whether any is measured.
+bool ReactionWheelsModel::measure_faultily(WheelSpeeds &speeds)
+{
+    bool speaks = false;
+    for (std::size_t i = 0; i < n_; i++) {
+        const double most = interface_.par.Omega_max[i] > 0.0 ? interface_.par.Omega_max[i] : unlimited;
+        speaks |= wheels_.faults.apply(WHEELS_MAX + i, {&speeds.Omega[i], 1}, -most, most);
+    }
+    return speaks;
 }
 
 void ReactionWheelsModel::publish(sim::Ns t, const double *x, const Vec3 &omega)
 {
     auto &out = interface_.out;
-    bool limited = false;
     for (std::size_t i = 0; i < n_; i++) {
         out.speeds.Omega[i] = speed(i, x, omega);
-        // What flight has scaled to the limit may exceed it by rounding.
-        limited |= std::abs(out.applied.u[i] - wheels_.asked[i]) > 1e-9 * std::abs(wheels_.asked[i]);
     }
-    interface_.mem.saturated += limited;
-    out.speeds.head = head_next(out.speeds.head, t, QUALITY_GOOD);
+    interface_.mem.saturated += wheels_.limited != 0.0;
+    const bool speaks = !begin_faults(t) || measure_faultily(out.speeds);
+    out.speeds.head = speaks ? head_next(out.speeds.head, t, QUALITY_GOOD) : head_held(out.speeds.head);
     out.applied.head = head_next(out.applied.head, t, QUALITY_GOOD);
 }
 

@@ -248,6 +248,28 @@ TEST(ReactionWheels, AHeldWheelTurnsWithTheBody)
     EXPECT_NEAR(f.omega()[2] - before, L / (I + J) * 10.0, 1e-12);
 }
 
+TEST(ReactionWheels, FrictionFallsFromItsValueAtRestAsStribeckHasIt)
+{
+    const double F = 0.02, stiction = 0.1, stribeck = 2.0;
+    const auto spinning = [&](double Omega, double u) {
+        Flyer f;
+        one_wheel(f, Omega);
+        f.wheel_interface.par.friction[0] = F;
+        f.wheel_interface.par.stiction[0] = stiction;
+        f.wheel_interface.par.stribeck[0] = stribeck;
+        f.prepare();
+        f.command(0, u);
+        f.step(ms);
+        return (f.Omega(0) - Omega) / 1e-3 / (1.0 / J + 1.0 / I); // the torque on the wheel
+    };
+    for (const double Omega : {-8.0, -3.0, -0.5, 0.5, 1.0, 2.0, 4.0}) {
+        const double friction = F + (stiction - F) * std::exp(-(Omega / stribeck) * (Omega / stribeck));
+        EXPECT_NEAR(spinning(Omega, 0.3), 0.3 - std::copysign(friction, Omega), 1e-9) << Omega;
+    }
+    EXPECT_NEAR(spinning(0.0, 0.09), 0.0, 1e-12) << "it sticks";
+    EXPECT_NEAR(spinning(0.0, -0.15), -0.05, 1e-9) << "it breaks away";
+}
+
 TEST(ReactionWheels, StoppingConvergesWithTheUpdatesLength)
 {
     // A wheel driven to and fro through rest: the shorter the updates, the nearer to the limit.
@@ -315,6 +337,44 @@ TEST(ReactionWheels, FullSetsAndOddNumbersOfWheelsAct)
         const Vector3d rate = f.inertia().inverse() * torque * 1e-3;
         EXPECT_LT((f.omega() - rate).norm(), 1e-3 * rate.norm()) << n;
     }
+}
+
+TEST(ReactionWheels, FaultsOfMotorsAndSpeedsActFromTheirTimeOn)
+{
+    const auto fly = [](FaultKind kind, std::uint32_t channels, double size) {
+        auto f = std::make_unique<Flyer>();
+        one_wheel(*f, 40.0);
+        f->wheel_interface.par.u_max[0] = 0.2;
+        f->wheel_interface.par.Omega_max[0] = 600.0;
+        f->wheel_interface.par.n_faults = 1;
+        f->wheel_interface.par.faults[0] = {kind, channels, size, 10 * second, 20 * second};
+        f->prepare();
+        f->command(0, 0.1);
+        f->fly(40 * second, 100 * ms);
+        return f;
+    };
+    // What the wheel gained tells the torque between 10 s and 30 s, and the momentum is kept.
+    const double gain = (1.0 / J + 1.0 / I);
+    const std::vector<std::tuple<FaultKind, double, double>> motors = {
+        {FAULT_NONE, 0, 0.1}, {FAULT_HIGH, 0, 0.2},     {FAULT_LOW, 0, -0.2},
+        {FAULT_DEAD, 0, 0.0}, {FAULT_BIAS, 0.05, 0.15},
+    };
+    for (const auto &[kind, size, torque] : motors) {
+        const auto f = fly(kind, 1, size);
+        EXPECT_NEAR(f->Omega(0), 40.0 + gain * (0.1 * 20.0 + torque * 20.0), 1e-9) << kind;
+        EXPECT_NEAR(f->momentum_N()[2], J * 40.0, 1e-9);
+        EXPECT_EQ(f->applied(0), 0.1);
+        EXPECT_EQ(f->wheel_interface.mem.saturated, 0u);
+    }
+    // A measured speed is wrong, and the wheel turns as it did.
+    const auto sound = fly(FAULT_NONE, 0, 0.0), dead = fly(FAULT_DEAD, 1u << 8, 0.0);
+    EXPECT_EQ(dead->Omega(0), sound->Omega(0));
+    dead->wheel_interface.par.faults[0].lasts = 0;
+    sound->step(100 * ms);
+    dead->step(100 * ms);
+    EXPECT_EQ(dead->Omega(0), 0.0);
+    EXPECT_EQ(dead->omega()[2], sound->omega()[2]);
+    EXPECT_EQ(dead->wheel_interface.out.speeds.head.quality, QUALITY_DEGRADED);
 }
 
 TEST(ReactionWheels, SetUpIsChecked)

@@ -4,23 +4,24 @@
 
 #include "world/msg/craft.h"
 
-/** A rigid spacecraft: translation about any number of gravity bodies, rotation, and its parts.
- *  Assumptions: constant mass and inertia; the parts' centre of mass does not move; gravity acts on
- *  the centre of mass (no gravity-gradient torque). I_B is the inertia of the vehicle
- *  with its wheels, less the wheels' inertia about their spin axes, as in VehicleData.
+/** A rigid body, the hub, with its parts: translation about any number of gravity bodies, and rotation.
+ *  Assumptions: gravity acts on the centre of mass of all (a part may add its gradient). mass, center_B and
+ *  I_B are those of the hub with its wheels, less the wheels' inertia about their spin axes, as in VehicleData;
+ *  coupled parts (panels, tanks, sloshing fuel) bring their own masses (docs/dynamics.md).
  *  A run ends where the spacecraft comes inside a body that attracts it (docs/environment.md).
  *  Source: thesis Eq. (A.1). */
 typedef struct Spacecraft {
     struct {
-        ForceTorque external; ///< optional: what else acts on it
+        ForceTorque external; ///< optional: what else acts on it; each further output needs a part ExternalForce
     } in;
     struct {
         CraftState state;
     } out;
     struct {
         double mass;     ///< [kg]     >= 0: mass; needed where forces act; 0: forces are refused
-        Mat3 I_B;        ///< [kg m^2] required, inertia: inertia about the centre of mass
-        Vec3 r_BN_N;     ///< [m]      initial: position relative to the origin of N
+        Vec3 center_B;   ///< [m]      initial, in [-1e3, 1e3]: centre of mass of the hub, relative to the body's origin
+        Mat3 I_B;        ///< [kg m^2] required, inertia: inertia about the hub's centre of mass
+        Vec3 r_BN_N;     ///< [m]      initial: position of the body's origin relative to the origin of N
         Vec3 v_BN_N;     ///< [m/s]    initial: velocity
         Vec3 sigma_BN;   ///< [-]      initial: attitude
         Vec3 omega_BN_B; ///< [rad/s]  initial: angular rate, B components

@@ -4,8 +4,10 @@
 #include "flight/math/attitude.h"
 #include "sim/error.h"
 #include "sim/text.h"
+#include "world/asks.h"
 #include "world/eigen.h"
 
+#include <Eigen/Cholesky>
 #include <Eigen/LU>
 
 #include <algorithm>
@@ -40,16 +42,6 @@ void put(double *x, std::size_t i, Vec3 a)
     x[i + 3] = 0.0;
 }
 
-/// As put(), in two stores of pairs. The integrator loads pairs right afterwards: a load that needs two
-/// stores waits until both have reached the cache.
-void put_pairs(double *x, std::size_t i, Vec3 a)
-{
-    using Pair [[gnu::vector_size(16), gnu::aligned(8), gnu::may_alias]] = double;
-    auto *pairs = reinterpret_cast<Pair *>(x + i);
-    pairs[0] = Pair{a.v[0], a.v[1]};
-    pairs[1] = Pair{a.v[2], 0.0};
-}
-
 bool is_zero(Vec3 a)
 {
     return a.v[0] == 0.0 && a.v[1] == 0.0 && a.v[2] == 0.0;
@@ -81,6 +73,77 @@ std::string text(const Vec3 &a)
     return line += "]";
 }
 
+/// The rate of the MRP sigma at the angular rate omega.
+LANES_INLINE Quad mrp_rate(Quad sigma, Quad omega)
+{
+    const Quad bend = (1.0 - dot(sigma, sigma)) * omega + 2.0 * dot(sigma, omega) * sigma;
+    return 0.25 * (bend + 2.0 * cross(sigma, omega));
+}
+
+/// What inverts the symmetric matrix with the rows a, b, c: its adjugate, and one over its determinant.
+struct Adjugate {
+    Quad x, y, z;
+    double per_determinant;
+
+    LANES_INLINE Adjugate(Quad a, Quad b, Quad c)
+        : x(cross(b, c)), y(cross(c, a)), z(cross(a, b)), per_determinant(1.0 / dot(a, x))
+    {
+    }
+};
+
+/// What solves the equations of a Whole.
+struct Accelerations {
+    Quad a, domega;
+    Rows linear, angular; ///< what is left of mass and inertia
+
+    LANES_INLINE explicit Accelerations(const Whole &w)
+    {
+        const double *b = w.moment.v;
+        const auto row = [](const Rows &from, int i) { return quad_at(from.m[i]); };
+        const Quad c[3] = {Quad{0.0, b[2], -b[1], 0.0} - row(w.cross, 0), Quad{-b[2], 0.0, b[0], 0.0} - row(w.cross, 1),
+                           Quad{b[1], -b[0], 0.0, 0.0} - row(w.cross, 2)};
+        const Quad l[3] = {Quad{w.mass, 0.0, 0.0, 0.0} - row(w.linear, 0),
+                           Quad{0.0, w.mass, 0.0, 0.0} - row(w.linear, 1),
+                           Quad{0.0, 0.0, w.mass, 0.0} - row(w.linear, 2)};
+        const Adjugate p(l[0], l[1], l[2]);
+        const double per = p.per_determinant;
+        // with the determinant's factor, so that the division need not wait
+        const Quad r[3] = {combine(c[0], c[1], c[2], p.x), combine(c[0], c[1], c[2], p.y),
+                           combine(c[0], c[1], c[2], p.z)};
+        Quad left[3];
+        for (int i = 0; i < 3; i++) {
+            const Quad taken = r[0] * c[0][i] + r[1] * c[1][i] + r[2] * c[2][i];
+            left[i] = row(w.inertia, i) - row(w.angular, i) - per * taken;
+            put_quad(linear.m[i], l[i]);
+            put_quad(angular.m[i], left[i]);
+        }
+        const Quad torque = quad(w.torque) - per * combine(r[0], r[1], r[2], w.force.v);
+        const Adjugate q(left[0], left[1], left[2]);
+        domega = q.per_determinant * combine(q.x, q.y, q.z, torque);
+        a = per * (combine(p.x, p.y, p.z, w.force.v) - sums(r[0] * domega, r[1] * domega, r[2] * domega, Quad{}));
+    }
+
+    bool possible() const { return positive(linear) && positive(angular); }
+
+    static bool positive(const Rows &a)
+    {
+        const Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> rows(a.m[0]);
+        return Eigen::LLT<Eigen::Matrix3d>(rows.leftCols<3>()).info() == Eigen::Success;
+    }
+};
+
+/// The inertia of all about C, with what I_B leaves out.
+Mat3 inertia_about(const Whole &whole, const Vec3 &c, const Mat3 &hidden)
+{
+    Whole central = whole;
+    central.add(-whole.mass, c, hidden);
+    Mat3 inertia;
+    for (int i = 0; i < 3; i++) {
+        std::copy(central.inertia.m[i], central.inertia.m[i] + 3, inertia.m[i]);
+    }
+    return inertia;
+}
+
 } // namespace
 
 void SpacecraftModel::attach(Effector &part)
@@ -90,19 +153,45 @@ void SpacecraftModel::attach(Effector &part)
             throw sim::SetupError("spacecraft: the same part is attached twice");
         }
     }
-    parts_.push_back({&part, 0});
+    parts_.push_back({&part, 0, false});
 }
 
 void SpacecraftModel::prepare(const sim::Setup &setup)
 {
     name_ = setup.name;
     n_ = own_states;
+    parts_push_ = coupled_ = false;
+    switching_.clear();
+    std::stable_partition(parts_.begin(), parts_.end(), [](const Part &part) { return !part.effector->carrier(); });
     for (Part &part : parts_) {
         if (!part.effector->claim(*this)) {
             throw sim::SetupError(name_ + ": one of its parts belongs to another spacecraft");
         }
         part.at = n_;
         n_ += part.effector->states();
+        part.couples = part.effector->couples();
+        parts_push_ |= part.effector->pushes();
+        coupled_ |= part.couples;
+        if (part.effector->switches()) {
+            switching_.push_back(part.effector);
+        }
+        const Effector *carrier = part.effector->carrier();
+        const auto is_carrier = [&](const Part &other) { return other.effector == carrier; };
+        if (carrier && std::ranges::none_of(parts_, is_carrier)) {
+            throw sim::SetupError(name_ + ".parts: one of them is mounted on a part that is not among them");
+        }
+    }
+    if ((parts_push_ || coupled_) && interface_.par.mass == 0.0) {
+        throw sim::SetupError(name_ + ".mass is 0, but one of its parts " +
+                              (coupled_ ? "moves masses" : "adds forces") + ": give the spacecraft its mass");
+    }
+    for (const Part &part : parts_) {
+        const auto *asks = dynamic_cast<const Asks *>(part.effector);
+        const auto *source = asks ? dynamic_cast<const SkyUser *>(asks->asked()) : nullptr;
+        if (sky() && source && source->sky() && !source->sky()->has_frame_of(*sky())) {
+            throw sim::SetupError(name_ + ".sky: the " + asks->asks() +
+                                  " that one of its parts asks is in a sky of another center or epoch");
+        }
     }
     integrator_ = setup.integrator->fresh();
     integrator_->resize(n_);
@@ -119,10 +208,12 @@ void SpacecraftModel::prepare(const sim::Setup &setup)
         central_arc_ = Attraction::arc(attraction_.bodies()[0]);
     }
 }
+
 void SpacecraftModel::reset(Ns t)
 {
     const auto &par = interface_.par;
-    take_inertia();
+    center_ = par.center_B;
+    offset_ = coupled_ || !is_zero(center_);
     std::fill(memory_.begin(), memory_.end(), 0.0);
     put(x_, at_r, par.r_BN_N);
     put(x_, at_v, par.v_BN_N);
@@ -131,7 +222,9 @@ void SpacecraftModel::reset(Ns t)
     for (const Part &part : parts_) {
         part.effector->start(par.omega_BN_B, x_ + part.at);
     }
+    take_inertia();
     interface_.out = {};
+    begin();
     latch({t, 0});
     publish(t);
 }
@@ -145,12 +238,41 @@ void SpacecraftModel::refresh()
 void SpacecraftModel::take_inertia()
 {
     I_B_ = interface_.par.I_B;
-    const Eigen::Matrix3d inverse = view(I_B_).inverse();
-    for (int i = 0; i < 3; i++) {
-        for (int j = 0; j < 3; j++) {
-            I_B_inverse_.m[i][j] = inverse(i, j);
+    I_transposed_ = transposed(I_B_);
+    I_inverse_ = transposed(mat(view(I_B_).inverse()));
+    I_hidden_ = {};
+    I_C_ = I_B_;
+    for (const Part &part : parts_) {
+        part.effector->add_hidden_inertia(I_hidden_);
+        part.effector->add_hidden_inertia(I_C_);
+    }
+    hub_ = {};
+    hub_.add(interface_.par.mass, center_, I_B_);
+}
+
+/// From the motion of B's origin, which the parameters have, to that of C. Refuses parts that leave the body no mass or
+/// inertia.
+void SpacecraftModel::begin()
+{
+    if (!offset_) {
+        return;
+    }
+    Motion motion{};
+    Loads loads{};
+    motion.sigma_BN = get(x_, at_sigma);
+    motion.omega = get(x_, at_omega);
+    motion.C_BN = mrp_to_dcm(motion.sigma_BN);
+    motion.r_CB_B = center_;
+    if (coupled_) {
+        couple(x_, motion, loads);
+        if (!Accelerations(whole_).possible()) {
+            throw sim::SetupError(name_ + ".mass and I_B leave the body no inertia once its parts move: they must be "
+                                          "those of the hub with its wheels, and of a size that suits the parts");
         }
     }
+    const Offset c = offset(motion);
+    put(x_, at_r, vec_add(get(x_, at_r), c.r));
+    put(x_, at_v, vec_add(get(x_, at_v), c.v));
 }
 
 void SpacecraftModel::update(Tick tick)
@@ -180,7 +302,8 @@ bool SpacecraftModel::latch_external(Tick tick)
 {
     const ForceTorque &external = interface_.in.external;
     const bool acts = tick.dt > 0 && head_written(external.head);
-    pushed_ = false;
+    pushed_ = parts_push_;
+    simple_ = !(coupled_ || pushed_);
     if (!acts && held_[at_acts] == 0.0) {
         return false;
     }
@@ -190,8 +313,10 @@ bool SpacecraftModel::latch_external(Tick tick)
         force_B = external.force_B;
         torque_B = external.torque_B;
     }
-    pushed_ = !(is_zero(force_N) && is_zero(force_B));
-    if (pushed_ && interface_.par.mass == 0.0) {
+    const bool force = !(is_zero(force_N) && is_zero(force_B));
+    pushed_ |= force;
+    simple_ &= !force;
+    if (force && interface_.par.mass == 0.0) {
         throw sim::RunError(name_ + ".external: a force arrived at " + sim::format_time(tick.t - tick.dt) +
                             ", force_N = " + text(force_N) + " N and force_B = " + text(force_B) + " N, but " + name_ +
                             ".mass is 0: give the spacecraft its mass");
@@ -213,7 +338,11 @@ void SpacecraftModel::advance(Tick tick)
     from_v_ = get(x_, at_v);
     begun_ = false;
     try {
-        integrator_->advance(*this, tick.t - tick.dt, tick.dt, x_, dx_);
+        if (switching_.empty()) {
+            integrator_->advance(*this, from_, tick.dt, x_, dx_);
+        } else {
+            advance_by_stretches(tick.t);
+        }
         stepped_ = false;
         finite = all_finite(x_, n_);
         if (finite && !(central_mu_ > 0.0 && clear_of_center(tick_seconds(tick.dt)))) {
@@ -226,6 +355,23 @@ void SpacecraftModel::advance(Tick tick)
     if (!finite) {
         throw sim::RunError(name_ + ": the state at " + sim::format_time(tick.t) + " is not finite; " +
                             last_good_state());
+    }
+}
+
+/// With steps that end at the instants at which a part's loads jump or bend.
+void SpacecraftModel::advance_by_stretches(Ns until)
+{
+    for (Ns t = from_; t < until;) {
+        bool changed = t > from_; // else dx_ is up to date
+        Ns end = until;
+        for (Effector *part : switching_) {
+            changed |= part->stretch(t, end);
+        }
+        if (changed) {
+            derive(t, 0.0, x_, dx_);
+        }
+        integrator_->advance(*this, t, end - t, x_, dx_);
+        t = end;
     }
 }
 
@@ -259,31 +405,177 @@ std::string SpacecraftModel::last_good_state() const
 
 void SpacecraftModel::derive(Ns start, double tau, const double *x, double *dx)
 {
-    const Vec3 sigma = get(x, at_sigma), omega = get(x, at_omega);
-
-    const Vec3 r = get(x, at_r);
     if (stepped_) {
         stepped_ = false;
         end_step(start, tau, x);
     }
-    Vec3 acceleration =
-        central_mu_ > 0.0 ? point_mass_gravity(central_mu_, r) : vec(attraction_.at(start, tau, view(r)));
+    if (simple_) {
+        sim::in_registers<&SpacecraftModel::derive_simple>(*this, start, tau, x, dx);
+    } else {
+        sim::in_registers<&SpacecraftModel::derive_pushed>(*this, start, tau, x, dx);
+    }
+}
+
+LANES_INLINE Quad SpacecraftModel::gravity_at(Ns start, double tau, const double *at)
+{
+    const Quad r = quad_at(at);
+    if (central_mu_ > 0.0) {
+        const double r2 = dot(r, r);
+        return -central_mu_ / (r2 * r2) * fm_sqrt(r2) * r;
+    }
+    return quad(vec(attraction_.at(start, tau, view(vec(r)))));
+}
+
+LANES_INLINE void SpacecraftModel::derive_simple(Ns start, double tau, const double *x, double *dx)
+{
+    const Quad sigma = quad_at(x + at_sigma), omega = quad_at(x + at_omega);
+    put_quad(dx + at_r, quad_at(x + at_v));
+    put_quad(dx + at_v, gravity_at(start, tau, x + at_r));
+    put_quad(dx + at_sigma, mrp_rate(sigma, omega));
+    Quad momentum = transposed_times(I_transposed_, x + at_omega), torque = quad_at(held_ + at_torque_B);
+    if (!parts_.empty()) {
+        Motion motion; // these parts use no more of both than this
+        Loads loads;
+        motion.start = start;
+        motion.tau = tau;
+        put(motion.omega, omega);
+        put(loads.momentum, momentum);
+        put(loads.torque, torque);
+        for (const Part &part : parts_) {
+            part.effector->derive(x + part.at, motion, dx + part.at, loads);
+        }
+        momentum = quad(loads.momentum);
+        torque = quad(loads.torque);
+    }
+    put_quad(dx + at_omega, transposed_times(I_inverse_, torque - cross(omega, momentum)));
+}
+
+LANES_INLINE void SpacecraftModel::derive_pushed(Ns start, double tau, const double *x, double *dx)
+{
+    const Quad v = quad_at(x + at_v), sigma = quad_at(x + at_sigma), omega = quad_at(x + at_omega);
+    const Quad gravity = gravity_at(start, tau, x + at_r);
+    put_quad(dx + at_r, v);
+    put_quad(dx + at_v, gravity);
+    put_quad(dx + at_sigma, mrp_rate(sigma, omega));
+    put(gravity_, gravity);
+    Motion motion; // its matrices stay as they are if no part uses them
+    motion.start = start;
+    motion.tau = tau;
+    put(motion.r_BN_N, quad_at(x + at_r));
+    put(motion.v_BN_N, v);
+    put(motion.sigma_BN, sigma);
+    put(motion.omega, omega);
+    motion.mass = interface_.par.mass;
+    motion.r_CB_B = center_;
+    // One by one, as in couple().
+    Loads loads;
+    put(loads.momentum, Quad{});
+    put(loads.moment_rate, Quad{});
+    loads.mass_rate = 0.0;
+    put(loads.torque, quad_at(held_ + at_torque_B));
+    put(loads.force_N, quad_at(held_ + at_force_N));
+    put(loads.force_B, quad_at(held_ + at_force_B));
     if (pushed_) {
-        const Vec3 force =
-            vec_add(get(held_, at_force_N), mat_transpose_vec(mrp_to_dcm(sigma), get(held_, at_force_B)));
-        acceleration = vec_add(acceleration, vec_scale(1.0 / interface_.par.mass, force));
+        motion.C_BN = mrp_to_dcm(motion.sigma_BN);
+        motion.I_C_B = I_C_;
     }
-    put(dx, at_r, get(x, at_v));
-    put(dx, at_v, acceleration);
-
-    const Vec3 bend = vec_add(vec_scale(1.0 - vec_norm2(sigma), omega), vec_scale(2.0 * vec_dot(sigma, omega), sigma));
-    put(dx, at_sigma, vec_scale(0.25, vec_add(bend, vec_scale(2.0, vec_cross(sigma, omega)))));
-
-    Loads loads{mat_vec(I_B_, omega), get(held_, at_torque_B)};
+    if (coupled_) {
+        return solve(x, motion, loads, dx);
+    }
+    if (offset_) {
+        place_origin(motion);
+    }
+    put(loads.momentum, transposed_times(I_transposed_, x + at_omega));
     for (const Part &part : parts_) {
-        part.effector->derive(x + part.at, omega, dx + part.at, loads);
+        part.effector->derive(x + part.at, motion, dx + part.at, loads);
     }
-    put_pairs(dx, at_omega, mat_vec(I_B_inverse_, vec_sub(loads.torque, vec_cross(omega, loads.momentum))));
+    const Vec3 force = vec_add(loads.force_N, mat_transpose_vec(motion.C_BN, loads.force_B));
+    put_quad(dx + at_v, gravity + 1.0 / interface_.par.mass * quad(force));
+    put_quad(dx + at_omega, transposed_times(I_inverse_, quad(loads.torque) - cross(omega, quad(loads.momentum))));
+}
+
+Vec3 SpacecraftModel::gravity_torque(Ns start, double tau, const Vec3 &r_N, const Mat3 &C_BN, const Mat3 &I_C_B) const
+{
+    return vec(attraction_.torque(start, tau, view(r_N), view(C_BN), view(I_C_B)));
+}
+
+/// What the coupled parts are and do.
+LANES_INLINE void SpacecraftModel::couple(const double *x, Motion &motion, Loads &loads)
+{
+    // One by one: to copy it as a whole, the compiler takes an instruction that is slow to start.
+    put_quad(&whole_.mass, quad_at(&hub_.mass));
+    for (int i = 0; i < 3; i++) {
+        put_quad(whole_.inertia.m[i], quad_at(hub_.inertia.m[i]));
+        for (Rows *rows : {&whole_.linear, &whole_.cross, &whole_.angular}) {
+            put_quad(rows->m[i], Quad{});
+        }
+    }
+    put(whole_.drift, Quad{});
+    put(whole_.force, Quad{});
+    put(whole_.torque, Quad{});
+    for (const Part &part : parts_) {
+        if (part.couples) {
+            part.effector->couple(x + part.at, motion, loads, whole_);
+        }
+    }
+    motion.mass = whole_.mass;
+    motion.r_CB_B = vec_scale(1.0 / whole_.mass, whole_.moment);
+}
+
+/// The derivatives with coupled parts. `motion` has the motion of C in place of the origin's.
+LANES_INLINE void SpacecraftModel::solve(const double *x, Motion &motion, Loads &loads, double *dx)
+{
+    couple(x, motion, loads);
+    const Quad omega = quad_at(x + at_omega), c = quad(motion.r_CB_B);
+    if (pushed_) {
+        motion.I_C_B = inertia_about(whole_, motion.r_CB_B, I_hidden_);
+        place_origin(motion);
+    }
+    for (const Part &part : parts_) {
+        part.effector->derive(x + part.at, motion, dx + part.at, loads);
+    }
+    Quad force{};
+    if (pushed_) {
+        force = quad(loads.force_B) + quad(mat_vec(motion.C_BN, loads.force_N));
+        put(loads.torque, quad(loads.torque) + cross(c, force));
+    }
+    const Quad momentum = transposed_times(whole_.inertia, x + at_omega) + quad(loads.momentum);
+    put(whole_.force, quad(whole_.force) + force - cross(omega, cross(omega, quad(whole_.moment))));
+    put(whole_.torque, quad(whole_.torque) + quad(loads.torque) - cross(omega, momentum));
+    const Accelerations found(whole_);
+    put(a_, found.a);
+    put_quad(dx + at_omega, found.domega);
+    const Vec3 domega = vec(found.domega);
+    for (const Part &part : parts_) {
+        if (part.couples) {
+            part.effector->accelerate(x + part.at, a_, domega, dx + part.at);
+        }
+    }
+    if (pushed_) {
+        // As masses change, C moves in B without momentum.
+        const Quad shift = 1.0 / motion.mass * (quad(loads.moment_rate) - loads.mass_rate * c);
+        const Quad lost = loads.mass_rate / motion.mass * quad(whole_.drift);
+        const Quad gained = 1.0 / motion.mass * (force - lost) + cross(omega, shift);
+        add_at(dx + at_r, quad(mat_transpose_vec(motion.C_BN, vec(shift))));
+        add_at(dx + at_v, quad(mat_transpose_vec(motion.C_BN, vec(gained))));
+    }
+}
+
+SpacecraftModel::Offset SpacecraftModel::offset(const Motion &motion) const
+{
+    Vec3 v = vec_cross(motion.omega, motion.r_CB_B);
+    if (coupled_) {
+        v = vec_add(v, vec_scale(1.0 / whole_.mass, whole_.drift));
+    }
+    return {mat_transpose_vec(motion.C_BN, motion.r_CB_B), mat_transpose_vec(motion.C_BN, v)};
+}
+
+/// From the motion of C to that of B's origin.
+void SpacecraftModel::place_origin(Motion &motion) const
+{
+    const Offset c = offset(motion);
+    motion.r_BN_N = vec_sub(motion.r_BN_N, c.r);
+    motion.v_BN_N = vec_sub(motion.v_BN_N, c.v);
 }
 
 void SpacecraftModel::normalize(double *x)
@@ -292,6 +584,18 @@ void SpacecraftModel::normalize(double *x)
         put(x, at_sigma, mrp_shadow(sigma));
     }
     stepped_ = true;
+    if (coupled_) {
+        normalize_parts(x);
+    }
+}
+
+void SpacecraftModel::normalize_parts(double *x) const
+{
+    for (const Part &part : parts_) {
+        if (part.couples) {
+            part.effector->normalize(x + part.at);
+        }
+    }
 }
 
 void SpacecraftModel::publish(Ns t)
@@ -299,15 +603,48 @@ void SpacecraftModel::publish(Ns t)
     derive(t, 0.0, x_, dx_);
     CraftState &state = interface_.out.state;
     state.head = head_next(state.head, t, QUALITY_GOOD);
-    state.r_BN_N = get(x_, at_r);
-    state.v_BN_N = get(x_, at_v);
+    state.r_BN_N = state.r_CN_N = get(x_, at_r);
+    state.v_BN_N = state.v_CN_N = get(x_, at_v);
     state.sigma_BN = get(x_, at_sigma);
     state.omega_BN_B = get(x_, at_omega);
     state.domega_BN_B = get(dx_, at_omega);
     state.a_BN_N = get(dx_, at_v);
+    // Where gravity alone accelerates, it is known already.
+    state.g_CN_N = simple_ ? state.a_BN_N : gravity_;
+    if (offset_) {
+        publish_origin();
+    }
     for (const Part &part : parts_) {
         part.effector->publish(t, x_ + part.at, state.omega_BN_B);
     }
+}
+
+/// The origin's motion, where it is not that of C.
+void SpacecraftModel::publish_origin()
+{
+    CraftState &state = interface_.out.state;
+    Motion motion{state.head.t,
+                  0.0,
+                  state.r_CN_N,
+                  state.v_CN_N,
+                  state.sigma_BN,
+                  state.omega_BN_B,
+                  mrp_to_dcm(state.sigma_BN),
+                  0.0,
+                  center_,
+                  {}};
+    if (coupled_) {
+        motion.r_CB_B = vec_scale(1.0 / whole_.mass, whole_.moment);
+        state.a_BN_N = vec_add(gravity_, mat_transpose_vec(motion.C_BN, a_));
+        state.v_CN_N = get(dx_, at_r);
+    } else {
+        const Vec3 &omega = state.omega_BN_B;
+        const Vec3 a = vec_add(vec_cross(state.domega_BN_B, center_), vec_cross(omega, vec_cross(omega, center_)));
+        state.a_BN_N = vec_sub(state.a_BN_N, mat_transpose_vec(motion.C_BN, a));
+    }
+    place_origin(motion);
+    state.r_BN_N = motion.r_BN_N;
+    state.v_BN_N = motion.v_BN_N;
 }
 
 std::vector<sim::Model *> SpacecraftModel::parts() const
@@ -317,6 +654,35 @@ std::vector<sim::Model *> SpacecraftModel::parts() const
         models.push_back(part.effector);
     }
     return models;
+}
+
+std::vector<sim::DifferentialState> SpacecraftModel::differential_states()
+{
+    std::vector<StateName> names;
+    add_names(names, at_r, "r_CN_N", "m", 3);
+    add_names(names, at_v, "v_CN_N", "m/s", 3);
+    add_names(names, at_sigma, "sigma_BN", "-", 3);
+    add_names(names, at_omega, "omega_BN_B", "rad/s", 3);
+    std::vector<sim::DifferentialState> states;
+    const auto add = [&](const sim::Model *of, std::size_t at, const std::vector<StateName> &some) {
+        for (const StateName &one : some) {
+            states.push_back({of, one.name, one.unit, x_ + at + one.at, dx_ + at + one.at});
+        }
+    };
+    add(this, 0, names);
+    for (const Part &part : parts_) {
+        add(part.effector, part.at, part.effector->names());
+    }
+    return states;
+}
+
+void SpacecraftModel::follow(Ns dt)
+{
+    const Ns t = interface_.out.state.head.t;
+    if (dt > 0) {
+        latch({t + dt, dt});
+    }
+    publish(t);
 }
 
 void SpacecraftModel::copy_setup(const sim::Model &original,

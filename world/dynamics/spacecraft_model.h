@@ -6,14 +6,19 @@
 //   dsigma = 1/4 ((1 - sigma.sigma) omega + 2 sigma x omega + 2 (sigma.omega) sigma)
 //   I_B domega = -omega x (I_B omega + sum of parts' momenta) + sum of parts' torques + torque
 //
+// r and v are those of the centre of mass of all, so that moving parts do not disturb them. With coupled parts, domega
+// is the solution of the equations of the whole (world/dynamics/effector.h, docs/dynamics.md).
+//
 // Attitudes are Modified Rodrigues Parameters; a step that ends with |sigma| > 1 goes over to the
 // shadow set.
 #pragma once
 
 #include "sim/model.h"
 #include "world/dynamics/effector.h"
+#include "world/dynamics/lanes.h"
 #include "world/dynamics/spacecraft.h"
 #include "world/environment/attraction.h"
+#include "world/environment/sky_user.h"
 
 #include <functional>
 #include <memory>
@@ -23,7 +28,7 @@
 
 namespace fledge::world {
 
-class SpacecraftModel final : private sim::System, public sim::Model {
+class SpacecraftModel final : private sim::System, public sim::Model, public SkyUser {
 public:
     explicit SpacecraftModel(Spacecraft &interface) : interface_(interface) {}
 
@@ -36,8 +41,11 @@ public:
     const std::vector<GravityBody> &gravity() const { return attraction_.bodies(); }
 
     /// From now on the bodies are where the sky has them.
-    void set_sky(std::shared_ptr<const Sky> sky) { attraction_.set_sky(std::move(sky)); }
-    const std::shared_ptr<const Sky> &sky() const { return attraction_.sky(); }
+    void set_sky(std::shared_ptr<const Sky> sky) override { attraction_.set_sky(std::move(sky)); }
+    const std::shared_ptr<const Sky> &sky() const override { return attraction_.sky(); }
+
+    /// [N m] The torque of gravity about the position r_N [m] of the centre of mass, B components.
+    Vec3 gravity_torque(sim::Ns start, double tau, const Vec3 &r_N, const Mat3 &C_BN, const Mat3 &I_C_B) const;
 
     void prepare(const sim::Setup &setup) override;
     void ensure_data_until(sim::Ns until) override { attraction_.ensure_data_until(until); }
@@ -51,6 +59,8 @@ public:
     void update(Tick tick) override;
 
     std::vector<sim::Model *> parts() const override;
+    std::vector<sim::DifferentialState> differential_states() override;
+    void follow(sim::Ns dt) override;
     std::vector<std::string> assumptions() const override { return attraction_.assumptions(); }
     std::span<std::byte> memory() override { return std::as_writable_bytes(std::span(memory_)); }
     void copy_setup(const sim::Model &original,
@@ -59,10 +69,28 @@ public:
 private:
     void derive(sim::Ns start, double tau, const double *x, double *dx) override;
     void normalize(double *x) override;
+    [[gnu::noinline]] void normalize_parts(double *x) const;
+
+    /// Position and velocity of C relative to B's origin, N components.
+    struct Offset {
+        Vec3 r, v;
+    };
+    void begin();
+    void couple(const double *x, Motion &motion, Loads &loads);
+    /// derive() without forces and coupled parts.
+    void derive_simple(sim::Ns start, double tau, const double *x, double *dx);
+    /// The same with them.
+    void derive_pushed(sim::Ns start, double tau, const double *x, double *dx);
+    void solve(const double *x, Motion &motion, Loads &loads, double *dx);
+    Quad gravity_at(sim::Ns start, double tau, const double *r);
+    Offset offset(const Motion &motion) const;
+    void place_origin(Motion &motion) const;
+    void publish_origin();
 
     bool latch(Tick tick);
     bool latch_external(Tick tick);
     void advance(Tick tick);
+    [[gnu::noinline]] void advance_by_stretches(sim::Ns until);
     bool clear_of_center(double h) const;
     void end_step(sim::Ns start, double tau, const double *x);
     void take_inertia();
@@ -72,16 +100,28 @@ private:
     struct Part {
         Effector *effector;
         std::size_t at; ///< where its states begin
+        bool couples;
     };
 
     Spacecraft &interface_;
     std::vector<Part> parts_;
-    Attraction attraction_;
-    double central_mu_ = 0.0; ///< of the only gravity body, if it is a point at rest in the origin
+    std::vector<Effector *> switching_; ///< those of the parts whose loads jump or bend
+    mutable Attraction attraction_;     ///< it remembers where it found the bodies
+    double central_mu_ = 0.0;           ///< of the only gravity body, if it is a point at rest in the origin
 
     std::string name_;
     std::unique_ptr<sim::Integrator> integrator_;
-    Mat3 I_B_{}, I_B_inverse_{};
+    Mat3 I_B_{};
+    Rows I_transposed_{}, I_inverse_{}; ///< the second transposed as well
+    Mat3 I_hidden_{};                   ///< what I_B leaves out
+    Mat3 I_C_{};                        ///< their sum
+    Whole hub_{};                       ///< the hub alone
+    Vec3 center_{};                     ///< of the hub
+    Whole whole_{};        ///< as the last derive() found it, if some part is coupled; only scratch, as the next two
+    Vec3 a_{};             ///< [m/s^2] of B's origin less gravity, B components
+    Vec3 gravity_{};       ///< [m/s^2] N components
+    bool coupled_ = false; ///< whether some part is
+    bool offset_ = false;  ///< whether C may differ from B's origin
 
     // All that changes during a run: the states (r, v, sigma, omega, then the parts') and what the
     // integrator carries, their derivatives as last published, and what the external inputs gave
@@ -89,7 +129,9 @@ private:
     std::vector<double> memory_;
     std::size_t n_ = 0;
     double *x_ = nullptr, *dx_ = nullptr, *held_ = nullptr;
-    bool pushed_ = false; ///< whether there is a force
+    bool parts_push_ = false; ///< whether some part adds forces
+    bool pushed_ = false;     ///< whether there is a force
+    bool simple_ = false;     ///< whether there is none, and no coupled part
 
     // For the check that the craft stays outside of all bodies.
     double central_surface_ = 0.0, central_arc_ = 0.0; ///< of the only gravity body, as central_mu_

@@ -1,0 +1,203 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "world/dynamics/drag_model.h"
+
+#include "world/dynamics/orbit.h"
+#include "world/testing/flyer.h"
+
+#include <gtest/gtest.h>
+
+#include <numbers>
+#include <random>
+
+namespace {
+
+using namespace fledge;
+using namespace fledge::world;
+using namespace fledge::world::testing;
+
+constexpr double mu = 3.986004415e14, pi = std::numbers::pi;
+
+struct Craft {
+    Flyer f;
+    Atmosphere air_interface{};
+    AtmosphereModel air{air_interface};
+    Drag drag_interface{};
+    DragModel drag{drag_interface};
+
+    Craft()
+    {
+        GravityBody body;
+        body.name = "EARTH";
+        body.mu = mu;
+        body.radius = 6378137.0;
+        air.set_body(body);
+        air_interface.par.density = 1e-12;
+        drag_interface.par.Cd = 2.2;
+        drag_interface.par.area = 3.0;
+        f.craft.add_gravity(body);
+        f.set_inertia(Vector3d(500.0, 700.0, 900.0).asDiagonal());
+        f.craft_interface.par.mass = 100.0;
+        f.craft_interface.par.r_BN_N = vec3(7e6, 0, 0);
+        f.craft_interface.par.v_BN_N = vec3(0, 7000, 1000);
+        drag.ask(air);
+        f.craft.attach(drag);
+    }
+    void prepare()
+    {
+        drag.prepare({"world.drag", 1, f.method.get()}); // before what it asks
+        air.prepare({"world.air", 1, f.method.get()});
+        f.prepare();
+    }
+    Vector3d force() const { return view(drag_interface.out.load.force_B); }
+    Vector3d torque() const { return view(drag_interface.out.load.torque_B); }
+};
+
+TEST(Drag, ASphereFeelsTheWindOfTheTurningAir)
+{
+    std::mt19937 random(1);
+    std::normal_distribution<double> normal;
+    const auto any = [&](double scale) -> Vector3d {
+        return scale * Vector3d(normal(random), normal(random), normal(random));
+    };
+    for (int round = 0; round < 100; round++) {
+        Craft c;
+        c.air_interface.par.spin = 1e-4 * normal(random);
+        const Vector3d r = 7e6 * any(1).normalized(), v = any(5000), sigma = any(0.2), centre = any(1);
+        c.f.craft_interface.par.r_BN_N = vec(r);
+        c.f.craft_interface.par.v_BN_N = vec(v);
+        c.f.craft_interface.par.sigma_BN = vec(sigma);
+        c.drag_interface.par.centre_B = vec(centre);
+        c.prepare();
+        const Vector3d wind = v - Vector3d(0, 0, c.air_interface.par.spin).cross(r);
+        const Vector3d F_N = -0.5 * 1e-12 * 2.2 * 3.0 * wind.norm() * wind;
+        EXPECT_LT((c.f.dcm_BN().transpose() * c.force() - F_N).norm(), 1e-14 * F_N.norm());
+        EXPECT_LT((c.torque() - centre.cross(c.force())).norm(), 1e-14 * F_N.norm());
+        // It is what the craft felt, besides gravity.
+        const Vector3d a = view(c.f.state().a_BN_N);
+        EXPECT_LT((a + mu / std::pow(r.norm(), 3) * r - F_N / 100.0).norm(), 1e-14);
+        const Vector3d domega = view(c.f.state().domega_BN_B);
+        EXPECT_LT((c.f.inertia() * domega - c.torque()).norm(), 1e-14 * F_N.norm());
+    }
+}
+
+/// Six facets of a box of these sides about a centre.
+void make_box(Drag &drag, const Vector3d &sides, const Vector3d &centre)
+{
+    drag.par.n = 6;
+    for (int k = 0; k < 6; k++) {
+        const int axis = k / 2;
+        const Vector3d normal = (k % 2 ? -1.0 : 1.0) * Vector3d::Unit(axis);
+        drag.par.normals_B[k] = vec(3.0 * normal); // of any length
+        drag.par.areas[k] = sides.prod() / sides[axis];
+        drag.par.centres_B[k] = vec(centre + 0.5 * sides[axis] * normal);
+    }
+}
+
+TEST(Drag, ABoxFeelsItsProjection)
+{
+    const Vector3d sides(1.0, 2.0, 0.5), centre(0.1, -0.2, 0.3), v(4000, -5000, 3000);
+    Craft c;
+    make_box(c.drag_interface, sides, centre);
+    c.f.craft_interface.par.sigma_BN = vec3(0.3, -0.1, 0.2);
+    c.f.craft_interface.par.v_BN_N = vec(v);
+    c.prepare();
+    const Vector3d v_B = c.f.dcm_BN() * v;
+    // Of a convex body the projection is half the sum over all facets, lit or not.
+    double projection = 0.0;
+    Vector3d torque(0, 0, 0);
+    for (int axis = 0; axis < 3; axis++) {
+        const double area = sides.prod() / sides[axis] * std::abs(v_B[axis]) / v.norm();
+        projection += area;
+        const Vector3d middle = centre + 0.5 * sides[axis] * (v_B[axis] > 0 ? 1 : -1) * Vector3d::Unit(axis);
+        torque += area * middle.cross(-0.5e-12 * 2.2 * v.norm() * v_B);
+    }
+    const Vector3d F = -0.5e-12 * 2.2 * projection * v.norm() * v_B;
+    EXPECT_LT((c.force() - F).norm(), 1e-14 * F.norm());
+    EXPECT_LT((c.torque() - torque).norm(), 1e-14 * F.norm());
+}
+
+TEST(Drag, ACircularOrbitDecaysAsTheClosedFormSays)
+{
+    // In air of constant density that does not turn, da/dt = -density B sqrt(mu a) with B = Cd A / m, so that sqrt(a)
+    // falls at a constant rate. The orbit stays circular but for terms of density B a = 7e-6.
+    Craft c;
+    const double a0 = 7e6, B = 2.2 * 3.0 / 100.0, density = 1.5e-11;
+    c.air_interface.par.density = density;
+    c.f.craft_interface.par.v_BN_N = vec3(0, std::sqrt(mu / a0), 0);
+    c.prepare();
+    const double period = 2 * pi * std::sqrt(a0 * a0 * a0 / mu);
+    const auto axis = [&] { return 1.0 / (2.0 / c.f.r().norm() - c.f.v().squaredNorm() / mu); };
+    c.f.fly(static_cast<Ns>(period) * 10 * second, 10 * second);
+    const double t = 1e-9 * static_cast<double>(c.f.t);
+    const double root = std::sqrt(a0) - 0.5 * density * B * std::sqrt(mu) * t;
+    EXPECT_GT(a0 - axis(), 2500.0);
+    EXPECT_NEAR((a0 - axis()) / (a0 - root * root), 1.0, 2e-5);
+    // The craft comes ahead of an undisturbed one: a lower orbit is faster. To first order by
+    // 3/4 n density B sqrt(mu / a) t^2.
+    const double n = std::sqrt(mu / (a0 * a0 * a0));
+    const double ahead = std::remainder(std::atan2(c.f.r()[1], c.f.r()[0]) - n * t, 2 * pi);
+    EXPECT_NEAR(ahead / (0.75 * n * density * B * std::sqrt(mu / a0) * t * t), 1.0, 1e-3);
+}
+
+TEST(Drag, TakesTheEnergyThatItsForceWorks)
+{
+    // Work by Simpson's rule on the published force, over an eccentric orbit in the standard atmosphere.
+    Craft c;
+    c.air_interface.par = {};
+    c.air_interface.par.law = ATMOSPHERE_STANDARD_1976;
+    c.f.method = sim::make_adaptive(1e-13, 1e-9);
+    const OrbitState state = orbit_state(mu, {.p = 6.6e6 * 1.02, .e = 0.02, .i = 1.0, .f = -1.0});
+    c.f.craft_interface.par.r_BN_N = vec(state.r);
+    c.f.craft_interface.par.v_BN_N = vec(state.v);
+    c.prepare();
+    const auto energy = [&] { return 0.5 * c.f.v().squaredNorm() - mu / c.f.r().norm(); };
+    const auto power = [&] { return (c.f.dcm_BN().transpose() * c.force()).dot(c.f.v()) / 100.0; };
+    const double before = energy();
+    double work = power() / 3.0 * 2.0;
+    constexpr int steps = 1500;
+    for (int i = 1; i <= steps; i++) {
+        c.f.step(2 * second);
+        work += (i == steps ? 1.0 : i % 2 ? 4.0 : 2.0) * power() / 3.0 * 2.0;
+    }
+    EXPECT_LT(work, -100.0);
+    EXPECT_NEAR((energy() - before) / work, 1.0, 1e-6);
+}
+
+TEST(Drag, ANewDensityTakesEffectAtOnce)
+{
+    Craft c;
+    c.prepare();
+    c.f.step(second);
+    const Vector3d v = c.f.v();
+    c.air_interface.par.density = 1e-3;
+    c.air.refresh();
+    c.f.step(ms);
+    EXPECT_NEAR((c.f.v() - v).norm(), 0.5e-3 * 2.2 * 3.0 / 100.0 * v.squaredNorm() * 1e-3, 0.03);
+}
+
+TEST(Drag, NamesWhatIsWrong)
+{
+    Craft none;
+    none.drag_interface.par.area = 0.0;
+    EXPECT_EQ(message_of([&] { none.prepare(); }),
+              "world.drag.area is 0 m^2, and there are no facets: nothing feels the air");
+    Craft light;
+    light.f.craft_interface.par.mass = 0.0;
+    EXPECT_EQ(message_of([&] { light.prepare(); }),
+              "world.craft.mass is 0, but one of its parts adds forces: give the spacecraft its mass");
+    Craft elsewhere;
+    EXPECT_EQ(
+        message_of([&] { elsewhere.f.prepare(); }),
+        "a part of the spacecraft that asks a world.Atmosphere is itself in no world: w.part = ... makes it known");
+    Flyer f;
+    Drag interface {
+    };
+    interface.par.Cd = interface.par.area = 1.0;
+    DragModel bare(interface);
+    bare.prepare({"world.drag", 1, f.method.get()});
+    EXPECT_EQ(message_of([&] { bare.start({}, nullptr); }),
+              "world.drag.air is missing: a model of the same world, as in `w.air = world.Atmosphere(...)`");
+    EXPECT_FALSE(bare.ask(f.craft));
+}
+
+} // namespace

@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "world/dynamics/fuel_slosh_model.h"
+
+namespace fledge::world {
+
+void FuelSloshModel::prepare(const sim::Setup &)
+{
+    n_ = interface_.par.n;
+    rates_ = sim::padded(n_);
+}
+
+void FuelSloshModel::refresh()
+{
+    const auto &par = interface_.par;
+    lines_ = {};
+    changed_ = true;
+    for (std::size_t i = 0; i < n_; i++) {
+        const Vec3 axis = vec_unit(par.axes_B[i]), turn = vec_cross(par.r_B[i], axis);
+        for (int j = 0; j < 3; j++) {
+            lines_.axis[j][i] = axis.v[j];
+            lines_.place[j][i] = par.r_B[i].v[j];
+            lines_.turn[j][i] = turn.v[j];
+        }
+        lines_.all.mass += par.mass[i];
+        lines_.all.free({vec_scale(par.mass[i], axis), vec_scale(par.mass[i], turn), par.mass[i], 0.0}, 0.0);
+        lines_.mass[i] = par.mass[i];
+        lines_.stiffness[i] = par.stiffness[i] / par.mass[i];
+        lines_.damping[i] = par.damping[i] / par.mass[i];
+    }
+}
+
+std::vector<StateName> FuelSloshModel::names() const
+{
+    std::vector<StateName> all;
+    add_names(all, 0, "rho", "m", n_);
+    add_names(all, rates_, "drho", "m/s", n_);
+    return all;
+}
+
+void FuelSloshModel::start(const Vec3 &, double *x)
+{
+    refresh();
+    for (std::size_t i = 0; i < n_; i++) {
+        x[i] = interface_.par.rho[i];
+        x[rates_ + i] = interface_.par.drho[i];
+    }
+    interface_.out = {};
+}
+
+void FuelSloshModel::couple(const double *x, const Motion &motion, Loads &, Whole &whole)
+{
+    sim::in_registers<&FuelSloshModel::couple_in_lanes>(*this, x, motion.omega, whole);
+}
+
+LANES_INLINE void FuelSloshModel::couple_in_lanes(const double *x, const Vec3 &rate, Whole &whole)
+{
+    // push = m p, turn = m r x p, inertia = m
+    const Quad3 omega = quads(rate);
+    const Quad omegas = quad(rate);
+    whole.mass += lines_.all.mass;
+    add_to(whole.linear, lines_.all.linear);
+    add_to(whole.cross, lines_.all.cross);
+    add_to(whole.angular, lines_.all.angular);
+    for (std::size_t i = 0; i < n_; i += sim::state_block) {
+        const Quad m = quad_at(lines_.mass + i), rho = quad_at(x + i), drho = quad_at(x + rates_ + i);
+        const Quad3 p = quads(lines_.axis, i), r = quads(lines_.place, i) + rho * p, turn = quads(lines_.turn, i);
+        const Quad round = m * dot(r, r), none{};
+        const QuadSymmetric inertia = QuadSymmetric{round, none, none, round, none, round} - square(m, r);
+        // d(r.r - r r)/drho omega
+        const Quad3 bends = (2.0 * dot(r, p)) * omega - dot(r, omega) * p - dot(p, omega) * r;
+        const Quad force = 0.5 * dot(omega, bends) - quad_at(lines_.stiffness + i) * rho -
+                           quad_at(lines_.damping + i) * drho; // per mass
+        add_at(&whole.mass, sums(Quad{}, m * r.x, m * r.y, m * r.z));
+        inertia.add_to(whole.inertia);
+        const Quad drift = sums((m * drho) * p);
+        put(whole.drift, quad(whole.drift) + drift);
+        put(whole.force, quad(whole.force) - sums((m * force) * p) - 2.0 * cross(omegas, drift));
+        put(whole.torque, quad(whole.torque) - sums((m * force) * turn + (m * drho) * bends) -
+                              cross(omegas, sums((m * drho) * turn)));
+        force_[i / sim::state_block] = force;
+    }
+}
+
+void FuelSloshModel::accelerate(const double *x, const Vec3 &a, const Vec3 &domega, double *dx) const
+{
+    sim::in_registers<&FuelSloshModel::accelerate_in_lanes>(*this, x, a, domega, dx);
+}
+
+LANES_INLINE void FuelSloshModel::accelerate_in_lanes(const double *x, const Vec3 &a, const Vec3 &domega,
+                                                      double *dx) const
+{
+    const Quad3 linear = quads(a), angular = quads(domega);
+    for (std::size_t i = 0; i < n_; i += sim::state_block) {
+        put_quad(dx + i, quad_at(x + rates_ + i));
+        put_quad(dx + rates_ + i, force_[i / sim::state_block] - dot(quads(lines_.axis, i), linear) -
+                                      dot(quads(lines_.turn, i), angular));
+    }
+}
+
+void FuelSloshModel::publish(sim::Ns t, const double *x, const Vec3 &)
+{
+    SloshState &fuel = interface_.out.fuel;
+    for (std::size_t i = 0; i < n_; i++) {
+        const Vec3 axis = vec3(lines_.axis[0][i], lines_.axis[1][i], lines_.axis[2][i]);
+        fuel.r_B[i] = vec_add(interface_.par.r_B[i], vec_scale(x[i], axis));
+        fuel.v_B[i] = vec_scale(x[rates_ + i], axis);
+    }
+    fuel.head = head_next(fuel.head, t, QUALITY_GOOD);
+}
+
+} // namespace fledge::world

@@ -1,0 +1,17 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#ifndef WORLD_DYNAMICS_GRAVITY_GRADIENT_H
+#define WORLD_DYNAMICS_GRAVITY_GRADIENT_H
+
+#include "world/msg/craft.h"
+
+/** The torque by which gravity turns a spacecraft, a part of it: of all bodies in the spacecraft's `gravity`, at each
+ *  stage of the integrator.
+ *  Assumptions: the bodies attract as points (oblateness changes the torque by about 0.5 % in low orbits of the Earth).
+ *  Source: Schaub and Junkins, section 4.4. */
+typedef struct GravityGradient {
+    struct {
+        ForceTorque load; ///< the torque
+    } out;
+} GravityGradient;
+
+#endif

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "world/dynamics/gravity_gradient_model.h"
+
+#include "sim/error.h"
+#include "world/dynamics/spacecraft_model.h"
+
+namespace fledge::world {
+
+void GravityGradientModel::join(const sim::Model &spacecraft)
+{
+    craft_ = &dynamic_cast<const SpacecraftModel &>(spacecraft);
+}
+
+void GravityGradientModel::start(const Vec3 &, double *)
+{
+    if (craft_->gravity().empty()) {
+        throw sim::SetupError(name_ + ": no body attracts the spacecraft; give it its `gravity`");
+    }
+    interface_.out = {};
+}
+
+void GravityGradientModel::derive(const double *, const Motion &motion, double *, Loads &loads) const
+{
+    const Vec3 r_CN_N = vec_add(motion.r_BN_N, mat_transpose_vec(motion.C_BN, motion.r_CB_B));
+    torque_B_ = craft_->gravity_torque(motion.start, motion.tau, r_CN_N, motion.C_BN, motion.I_C_B);
+    loads.torque = vec_add(loads.torque, torque_B_);
+}
+
+void GravityGradientModel::publish(sim::Ns t, const double *, const Vec3 &)
+{
+    ForceTorque &load = interface_.out.load;
+    load = {head_next(load.head, t, QUALITY_GOOD), {}, {}, torque_B_};
+}
+
+} // namespace fledge::world
