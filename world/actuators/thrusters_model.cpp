@@ -1,0 +1,391 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "world/actuators/thrusters_model.h"
+
+#include "flight/exec/task.h"
+#include "sim/error.h"
+#include "sim/text.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace fledge::world {
+
+using sim::Ns;
+
+namespace {
+
+constexpr double g0 = 9.80665; // [m/s^2] by definition
+constexpr double pi = 3.141592653589793;
+constexpr Ns never = INT64_MAX;
+
+/// r x (a x r)
+Vec3 swing(const Vec3 &r, const Vec3 &a)
+{
+    return vec_sub(vec_scale(vec_norm2(r), a), vec_scale(vec_dot(r, a), r));
+}
+
+/// An inertia with one value about the unit vector g and another one across it.
+Mat3 inertia_of(double axial, double across, const Vec3 &g)
+{
+    Mat3 all{};
+    for (int i = 0; i < 3; i++) {
+        all.m[i][i] = across;
+        for (int j = 0; j < 3; j++) {
+            all.m[i][j] += (axial - across) * g.v[i] * g.v[j];
+        }
+    }
+    return all;
+}
+
+/// x^(2/3), the same bits everywhere.
+double two_thirds(double x)
+{
+    return x > 0.0 ? fm_exp(2.0 / 3.0 * fm_log(x)) : 0.0;
+}
+
+} // namespace
+
+void ThrustersModel::prepare(const sim::Setup &setup)
+{
+    const auto &par = interface_.par;
+    name_ = setup.name;
+    seeded_ = sim::Random(setup.seed, setup.name);
+    refresh();
+    for (std::size_t i = 0; i < par.n; i++) {
+        const std::string where = name_ + ".isp[" + std::to_string(i) + "]";
+        if (par.isp[i] > 0.0 && par.n_tanks == 0) {
+            throw sim::SetupError(where + " is " + sim::format_number(par.isp[i]) +
+                                  " s, so propellant flows, but n_tanks is 0: give the tanks, or an isp of 0 where no "
+                                  "mass shall flow");
+        }
+        if (par.isp[i] == 0.0 && par.n_tanks > 0) {
+            throw sim::SetupError(where + " must be > 0 s where tanks feed the thrusters, found 0 s");
+        }
+    }
+    total_ = 0.0;
+    for (std::size_t j = 0; j < par.n_tanks; j++) {
+        const std::string tank = "[" + std::to_string(j) + "]";
+        if (par.shape[j] == TANK_SETTLES && !(par.fill[j] > 0.0 && vec_norm(par.down_B[j]) > 0.0)) {
+            throw sim::SetupError(name_ + ".shape" + tank + " is TANK_SETTLES, but " +
+                                  (par.fill[j] > 0.0
+                                       ? "down_B" + tank + " has no length: where does the propellant settle"
+                                       : "fill" + tank + " is 0: how full is the tank") +
+                                  "?");
+        }
+        total_ += par.propellant[j];
+    }
+}
+
+void ThrustersModel::refresh()
+{
+    check_faults(name_, {interface_.par.faults, interface_.par.n_faults}, THRUSTERS_MAX, true);
+}
+
+bool ThrustersModel::mounted() const
+{
+    const auto &par = interface_.par;
+    return std::any_of(par.panel, par.panel + par.n, [](std::uint32_t panel) { return panel > 0; });
+}
+
+void ThrustersModel::start(const Vec3 &, double *)
+{
+    for (std::size_t i = 0; i < interface_.par.n; i++) {
+        const std::size_t panel = interface_.par.panel[i], n = panels_ ? panels_->size() : 0;
+        if (panel > n) {
+            throw sim::SetupError(name_ + ".panel[" + std::to_string(i) + "] is " + std::to_string(panel) +
+                                  (panels_ ? ", but its HingedPanels have n = " + std::to_string(n)
+                                           : ", but " + name_ + ".panels is missing: the HingedPanels that carry it"));
+        }
+    }
+    state_ = {};
+    state_.dry = never;
+    state_.faults.reset(seeded_);
+    interface_.out = {};
+    interface_.mem = {};
+}
+
+bool ThrustersModel::latch(const double *, const BodyRate &, double dt)
+{
+    const auto &[times, valves, injected] = interface_.in;
+    const bool timed = head_written(times.head), switched = dt > 0.0 && head_written(valves.head);
+    for (std::size_t i = 0; i < interface_.par.n; i++) {
+        Valve &valve = state_.valves[i];
+        const Ns on = timed ? times.on[i] : 0;
+        valve.is_switched = switched && valves.open[i] != 0;
+        valve.is_new = on != valve.on;
+        valve.on = on;
+        valve.off = timed ? times.off[i] : 0;
+    }
+    return false;
+}
+
+/// [kg/s] that flows for each newton.
+double ThrustersModel::per_thrust(std::size_t i) const
+{
+    return total_ > 0.0 ? 1.0 / (interface_.par.isp[i] * g0) : 0.0;
+}
+
+double ThrustersModel::level(const Valve &valve, Ns t) const
+{
+    return t >= valve.arrives ? valve.goal : valve.level + valve.slope * since(t);
+}
+
+/// The part of the propellant that is left.
+double ThrustersModel::left(double tau) const
+{
+    return std::max(1.0 - (state_.used + burnt(tau)) / total_, 0.0);
+}
+
+bool ThrustersModel::stretch(Ns t, Ns &end)
+{
+    const auto &par = interface_.par;
+    move(t);
+    if (state_.faults.begin(t, par.n_faults, par.faults, interface_.in.injected)) {
+        for (std::size_t k = 0; k < par.n_faults; k++) {
+            for (const Ns edge : {par.faults[k].begin, exec_later(par.faults[k].begin, par.faults[k].lasts)}) {
+                end = edge > t ? std::min(end, edge) : end;
+            }
+        }
+    }
+    bool changed = false;
+    for (std::size_t i = 0; i < par.n; i++) {
+        changed |= command(i, t, end);
+    }
+    if (changed) {
+        take_loads();
+    }
+    state_.dry = never;
+    const double rest = total_ - state_.used;
+    if (state_.acts && total_ > 0.0 && burnt(since(end)) >= rest) {
+        const double flow = state_.flow.at;
+        const double tau = 2.0 * rest / (flow + std::sqrt(flow * flow + 2.0 * state_.flow.rate * rest));
+        end = state_.dry = t + std::clamp<Ns>(static_cast<Ns>(std::ceil(tau * 1e9)), 1, end - t);
+    }
+    return changed;
+}
+
+/// Let the stretch begin at t instead.
+void ThrustersModel::move(Ns t)
+{
+    const double tau = since(t);
+    state_.used += burnt(tau);
+    for (std::size_t i = 0; i < interface_.par.n; i++) {
+        Valve &valve = state_.valves[i];
+        valve.impulse += interface_.par.F[i] * tau * (valve.level + 0.5 * tau * valve.slope);
+        valve.level = level(valve, t);
+    }
+    for (LinearVector *linear : {&state_.force, &state_.torque, &state_.moment}) {
+        linear->at = linear->after(tau);
+    }
+    state_.flow.at = state_.flow.after(tau);
+    if (t == state_.dry) {
+        state_.used = total_;
+        state_.empty = 1;
+    }
+    state_.begin = t;
+}
+
+/// What a valve does from t on, and until when at most; whether its thrust jumps or bends.
+bool ThrustersModel::command(std::size_t i, Ns t, Ns &end)
+{
+    Valve &valve = state_.valves[i];
+    const auto &par = interface_.par;
+    const double level = valve.level, slope = valve.slope;
+    const auto no_later = [&](Ns edge) { end = edge > t ? std::min(end, edge) : end; };
+    if (valve.is_new) {
+        valve.late = std::max<Ns>(tick_since(t, valve.on), 0);
+        valve.is_new = 0;
+    }
+    const Ns on = exec_later(valve.on, valve.late), off = exec_later(valve.off, valve.late);
+    const bool wanted = valve.is_switched || (on <= t && t < off);
+    if (on < off) {
+        no_later(on);
+        no_later(off);
+    }
+    if (wanted && !valve.open) {
+        valve.open = 1;
+        valve.opened = t;
+        interface_.mem.burns[i]++;
+    } else if (!wanted && valve.open) {
+        const Ns shuts = exec_later(valve.opened, par.min_on);
+        valve.open = t < shuts;
+        no_later(shuts);
+    }
+    double goal = valve.open ? par.F[i] : 0.0;
+    state_.faults.apply(i, {&goal, 1}, 0.0, par.F[i]);
+    valve.goal = state_.empty ? 0.0 : std::clamp(goal / par.F[i], 0.0, 1.0);
+    const Ns ramp = valve.goal > valve.level ? par.rise[i] : par.fall[i];
+    const Ns takes = std::llround(std::abs(valve.goal - valve.level) * static_cast<double>(ramp));
+    if (takes == 0 || state_.empty) {
+        valve.level = valve.goal;
+        valve.slope = 0.0;
+        valve.arrives = t;
+    } else {
+        valve.slope = (valve.goal - valve.level) / tick_seconds(takes);
+        valve.arrives = exec_later(t, takes);
+        no_later(valve.arrives);
+    }
+    return valve.level != level || valve.slope != slope;
+}
+
+void ThrustersModel::take_loads()
+{
+    const auto &par = interface_.par;
+    state_.force = state_.torque = state_.moment = {};
+    state_.flow = {};
+    state_.acts = 0;
+    for (std::size_t i = 0; i < par.n; i++) {
+        if (!acts(i)) {
+            continue;
+        }
+        const Valve &valve = state_.valves[i];
+        const double flow = par.F[i] * per_thrust(i);
+        state_.flow.at += valve.level * flow;
+        state_.flow.rate += valve.slope * flow;
+        state_.acts = 1;
+        if (par.panel[i] > 0) {
+            continue;
+        }
+        const Vec3 force = vec_scale(par.F[i], vec_unit(par.axes_B[i]));
+        state_.force.add(valve.level, valve.slope, force);
+        state_.torque.add(valve.level, valve.slope, vec_cross(par.r_TB_B[i], force));
+        state_.moment.add(valve.level, valve.slope, vec_scale(flow, par.r_TB_B[i]));
+    }
+}
+
+void ThrustersModel::couple(const double *, const Motion &motion, Loads &, Whole &whole)
+{
+    const auto &par = interface_.par;
+    const double tau = since(motion.start) + motion.tau;
+    riding_ = {};
+    for (std::size_t i = 0; i < par.n; i++) {
+        if (par.panel[i] > 0 && acts(i)) {
+            ride(i, tau, motion.omega, whole);
+        }
+    }
+    const double part = left(tau);
+    for (std::size_t j = 0; j < par.n_tanks; j++) {
+        const Fuel &fuel = fuel_[j] = this->fuel(j, part);
+        whole.add(fuel.mass, fuel.center, inertia_of(fuel.axial, fuel.across, fuel.down));
+    }
+}
+
+/// What a thruster on a panel does, with its propellant.
+void ThrustersModel::ride(std::size_t i, double tau, const Vec3 &omega, Whole &whole)
+{
+    const auto &par = interface_.par;
+    const Valve &valve = state_.valves[i];
+    const std::size_t panel = par.panel[i] - 1;
+    const HingedPanelsModel::Hinge hinge = panels_->hinge(panel);
+    const double thrust = par.F[i] * (valve.level + tau * valve.slope), flow = thrust * per_thrust(i);
+    const Vec3 arm = hinge.turned(vec_sub(par.r_TB_B[i], hinge.at)), r = vec_add(hinge.at, arm);
+    const Vec3 force = vec_scale(thrust, hinge.turned(vec_unit(par.axes_B[i])));
+    const Vec3 by_angle = vec_cross(hinge.axis, arm), drag = vec_scale(flow * hinge.rate, by_angle);
+    const Vec3 rate = vec_add(omega, vec_scale(hinge.rate, hinge.axis));
+    panels_->drive(panel, vec_dot(by_angle, vec_sub(force, vec_scale(flow, vec_cross(rate, arm)))), whole);
+    riding_.force = vec_add(riding_.force, vec_sub(force, vec_scale(2.0, drag)));
+    riding_.torque = vec_add(riding_.torque, vec_sub(vec_cross(r, force), vec_cross(vec_add(r, hinge.at), drag)));
+    riding_.torque = vec_sub(riding_.torque, vec_scale(flow, swing(r, omega)));
+    riding_.moment = vec_add(riding_.moment, vec_scale(flow, r));
+    riding_.crossing = vec_add(riding_.crossing, vec_scale(flow, hinge.at));
+    riding_.angular = vec_add(riding_.angular, vec_scale(flow, vec_cross(hinge.at, r)));
+}
+
+/// A tank of which this part of the propellant is left.
+ThrustersModel::Fuel ThrustersModel::fuel(std::size_t j, double part) const
+{
+    const auto &par = interface_.par;
+    const double m = part * par.propellant[j], R = par.radius[j];
+    const Vec3 &r = par.r_KB_B[j];
+    if (par.shape[j] != TANK_SETTLES) {
+        const double r2 = R * R * (par.shape[j] == TANK_SHRINKS ? two_thirds(part) : 1.0);
+        const double rate = par.shape[j] == TANK_SHRINKS ? 2.0 / 3.0 * r2 : 0.4 * r2;
+        return {m, 0.4 * m * r2, 0.4 * m * r2, r, r, {}, rate, rate};
+    }
+    // A segment of a sphere of radius 1, from its surface at z to its pole at 1 on the side of `down`; its volume is
+    // pi / 3 (1 - z)^2 (2 + z) = 4 pi / 3 v, a cubic equation with the solution z = -2 cos(phi).
+    const double v = part * par.fill[j];
+    const double phi = (2.0 * pi - fm_acos(1.0 - 2.0 * v)) / 3.0;
+    const double z = std::clamp(-2.0 * fm_cos(phi), -1.0, 1.0), d = 1.0 - z;
+    const double center = 0.75 * (1.0 + z) * (1.0 + z) / (2.0 + z);
+    // Integrals over the segment of (1 - z^2)^2 and of z^2 (1 - z^2), per (1 - z)^2 (2 + z) / 3.
+    const double axial = 0.1 * d * (8.0 + 9.0 * z + 3.0 * z * z) / (2.0 + z);
+    const double depth = 0.2 * (2.0 + 4.0 * z + 6.0 * z * z + 3.0 * z * z * z) / (2.0 + z);
+    const double mR2 = m * R * R, disc = R * R * (1.0 - z * z);
+    const Vec3 down = vec_unit(par.down_B[j]);
+    const auto along = [&](double x) { return vec_add(r, vec_scale(R * x, down)); };
+    return {m,          mR2 * axial, mR2 * (0.5 * axial + depth - center * center), along(center), along(z), down,
+            0.5 * disc, 0.25 * disc};
+}
+
+void ThrustersModel::derive(const double *, const Motion &motion, double *, Loads &loads) const
+{
+    if (!state_.acts) {
+        return;
+    }
+    const double tau = since(motion.start) + motion.tau;
+    Vec3 force = vec_add(state_.force.after(tau), riding_.force);
+    Vec3 torque = vec_add(state_.torque.after(tau), riding_.torque);
+    if (total_ > 0.0) {
+        const auto &par = interface_.par;
+        const Vec3 &omega = motion.omega;
+        const Vec3 fixed = state_.moment.after(tau), Q = vec_add(fixed, riding_.moment);
+        const double flow = state_.flow.after(tau);
+        Vec3 source{}; // the mean of the points from which propellant flows, by how much
+        for (std::size_t j = 0; j < par.n_tanks; j++) {
+            const Fuel &fuel = fuel_[j];
+            const double share = par.propellant[j] / total_;
+            const Vec3 leaving =
+                vec_add(vec_scale(fuel.across_rate, omega),
+                        vec_scale((fuel.axial_rate - fuel.across_rate) * vec_dot(fuel.down, omega), fuel.down));
+            source = vec_add(source, vec_scale(share, fuel.source));
+            torque = vec_add(torque, vec_scale(flow * share, vec_add(swing(fuel.source, omega), leaving)));
+        }
+        for (std::size_t i = 0; i < par.n; i++) {
+            if (par.panel[i] > 0) {
+                continue;
+            }
+            const Valve &valve = state_.valves[i];
+            const double of_thruster = par.F[i] * per_thrust(i) * (valve.level + tau * valve.slope);
+            torque = vec_sub(torque, vec_scale(of_thruster, swing(par.r_TB_B[i], omega)));
+        }
+        const Vec3 taken = vec_scale(flow, source);
+        loads.mass_rate -= flow;
+        loads.moment_rate = vec_sub(loads.moment_rate, taken);
+        force = vec_sub(force, vec_scale(2.0, vec_cross(omega, vec_sub(Q, taken))));
+        const Vec3 straight = vec_cross(source, vec_add(fixed, riding_.crossing));
+        torque = vec_sub(torque, vec_cross(omega, vec_add(straight, riding_.angular)));
+    }
+    loads.force_B = vec_add(loads.force_B, force);
+    loads.torque = vec_add(loads.torque, vec_sub(torque, vec_cross(motion.r_CB_B, force)));
+}
+
+void ThrustersModel::publish(Ns t, const double *, const Vec3 &)
+{
+    const auto &par = interface_.par;
+    auto &[output, tanks] = interface_.out;
+    const double tau = since(t);
+    const bool empty = state_.empty || t == state_.dry;
+    const Quality quality = empty ? QUALITY_DEGRADED : QUALITY_GOOD;
+    for (std::size_t i = 0; i < par.n; i++) {
+        const Valve &valve = state_.valves[i];
+        output.thrust[i] = empty ? 0.0 : par.F[i] * level(valve, t);
+        output.impulse[i] = valve.impulse + par.F[i] * tau * (valve.level + 0.5 * tau * valve.slope);
+    }
+    output.flow = empty ? 0.0 : state_.flow.after(tau);
+    output.used = empty ? total_ : state_.used + burnt(tau);
+    output.head = head_next(output.head, t, quality);
+    for (std::size_t j = 0; j < par.n_tanks; j++) {
+        tanks.mass[j] = empty ? 0.0 : left(tau) * par.propellant[j];
+    }
+    tanks.head = head_next(tanks.head, t, quality);
+}
+
+void ThrustersModel::copy_setup(const sim::Model &original,
+                                const std::function<sim::Model *(const sim::Model *)> &counterpart)
+{
+    const auto *carrier = dynamic_cast<const ThrustersModel &>(original).panels_;
+    panels_ = carrier ? dynamic_cast<HingedPanelsModel *>(counterpart(carrier)) : nullptr;
+}
+
+} // namespace fledge::world

@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: Apache-2.0
+// The behaviour behind world/actuators/thrusters.h.
+//
+// Between two instants at which a valve moves or a ramp ends, all thrusts and flows are linear in time: a stretch. The
+// integrator stops at its end, so no step sees a jump or a bend, and the masses are known in closed form.
+//
+// With the propellant m_j at r_j, the flow mu_k through the nozzle at r_k, the moment Q = sum mu_k r_k of the flow, and
+// the rate D of sum m_j r_j, the momentum of the flow relative to the body is P = D + Q. From the balance of momentum
+// and of angular momentum about B's origin, with what leaves at the velocity of its nozzle less F_k / mu_k, and without
+// the rates of P and h in the body,
+//
+//   force  = sum F_k - 2 omega x P
+//   torque = sum r_k x F_k - sum mu_k r_k x (omega x r_k) - dI omega - omega x h,
+//
+// where dI is the rate of the tanks' inertia and h the angular momentum of the flow, that of straight pipes:
+// h = sum c_j s_j x Q, with c_j the part of the flow that comes from tank j and s_j where it leaves the propellant
+// there: D = -sum c_j s_j sum mu_k.
+//
+// A nozzle on a panel is at d = r_k - p_k from the hinge's point p_k and moves at the velocity u = dtheta g x d. The
+// flow turns with the panel, so that force has -2 mu_k u as well, torque -mu_k (r_k + p_k) x u, and h is
+// mu_k (s x p_k + p_k x r_k). On the panel acts  (g x d) . (F_k - mu_k (omega + dtheta g) x d)  about its hinge.
+#pragma once
+
+#include "world/actuators/thrusters.h"
+#include "world/asks.h"
+#include "world/dynamics/effector.h"
+#include "world/dynamics/hinged_panels_model.h"
+#include "world/faults.h"
+
+#include <string>
+
+namespace fledge::world {
+
+class ThrustersModel final : public Effector, public Asks {
+public:
+    explicit ThrustersModel(Thrusters &interface) : interface_(interface) {}
+
+    const char *asks() const override { return "HingedPanels"; }
+    bool ask(sim::Model &source) override { return (panels_ = dynamic_cast<HingedPanelsModel *>(&source)); }
+    const sim::Model *asked() const override { return panels_; }
+
+    void prepare(const sim::Setup &setup) override;
+    void refresh() override;
+    void reseed() override { state_.faults.reseed(seeded_); }
+    std::span<std::byte> memory() override { return std::as_writable_bytes(std::span(&state_, 1)); }
+
+    std::size_t states() const override { return 0; }
+    bool pushes() const override { return true; }
+    bool couples() const override { return interface_.par.n_tanks > 0 || mounted(); }
+    const Effector *carrier() const override { return mounted() ? panels_ : nullptr; }
+    bool switches() const override { return true; }
+    void start(const Vec3 &omega, double *x) override;
+    bool latch(const double *x, const BodyRate &rate, double dt) override;
+    bool stretch(sim::Ns t, sim::Ns &end) override;
+    void couple(const double *x, const Motion &motion, Loads &loads, Whole &whole) override;
+    void derive(const double *x, const Motion &motion, double *dx, Loads &loads) const override;
+    void publish(sim::Ns t, const double *x, const Vec3 &omega) override;
+    void copy_setup(const sim::Model &original,
+                    const std::function<sim::Model *(const sim::Model *)> &counterpart) override;
+
+private:
+    struct Valve {
+        sim::Ns on, off; ///< its window in `times`
+        sim::Ns late;    ///< by how much that came too late
+        sim::Ns opened;  ///< when it opened
+        sim::Ns arrives; ///< when its thrust reaches its goal
+        double level;    ///< part of the full thrust where the stretch begins
+        double slope;    ///< [1/s]
+        double goal;     ///< 1 while it is open, else 0
+        double impulse;  ///< [N s] until the stretch begins
+        std::uint32_t open, is_switched, is_new, spare;
+    };
+    /// A quantity that is linear in time: its value where the stretch begins, and its rate.
+    struct Linear {
+        double at, rate;
+        double after(double tau) const { return at + tau * rate; }
+    };
+    struct LinearVector {
+        Vec3 at, rate;
+        Vec3 after(double tau) const { return vec_add(at, vec_scale(tau, rate)); }
+        void add(double level, double slope, const Vec3 &a)
+        {
+            at = vec_add(at, vec_scale(level, a));
+            rate = vec_add(rate, vec_scale(slope, a));
+        }
+    };
+    /// What is in a tank, and what leaves it: it comes from a point, with an inertia per mass about that. Inertias have
+    /// one value about `down`, the other one across it.
+    struct Fuel {
+        double mass, axial, across;
+        Vec3 center, source, down;
+        double axial_rate, across_rate; ///< [m^2]
+    };
+    /// What the thrusters on panels add, about B's origin.
+    struct Riding {
+        Vec3 force, torque;
+        Vec3 moment;   ///< [kg m/s] of the flow: sum mu_k r_k
+        Vec3 crossing; ///< [kg m/s] sum mu_k p_k
+        Vec3 angular;  ///< [N m s]  sum mu_k p_k x r_k
+    };
+    struct State {
+        sim::Ns begin; ///< of the stretch
+        sim::Ns dry;   ///< when the tanks are empty, if that ends the stretch
+        Valve valves[THRUSTERS_MAX];
+        LinearVector force, torque; ///< about B's origin
+        LinearVector moment;        ///< [kg m/s] of the flow
+        Linear flow;                ///< [kg/s]
+        double used;                ///< [kg] until the stretch begins
+        std::uint32_t acts;         ///< 1: some thruster gives thrust
+        std::uint32_t empty;        ///< 1: the tanks are
+        Faults<THRUSTERS_MAX> faults;
+    };
+
+    bool mounted() const;
+    bool acts(std::size_t i) const { return state_.valves[i].level != 0.0 || state_.valves[i].slope != 0.0; }
+    void ride(std::size_t i, double tau, const Vec3 &omega, Whole &whole);
+    double since(sim::Ns t) const { return tick_seconds(t - state_.begin); }
+    double burnt(double tau) const { return tau * (state_.flow.at + 0.5 * tau * state_.flow.rate); }
+    double left(double tau) const;
+    double level(const Valve &valve, sim::Ns t) const;
+    Fuel fuel(std::size_t j, double part) const;
+    double per_thrust(std::size_t i) const;
+    void move(sim::Ns t);
+    bool command(std::size_t i, sim::Ns t, sim::Ns &end);
+    void take_loads();
+
+    Thrusters &interface_;
+    std::string name_;
+    sim::Random seeded_;     ///< the stream as each run begins it
+    double total_ = 0.0;     ///< [kg] propellant at the beginning
+    Fuel fuel_[TANKS_MAX]{}; ///< of the last couple()
+    Riding riding_{};        ///< of the last couple()
+    HingedPanelsModel *panels_ = nullptr;
+    State state_{};
+};
+
+} // namespace fledge::world

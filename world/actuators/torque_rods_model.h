@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+// The behaviour behind world/actuators/torque_rods.h.
+#pragma once
+
+#include "world/actuators/torque_rods.h"
+#include "world/dynamics/effector.h"
+#include "world/environment/magnetism_model.h"
+#include "world/faults.h"
+
+#include <string>
+
+namespace fledge::world {
+
+class TorqueRodsModel final : public Effector, public Asks {
+public:
+    explicit TorqueRodsModel(TorqueRods &interface) : interface_(interface) {}
+
+    const char *asks() const override { return MagnetismModel::kind; }
+    bool ask(sim::Model &source) override { return field_.set(source); }
+    const sim::Model *asked() const override { return field_.model(); }
+
+    void prepare(const sim::Setup &setup) override;
+    void refresh() override;
+    void reseed() override { state_.faults.reseed(seeded_); }
+    std::span<std::byte> memory() override { return std::as_writable_bytes(std::span(&state_, 1)); }
+
+    std::size_t states() const override { return 0; }
+    bool pushes() const override { return true; }
+    bool switches() const override { return true; }
+    void start(const Vec3 &omega, double *x) override;
+    bool latch(const double *x, const BodyRate &rate, double dt) override;
+    bool stretch(sim::Ns t, sim::Ns &end) override;
+    void derive(const double *x, const Motion &motion, double *dx, Loads &loads) const override;
+    void publish(sim::Ns t, const double *x, const Vec3 &omega) override;
+    void copy_setup(const sim::Model &original,
+                    const std::function<sim::Model *(const sim::Model *)> &counterpart) override;
+
+private:
+    struct State {
+        Vec3 dipole_B;
+        std::uint64_t is_new; ///< 1: an update begins
+        Faults<RODS_MAX> faults;
+    };
+
+    TorqueRods &interface_;
+    std::string name_;
+    sim::Random seeded_;
+    Asked<MagnetismModel> field_;
+    State state_{};
+    mutable Vec3 torque_{}; ///< of the last derive(), for the output
+};
+
+} // namespace fledge::world
