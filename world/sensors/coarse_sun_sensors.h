@@ -4,26 +4,32 @@
 
 #include "flight/msg/orbit.h"
 #include "world/msg/craft.h"
+#include "world/msg/environment.h"
+#include "world/msg/fault.h"
 #include "world/msg/sun.h"
 
 /** Coarse sun sensors: photodiodes whose current follows the cosine of the angle to the Sun, within a field of view.
- *  Assumptions: the Sun is a point of constant brightness and always in sight: neither eclipse nor albedo. */
+ *  Assumptions: the Sun is a point of constant brightness and in sight, but for the
+ *  eclipses of the sunlight that is wired; no albedo. */
 typedef struct CoarseSunSensors {
     struct {
         CraftState truth;
-        BodyState sun; ///< optional: the Sun; without it, it is far away in the direction s_N
+        BodyState sun;      ///< optional: the Sun; without it, it is far away in the direction s_N
+        Illumination light; ///< optional: how much of the Sun is visible, and where, if `sun` is not wired
+        FaultSet injected;  ///< optional: faults, besides the planned ones
     } in;
     struct {
         SunCurrents currents;
     } out;
     struct {
-        uint32_t n; ///< [-] required, in [1, 8]: number of sensors
-        uint32_t spare;
+        uint32_t n;                      ///< [-] required, in [1, 8]: number of sensors
+        uint32_t n_faults;               ///< [-] in [0, 4]: number of planned faults
         Vec3 axes_B[SUN_SENSORS_MAX];    ///< [-] required, count n, non-zero: where they look
         double current[SUN_SENSORS_MAX]; ///< [A] required, count n, > 0: of a sensor that faces the Sun
         double view[SUN_SENSORS_MAX];    ///< [rad] count n, in [0, 1.5707963267948966]: half the angle of its field of
                                          ///< view; 0: the whole hemisphere
-        Vec3 s_N;                        ///< [-] direction to the Sun, if it is not wired
+        Vec3 s_N;                        ///< [-] direction to the Sun, if neither is wired
+        Fault faults[FAULTS_MAX];        ///< count n_faults: planned; the channels are the sensors
     } par;
 } CoarseSunSensors;
 

@@ -9,17 +9,22 @@ namespace fledge::world {
 
 void CoarseSunSensorsModel::update(Tick tick)
 {
-    const auto &[truth, sun] = interface_.in;
+    const auto &[truth, sun, light, injected] = interface_.in;
     const auto &par = interface_.par;
     SunCurrents &out = interface_.out.currents;
-    const Vec3 s_N = head_written(sun.head) ? vec_sub(sun.r_PN_N, truth.r_BN_N) : par.s_N;
-    const Vec3 s_B = vec_unit(mat_vec(mrp_to_dcm(truth.sigma_BN), s_N));
+    const double visible = head_written(light.head) ? light.visible : 1.0;
+    const Vec3 s_B = vec_unit(mat_vec(mrp_to_dcm(truth.sigma_BN), to_sun()));
+    begin_faults(tick.t);
     for (std::uint32_t i = 0; i < par.n; i++) {
         const double cosine = vec_dot(vec_unit(par.axes_B[i]), s_B);
         const bool sees = cosine > 0.0 && (par.view[i] == 0.0 || cosine >= fm_cos(par.view[i]));
-        out.current[i] = sees ? par.current[i] * cosine : 0.0;
+        double current = sees ? par.current[i] * cosine * visible : 0.0;
+        state_.faults.apply(i, {&current, 1}, 0.0, par.current[i]);
+        out.current[i] = std::clamp(current, 0.0, par.current[i]);
     }
-    out.head = head_next(out.head, tick.t, quality_min(quality_through(truth.head), quality_optional(sun.head)));
+    out.head = head_next(out.head, tick.t,
+                         quality_min(quality_through(truth.head),
+                                     quality_min(quality_optional(sun.head), quality_optional(light.head))));
 }
 
 } // namespace fledge::world

@@ -1,22 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
-// The behaviour behind world/sensors/coarse_sun_sensors.h. All of its state is in the interface.
+// The behaviour behind world/sensors/coarse_sun_sensors.h.
 #pragma once
 
-#include "sim/model.h"
 #include "world/sensors/coarse_sun_sensors.h"
+#include "world/sensors/sensor.h"
 
 namespace fledge::world {
 
-class CoarseSunSensorsModel final : public sim::Model {
+class CoarseSunSensorsModel final : public Sensor<CoarseSunSensors, SUN_SENSORS_MAX> {
 public:
-    explicit CoarseSunSensorsModel(CoarseSunSensors &interface) : interface_(interface) {}
-
-    void prepare(const sim::Setup &) override {}
-    void reset(sim::Ns) override { interface_.out = {}; }
+    using Sensor::Sensor;
     void update(Tick tick) override;
 
 private:
-    CoarseSunSensors &interface_;
+    void check() const override
+    {
+        Sensor::check();
+        check_sun();
+    }
+    bool limited() const override { return true; }
 };
 
 } // namespace fledge::world

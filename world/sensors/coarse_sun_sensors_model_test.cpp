@@ -87,4 +87,43 @@ TEST(CoarseSunSensors, AWiredSunIsSeenFromWhereTheCraftIs)
     EXPECT_EQ(s.i.out.currents.head.quality, QUALITY_DEGRADED);
 }
 
+TEST(CoarseSunSensors, AFaultIsOfItsSensorAndWithinItsCurrents)
+{
+    Sensors sound, faulty;
+    faulty.i.par.n_faults = 3;
+    faulty.i.par.faults[0] = {FAULT_HIGH, 1, 0.0, 0, 0};
+    faulty.i.par.faults[1] = {FAULT_DEAD, 1u << 7, 0.0, 0, 0};
+    faulty.i.par.faults[2] = {FAULT_BIAS, 1u << 6, 1.0, 0, 0};
+    for (std::size_t k = 0; k < 8; k++) {
+        EXPECT_EQ(faulty.current(k), k == 0 || k == 6 ? 1e-3 * static_cast<double>(k + 1)
+                                     : k == 7         ? 0.0
+                                                      : sound.current(k))
+            << k;
+    }
+    EXPECT_GT(sound.current(7), 0.0);
+    faulty.i.par.faults[0].channels = 0; // no current flows, and that is what they give
+    faulty.i.par.faults[0].kind = FAULT_DEAD;
+    faulty.i.par.n_faults = 1;
+    EXPECT_EQ(faulty.current(7), 0.0);
+    EXPECT_EQ(faulty.i.out.currents.head.quality, QUALITY_GOOD);
+}
+
+TEST(CoarseSunSensors, AnEclipseTakesItsShareOfTheCurrent)
+{
+    Sensors s;
+    const double whole = s.current(5);
+    s.i.in.light.head.quality = QUALITY_GOOD;
+    s.i.in.light.s_N = vec3(0, 0, 1);
+    s.i.par.s_N = vec3(1, 0, 0); // the sunlight knows better
+    for (const double visible : {1.0, 0.25, 0.0}) {
+        s.i.in.light.visible = visible;
+        EXPECT_NEAR(s.current(5), visible * whole, 1e-18);
+    }
+    EXPECT_GT(whole, 1e-3);
+    EXPECT_EQ(s.i.out.currents.head.quality, QUALITY_GOOD);
+    s.i.in.light.head.quality = QUALITY_STALE;
+    s.current(5);
+    EXPECT_EQ(s.i.out.currents.head.quality, QUALITY_DEGRADED);
+}
+
 } // namespace

@@ -5,13 +5,17 @@
 #include "flight/msg/attitude.h"
 #include "flight/msg/orbit.h"
 #include "world/msg/craft.h"
+#include "world/msg/fault.h"
 
 /** The navigation solution: the truth, with constant bias and seeded white noise where given.
  *  Attitude errors are rotations about the body axes. The acceleration is the true one.
+ *  The channels of its faults: 0 to 2 attitude (a bias or drift is a turn about a body axis, all else acts on the MRP),
+ *  3 to 5 rate, 6 to 8 position, 9 to 11 velocity.
  *  Assumptions: no delay; noise is drawn anew at each update, independent between axes. */
 typedef struct Navigation {
     struct {
         CraftState truth;
+        FaultSet injected; ///< optional: faults, besides the planned ones
     } in;
     struct {
         NavAttitude attitude;
@@ -26,6 +30,9 @@ typedef struct Navigation {
         Vec3 rate_bias;      ///< [rad/s] constant error
         Vec3 position_bias;  ///< [m]     constant error
         Vec3 velocity_bias;  ///< [m/s]   constant error
+        uint32_t n_faults;   ///< [-] in [0, 4]: number of planned faults
+        uint32_t spare;
+        Fault faults[FAULTS_MAX]; ///< count n_faults: planned
     } par;
 } Navigation;
 

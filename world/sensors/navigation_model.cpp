@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "world/sensors/navigation_model.h"
 
-#include "flight/math/attitude.h"
-
 namespace fledge::world {
 
 namespace {
@@ -12,33 +10,14 @@ bool is_zero(const Vec3 &a)
     return a.v[0] == 0.0 && a.v[1] == 0.0 && a.v[2] == 0.0;
 }
 
-/// The MRP of a turn by |angles| [rad] about their direction. The limit for small angles is
-/// angles / 4, which is exact to rounding below 1e-8 rad.
-Vec3 mrp_of_turn(const Vec3 &angles)
-{
-    const double angle = vec_norm(angles);
-    return vec_scale(angle > 1e-8 ? fm_tan(0.25 * angle) / angle : 0.25, angles);
-}
-
 } // namespace
-
-void NavigationModel::prepare(const sim::Setup &setup)
-{
-    seeded_ = sim::Random(setup.seed, setup.name);
-}
-
-void NavigationModel::reset(sim::Ns)
-{
-    random_ = seeded_;
-    interface_.out = {};
-}
 
 /// The bias, with noise where there is any.
 Vec3 NavigationModel::error(const Vec3 &bias, const Vec3 &deviation)
 {
     Vec3 sum = bias;
     for (int i = 0; i < 3; i++) {
-        sum.v[i] += deviation.v[i] * random_.normal();
+        sum.v[i] += deviation.v[i] * normal();
     }
     return sum;
 }
@@ -46,10 +25,6 @@ Vec3 NavigationModel::error(const Vec3 &bias, const Vec3 &deviation)
 void NavigationModel::update(Tick tick)
 {
     const auto &par = interface_.par;
-    const CraftState &truth = interface_.in.truth;
-    NavAttitude &attitude = interface_.out.attitude;
-    NavOrbit &orbit = interface_.out.orbit;
-
     Vec3 turn = par.attitude_bias, rate = par.rate_bias;
     Vec3 position = par.position_bias, velocity = par.velocity_bias;
     if (!(is_zero(par.attitude_noise) && is_zero(par.rate_noise) && is_zero(par.position_noise) &&
@@ -61,15 +36,52 @@ void NavigationModel::update(Tick tick)
         velocity = error(par.velocity_bias, par.velocity_noise);
     }
 
+    if (begin_faults(tick.t)) {
+        update_faultily(tick.t, turn, rate, position, velocity);
+    } else {
+        write(tick.t, turn, rate, position, velocity);
+    }
+}
+
+inline void NavigationModel::write(sim::Ns t, const Vec3 &turn, const Vec3 &rate, const Vec3 &position,
+                                   const Vec3 &velocity)
+{
+    const CraftState &truth = interface_.in.truth;
+    NavAttitude &attitude = interface_.out.attitude;
+    NavOrbit &orbit = interface_.out.orbit;
+
     const Quality quality = quality_through(truth.head);
-    attitude.head = head_next(attitude.head, tick.t, quality);
-    attitude.sigma_BN = is_zero(turn) ? truth.sigma_BN : mrp_compose(mrp_of_turn(turn), truth.sigma_BN);
+    attitude.head = head_next(attitude.head, t, quality);
+    attitude.sigma_BN = is_zero(turn) ? truth.sigma_BN : mrp_compose(mrp_turn(turn), truth.sigma_BN);
     attitude.omega_BN_B = vec_add(truth.omega_BN_B, rate);
 
-    orbit.head = head_next(orbit.head, tick.t, quality);
+    orbit.head = head_next(orbit.head, t, quality);
     orbit.r_BN_N = vec_add(truth.r_BN_N, position);
     orbit.v_BN_N = vec_add(truth.v_BN_N, velocity);
     orbit.a_BN_N = truth.a_BN_N;
+}
+
+void NavigationModel::update_faultily(sim::Ns t, Vec3 turn, const Vec3 &rate, const Vec3 &position,
+                                      const Vec3 &velocity)
+{
+    Faults<12> &faults = state_.faults;
+    auto &out = interface_.out;
+    const auto before = out;
+    faults.add(0, turn.v);
+    write(t, turn, rate, position, velocity);
+
+    bool oriented = faults.replace(0, out.attitude.sigma_BN.v, -1.0, 1.0);
+    oriented |= faults.apply(3, out.attitude.omega_BN_B.v);
+    bool placed = faults.apply(6, out.orbit.r_BN_N.v);
+    placed |= faults.apply(9, out.orbit.v_BN_N.v);
+    if (!oriented) {
+        out.attitude = before.attitude;
+        out.attitude.head = head_held(before.attitude.head);
+    }
+    if (!placed) {
+        out.orbit = before.orbit;
+        out.orbit.head = head_held(before.orbit.head);
+    }
 }
 
 } // namespace fledge::world

@@ -2,27 +2,21 @@
 // The behaviour behind world/sensors/navigation.h.
 #pragma once
 
-#include "sim/model.h"
-#include "sim/random.h"
 #include "world/sensors/navigation.h"
+#include "world/sensors/sensor.h"
 
 namespace fledge::world {
 
-class NavigationModel final : public sim::Model {
+class NavigationModel final : public Sensor<Navigation, 12> {
 public:
-    explicit NavigationModel(Navigation &interface) : interface_(interface) {}
-
-    void prepare(const sim::Setup &setup) override;
-    void reset(sim::Ns t) override;
+    using Sensor::Sensor;
     void update(Tick tick) override;
-    std::span<std::byte> memory() override { return std::as_writable_bytes(std::span(&random_, 1)); }
 
 private:
     Vec3 error(const Vec3 &bias, const Vec3 &deviation);
-
-    Navigation &interface_;
-    sim::Random seeded_; ///< the stream as each run begins it
-    sim::Random random_;
+    void write(sim::Ns t, const Vec3 &turn, const Vec3 &rate, const Vec3 &position, const Vec3 &velocity);
+    [[gnu::noinline]] void update_faultily(sim::Ns t, Vec3 turn, const Vec3 &rate, const Vec3 &position,
+                                           const Vec3 &velocity);
 };
 
 } // namespace fledge::world

@@ -212,4 +212,28 @@ TEST(Navigation, SwitchingOneNoiseOffLeavesTheOthers)
     EXPECT_EQ(positions(0.01), positions(0.0));
 }
 
+TEST(Navigation, FaultsHaveTheirChannels)
+{
+    Nav nav;
+    nav.nav_interface.par.n_faults = 3;
+    nav.nav_interface.par.faults[0] = {FAULT_BIAS, 1u << 1, 0.1, 0, 0};
+    nav.nav_interface.par.faults[1] = {FAULT_HIGH, 1u << 5, 2.0, 0, 0};
+    nav.nav_interface.par.faults[2] = {FAULT_DROPOUT, 7u << 6, 0.0, 250 * ms, 0};
+    nav.begin();
+    for (int k = 1; k < 5; k++) {
+        nav.nav_interface.in.truth.r_BN_N.v[1] = k;
+        nav.nav_interface.in.truth.v_BN_N.v[1] = k;
+        nav.step();
+        EXPECT_LT((nav.turn() - Vector3d(0, 0.1, 0)).norm(), 1e-14);
+        EXPECT_EQ(nav.nav_interface.out.attitude.omega_BN_B.v[2], 2.0);
+        EXPECT_EQ(nav.nav_interface.out.orbit.r_BN_N.v[1], std::min(k, 2));
+        EXPECT_EQ(nav.nav_interface.out.orbit.v_BN_N.v[1], k);
+    }
+    nav.nav_interface.par.faults[2].channels = 63u << 6; // the whole message
+    nav.step();
+    EXPECT_EQ(nav.nav_interface.out.orbit.head.t, 400 * ms);
+    EXPECT_EQ(nav.nav_interface.out.orbit.head.quality, QUALITY_DEGRADED);
+    EXPECT_EQ(nav.nav_interface.out.attitude.head.t, 500 * ms);
+}
+
 } // namespace
