@@ -7,8 +7,10 @@
 #include "world/dynamics/effector.h"
 #include "world/dynamics/spacecraft_model.h"
 #include "world/environment/celestial_body_model.h"
+#include "world/environment/environment_model.h"
 #include "world/environment/testing/two_circles.h"
 #include "world/models.h"
+#include "world/msg/fault.h"
 
 #include <gtest/gtest.h>
 
@@ -75,10 +77,9 @@ bool named(const Number &number, const char *name)
 double ordinary(const FledgeField &field, Random &random)
 {
     const bool lo = field.bounds & FLEDGE_HAS_LO, hi = field.bounds & FLEDGE_HAS_HI;
-    const double low = lo   ? field.lo
-                       : hi ? field.hi - 2.0
-                            : -1.0,
-                 high = hi ? std::min(field.hi, low + 10.0) : low + 2.0;
+    const double below = hi ? std::min(-1.0, field.hi - 2.0) : -1.0; // about 0, if the rule allows it
+    const double low = lo ? std::max(field.lo, below) : below;
+    const double high = hi ? std::min(field.hi, low + (lo && low == field.lo ? 10.0 : 2.0)) : low + 2.0;
     return random.real(low + 0.1 * (high - low), high);
 }
 
@@ -97,7 +98,7 @@ void set_parameters(sim::Instance &instance, Random &random)
                 continue;
             }
             if (field.flags & FLEDGE_INERTIA) {
-                number.write(i % 4 == 0 ? moments[i / 4] : 0.0);
+                number.write(i % 9 % 4 == 0 ? moments[i % 9 / 4] : 0.0);
             } else if (number.type == FLEDGE_F64) {
                 number.write(ordinary(field, random));
             } else {
@@ -219,6 +220,80 @@ TEST(Modules, AnyTimesAreDefined)
             }
             update(module, {any_time(random), any_time(random)});
             ASSERT_EQ(not_finite(module), "") << round;
+        }
+    });
+}
+
+/// Inputs and times of any kind, among good ones.
+void disturb(sim::Instance &module, Random &random, Ns t)
+{
+    set_inputs(module, random, t);
+    for (const Number &number : numbers(module.type(), FLEDGE_IN, module.memory())) {
+        if (random.below(4) > 0) {
+            continue;
+        }
+        if (number.type == FLEDGE_F64) {
+            number.write(any_number(random));
+        } else if (named(number, "quality")) {
+            number.write(any_quality(random));
+        } else if (named(number, "t")) {
+            const Ns times[] = {INT64_MIN, t - second, t + second, INT64_MAX};
+            number.write(times[random.below(4)]);
+        } else if (number.type == FLEDGE_U8) {
+            number.write(static_cast<std::uint8_t>(random.below(2)));
+        }
+    }
+}
+
+TEST(Modules, AResetForgetsEverything)
+{
+    for_each_module([](sim::Instance &module) {
+        Random random{6};
+        set_parameters(module, random);
+        reset(module);
+        sim::Instance fresh(module.type());
+        std::memcpy(fresh.memory(), module.memory(), module.type().size);
+        for (int round = 0; round < 500; round++) {
+            disturb(module, random, round * ms);
+            update(module, {round * ms, round ? ms : 0});
+        }
+        reset(module);
+        for (const FledgeGroup group : {FLEDGE_OUT, FLEDGE_MEM}) {
+            const auto left = numbers(module.type(), group, module.memory());
+            const auto never = numbers(module.type(), group, fresh.memory());
+            for (std::size_t i = 0; i < left.size(); i++) {
+                ASSERT_EQ(left[i].read(), never[i].read()) << left[i].field->name;
+            }
+        }
+    });
+}
+
+TEST(Modules, AfterBadInputsAModuleSpeaksAgain)
+{
+    for_each_module([](sim::Instance &module) {
+        sim::Instance fresh(module.type());
+        for (std::uint64_t seed = 1; seed <= flight::testing::runs(20); seed++) {
+            Random random{seed};
+            set_parameters(module, random);
+            reset(module);
+            std::memcpy(fresh.memory(), module.memory(), module.type().size);
+            for (int round = 0; round < 300; round++) {
+                disturb(module, random, round * ms);
+                update(module, {round * ms, round ? ms : 0});
+            }
+            for (int round = 300; round < 500; round++) {
+                Random same = random;
+                set_inputs(module, random, round * ms);
+                set_inputs(fresh, same, round * ms);
+                update(module, {round * ms, ms});
+                update(fresh, {round * ms, round > 300 ? ms : 0});
+            }
+            const auto spoilt = numbers(module.type(), FLEDGE_OUT, module.memory());
+            const auto sound = numbers(module.type(), FLEDGE_OUT, fresh.memory());
+            for (std::size_t i = 0; i < spoilt.size(); i++) {
+                ASSERT_TRUE(!named(spoilt[i], "t") || spoilt[i].read() >= sound[i].read())
+                    << "head " << i << " of seed " << seed;
+            }
         }
     });
 }
@@ -346,13 +421,13 @@ struct World {
     World()
     {
         using world::testing::TwoCircles;
-        Random random{4};
         sim::Process &process = simulation.add_process("world");
         std::vector<std::shared_ptr<sim::Instance>> run;
         for (const sim::ModelType &type : world::models()) {
             auto instance = std::make_shared<sim::Instance>(type);
             const std::string name = type.interface->name;
             process.add(name == "Spacecraft" ? "craft" : name, instance);
+            Random random{4}; // its own, so that a further model leaves the others as they were
             set_parameters(*instance, random);
             set_inputs(*instance, random, 0);
             instances.push_back(instance);
@@ -363,11 +438,24 @@ struct World {
                 body->set_sky(TwoCircles::sky(TwoCircles::sun));
                 set(*instance, "id", TwoCircles::jupiter);
             }
+            if (auto *model = dynamic_cast<world::EnvironmentModel *>(instance->model())) {
+                world::GravityBody body;
+                body.name = "rock";
+                body.mu = body.radius = 1e6;
+                body.r_PN_N = {1e7, 0, 0};
+                model->set_body(body);
+            }
         }
+        set(find("Magnetism"), "degree", 0u); // of a dipole
+        set(find("SolarPressure"), "specular", 0.3);
+        set(find("SolarPressure"), "diffuse", 0.2); // both within 1
         auto &craft = dynamic_cast<world::SpacecraftModel &>(*find("craft").model());
         for (const auto &instance : instances) {
             if (auto *part = dynamic_cast<world::Effector *>(instance->model())) {
                 craft.attach(*part);
+            }
+            if (auto *part = dynamic_cast<world::Asks *>(instance->model())) {
+                part->ask(*find(part->asks()).model());
             }
         }
         world::GravityBody mars;
@@ -378,6 +466,14 @@ struct World {
         craft.add_gravity(mars);
         set(find("craft"), "r_BN_N", 4e6);
         set(find("ReactionWheels"), "Omega", 0.01); // within their limit
+        set(find("ControlMomentGyros"), "Omega", 0.01);
+        set(find("ControlMomentGyros"), "rate", 0.01);
+        set(find("craft"), "mass", 1e3); // a body that is heavier than its parts
+        for (const Number &number : numbers(find("craft").type(), FLEDGE_PAR, find("craft").memory())) {
+            if (named(number, "I_B")) {
+                number.write(1e3 * number.read());
+            }
+        }
         const auto output = [&](const FledgeStruct *type) {
             for (const auto &writer : instances) {
                 for (const FledgeField &field : sim::fields(writer->type())) {
@@ -395,6 +491,8 @@ struct World {
                 }
             }
         }
+        const sim::Port moon{shared("StarTracker"), sim::find_field(find("StarTracker").type(), "moon")};
+        simulation.connect(output(moon.field->sub), moon); // of which it needs to know
         process.add_task({"all", second, 0, 0, run});
     }
 
@@ -431,6 +529,36 @@ TEST(Models, ExtremeParametersAreRefusedOrGiveFiniteOutputs)
         const bool any = std::any_of(all.begin(), all.end(), [](const Number &n) { return n.type == FLEDGE_F64; });
         EXPECT_TRUE(!any || (outcomes.refused > 0 && outcomes.flown > 0));
     }
+}
+
+TEST(Models, FaultySensorsAndActuatorsGoOnBitForBitFromSnapshotsAndInClones)
+{
+    World world;
+    const Fault faults[FAULTS_MAX] = {{FAULT_BABBLE, 1, 1e-3, 2 * second, 0},
+                                      {FAULT_DELAY, 2, 2.0, 0, 0},
+                                      {FAULT_DROPOUT, 0, 0.5, 3 * second, 5 * second},
+                                      {FAULT_DRIFT, 4, 1e-3, 0, 0}};
+    int faulty = 0;
+    for (const auto &instance : world.instances) {
+        for (const FledgeField &field : sim::fields(instance->type())) {
+            if (std::string(field.name) == "faults") {
+                std::memcpy(instance->memory() + field.offset, faults, sizeof faults);
+                World::set(*instance, "n_faults", std::uint32_t{FAULTS_MAX});
+                faulty++;
+            }
+        }
+    }
+    EXPECT_GE(faulty, 12);
+    world.simulation.run_until(5 * second);
+    const auto there = world.simulation.snapshot();
+    const auto clone = world.simulation.clone();
+    world.simulation.run_until(10 * second);
+    const auto straight = world.simulation.snapshot();
+    clone->run_until(10 * second);
+    EXPECT_EQ(clone->snapshot(), straight);
+    world.simulation.restore(there);
+    world.simulation.run_until(10 * second);
+    EXPECT_EQ(world.simulation.snapshot(), straight);
 }
 
 } // namespace

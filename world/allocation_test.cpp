@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // The world's loop takes nothing from the heap.
 #include "sim/testing/allocations.h"
+#include "world/dynamics/drag_model.h"
+#include "world/dynamics/gravity_gradient_model.h"
+#include "world/dynamics/solar_pressure_model.h"
 #include "world/environment/celestial_body_model.h"
 #include "world/environment/harmonics.h"
 #include "world/environment/testing/two_circles.h"
@@ -16,6 +19,61 @@ namespace {
 using namespace fledge;
 using namespace fledge::world;
 using namespace fledge::world::testing;
+
+/// The air, the Sun and the parts of the craft that feel them.
+struct Surroundings {
+    Atmosphere air_interface{};
+    AtmosphereModel air{air_interface};
+    Sunlight light_interface{};
+    SunlightModel light{light_interface};
+    Drag drag_interface{};
+    DragModel drag{drag_interface};
+    SolarPressure solar_interface{};
+    SolarPressureModel solar{solar_interface};
+    GravityGradient gradient_interface{};
+    GravityGradientModel gradient{gradient_interface};
+
+    Surroundings(Flyer &f, GravityBody body, bool in_sky)
+    {
+        body.name = "BODY";
+        GravityBody sun = body;
+        body.J = {};
+        sun.field = nullptr;
+        sun.J = {};
+        sun.mu = TwoCircles::mu_sun;
+        sun.radius = 7e8;
+        sun.naif = TwoCircles::sun;
+        if (in_sky) {
+            air.set_sky(f.craft.sky());
+            light.set_sky(f.craft.sky());
+        } else {
+            sun.r_PN_N = {1.5e11, 0, 0};
+        }
+        air.set_body(body);
+        air_interface.par.law = ATMOSPHERE_STANDARD_1976;
+        light.set_body(sun);
+        light.add_body(body);
+        drag_interface.par.Cd = drag_interface.par.area = 1.0;
+        solar_interface.par.Cr = solar_interface.par.area = 1.0;
+        drag.ask(air);
+        solar.ask(light);
+        const sim::Setup setup{"world.part", 1, f.method.get()};
+        for (sim::Model *model : {static_cast<sim::Model *>(&air), static_cast<sim::Model *>(&light),
+                                  static_cast<sim::Model *>(&drag), static_cast<sim::Model *>(&solar)}) {
+            model->prepare(setup);
+        }
+        for (Effector *part :
+             {static_cast<Effector *>(&drag), static_cast<Effector *>(&solar), static_cast<Effector *>(&gradient)}) {
+            f.craft.attach(*part);
+        }
+    }
+    void update(const Flyer &f)
+    {
+        air_interface.in.truth = light_interface.in.truth = f.state();
+        air.update({f.t, 100 * ms});
+        light.update({f.t, 100 * ms});
+    }
+};
 
 TEST(World, UpdatesDoNotAllocate)
 {
@@ -56,6 +114,7 @@ TEST(World, UpdatesDoNotAllocate)
             sun.reset(0);
         }
         f.craft.add_gravity(body);
+        Surroundings around(f, body, in_sky);
         f.prepare();
         for (std::size_t i = 0; i < 4; i++) {
             f.command(i, 0.1);
@@ -75,6 +134,7 @@ TEST(World, UpdatesDoNotAllocate)
             }
             nav_interface.in.truth = f.state();
             nav.update({f.t, 100 * ms});
+            around.update(f);
         }
         EXPECT_EQ(allocations.count(), 0);
     }

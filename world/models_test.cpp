@@ -192,6 +192,30 @@ TEST(Models, ARunBeyondTheSkyIsRefusedBeforeItBegins)
     EXPECT_EQ(w.sim.now(), -1);
 }
 
+TEST(Models, APartOfNoSpacecraftIsRefused)
+{
+    std::size_t parts = 0;
+    for (const sim::ModelType &type : models()) {
+        sim::Simulation sim;
+        sim::Process &world = sim.add_process("world");
+        const auto part = World::add(world, "p", type.interface->name);
+        if (!dynamic_cast<Effector *>(part->model())) {
+            continue;
+        }
+        world.add_task({"all", second, 0, 0, {part}});
+        std::string error;
+        try {
+            sim.prepare();
+        } catch (const sim::SetupError &e) {
+            error = e.what();
+        }
+        const std::string expected = type.interface->name + std::string(" world.p is a part of no spacecraft: ");
+        EXPECT_NE(error.find(expected), std::string::npos) << error;
+        parts++;
+    }
+    EXPECT_GT(parts, 10u);
+}
+
 TEST(Models, ResetRepeatsTheRunAndTheSeedChangesIt)
 {
     World w(1, false), other(2, false);

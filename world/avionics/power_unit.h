@@ -4,16 +4,21 @@
 
 #include "flight/msg/avionics.h"
 #include "flight/msg/computer.h"
+#include "world/msg/power.h"
 
 /** A power unit with its controller: switches loads on command, trips one whose current is too high for too long, and
  *  reports currents and voltage in counts. It resets the computer on command, at given times, and if flight's heartbeat
  *  stays away. Loads are resistors at a source with an inner resistance. A latch-up adds a current to a load until that
  *  is off. A tripped load stays off until a command clears its trip and switches it on.
- *  Assumptions: currents follow at once; a command acts from the update that sees it.
+ *  The source may be a battery, which solar panels charge: when it is empty, the bus has no voltage until it is charged
+ *  to 5 % again.
+ *  Assumptions: the battery's voltage does not depend on its charge; currents follow at once; a command acts from the
+ *  update that sees it.
  *  Source: thesis sections 5.3.2 and 5.4.2; Ohm's law. */
 typedef struct PowerUnit {
     struct {
         PowerCommand command; ///< optional: without it the loads stay as they are
+        ArrayPower array;     ///< optional: what charges the battery
     } in;
     struct {
         PowerTelemetry telemetry;
@@ -34,13 +39,18 @@ typedef struct PowerUnit {
         uint32_t latch_up_load;  ///< [-] in [0, 7]: its load
         uint32_t spare;
         double reset_at[4]; ///< [s] >= 0, <= 5e8: resets of the computer from outside; 0: none
+        double battery;     ///< [J] >= 0, <= 1e12: energy that the battery holds; 0: the source never empties
+        double charge;      ///< [-] in [0, 1], initial: how full the battery is
         int64_t watchdog;   ///< [ns] >= 0: without a new heartbeat for so long the computer is reset; 0: never
     } par;
     struct {
+        double energy;           ///< [J] in the battery
+        double drawn;            ///< [W] from the source since the last update
         double above[LOADS_MAX]; ///< [s] how long the current of each load has been too high
         int64_t beat;            ///< [ns] when the heartbeat last changed, or the computer was reset
         uint32_t heartbeat;      ///< [-] the last one
         uint32_t latched;        ///< [-] 1: the latch-up is there
+        uint64_t empty;          ///< [-] 1: the battery is empty
     } mem;
 } PowerUnit;
 

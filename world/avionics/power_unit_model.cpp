@@ -22,6 +22,7 @@ void PowerUnitModel::reset(sim::Ns t)
     interface_.out = {};
     interface_.mem = {};
     interface_.mem.beat = t;
+    interface_.mem.energy = interface_.par.charge * interface_.par.battery;
     interface_.out.telemetry.on = interface_.par.on & ((1u << interface_.par.n) - 1u);
 }
 
@@ -59,16 +60,26 @@ void PowerUnitModel::update(Tick tick)
     const auto is_on = [&](std::uint32_t i) { return i < par.n && (out.on >> i & 1u); };
     mem.latched = mem.latched && is_on(par.latch_up_load);
 
+    if (par.battery > 0.0) {
+        const double charging = head_written(interface_.in.array.head) ? interface_.in.array.power : 0.0;
+        const double energy = mem.energy + (charging - mem.drawn) * tick_seconds(tick.dt);
+        mem.energy = std::clamp(energy, 0.0, par.battery);
+        mem.empty = mem.energy == 0.0 || (mem.empty && mem.energy < 0.05 * par.battery);
+    }
+
     // volts = source - inner (volts sum 1/load + latch-up)
     double conductance = 0.0;
     for (std::uint32_t i = 0; i < par.n; i++) {
         conductance += is_on(i) ? 1.0 / par.load[i] : 0.0;
     }
     const double extra = mem.latched ? par.latch_up_current : 0.0;
-    const double volts = std::max(0.0, (par.volts - par.inner * extra) / (1.0 + par.inner * conductance));
+    const double loaded = std::max(0.0, (par.volts - par.inner * extra) / (1.0 + par.inner * conductance));
+    const double volts = mem.empty ? 0.0 : loaded;
+    mem.drawn = mem.empty ? 0.0 : par.volts * (volts * conductance + extra);
     out.bus = counts(volts, par.count_volts);
     for (std::uint32_t i = 0; i < par.n; i++) {
-        const double current = is_on(i) ? volts / par.load[i] + (i == par.latch_up_load ? extra : 0.0) : 0.0;
+        const double current =
+            is_on(i) ? volts / par.load[i] + (i == par.latch_up_load && !mem.empty ? extra : 0.0) : 0.0;
         out.current[i] = counts(current, par.count_current);
         const bool high = par.trip[i] > 0.0 && current > par.trip[i];
         mem.above[i] = high ? mem.above[i] + tick_seconds(tick.dt) : 0.0;

@@ -45,6 +45,39 @@ struct Unit {
     }
 };
 
+TEST(PowerUnit, ABatteryGivesWhatItHoldsAndWhatPanelsBring)
+{
+    // 10 ohm at 30 V behind 0.5 ohm: the source gives 900 / 10.5 W.
+    Unit u;
+    const double drawn = 900.0 / 10.5;
+    u.i.par.battery = 1000.0;
+    u.i.par.charge = 0.5;
+    u.model.reset(u.t);
+    u.i.in.array.head.quality = QUALITY_GOOD;
+    u.i.in.array.power = 40.0;
+    u.step(); // begins to draw
+    const double full = u.i.mem.energy;
+    EXPECT_NEAR(full, 500.0 + 4.0, 1e-9);
+    int steps = 0;
+    while (u.step().bus > 0) {
+        steps++;
+        ASSERT_NEAR(u.i.mem.energy, full - 0.1 * steps * (drawn - 40.0), 1e-9);
+    }
+    EXPECT_EQ(steps, static_cast<int>(full / (0.1 * (drawn - 40.0))));
+    EXPECT_EQ(u.i.out.telemetry.current[0], 0);
+    // Without a load on the bus, the panels charge it: at 5 % it is back.
+    steps = 0;
+    while (u.step().bus == 0) {
+        steps++;
+    }
+    EXPECT_NEAR(0.1 * steps * 40.0, 50.0, 4.1);
+    EXPECT_NEAR(u.i.out.telemetry.bus, 1000 * 30.0 * 10.0 / 10.5, 1.0);
+    // It is never more than full.
+    u.i.in.array.power = 1e6;
+    u.step();
+    EXPECT_EQ(u.i.mem.energy, 1000.0);
+}
+
 TEST(PowerUnit, CurrentsFollowOhmsLaw)
 {
     // R of 10, 20 and 5 ohm side by side: 1 / (0.1 + 0.05 + 0.2)

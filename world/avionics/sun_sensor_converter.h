@@ -2,36 +2,30 @@
 #ifndef WORLD_AVIONICS_SUN_SENSOR_CONVERTER_H
 #define WORLD_AVIONICS_SUN_SENSOR_CONVERTER_H
 
+#include "world/msg/fault.h"
 #include "world/msg/sun.h"
 
-/** What is wrong with a channel of a converter. */
-typedef enum ChannelFault {
-    CHANNEL_SOUND = 0,
-    CHANNEL_HIGH = 1,   ///< it stays at its highest count
-    CHANNEL_LOW = 2,    ///< it stays at 0
-    CHANNEL_BABBLES = 3 ///< it gives any count
-} ChannelFault;
-
 /** A converter of the currents of coarse sun sensors to counts: count = (current + noise - offset) / scale, to the
- *  nearest one, within its range. Faults of channels begin and end at given times.
+ *  nearest one, within its range.
  *  Two of them, with scales and offsets of their own, make the redundant converters of a flight computer.
  *  Source: thesis sections 5.3.2 and 5.4.3. */
 typedef struct SunSensorConverter {
     struct {
         SunCurrents currents;
+        FaultSet injected; ///< optional: faults, besides the planned ones
     } in;
     struct {
         SunSensorCounts counts;
     } out;
     struct {
-        uint32_t n;                          ///< [-] required, in [1, 8]: number of channels
-        uint32_t bits;                       ///< [-] required, in [1, 16]: of a count
-        double scale;                        ///< [A] required, > 0: of one count
-        double offset;                       ///< [A] of the count 0
-        double noise;                        ///< [A] >= 0: standard deviation of a reading
-        int64_t fault_from;                  ///< [ns] >= 0: when the faults begin
-        int64_t fault_until;                 ///< [ns] >= 0: when they end; 0: never
-        ChannelFault fault[SUN_SENSORS_MAX]; ///< [-] of each channel
+        uint32_t n;        ///< [-] required, in [1, 8]: number of channels
+        uint32_t bits;     ///< [-] required, in [1, 16]: of a count
+        double scale;      ///< [A] required, > 0: of one count
+        double offset;     ///< [A] of the count 0
+        double noise;      ///< [A] >= 0: standard deviation of a reading
+        uint32_t n_faults; ///< [-] in [0, 4]: number of planned faults
+        uint32_t spare;
+        Fault faults[FAULTS_MAX]; ///< count n_faults: planned; the unit of a bias is a count
     } par;
 } SunSensorConverter;
 

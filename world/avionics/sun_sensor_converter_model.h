@@ -2,25 +2,18 @@
 // The behaviour behind world/avionics/sun_sensor_converter.h.
 #pragma once
 
-#include "sim/model.h"
-#include "sim/random.h"
 #include "world/avionics/sun_sensor_converter.h"
+#include "world/sensors/sensor.h"
 
 namespace fledge::world {
 
-class SunSensorConverterModel final : public sim::Model {
+class SunSensorConverterModel final : public Sensor<SunSensorConverter, SUN_SENSORS_MAX> {
 public:
-    explicit SunSensorConverterModel(SunSensorConverter &interface) : interface_(interface) {}
-
-    void prepare(const sim::Setup &setup) override { seeded_ = sim::Random(setup.seed, setup.name); }
-    void reset(sim::Ns t) override;
+    using Sensor::Sensor;
     void update(Tick tick) override;
-    std::span<std::byte> memory() override { return std::as_writable_bytes(std::span(&random_, 1)); }
 
 private:
-    SunSensorConverter &interface_;
-    sim::Random seeded_; ///< the stream as each run begins it
-    sim::Random random_;
+    bool limited() const override { return true; }
 };
 
 } // namespace fledge::world

@@ -63,11 +63,10 @@ TEST(SunSensorConverter, FaultsHaveTheirTimesAndTheirChannels)
     Converter c;
     const auto sound = c.read();
     c.begin(1);
-    c.i.par.fault_from = 5 * second;
-    c.i.par.fault_until = 100 * second;
-    c.i.par.fault[1] = CHANNEL_HIGH;
-    c.i.par.fault[2] = CHANNEL_LOW;
-    c.i.par.fault[3] = CHANNEL_BABBLES;
+    c.i.par.n_faults = 3;
+    c.i.par.faults[0] = {FAULT_HIGH, 1u << 1, 0.0, 5 * second, 95 * second};
+    c.i.par.faults[1] = {FAULT_LOW, 1u << 2, 0.0, 5 * second, 95 * second};
+    c.i.par.faults[2] = {FAULT_BABBLE, 1u << 3, 0.0, 5 * second, 95 * second};
     std::set<int> babble;
     double sum = 0.0;
     for (int k = 1; k <= 110; k++) {
@@ -84,7 +83,7 @@ TEST(SunSensorConverter, FaultsHaveTheirTimesAndTheirChannels)
         EXPECT_EQ(counts, sound);
     }
     EXPECT_GT(babble.size(), 80u);
-    EXPECT_NEAR(sum / 95, 2047.5, 4 * 4096 / std::sqrt(12.0 * 95));
+    EXPECT_NEAR(sum / 95, 2047.5, 4 * 4095 / std::sqrt(12.0 * 95));
 }
 
 TEST(SunSensorConverter, NoiseHasItsDeviationAndItsSeed)

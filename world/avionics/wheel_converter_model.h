@@ -1,22 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// The behaviour behind world/avionics/wheel_converter.h. All of its state is in the interface.
+// The behaviour behind world/avionics/wheel_converter.h.
 #pragma once
 
-#include "sim/model.h"
 #include "world/avionics/wheel_converter.h"
+#include "world/sensors/sensor.h"
 
 namespace fledge::world {
 
-class WheelConverterModel final : public sim::Model {
+class WheelConverterModel final : public Sensor<WheelConverter, 2 * WHEELS_MAX> {
 public:
-    explicit WheelConverterModel(WheelConverter &interface) : interface_(interface) {}
-
-    void prepare(const sim::Setup &) override {}
-    void reset(sim::Ns t) override;
+    using Sensor::Sensor;
     void update(Tick tick) override;
-
-private:
-    WheelConverter &interface_;
 };
 
 } // namespace fledge::world

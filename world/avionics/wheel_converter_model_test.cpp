@@ -138,4 +138,21 @@ TEST(WheelConverter, AConstantSpeedIsReadToOneMark)
     }
 }
 
+TEST(WheelConverter, FaultsOfMotorsAndTachometers)
+{
+    Converter c;
+    c.i.par.n_faults = 2;
+    c.i.par.faults[0] = {FAULT_DEAD, 1, 0.0, second, 0};
+    c.i.par.faults[1] = {FAULT_BIAS, 1u << 9, 3.0, second, 0};
+    c.i.in.drive.counts[0] = c.i.in.drive.counts[1] = 1000;
+    c.step(500 * ms);
+    EXPECT_GT(c.i.out.torques.u[0], 0.0);
+    EXPECT_EQ(c.i.out.tachometers.counts[1], 0);
+    c.step(500 * ms);
+    EXPECT_EQ(c.i.out.torques.u[0], 0.0);
+    EXPECT_GT(c.i.out.torques.u[1], 0.0);
+    EXPECT_EQ(c.i.out.tachometers.counts[0], 0);
+    EXPECT_EQ(c.i.out.tachometers.counts[1], 3);
+}
+
 } // namespace

@@ -15,6 +15,7 @@ public:
     void prepare(const fledge::sim::Setup &setup) override;
     void reset(fledge::sim::Ns t) override;
     void update(Tick tick) override;
+    void reseed() override { random_ = seeded_; }
 
     /// All state of a run besides the interface: snapshots and clones copy it.
     std::span<std::byte> memory() override { return std::as_writable_bytes(std::span(&random_, 1)); }

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "world/avionics/solar_array_model.h"
+
+#include "flight/math/attitude.h"
+
+#include <algorithm>
+
+namespace fledge::world {
+
+void SolarArrayModel::update(Tick tick)
+{
+    const auto &[truth, light] = interface_.in;
+    const auto &par = interface_.par;
+    const Vec3 s_B = mat_vec(mrp_to_dcm(truth.sigma_BN), light.s_N);
+    double area = 0.0; // that the Sun sees
+    for (std::uint32_t i = 0; i < par.n; i++) {
+        area += par.areas[i] * std::max(vec_dot(vec_unit(par.normals_B[i]), s_B), 0.0);
+    }
+    ArrayPower &out = interface_.out.array;
+    out = {head_next(out.head, tick.t, quality_min(quality_through(truth.head), quality_through(light.head))),
+           par.efficiency * area * light.irradiance};
+}
+
+} // namespace fledge::world

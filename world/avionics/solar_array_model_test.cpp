@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "world/avionics/solar_array_model.h"
+
+#include "world/testing/flyer.h"
+
+#include <gtest/gtest.h>
+
+namespace {
+
+using namespace fledge::world;
+using namespace fledge::world::testing;
+
+TEST(SolarArray, GivesWhatItsLitPanelsConvert)
+{
+    SolarArray i{};
+    SolarArrayModel model{i};
+    i.par.n = 2;
+    i.par.normals_B[0] = vec3(0, 0, 2);
+    i.par.normals_B[1] = vec3(0, 1, 0);
+    i.par.areas[0] = 2.0;
+    i.par.areas[1] = 0.5;
+    i.par.efficiency = 0.3;
+    i.in.truth.head.quality = i.in.light.head.quality = QUALITY_GOOD;
+    i.in.light.irradiance = 1361.0;
+    // The body turns about x: panel 0 follows the cosine, panel 1 comes into the light as panel 0 turns away.
+    for (double angle = 0.0; angle < 6.28; angle += 0.1) {
+        i.in.truth.sigma_BN = vec3(std::tan(angle / 4.0), 0, 0);
+        i.in.light.s_N = vec3(0, 0, 1);
+        model.update({0, 0});
+        const double wanted =
+            0.3 * 1361.0 * (2.0 * std::max(std::cos(angle), 0.0) + 0.5 * std::max(std::sin(angle), 0.0));
+        EXPECT_NEAR(i.out.array.power, wanted, 1e-9) << angle;
+    }
+    i.in.light.irradiance = 0.0; // an eclipse
+    model.update({0, 0});
+    EXPECT_EQ(i.out.array.power, 0.0);
+    i.in.light.head.quality = QUALITY_STALE;
+    model.update({0, 0});
+    EXPECT_EQ(i.out.array.head.quality, QUALITY_DEGRADED);
+}
+
+} // namespace
