@@ -3,6 +3,8 @@
 #include "core/extension.h"
 
 #include "sim/campaign.h"
+#include "sim/text.h"
+#include "world/dynamics/orbit.h"
 
 #include <pybind11/numpy.h>
 #include <pybind11/stl.h>
@@ -16,14 +18,12 @@ namespace {
 using sim::Distribution;
 using sim::Ns;
 
-const char *const kinds[] = {"uniform", "normal", "attitude", "choice", nullptr}; // of Distribution::Kind
+const char *const kinds[] = {"uniform", "normal", "attitude", "choice", "grid", nullptr}; // of Distribution::Kind
 
-void add_dispersion(sim::CampaignPlan &plan, const sim::Simulation &nominal, const std::string &path,
-                    std::vector<std::size_t> elements, const std::string &kind, double a, double b, double lo,
-                    double hi, const std::string &scale, std::vector<double> choices)
+Distribution distribution(const std::string &kind, double a, double b, double lo, double hi, const std::string &scale,
+                          std::vector<double> choices, std::size_t stride)
 {
-    sim::Dispersion dispersion{path, std::move(elements), {}};
-    Distribution &d = dispersion.distribution;
+    Distribution d;
     d.kind = named<Distribution::Kind>(kinds, kind);
     d.a = a;
     d.b = b;
@@ -32,8 +32,92 @@ void add_dispersion(sim::CampaignPlan &plan, const sim::Simulation &nominal, con
     d.relative = scale == "relative";
     d.about = scale == "about";
     d.choices = std::move(choices);
+    d.stride = stride;
+    return d;
+}
+
+void add_dispersion(sim::CampaignPlan &plan, const sim::Simulation &nominal, const std::string &path,
+                    std::vector<std::size_t> elements, const Distribution &drawn)
+{
+    sim::Dispersion dispersion{path, std::move(elements), drawn};
     sim::check_dispersion(nominal, dispersion);
     plan.dispersions.push_back(std::move(dispersion));
+}
+
+/// The elements of an orbit, of which some are drawn. `shape`: which two of its numbers give its size and shape.
+struct DrawnOrbit {
+    std::string path; ///< of the craft's orbit
+    std::string shape;
+    std::vector<double> nominal;    ///< the two, then i, Omega, omega and f
+    std::vector<std::size_t> drawn; ///< which of these the draws replace
+    double mu = 0.0, radius = 0.0, surface = 0.0;
+    std::vector<double> axes;   ///< of the elements, three rows in N
+    std::vector<double> origin; ///< position and velocity of the body in N
+
+    /// r_BN_N and v_BN_N
+    std::vector<double> operator()(const std::vector<double> &draws) const
+    {
+        std::vector<double> x = nominal;
+        for (std::size_t k = 0; k < drawn.size(); k++) {
+            x[drawn[k]] = draws[k];
+        }
+        try {
+            return state(x);
+        } catch (const sim::SetupError &error) {
+            throw sim::SetupError(path + ": " + error.what());
+        }
+    }
+
+private:
+    std::vector<double> state(const std::vector<double> &x) const
+    {
+        world::OrbitElements elements{x[0], x[1], x[2], x[3], x[4], x[5]};
+        if (shape == "a, e") {
+            elements.p = world::semi_latus_rectum(x[0], x[1]);
+        } else if (shape == "altitude, e") {
+            elements.p = (radius + x[0]) * (1.0 + x[1]);
+        } else if (shape == "rp, e") {
+            elements.p = x[0] * (1.0 + x[1]);
+        } else if (shape == "rp, ra") {
+            if (!(0.0 < x[0] && x[0] <= x[1])) {
+                throw sim::SetupError("the radius of periapsis, " + sim::format_number(x[0]) +
+                                      " m, is not between 0 and that of apoapsis, " + sim::format_number(x[1]) + " m");
+            }
+            elements.e = (x[1] - x[0]) / (x[1] + x[0]);
+            elements.p = x[0] * (1.0 + elements.e);
+        }
+        const world::OrbitState relative = world::orbit_state(mu, elements);
+        const double lowest = elements.e < 1.0 ? elements.p / (1.0 + elements.e) : relative.r.norm();
+        if (lowest < surface) {
+            throw sim::SetupError("its lowest point, " + sim::format_number(lowest) +
+                                  " m from the centre, is inside the body, of radius " + sim::format_number(surface) +
+                                  " m");
+        }
+        std::vector<double> found = origin;
+        for (std::size_t row = 0; row < 3; row++) {
+            for (std::size_t k = 0; k < 3; k++) {
+                found[k] += axes[3 * row + k] * relative.r[static_cast<Eigen::Index>(row)];
+                found[3 + k] += axes[3 * row + k] * relative.v[static_cast<Eigen::Index>(row)];
+            }
+        }
+        return found;
+    }
+};
+
+void add_orbit(sim::CampaignPlan &plan, const sim::Simulation &nominal, const std::string &craft,
+               const std::vector<std::string> &names, const std::vector<Distribution> &distributions,
+               const std::string &shape, const std::vector<double> &elements, const std::vector<std::size_t> &drawn,
+               double mu, double radius, double surface, const std::vector<double> &axes,
+               const std::vector<double> &origin)
+{
+    sim::Composition composition;
+    composition.parameters = {craft + ".r_BN_N", craft + ".v_BN_N"};
+    for (std::size_t k = 0; k < names.size(); k++) {
+        composition.numbers.push_back({names[k], elements[drawn[k]], distributions[k]});
+    }
+    composition.values = DrawnOrbit{craft + ".orbit", shape, elements, drawn, mu, radius, surface, axes, origin};
+    sim::check_composition(nominal, composition);
+    plan.compositions.push_back(std::move(composition));
 }
 
 void add_retained(sim::CampaignPlan &plan, const sim::Simulation &nominal, const std::string &port,
@@ -81,15 +165,26 @@ std::pair<std::unique_ptr<sim::CampaignResult>, bool> fly(const sim::Simulation 
 void bind_campaign(py::module_ &m)
 {
     using Plan = sim::CampaignPlan;
+    py::class_<Distribution>(m, "Distribution")
+        .def(py::init(&distribution), py::arg("kind"), py::arg("a") = 0.0, py::arg("b") = 0.0,
+             py::arg("lo") = Distribution().lo, py::arg("hi") = Distribution().hi, py::arg("scale") = "",
+             py::arg("choices") = std::vector<double>(), py::arg("stride") = 1,
+             "scale: '' (values), 'about' (added to the nominal value) or 'relative' (factors of it).");
     py::class_<Plan>(m, "CampaignPlan")
         .def(py::init<>())
         .def_readwrite("seed", &Plan::seed)
         .def_readwrite("runs", &Plan::runs)
         .def_readwrite("duration", &Plan::duration)
         .def_readwrite("every", &Plan::every)
-        .def("disperse", add_dispersion, py::arg("nominal"), py::arg("path"), py::arg("elements"), py::arg("kind"),
-             py::arg("a"), py::arg("b"), py::arg("lo"), py::arg("hi"), py::arg("scale"), py::arg("choices"),
-             "scale: '' (values), 'about' (added to the nominal value) or 'relative' (factors of it).")
+        .def_readwrite("first", &Plan::first)
+        .def_readwrite("points", &Plan::points)
+        .def("disperse", add_dispersion)
+        .def("clear_draws",
+             [](Plan &plan) {
+                 plan.dispersions.clear();
+                 plan.compositions.clear();
+             })
+        .def("orbit", add_orbit)
         .def("retain", add_retained)
         .def("check", [](const Plan &plan, const sim::Simulation &nominal) { sim::check_plan(nominal, plan); });
 

@@ -24,9 +24,12 @@ PYBIND11_MODULE(_core, m)
         }
     });
     bind_tables(m);
+    bind_functions(m);
+    bind_prototypes(m);
     bind_simulation(m);
     bind_world(m);
     bind_campaign(m);
+    bind_batch(m);
     bind_sky(m);
     bind_cosim(m);
 }

@@ -13,9 +13,12 @@ namespace fledge::core {
 pybind11::list health_rows(const std::vector<sim::Finding> &findings);
 
 void bind_tables(pybind11::module_ &m);     ///< libraries, types and fields, as Python sees them
+void bind_functions(pybind11::module_ &m);  ///< those of flight/math
+void bind_prototypes(pybind11::module_ &m); ///< modules and models that are classes in Python
 void bind_simulation(pybind11::module_ &m); ///< the kernel
 void bind_world(pybind11::module_ &m);      ///< what models take besides parameters
 void bind_campaign(pybind11::module_ &m);   ///< dispersed runs
+void bind_batch(pybind11::module_ &m);      ///< clones that are stepped together
 void bind_sky(pybind11::module_ &m);        ///< ephemerides, orientations, gravity fields
 void bind_cosim(pybind11::module_ &m);      ///< a process as a node of many programs
 

@@ -3,6 +3,7 @@
 
 #include "core/doc.h"
 #include "core/errors.h"
+#include "core/prototype.h"
 #include "core/script.h"
 #include "core/value.h"
 #include "sim/error.h"
@@ -30,9 +31,9 @@ std::map<std::pair<std::string, std::uint64_t>, Type *> by_content;
 // --- attributes ------------------------------------------------------------------------------------
 
 /// Set an exception that names the object and the valid names.
-void refuse_name(PyObject *self, PyObject *name, PyObject *exception)
+void refuse_name(PyObject *self, PyObject *name, PyObject *exception, const char *reason = "unknown_attribute")
 {
-    if (PyObject *explain = hook("unknown_attribute")) {
+    if (PyObject *explain = hook(reason)) {
         if (PyObject *text = PyObject_CallFunctionObjArgs(explain, self, name, nullptr)) {
             PyErr_SetObject(exception, text);
             Py_DECREF(text);
@@ -53,7 +54,23 @@ void explain_attribute(PyObject *self, PyObject *name)
 
 PyObject *get_attribute(PyObject *self, PyObject *name)
 {
+    const bool prototype = as_object(self)->type->prototype;
+    if (prototype && is_class_name(name)) {
+        return class_of_object(self);
+    }
     PyObject *value = PyObject_GenericGetAttr(self, name);
+    if (!value && prototype && PyErr_ExceptionMatches(PyExc_AttributeError)) {
+        PyObject *type, *error, *trace;
+        PyErr_Fetch(&type, &error, &trace);
+        value = attribute_of_class(self, name);
+        if (value || PyErr_Occurred()) {
+            Py_XDECREF(type);
+            Py_XDECREF(error);
+            Py_XDECREF(trace);
+        } else {
+            PyErr_Restore(type, error, trace);
+        }
+    }
     if (!value) {
         explain_attribute(self, name);
     }
@@ -69,11 +86,20 @@ int set_attribute(PyObject *self, PyObject *name, PyObject *value)
         if (there) {
             Py_DECREF(there);
             PyErr_Format(PyExc_AttributeError, "%s: '%U' cannot be assigned", path_of(self).c_str(), name);
+        } else if (as_object(self)->type->prototype) {
+            PyErr_Clear();
+            refuse_name(self, name, PyExc_AttributeError, "undeclared_attribute");
         } else {
             explain_attribute(self, name);
         }
     }
     return failed;
+}
+
+PyObject *represent_html(PyObject *self, PyObject *)
+{
+    PyObject *show = hook("show_html");
+    return show ? PyObject_CallOneArg(show, self) : nullptr;
 }
 
 PyObject *represent(PyObject *self)
@@ -156,7 +182,11 @@ PyObject *new_message(PyTypeObject *python, PyObject *arguments, PyObject *keywo
 
 PyObject *no_new(PyTypeObject *python, PyObject *, PyObject *)
 {
-    PyErr_Format(PyExc_TypeError, "%s is a base type; make an object of one of its types instead", python->tp_name);
+    const Type *type = find_type(python);
+    PyErr_Format(PyExc_TypeError,
+                 type ? "%s is the memory of a prototype; call its class instead"
+                      : "%s is a base type; make an object of one of its types instead",
+                 python->tp_name);
     return nullptr;
 }
 
@@ -251,6 +281,7 @@ PyMethodDef module_methods[] = {
      "t is the time [s], dt the time since the last update [s], 0 at the first after a reset. Give "
      "t_ns\n"
      "and dt_ns instead for exact nanoseconds."},
+    // From here on those of a world model too.
     {"publish", reinterpret_cast<PyCFunction>(reinterpret_cast<void (*)()>(publish)), METH_VARARGS | METH_KEYWORDS,
      "publish($self, output, /, quality=\"GOOD\")\n--\n\n"
      "In an update in Python: the output was written, for the time of this update."},
@@ -258,7 +289,10 @@ PyMethodDef module_methods[] = {
      "held($self, output, /)\n--\n\n"
      "In an update in Python: the output could not be computed anew. It keeps its content, time and sequence;\n"
      "its quality is no more than DEGRADED."},
+    // And those of a message.
+    {"_repr_html_", represent_html, METH_NOARGS, "_repr_html_($self, /)\n--\n\nWhat a notebook shows."},
     {}};
+constexpr int own_methods = 2, with_messages = 4;
 
 PyMemberDef object_members[] = {
     {"__weaklistoffset__", T_PYSSIZET, static_cast<Py_ssize_t>(offsetof(Object, weak)), READONLY, nullptr}, {}};
@@ -267,10 +301,8 @@ PyTypeObject *make_base(const char *name, const char *doc, std::size_t size, PyM
 {
     std::vector<PyType_Slot> slots{{Py_tp_new, reinterpret_cast<void *>(no_new)},
                                    {Py_tp_doc, const_cast<char *>(doc)},
-                                   {Py_tp_members, object_members}};
-    if (methods) {
-        slots.push_back({Py_tp_methods, methods});
-    }
+                                   {Py_tp_members, object_members},
+                                   {Py_tp_methods, methods}};
     if (wires) {
         slots.push_back({Py_nb_rshift, reinterpret_cast<void *>(wire)});
     }
@@ -375,14 +407,30 @@ PyObject *root_of(PyObject *object)
     return object;
 }
 
-bool is_written_by_its_module(PyObject *object, const Member &member)
+namespace {
+
+/// The group of the module's field that a member is in; `object` becomes the module, or null.
+FledgeGroup group_of(PyObject *&object, const Member &member)
 {
     const Member *outer = &member;
     for (; object && is_view(object); object = as_view(object)->owner) {
         outer = as_view(object)->member;
     }
-    return object && outer->field->group == FLEDGE_OUT && !as_root(object)->runs &&
-           !as_root(object)->instance->name.empty();
+    return object ? static_cast<FledgeGroup>(outer->field->group) : FLEDGE_NONE; // a message of no module has none
+}
+
+} // namespace
+
+bool is_written_by_its_module(PyObject *object, const Member &member)
+{
+    const FledgeGroup group = group_of(object, member);
+    return object && group == FLEDGE_OUT && !as_root(object)->runs && !as_root(object)->instance->name.empty();
+}
+
+bool is_given_to_update(PyObject *object, const Member &member)
+{
+    const FledgeGroup group = group_of(object, member);
+    return object && running() == as_root(object)->instance.get() && (group == FLEDGE_PAR || group == FLEDGE_IN);
 }
 
 bool is_of_another(PyObject *object)
@@ -416,9 +464,10 @@ bool add_base_types(PyObject *module)
 {
     module_base = make_base("fledge.Module", "A flight algorithm: its inputs, outputs, parameters and memory.",
                             sizeof(Root), module_methods, false);
-    model_base = make_base("fledge.Model", "A piece of the simulated world.", sizeof(Root), nullptr, false);
+    model_base =
+        make_base("fledge.Model", "A piece of the simulated world.", sizeof(Root), module_methods + own_methods, false);
     message_base = make_base("fledge.Message", "What modules and models exchange. `a.output >> b.input` makes a wire.",
-                             sizeof(View), nullptr, true);
+                             sizeof(View), module_methods + with_messages, true);
     return module_base && model_base && message_base && !PyModule_AddType(module, module_base) &&
            !PyModule_AddType(module, model_base) && !PyModule_AddType(module, message_base);
 }
@@ -439,14 +488,14 @@ const Type *find_type(PyTypeObject *python)
     return known == by_python.end() ? nullptr : known->second;
 }
 
-const Type *type_of(const FledgeStruct &table, const char *library, const sim::ModelType *model)
+namespace {
+
+const Type *make_type(const FledgeStruct &table, const char *library, const sim::ModelType *model, bool prototype)
 {
-    if (const Type *known = find_type(table)) {
-        return known;
-    }
     Type &type = all_types.emplace_back();
     type.table = &table;
     type.model = model;
+    type.prototype = prototype;
     for (std::uint32_t i = 0; i < table.n; i++) {
         const FledgeField &field = table.fields[i];
         if (field.flags & FLEDGE_SPARE) {
@@ -477,7 +526,8 @@ const Type *type_of(const FledgeStruct &table, const char *library, const sim::M
     const bool root = table.kind == FLEDGE_MODULE || table.kind == FLEDGE_MODEL;
     const std::string name = "fledge." + std::string(library) + "." + table.name;
     const std::string doc = type_doc(table);
-    PyType_Slot slots[] = {{Py_tp_new, reinterpret_cast<void *>(root ? new_root : new_message)},
+    const newfunc make = prototype ? no_new : root ? new_root : new_message;
+    PyType_Slot slots[] = {{Py_tp_new, reinterpret_cast<void *>(make)},
                            {Py_tp_dealloc, reinterpret_cast<void *>(root ? delete_root : delete_view)},
                            {Py_tp_getattro, reinterpret_cast<void *>(get_attribute)},
                            {Py_tp_setattro, reinterpret_cast<void *>(set_attribute)},
@@ -496,8 +546,35 @@ const Type *type_of(const FledgeStruct &table, const char *library, const sim::M
     }
     by_table[&table] = &type;
     by_python[type.python] = &type;
-    by_content[{table.name, table.hash}] = &type;
     return &type;
+}
+
+} // namespace
+
+const Type *type_of(const FledgeStruct &table, const char *library, const sim::ModelType *model)
+{
+    if (const Type *known = find_type(table)) {
+        return known;
+    }
+    const Type *type = make_type(table, library, model, false);
+    if (type) {
+        by_content[{table.name, table.hash}] = by_table.at(&table);
+    }
+    return type;
+}
+
+const Type *make_prototype_type(const FledgeStruct &table)
+{
+    return make_type(table, "prototype", nullptr, true);
+}
+
+PyObject *new_object(const Type &type, std::shared_ptr<sim::Instance> instance, PyObject *keywords)
+{
+    auto *self = reinterpret_cast<PyObject *>(allocate_root(type, std::move(instance)));
+    if (self && !set_fields(self, type, keywords, PyExc_TypeError)) {
+        Py_CLEAR(self);
+    }
+    return self;
 }
 
 } // namespace fledge::core

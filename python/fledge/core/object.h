@@ -40,6 +40,7 @@ struct Member {
 struct Type {
     const FledgeStruct *table;
     const sim::ModelType *model = nullptr;
+    bool prototype = false; ///< its behaviour is a class in Python (core/prototype.h)
     PyTypeObject *python = nullptr;
     std::deque<Member> members; ///< spares left out
     std::vector<PyGetSetDef> getset;
@@ -99,6 +100,9 @@ bool is_written_by_its_module(PyObject *object, const Member &member);
 /// Whether it is of another module than the one whose function in Python runs.
 bool is_of_another(PyObject *object);
 
+/// Whether it is in a parameter or an input of the module whose function in Python runs: no reset would undo it.
+bool is_given_to_update(PyObject *object, const Member &member);
+
 /// A new object for an instance. A new reference, or null with an exception set.
 PyObject *wrap(std::shared_ptr<sim::Instance> instance);
 
@@ -112,6 +116,12 @@ bool add_base_types(PyObject *module);
 /// The Python type of a struct, made at the first call. A struct of the same name and content in
 /// another library is the same type. Null with an exception set on failure.
 const Type *type_of(const FledgeStruct &table, const char *library, const sim::ModelType *model = nullptr);
+
+/// A type that no other struct shares, whatever its content: of a prototype. Null with an exception set on failure.
+const Type *make_prototype_type(const FledgeStruct &table);
+
+/// A new object for a new instance, its fields set from keywords. A new reference, or null with an exception set.
+PyObject *new_object(const Type &type, std::shared_ptr<sim::Instance> instance, PyObject *keywords);
 
 /// The type made from this struct earlier, or null.
 const Type *find_type(const FledgeStruct &table);

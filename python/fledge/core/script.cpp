@@ -4,8 +4,10 @@
 #include "core/errors.h"
 #include "core/extension.h"
 #include "core/value.h"
+#include "sim/health.h"
 #include "sim/text.h"
 
+#include <bit>
 #include <utility>
 
 namespace py = pybind11;
@@ -16,35 +18,65 @@ namespace {
 
 thread_local const sim::Instance *now_running;
 
+using Shared = std::shared_ptr<PyObject>;
+
+Shared shared(PyObject *object)
+{
+    return {Py_XNewRef(object), [](PyObject *p) {
+                const py::gil_scoped_acquire gil; // a simulation may end without it
+                Py_XDECREF(p);
+            }};
+}
+
 /// Calls a Python function with the module, at the cost of Python's lock. Copies share the function.
 class Call {
 public:
-    explicit Call(PyObject *function)
-        : function_(Py_NewRef(function), [](PyObject *p) {
-              const py::gil_scoped_acquire gil; // a simulation may end without it
-              Py_DECREF(p);
-          })
-    {
-    }
+    /// cls: the class of a prototype whose method it is, or null.
+    explicit Call(PyObject *function, PyObject *cls = nullptr) : function_(shared(function)), class_(shared(cls)) {}
 
     PyObject *function() const { return function_.get(); }
+    PyObject *cls() const { return class_.get(); }
 
-    void operator()(sim::Instance &instance, Tick tick) const
+    void operator()(sim::Instance &instance, Tick tick)
     {
         const py::gil_scoped_acquire gil;
         const auto t = py::float_(tick_seconds(tick.t)), dt = py::float_(tick_seconds(tick.dt));
         const py::object m = object_of(instance.shared_from_this());
-        run(m, &tick, {m.ptr(), t.ptr(), dt.ptr()}, "at " + sim::format_time(tick.t));
+        // State outside of the memory shows where an update changes it. To look costs more than the update, so
+        // that it happens at the updates 1, 2, 4, 8, ...
+        const bool looks = cls() && std::has_single_bit(++updates_);
+        const py::object before = looks ? call_hook("outside_state", cls()) : py::none();
+        run(m, &tick, {m.ptr(), t.ptr(), dt.ptr()});
+        if (looks) {
+            const py::object changed =
+                call_hook("changed_outside", cls(), before, py::str(instance.path), py::str(at(tick)));
+            if (!changed.is_none()) {
+                throw sim::RunError(py::str(changed));
+            }
+        }
     }
-    void operator()(sim::Instance &instance) const
+    /// The reset of a world model: it may publish, for this time.
+    void begin(sim::Instance &instance, Tick tick) const
+    {
+        const py::gil_scoped_acquire gil;
+        const auto t = py::float_(tick_seconds(tick.t));
+        const py::object m = object_of(instance.shared_from_this());
+        run(m, &tick, {m.ptr(), t.ptr()}, "at its reset");
+    }
+    void operator()(sim::Instance &instance) const { outside_update(instance, "at its reset"); }
+    void outside_update(sim::Instance &instance, const char *when) const
     {
         const py::gil_scoped_acquire gil;
         const py::object m = object_of(instance.shared_from_this());
-        run(m, nullptr, {m.ptr()}, "at its reset");
+        run(m, nullptr, {m.ptr()}, when);
     }
 
 private:
-    void run(py::handle m, const Tick *tick, std::initializer_list<PyObject *> arguments, const std::string &when) const
+    static std::string at(Tick tick) { return "at " + sim::format_time(tick.t); }
+
+    /// when: for the text of an error; null: at the time of the tick.
+    void run(py::handle m, const Tick *tick, std::initializer_list<PyObject *> arguments,
+             const char *when = nullptr) const
     {
         Root &root = *as_root(m.ptr());
         const sim::Instance *const outer = std::exchange(now_running, root.instance.get());
@@ -64,13 +96,23 @@ private:
         if (!explain) {
             throw error;
         }
-        const py::str text =
-            py::reinterpret_borrow<py::object>(explain)(root.instance->path, when, error.value(), error.trace());
+        const py::str text = py::reinterpret_borrow<py::object>(explain)(root.instance->path, when ? when : at(*tick),
+                                                                         error.value(), error.trace());
         py::raise_from(error, run_error(), std::string(text).c_str());
         throw py::error_already_set();
     }
 
-    std::shared_ptr<PyObject> function_;
+    template <class... Arguments> static py::object call_hook(const char *name, const Arguments &...arguments)
+    {
+        PyObject *function = hook(name);
+        if (!function) {
+            throw py::error_already_set();
+        }
+        return py::reinterpret_borrow<py::object>(function)(py::handle(arguments)...);
+    }
+
+    Shared function_, class_;
+    std::uint64_t updates_ = 0;
 };
 
 /// The output of a module that a view is; null with an exception set.
@@ -83,8 +125,8 @@ Head *output_of(PyObject *self, PyObject *port, const char *what)
         return nullptr;
     }
     if (!is_view(port) || as_view(port)->owner != self || as_view(port)->member->field->group != FLEDGE_OUT) {
-        PyErr_Format(setup_error(), "%s.%s: expected an output of the module; found %R. It has %s",
-                     path_of(self).c_str(), what, port,
+        PyErr_Format(setup_error(), "%s.%s: expected an output of the module; found %s. It has %s",
+                     path_of(self).c_str(), what, is_view(port) ? path_of(port).c_str() : Py_TYPE(port)->tp_name,
                      sim::format_list(sim::field_names(*root.type->table, FLEDGE_OUT)).c_str());
         return nullptr;
     }
@@ -138,6 +180,43 @@ PyObject *take_script(Root &root, PyObject *keywords)
     return rest;
 }
 
+void give_class(sim::Instance &instance, PyObject *cls)
+{
+    const auto method = [&](const char *name) {
+        PyObject *found = PyObject_GetAttrString(cls, name);
+        if (!found) {
+            PyErr_Clear(); // it may be left out
+        }
+        return py::reinterpret_steal<py::object>(found);
+    };
+    const py::object update = method("update"), reset = method("reset"), prepare = method("prepare");
+    instance.script.update = Call(update.ptr(), cls);
+    if (reset && instance.model()) {
+        instance.script.begin = [call = Call(reset.ptr(), cls)](sim::Instance &one, Tick t) { call.begin(one, t); };
+    } else if (reset) {
+        instance.script.reset = Call(reset.ptr(), cls);
+    }
+    if (prepare && instance.model()) {
+        instance.script.prepare = [call = Call(prepare.ptr(), cls)](sim::Instance &one) {
+            try {
+                call.outside_update(one, "before the run");
+            } catch (py::error_already_set &error) {
+                const py::gil_scoped_acquire gil;
+                if (!error.matches(run_error())) {
+                    throw;
+                }
+                throw sim::SetupError(py::str(error.value()));
+            }
+        };
+    }
+}
+
+PyObject *class_of(const sim::Instance &instance)
+{
+    const Call *update = instance.script.update ? instance.script.update.target<Call>() : nullptr;
+    return update ? update->cls() : nullptr;
+}
+
 PyObject *script_of(const Root &root)
 {
     const sim::Script &script = root.instance->script;
@@ -167,6 +246,12 @@ PyObject *publish(PyObject *self, PyObject *arguments, PyObject *keywords)
         if (failed) {
             return nullptr;
         }
+    }
+    const std::string what =
+        head->quality == QUALITY_GOOD ? sim::not_finite(*as_view(port)->type->table, as_view(port)->memory) : "";
+    if (!what.empty()) {
+        PyErr_Format(PyExc_ValueError, "%s says GOOD, but its %s", path_of(port).c_str(), what.c_str());
+        return nullptr;
     }
     Py_RETURN_NONE;
 }

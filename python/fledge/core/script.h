@@ -11,6 +11,12 @@ namespace fledge::core {
 /// exception set.
 PyObject *take_script(Root &root, PyObject *keywords);
 
+/// Give an instance the functions of a prototype's class, found by their names.
+void give_class(sim::Instance &instance, PyObject *cls);
+
+/// The class of a prototype, borrowed; null for other modules and models.
+PyObject *class_of(const sim::Instance &instance);
+
 /// Its functions (update, reset or None), or None: a new reference.
 PyObject *script_of(const Root &root);
 

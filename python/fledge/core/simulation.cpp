@@ -5,9 +5,12 @@
 #include "core/value.h"
 
 #include "sim/simulation.h"
+#include "world/asks.h"
 
 #include <pybind11/functional.h>
 #include <pybind11/stl.h>
+
+#include <map>
 
 namespace py = pybind11;
 
@@ -148,16 +151,52 @@ OwnEvent add_event(sim::Process &process, const std::string &name, py::object wh
     return {&process, process.add_event(std::move(event))};
 }
 
-/// times: [ns] as int64 in bytes, as numpy has them; messages: their bytes; sent: they are what other processes read.
+/// times: [ns] as int64 in bytes, as numpy has them; messages: their bytes.
+std::shared_ptr<const sim::Messages> messages_of(std::string_view times, std::string_view messages)
+{
+    auto made = std::make_shared<sim::Messages>();
+    made->times.resize(times.size() / sizeof(Ns));
+    made->bytes.resize(messages.size());
+    std::memcpy(made->times.data(), times.data(), made->times.size() * sizeof(Ns));
+    std::memcpy(made->bytes.data(), messages.data(), messages.size());
+    return made;
+}
+
+/// sent: they are what other processes read.
 void play(sim::Process &process, py::handle output, const py::bytes &times, const py::bytes &messages, bool sent)
 {
     const sim::Port port = port_of(output);
-    const std::string_view t = times, bytes = messages;
-    sim::Played played{
-        port.field, std::vector<Ns>(t.size() / sizeof(Ns)), std::vector<std::byte>(bytes.size()), sent, {}};
-    std::memcpy(played.times.data(), t.data(), played.times.size() * sizeof(Ns));
-    std::memcpy(played.bytes.data(), bytes.data(), bytes.size());
-    process.play(*port.instance, std::move(played));
+    process.play(*port.instance, {port.field, messages_of(times, messages), sent, {}});
+}
+
+void feed(sim::Simulation &simulation, py::handle input, const py::bytes &times, const py::bytes &messages, bool always,
+          std::vector<std::uint32_t> linear, Ns stale_after, const std::string &source)
+{
+    simulation.feed({port_of(input), messages_of(times, messages), always, std::move(linear), stale_after, source});
+}
+
+py::list differential_states(const sim::Simulation &simulation)
+{
+    py::list rows;
+    std::map<const sim::Model *, std::string> paths;
+    for (const auto &process : simulation.processes()) {
+        for (const auto &instance : process->instances()) {
+            paths[instance->model()] = instance->path;
+        }
+    }
+    for (const auto &process : simulation.processes()) {
+        for (const auto &instance : process->instances()) {
+            if (sim::Model *model = instance->model()) {
+                const auto *memory = reinterpret_cast<const double *>(model->memory().data());
+                for (const sim::DifferentialState &one : model->differential_states()) {
+                    rows.append(py::make_tuple(instance->path, paths.at(one.of), one.name, one.unit,
+                                               sizeof(double) * static_cast<std::size_t>(one.value - memory),
+                                               sizeof(double) * static_cast<std::size_t>(one.rate - memory)));
+                }
+            }
+        }
+    }
+    return rows;
 }
 
 py::bytes incoming(const sim::Process &process, py::handle input)
@@ -239,7 +278,7 @@ py::list reports(sim::Process &process)
     });
 }
 
-/// New objects for the instances of a process, by name, each with its parts.
+/// New objects for the instances of a process, by name, each with its parts or the model that it asks.
 py::dict wrap_instances(const sim::Process &process)
 {
     py::dict objects;
@@ -253,7 +292,14 @@ py::dict wrap_instances(const sim::Process &process)
     }
     for (const auto &[model, object] : models) {
         py::list parts;
-        for (const sim::Model *part : model->parts()) {
+        std::vector<const sim::Model *> uses;
+        if (const auto *asks = dynamic_cast<const world::Asks *>(model)) {
+            uses.push_back(asks->asked());
+        } else {
+            const auto of_craft = model->parts();
+            uses.assign(of_craft.begin(), of_craft.end());
+        }
+        for (const sim::Model *part : uses) {
             for (const auto &[other, other_object] : models) {
                 if (other == part) {
                     parts.append(other_object);
@@ -485,6 +531,15 @@ void bind_simulation(py::module_ &m)
                 });
             },
             "(from, to, latency, stale_after) of each")
+        .def("feed", feed)
+        .def_property_readonly(
+            "feeds",
+            [](const sim::Simulation &s) {
+                return list_of(s.feeds(), [](const sim::Feed &one) {
+                    return py::make_tuple(one.to.path(), one.source, one.stale_after);
+                });
+            },
+            "(to, source in words, stale_after) of each")
         .def("cross_process_dependencies", [](const sim::Simulation &s) { return s.cross_process_dependencies(); })
         .def("isolate", &sim::Simulation::isolate)
         .def_property("seed", &sim::Simulation::seed, &sim::Simulation::set_seed)
@@ -522,6 +577,20 @@ void bind_simulation(py::module_ &m)
                  const std::string_view view = bytes;
                  s.restore({reinterpret_cast<const std::byte *>(view.data()), view.size()});
              })
+        .def(
+            "state_blocks",
+            [](const sim::Simulation &s) {
+                const char *const kinds[] = {"instance", "model", "held"};
+                return list_of(s.state_blocks(), [&](const sim::Simulation::StateBlock &one) {
+                    return py::make_tuple(kinds[one.kind], one.path, one.offset, one.size);
+                });
+            },
+            "(kind, path, offset, size) of the blocks of a snapshot")
+        .def("differential_states", differential_states,
+             "(path of a model, path of whose state it is, name, unit, places of value and rate in the model's memory)")
+        .def("follow", &sim::Simulation::follow)
+        .def("override_input", [](sim::Simulation &s, py::handle input, std::uint32_t place,
+                                  double value) { return s.override_input(port_of(input), place, value); })
         .def("clone", &sim::Simulation::clone)
         .def_property_readonly("health", [](const sim::Simulation &s) { return health_rows(s.health()); })
         .def_property_readonly("assumptions", &sim::Simulation::assumptions);

@@ -3,11 +3,11 @@
 #include "core/extension.h"
 
 #include "sim/error.h"
-#include "world/dynamics/spacecraft_model.h"
 #include "world/environment/bodies.h"
-#include "world/environment/celestial_body_model.h"
+#include "world/environment/de405.h"
 #include "world/environment/harmonics.h"
 #include "world/environment/sky.h"
+#include "world/environment/sky_user.h"
 
 #include <pybind11/stl.h>
 
@@ -29,7 +29,8 @@ Triple triple(const Eigen::Vector3d &x)
 }
 
 std::shared_ptr<Sky> make_sky(const std::string &epoch, int center, const std::vector<std::string> &kernels,
-                              const std::optional<std::string> &leap_seconds, const std::optional<std::string> &pck)
+                              const std::optional<std::string> &leap_seconds, const std::optional<std::string> &pck,
+                              const std::optional<world::EarthData> &earth, bool principal_axes)
 {
     world::TimeSystem time = leap_seconds ? world::TimeSystem::read(*leap_seconds) : world::TimeSystem();
     const world::Epoch begin = time.epoch(epoch);
@@ -51,7 +52,26 @@ std::shared_ptr<Sky> make_sky(const std::string &epoch, int center, const std::v
                                          "expected a kernel of planetary constants (.tpc)");
         }
     }
-    return std::make_shared<Sky>(std::move(ephemeris), std::move(time), begin, center, std::move(constants));
+    return std::make_shared<Sky>(std::move(ephemeris), std::move(time), begin, center, std::move(constants), earth,
+                                 principal_axes ? world::read_de405().librations : nullptr);
+}
+
+std::array<Triple, 3> rows(const Eigen::Matrix3d &dcm)
+{
+    return {triple(dcm.row(0)), triple(dcm.row(1)), triple(dcm.row(2))};
+}
+
+world::EarthData make_earth(bool iau1980, const std::optional<std::string> &eop, std::optional<double> ut1_tai,
+                            const std::optional<std::array<double, 2>> &pole)
+{
+    world::EarthData data;
+    data.theory = iau1980 ? world::EarthData::Theory::iau1980 : world::EarthData::Theory::iau2006;
+    data.eop = eop;
+    data.ut1_tai = ut1_tai;
+    if (pole) {
+        data.pole = Eigen::Vector2d((*pole)[0], (*pole)[1]);
+    }
+    return data;
 }
 
 /// (r, v, a) of a body relative to another; that stands in for what only has a barycentre.
@@ -63,10 +83,10 @@ py::tuple state(const Sky &sky, int body, int center, Ns t)
 
 py::tuple orientation(const Sky &sky, int body, Ns t)
 {
-    const world::BodyAttitude attitude = sky.orientation(body).at(sky.epoch_at(t));
-    const Eigen::Matrix3d &dcm = attitude.dcm_PN;
-    return py::make_tuple(std::array<Triple, 3>{triple(dcm.row(0)), triple(dcm.row(1)), triple(dcm.row(2))},
-                          triple(attitude.omega_PN_P));
+    const world::Orientation orientation = sky.orientation(body);
+    sky.require(orientation, t, t);
+    const world::BodyAttitude attitude = orientation.at(sky.epoch_at(t));
+    return py::make_tuple(rows(attitude.dcm_PN), triple(attitude.omega_PN_P));
 }
 
 world::TimeScale scale_of(const std::string &name)
@@ -74,17 +94,14 @@ world::TimeScale scale_of(const std::string &name)
     return name == "UTC"   ? world::TimeScale::utc
            : name == "TAI" ? world::TimeScale::tai
            : name == "TT"  ? world::TimeScale::tt
+           : name == "GPS" ? world::TimeScale::gps
                            : world::TimeScale::tdb;
 }
 
-template <typename Use> auto with_sky(py::handle object, const Use &use)
+world::SkyUser &sky_user(py::handle object)
 {
-    sim::Model *model = instance_of(object)->model();
-    if (auto *craft = dynamic_cast<world::SpacecraftModel *>(model)) {
-        return use(*craft);
-    }
-    if (auto *body = dynamic_cast<world::CelestialBodyModel *>(model)) {
-        return use(*body);
+    if (auto *model = dynamic_cast<world::SkyUser *>(instance_of(object)->model())) {
+        return *model;
     }
     throw py::type_error("expected a model that has a sky, found " + std::string(py::repr(object)));
 }
@@ -106,24 +123,23 @@ void bind_sky(py::module_ &m)
         },
         "Of a SHADR or ICGEM file, up to a degree or whole.");
 
+    py::class_<world::EarthData>(m, "EarthData").def(py::init(&make_earth));
     py::class_<Sky, std::shared_ptr<Sky>>(m, "Sky")
         .def(py::init(&make_sky))
         .def_property_readonly("center", &Sky::center)
         .def_property_readonly("bodies", [](const Sky &sky) { return sky.ephemeris().bodies(); })
         .def("state", state)
         .def("orientation", orientation)
+        .def("true_of_date", [](const Sky &sky, Ns t) { return rows(sky.true_of_date(t)); })
+        .def("gps", [](const Sky &sky, Ns t) { return sky.time_system().gps(sky.epoch_at(t)); })
         .def("seconds", [](const Sky &sky, Ns t) { return sky.epoch_at(t).seconds(); })
         .def("text", [](const Sky &sky, Ns t,
                         const std::string &scale) { return sky.time_system().text(sky.epoch_at(t), scale_of(scale)); })
         .def("time_of", [](const Sky &sky, const std::string &text) {
             return sky.time_system().epoch(text).ns - sky.epoch_at(0).ns;
         });
-    m.def("set_sky", [](py::handle object, std::shared_ptr<Sky> sky) {
-        with_sky(object, [&](auto &model) { model.set_sky(std::move(sky)); });
-    });
-    m.def("sky", [](py::handle object) {
-        return with_sky(object, [](auto &model) { return std::const_pointer_cast<Sky>(model.sky()); });
-    });
+    m.def("set_sky", [](py::handle object, std::shared_ptr<Sky> sky) { sky_user(object).set_sky(std::move(sky)); });
+    m.def("sky", [](py::handle object) { return std::const_pointer_cast<Sky>(sky_user(object).sky()); });
 
     m.def("body_name", world::body_name);
     m.def("body_id", [](const std::string &name) { return world::body_id(name); });

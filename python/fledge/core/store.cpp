@@ -465,6 +465,13 @@ int set_any(PyObject *self, PyObject *value, void *closure)
                      member.field->name);
         return -1;
     }
+    if (is_given_to_update(self, member)) {
+        PyErr_Format(setup_error(),
+                     "%s.%s is a parameter or an input: an update only reads these, because no reset undoes what it "
+                     "writes there; what it remembers belongs into its memory",
+                     path_of(self).c_str(), member.field->name);
+        return -1;
+    }
     if (is_written_by_its_module(self, member)) {
         PyErr_Format(setup_error(),
                      "%s.%s is in an output of %s, which writes it at each update: an assignment has no "
@@ -490,7 +497,8 @@ int set_f64(PyObject *self, PyObject *value, void *closure)
         const bool below = field.bounds & FLEDGE_HI_OPEN ? x < field.hi : x <= field.hi;
         const bool plain = exec_computable(x) && !(field.flags & FLEDGE_NON_ZERO) &&
                            (above || !(field.bounds & FLEDGE_HAS_LO)) && (below || !(field.bounds & FLEDGE_HAS_HI));
-        if ((plain || !member.checked) && !is_written_by_its_module(self, member) && !is_of_another(self)) {
+        if ((plain || !member.checked) && !is_written_by_its_module(self, member) && !is_of_another(self) &&
+            !is_given_to_update(self, member)) {
             save(as_object(self)->memory + field.offset, x);
             if (member.checked) {
                 mark_given(self, member);

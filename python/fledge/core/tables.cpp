@@ -202,6 +202,20 @@ void bind_tables(py::module_ &m)
             },
             "(name, value) of each, of an enum")
         .def_property_readonly(
+            "enumeration",
+            [](const Field &f) -> py::object {
+                if (!f.values) {
+                    return py::none();
+                }
+                py::list values;
+                for (std::uint32_t i = 0; i < f.values->n; i++) {
+                    const FledgeEnumerator &one = f.values->values[i];
+                    values.append(py::make_tuple(one.name, one.value, one.doc));
+                }
+                return py::make_tuple(f.values->name, f.values->doc, values);
+            },
+            "(name, doc, [(name, value, doc), ...]) of an enum, or None")
+        .def_property_readonly(
             "bounds",
             [](const Field &f) {
                 const auto end = [&](std::uint32_t has, double x) {
@@ -212,7 +226,11 @@ void bind_tables(py::module_ &m)
                                       static_cast<bool>(f.bounds & FLEDGE_HI_OPEN));
             },
             "(lowest or None, highest or None, whether the lowest itself is excluded, and the highest)")
+        .def_property_readonly(
+            "distinct", [](const Field &f) { return f.distinct ? py::object(py::str(f.distinct)) : py::none(); },
+            "the input that may not hold the same, or None")
         .def_property_readonly("required", flag(FLEDGE_REQUIRED))
+        .def_property_readonly("assumed", flag(FLEDGE_ASSUMED))
         .def_property_readonly("non_zero", flag(FLEDGE_NON_ZERO))
         .def_property_readonly("inertia", flag(FLEDGE_INERTIA))
         .def_property_readonly("initial", flag(FLEDGE_INITIAL))
@@ -225,6 +243,7 @@ void bind_tables(py::module_ &m)
         .def_readonly("header", &FledgeStruct::header)
         .def_readonly("folder", &FledgeStruct::folder)
         .def_readonly("size", &FledgeStruct::size)
+        .def_readonly("align", &FledgeStruct::align)
         .def_readonly("hash", &FledgeStruct::hash)
         .def_property_readonly(
             "kind", [](const FledgeStruct &s) { return kind_name(s.kind); }, "plain, message, module or model")

@@ -6,6 +6,7 @@
 #include "world/dynamics/orbit.h"
 #include "world/dynamics/spacecraft_model.h"
 #include "world/environment/harmonics.h"
+#include "world/environment/magnetism_model.h"
 
 #include <pybind11/stl.h>
 
@@ -55,12 +56,56 @@ void attach(py::handle object, py::handle part)
     Py_XSETREF(root->parts, py::tuple(parts).release().ptr());
 }
 
-void add_gravity(py::handle object, const std::string &name, double mu, double radius, const std::array<double, 5> &J,
-                 const Triple &pole_N, const Triple &r_PN_N, const Triple &v_PN_N, std::optional<int> naif,
-                 std::shared_ptr<world::Harmonics> field, std::optional<double> surface)
+/// (name, mu, radius, J, pole_N, r_PN_N, v_PN_N, naif, field, surface, pole_stays)
+using BodyFields = std::tuple<std::string, double, double, std::array<double, 5>, Triple, Triple, Triple,
+                              std::optional<int>, std::shared_ptr<world::Harmonics>, std::optional<double>, bool>;
+
+world::GravityBody body_from(const BodyFields &fields)
 {
-    craft_of(object).add_gravity(
-        {name, mu, radius, J, vector(pole_N), vector(r_PN_N), vector(v_PN_N), naif, std::move(field), surface});
+    const auto &[name, mu, radius, J, pole_N, r_PN_N, v_PN_N, naif, field, surface, pole_stays] = fields;
+    return {name, mu, radius, J, vector(pole_N), vector(r_PN_N), vector(v_PN_N), naif, field, surface, pole_stays};
+}
+
+py::list fields_of(const std::vector<world::GravityBody> &bodies)
+{
+    return list_of(bodies, [](const world::GravityBody &b) {
+        return BodyFields{b.name,
+                          b.mu,
+                          b.radius,
+                          b.J,
+                          triple(b.pole_N),
+                          triple(b.r_PN_N),
+                          triple(b.v_PN_N),
+                          b.naif,
+                          std::const_pointer_cast<world::Harmonics>(b.field),
+                          b.surface,
+                          b.pole_stays};
+    });
+}
+
+template <class T> T &model_of(py::handle object, const char *expected)
+{
+    if (auto *model = dynamic_cast<T *>(instance_of(object)->model())) {
+        return *model;
+    }
+    throw py::type_error(std::string("expected ") + expected + ", found " + std::string(py::repr(object)));
+}
+
+world::EnvironmentModel &environment_of(py::handle object)
+{
+    return model_of<world::EnvironmentModel>(object, "a model of the environment");
+}
+
+/// The object holds a reference to the source, because the model only has a pointer.
+void ask(py::handle object, py::handle source, const char *port)
+{
+    auto &part = model_of<world::Asks>(object, "a part that asks a model");
+    if (!is_root(source.ptr()) || !instance_of(source)->model() || !part.ask(*instance_of(source)->model())) {
+        throw sim::SetupError(path_of(object.ptr()) + "." + port + ": expected a model of the world, as in world." +
+                              part.asks() + "(...); found " +
+                              (is_object(source.ptr()) ? path_of(source.ptr()) : std::string(py::repr(source))));
+    }
+    Py_XSETREF(as_root(object.ptr())->parts, py::make_tuple(source).release().ptr());
 }
 
 } // namespace
@@ -73,19 +118,29 @@ void bind_world(py::module_ &m)
         PyObject *parts = as_root(object.ptr())->parts;
         return parts ? py::reinterpret_borrow<py::object>(parts) : py::tuple();
     });
-    m.def("add_gravity", add_gravity);
+    m.def("add_gravity",
+          [](py::handle object, const BodyFields &body) { craft_of(object).add_gravity(body_from(body)); });
     m.def(
-        "gravity",
-        [](py::handle object) {
-            py::list bodies;
-            for (const world::GravityBody &b : craft_of(object).gravity()) {
-                bodies.append(py::make_tuple(b.name, b.mu, b.radius, b.J, triple(b.pole_N), triple(b.r_PN_N),
-                                             triple(b.v_PN_N), b.naif,
-                                             std::const_pointer_cast<world::Harmonics>(b.field), b.surface));
-            }
-            return bodies;
-        },
-        "(name, mu, radius, J, pole_N, r_PN_N, v_PN_N, naif, field, surface) of each body");
+        "gravity", [](py::handle object) { return fields_of(craft_of(object).gravity()); },
+        "(name, mu, radius, J, pole_N, r_PN_N, v_PN_N, naif, field, surface, pole_stays) of each body");
+
+    m.def("set_body",
+          [](py::handle object, const BodyFields &body) { environment_of(object).set_body(body_from(body)); });
+    m.def("add_body",
+          [](py::handle object, const BodyFields &body) { environment_of(object).add_body(body_from(body)); });
+    m.def(
+        "bodies", [](py::handle object) { return fields_of(environment_of(object).bodies()); }, "As for gravity.");
+    m.def("ask", ask);
+    m.def("asked", [](py::handle object) {
+        PyObject *asked = as_root(object.ptr())->parts;
+        return asked && PyTuple_GET_SIZE(asked) ? py::reinterpret_borrow<py::tuple>(asked)[0].cast<py::object>()
+                                                : py::none();
+    });
+    m.def("set_coefficients", [](py::handle object, const std::string &path) {
+        model_of<world::MagnetismModel>(object, "a Magnetism").set_coefficients(path);
+    });
+    m.def("coefficients",
+          [](py::handle object) { return model_of<world::MagnetismModel>(object, "a Magnetism").coefficients(); });
 
     m.def("semi_latus_rectum", world::semi_latus_rectum, "p [m] from a [m] and e.");
     m.def(
