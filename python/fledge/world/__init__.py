@@ -18,8 +18,9 @@ from fledge.world.attributes import add_attributes
 from fledge.world.bodies import (BODIES, EARTH, EMB, JUPITER, JUPITER_SYSTEM, MARS, MERCURY, MOON, NEPTUNE,
                                  NEPTUNE_SYSTEM, PLUTO, PLUTO_SYSTEM, SATURN, SATURN_SYSTEM, SSB, SUN, URANUS,
                                  URANUS_SYSTEM, VENUS, Body)
+from fledge.world.chebyshev import fit_ephemeris
 from fledge.world.orbit import Orbit
-from fledge.world.sky import Sky
+from fledge.world.sky import EarthOrientation, Sky
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # Type checkers and editors assume that it is true. The build writes these stubs from the headers.

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Attributes of the world's models besides the parameters of their headers: parts, gravity, orbit, sky, body."""
+"""Attributes of the world's models besides the parameters of their headers: parts, gravity, orbit, sky, bodies."""
 
 from __future__ import annotations
 
 import weakref
+from os import PathLike, fspath
 from typing import Any
 
 from fledge import _core
@@ -18,20 +19,28 @@ def _set_parts(craft, parts):
         _core.attach(craft, part)
 
 
+def _fields(body, path):
+    b = body_of(body, path)
+    return b.name, b.mu, b.radius, b.J, b.pole_N, b.r_PN_N, b.v_PN_N, b.naif, b.field, b.surface, b.pole_stays
+
+
+def _bodies(rows):
+    bodies = []
+    for name, mu, radius, J, pole_N, r_PN_N, v_PN_N, naif, field, surface, stays in rows:
+        body = Body(name, mu, radius, naif=naif)
+        vars(body).update(J=tuple(J), pole_N=pole_N, r_PN_N=r_PN_N, v_PN_N=v_PN_N, field=field, surface=surface,
+                          pole_stays=stays)
+        bodies.append(body)
+    return bodies
+
+
 def _set_gravity(craft, bodies):
     for one in bodies if isinstance(bodies, (list, tuple)) else [bodies]:
-        b = body_of(one, f"{_core.path(craft)}.gravity")
-        _core.add_gravity(craft, b.name, b.mu, b.radius, b.J, b.pole_N, b.r_PN_N, b.v_PN_N, b.naif, b.field,
-                          b.surface)
+        _core.add_gravity(craft, _fields(one, f"{_core.path(craft)}.gravity"))
 
 
 def _get_gravity(craft):
-    bodies = []
-    for name, mu, radius, J, pole_N, r_PN_N, v_PN_N, naif, field, surface in _core.gravity(craft):
-        body = Body(name, mu, radius, naif=naif)
-        vars(body).update(J=tuple(J), pole_N=pole_N, r_PN_N=r_PN_N, v_PN_N=v_PN_N, field=field, surface=surface)
-        bodies.append(body)
-    return bodies
+    return _bodies(_core.gravity(craft))
 
 
 def _set_orbit(craft, orbit):
@@ -39,11 +48,24 @@ def _set_orbit(craft, orbit):
         raise SetupError(f"{_core.path(craft)}.orbit: expected Orbit(body, ...); found {orbit!r}")
     orbit.require_outside(f"{_core.path(craft)}.orbit")
     _orbits[craft] = orbit
+    craft.r_BN_N, craft.v_BN_N = _state(craft, orbit)
+
+
+def _state(craft, orbit):
+    """Position and velocity of an orbit in N, with those of its body in the craft's sky."""
     r, v = orbit.r_BN_N, orbit.v_BN_N
     if _core.sky(craft) is not None:
         at = _get_sky(craft).state(number(orbit.body, f"{_core.path(craft)}.orbit"))
         r, v = [x + y for x, y in zip(r, at.r_PN_N)], [x + y for x, y in zip(v, at.v_PN_N)]
-    craft.r_BN_N, craft.v_BN_N = r, v
+    return r, v
+
+
+def given_orbit(craft: Any) -> Orbit | None:
+    """The orbit that a craft was given, if its initial state is still that."""
+    orbit = _orbits.get(craft)
+    if orbit is None or [*craft.r_BN_N, *craft.v_BN_N] != [x for part in _state(craft, orbit) for x in part]:
+        return None
+    return orbit
 
 
 def _get_orbit(craft):
@@ -90,6 +112,29 @@ def _get_body(model):
     return _core.body_name(model.id)
 
 
+def _first_body(name):
+    def set_body(model, body):
+        _core.set_body(model, _fields(body, f"{_core.path(model)}.{name}"))
+
+    return property(lambda model: next(iter(_bodies(_core.bodies(model))), None), set_body, None,
+                    "The body that it is of, such as world.EARTH; without a sky, where `body.at(r, v)` says.")
+
+
+def _set_shadows(light, bodies):
+    for one in bodies if isinstance(bodies, (list, tuple)) else [bodies]:
+        _core.add_body(light, _fields(one, f"{_core.path(light)}.shadows"))
+
+
+def _set_coefficients(field, file):
+    if not isinstance(file, (str, PathLike)):
+        raise SetupError(f"{_core.path(field)}.coefficients: expected the path of a .COF file; found {file!r}")
+    _core.set_coefficients(field, fspath(file))
+
+
+def _asked(name, doc):
+    return property(_core.asked, lambda part, source: _core.ask(part, source, name), None, doc)
+
+
 def add_attributes(types: dict[str, Any]) -> None:
     """Give the models of `types`, by name, their further attributes."""
     craft = types["Spacecraft"]
@@ -101,4 +146,17 @@ def add_attributes(types: dict[str, Any]) -> None:
 
     celestial = types["CelestialBody"]
     celestial.body = property(_get_body, _set_body, None, "The body: world.MARS, a name or a NAIF number.")
-    celestial.sky = property(_get_sky, _set_sky, None, "The Sky in which it is.")
+    for one in (celestial, *(types[name] for name in ("Atmosphere", "Magnetism", "GroundStation", "Sunlight"))):
+        one.sky = property(_get_sky, _set_sky, None, "The Sky in which it is.")
+    for name in ("Atmosphere", "Magnetism", "GroundStation"):
+        types[name].body = _first_body("body")
+    light = types["Sunlight"]
+    light.sun = _first_body("sun")
+    light.shadows = property(lambda model: _bodies(_core.bodies(model))[1:], _set_shadows, None,
+                             "The bodies that may hide the Sun; assigning adds.")
+    types["Magnetism"].coefficients = property(_core.coefficients, _set_coefficients, None,
+                                               "The file of a World Magnetic Model (.COF), or empty.")
+    types["Thrusters"].panels = _asked("panels", "The HingedPanels on which some are mounted.")
+    types["Drag"].air = _asked("air", "The Atmosphere that it feels.")
+    types["TorqueRods"].field = _asked("field", "The Magnetism in which they are.")
+    types["SolarPressure"].light = _asked("light", "The Sunlight that it feels.")

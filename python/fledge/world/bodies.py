@@ -14,6 +14,7 @@ from fledge.objects.si import to_number, to_vector
 # The exponents of the base units, as in fledge.units.
 LENGTH = (1, 0, 0, 0, 0, 0, 0, 0)
 SPEED = (1, 0, -1, 0, 0, 0, 0, 0)
+MU = (3, 0, -2, 0, 0, 0, 0, 0)
 ANGLE = (0, 0, 0, 0, 0, 0, 0, 1)
 NUMBER = (0,) * 8
 
@@ -21,10 +22,11 @@ NUMBER = (0,) * 8
 class Body:
     """A celestial body: gravity, size and pole.
 
-    name; mu [m^3/s^2]; radius [m], equatorial, to which J belongs; J: (J2, ..., J6); pole_N: unit
-    vector; r_PN_N [m], v_PN_N [m/s]: its position at time 0, and its uniform motion; naif: its number in
-    a Sky; field: its gravity in spherical harmonics, or None; surface [m]: the radius of the sphere that no
-    spacecraft may enter, None for that of the body; 0, as for bodies of unknown size, for no such sphere.
+    name; mu [m^3/s^2]; radius [m], equatorial, to which J belongs; J: (J2, ..., J6); pole_N: unit vector, of
+    J2000; with a Sky the pole of date replaces it; r_PN_N [m], v_PN_N [m/s]: its position at time 0, and its
+    uniform motion; naif: its number in a Sky; field: its gravity in spherical harmonics, or None; surface
+    [m]: the radius of the sphere that no spacecraft may enter, None for that of the body; 0, as for bodies of
+    unknown size, for no such sphere.
 
     A body attracts as a point mass; `MARS.zonal(6)` adds J2 to J6, `MARS.harmonics(file)` is the body with a
     whole field, `SUN.at(r, v)` the same body elsewhere, for simulations without a Sky.
@@ -41,6 +43,7 @@ class Body:
         self.J: tuple[float, ...] = (0.0,) * 5
         alpha, delta = radians(pole[0]), radians(pole[1])
         self.pole_N = [cos(delta) * cos(alpha), cos(delta) * sin(alpha), sin(delta)]
+        self.pole_stays = False
         self.r_PN_N = [0.0, 0.0, 0.0]
         self.v_PN_N = [0.0, 0.0, 0.0]
 
@@ -52,7 +55,8 @@ class Body:
     def zonal(self, degree: int = 6, pole_N: Any = None) -> Body:
         """The same body with the zonal harmonics up to a degree from 2 to 6.
 
-        pole_N: a unit vector, if the orbit's N is not J2000; [0, 0, 1] for N on the body's equator.
+        They turn about the pole of date if the spacecraft has a Sky, else about that of J2000.
+        pole_N: a unit vector in place of both, [0, 0, 1] for N on the body's equator.
         """
         if degree not in range(2, 7):
             raise SetupError(f"{self.name}.zonal({degree}): expected a degree from 2 to 6")
@@ -64,6 +68,7 @@ class Body:
         other.J = tuple(j if n <= degree else 0.0 for n, j in enumerate(self._known, 2))
         if pole_N is not None:
             other.pole_N = to_vector(pole_N, f"{self.name}.zonal: pole_N", "-", NUMBER)
+            other.pole_stays = True
         return other
 
     def harmonics(self, file: str | PathLike[str], degree: int | None = None) -> Body:
@@ -93,6 +98,23 @@ class Body:
         other.v_PN_N = to_vector(v_PN_N, f"{self.name}.at: v_PN_N", "m/s", SPEED)
         return other
 
+    def with_mu(self, mu: Any) -> Body:
+        """The same body with another gravitational parameter [m^3/s^2]."""
+        other = self._copy()
+        other.mu = to_number(mu, f"{self.name}.with_mu", "m^3/s^2", MU)
+        if not 0 < other.mu < float("inf"):
+            raise SetupError(f"{self.name}.with_mu: mu must be > 0 m^3/s^2, found {other.mu:g} m^3/s^2")
+        if self.field is not None:
+            raise SetupError(f"{self.name}.with_mu: its field has a mu, {self.mu:.9g} m^3/s^2")
+        return other
+
+    def equator(self) -> list[list[float]]:
+        """The axes, in N, of the body's equator of J2000, for Orbit(frame=...); sky.equator(body) is that of date.
+
+        The first one is where the equator ascends over N's plane of the axes 1 and 2.
+        """
+        return equator(self.pole_N)
+
     def with_surface(self, radius: Any) -> Body:
         """The same body, which a spacecraft must not approach to less than `radius` [m] from its centre.
 
@@ -111,7 +133,7 @@ class Body:
                 + (f", harmonics to degree {self.field.degree}" if self.field is not None else "") + ">")
 
 
-# mu: Mars as in the thesis; the Sun, Mercury, Venus, Earth and Moon from DE430, the outer planets
+# mu: the Sun, Mercury, Venus, Mars and Moon from DE430, the Earth as in its field GGM03S, the outer planets
 # without their moons from the JPL satellite ephemerides. Radii that J refer to, or equatorial ones
 # (IAU 2009). J: Earth GGM03S, Mars GGM2B, Moon GRAIL, Jupiter and Saturn from Juno and Cassini,
 # the others from the NASA planetary fact sheets. Poles: right ascension and declination at J2000
@@ -123,7 +145,7 @@ EARTH = Body("EARTH", 3.986004415e14, 6378.1363e3,
              (1.0826353865e-3, -2.5325205e-6, -1.6199892e-6, -2.277385e-7, 5.406871e-7),
              (0.0, 90.0), naif=399)
 MOON = Body("MOON", 4.902800066e12, 1738.0e3, (2.0323e-4, 8.46e-6, -9.6e-6), (269.9949, 66.5392), naif=301)
-MARS = Body("MARS", 4.2828314e13, 3397.0e3,
+MARS = Body("MARS", 4.282837362069909e13, 3397.0e3,
             (1.955453679e-3, 3.14498094e-5, -1.53773962e-5, 5.7185472e-6, -4.8488418e-6),
             (317.68143, 52.88650), naif=499)
 JUPITER = Body("JUPITER", 1.26686534e17, 71492e3, (1.469657e-2, -4.2e-8, -5.86609e-4, -6.9e-8, 3.4198e-5),
@@ -140,6 +162,20 @@ EMB, JUPITER_SYSTEM, SATURN_SYSTEM, URANUS_SYSTEM, NEPTUNE_SYSTEM, PLUTO_SYSTEM 
 SSB = Body("SOLAR SYSTEM BARYCENTER", 0.0, 0.0, naif=0)  # N may have its origin here; it attracts nothing
 
 BODIES = {b.name: b for b in (SUN, MERCURY, VENUS, EARTH, MOON, MARS, JUPITER, SATURN, URANUS, NEPTUNE, PLUTO)}
+
+
+def equator(pole_N: Sequence[float]) -> list[list[float]]:
+    """Three axes: the third along the pole, the first where its equator ascends over N's."""
+    from math import hypot
+
+    x, y, z = (float(p) for p in pole_N)
+    off = hypot(x, y)
+    length = hypot(off, z)
+    third = [x / length, y / length, z / length]
+    first = [-y / off, x / off, 0.0] if off > 1e-12 * length else [1.0, 0.0, 0.0]
+    second = [third[1] * first[2] - third[2] * first[1], third[2] * first[0] - third[0] * first[2],
+              third[0] * first[1] - third[1] * first[0]]
+    return [first, second, third]
 
 
 def body_of(value: Any, path: str) -> Body:

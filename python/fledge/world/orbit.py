@@ -7,7 +7,7 @@ from typing import Any
 
 from fledge import _core
 from fledge.errors import SetupError
-from fledge.objects.si import to_number, to_vector
+from fledge.objects.si import to_number, to_si, to_vector
 from fledge.units import Quantity
 from fledge.world.bodies import ANGLE, LENGTH, NUMBER, SPEED, Body, body_of
 
@@ -24,6 +24,21 @@ def _angle(value, name):
     return angle
 
 
+def _axes(frame):
+    """Three unit vectors at right angles, right-handed, as lists."""
+    if callable(frame):
+        raise SetupError(f"Orbit: frame: expected three axes; found a method: write {frame.__name__}(...)")
+    rows = to_si(frame, "Orbit: frame", "-", NUMBER, "three rows, the frame's axes in N")
+    if not isinstance(rows, list) or len(rows) != 3:
+        raise SetupError(f"Orbit: frame: expected three rows, the frame's axes in N; found {frame!r}")
+    a, b, c = rows = [to_vector(row, "Orbit: frame", "-", NUMBER) for row in rows]
+    third = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    lengths = [sum(x * x for x in row) for row in rows]
+    if not max(abs(x - y) for x, y in zip([*third, *lengths], [*c, 1, 1, 1])) < 1e-9:
+        raise SetupError(f"Orbit: frame: the axes must be unit vectors at right angles, right-handed; found {rows}")
+    return rows
+
+
 class Orbit:
     """A Keplerian orbit of any shape, by classical elements.
 
@@ -38,6 +53,8 @@ class Orbit:
         altitude           above the equatorial radius, of a circular orbit
     i, Omega, omega, f: inclination, right ascension of the ascending node, argument of periapsis and
     true anomaly [rad], about the axes of N; default 0.
+    frame: other axes for them, as three rows in N: sky.true_of_date() of the Earth, sky.equator(body) of any body
+    at a date, body.equator() of J2000.
 
     r_BN_N [m] and v_BN_N [m/s] hold the state, the body's own position and velocity included.
     Raises SetupError on elements that describe no orbit, on a position inside the body, on an ellipse that enters
@@ -47,7 +64,8 @@ class Orbit:
 
     def __init__(self, body: Body | str, *, a: Any = None, e: Any = None, p: Any = None, rp: Any = None,
                  ra: Any = None, altitude: Any = None, i: Any = 0.0, Omega: Any = 0.0, omega: Any = 0.0,
-                 f: Any = 0.0) -> None:
+                 f: Any = 0.0, frame: Any = None) -> None:
+        self.frame = None if frame is None else _axes(frame)
         self.body = body_of(body, "Orbit")
         given = {k: v for k, v in (("a", a), ("p", p), ("rp", rp), ("ra", ra), ("altitude", altitude))
                  if v is not None}
@@ -80,17 +98,21 @@ class Orbit:
             _angle(x, name) for name, x in (("i", i), ("Omega", Omega), ("omega", omega), ("f", f)))
         self.require_outside("Orbit")
         r, v = _core.orbit_state(self.body.mu, p, e, self.i, self.Omega, self.omega, self.f)
+        if self.frame is not None:
+            r, v = ([sum(x * axis[k] for x, axis in zip(a, self.frame)) for k in range(3)] for a in (r, v))
         self.r_BN_N = [x + y for x, y in zip(r, self.body.r_PN_N)]
         self.v_BN_N = [x + y for x, y in zip(v, self.body.v_PN_N)]
 
     @classmethod
-    def from_state(cls, body: Body | str, r: Any, v: Any) -> Orbit:
-        """The orbit through a position [m] with a velocity [m/s], relative to the body."""
+    def from_state(cls, body: Body | str, r: Any, v: Any, *, frame: Any = None) -> Orbit:
+        """The orbit through a position [m] with a velocity [m/s], relative to the body; its elements in `frame`."""
         body = body_of(body, "Orbit.from_state")
         r = to_vector(r, "Orbit.from_state: r", "m", LENGTH)
         v = to_vector(v, "Orbit.from_state: v", "m/s", SPEED)
+        if frame is not None:
+            r, v = ([sum(x * y for x, y in zip(axis, a)) for axis in _axes(frame)] for a in (r, v))
         p, e, i, Omega, omega, f = _core.orbit_elements(body.mu, r, v)
-        orbit = cls(body.with_surface(0), p=p, e=e, i=i, Omega=Omega, omega=omega, f=f)
+        orbit = cls(body.with_surface(0), p=p, e=e, i=i, Omega=Omega, omega=omega, f=f, frame=frame)
         orbit.body = body
         return orbit
 

@@ -17,11 +17,15 @@ from typing import TYPE_CHECKING, Any
 
 from fledge import _core
 from fledge.errors import SetupError
-from fledge.objects.si import time_ns
+from fledge.objects.si import time_ns, to_number, to_si
 
 if TYPE_CHECKING:
     from fledge.world.bodies import Body
 
+
+# The exponents of the base units, as in fledge.units.
+TIME = (0, 0, 1, 0, 0, 0, 0, 0)
+ANGLE = (0, 0, 0, 0, 0, 0, 0, 1)
 
 BodyAttitude = namedtuple("BodyAttitude", "dcm_PN omega_PN_P")
 BodyAttitude.__doc__ = """The attitude of a body: P is fixed in it, with p3 along its pole and p1 in its prime meridian.
@@ -30,16 +34,47 @@ dcm_PN (3, 3) maps N to P; omega_PN_P [rad/s] (3,) is the rate of P relative to 
 """
 
 
+class EarthOrientation:
+    """How the Earth stands and turns, for Sky(earth=...): a theory of the IAU, and what the IERS measured.
+
+    eop: a file of the IERS, EOP 14 C04 or 20 C04 (with dX and dY): UT1 and polar motion, day by day.
+    theory: "IAU 2006/2000A", or "IAU 1976/1980" to compare with older tools, without dX and dY and with N as the mean
+        equator and equinox of J2000.
+    ut1_tai: UT1 - TAI [s]; polar_motion: (x, y) [rad]. They replace those of the file. Without a file ut1_tai is
+        required, and the pole does not move unless polar_motion is given.
+
+    Raises SetupError on arguments of another kind. The Sky reads the file, and refuses a damaged one with its line.
+    """
+
+    def __init__(self, eop: str | PathLike[str] | None = None, *, theory: str = "IAU 2006/2000A", ut1_tai: Any = None,
+                 polar_motion: Any = None) -> None:
+        name = "EarthOrientation"
+        if theory not in ("IAU 2006/2000A", "IAU 1976/1980"):
+            raise SetupError(f'{name}: theory: expected "IAU 2006/2000A" or "IAU 1976/1980"; found {theory!r}')
+        pole = None
+        if polar_motion is not None:
+            pole = to_si(polar_motion, f"{name}: polar_motion", "rad", ANGLE, "two angles")
+            if not isinstance(pole, list) or len(pole) != 2:
+                raise SetupError(f"{name}: polar_motion: expected two angles; found {polar_motion!r}")
+        self.eop = None if eop is None else _path(eop, f"{name}: eop")
+        self.theory, self.polar_motion = theory, pole
+        self.ut1_tai = None if ut1_tai is None else to_number(ut1_tai, f"{name}: ut1_tai", "s", TIME)
+        self._core = _core.EarthData(theory == "IAU 1976/1980", self.eop, self.ut1_tai, pole)
+
+
 class Sky:
     """The solar system from an epoch on, which is the time 0 of the run; the run's clock counts TDB.
 
-    epoch: "2015-03-02T12:00:00", in UTC unless " TDB", " TT" or " TAI" follows.
+    epoch: "2015-03-02T12:00:00", in UTC unless " TDB", " TT", " TAI" or " GPS" follows.
     center: the body or barycentre in which N has its origin: world.MARS, "Mars", a NAIF number,
         world.SSB for the barycentre of the solar system. The axes of N are those of the ICRF (J2000).
     kernels: SPICE SPK files (.bsp); later ones have precedence. Without any: DE405, with Sun, planets and
         Moon from 1960 to 2060. "DE405" in the list puts it among the kernels.
     leap_seconds: a SPICE file (.tls). None: the leap seconds up to 2016-12-31.
     pck: a SPICE text file (.tpc) with the bodies' rotations. None: the constants of the IAU's report of 2000.
+    earth: an EarthOrientation, in place of the Earth's constants, which are within 0.2 deg.
+    moon: "mean Earth", by the constants, or "principal axes", by the librations of DE405: what gravity fields of the
+        Moon refer to.
 
     Positions are geometric, without light time. For a planet that the ephemeris has only together with its
     moons (Jupiter in DE405), the Sky uses their barycentre; `assumptions` names such planets.
@@ -50,7 +85,12 @@ class Sky:
 
     def __init__(self, epoch: str, center: Body | str | int,
                  kernels: str | PathLike[str] | Sequence[str | PathLike[str]] = (), *,
-                 leap_seconds: str | PathLike[str] | None = None, pck: str | PathLike[str] | None = None) -> None:
+                 leap_seconds: str | PathLike[str] | None = None, pck: str | PathLike[str] | None = None,
+                 earth: EarthOrientation | None = None, moon: str = "mean Earth") -> None:
+        if earth is not None and not isinstance(earth, EarthOrientation):
+            raise SetupError(f"Sky: earth: expected world.EarthOrientation(...); found {earth!r}")
+        if moon not in ("mean Earth", "principal axes"):
+            raise SetupError(f'Sky: moon: expected "mean Earth" or "principal axes"; found {moon!r}')
         if not isinstance(epoch, str):
             raise SetupError(f'Sky: epoch: expected a text like "2015-03-02T12:00:00"; found {epoch!r}')
         listed = kernels if isinstance(kernels, (list, tuple)) else [kernels]
@@ -58,7 +98,8 @@ class Sky:
         try:
             self._core = _core.Sky(epoch, number(center, "Sky: center"), files,
                                    None if leap_seconds is None else _path(leap_seconds, "Sky: leap_seconds"),
-                                   None if pck is None else _path(pck, "Sky: pck"))
+                                   None if pck is None else _path(pck, "Sky: pck"), earth and earth._core,
+                                   moon == "principal axes")
         except SetupError as error:
             text = str(error)
             raise SetupError(text if text.startswith("Sky: ") else f"Sky: {text}") from None
@@ -95,12 +136,39 @@ class Sky:
         return state
 
     def orientation(self, body: Body | str | int, t: Any = 0) -> BodyAttitude:
-        """The attitude and rate of a body at a time of the run: BodyAttitude(dcm_PN, omega_PN_P)."""
+        """The attitude and rate of a body at a time of the run: BodyAttitude(dcm_PN, omega_PN_P).
+
+        Raises SetupError for a body whose rotation is not known, and at a time that the data of `earth` or the Moon's
+        librations do not cover.
+        """
         from numpy import array
 
         dcm_PN, omega_PN_P = self._core.orientation(number(body, "Sky.orientation: body"),
                                                     time_ns(t, "Sky.orientation: t"))
         return BodyAttitude(array(dcm_PN), array(omega_PN_P))
+
+    def equator(self, body: Body | str | int, t: Any = 0) -> Any:
+        """The axes, in N, of a body's equator at a time of the run, as the rows of a (3, 3) array.
+
+        For Orbit(frame=...). The third is along the body's pole, the first where its equator ascends over N's
+        plane of the axes 1 and 2. For the Earth true_of_date() has the equinox in place of that node.
+        """
+        from numpy import array
+
+        from fledge.world.bodies import equator
+
+        return array(equator(self.orientation(body, t).dcm_PN[2]))
+
+    def true_of_date(self, t: Any = 0) -> Any:
+        """The axes, in N, of the Earth's true equator and equinox at a time of the run: the rows of a (3, 3) array."""
+        from numpy import array
+
+        return array(self._core.true_of_date(time_ns(t, "Sky.true_of_date: t")))
+
+    def gps(self, t: Any = 0) -> tuple[int, float]:
+        """The week and the seconds of GPS time at a time of the run; weeks count from 1980-01-06 and do not wrap."""
+        week, rest = divmod(self._core.gps(time_ns(t, "Sky.gps: t")), 604_800 * 10**9)
+        return week, rest / 1e9
 
     def utc(self, t: Any = 0) -> str:
         """The date and time in UTC at a time of the run, as text."""

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Chebyshev coefficients for the ephemerides of flight software, from a Sky."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fledge.errors import SetupError
+from fledge.objects.si import time_ns, to_number
+from fledge.world.bodies import LENGTH, Body
+from fledge.world.sky import Sky
+
+SEGMENTS, TERMS = 8, 16  # as flight/msg/ephemeris.h
+
+
+def fit_ephemeris(sky: Sky, body: Body | str | int, *, within: Any, duration: Any, start: Any = 0,
+                  center: Body | str | int | None = None) -> dict[str, Any]:
+    """The parameters of a ChebyshevEphemeris that holds the position of a body within a bound.
+
+        f.sun = fsw.ChebyshevEphemeris(**world.fit_ephemeris(sky, world.SUN, within=1 * km, duration=10 * day))
+
+    body, center: whose position, and relative to what; None: to N's origin. within: the largest error [m], over the
+    whole span. start, duration: the span, in the time of the run; the segments may outlast it by some nanoseconds.
+
+    Takes the fewest segments of equal length that suffice, at most 8, and then the fewest coefficients, at most 16. The
+    coefficients interpolate at Chebyshev's nodes; the error is sampled eight times as densely, ends included. Raises
+    SetupError if the bound cannot be held, with the error that can be reached, or if the Sky does not cover the span.
+    """
+    from numpy import arange, array, cos, linspace, pi, zeros
+    from numpy.linalg import norm
+    from numpy.polynomial import chebyshev
+
+    path = "fit_ephemeris"
+    bound = to_number(within, f"{path}: within", "m", LENGTH)
+    begin, span = time_ns(start, f"{path}: start"), time_ns(duration, f"{path}: duration")
+    if not bound > 0 or span <= 0:
+        raise SetupError(f"{path}: within and duration must be > 0; found {bound:g} m and {span / 1e9:g} s")
+
+    def positions(first, length, x):
+        """(n, 3), at the whole nanoseconds nearest to x in [-1, 1]."""
+        return array([sky.state(body, (first + min(round((1 + at) / 2 * length), begin + span - first)) / 1e9, center)
+                      .r_PN_N for at in x])
+
+    # The nodes of Chebyshev's polynomial of degree TERMS, and where errors are looked for.
+    nodes = -cos(pi * (arange(TERMS) + 0.5) / TERMS)
+    between = linspace(-1, 1, 8 * TERMS + 1)
+    best = float("inf")
+    for segments in range(1, SEGMENTS + 1):
+        length = -(-span // segments)
+        firsts = [begin + k * length for k in range(segments)]
+        whole = [2 / TERMS * chebyshev.chebvander(nodes, TERMS - 1).T @ positions(first, length, nodes)
+                 for first in firsts]
+        truth = [positions(first, length, between) for first in firsts]
+        for c in whole:
+            c[0] /= 2
+
+        def error(n):
+            return max(norm(chebyshev.chebval(between, c[:n]).T - r, axis=1).max() for c, r in zip(whole, truth))
+
+        best = min(best, error(TERMS))
+        if best <= bound:
+            n = next(n for n in range(1, TERMS + 1) if error(n) <= bound)
+            coefficients = zeros((SEGMENTS, TERMS, 3))
+            coefficients[:segments, :n] = [c[:n] for c in whole]
+            return {"start": begin, "duration": length, "segments": segments, "n": n, "c": coefficients}
+    raise SetupError(f"{path}: {SEGMENTS} segments of {TERMS} coefficients hold {body} within {best:.3g} m over "
+                     f"{span / 1e9:g} s, not within {bound:g} m; take a shorter duration")

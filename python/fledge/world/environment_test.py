@@ -1,0 +1,196 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What surrounds a spacecraft, as a mission uses it."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fledge import Orbit, SetupError, Simulation, world
+from fledge.units import W, deg, kg, km, m, minute, rad, s
+
+ROOT = Path(__file__).resolve().parents[3]
+DATA = Path(os.environ.get("FLEDGE_TEST_DATA", ROOT.parent / "shared" / "data"))
+DE405 = Path("/usr/share/casacore/data/ephemerides/DE405")
+EARTH = world.EARTH
+SPIN = 7.292115146706388e-5 * rad / s
+
+needs_de405 = pytest.mark.skipif(not DE405.exists(), reason="not here: the package casacore-data-jpl-de405")
+
+
+def says(words, action):
+    with pytest.raises(SetupError) as error:
+        action()
+    assert words in str(error.value)
+
+
+def fly(duration, step=1 * s, wires=(), **models):
+    """A simulation of these models, flown; each that needs the craft's state gets it."""
+    sim = Simulation("environment")
+    w = sim.world
+    parts = [p for model in models.values() if isinstance(model, world.Spacecraft) for p in model.parts]
+    for name, model in models.items():
+        setattr(w, name, model)
+    for model in models.values():
+        if hasattr(model, "truth"):
+            w.connect(models["craft"].state >> model.truth)
+    for make in wires:
+        w.connect(make(w))
+    w.task("world", every=step, run=[model for model in models.values() if not any(model is p for p in parts)])
+    sim.run(duration)
+    return sim
+
+
+# --- in a mission ----------------------------------------------------------------------------------
+
+def surroundings(**changes):
+    """A craft in a low orbit of the Earth in which everything acts, without a sky; and its models."""
+    models = {"air": world.Atmosphere(body=EARTH, law="STANDARD_1976", spin=SPIN),
+              "light": world.Sunlight(sun=world.SUN.at([1.5e11, 0, 0]), shadows=[EARTH]),
+              "field": world.Magnetism(body=EARTH, dipole_P=[0, 0, -7.8e15], spin=SPIN),
+              "station": world.GroundStation(body=EARTH, latitude=0, longitude=0, mask=5 * deg, spin=SPIN)}
+    models |= {"drag": world.Drag(air=models["air"], Cd=2.2, area=1 * m**2),
+               "solar": world.SolarPressure(light=models["light"], Cr=1.2, area=1 * m**2),
+               "gradient": world.GravityGradient()}
+    models["craft"] = world.Spacecraft(**{
+        "mass": 100 * kg, "I_B": [10, 12, 14], "gravity": [EARTH], "orbit": Orbit(EARTH, altitude=400 * km),
+        "parts": [models["drag"], models["solar"], models["gradient"]], **changes})
+    return models
+
+
+def test_all_of_it_together_is_repeated_by_clones():
+    sim = fly(10 * minute, **surroundings())
+    w = sim.world
+    assert w.air.air.density == pytest.approx(2.8e-12, rel=0.01)
+    assert np.linalg.norm(w.drag.load.force_B) == pytest.approx(1.1 * 2.8e-12 * 7180**2, rel=0.02)
+    assert w.light.light.visible == 1 and w.light.light.irradiance == pytest.approx(1354, rel=1e-3)
+    assert np.linalg.norm(w.solar.load.force_B) == pytest.approx(1.2 * 1354 / 299792458, rel=1e-3)
+    assert np.linalg.norm(w.field.field.B_N) == pytest.approx(7.8e15 / 6778e3**3, rel=1e-3)
+    # It flew over the station 10 minutes ago, and is gone.
+    assert w.station.contact.elevation < 0 and w.station.contact.visible == 0
+    assert w.station.contact.azimuth == pytest.approx(np.pi / 2)
+    assert w.station.contact.range_rate == pytest.approx(6580, rel=0.01)  # 7180 m/s cos(24 deg)
+    assert w.drag.air is w.air and w.solar.light is w.light
+    assert w.air.body.name == "EARTH" and [b.name for b in w.light.shadows] == ["EARTH"] and w.light.sun.name == "SUN"
+    clone = sim.clone()
+    for one in (sim, clone):
+        one.run(40 * minute)
+    assert sim.snapshot() == clone.snapshot()
+    assert w.light.light.visible == 0 and not np.any(w.solar.load.force_B)
+
+
+def test_sun_sensors_are_dark_in_the_shadow():
+    models = surroundings()
+    models["css"] = world.CoarseSunSensors(axes_B=[[1, 0, 0], [-1, 0, 0]], current=[1e-3, 1e-3])
+    sim = fly(1, wires=[lambda w: w.light.light >> w.css.light], **models)
+    assert sim.world.css.currents.current[0] == pytest.approx(1e-3)
+    sim.run(46 * minute)
+    assert sim.world.light.light.visible == 0 and not np.any(sim.world.css.currents.current)
+
+
+def test_a_battery_empties_in_the_shadow_and_panels_fill_it():
+    models = surroundings()
+    models["array"] = world.SolarArray(normals_B=[[1, 0, 0]], areas=[0.2], efficiency=0.3)
+    models["power"] = world.PowerUnit(n=1, on=1, volts=30, load=[30], count_current=1e-3, count_volts=1e-3,
+                                      battery=80e3, charge=1)
+    sim = fly(1, wires=[lambda w: w.light.light >> w.array.light, lambda w: w.array.array >> w.power.array], **models)
+    power = sim.world.power
+    sim.run(28 * minute)
+    assert power.energy == 80e3 and sim.world.array.array.power == pytest.approx(81, rel=0.05)
+    sim.run(30 * minute)  # in the shadow, where the load takes 30 W
+    assert 80e3 - power.energy == pytest.approx(30 * 30 * 60, rel=0.02)
+    low = power.energy
+    sim.run(20 * minute)  # of which 14 in the light again
+    assert power.energy > low + 20e3
+
+
+@needs_de405
+def test_in_a_sky_the_moon_eclipses_the_sun():
+    # The total eclipse of 20 March 2015: greatest at 9:45:39 UT near 64.4 N, 6.6 W.
+    sky = world.Sky("2015-03-20T09:46:46", center=EARTH)  # 67 s later: TDB
+    station = world.GroundStation(body=EARTH, sky=sky, latitude=64.4 * deg, longitude=-6.6 * deg)
+    light = world.Sunlight(sun=world.SUN, shadows=[EARTH, world.MOON], sky=sky, irradiance=1361 * W / m**2)
+    craft = world.Spacecraft(I_B=1, gravity=[EARTH], sky=sky, orbit=Orbit(EARTH, a=2e7))
+    sim = fly(1, craft=craft, station=station, light=light)
+    r = sim.world.station.state.r_PN_N
+    sun = sky.state(world.SUN, 1).r_PN_N
+    moon = sky.state(world.MOON, 1).r_PN_N
+    up = r / np.linalg.norm(r)
+    assert np.degrees(np.arcsin(up @ (sun - r) / np.linalg.norm(sun - r))) == pytest.approx(18.5, abs=0.5)
+    # A craft right over the ground there, at rest for a moment.
+    craft = world.Spacecraft(I_B=1, gravity=[EARTH], sky=sky, r_BN_N=r + 20e3 * up, v_BN_N=[0, 0, 0])
+    light = world.Sunlight(sun=world.SUN, shadows=[EARTH, world.MOON], sky=sky)
+    dark = fly(1, 100e-3 * s, craft=craft, light=light).world.light.light
+    assert dark.visible < 0.01
+    # Half the Moon's radius beside the line, the Sun is a crescent; above all of it, whole.
+    line = (moon - sun) / np.linalg.norm(moon - sun)
+    beside = np.cross(line, [0, 0, 1]) / np.linalg.norm(np.cross(line, [0, 0, 1]))
+    craft = world.Spacecraft(I_B=1, gravity=[EARTH], sky=sky, r_BN_N=r + 500e3 * up + 1500e3 * beside, v_BN_N=[0, 0, 0])
+    light = world.Sunlight(sun=world.SUN, shadows=[EARTH, world.MOON], sky=sky)
+    assert 0.05 < fly(1, 100e-3 * s, craft=craft, light=light).world.light.light.visible < 0.95
+
+
+@needs_de405
+def test_the_world_magnetic_model_in_a_sky():
+    file = DATA / "WMM2025.COF"
+    if not file.exists():
+        pytest.skip(f"not here: {file}")
+    sky = world.Sky("2025-01-01", center=EARTH)
+    # A published test value at 80 N, 0 E, 100 km: north 6216.0, east 92.4, down 52598.8 nT.
+    station = world.GroundStation(body=EARTH, sky=sky, latitude=80 * deg, longitude=0 * deg, altitude=100 * km)
+    fly(0, craft=world.Spacecraft(I_B=1, gravity=[EARTH], sky=sky, orbit=Orbit(EARTH, a=2e7)), station=station)
+    field = world.Magnetism(body=EARTH, sky=sky, coefficients=file)
+    craft = world.Spacecraft(I_B=1, gravity=[EARTH], sky=sky, r_BN_N=station.state.r_PN_N, v_BN_N=[0, 0, 0])
+    sim = fly(0, craft=craft, field=field)
+    B_P = sky.orientation(EARTH).dcm_PN @ sim.world.field.field.B_N * 1e9
+    lat = 80 * np.pi / 180
+    north, up = np.array([-np.sin(lat), 0, np.cos(lat)]), np.array([np.cos(lat), 0, np.sin(lat)])
+    assert [B_P @ north, B_P[1], -B_P @ up] == pytest.approx([6216.0, 92.4, 52598.8], abs=0.06)
+    assert sim.world.field.coefficients == str(file)
+    says("WMM-2025 holds from 2025.0 to 2030.0; the run begins in 2015.", lambda: fly(
+        0, craft=world.Spacecraft(I_B=1, gravity=[EARTH], orbit=Orbit(EARTH, a=2e7)),
+        field=world.Magnetism(body=EARTH, sky=world.Sky("2015-06-01", center=EARTH), coefficients=file)))
+
+
+# --- what is refused -------------------------------------------------------------------------------
+
+def test_what_cannot_be_is_refused_before_the_first_step():
+    says("world.craft.mass is 0, but one of its parts adds forces", lambda: fly(1, **surroundings(mass=0)))
+    models = surroundings()
+    models["drag"].areas = [1, 1, 1]
+    says("world.drag.normals_B must have a length, found zero at [0]", lambda: fly(1, **models))
+    drag = world.Drag(Cd=2, area=1)
+    models = surroundings(parts=[drag]) | {"drag": drag}
+    del models["solar"], models["gradient"]
+    says("world.drag.air is missing: a model of the same world, as in `w.air = world.Atmosphere(...)`",
+         lambda: fly(1, **models))
+    models = surroundings()
+    del models["air"]
+    says("world.drag.air is a model outside of the same world", lambda: fly(1, **models))
+    models = surroundings()
+    del models["drag"]
+    says("a part of the spacecraft that asks a world.Atmosphere is itself in no world", lambda: fly(1, **models))
+    says("Drag.air: expected a model of the world, as in world.Atmosphere(...); found",
+         lambda: world.Drag(air=models["light"]))
+    says("SolarPressure.light: expected a model of the world, as in world.Sunlight(...); found 5",
+         lambda: world.SolarPressure(light=5))
+    says("Atmosphere.body: expected a body, such as world.MARS", lambda: world.Atmosphere(body=3))
+    says("Sunlight.shadows: expected a body", lambda: world.Sunlight(shadows=[5]))
+    says("Magnetism.coefficients: expected the path of a .COF file; found 5", lambda: world.Magnetism(coefficients=5))
+    says("world.field.coefficients: ", lambda: fly(1, **{**surroundings(), "field": world.Magnetism(
+        body=EARTH, coefficients=__file__, sky=world.Sky("2025-02-01", center=EARTH))}))
+    says("world.station.latitude is required", lambda: fly(
+        1, **{**surroundings(), "station": world.GroundStation(body=EARTH, longitude=0)}))
+    says("world.light.sun is missing", lambda: fly(1, **{**surroundings(), "light": world.Sunlight()}))
+
+
+@needs_de405
+@pytest.mark.parametrize("epoch, center", [("2025-01-01", world.MARS), ("2026-01-01", EARTH)])
+def test_a_part_that_asks_in_another_sky_is_refused(epoch, center):
+    air = world.Atmosphere(body=EARTH, law="STANDARD_1976", sky=world.Sky(epoch, center=center))
+    drag = world.Drag(air=air, Cd=2, area=1)
+    craft = world.Spacecraft(mass=1, I_B=1, sky=world.Sky("2025-01-01", center=EARTH), gravity=[EARTH],
+                             orbit=Orbit(EARTH, altitude=400 * km), parts=[drag])
+    says("world.craft.sky: the Atmosphere that one of its parts asks is in a sky of another center or epoch",
+         lambda: fly(1, craft=craft, drag=drag, air=air))
