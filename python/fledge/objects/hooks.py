@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The functions that the extension calls in Python. It imports this module at the first call."""
 
+from fledge.objects.outside import changed_outside, outside_state
 from fledge.objects.script import check_script, script_failed
 from fledge.objects.si import enumeration, to_enumerators, to_si
 from fledge.objects.wires import wire
-from fledge.objects.words import show, unknown_attribute
+from fledge.objects.words import show, show_html, undeclared_attribute, unknown_attribute
 
-__all__ = ["check_script", "enumeration", "script_failed", "show",
-           "to_enumerators", "to_si", "unknown_attribute", "wire"]
+__all__ = ["changed_outside", "check_script", "enumeration", "outside_state", "script_failed", "show",
+           "show_html", "to_enumerators", "to_si", "undeclared_attribute", "unknown_attribute", "wire"]

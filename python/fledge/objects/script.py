@@ -12,9 +12,9 @@ from typing import Any
 
 from fledge import _core
 from fledge.errors import SetupError
+from fledge.files import shown
 
 _PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__))) + os.sep
-_ARGUMENTS = {"update": "(m, t, dt)", "reset": "(m)"}
 
 
 def check_script(kind: str, update: Any, reset: Any, turns: Any) -> None:
@@ -27,37 +27,55 @@ def check_script(kind: str, update: Any, reset: Any, turns: Any) -> None:
                          "in Python")
     if turns is not None and (not isinstance(turns, int) or isinstance(turns, bool) or not 0 < turns < 2**31):
         raise SetupError(f"{kind}.turns: expected a whole number from 1 to 2^31 - 1; found {turns!r}")
-    for name, function, n in (("update", update, 3), ("reset", reset, 1)):
-        if function is None:
-            continue
-        expected = f"{kind}.{name}: expected a function of {_ARGUMENTS[name]}; found "
-        if not callable(function):
-            raise SetupError(f"{expected}{function!r}")
-        if any(test(function) for test in (inspect.isgeneratorfunction, inspect.iscoroutinefunction,
-                                           inspect.isasyncgenfunction)):
-            raise SetupError(f"{expected}{function_text(function)}, whose call does not run it: it is a generator or "
-                             "is asynchronous")
-        try:
-            signature = inspect.signature(function)
-        except (TypeError, ValueError):     # of C, without one
-            continue
-        try:
-            signature.bind(*range(n))
-        except TypeError:
-            raise SetupError(f"{expected}{function_text(function)} with the arguments {signature}") from None
+    for name, function, arguments in (("update", update, "(m, t, dt)"), ("reset", reset, "(m)")):
+        if function is not None:
+            check_function(f"{kind}.{name}", function, arguments)
+
+
+def check_function(path: str, function: Any, arguments: str) -> None:
+    """Raise SetupError if this is no function that can be called with `arguments`, as "(m, t, dt)"."""
+    expected = f"{path}: expected a function of {arguments}; found "
+    if not callable(function):
+        raise SetupError(f"{expected}{function!r}")
+    if any(test(function) for test in (inspect.isgeneratorfunction, inspect.iscoroutinefunction,
+                                       inspect.isasyncgenfunction)):
+        raise SetupError(f"{expected}{function_text(function)}, whose call does not run it: it is a generator or "
+                         "is asynchronous")
+    try:
+        signature = inspect.signature(function)
+    except (TypeError, ValueError):     # of C, without one
+        return
+    try:
+        signature.bind(*arguments.split(","))
+    except TypeError:
+        raise SetupError(f"{expected}{function_text(function)} with the arguments {signature}") from None
 
 
 def script_failed(path: str, when: str, error: BaseException, trace: TracebackType | None) -> str:
     """Where and when a function of a module ended with an exception: the last line of the user's."""
     lines = traceback.extract_tb(trace)
     own = [line for line in lines if not line.filename.startswith(_PACKAGE)] or lines
-    place = f"{own[-1].filename}, line {own[-1].lineno}: " if own else ""
+    place = f"{shown(own[-1].filename)}, line {own[-1].lineno}: " if own else ""
     return f"{place}{path} {when}: {type(error).__name__}: {error}"
 
 
 def script(obj: Any) -> tuple[Callable[..., Any], Callable[..., Any] | None] | None:
     """(update, reset or None) of a module in Python; None: it runs its C."""
     return _core.script(obj) if isinstance(obj, (_core.Module, _core.Model)) else None
+
+
+def prototype(obj: Any) -> Any:
+    """The class of a prototype; None for what has a header."""
+    return _core.class_of(obj) if isinstance(obj, (_core.Module, _core.Model)) else None
+
+
+def python_text(obj: Any) -> str:
+    """What of a module or model is Python: "class SunSlew, prototypes.py, line 12"; "" for one in C."""
+    if cls := prototype(obj):
+        struct = cls._struct
+        return f"class {struct.name}, {os.path.basename(struct.path)}, line {struct.line}"
+    functions = script(obj)
+    return function_text(functions[0]) if functions else ""
 
 
 def function_text(function: Any) -> str:

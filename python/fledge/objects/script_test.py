@@ -117,7 +117,7 @@ def test_an_exception_ends_the_run_with_line_and_time():
     def broken(m, t, dt):
         m.publish(m.reference)
         if t >= 1:
-            m.sigma_RN[3] = 1
+            m.reference.sigma_RN[3] = 1
 
     line = inspect.getsourcelines(broken)[1] + 3
     sim = turned(broken)
@@ -147,6 +147,8 @@ def test_an_exception_at_its_reset_names_the_line_too():
     (lambda m: m.publish(m.sigma_RN), r"expected an output of the module; found .* It has reference"),
     (lambda m: m.publish(m.reference, quality="BEST"), "quality"),
     (lambda m: m.publish(), "publish"),
+    (lambda m: (m.reference.sigma_RN.fill(np.nan), m.publish(m.reference)),
+     r"script_test.py, line \d+: .* ValueError: flight.guidance.reference says GOOD, but its sigma_RN\[0\] is nan"),
 ])
 def test_what_it_does_wrong_has_the_message_of_an_assignment(wrong, complaint):
     with pytest.raises(RunError, match=complaint):
@@ -227,8 +229,8 @@ def test_what_is_python_is_seen():
 
 def test_health_sees_its_numbers():
     def infinite(m, t, dt):
-        m.reference.sigma_RN[0] = 1e300 * 1e300
         m.publish(m.reference)
+        m.reference.sigma_RN[0] = 1e300 * 1e300
 
     with pytest.raises(RunError, match=r"flight.guidance.reference says GOOD at 0 s, but its sigma_RN\[0\] is inf"):
         turned(infinite).run(1 * s)

@@ -19,7 +19,7 @@ def to_si(value: Any, path: str, unit: str, dims: Any, expected: str) -> Any:
     """
     def plain(x: Any) -> Any:
         if isinstance(x, Quantity):
-            if x.dims[:7] != dims[:7]:
+            if x.dims[:7] != dims[:7] and unit != "SI":
                 wanted = f"a quantity in {unit}" if unit not in ("", "-") else "a number without unit"
                 raise SetupError(f"{path}: expected {wanted}; found {x!r}"
                                  + ("" if any(x.dims) else ", which has no unit"))

@@ -6,8 +6,9 @@ from __future__ import annotations
 from typing import Any
 
 from fledge import _core
+from fledge.display import table
 from fledge.errors import SetupError, did_you_mean
-from fledge.objects.script import function_text, script
+from fledge.objects.script import function_text, prototype, python_text, script
 from fledge.objects.si import short_name
 
 GROUPS = (("par", "parameters"), ("in", "inputs"), ("out", "outputs"), ("mem", "memory"), ("", "fields"))
@@ -33,27 +34,54 @@ def unknown_attribute(obj: Any, name: str) -> str:
         f"{word}: {', '.join(groups[g])}" for g, word in GROUPS if g in groups)
 
 
+def undeclared_attribute(obj: Any, name: str) -> str:
+    """The error text for an assignment to an attribute that a prototype does not declare."""
+    memory = names_by_group(obj).get("mem", [])
+    return (f"{title(obj)} has no '{name}'{did_you_mean(str(name), memory)} a prototype remembers what it declares: "
+            f"{name} = mem(float, \"[-] meaning\"), in its class")
+
+
 def title(obj: Any) -> str:
     """"flight.control (MrpFeedback)", or the type's name alone."""
     path, kind = _core.path(obj), _core.struct(obj).name
     return kind if path == kind else f"{path} ({kind})"
 
 
-def show(obj: Any) -> str:
-    """The repr of a module, model or message: a small table, group by group."""
-    groups: dict[str, list[tuple[str, str, str]]] = {}
+def _groups(obj):
+    """Group -> (name, value, unit or rule, meaning) of its fields."""
+    groups: dict[str, list[tuple[str, ...]]] = {}
     for field in _core.struct(obj).fields:
         if not field.spare:
-            groups.setdefault(field.group, []).append(_row(obj, field))
+            meaning = field.doc or (first_sentence(field.struct.doc) if field.type == "struct" else "")
+            groups.setdefault(field.group, []).append((*_row(obj, field), meaning))
     for name, value in vars(type(obj)).items():
         if isinstance(value, property):
-            groups.setdefault("par", []).append((name, _property(obj, name), ""))
-    lines = [title(obj)]
-    if functions := script(obj):
-        lines += [f"  {name} in Python: {function_text(one)}" for name, one in zip(("update", "reset"), functions)
-                  if one is not None]
+            groups.setdefault("par", []).append((name, _property(obj, name), "", first_sentence(value.__doc__ or "")))
+    return groups
+
+
+def _functions(obj):
+    """What of it is Python, a line each."""
+    if prototype(obj):
+        return [f"in Python: {python_text(obj)}"]
+    functions = script(obj) or ()
+    return [f"{name} in Python: {function_text(one)}" for name, one in zip(("update", "reset"), functions)
+            if one is not None]
+
+
+def show_html(obj: Any) -> str:
+    """What a notebook shows of a module, model or message: the table of its repr, with the meanings."""
+    groups = _groups(obj)
+    return table(title(obj), [(word if group else "", groups.get(group, [])) for group, word in GROUPS],
+                 ("", "value", "unit", "meaning"), _functions(obj))
+
+
+def show(obj: Any) -> str:
+    """The repr of a module, model or message: a small table, group by group."""
+    groups = _groups(obj)
+    lines = [title(obj), *(f"  {line}" for line in _functions(obj))]
     for group, word in GROUPS:
-        rows = groups.get(group, [])
+        rows = [row[:3] for row in groups.get(group, [])]
         if group and rows:
             lines.append(f"  {word}")
         widths = [max((len(cell) for cell in column if len(cell) <= _WIDE), default=0) for column in zip(*rows)]
@@ -129,6 +157,7 @@ def _wiring(obj, field):
     wires = process._core_simulation.wires
     if field.group == "in":
         sources = [source for source, target, *_ in wires if target == path]
+        sources += [source for target, source, _ in process._core_simulation.feeds if target == path]
         return "<< " + sources[0] if sources else "not wired, optional" if field.optional else "not wired"
     targets = [target for source, target, *_ in wires if source == path]
     return ">> " + ", ".join(targets) if targets else ""
