@@ -38,23 +38,24 @@ def snake(name: str) -> str:
     return re.sub(r"([A-Z])([A-Z][a-z])", r"\1_\2", words).lower()
 
 
-def module(name: str, project: Path | str | None = None) -> tuple[list[Path], str]:
+def module(name: str, project: Path | str | None = None, source: str | None = None) -> tuple[list[Path], str]:
     """Begin a flight module: its interface, its C, its test, and its line for CMake.
 
     name: "SunSlew", or "guidance/SunSlew" for a subfolder of flight/; project: its folder, else Fledge
-    itself. Returns (files written, advice for the next step). Raises NewError.
+    itself; source: of a prototype whose interface it gets, "missions/turn/prototypes.py:SunSlew". Returns (files
+    written, advice for the next step). Raises NewError.
     """
-    return _type("module", name, project, "flight", "control", "TorqueLimiter", (".h", ".c", "_test.cpp"))
+    return _type("module", name, project, "flight", "control", "TorqueLimiter", (".h", ".c", "_test.cpp"), source)
 
 
-def model(name: str, project: Path | str | None = None) -> tuple[list[Path], str]:
+def model(name: str, project: Path | str | None = None, source: str | None = None) -> tuple[list[Path], str]:
     """Begin a model of the world: its interface, its class in C++, its test, and its line for CMake."""
     return _type("model", name, project, "world", "dynamics", "EddyDamping",
-                 (".h", "_model.h", "_model.cpp", "_model_test.cpp"))
+                 (".h", "_model.h", "_model.cpp", "_model_test.cpp"), source)
 
 
 def _type(kind: str, name: str, project: Path | str | None, top: str, default: str, theirs: str,
-          endings: tuple[str, ...]) -> tuple[list[Path], str]:
+          endings: tuple[str, ...], source: str | None) -> tuple[list[Path], str]:
     """top: the folder; default: its subfolder within Fledge; theirs, endings: the name and the files of the template"""
     root = _root(project)
     *folders, name = name.removeprefix(f"{top}/").split("/")
@@ -70,15 +71,34 @@ def _type(kind: str, name: str, project: Path | str | None, top: str, default: s
     folder = "/".join([top, *(folders or ([] if project else [default]))])
     path, old = f"{folder}/{snake(name)}", f"{top}/{snake(theirs)}"
 
+    namespace = _namespace(root) if project else "fledge::world"
     names = {old: path, old.upper().replace("/", "_"): path.upper().replace("/", "_"),
-             theirs: name, snake(theirs): snake(name), "my_sat": _namespace(root) if project else "fledge::world"}
-    texts = {root / (path + ending): _text(old + ending, names) for ending in endings}
+             theirs: name, snake(theirs): snake(name), "my_sat": namespace}
+    texts = {root / (path + ending): _text(old + ending, names) for ending in endings} if source is None else \
+        _from_prototype(kind, source, name, path, root, namespace)
     file, text = (_project_line(root, top.upper(), path) if project
-                  else _module_line(root, path) if kind == "module" else _model_line(root, path))
+                  else _module_line(root, path) if kind == "module" else _model_line(root, path, source is None))
     _write(texts)
     file.write_text(text, encoding="utf-8")
     library = "fsw" if kind == "module" else "world"
     return [*texts, file], f"In a mission's {top}.py, it is {library}.{name}. Its test: ./fledge test -k {name}"
+
+
+def _from_prototype(kind: str, source: str, name: str, path: str, root: Path, namespace: str) -> dict[Path, str]:
+    """The texts of a module or model whose interface is that of a prototype."""
+    from fledge import prototype
+    from fledge.errors import SetupError
+    from fledge.prototype import frame
+
+    try:
+        cls = prototype.load(source)
+    except SetupError as error:
+        raise NewError(f"--from {source}: {error}") from None
+    if cls._kind.value != kind:
+        raise NewError(f"--from {source}: it is a {cls._kind.value}: ./fledge new {cls._kind.value} {name} --from ...")
+    declared = {one: str(header) for tree in (FLEDGE, root) for one, header in _declared(tree)}
+    texts = frame.files(cls, Path(source.rpartition(":")[0]).resolve(), name, path, root.resolve(), namespace, declared)
+    return {root / (path + ending): text for ending, text in texts.items()}
 
 
 def mission(name: str, project: Path | str | None = None) -> tuple[list[Path], str]:
@@ -178,14 +198,15 @@ def _module_line(root: Path, path: str) -> tuple[Path, str]:
     return file, f"{found.string[:found.end()]}flight_module({short})\n{found.string[found.end():]}"
 
 
-def _model_line(root: Path, path: str) -> tuple[Path, str]:
-    """The same for Fledge's own: among the sources, and a test."""
+def _model_line(root: Path, path: str, tested: bool) -> tuple[Path, str]:
+    """The same for Fledge's own: among the sources, and a test, if that is in C++."""
     file, short = root / "world/CMakeLists.txt", path.removeprefix("world/")
     found = _last(file, "the sources of fledge_world", r"^add_library\(fledge_world STATIC\n((?: +.*\n)+)\)")
     sources = sorted([*found[1].splitlines(), f"    {short}_model.cpp"])
     text = found.string[:found.start(1)] + "\n".join(sources) + "\n" + found.string[found.end(1):]
     test = f"world_{short.replace('/', '_')}_test"
-    return file, f"{text}fledge_add_test({test}\n    SOURCES {short}_model_test.cpp LIBRARIES fledge::world)\n"
+    line = f"fledge_add_test({test}\n    SOURCES {short}_model_test.cpp LIBRARIES fledge::world)\n"
+    return file, text + line * tested
 
 
 def _write(texts: dict[Path, str]) -> None:

@@ -1,0 +1,276 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A class as the struct that its C header would declare: the same fields, places, rules and refusals, because
+introspect's parser and rules read them. Spares are not in the class: they stand where the header needs them."""
+
+from __future__ import annotations
+
+import enum
+import inspect
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+from fledge import _core
+from fledge.errors import SetupError, did_you_mean
+from fledge.files import shown
+from fledge.objects import outside, project
+from fledge.objects.script import check_function
+from introspect import comment, rules, units
+from introspect.emit import schema
+from introspect.errors import Problem, Refusal
+from introspect.model import Bounds, Enumeration, Enumerator, Field, Group, Kind, Struct, Type
+
+
+class Array:
+    """Vec3 or Mat3, as a type."""
+
+    def __init__(self, name: str, shape: tuple[int, ...]) -> None:
+        self.name, self.shape = name, shape
+
+    def __repr__(self):
+        return self.name
+
+
+ARRAYS = {"Vec3": Array("Vec3", (3,)), "Mat3": Array("Mat3", (3, 3))}
+
+_C = {Type.F64: ("double", 8), Type.F32: ("float", 4), Type.I8: ("int8_t", 1), Type.U8: ("uint8_t", 1),
+      Type.I16: ("int16_t", 2), Type.U16: ("uint16_t", 2), Type.I32: ("int32_t", 4), Type.U32: ("uint32_t", 4),
+      Type.I64: ("int64_t", 8), Type.U64: ("uint64_t", 8), Type.CHAR: ("char", 1)}
+_PYTHON = {float: Type.F64, int: Type.I64, bool: Type.U8, str: Type.CHAR}
+_NUMPY = {"float64": Type.F64, "float32": Type.F32, **{
+    f"{sign}int{bits}": Type[f"{letter}{bits}"] for sign, letter in (("", "I"), ("u", "U"))
+    for bits in (8, 16, 32, 64)}}
+_TYPES = ("float, int, bool, a type of numpy such as np.uint32, Vec3, Mat3, str with a shape, a message's type such as "
+          "fsw.NavAttitude, an IntEnum, or the name of a header's enumeration")
+_FUNCTIONS = {Kind.MODULE: {"update": "(self, t, dt)", "reset": "(self)"},
+              Kind.MODEL: {"update": "(self, t, dt)", "reset": "(self, t)", "prepare": "(self)"}}
+DIMS_MAX = 4  # as sim/table.h
+
+
+class Declaration:
+    """A port, parameter or piece of memory, as the class has it, with its line."""
+
+    def __init__(self, group: Group, type: Any, text: str, shape: int | Sequence[int] = ()) -> None:
+        self.group, self.type, self.text, self.name = group, type, text, ""
+        self.shape: Any = (shape,) if isinstance(shape, int) else shape
+        self.line = sys._getframe(2).f_lineno
+
+    def __set_name__(self, owner: Any, name: str) -> None:
+        self.name = name
+
+    def __repr__(self):
+        return f"<{self.group.name.lower()} {self.name}: {self.text}>"
+
+
+# --- the class -------------------------------------------------------------------------------------
+
+def place_of(cls: Any) -> tuple[str, int]:
+    """(file, line) of the class: those of its first statement that Python knows."""
+    codes = [one.__code__ for one in outside.functions(cls) if one.__qualname__.startswith(cls.__qualname__ + ".")]
+    file = codes[0].co_filename if codes else getattr(sys.modules.get(cls.__module__), "__file__", None) or "?"
+    try:
+        return file, inspect.getsourcelines(cls)[1]
+    except (OSError, TypeError):
+        lines = [code.co_firstlineno for code in codes] + [one.line for one in vars(cls).values()
+                                                           if isinstance(one, Declaration)]
+        return file, max(min(lines, default=2) - 1, 1)
+
+
+def refuse_methods(cls: Any) -> None:
+    """Raise SetupError for methods that a prototype does not have, or that keep state outside of its memory."""
+    file, line = place_of(cls)
+    where = f"{shown(file)}, line {line}: "
+    if not (cls.__doc__ or "").strip() or cls.__doc__ == cls.__mro__[1].__doc__:
+        raise SetupError(f"{where}{cls.__name__} has no docstring: say there what it does and where its equations come "
+                         "from; the first line is its meaning")
+    if cls._kind is Kind.MESSAGE:
+        return
+    if "__init__" in vars(cls) or "__new__" in vars(cls):
+        raise SetupError(f"{where}{cls.__name__} has __init__() or __new__(): its memory begins at zero, or in reset()")
+    if not callable(getattr(cls, "update", None)):
+        raise SetupError(f"{where}{cls.__name__} has no update(self, t, dt)")
+    for name, arguments in _FUNCTIONS[cls._kind].items():
+        if (function := getattr(cls, name, None)) is not None:
+            check_function(f"{cls.__name__}.{name}", function, arguments)
+    if faults := list(outside.faults(cls)):
+        raise SetupError(
+            "\n".join(f"{shown(file)}, line {line}: {cls.__name__}: {text}" for file, line, text in faults))
+
+
+def declare(cls: Any) -> tuple[Struct, Any]:
+    """(struct, type on its memory) of a class. Raises SetupError with all that breaks a rule of headers."""
+    file, line = place_of(cls)
+    declarations: dict[str, Declaration] = {}
+    for base in reversed(cls.__mro__):
+        declarations.update((name, one) for name, one in vars(base).items() if isinstance(one, Declaration))
+    problems: list[Problem] = []
+    fields: list[Field] = []
+    types: dict[str, Any] = {}
+    for name, one in declarations.items():
+        try:
+            one.name = name
+            fields.append(_field(one, types))
+        except Refusal as refusal:
+            problems.append(refusal.at(file, one.line))
+    folder = "world" if cls._kind is Kind.MODEL else "flight"
+    if cls._kind is Kind.MESSAGE:
+        fields.insert(0, _head(types))
+    fields, size, align = lay_out(fields)
+    struct = Struct(cls.__name__, _doc(cls.__doc__), cls._kind, size, align, tuple(fields),
+                    f"{folder}/{os.path.basename(file)}", file, line, folder)
+    if not declarations:
+        what, call = ("fields", "field") if cls._kind is Kind.MESSAGE else ("ports, parameters or memory", "par")
+        problems.append(Problem(file, line, f"a prototype has {what}", f"`{cls.__name__}` has none",
+                                f"declare them, as in rate = {call}(float, \"[rad/s] meaning\")"))
+    for one in declarations.values():
+        if (one.group is Group.NONE) is not (cls._kind is Kind.MESSAGE):
+            problems.append(Problem(file, one.line, "field() is for messages; input(), out(), par() and mem() for "
+                                    "modules and models", f"`{one.name}` of {cls.__name__}", "use the others"))
+    problems += rules.check(struct, complete=not problems)
+    if problems:
+        raise SetupError("\n".join(f"{shown(p.file)}, line {p.line}: {p.rule}; {p.found}; {p.advice}"
+                                   for p in sorted(set(problems))))
+    # A class that is defined again, as in a notebook or by each load of a mission, has the same table.
+    key = replace(struct, line=0, fields=tuple(replace(f, line=0) for f in fields))
+    if key not in _made:
+        _made[key] = _core.declare(struct, types, schema.text(struct) if cls._kind is Kind.MESSAGE else None)
+    return struct, _made[key]
+
+
+def _doc(text: str) -> str:
+    """A docstring as a header's comment is read, which it must not end."""
+    return "\n".join(line.strip() for line in text.strip().replace("*/", "* /").splitlines())
+
+
+_made: dict[Struct, Any] = {}
+
+
+def _head(types: dict[str, Any]) -> Field:
+    types["Head"] = _core.library("flight")["Head"]
+    head = described(_core.struct(types["Head"]))
+    return Field("head", Type.STRUCT, "Head", (), 0, head.size, 0, struct=head)
+
+
+# --- fields ----------------------------------------------------------------------------------------
+
+def _field(one: Declaration, types: dict[str, Any]) -> Field:
+    """The field without its place; types: takes the type of its struct. Raises Refusal."""
+    parsed = comment.parse(" ".join(one.text.split()))
+    type_, ctype, shape, struct, enumeration, width = _typed(one, types)
+    if type_.is_number and parsed.unit is None:
+        raise Refusal("a number has a unit", f"`{one.name}` has none",
+                      f"begin its text with one, as in \"[rad/s] {one.text or 'meaning'}\", or with [-]")
+    size = width
+    for n in shape:
+        size *= n
+    return Field(one.name, type_, ctype, shape, 0, size, one.line, one.group, parsed.unit, parsed.clauses,
+                 parsed.bounds, parsed.count, parsed.distinct, parsed.meaning, struct, enumeration)
+
+
+def _typed(one: Declaration, types: dict[str, Any]) -> tuple[Type, str, tuple[int, ...], Any, Any, int]:
+    """(type, C type, shape, struct, enumeration, bytes of an element) of a declaration. Raises Refusal."""
+    try:
+        shape = tuple(one.shape)
+    except TypeError:
+        shape = (0,)
+    if any(not isinstance(n, int) or n < 1 for n in shape) or len(shape) > DIMS_MAX:
+        raise Refusal(f"a shape is 1 to {DIMS_MAX} whole numbers > 0", f"`{one.name}` has {one.shape!r}", "change it")
+    given = one.type
+    if isinstance(given, Array):
+        return Type.F64, given.name, shape + given.shape, None, None, 8
+    if getattr(given, "_kind", None) is Kind.MESSAGE and "_struct" in vars(given):
+        types[given.__name__] = given._memory
+        return Type.STRUCT, given.__name__, shape, given._struct, None, given._struct.size
+    if isinstance(given, type) and issubclass(given, _core.Message):
+        struct = described(_core.struct(given))
+        types[struct.name] = given
+        return Type.STRUCT, struct.name, shape, struct, None, struct.size
+    if isinstance(given, str) or isinstance(given, type) and issubclass(given, enum.Enum):
+        enumeration = _enumeration(given, one.name)
+        return Type.ENUM, enumeration.name, shape, None, enumeration, 4
+    fixed = _PYTHON.get(given) if isinstance(given, type) else None
+    fixed = fixed or (_NUMPY.get(getattr(given, "__name__", "")) if isinstance(given, type) else None)
+    if fixed is None or fixed is Type.CHAR and not shape:
+        raise Refusal("a type is one of: " + _TYPES, f"`{one.name}` has {given!r}", "change it")
+    return fixed, _C[fixed][0], shape, None, None, _C[fixed][1]
+
+
+def _enumeration(given: Any, name: str) -> Enumeration:
+    if isinstance(given, str):
+        known = _known_enumerations()
+        if given not in known:
+            raise Refusal("an enumeration is an IntEnum, or one that a header declares",
+                          f"`{name}` is a '{given}'{did_you_mean(given, known)}", "write its class, or its name")
+        return known[given]
+    if not issubclass(given, enum.IntEnum) or not all(-2**31 <= one < 2**31 for one in given) or not len(given):
+        raise Refusal("an enumeration is an IntEnum whose numbers have 32 bits", f"`{name}` is a {given.__name__}",
+                      "derive it from enum.IntEnum")
+    doc = "" if given.__doc__ in (None, enum.IntEnum.__doc__, "An enumeration.") else _doc(given.__doc__)
+    return Enumeration(given.__name__, doc, tuple(
+        Enumerator(f"{given.__name__.upper()}_{one.name}", int(one), "") for one in given), "")
+
+
+def lay_out(fields: Sequence[Field]) -> tuple[list[Field], int, int]:
+    """(fields in their places, with spares; size; alignment), as a C compiler lays out the header's struct."""
+    align = max((_alignment(f) for f in fields), default=1)
+    placed: list[Field] = []
+    offset = 0
+    for group in Group:
+        own = [f for f in fields if f.group is group]
+        names = iter(["spare", *(f"spare{i}" for i in range(2, len(own) + 3))])
+        # A group ends at a multiple of the struct's alignment, so that no padding follows it.
+        for f in [*own, None] if own else []:
+            gap = -offset % (_alignment(f) if f else align)
+            if gap:
+                placed.append(Field(next(names), Type.U8, "uint8_t", (gap,), offset, gap, own[0].line, group))
+                offset += gap
+            if f:
+                placed.append(replace(f, offset=offset))
+                offset += f.size
+    return placed, offset, align
+
+
+def _alignment(f: Field) -> int:
+    return f.struct.align if f.struct else f.element_size
+
+
+# --- what headers declare, from their tables -------------------------------------------------------
+
+@cache
+def described(struct: Any) -> Struct:
+    """A table as introspect's model of it: the docs of the enumerators and the lines of the header are not in it."""
+    return Struct(struct.name, struct.doc, Kind(struct.kind), struct.size, struct.align,
+                  tuple(described_field(f) for f in struct.fields), struct.header, struct.header, 0)
+
+
+def described_field(f: Any) -> Field:
+    """The same of a field."""
+    lo, hi, lo_open, hi_open = f.bounds
+    clauses = frozenset(word for word in comment.WORDS if getattr(f, word.replace("-", "_")))
+    return Field(f.name, Type[f.type.upper()], f.ctype, tuple(f.shape), f.offset, f.size, 0, Group(f.group),
+                 units.parse(f.unit) if f.unit else None, clauses,
+                 None if lo is hi is None else Bounds(lo, hi, lo_open, hi_open), f.count, f.distinct, f.doc,
+                 described(f.struct) if f.type == "struct" else None, _described_enum(f) if f.type == "enum" else None)
+
+
+def _described_enum(f: Any) -> Enumeration:
+    name, doc, values = f.enumeration
+    return Enumeration(name, doc, tuple(Enumerator(*one) for one in values), "")
+
+
+@cache
+def _known_enumerations() -> dict[str, Enumeration]:
+    """The enumerations that fields of headers have, by name."""
+    types = [*_core.library("flight").values(), *_core.library("world").values(),
+             *project.types("flight").values(), *project.types("world").values()]
+    return {f.ctype: _described_enum(f) for one in types for f in _structs(_core.struct(one)) if f.type == "enum"}
+
+
+def _structs(struct: Any) -> Iterator[Any]:
+    for f in struct.fields:
+        yield f
+        if f.type == "struct":
+            yield from _structs(f.struct)
