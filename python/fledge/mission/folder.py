@@ -31,7 +31,7 @@ from fledge.mission.simulation import Simulation
 from fledge.objects import project
 from fledge.units import Quantity
 
-_TAKES = {"flight": "f", "world": "w, f", "mission": "sim"}  # arguments of build() by file
+_TAKES = {"flight": "f", "world": "w, f", "mission": "sim", "view": "view"}  # arguments of build() by file
 _package = itertools.count(1)
 
 
@@ -254,4 +254,6 @@ def explain(error: BaseException, folder: Path, path: str | os.PathLike[str] | N
     if not frames:
         return f"{shown(path)}: {text}" if path else text
     last = frames[-1]
+    if text.startswith(f"{shown(last.filename)}, line "):   # a prototype's class, which names the line within it
+        return text
     return f"{shown(last.filename)}, line {last.lineno}: {text}" + (f"\n    {last.line}" if last.line else "")

@@ -64,6 +64,7 @@ class _Samples:
     def __init__(self, core):
         self.core = core
         self.name = core.path
+        self.type = core.struct.name
         found = list(leaves(core.struct))
         self.fields = {name: field for name, field, _ in found}
         self.parts = {name: parts for name, _, parts in found}
@@ -100,6 +101,11 @@ class Log(Records):
     def names(self) -> list[str]:
         """The full names of all fields but the heads'."""
         return [f"{path}.{name}" for path, s in self._samples.items() for name in s.fields if not name.startswith(HEAD)]
+
+    @property
+    def simulation(self) -> Simulation:
+        """The simulation that fills it."""
+        return self._simulation
 
     @property
     def plots(self) -> Any:
@@ -171,6 +177,9 @@ class Log(Records):
         from fledge.plot import deliver, plot, silent
 
         return None if silent(self) else deliver(plot(self, *panels, **options), self)
+
+    def _repr_html_(self):
+        return self._table(f"log of {self._simulation.name}")
 
     def __repr__(self):
         return "\n".join(["log of"] + [f"  {path}, {len(s.core)} samples: "

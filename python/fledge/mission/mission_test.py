@@ -273,7 +273,7 @@ def test_a_file_that_is_no_archive(here, tmp_path):
 def test_list_plot_and_convert(here, tmp_path):
     shown = cli("list", "--ports", cwd=tmp_path).stdout
     for part in ("looker A body that looks down.", " orbit Once around.", "MrpFeedback Track a",
-                 ">> reference AttReference", "Spacecraft A rigid spacecraft", "world.MARS"):
+                 ">> reference AttReference", "Spacecraft A rigid body, the hub", "world.MARS"):
         assert part in re.sub(" +", " ", shown)
     assert cli("run", "looker", "--no-plots", cwd=tmp_path).returncode == 0
     folder = tmp_path / "runs" / "looker" / "orbit"

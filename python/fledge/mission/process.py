@@ -19,12 +19,14 @@ from struct import iter_unpack
 from typing import Any, NamedTuple
 
 from fledge import _core
+from fledge.display import table
 from fledge.elements import ELEMENTS
 from fledge.errors import SetupError, did_you_mean, listed
 from fledge.mission.commands import Commands, dictionary
 from fledge.objects.measured import Measured, flat_index, unit_after
 from fledge.objects.si import short_name, time_ns
 from fledge.objects.wires import Wire, caller
+from fledge.objects.words import first_sentence
 
 
 # --- conditions ------------------------------------------------------------------------------------
@@ -421,6 +423,10 @@ class Process:
         """(file, line) that assigned an instance, or that connected an input, given by its path; None if unknown."""
         return self._declared_at.get(name)
 
+    def declare(self, path: str, at: tuple[str, int]) -> None:
+        """Note the (file, line) that says where an input gets its messages from, for declared_at()."""
+        self._declared_at[path] = at
+
     def __dir__(self):
         return [*super().__dir__(), *self._instances, *self._handles, *self._tasks]
 
@@ -440,7 +446,13 @@ class Process:
                 raise SetupError(f"{self.name}.connect: expected wires, as in a.output >> b.input; found {one!r}")
             for target in one.targets:
                 self._core_simulation.connect(one.source, target, one.options["latency"], one.options["stale_after"])
-                self._declared_at[_core.path(target)] = one.declared_at
+                self.declare(_core.path(target), one.declared_at)
+
+    def feed(self, port: Any, record: Any = None, /, **options: Any) -> None:
+        """Feed an input by hand, in place of a wire, as Simulation.feed() does."""
+        from fledge.mission.feed import feed
+
+        feed(self._core_simulation, port, record, **options)
 
     def task(self, name: str, *, every: Any, run: Sequence[Any], offset: Any = 0, priority: int = 0) -> Task:
         """Run modules or models in order, at one rate. Returns a handle for mode().
@@ -534,6 +546,18 @@ class Process:
             raise SetupError(f"{what}: {self.name}.{name} is already there")
         if name in dir(type(self)):
             raise SetupError(f"{what}: this name is taken by the process itself; choose another")
+
+    def tables(self) -> list[tuple[str, list[tuple[str, ...]]]]:
+        """(heading, rows) of what its repr says, with what each instance is."""
+        rows: list[tuple[str, ...]]
+        rows = [(name, _core.struct(one).name, first_sentence(_core.struct(one).doc))
+                for name, one in self._instances.items()]
+        rows += [(task.name, "task, " + task.title.partition(", ")[2], ", ".join(task.run)) for task in self.tasks]
+        rows += [(name, "mode", ", ".join(tasks) or "no task of its own") for name, tasks in self._core_process.modes]
+        return [(repr(self).partition("\n")[0], rows)]
+
+    def _repr_html_(self):
+        return table("", self.tables())
 
     def __repr__(self):
         lines = [f"process {self.name}" + (f", in mode {self._core_process.mode}" if self._core_process.mode else "")]

@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a run began with, for its record and its report: the parameters of all instances, and the revisions of Fledge
-and of the mission's files."""
+"""What a run began with, for its record and its report: the instances, their parameters and wires, and the revisions
+of Fledge and of the mission's files."""
 from __future__ import annotations
 
+import hashlib
 import json
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from fledge import objects
+from fledge import __version__, objects
 from fledge.errors import SetupError
 from fledge.objects import project
 
@@ -17,7 +18,17 @@ ROOT = Path(__file__).resolve().parents[3]      # of the checkout; that of an in
 GIT = ["git", "--no-optional-locks", "-c", "core.fsmonitor=false"]  # reads only, and starts no other program
 
 
-# --- parameters ------------------------------------------------------------------------------------
+# --- instances, wires, parameters ------------------------------------------------------------------
+
+def instances(processes: Any) -> dict[str, str]:
+    """The types of all instances: "flight.control" -> "MrpFeedback"."""
+    return {objects.path(one): objects.struct(one).name for process in processes for one in process}
+
+
+def wires(simulation: Any) -> dict[str, str]:
+    """The wires from their ends: "flight.control.error" -> "flight.tracking.error"."""
+    return {target: source for source, target, *_ in simulation.wires}
+
 
 def parameters(processes: Any) -> dict[str, str]:
     """The parameters of all instances now: "flight.control.K" -> "2.531 N m", numbers and lists as JSON writes them."""
@@ -111,3 +122,24 @@ def _revision(running):
     if running.returncode or commit == "(initial)":
         return ""
     return commit[:12] + "-dirty" * any(not line.startswith("#") for line in lines)
+
+
+def identity(mission: Path) -> dict[str, str]:
+    """What tells whether another program computes the same: the revisions of Fledge and of a mission's folder.
+
+    Where git knows none, or files differ from it, a digest stands for them: of the mission's Python files, or of
+    Fledge's and its extensions, as they are built here.
+    """
+    from fledge import _core
+
+    found = Revisions(mission).read()
+    if mission.is_relative_to(ROOT):
+        found.setdefault("mission", found.get("fledge", ""))
+    own = [*Path(__file__).resolve().parents[1].rglob("*.py"), *Path(_core.__file__).resolve().parent.glob("*.so")]
+    for name, files in (("fledge", own), ("mission", list(mission.rglob("*.py")))):
+        text = found.get(name, "")
+        if not text or text.endswith("-dirty"):
+            parts = sorted(file.name.encode() + hashlib.sha256(file.read_bytes()).digest() for file in files)
+            digest = hashlib.sha256(b"".join(parts))
+            found[name] = f"{text or __version__} with files {digest.hexdigest()[:12]}"
+    return found

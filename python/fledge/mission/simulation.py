@@ -12,19 +12,22 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fledge import _core
 from fledge.errors import SetupError
 from fledge.mission.process import Flight, Process, World
-from fledge.mission.provenance import Revisions, parameters
+from fledge.mission.provenance import Revisions, instances, parameters, wires
 from fledge.objects.si import time_ns
 
 if TYPE_CHECKING:
+    from fledge.mission.batch import Batch
+    from fledge.linear import Linear
     from fledge.mission.folder import Mission
     from fledge.mission.log import Log
+    from fledge.mission.trim import Trim
 
 
 class Finding(NamedTuple):
@@ -165,6 +168,11 @@ class Simulation:
         return self._core.wires
 
     @property
+    def feeds(self) -> list[tuple[str, str, int]]:
+        """(path of the input, what feeds it in words, stale_after [ns]) of each input that is fed by hand."""
+        return self._core.feeds
+
+    @property
     def records(self) -> list[Any]:
         """The samples so far, a record for each port: path, times() [ns] and bytes() as stored."""
         return self._core.logs
@@ -190,6 +198,30 @@ class Simulation:
     def health(self) -> list[Finding]:
         """What a user should know of the run so far; empty if all is well."""
         return [Finding(*row) for row in self._core.health]
+
+    def feed(self, port: Any, record: Any = None, /, *, time: Any = None, topic: str | None = None,
+             linear: Any = False, stale_after: Any = 0, quality: Any = "GOOD", **fields: Any) -> None:
+        """Feed an input by hand, in place of a wire: `feed(f.tracking.attitude, sigma_BN=[0, 0, 0.1])`.
+
+        fields: of the message, with units as parameters have them; those that are left out are 0. One that is called
+        as an option is, such as a field `time`, comes in a dict: `feed(f.ephemeris.time, {"time": 5 * s})`.
+        time: (n,) times [s], rising. A field is then constant, or has n rows, one for each time. Without it, the
+        message holds for each instant.
+        record: a Log, an Archive or a pandas DataFrame as their frame() gives, in place of fields and time. topic:
+        which of its messages; not given: the only one of the input's type, or that of the same path.
+        The input holds each message until the next one, with the time and the quality that it had; before the first,
+        nothing was written. linear: True, or names of fields, whose numbers change linearly between two messages; not
+        for attitudes, which may go over to the shadow set.
+        stale_after: as of a wire. quality: "GOOD", "DEGRADED" or "STALE", of fields.
+
+        Give other messages at any time. The first feed of an input is a change of the structure, before the simulation
+        has run. Raises SetupError on a wrong name, shape, unit or order of times, a number that the header refuses, and
+        an input that has a wire.
+        """
+        from fledge.mission.feed import feed
+
+        feed(self._core, port, record, time=time, topic=topic, linear=linear, stale_after=stale_after, quality=quality,
+             **fields)
 
     # --- running ---
 
@@ -261,6 +293,51 @@ class Simulation:
         instants, overruns, worst = self._core.pace_report
         return {"instants": instants, "overruns": overruns, "worst": worst / 1e9}
 
+    # --- control theory ---
+
+    def linearize(self, inputs: Any, outputs: Any, *, hold: Any = (), discrete: bool = False, part: Any = None,
+                  period: Any = None) -> Linear:
+        """The linear system about the present state, which stays as it is:
+        `linearize("world.wheels.command.u", "world.craft.state.omega_BN_B").A`.
+
+        inputs: paths of fields of inputs, of outputs (in place of them, for all that read them), or of parameters; an
+        input given so replaces what comes by a wire, so that a loop is open there.
+        outputs: paths of fields of outputs, or of a module's memory. A path stands for all elements, or has indices.
+        States that reach no output are left out; without outputs, all are there. hold: paths of differential states
+        that are no states here, because they stay as they are: `hold=["world.craft.r_CN_N", "world.craft.v_CN_N"]`.
+
+        Continuous: of the differential equations of the world, at the last instant, with inputs held. Its states are
+        those of the spacecraft and its parts. discrete: of all that runs from instant to instant, flight's memory and
+        messages that wait included, over the common period of the tasks, or a multiple of it, `period`. part: only
+        these processes, modules and models run, and what comes from elsewhere stays as it is.
+
+        y(k) is what outputs hold at the instant k. An input of flight is what flight reads at that instant; one of a
+        model of dynamics acts from then on to the next.
+
+        Warns, in Linear.notes too, where a slope is not the same on both sides, as at limits and steps. Raises
+        SetupError if nothing has run, on unknown paths, and on what cannot be an input or output.
+        """
+        from fledge.mission.linearize import linearize
+
+        return linearize(self, inputs, outputs, hold, discrete, part, period)
+
+    def trim(self, free: Any, *, rates: Any = (), outputs: Any = (), after: Any = 0) -> Trim:
+        """Find values of free numbers for which rates vanish and outputs have values, and leave the simulation there:
+        `trim(["world.craft.omega_BN_B"], rates=["world.craft.omega_BN_B"])`.
+
+        free: paths of differential states, of fields of inputs to which nothing comes, or of parameters; of a
+        simulation that has not run, of parameters alone, the initial states among them, and it stays at its beginning.
+        rates: paths of differential states whose derivatives are to vanish, or a dict of paths and values in SI.
+        outputs: the same of fields of outputs; values may have units. after: a time, after which the outputs are looked
+        at; 0: outputs of spacecraft and their parts are looked at now.
+
+        The search begins at the present values, by least squares. Raises SetupError, and changes nothing, on unknown
+        paths, if a wanted number does not depend on the free ones, and with the nearest state if there is none.
+        """
+        from fledge.mission.trim import trim
+
+        return trim(self, free, rates, outputs, after)
+
     # --- states ---
 
     def snapshot(self) -> bytes:
@@ -284,13 +361,35 @@ class Simulation:
 
         Python events are the same functions: one that refers to a simulation still refers to this one.
         """
+        return self._around(self._core.clone())
+
+    def _around(self, core):
+        """A clone of this simulation in the extension as one for users."""
         other = object.__new__(type(self))
-        core = self._core.clone()
         other._adopt(core, self.name)
         other.mission, other.pace = self.mission, self.pace
         other._processes = {name: process._clone(core) for name, process in self._processes.items()}
         other._gone = dict(self._gone)
         return other
+
+    def batch(self, n: int, actions: Iterable[str] = (), observations: Iterable[str] = (), *, every: Any,
+              seed: int = 0, dispersions: Any = None, threads: int | None = None) -> Batch:
+        """n clones that are stepped together, on all cores, from and to numpy arrays; see fledge.mission.batch.
+
+        actions: paths of fields of inputs, outputs or parameters that step() writes, "flight.motor.command.u[:4]": of
+        the first four rows; other fields and rows of the message stay as they are
+        observations: paths of fields that it returns
+        every: the duration of a step, a time
+        seed: of their runs; dispersions: what differs from run to run, of a Campaign or its `dispersions`
+        threads: default: all cores
+
+        The batch takes the parameters as they are now; its clones begin at time 0, whatever the time is here.
+        Raises SetupError if a path is none, an action would have no effect, or events or modules call Python, because
+        threads would share what such functions use.
+        """
+        from fledge.mission.batch import Batch
+
+        return Batch(self, n, actions, observations, every, seed, dispersions, threads)
 
     # --- records ---
 
@@ -340,7 +439,11 @@ class Simulation:
             self._archive = (path, metadata)
             lines = {**metadata, "seed": str(self.seed), "assumptions": "\n".join(self.assumptions)}
             self._core.open_archive(path, list(lines.items()))
-            self._core.archive_metadata("parameters", list(parameters(self.processes).items()))
+            for name, found in (("parameters", parameters(self.processes)), ("instances", instances(self.processes)),
+                                ("wires", wires(self))):
+                self._core.archive_metadata(name, list(found.items()))
+            if feeds := self.feeds:
+                self._core.archive_metadata("feeds", [(path, source) for path, source, _ in feeds])
 
     def close_archive(self, **metadata: object) -> str | None:
         """Finish the archive, if one is being written; returns its path, or None."""
@@ -359,9 +462,18 @@ class Simulation:
                 self._core.archive_metadata("health", [(f"{one.kind} {one.path}", one.text) for one in found])
             self._core.close_archive([(str(k), str(v)) for k, v in metadata.items()])
 
-    def __repr__(self):
+    def _title(self):
         at = f"at t = {self.time:g} s" if self._core.now >= 0 else "not yet run"
-        return "\n".join([f"{self.name}, {at}, seed {self.seed}", *map(repr, self.processes)])
+        return f"{self.name}, {at}, seed {self.seed}"
+
+    def __repr__(self):
+        return "\n".join([self._title(), *map(repr, self.processes)])
+
+    def _repr_html_(self):
+        from fledge.display import table
+
+        return table(self._title(), [group for process in self.processes for group in process.tables()],
+                     notes=[one.text for one in self.health])
 
 
 def _seed(seed):

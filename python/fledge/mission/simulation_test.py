@@ -405,6 +405,15 @@ def test_world_events_call_python():
     assert seen == [1.6, "fast", 1.6]
 
 
+def test_what_an_event_changes_of_a_model_acts_at_once():
+    sim = fledge.load("nadir_spin")
+    wheels = sim.world.wheels
+    sim.world.at(10 * s, lambda: setattr(wheels, "friction", [0, 1, 0, 0]))    # [N m], more than the motor can give
+    sim.run(1 * minute)
+    speeds = np.abs(wheels.speeds.Omega[:4])
+    assert speeds[1] < 1e-6 < speeds[0]
+
+
 def test_the_events_of_a_clone_live_on():
     seen = []
     sim = modal()

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from fledge import _core
 from fledge.mission.process import Event, Process, World
-from fledge.objects.script import script
+from fledge.objects.script import prototype, script
 
 
 def kind_of(process: Process) -> str:
@@ -39,18 +39,19 @@ class Node:
 
 @dataclass
 class Link:
-    """A wire."""
+    """A wire, or what feeds an input by hand: then `source` says it in words."""
     source: str
     target: str
     message: str            # the name of its type
     latency: int            # [exchanges]
     stale_after: int        # [ns]
+    fed: bool = False
     back: bool = False      # whether its reader sees the data only at a later instant
 
     @property
     def start(self) -> str:
         """The path of the instance that writes it."""
-        return _owner(self.source)
+        return "" if self.fed else _owner(self.source)
 
     @property
     def to(self) -> str:
@@ -66,7 +67,7 @@ class Link:
     def ports(self) -> str:
         """The names at its ends, once if they are the same."""
         a, b = (path.rpartition(".")[2] for path in (self.source, self.target))
-        return a if a == b else f"{a} \N{RIGHTWARDS ARROW} {b}"
+        return b if a == b or self.fed else f"{a} \N{RIGHTWARDS ARROW} {b}"
 
     @property
     def options(self) -> list[str]:
@@ -90,11 +91,14 @@ class Wiring:
         self.nodes: dict[str, Node] = {node.path: node for process in self.processes for node in process.nodes}
         messages = {f"{_core.path(one)}.{f.name}": f.struct.name
                     for process in simulation.processes for one in process
-                    for f in _core.struct(one).fields if f.group == "out"}
+                    for f in _core.struct(one).fields if f.group in ("in", "out")}
         links = [Link(wire[0], wire[1], messages[wire[0]], *wire[2:]) for wire in simulation._core.wires]
+        links += [Link(source, target, messages[target], 0, stale_after, True)
+                  for target, source, stale_after in simulation.feeds]
         self.links: list[Link] = [link for link in links if link.start in self.nodes or link.to in self.nodes]
         ports = dict.fromkeys(port for link in self.links for port in (link.source, link.target))
-        self.open_ends: list[str] = [port for port in ports if _owner(port) not in self.nodes]
+        fed = {link.source for link in self.links if link.fed}
+        self.open_ends: list[str] = [port for port in ports if port in fed or _owner(port) not in self.nodes]
         for link in self.links:
             link.back = self._goes_back(link)
         self._find_stacks()
@@ -237,6 +241,8 @@ def _function_text(function) -> str:
 
 def _notes(instance) -> list[str]:
     """Notes beside its name and type: the bodies that attract a craft, a module's function in Python."""
+    if cls := prototype(instance):
+        return [f"Python: class {cls.__name__}"]
     if functions := script(instance):
         return [f"Python: {_function_text(functions[0])}"]
     names = ", ".join(getattr(b, "name", None) or _core.path(b) for b in _attached(instance, "gravity"))

@@ -33,7 +33,8 @@ class FieldPath:
                              "world.craft.I_B[0, 0]")
         processes = {p.name: p for p in simulation.processes}
         if parts[1] not in processes:
-            raise SetupError(f"{path}: there is no process '{parts[1]}'; there are {listed(list(processes))}")
+            raise SetupError(f"{path}: there is no process '{parts[1]}'{did_you_mean(parts[1], processes)} there are "
+                             + listed(list(processes)))
         process = processes[parts[1]]
         if parts[2] not in process.instances:
             raise SetupError(f"{path}: {process.unknown(parts[2])}")
@@ -72,6 +73,9 @@ class FieldPath:
         if len(indices) != len(shape) or any(i >= n for i, n in zip(indices, shape)):
             raise SetupError(f"{self.path}: {at} " + (f"has {shape[0]} rows; name one, as in {at}[0]" if shape
                                                       else "is no array"))
+        used = getattr(self.holder, self.field.count) if self.field.count and self.group == "par" else None
+        if used is not None and indices[0] >= used:
+            raise SetupError(f"{self.path}: of the rows of {at} the mission gives {used}")
         return (indices[0], f"[{indices[0]}]") if shape else (0, "")
 
     def _select(self, indices):

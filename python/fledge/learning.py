@@ -1,0 +1,287 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Simulations with the reset and step of reinforcement learning, one or many at once:
+
+    from fledge.learning import VectorEnv
+
+    def reward(before, action, after):
+        return -np.sum(after["flight.tracking.error.sigma_BR"]**2, axis=1)
+
+    env = VectorEnv(fledge.load("nadir_spin"), 256, actions=["flight.motor.command.u[:4]"], low=-0.2, high=0.2,
+                    observations=["flight.tracking.error.sigma_BR", "flight.tracking.error.omega_BR_B"],
+                    every=0.5 * s, limit=10 * minute, reward=reward)
+    seen, info = env.reset(seed=1)
+    seen, reward, terminated, truncated, info = env.step(env.action_space.sample())
+
+The names and types are those of Gymnasium, which Fledge does not need: `Env` and `VectorEnv` have the methods, spaces
+with the attributes, and the rules of autoreset that its users expect.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from fledge.errors import SetupError, listed
+from fledge.objects.si import time_ns
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from fledge.mission.simulation import Simulation
+
+AUTORESET = ("SameStep", "NextStep", "Disabled")
+
+Reward = Callable[[Mapping[str, Any], Mapping[str, Any], Mapping[str, Any]], Any]
+Ends = Callable[[Mapping[str, Any]], Any]
+
+
+class Box:
+    """Arrays of one shape and type, between bounds, which they include.
+
+    low, high: arrays of that shape; shape; dtype
+    """
+
+    def __init__(self, low: Any, high: Any, shape: tuple[int, ...], dtype: Any = float) -> None:
+        import numpy as np
+
+        self.shape, self.dtype = tuple(shape), np.dtype(dtype)
+        try:
+            self.low, self.high = (np.broadcast_to(np.asarray(x, self.dtype), self.shape) for x in (low, high))
+        except ValueError:
+            raise SetupError(
+                f"bounds: expected a number, or {self.shape}; found {low!r:.60} and {high!r:.60}") from None
+        if not (self.low <= self.high).all():
+            raise SetupError("bounds: a lower one is above the upper one, or none")
+        self._random = np.random.default_rng()
+
+    def seed(self, seed: int | None = None) -> None:
+        """Begin the random numbers of sample() anew."""
+        import numpy as np
+
+        self._random = np.random.default_rng(seed)
+
+    def sample(self) -> Any:
+        """Anything in the box: uniform between two bounds; exponential above or below one; normal without any."""
+        import numpy as np
+
+        low, high, random = self.low.astype(float), self.high.astype(float), self._random
+        below, above = np.isfinite(low), np.isfinite(high)
+        start, end = np.where(below, low, 0.0), np.where(above, high, 1.0)
+        far = random.exponential(size=self.shape)
+        drawn = np.where(below & above, start + (end - start) * random.random(self.shape),
+                         np.where(below, start + far, np.where(above, end - far, random.normal(size=self.shape))))
+        return np.clip(drawn.astype(self.dtype), self.low, self.high)
+
+    def contains(self, x: Any) -> bool:
+        """Whether it is an array of this shape and type, within the bounds."""
+        import numpy as np
+
+        return bool(isinstance(x, np.ndarray) and x.shape == self.shape and np.can_cast(x.dtype, self.dtype)
+                    and (x >= self.low).all() and (x <= self.high).all())
+
+    def __contains__(self, x: Any) -> bool:
+        return self.contains(x)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Box) and (self.shape, self.dtype) == (other.shape, other.dtype) \
+            and bool((self.low == other.low).all() and (self.high == other.high).all())
+
+    def __repr__(self):
+        return f"Box({self.low.min(initial=0):g}, {self.high.max(initial=0):g}, {self.shape}, {self.dtype})"
+
+
+class VectorEnv:
+    """n simulations that are stepped together.
+
+    actions, observations, every, seed, dispersions, threads: of Simulation.batch()
+    reward(before, action, after): (n,) of a step, from path -> (n, ...) of its observations and actions
+    terminated(after): (n,) whether an episode ends there, because of what happened; not given: none does
+    limit: the duration of an episode, a time, after which it is truncated; not given: it goes on
+    low, high: the bounds of actions, in SI: a number, or one for each column. Actions are not cut to them.
+    observation_low, observation_high: the same of observations
+    failed: the reward of a step in which a simulation fails. Its episode terminates, with the last observation.
+    autoreset: when an episode that has ended begins anew. "SameStep": in that step, whose observation is then the first
+    of the next episode; info["final_obs"] has the last one. "NextStep": in the next step, whose action does not count
+    and whose reward is 0. "Disabled": by reset(options={"reset_mask": mask}).
+    dtype: of observations and actions
+
+    num_envs, single_observation_space, single_action_space, observation_space, action_space, metadata; batch: the
+    Batch.
+    """
+
+    render_mode = None
+    spec = None
+
+    def __init__(self, simulation: Simulation, n: int, actions: Iterable[str], observations: Iterable[str], *,
+                 every: Any, reward: Reward, terminated: Ends | None = None, limit: Any = None,
+                 low: Any = -float("inf"), high: Any = float("inf"), observation_low: Any = -float("inf"),
+                 observation_high: Any = float("inf"), failed: float = 0.0, seed: int = 0, dispersions: Any = None,
+                 threads: int | None = None, autoreset: str = "SameStep", dtype: Any = float) -> None:
+        import numpy as np
+
+        if autoreset not in AUTORESET:
+            raise SetupError(f"autoreset: expected {listed(AUTORESET)}; found {autoreset!r}")
+        self.batch: Any = simulation.batch(n, actions, observations, every=every, seed=seed, dispersions=dispersions,
+                                           threads=threads)
+        self._limit = np.inf if limit is None else time_ns(limit, "limit") / 1e9
+        if self._limit < self.batch.every:
+            raise SetupError(f"limit must be at least a step, {self.batch.every:g} s; found {self._limit:g} s")
+        self._reward, self._ends, self._failed, self._autoreset = reward, terminated, failed, autoreset
+        columns = len(self.batch.observation_names), len(self.batch.action_names)
+        self.num_envs = self.batch.n
+        self.single_observation_space = Box(observation_low, observation_high, columns[:1], dtype)
+        self.single_action_space = Box(low, high, columns[1:], dtype)
+        self.observation_space = Box(observation_low, observation_high, (n, columns[0]), dtype)
+        self.action_space = Box(low, high, (n, columns[1]), dtype)
+        self.metadata = {"autoreset_mode": autoreset, "render_modes": []}
+        self._seen: Any = None                          # (n, ...) the last observations
+        self._begun = np.zeros(n)                       # [s] when each episode began
+        self._ended = np.ones(n, bool)                  # it waits for a reset
+
+    @property
+    def unwrapped(self) -> VectorEnv:
+        return self
+
+    def reset(self, *, seed: int | Iterable[int] | None = None, options: Mapping[str, Any] | None = None) -> Any:
+        """(observations, info). Begin all episodes, or those of options["reset_mask"].
+
+        seed: environment i flies run i of it; a list: run 0 of its own one, as an Env does
+        options: "reset_mask": (n,); "runs", "snapshot": of Batch.reset()
+        """
+        import numpy as np
+
+        options = dict(options or {})
+        mask = options.pop("reset_mask", None)
+        if unknown := set(options) - {"runs", "snapshot"}:
+            raise SetupError(f"options: expected reset_mask, runs and snapshot; found {listed(sorted(unknown))}")
+        if seed is not None and np.ndim(seed):     # type: ignore[arg-type]
+            options.setdefault("runs", 0)
+        self._begin(np.ones(self.num_envs, bool) if mask is None else np.asarray(mask), seed=seed, **options)
+        return self._typed(self._seen), self._info()
+
+    def step(self, actions: Any) -> Any:
+        """(observations, rewards, terminated, truncated, info), arrays of n rows.
+
+        info: "time" [s] and "run" of each, as the observations; "final_obs", the last observations of the episodes that
+        ended, and "failure", texts: object arrays with the masks "_final_obs" and "_failure".
+        """
+        import numpy as np
+
+        if self._seen is None or (self._autoreset == "Disabled" and self._ended.any()):
+            ended = listed([str(i) for i in np.flatnonzero(self._ended)], most=8)
+            raise SetupError("reset() first" if self._seen is None else
+                             f"reset() first: these episodes have ended: {ended}")
+        waiting = self._ended
+        action = self.batch._rows(actions)
+        before, self._seen = self._seen, self.batch.step(action)
+        failed = self.batch.failed
+        self._seen[failed] = before[failed]
+        after = self.batch.by_name(self._seen)
+        given = {b.path: action[:, b.columns].reshape(self.num_envs, *b.shape) for b in self.batch.actions.values()}
+        rewards = self._checked(self._reward(self.batch.by_name(before), given, after), float, "reward")
+        ended = np.zeros(self.num_envs, bool) if self._ends is None else self._checked(self._ends(after), bool,
+                                                                                       "terminated")
+        rewards = np.where(failed, self._failed, rewards) * ~waiting
+        terminated = (ended | failed) & ~waiting
+        # Half a step less: the sum of steps may be a rounding away from the limit.
+        truncated = (self.batch.time - self._begun > self._limit - 0.5 * self.batch.every) & ~terminated & ~waiting
+        told = self._failures(failed & ~waiting)
+        self._ended = terminated | truncated
+        if self._autoreset == "NextStep" and waiting.any():
+            self._begin(waiting)
+        if self._autoreset == "SameStep" and self._ended.any():
+            told |= _masked("final_obs", dict(zip(np.flatnonzero(self._ended),
+                                                  self._typed(self._seen[self._ended]))), self.num_envs)
+            self._begin(self._ended)
+        return self._typed(self._seen), rewards, terminated, truncated, self._info() | told
+
+    def close(self) -> None:
+        """End its threads."""
+        self.batch = self._seen = None
+
+    def _begin(self, mask, **options):
+        fresh = self.batch.reset(mask, **options)
+        self._ended = self._ended & ~mask
+        if self._seen is None:
+            self._seen = fresh
+        self._seen[mask] = fresh[mask]
+        self._begun[mask] = self.batch.time[mask]
+        if self.batch.failed[mask].any():
+            i, text = next((i, t) for i, t in self.batch.failures.items() if mask[i])
+            raise SetupError(f"run {self.batch.runs[i]} of seed {self.batch.seeds[i]} cannot begin: {text}")
+
+    def _checked(self, values, kind, what):
+        import numpy as np
+
+        found = np.asarray(values)
+        if found.shape != (self.num_envs,):
+            raise SetupError(f"{what}() must give an array of the shape {(self.num_envs,)}; found {found.shape}")
+        return found.astype(kind)
+
+    def _typed(self, rows):
+        return rows.astype(self.observation_space.dtype)
+
+    def _info(self):
+        return {"time": self.batch.time, "run": self.batch.runs}
+
+    def _failures(self, failed):
+        if not failed.any():
+            return {}
+        return _masked("failure", {i: t for i, t in self.batch.failures.items() if failed[i]}, self.num_envs)
+
+
+class Env:
+    """One simulation: the arguments of VectorEnv without n and autoreset. Its `reward` and `terminated` get arrays of
+    one row, so that the same functions serve both.
+
+    observation_space, action_space, metadata; batch: the Batch of one clone.
+    """
+
+    render_mode = None
+    spec = None
+
+    def __init__(self, simulation: Simulation, actions: Iterable[str], observations: Iterable[str],
+                 **arguments: Any) -> None:
+        self._one = VectorEnv(simulation, 1, actions, observations, autoreset="Disabled", **arguments)
+        self.observation_space = self._one.single_observation_space
+        self.action_space = self._one.single_action_space
+        self.metadata: dict[str, Any] = {"render_modes": []}
+
+    @property
+    def batch(self) -> Any:
+        return self._one.batch
+
+    @property
+    def unwrapped(self) -> Env:
+        return self
+
+    def reset(self, *, seed: int | None = None, options: Mapping[str, Any] | None = None) -> Any:
+        """(observation, info). With a seed: its run 0; without one: the next run."""
+        seen, info = self._one.reset(seed=seed, options=options)
+        return seen[0], _first(info)
+
+    def step(self, action: Any) -> Any:
+        """(observation, reward, terminated, truncated, info); reset() must follow the end of an episode."""
+        import numpy as np
+
+        seen, rewards, terminated, truncated, info = self._one.step(np.asarray(action)[None])
+        return seen[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), _first(info)
+
+    def close(self) -> None:
+        """End its threads."""
+        self._one.close()
+
+
+def _first(info):
+    return {key: values[0].item() if hasattr(values[0], "item") else values[0] for key, values in info.items()
+            if key[0] != "_"}
+
+
+def _masked(name, values, n):
+    """What some of n environments have, as an object array and its mask."""
+    import numpy as np
+
+    column, mask = np.full(n, None), np.zeros(n, bool)
+    for i, value in values.items():
+        column[i], mask[i] = value, True
+    return {name: column, f"_{name}": mask}

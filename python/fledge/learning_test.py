@@ -1,0 +1,196 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The conventions of Gymnasium: what its checker demands, and the rules of autoreset."""
+import numpy as np
+import pytest
+
+import fledge
+from fledge import SetupError
+from fledge.learning import Box, Env, VectorEnv
+from fledge.units import minute, s
+
+ERROR, RATE, TORQUE = "flight.tracking.error.sigma_BR", "flight.tracking.error.omega_BR_B", "flight.motor.command.u[:4]"
+
+
+def reward(before, action, after):
+    return -np.sum(after[ERROR]**2, axis=1) - np.sum(action[TORQUE]**2, axis=1) + 0 * before[RATE][:, 0]
+
+
+ARGUMENTS = dict(actions=[TORQUE], observations=[ERROR, RATE], every=0.5 * s, reward=reward, low=-0.2, high=0.2)
+
+
+@pytest.fixture(scope="module")
+def sim():
+    return fledge.load("nadir_spin")
+
+
+def vector(sim, n=3, **options):
+    return VectorEnv(sim, n, **{**ARGUMENTS, **options})
+
+
+def test_one_environment_keeps_the_conventions(sim):
+    env = Env(sim, **ARGUMENTS, limit=2 * s)
+    seen, info = env.reset(seed=4, options={})
+    assert seen in env.observation_space and isinstance(info, dict) and env.unwrapped is env
+    ends = []
+    for _ in range(4):
+        action = env.action_space.sample()
+        assert action in env.action_space
+        seen, gain, terminated, truncated, info = env.step(action)
+        assert seen in env.observation_space and seen.dtype == env.observation_space.dtype
+        assert type(gain) is float and type(terminated) is type(truncated) is bool and isinstance(info, dict)
+        ends.append((terminated, truncated))
+    assert ends == [(False, False)] * 3 + [(False, True)]
+    with pytest.raises(SetupError, match=r"reset\(\) first: these episodes have ended: 0"):
+        env.step(action)
+    env.reset()
+    assert env.step(action)[4]["time"] == 0.5 and info["run"] == 0
+    env.close()
+
+
+def test_the_same_seed_gives_the_same_episode_and_no_seed_the_next_one(sim):
+    noisy = sim.clone()
+    noisy.world.nav.attitude_noise = [1e-3] * 3
+    env = Env(noisy, **ARGUMENTS)
+    first = env.reset(seed=1)[0]
+    other = env.reset()[0]
+    assert (first != other).any()
+    np.testing.assert_array_equal(env.reset(seed=1)[0], first)
+    np.testing.assert_array_equal(env.reset()[0], other)
+    assert (env.reset(seed=2)[0] != first).any()
+    # A list of seeds gives each of many what one alone has with it.
+    many = vector(noisy).reset(seed=[5, 1, 2])[0]
+    np.testing.assert_array_equal(many[1], first)
+    np.testing.assert_array_equal(many[2], env.reset(seed=2)[0])
+
+
+def test_many_are_one_each(sim):
+    envs, one = vector(sim), Env(sim, **ARGUMENTS)
+    seen, _ = envs.reset(seed=0)
+    assert seen in envs.observation_space and envs.num_envs == 3
+    assert envs.single_action_space == one.action_space and envs.observation_space.shape == (3, 6)
+    one.reset(seed=0)
+    actions = np.array([[0.1], [0.0], [-0.1]]) * np.ones(4)
+    for _ in range(5):
+        seen, gains, terminated, truncated, info = envs.step(actions)
+        alone = one.step(actions[2])
+    np.testing.assert_array_equal(seen[2], alone[0])
+    assert gains[2] == alone[1] and gains.shape == terminated.shape == truncated.shape == (3,)
+    assert gains.dtype == float and terminated.dtype == truncated.dtype == bool
+
+
+def test_the_reward_is_of_what_was_before_done_and_after(sim):
+    calls = []
+
+    def noted(before, action, after):
+        calls.append((before, action, after))
+        return np.zeros(2)
+
+    envs = vector(sim, 2, reward=noted)
+    first, _ = envs.reset()
+    actions = np.full((2, 4), 0.05)
+    second = envs.step(actions)[0]
+    before, action, after = calls[0]
+    np.testing.assert_array_equal(before[ERROR], first[:, :3])
+    np.testing.assert_array_equal(action[TORQUE], actions)
+    np.testing.assert_array_equal(after[RATE], second[:, 3:])
+
+
+def ended(after):
+    """The first of them, always."""
+    return np.arange(len(after[ERROR])) == 0
+
+
+def test_an_episode_that_ends_begins_anew_in_the_same_step(sim):
+    envs = vector(sim, terminated=ended, limit=1 * s)
+    first, _ = envs.reset(seed=0)
+    zero = np.zeros((3, 4))
+    seen, _, terminated, truncated, info = envs.step(zero)
+    assert envs.metadata["autoreset_mode"] == "SameStep"
+    assert terminated.tolist() == [True, False, False] and not truncated.any()
+    np.testing.assert_array_equal(seen[0], first[0])        # nothing is drawn: its next run begins as the first
+    assert info["_final_obs"].tolist() == [True, False, False] and (info["final_obs"][0] != first[0]).any()
+    np.testing.assert_array_equal(info["final_obs"][0], envs.step(zero)[4]["final_obs"][0])
+    assert envs.batch.runs.tolist() == [6, 4, 5], "the others have come to their limit"
+
+
+def test_an_episode_that_ends_begins_anew_in_the_next_step(sim):
+    envs = vector(sim, terminated=ended, autoreset="NextStep")
+    first, _ = envs.reset(seed=0)
+    zero = np.zeros((3, 4))
+    seen, gains, terminated, _, info = envs.step(zero)
+    assert terminated[0] and "final_obs" not in info and gains[0] < 0
+    last = seen[0]
+    seen, gains, terminated, truncated, _ = envs.step(zero)
+    np.testing.assert_array_equal(seen[0], first[0])
+    assert gains[0] == 0 and not terminated[0] and not truncated[0] and gains[1] < 0
+    np.testing.assert_array_equal(envs.step(zero)[0][0], last)
+
+
+def test_some_are_reset_by_a_mask(sim):
+    envs = vector(sim, autoreset="Disabled", terminated=ended)
+    envs.reset(seed=0)
+    envs.step(np.zeros((3, 4)))
+    with pytest.raises(SetupError, match="these episodes have ended: 0"):
+        envs.step(np.zeros((3, 4)))
+    _, info = envs.reset(options={"reset_mask": np.array([True, False, False])})
+    assert info["time"].tolist() == [0.0, 0.5, 0.5] and info["run"].tolist() == [3, 1, 2]
+
+
+def test_a_failure_ends_its_episode_alone(sim):
+    gain = "flight.control.K"
+    envs = VectorEnv(sim, 2, [gain], [ERROR], every=0.5 * s, reward=lambda b, a, after: after[ERROR].sum(axis=1),
+                     failed=-100.0)
+    envs.reset(seed=0)
+    seen, gains, terminated, _, info = envs.step([[1.0], [-1.0]])
+    assert terminated.tolist() == [False, True] and gains[1] == -100 and np.isfinite(seen).all()
+    assert info["_failure"].tolist() == [False, True] and "flight.control.K must be > 0" in info["failure"][1]
+    assert np.isfinite(info["final_obs"][1]).all() and envs.batch.runs.tolist() == [0, 3]
+    envs.step([[1.0], [1.0]])
+
+
+def test_an_episode_may_begin_from_a_snapshot(sim):
+    flown = sim.clone()
+    flown.run(1 * minute)
+    envs = vector(sim, limit=1 * s)
+    _, info = envs.reset(options={"snapshot": flown.snapshot()})
+    assert info["time"].tolist() == [60.0] * 3
+    assert not envs.step(np.zeros((3, 4)))[3].any() and envs.step(np.zeros((3, 4)))[3].all()
+
+
+def test_boxes_hold_what_they_say():
+    box = Box([-1.0, 0.0, -np.inf, -np.inf], [1.0, np.inf, 2.0, np.inf], (4,), np.float32)
+    box.seed(1)
+    drawn = [box.sample() for _ in range(200)]
+    assert all(x in box for x in drawn)
+    box.seed(1)
+    np.testing.assert_array_equal(box.sample(), drawn[0])
+    assert np.ptp(drawn, axis=0).min() > 1
+    assert np.zeros(3, np.float32) not in box and np.full(4, 3, np.float32) not in box and [0.0] * 4 not in box
+    assert Box(0, 1, (2,)) == Box(0, 1, (2,)) != Box(0, 2, (2,))
+
+
+@pytest.mark.parametrize("change, message", [
+    (dict(autoreset="Never"), "autoreset: expected SameStep, NextStep, Disabled; found 'Never'"),
+    (dict(limit=0.1 * s), "limit must be at least a step, 0.5 s; found 0.1 s"),
+    (dict(low=1.0), "a lower one is above the upper one"),
+    (dict(low=[1.0, 2.0]), "bounds: expected a number"),
+    (dict(reward=lambda b, a, c: 0.0), r"reward\(\) must give an array of the shape \(3,\); found \(\)"),
+    (dict(terminated=lambda c: np.zeros(2)), r"terminated\(\) must give an array of the shape"),
+    (dict(reset=dict(options={"speed": 2})), "options: expected reset_mask, runs and snapshot; found speed"),
+])
+def test_what_cannot_be_is_refused(sim, change, message):
+    reset = change.pop("reset", {})
+    with pytest.raises(SetupError, match=message):
+        envs = vector(sim, **change)
+        envs.reset(**reset)
+        envs.step(np.zeros((3, 4)))
+
+
+def test_a_step_needs_a_reset(sim):
+    with pytest.raises(SetupError, match="reset.. first"):
+        vector(sim).step(np.zeros((3, 4)))
+
+
+def test_gymnasium_agrees_where_it_is_installed(sim):
+    gymnasium = pytest.importorskip("gymnasium")
+    assert gymnasium.vector.AutoresetMode(vector(sim).metadata["autoreset_mode"])

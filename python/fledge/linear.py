@@ -1,0 +1,297 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Linear systems as Simulation.linearize() gives them, for scipy.signal and python3-control as they are.
+
+    lin = sim.linearize(["world.wheels.command.u[0]"], ["world.craft.state.omega_BN_B[0]"])
+    scipy.signal.bode(lin), control.ss(*lin)        # (A, B, C, D), of a discrete one (A, B, C, D, dt)
+    lin.poles(), lin.margins(), lin.step(10)
+"""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import inf, nan, pi
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fledge.columns import columns
+from fledge.errors import SetupError, did_you_mean, listed
+
+
+class Margins(NamedTuple):
+    """How far a loop is from instability, for the loop gain L of 1 + L = 0. Infinite or NaN where there is none.
+
+    gain: the smallest factor > 1 with which the loop is at its limit; gain_down: the largest < 1; phase [rad]: the
+    smallest lag, or lead if negative, that brings it there; delay [s]; modulus: the least distance of L from -1.
+    gain_at, gain_down_at, phase_at, delay_at, modulus_at [rad/s]: where.
+    stable: whether no mode of the closed loop grows; of one that is not, the others say how far it is from that.
+    """
+    gain: float
+    gain_at: float
+    gain_down: float
+    gain_down_at: float
+    phase: float
+    phase_at: float
+    delay: float
+    delay_at: float
+    modulus: float
+    modulus_at: float
+    stable: bool
+
+    def __str__(self) -> str:
+        def decibel(x):
+            return f"{20 * np.log10(x):.4g} dB" if 0 < x < inf else "none"
+
+        rows = [["gain", decibel(self.gain), f"at {self.gain_at:.4g} rad/s"],
+                ["gain reduced", decibel(self.gain_down), f"at {self.gain_down_at:.4g} rad/s"],
+                ["phase", f"{np.degrees(self.phase):.4g} deg", f"at {self.phase_at:.4g} rad/s"],
+                ["delay", f"{self.delay:.4g} s", f"at {self.delay_at:.4g} rad/s"],
+                ["modulus", f"{self.modulus:.4g}", f"at {self.modulus_at:.4g} rad/s"]]
+        none = ("nan" in row[2] for row in rows)
+        rows = [[row[0], "none", ""] if no else row for row, no in zip(rows, none)]
+        return "\n".join([*columns(rows), "the closed loop is " + ("stable" if self.stable else "NOT stable")])
+
+
+class Linear(tuple[Any, ...]):
+    """(A, B, C, D), or of a discrete system (A, B, C, D, dt), of deviations from a point of operation.
+
+    Continuous: dx/dt = A x + B u; discrete: x(k+1) = A x(k) + B u(k); y = C x + D u.
+    A, B, C, D: (n, n), (n, m), (p, n), (p, m); dt [s], None of a continuous system
+    states, inputs, outputs: their paths; units: path -> unit, "-" if it has none
+    x0, u0, y0: the point of operation; drift: there, dx/dt, or x(k+1) - x(k)
+    notes: what a user should know, such as directions in which a slope depends on the sign
+    """
+    A: Any
+    B: Any
+    C: Any
+    D: Any
+    dt: float | None
+    states: list[str]
+    inputs: list[str]
+    outputs: list[str]
+    units: dict[str, str]
+    x0: Any
+    u0: Any
+    y0: Any
+    drift: Any
+    notes: list[str]
+
+    def __new__(cls, A: Any, B: Any, C: Any, D: Any, dt: float | None = None, *, states: Sequence[str],
+                inputs: Sequence[str], outputs: Sequence[str], units: dict[str, str] | None = None, x0: Any = None,
+                u0: Any = None, y0: Any = None, drift: Any = None, notes: Sequence[str] = ()) -> Linear:
+        matrices: list[Any] = [np.asarray(one, float) for one in (A, B, C, D)]
+        step: list[Any] = [] if dt is None else [dt]
+        self = super().__new__(cls, matrices + step)    # type: ignore[arg-type]
+        self.A, self.B, self.C, self.D = matrices
+        self.dt, self.states, self.inputs, self.outputs = dt, list(states), list(inputs), list(outputs)
+        self.units, self.notes = dict(units or {}), list(notes)
+        self.x0, self.drift = (np.zeros(len(self.states)) if v is None else v for v in (x0, drift))
+        self.u0 = np.zeros(len(self.inputs)) if u0 is None else u0
+        self.y0 = np.zeros(len(self.outputs)) if y0 is None else y0
+        return self
+
+    def __reduce__(self):
+        return _again, (self.__dict__,)
+
+    # --- parts ---
+
+    def ss(self) -> Any:
+        """The same as a scipy.signal.StateSpace."""
+        from scipy import signal
+
+        return signal.StateSpace(self.A, self.B, self.C, self.D, **({} if self.dt is None else {"dt": self.dt}))
+
+    def channel(self, output: str | int = 0, input: str | int = 0) -> Linear:
+        """From one input to one output, by their paths or places. Raises SetupError on an unknown one."""
+        i = _place(self.outputs, output, "output")
+        j = _place(self.inputs, input, "input")
+        return Linear(self.A, self.B[:, [j]], self.C[[i]], self.D[[i]][:, [j]], self.dt, states=self.states,
+                      inputs=[self.inputs[j]], outputs=[self.outputs[i]], units=self.units, x0=self.x0,
+                      u0=self.u0[[j]], y0=self.y0[[i]], drift=self.drift, notes=self.notes)
+
+    # --- what it does ---
+
+    def poles(self) -> Any:
+        """The eigenvalues of A, by magnitude: [1/s], or of the step of a discrete system."""
+        found = np.linalg.eigvals(self.A)
+        return found[np.lexsort((found.imag, abs(found)))]
+
+    def frequency(self, omega: Any) -> Any:
+        """The response (k, p, m) at frequencies (k,) [rad/s], of a discrete system up to pi / dt."""
+        omega = np.atleast_1d(np.asarray(omega, float))
+        points = 1j * omega if self.dt is None else np.exp(1j * omega * self.dt)
+        n = len(self.states)
+        if not n:
+            return np.broadcast_to(self.D.astype(complex), (len(omega), *self.D.shape))
+        # In units in which the elements of A are alike: positions [m] stand beside attitudes.
+        from scipy.linalg import matrix_balance
+
+        A, T = matrix_balance(self.A, permute=False)
+        B, C = np.linalg.solve(T, self.B), self.C @ T
+        return np.concatenate([C @ np.linalg.solve(some[:, None, None] * np.eye(n) - A, B[None]) + self.D
+                               for some in np.array_split(points, len(points) // 256 + 1)])
+
+    def step(self, duration: Any, n: int = 500) -> tuple[Any, Any]:
+        """(times [s], outputs (times, p, m)) after a step of 1 of each input by itself. duration: a time.
+
+        Of a continuous system, n + 1 times; of a discrete one, its own. The values are exact at these times.
+        """
+        from scipy.linalg import expm
+
+        from fledge.objects.si import time_ns
+
+        span = time_ns(duration, "step: duration") / 1e9
+        m, size = len(self.inputs), len(self.states)
+        if self.dt is None:
+            dt = span / n
+            both = expm(dt * np.block([[self.A, self.B], [np.zeros((m, size + m))]]))
+            A, B = both[:size, :size], both[:size, size:]
+        else:
+            dt, n, A, B = self.dt, int(span / self.dt + 1e-9), self.A, self.B
+        if n < 1 or span <= 0:
+            raise SetupError(f"step: {span:g} s is no time, or shorter than the step of {dt:g} s")
+        x, found = np.zeros((size, m)), []
+        for _ in range(n + 1):
+            found.append(self.C @ x + self.D)
+            x = A @ x + B
+        return dt * np.arange(n + 1), np.array(found)
+
+    def margins(self, output: str | int = 0, input: str | int = 0, feedback: int | None = None) -> Margins:
+        """The margins of the loop that this input and output leave open.
+
+        feedback: 1 if the loop is closed by u = y, -1 by u = -y; not given: 1 where both have the same path, which is
+        how a loop is cut, else -1. Raises SetupError on unknown paths.
+        """
+        lin = self.channel(output, input)
+        sign = feedback or (1 if lin.inputs == lin.outputs else -1)
+        if sign not in (1, -1):
+            raise SetupError(f"margins: feedback must be 1 or -1; found {feedback!r}")
+        d = 1 - sign * lin.D[0, 0]
+        closed = lin.A + sign * (lin.B @ lin.C) / d if d else np.full_like(lin.A, nan)
+        with np.errstate(invalid="ignore"):
+            rates = np.linalg.eigvals(closed) if np.isfinite(closed).all() else np.array([inf])
+        # To rounding: modes that the loop does not reach may neither grow nor decay.
+        stable = bool((rates.real < 1e-9 * max(abs(rates), default=1)).all() if lin.dt is None
+                      else (abs(rates) < 1 + 1e-9).all())
+        # At its ends the response is real.
+        ends = [0.0] if lin.dt is None else [0.0, pi / lin.dt]
+        return _margins(lambda w: -sign * lin.frequency(w)[:, 0, 0], _grid(lin, rates), ends, stable)
+
+    def plot(self, output: str | int = 0, input: str | int = 0, margins: bool | None = None) -> Any:
+        """A Bode plot of one channel as a matplotlib Figure: magnitude and phase by frequency.
+
+        margins: show those of the loop; not given: where the loop was cut, the same path at both ends.
+        """
+        import matplotlib.pyplot as plt
+
+        from fledge.plot import STYLE
+
+        lin = self.channel(output, input)
+        cut = lin.inputs == lin.outputs
+        at = lin.margins() if (cut if margins is None else margins) else None
+        grid = _grid(lin, lin.poles())[:-1]     # at its end, a discrete response jumps
+        response = lin.frequency(grid)[:, 0, 0] * (-1 if cut else 1)
+        with plt.style.context(STYLE):
+            figure, (size, phase) = plt.subplots(2, sharex=True, figsize=(7, 5), constrained_layout=True)
+            size.loglog(grid, abs(response))
+            phase.semilogx(grid, np.degrees(np.unwrap(np.angle(response))))
+            size.set_ylabel("gain" + (f" [{unit}]" if (unit := self._ratio(lin)) else ""))
+            phase.set_ylabel("phase [deg]")
+            phase.set_xlabel("frequency [rad/s]")
+            size.set_title(f"loop cut at {lin.inputs[0]}" if cut else f"{lin.inputs[0]} to {lin.outputs[0]}")
+            if at:
+                size.axhline(1, linewidth=0.8, color="0.6")
+                for axis, where, text in (
+                        (size, at.gain_at, f"gain margin {20 * np.log10(at.gain):.3g} dB" if at.gain < inf else ""),
+                        (phase, at.phase_at, f"phase margin {np.degrees(at.phase):.3g} deg")):
+                    if where == where and text:
+                        axis.axvline(where, linewidth=0.8, color="0.6", linestyle="--")
+                        left = where**2 > grid[0] * grid[-1]    # of the line there is more room
+                        axis.annotate(text, (where, 1), xycoords=("data", "axes fraction"),
+                                      xytext=(-5 if left else 5, -5), ha="right" if left else "left",
+                                      textcoords="offset points", va="top", fontsize="small")
+        return figure
+
+    def _ratio(self, lin):
+        into, out = (self.units.get(path, "") for path in (lin.inputs[0], lin.outputs[0]))
+        return "" if into == out else f"{out or '-'} per {into or '-'}"
+
+    def __repr__(self):
+        kind = "continuous" if self.dt is None else f"discrete, every {self.dt:g} s"
+        rows = [[word, str(i), name, self.units.get(name, "")]
+                for word, names in (("state", self.states), ("input", self.inputs), ("output", self.outputs))
+                for i, name in enumerate(names)]
+        return "\n".join([f"linear system, {kind}: {len(self.states)} states, {len(self.inputs)} inputs, "
+                          f"{len(self.outputs)} outputs", *columns(rows, indent="  "),
+                          *(f"  note: {note}" for note in self.notes)])
+
+
+def _again(values):
+    matrices = ("A", "B", "C", "D", "dt")
+    return Linear(*(values[name] for name in matrices),
+                  **{name: value for name, value in values.items() if name not in matrices})
+
+
+def _place(names, which, word):
+    if isinstance(which, int) and -len(names) <= which < len(names):
+        return which % len(names)
+    if which in names:
+        return names.index(which)
+    near = did_you_mean(which, names) if isinstance(which, str) else ";"
+    raise SetupError(f"there is no {word} {which!r}{near} there are {listed(names)}")
+
+
+def _grid(lin, more):
+    """Frequencies [rad/s] from well below all that happens to well above, denser about lightly damped poles."""
+    found = np.concatenate([lin.poles(), np.atleast_1d(more)])
+    top = inf
+    if lin.dt is not None:
+        with np.errstate(divide="ignore"):
+            found, top = np.log(found[found != 0] + 0j) / lin.dt, pi / lin.dt
+    found = found[np.isfinite(found)]
+    sizes = abs(found)
+    sizes = sizes[(sizes > 1e-9) & (sizes < 1e9)]
+    low, high = (sizes.min() / 100, min(sizes.max() * 100, top)) if len(sizes) else (1e-3, min(1e3, top))
+    low = min(low, high / 1e4)
+    grid = [np.geomspace(low, high, 1500)]
+    for p in found[abs(found.imag) > 5 * abs(found.real)]:
+        width = np.geomspace(1e-3, 30, 40) * max(abs(p.real), 1e-6 * abs(p))
+        grid += [abs(p.imag) + width, abs(p.imag) - width]
+    whole = np.unique(np.concatenate(grid))
+    return whole[(whole >= low) & (whole <= high)]
+
+
+def _margins(loop, grid, ends, stable):
+    from scipy.optimize import brentq, minimize_scalar
+
+    values = loop(grid)
+
+    def crossings(of):
+        """Where a real function of L changes its sign."""
+        found = of(values)
+        at = [brentq(lambda w: float(of(loop(w))[0]), grid[i], grid[i + 1], rtol=1e-13)
+              for i in np.flatnonzero(found[:-1] * found[1:] < 0)]
+        return [*at, *grid[found == 0]]
+
+    def best(pairs, key):
+        return min(pairs, key=key, default=(nan, nan))
+
+    def negative(w):
+        try:
+            value = loop(w)[0]
+        except np.linalg.LinAlgError:   # a pole
+            return False
+        return value.real < 0 and abs(value) < 1e9
+
+    through = [w for w in [*crossings(np.imag), *ends] if negative(w)]
+    gains = [(float(1 / abs(loop(w)[0])), float(w)) for w in through]
+    phases = [(float(np.angle(-loop(w)[0])), float(w)) for w in crossings(lambda L: abs(L) - 1)]
+    delays = [((p % (2 * pi)) / w, w) for p, w in phases]
+    i = int(np.argmin(abs(1 + values)))
+    near = minimize_scalar(lambda w: abs(1 + loop(w)[0]), bounds=(grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)]),
+                           method="bounded", options={"xatol": 1e-12})
+    up = best([one for one in gains if one[0] > 1], lambda one: one[0])
+    down = best([one for one in gains if one[0] < 1], lambda one: -one[0])
+    phase, delay = best(phases, lambda one: abs(one[0])), best(delays, lambda one: one[0])
+    gain, lag, time = (inf if x != x else float(x) for x in (up[0], phase[0], delay[0]))
+    reduced = 0.0 if down[0] != down[0] else down[0]
+    return Margins(gain, up[1], reduced, down[1], lag, phase[1], time, delay[1], float(near.fun), float(near.x), stable)

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Linear systems: margins and responses against closed forms."""
+
+import copy
+import pickle
+import warnings
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from fledge import SetupError
+from fledge.linear import Linear
+from fledge.units import s
+
+
+def of(numerator, denominator, dt=None, same=False):
+    """A transfer function, from "u" to "y", or cut at one path."""
+    A, B, C, D = signal.tf2ss(numerator, denominator)
+    return Linear(A, B, C, D, dt, states=[f"x{i}" for i in range(len(A))], inputs=["u"], outputs=["u" if same else "y"])
+
+
+@pytest.mark.parametrize("k", [0.5, 2, 20])
+def test_three_lags(k):
+    """L = k / (s (s + 1) (s + 2)): -1 at k = 6, at sqrt(2)."""
+    margins = of([k], [1, 3, 2, 0]).margins()
+    up, down = (margins.gain, margins.gain_at), (margins.gain_down, margins.gain_down_at)
+    assert (up if k < 6 else down) == pytest.approx((6 / k, np.sqrt(2)))
+    assert (down if k < 6 else up)[0] == pytest.approx(0 if k < 6 else np.inf)
+    assert margins.stable == (k < 6)
+    w = margins.phase_at
+    assert w * np.hypot(w, 1) * np.hypot(w, 2) == pytest.approx(k)
+    assert margins.phase == pytest.approx(np.pi / 2 - np.arctan(w) - np.arctan(w / 2))
+    assert margins.delay == pytest.approx(margins.phase % (2 * np.pi) / w)
+
+
+def test_a_double_integrator_with_rate():
+    """L = (2 z w s + w^2) / s^2 with z = 1/2 has the textbook's 51.8 deg, and every gain is stable."""
+    margins = of([1, 1], [1, 0, 0]).margins()
+    at = np.sqrt((1 + np.sqrt(5)) / 2)
+    assert margins.phase_at == pytest.approx(at) and margins.phase == pytest.approx(np.arctan(at))
+    assert (margins.gain, margins.gain_down, margins.stable) == (np.inf, 0, True)
+    # The nearest to -1 is where the sensitivity |s^2 / (s^2 + s + 1)| is largest.
+    assert margins.modulus == pytest.approx(
+        np.sqrt(3) / 2, rel=1e-6) and margins.modulus_at == pytest.approx(np.sqrt(2))
+
+
+def test_a_late_integrator():
+    """L = k / (z (z - 1)) is at its limit with k = 1, where z = (1 + i sqrt(3)) / 2."""
+    margins = of([0.25], [1, -1, 0], dt=0.5).margins()
+    assert margins.gain == pytest.approx(4) and margins.gain_at == pytest.approx(np.pi / 3 / 0.5)
+    assert margins.stable and not of([1.01], [1, -1, 0], dt=0.5).margins().stable
+
+
+def test_a_static_gain_may_be_the_limit():
+    """L = -2 / (s + 1) in a loop with u = -y: unstable at rest, where L = -2."""
+    margins = of([-2], [1, 1]).margins()
+    assert margins.gain_down == pytest.approx(0.5) and margins.gain_down_at == 0 and not margins.stable
+
+
+def test_a_loop_that_nothing_closes_has_no_crossing():
+    with warnings.catch_warnings(action="error"):
+        at = Linear([[-1.0]], [[0.0]], [[1.0]], [[0.0]], states=["x"], inputs=["u"], outputs=["y"]).margins()
+    assert at.stable and at.gain == at.phase == at.delay == np.inf and at.modulus == 1
+
+
+def test_the_sign_of_a_cut_loop():
+    cut = of([-1], [1, 3, 2, 0], same=True)
+    assert cut.margins() == of([1], [1, 3, 2, 0]).margins() == cut.margins(feedback=1)
+    assert not cut.margins(feedback=-1).stable
+    with pytest.raises(SetupError, match="feedback must be 1 or -1; found 3"):
+        cut.margins(feedback=3)
+
+
+def test_steps():
+    t, y = of([2], [1, 0.5]).step(10 * s, n=40)
+    assert t[-1] == 10 and y[:, 0, 0] == pytest.approx(4 * (1 - np.exp(-0.5 * t)), abs=1e-12)
+    t, y = of([1], [1, -0.5], dt=0.1).step(1)
+    assert t == pytest.approx(np.arange(11) / 10) and y[:, 0, 0] == pytest.approx(2 * (1 - 0.5**np.arange(11)))
+    for wrong in (0, -1, 0.01):
+        with pytest.raises(SetupError, match="is no time, or shorter than the step of 0.1 s"):
+            of([1], [1, -0.5], dt=0.1).step(wrong)
+
+
+def test_a_badly_scaled_system_keeps_its_response():
+    lin = of([1], [1, 0.2, 1])
+    T = np.diag([1e-9, 1e9])
+    other = Linear(np.linalg.inv(T) @ lin.A @ T, np.linalg.inv(T) @ lin.B, lin.C @ T, lin.D, states=lin.states,
+                   inputs=lin.inputs, outputs=lin.outputs)
+    w = np.geomspace(0.1, 10, 20)
+    assert other.frequency(w)[:, 0, 0] == pytest.approx(1 / (1 - w**2 + 0.2j * w), rel=1e-9)
+
+
+def test_channels_and_words():
+    A = np.diag([-1.0, -2.0])
+    lin = Linear(A, np.eye(2), np.eye(2), np.zeros((2, 2)), states=["a", "b"], inputs=["u", "v"], outputs=["x", "y"],
+                 units={"u": "N m", "x": "rad/s"}, u0=np.array([1.0, 2.0]))
+    one = lin.channel("y", "v")
+    assert (one.inputs, one.outputs, one.u0.tolist()) == (["v"], ["y"], [2])
+    assert one.frequency(1.0)[0, 0, 0] == pytest.approx(1 / (2 + 1j))
+    assert "input   0  u  N m" in repr(lin) and "continuous: 2 states" in repr(lin)
+    for made in (pickle.loads(pickle.dumps(lin)), copy.deepcopy(lin)):
+        assert made.inputs == lin.inputs and (made[0] == lin.A).all() and made.units == lin.units
+    with pytest.raises(SetupError, match="there is no output 'z'; there are x, y"):
+        lin.channel("z")
+    with pytest.raises(SetupError, match="there is no input 2"):
+        lin.channel(0, 2)
+    text = str(lin.margins())
+    assert text.splitlines()[0].split() == ["gain", "none"] and "the closed loop is stable" in text
+
+
+def test_the_plot_shows_the_margins():
+    figure = of([-1], [1, 3, 2, 0], same=True).plot()
+    texts = [text.get_text() for axis in figure.axes for text in axis.texts]
+    assert texts == ["gain margin 15.6 dB", "phase margin 53.4 deg"]
+    assert not [text for axis in of([1], [1, 3, 2, 0]).plot().axes for text in axis.texts]

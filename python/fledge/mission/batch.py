@@ -1,0 +1,267 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Clones of a simulation that are stepped together, from numpy arrays to numpy arrays.
+
+    batch = sim.batch(1024, actions=["flight.motor.command.u[:4]"], every=0.5 * s, seed=1,
+                      observations=["flight.tracking.error.sigma_BR", "flight.tracking.error.omega_BR_B"])
+    seen = batch.reset()                          # (1024, 6)
+    seen = batch.step(-seen @ gains)              # actions (1024, 4)
+    batch.by_name(seen)["flight.tracking.error.sigma_BR"]       # (1024, 3)
+    batch.reset(batch.failed)                     # those that failed, each with its next run
+
+A clone is fixed by its seed, its run and its actions: neither threads nor the other clones change a bit of it.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from fledge import _core
+from fledge.errors import SetupError, listed
+from fledge.mission.field_path import FieldPath
+from fledge.objects.si import time_ns
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from fledge.mission.simulation import Simulation
+
+
+@dataclass
+class Block:
+    """The columns of one field in the actions or the observations.
+
+    path: of the field; columns: a slice; shape: of the field in one clone; unit, meaning: of the header
+    """
+
+    path: str
+    columns: slice
+    shape: tuple[int, ...]
+    unit: str
+    meaning: str
+
+
+class Batch:
+    """n clones of a simulation; made by Simulation.batch().
+
+    n: of the clones; every: the duration of a step [s]; actions, observations: their Blocks, by path;
+    action_names, observation_names: of each column, "flight.motor.command.u[0]"
+    """
+
+    def __init__(self, simulation: Simulation, n: int, actions: Iterable[str], observations: Iterable[str], every: Any,
+                 seed: int, dispersions: Any, threads: int | None) -> None:
+        import numpy as np
+
+        period = time_ns(every, "batch: every")
+        threads = len(os.sched_getaffinity(0)) if threads is None else threads
+        for value, what in ((n, "n"), (threads, "threads")):
+            if not isinstance(value, (int, np.integer)) or value < 1:
+                raise SetupError(f"batch: {what} must be a whole number >= 1, found {value!r}")
+        dispersions = getattr(dispersions, "dispersions", dispersions)     # of a campaign
+        plan = _core.BatchPlan(n, period, threads, dispersions._plan if dispersions is not None else None)
+        self.n, self.every = int(n), period / 1e9
+        self.actions, self.action_names = _blocks(simulation, actions, plan.act, "actions")
+        self.observations, self.observation_names = _blocks(simulation, observations, plan.observe, "observations")
+        self._drawn = list(dispersions.columns) if dispersions is not None else []
+        self._simulation = simulation
+        self._core = _core.Batch(simulation.kernel, plan)
+        self._seeds = np.full(n, _seed(seed), np.uint64)
+        self._next = np.arange(n, dtype=np.uint64)      # the run that each begins at its next reset
+
+    def reset(self, which: Any = None, *, seed: Any = None, runs: Any = None, snapshot: bytes | None = None) -> Any:
+        """Begin clones anew, and return the observations of all, (n, ...).
+
+        which: a mask (n,), or indices; not given: all
+        seed: of their runs from now on, one or one for each of them
+        runs: the index of the run for each of them, as in a campaign of that seed. Not given: clone i flies the runs
+        i, i + n, i + 2 n, ..., and i again after a new seed
+        snapshot: of Simulation.snapshot(), in place of time 0. It has its own parameters, so nothing is dispersed; the
+        random streams begin anew there.
+
+        At time 0 a clone runs the instant 0, at which an input that is an action was never written. Parameters are
+        those of the simulation when the batch was made, and what is dispersed.
+        """
+        import numpy as np
+
+        chosen = self._chosen(which)
+        if snapshot is not None and not isinstance(snapshot, bytes):
+            raise SetupError(f"batch: snapshot: expected the bytes that snapshot() gives; found {snapshot!r:.40}")
+        if seed is not None:
+            self._seeds[chosen] = _numbers(seed, len(chosen), "seed")
+            self._next[chosen] = chosen
+        if runs is not None:
+            self._next[chosen] = _numbers(runs, len(chosen), "runs")
+        self._core.reset(chosen, self._seeds[chosen], self._next[chosen], snapshot or b"")
+        self._next[chosen] += np.uint64(self.n)
+        return self._core.observe()
+
+    def step(self, actions: Any = None) -> Any:
+        """Give each clone its actions, run it for `every`, and return the observations, (n, ...).
+
+        actions: (n, ...) in SI, a column for each of action_names; or path -> (n, *shape) or what numpy broadcasts to
+        that. An action in an input is a message that is made now, of quality GOOD; the fields that no action names stay
+        as they are. One in an output is the same in each input that it feeds.
+
+        A clone that fails stands still, and its observations are NaN: `failed`, `failures`. Its actions do not count
+        until it is reset. After Ctrl-C, the next step() takes up this one: clones that had ended it wait.
+        Raises SetupError before any clone moves if a number is not finite, or if the shape is another.
+        """
+        return self._core.step(self._rows({} if actions is None else actions))
+
+    def observe(self) -> Any:
+        """The observations as they stand."""
+        return self._core.observe()
+
+    def by_name(self, observed: Any) -> dict[str, Any]:
+        """path -> view (n, *shape) of the rows that step(), reset() or observe() gave."""
+        return {b.path: observed[:, b.columns].reshape(len(observed), *b.shape) for b in self.observations.values()}
+
+    @property
+    def failed(self) -> Any:
+        """(n,) whether each stands still, because its run has failed."""
+        return self._core.failed
+
+    @property
+    def failures(self) -> dict[int, str]:
+        """Why, by the index of the clone."""
+        import numpy as np
+
+        return {int(i): self._core.failure(i) for i in np.flatnonzero(self.failed)}
+
+    @property
+    def time(self) -> Any:
+        """(n,) [s]; NaN of a clone that has not begun."""
+        import numpy as np
+
+        ns = self._core.time
+        return np.where(ns < 0, np.nan, ns / 1e9)
+
+    @property
+    def runs(self) -> Any:
+        """(n,) the index of the run that each flies."""
+        return self._core.runs
+
+    @property
+    def seeds(self) -> Any:
+        """(n,) the seeds of these runs."""
+        return self._core.seeds
+
+    @property
+    def draws(self) -> dict[str, Any]:
+        """Path of each dispersed element -> (n,); NaN of clones that go on from a snapshot."""
+        return {path: self._core.draws[:, i] for i, path in enumerate(self._drawn)}
+
+    def simulation(self, clone: int) -> Simulation:
+        """A clone as a simulation of its own, as it stands: to look at, to record, or to take a snapshot of."""
+        if not 0 <= clone < self.n:
+            raise SetupError(f"batch: there is no clone {clone}; there are {self.n}")
+        return self._simulation._around(self._core.copy(clone))
+
+    def _chosen(self, which):
+        import numpy as np
+
+        if which is None:
+            return np.arange(self.n)
+        found = np.atleast_1d(np.asarray(which))
+        if found.dtype == bool and found.shape == (self.n,):
+            return np.flatnonzero(found)
+        if found.size == 0:
+            return np.arange(0)
+        if found.ndim != 1 or found.dtype.kind not in "iu" or found.min() < 0 or found.max() >= self.n \
+                or len(np.unique(found)) != len(found):
+            raise SetupError(f"batch: which: expected a mask of {self.n}, or different indices from 0 to {self.n - 1}; "
+                             f"found {which!r:.60}")
+        return found
+
+    def _rows(self, actions):
+        """The actions as the kernel takes them."""
+        import numpy as np
+
+        shape = (self.n, len(self.action_names))
+        if isinstance(actions, Mapping):
+            if set(actions) != set(self.actions):
+                raise SetupError(f"batch: the actions are {listed(list(self.actions))}; found {listed(list(actions))}")
+            rows = np.empty(shape)
+            for path, block in self.actions.items():
+                value = _floats(actions[path], path)
+                try:
+                    rows[:, block.columns] = np.broadcast_to(value, (self.n, *block.shape)).reshape(self.n, -1)
+                except ValueError:
+                    raise SetupError(f"batch: {path}: expected the shape {(self.n, *block.shape)}, found {value.shape}"
+                                     ) from None
+            return rows
+        rows = _floats(actions, "actions")
+        if rows.shape != shape:
+            raise SetupError(f"batch: actions: expected the shape {shape}, found {rows.shape}")
+        return rows
+
+    def _repr_html_(self):
+        from fledge.display import table
+
+        groups = [(title, [(b.path, "x".join(map(str, b.shape)), b.unit, b.meaning) for b in blocks.values()])
+                  for title, blocks in (("actions", self.actions), ("observations", self.observations))]
+        return table(repr(self).partition("\n")[0], groups, ("", "shape", "unit", "meaning"),
+                     [f"clone {i}: {text}" for i, text in self.failures.items()])
+
+    def __len__(self):
+        return self.n
+
+    def __repr__(self):
+        lines = [f"{self.n} clones of {self._simulation.name}, steps of {self.every:g} s"]
+        for title, blocks in (("action", self.actions), ("observation", self.observations)):
+            lines += [f"  {title:<12} {b.path}  {b.shape or ''} {b.unit}".rstrip() for b in blocks.values()]
+        return "\n".join(lines)
+
+
+def _blocks(simulation, paths, add, what):
+    """(path -> Block, the names of all columns) of fields, which `add` adds to the plan."""
+    blocks: dict[str, Block] = {}
+    names: list[str] = []
+    for path in [paths] if isinstance(paths, str) else paths:
+        whole, _, rows = path.partition("[:")       # "u[:4]": the first rows alone
+        target = FieldPath(simulation, whole)
+        if path in blocks:
+            raise SetupError(f"batch: {what}: {path} is there twice")
+        own, shape = target.names(), target.shape
+        if rows:
+            n = int(rows[:-1]) if re.fullmatch(r"\d+\]", rows) else 0
+            if not shape or not 0 < n <= shape[0]:
+                raise SetupError(f"batch: {path}: {whole} has the shape {shape}; name some of its first rows, as in "
+                                 "command.u[:4]")
+            own, shape = own[:len(own) // shape[0] * n], (n, *shape[1:])
+        add(target.holder, target.field, target.elements[0], own)
+        blocks[path] = Block(path, slice(len(names), len(names) + len(own)), shape, target.unit, target.field.doc)
+        names += own
+    return blocks, names
+
+
+def _floats(values, what):
+    import numpy as np
+
+    array = np.asarray(values)
+    if array.dtype.kind not in "fiub":
+        raise SetupError(f"batch: {what}: expected numbers, found {values!r:.60}")
+    return np.ascontiguousarray(array, float)
+
+
+def _numbers(values, n, what):
+    """Whole numbers from 0 to 2^64 - 1, one for each."""
+    import numpy as np
+
+    found = [_seed(v, what) for v in np.ravel(np.asarray(values, object))]
+    if len(found) not in (1, n):
+        raise SetupError(f"batch: {what}: expected one number, or {n}; found {len(found)}")
+    return np.array(found, np.uint64)
+
+
+def _seed(value, what="seed"):
+    try:
+        number = int(value)
+    except (TypeError, ValueError):
+        number = -1
+    if number != value or not 0 <= number < 2**64:
+        raise SetupError(f"batch: {what}: expected a whole number from 0 to 2^64 - 1; found {value!r}")
+    return number

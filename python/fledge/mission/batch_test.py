@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Clones that are stepped together do what each does alone."""
+import gc
+import os
+import re
+import resource
+import signal
+import threading
+
+import numpy as np
+import pytest
+
+import fledge
+from fledge import SetupError
+from fledge.montecarlo import Campaign
+from fledge.units import N, m, minute, s
+
+ERROR = ["flight.tracking.error.sigma_BR", "flight.tracking.error.omega_BR_B"]
+TORQUE = "world.wheels.command.u"
+
+
+@pytest.fixture(scope="module")
+def sim():
+    return fledge.load("nadir_spin")
+
+
+def make(sim, n=3, actions=(TORQUE,), observations=ERROR, every=0.5 * s, **options):
+    return sim.batch(n, actions, observations, every=every, **options)
+
+
+def test_commands_by_hand_move_the_craft_as_the_wire_does_bit_for_bit(sim):
+    # What flight commanded in a run of its own is given to a clone at the same times.
+    flown = fledge.load("nadir_spin")
+    log = flown.record(flown.flight.motor.command, flown.flight.tracking.error, flown.world.craft.state, every=0.5 * s)
+    flown.run(3 * minute)
+    batch = make(sim, 2, observations=[*ERROR, "world.craft.state.omega_BN_B"])
+    seen = batch.reset()
+    np.testing.assert_array_equal(seen[0, :3], log["error.sigma_BR"][0])
+    for k, torque in enumerate(log["command.u"][:-1]):
+        seen = batch.step({TORQUE: torque * [[1.0], [0.0]]})
+        np.testing.assert_array_equal(seen[0], [*log["error.sigma_BR"][k + 1], *log["error.omega_BR_B"][k + 1],
+                                                *log["state.omega_BN_B"][k + 1]])
+    assert np.abs(seen[1, 6:] - seen[0, 6:]).max() > 1e-3, "the other clone had no torque"
+
+
+@pytest.mark.parametrize("threads", [1, 2, 5])
+def test_a_clone_is_the_run_of_the_campaign_whatever_the_threads(threads):
+    campaign = Campaign("nadir_spin")
+    batch = campaign.nominal.batch(7, (), ERROR, every=10 * s, seed=3, dispersions=campaign, threads=threads)
+    batch.reset()
+    for _ in range(3):
+        seen = batch.step()
+    batch.reset([2])
+    for _ in range(3):
+        batch.step()
+        seen[2] = batch.observe()[2]
+    assert batch.runs.tolist() == [0, 1, 9, 3, 4, 5, 6]
+    for clone in (0, 2, 6):
+        alone = campaign.simulation(int(batch.runs[clone]), seed=3)
+        alone.run(30 * s)
+        error = alone.flight.tracking.error
+        np.testing.assert_array_equal(seen[clone], [*error.sigma_BR, *error.omega_BR_B])
+        assert batch.draws["world.wheels.J[0]"][clone] == alone.world.wheels.J[0]
+
+
+def test_random_streams_differ_between_clones_and_after_a_snapshot(sim):
+    noisy = sim.clone()
+    noisy.world.nav.rate_noise = [1e-4] * 3
+    noisy.run(1 * s)
+    batch = make(noisy, 4, (), ["world.nav.attitude.omega_BN_B"], every=1 * s, seed=1)
+    batch.reset()
+    first = batch.step()
+    assert len({row.tobytes() for row in first}) == 4
+    batch.reset(seed=1)
+    np.testing.assert_array_equal(batch.step(), first)
+    # From one snapshot, streams of the runs' own: the same again with the same seeds and runs.
+    snapshot = noisy.snapshot()
+    batch.reset(seed=1, snapshot=snapshot)
+    assert (batch.time == 1.0).all()
+    later = batch.step()
+    assert len({row.tobytes() for row in later}) == 4
+    batch.reset([3, 1], seed=1, runs=[3, 1], snapshot=snapshot)
+    np.testing.assert_array_equal(batch.step()[[1, 3]], later[[1, 3]])
+
+
+def test_a_gain_is_an_action_and_a_bad_one_fails_its_clone_alone(sim):
+    batch = make(sim, 3, ["flight.control.K"], every=30 * s)
+    batch.reset()
+    seen = batch.step(np.array([[2.531], [-1.0], [5.0]]))
+    assert batch.failed.tolist() == [False, True, False]
+    assert "flight.control.K must be > 0 N m, found -1 N m" in batch.failures[1]
+    assert np.isnan(seen[1]).all() and np.isfinite(seen[[0, 2]]).all() and (seen[0] != seen[2]).any()
+    batch.step([[2.531], [np.nan], [5.0]])    # what a failed clone is given does not count
+    assert batch.time.tolist() == [60, 0, 60]
+    seen = batch.reset(batch.failed)
+    assert not batch.failed.any() and batch.time.tolist() == [60, 0, 60] and np.isfinite(seen).all()
+    assert batch.simulation(1).flight.control.K == 2.531
+    alone = sim.clone()
+    alone.reset()
+    alone.run(60 * s)
+    np.testing.assert_array_equal(seen[0, :3], alone.flight.tracking.error.sigma_BR)
+
+
+def test_a_run_that_is_no_longer_finite_fails_alone(sim):
+    batch = make(sim, 2, ["world.craft.external.torque_B"], every=1 * s)
+    batch.reset()
+    batch.step([[0.0] * 3, [1e300, 0, 0]])
+    assert batch.failed.tolist() == [False, True] and "finite" in batch.failures[1], batch.failures
+    seen = batch.step(np.zeros((2, 3)))
+    assert batch.time.tolist() == [2, 0] and np.isfinite(seen[0]).all()
+
+
+def test_parts_by_name_and_the_original_left_alone(sim):
+    before = sim.time, len(sim.wires)
+    batch = make(sim, 2, [TORQUE, "flight.control.K"], [*ERROR, "world.wheels.speeds.Omega[1]", "world.craft.mass"])
+    assert (batch.action_names[0], batch.action_names[-1]) == ("world.wheels.command.u[0]", "flight.control.K")
+    assert batch.observation_names[-2:] == ["world.wheels.speeds.Omega[1]", "world.craft.mass"]
+    named = batch.by_name(batch.reset())
+    assert named[ERROR[0]].shape == (2, 3) and named["world.craft.mass"].shape == (2,)
+    assert batch.observations[ERROR[1]].unit == "rad/s" and "rate" in batch.observations[ERROR[1]].meaning
+    assert (sim.time, len(sim.wires)) == before
+    assert "2 clones of nadir_spin" in repr(batch)
+
+
+def test_arrays_of_any_layout_and_number_are_taken(sim):
+    batch = make(sim, 4)
+    n = len(batch.action_names)
+    given = np.arange(4 * n).reshape(4, n) % 3 * 0.01
+    results = []
+    for form in (given, np.asfortranarray(given), given.astype(np.float32).astype(float), given[::-1][::-1],
+                 given.tolist(), np.repeat(given, 2, axis=1)[:, ::2]):
+        batch.reset(seed=0)
+        results.append(batch.step(form))
+    np.testing.assert_array_equal(results[0], results[1])
+    for other in results[3:]:
+        np.testing.assert_array_equal(results[0], other)
+    batch.reset(seed=0)
+    np.testing.assert_array_equal(batch.step(given.astype(np.float32)).shape, (4, 6))
+
+
+@pytest.mark.parametrize("change, message", [
+    (dict(actions=["world.wheels.command.w"]), "world.wheels.command has no 'w'"),
+    (dict(actions=["flight.control.torqe.L"]), "did you mean 'torque'"),
+    (dict(actions=["world.craft.sigma_BN"]), "initial value, which counts only until the first instant"),
+    (dict(actions=["world.nav.orbit"]), "is a whole message; name one of its fields"),
+    (dict(actions=["flight.spin.euler.angles"]), "flight.spin.euler feeds no input"),
+    (dict(actions=["world.wheels.command.u", "flight.motor.command.u"]), "two actions in the same place"),
+    (dict(actions=[TORQUE, TORQUE]), "is there twice"),
+    (dict(observations=["flight.nothing.x"]), "flight"),
+    (dict(actions=["world.wheels.command.u[:9]"]), "has the shape (8,); name some of its first rows"),
+    (dict(actions=["flight.control.K[:1]"]), "has the shape (); name some of its first rows"),
+    (dict(n=0), "batch: n must be a whole number >= 1, found 0"),
+    (dict(threads=0), "threads must be a whole number >= 1"),
+    (dict(every=0 * s), "the duration of a step must be > 0"),
+    (dict(every=3 * N), "expected"),
+    (dict(seed=-1), "seed: expected a whole number from 0"),
+])
+def test_a_batch_that_cannot_be_is_refused(sim, change, message):
+    with pytest.raises(SetupError, match=re.escape(message)):
+        make(sim, **change)
+
+
+def test_a_mission_that_calls_python_is_refused(sim):
+    other = sim.clone()
+    other.reset()
+    other.world.at(5 * s, lambda: None)
+    with pytest.raises(SetupError, match="call Python cannot be stepped in a batch"):
+        make(other)
+
+
+@pytest.mark.parametrize("give, message", [
+    (lambda b: b.step(np.zeros((3, 3))), r"expected the shape \(3, \d+\), found \(3, 3\)"),
+    (lambda b: b.step({TORQUE: np.zeros((2, 4))}), "world.wheels.command.u: expected the shape"),
+    (lambda b: b.step({"flight.motor.command.u": 0}), "the actions are world.wheels.command.u; found flight.motor"),
+    (lambda b: b.step(np.full((3, len(b.action_names)), "x")), "expected numbers"),
+    (lambda b: b.step(np.full((3, len(b.action_names)), np.inf)), "of clone 0: expected a finite number, found inf"),
+    (lambda b: b.reset([0, 0]), "different indices from 0 to 2"),
+    (lambda b: b.reset([3]), "different indices from 0 to 2"),
+    (lambda b: b.reset(np.array([True, False])), "expected a mask of 3"),
+    (lambda b: b.reset(seed=[1, 2]), "seed: expected one number, or 3; found 2"),
+    (lambda b: b.reset(runs=1.5), "runs: expected a whole number"),
+    (lambda b: b.reset(snapshot=b"nothing"), "this snapshot .7 bytes. is of a simulation with other modules"),
+    (lambda b: b.simulation(3), "there is no clone 3"),
+])
+def test_bad_input_is_refused_before_any_clone_moves(sim, give, message):
+    batch = make(sim)
+    batch.reset()
+    with pytest.raises(SetupError, match=message):
+        give(batch)
+    assert (batch.time == 0).all() and not batch.failed.any()
+
+
+def test_a_step_before_the_first_reset_is_refused(sim):
+    with pytest.raises(SetupError, match="clone 0 has not begun: reset it first"):
+        make(sim, actions=()).step()
+
+
+@pytest.mark.skipif(os.environ.get("FLEDGE_PRESET") == "asan", reason="the sanitizer holds back freed memory")
+def test_memory_does_not_grow(sim):
+    def flown():
+        batch = make(sim, 64, threads=2)
+        batch.reset()
+        for _ in range(200):
+            batch.step({TORQUE: 0.0})
+            batch.reset([5])
+
+    flown()
+    gc.collect()
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    for _ in range(3):
+        flown()
+        gc.collect()
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 8000    # [kB]; a batch of these has 10,000
+
+
+def test_ctrl_c_ends_a_step_and_the_next_one_takes_it_up(sim):
+    batch = make(sim, 8, (), every=200 * minute, threads=2)
+    batch.reset()
+    timer = threading.Timer(0.02, signal.raise_signal, [signal.SIGINT])
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        while True:     # a fast machine may end a step before the signal
+            batch.step()
+    timer.join()
+    batch.step()
+    assert len(set(batch.time)) == 1, "all have come to the same end"

@@ -1,0 +1,406 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Linear systems of a simulation about its present state, by differences of clones that run.
+
+Of the differential equations of the world, the derivatives at the present instant are differentiated; of the loop, or
+of a part of it, what one period makes of its memory. A number of the memory that reaches no output is left out: what
+it holds is written anew before anything reads it.
+"""
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterable, Sequence
+from math import frexp, lcm
+from typing import Any
+
+import numpy as np
+
+from fledge import _core
+from fledge.errors import RunError, SetupError, listed
+from fledge.linear import Linear
+from fledge.mission.field_path import port
+from fledge.mission.process import Process
+from fledge.mission.state import Number, State, flat
+from fledge.objects.si import time_ns
+
+STEP = 2.0**-10     # of a number's size. Errors: its fourth power, and rounding over it
+BENT = 0.02         # slopes that differ by more, on both sides, are told
+SLIGHT = 1e-4       # a part of a row that is smaller is not
+NEARER = (2.0**-8, 2.0**-16)    # shorter steps, where a function bends in reach of the first
+MOST = 1_000_000    # instants in a period
+
+
+def linearize(simulation: Any, inputs: Any, outputs: Any, hold: Any, discrete: bool, part: Any,
+              period: Any) -> Linear:
+    """See Simulation.linearize()."""
+    state = State(simulation, "linearize")
+    if not discrete and (part is not None or period is not None):
+        raise SetupError("linearize: part and period are for discrete=True")
+    into = [one for path in _several(inputs) for one in state.inputs(path)]
+    out = [one for path in _several(outputs) for one in state.outputs(path)]
+    for names in ([one.name for one in into], [one.name for one in out]):
+        if twice := [name for name in names if names.count(name) > 1]:
+            raise SetupError(f"linearize: {twice[0]} is named twice")
+    held = {one.name for path in _several(hold) for one in state.states(path)}
+    for path in _several(hold):
+        if not state.states(path):
+            raise state.unknown(path, "differential state")
+    state.differential = [one for one in state.differential if one.name not in held]
+    lin = _discrete(state, into, out, part, period) if discrete else _continuous(state, into, out)
+    if lin.notes:
+        warnings.warn("\n".join(["linearize:", *lin.notes]), stacklevel=3)
+    return lin
+
+
+def _several(paths: Any) -> list[str]:
+    if isinstance(paths, str):
+        return [paths]
+    found = list(paths or ())
+    for one in found:
+        if not isinstance(one, str):
+            raise SetupError(f"linearize: expected paths, as in 'world.craft.state.omega_BN_B'; found {one!r:.80}")
+    return found
+
+
+# --- the world's differential equations ------------------------------------------------------------
+
+def _continuous(state, into, out):
+    if not state.differential:
+        raise state.no_state()
+    for one in into:
+        outside = [_core.path(view) for view, _ in one.incoming
+                   if _core.path(view).rpartition(".")[0] not in state.integrated]
+        owner = ".".join(one.name.split(".")[:2])
+        if outside or not one.incoming and owner not in state.integrated:
+            raise SetupError(f"linearize: {outside[0] if outside else one.name} is read by no model that integrates "
+                             f"differential equations ({listed(sorted(state.integrated))}); with discrete=True, "
+                             "everything may be an input")
+    for one in out:
+        if ".".join(one.name.split(".")[:2]) not in state.integrated:
+            raise SetupError(f"linearize: {one.name} does not follow from the differential equations of "
+                             f"{listed(sorted(state.integrated))} alone; with discrete=True, every output may be one")
+    state.arrive()
+    for one in into:
+        state.written(one)
+    numbers = [*state.differential, *into]
+    state.measure(numbers)
+    places = [*state.rates(state.differential), *(one.places[0] for one in out)]
+
+    def evaluate(number, value):
+        data = state.base
+        if number is not None:
+            data = state.base.copy()
+            state.put(data, number, value)
+        state.take(data)
+        state.core.follow(True)
+        return state.read(state.snapshot(), places)
+
+    slopes = _Slopes(state, evaluate, numbers, [f"the rate of {one.name}" for one in state.differential]
+                     + [one.name for one in out])
+    n = len(state.differential)
+    J = slopes.matrix
+    keep = _reaching(J[:n, :n], J[n:, :n]) if out else np.arange(n)
+    rows = [*keep, *range(n, len(J))]
+    return Linear(J[np.ix_(keep, keep)], J[keep, n:], J[n:, keep], J[n:, n:],
+                  **_about([state.differential[i] for i in keep], into, out), y0=slopes.base[n:],
+                  drift=slopes.base[keep], notes=slopes.notes(rows, [*keep, *range(n, len(numbers))]))
+
+
+def _about(states, into, out):
+    """What a Linear says of its numbers."""
+    return {"states": [one.name for one in states], "inputs": [one.name for one in into],
+            "outputs": [one.name for one in out], "x0": np.array([one.value for one in states]),
+            "u0": np.array([one.value for one in into]),
+            "units": {one.name: one.unit or "-" for one in (*states, *into, *out)}}
+
+
+def _reaching(A, C):
+    """The states that reach an output."""
+    found = (C != 0).any(axis=0)
+    while True:
+        more = found | (A[found] != 0).any(axis=0)
+        if (more == found).all():
+            return np.flatnonzero(found)
+        found = more
+
+
+# --- the loop, period by period --------------------------------------------------------------------
+
+def _discrete(state, into, out, part, period):
+    run = _instances(state, part)
+    for one in out:
+        if ".".join(one.name.split(".")[:2]) not in run:
+            raise SetupError(f"linearize: {one.name} is not of the part: {listed(sorted(run))}")
+    length = _period(state, run, period)
+    for view, place, value in _from_outside(state, run):
+        state.core.override_input(view, place, value)
+    for one in into:
+        state.written(one)
+    both = [_split(state, one) for one in into]     # (what acts from now on, what an instant reads)
+    late = [a for a, _ in both if a]
+    at_once = [b for _, b in both if b]
+    state.measure([*late, *at_once])
+    for one in (*late, *at_once):
+        _hold(state, one, one.value)
+    memory = _memory(state, run)
+    state.measure(memory)
+    n, end = len(memory), max(state.core.time, state.core.now) + length
+    carried, shown = [one.places[0] for one in memory], [one.places[0] for one in out]
+    changes = _Changes(state, run)
+
+    def evaluate(number, value):
+        data = state.base
+        if number is not None:
+            data = state.base.copy()
+            _hold(state, number, value, data)
+        try:
+            state.take(data)
+            state.core.follow(False)
+            now = state.read(state.snapshot(), shown)
+            state.core.run_until(end, 0.0, None)
+        finally:
+            if number is not None:
+                _hold(state, number, number.value)
+        after = state.snapshot()
+        changes.look(number, after)
+        return np.concatenate([state.read(after, carried), state.read(after, shown), now])
+
+    numbers = [*memory, *late, *at_once]
+    names = [one.name for one in out]
+    slopes = _Slopes(state, evaluate, numbers, [one.name for one in memory] + 2 * names)
+    J, p = slopes.matrix, len(out)
+    A, B = J[:n, :n], J[:n, n:]
+    C, D, now = J[n:n + p, :n], J[n:n + p, n:], J[n + p:, :n]
+    before = bool(at_once)      # the state is that before an instant, at which inputs are read and outputs written
+    # What nothing changes, such as a constant in a message, is no state.
+    constant = (A == np.eye(n)).all(axis=1) & ~B.any(axis=1) & [one not in state.differential for one in memory]
+    A[:, constant] = C[:, constant] = now[:, constant] = 0
+    keep = _reaching(A, C if before else now) if out else np.flatnonzero((A != 0).any(axis=0))
+    A, B, C, now = A[np.ix_(keep, keep)], B[keep], C[:, keep], now[:, keep]
+    states, m = [memory[i] for i in keep], len(into)
+    held, reads = np.zeros((len(late), m)), np.zeros((len(at_once), m))     # which input each of them is
+    for which, numbers_of, column in ((held, late, 0), (reads, at_once, 1)):
+        for i, pair in enumerate(p for p in enumerate(both) if p[1][column]):
+            which[i, pair[0]] = 1
+    k = len(late)
+    if before:
+        # What acts from now on is a state: it acts until the next instant.
+        A = np.block([[A, B[:, :k]], [np.zeros((k, len(keep) + k))]])
+        B, C, D = np.vstack([B[:, k:] @ reads, held]), np.hstack([C, D[:, :k]]), D[:, k:] @ reads
+        states = [*states, *(Number(f"{one.name} (held)", one.unit, value=one.value) for one in late)]
+        y0, drift = slopes.base[n:n + p], np.append(slopes.base[keep] - [memory[i].value for i in keep], np.zeros(k))
+    else:
+        B, C, D = B[:, :k] @ held, now, np.zeros((p, m))
+        y0, drift = slopes.base[n + p:], slopes.base[keep] - np.array([one.value for one in states])
+    rows = [*keep, *(range(n, n + p) if before else range(n + p, n + 2 * p))]
+    for one, (a, b) in zip(into, both):
+        one.value = (a or b).value
+    return Linear(A, B, C, D, length / 1e9, **_about(states, into, out), y0=y0, drift=drift,
+                  notes=[*slopes.notes(rows, [*keep, *range(n, len(numbers))]),
+                         *changes.notes([states[i].name for i in range(len(keep))] + [one.name for one in into])])
+
+
+def _instances(state, part) -> set[str]:
+    """The paths of the instances that run."""
+    if part is None:
+        return set(state.nodes)
+    found: set[str] = set()
+    for one in [part] if isinstance(part, (str, Process, _core.Module, _core.Model)) else part:
+        name = one.name if isinstance(one, Process) else one if isinstance(one, str) else _core.path(one)
+        some = {path for path in state.nodes if path == name or path.startswith(f"{name}.")}
+        if not some:
+            raise SetupError(f"linearize: part: there is no '{name}'; expected processes, modules and models of "
+                             f"{state.simulation.name}: {listed([*state.order, *state.nodes], most=12)}")
+        found |= some
+    return found | {node.path for node in state.nodes.values() if node.host in found}
+
+
+def _period(state, run, period) -> int:
+    """[ns]"""
+    periods = []
+    for process in state.simulation.processes:
+        named = {task for _, tasks in process.modes for task in tasks}
+        active = {task for mode, tasks in process.modes if mode == process.active_mode for task in tasks}
+        periods += [task.period for task in process.tasks if (task.name not in named or task.name in active)
+                    and any(f"{process.name}.{one}" in run for one in task.run)]
+    if not periods:
+        raise SetupError("linearize: no task is active, so nothing happens from now on")
+    whole = lcm(*periods)
+    if period is not None:
+        asked = time_ns(period, "linearize: period")
+        if asked <= 0 or asked % whole:
+            raise SetupError(f"linearize: period: expected a multiple of {whole / 1e9:g} s, the common one of the "
+                             f"tasks; found {asked / 1e9:g} s")
+        whole = asked
+    if whole // min(periods) > MOST:
+        raise SetupError(f"linearize: the tasks have the common period of {whole / 1e9:g} s, which is too long: "
+                         + listed([f"{p / 1e9:g} s" for p in sorted(set(periods))]) + "; name a part")
+    return whole
+
+
+def _from_outside(state, run):
+    """(input, place, number) of all that the rest of the simulation gives to the part, as it is now."""
+    for source, target, *_ in state.simulation.wires:
+        if target.rpartition(".")[0] in run and source.rpartition(".")[0] not in run:
+            view = port(state.simulation, target)
+            raw = np.frombuffer(state.core.process(target.partition(".")[0]).incoming(view), np.uint8)
+            for _, leaf, _, at in flat(_core.struct(view), (), 0):
+                if leaf.type == "f64":
+                    for place in range(at, at + leaf.size, 8):
+                        yield view, place, float(raw[place:place + 8].view(np.float64)[0])
+
+
+def _split(state, number):
+    """(what of an input acts from now on, what is read at an instant), each a Number or None."""
+    if not number.incoming:
+        owner = ".".join(number.name.split(".")[:2])
+        return (number, None) if isinstance(state.nodes[owner].instance, _core.Model) else (None, number)
+    pair = []
+    for late in (True, False):
+        chosen = [(at, one) for at, one in zip(number.places, number.incoming)
+                  if state.acts_late(_core.path(one[0])) == late]
+        pair.append(Number(number.name, number.unit, [at for at, _ in chosen], [one for _, one in chosen])
+                    if chosen else None)
+    for one in pair:
+        if one:
+            view, place = one.incoming[0]
+            raw = state.core.process(_core.path(view).partition(".")[0]).incoming(view)
+            state.put(state.base, one, float(np.frombuffer(raw[place:place + 8])[0]))
+    return tuple(pair)
+
+
+def _hold(state, number, value, data=None):
+    """Give an input this value: in place of what comes, and where nothing comes, in its memory."""
+    state.put(state.base if data is None else data, number, value)
+    for view, place in number.incoming:
+        state.core.override_input(view, place, value)
+
+
+def _memory(state, run) -> list[Number]:
+    """All numbers that may be carried over from one instant to the next."""
+    found = [one for one in state.differential if ".".join(one.name.split(".")[:2]) in run]
+    for path, node in state.nodes.items():
+        if path in run and path not in state.integrated and (node.slot or isinstance(node.instance, _core.Model)):
+            found += state.memory(node)
+    return found + [one for one in state.held() if ".".join(one.name.split(".")[:2]) in run]
+
+
+class _Changes:
+    """What moves by steps, or has no name, where a number was changed a little."""
+
+    def __init__(self, state, run):
+        self.state = state
+        self.base: Any = None
+        self.found: dict[str, list[str]] = {}
+        self.steps = [one for path in sorted(run) for one in state.steps(state.nodes[path])]
+        named = {host for host in state.integrated}
+        self.unnamed = [(path, at, size) for (kind, path), (at, size) in state.blocks.items()
+                        if kind == "model" and path in run and path not in named]
+        inside = np.zeros(len(state.base), bool)
+        for at, size in state.blocks.values():
+            inside[at:at + size] = True
+        self.rest = np.flatnonzero(~inside)
+        self.places = np.array([k for _, at, size in self.steps for k in range(at, at + size)], int)
+
+    def look(self, number, after):
+        if self.base is None:
+            self.base = after
+            return
+        if (after[self.places] != self.base[self.places]).any():
+            for name, at, size in self.steps:
+                if (after[at:at + size] != self.base[at:at + size]).any():
+                    self.found.setdefault(f"{name} changes by a step", []).append(number.name)
+        for path, at, size in self.unnamed:
+            if (after[at:at + size] != self.base[at:at + size]).any():
+                self.found.setdefault(f"{path} remembers it in a memory without names, whose part of the dynamics is "
+                                      "missing here", []).append(number.name)
+        told = any(number.name in names for names in self.found.values())
+        if not told and (after[self.rest] != self.base[self.rest]).any():
+            self.found.setdefault("modes, events, tasks or the health go another way", []).append(number.name)
+
+    def notes(self, names):
+        """Of the states and inputs that count."""
+        base, notes = self.base, []
+        for name, at, size in self.steps:
+            if name.endswith(".saturated") and (base[at:at + size] != self.state.base[at:at + size]).any():
+                notes.append(f"{name.rpartition('.')[0]} is at its limits, where more has no effect")
+        known = set(names)
+        for what, whose in self.found.items():
+            if counts := list(dict.fromkeys(one for one in whose if one in known)):
+                notes.append(f"with another {listed(counts, most=3)}: {what}")
+        return notes
+
+
+# --- slopes ----------------------------------------------------------------------------------------
+
+class _Slopes:
+    """The derivatives of a function of numbers, (rows, numbers), by differences at two distances to both sides.
+
+    The error is of the order of the fourth power of the distance. Where the slopes on the two sides differ and the
+    difference does not vanish with the distance, the function bends or jumps there: notes() tells it.
+    """
+
+    def __init__(self, state: State, evaluate: Callable, numbers: Sequence[Number], rows: Sequence[str]) -> None:
+        self.numbers, self.rows = numbers, rows
+        self.base = evaluate(None, 0.0)
+        shape = (len(rows), len(numbers))
+        self.matrix, self.bends = np.zeros(shape), np.zeros(shape, bool)
+        self.sides = np.zeros((2, *shape))
+        self.weight = np.zeros(shape)
+        self._state, self._evaluate = state, evaluate
+        for j, one in enumerate(numbers):
+            self._column(j, STEP * 2.0**frexp(one.size)[1])
+        for nearer in NEARER:
+            for j in np.flatnonzero((self.bends & (self.weight > SLIGHT * self._most(...))).any(axis=0)):
+                arrays = self.matrix, self.bends, self.weight, *self.sides
+                before = [array[:, j].copy() for array in arrays]
+                self._column(j, STEP * nearer * 2.0**frexp(numbers[j].size)[1])
+                if (self.bends[:, j] & before[1]).sum() == before[1].sum():     # it bends here, not only near by
+                    for array, column in zip(arrays, before):
+                        array[:, j] = column
+
+    def _most(self, columns):
+        """The largest weight in each row."""
+        return self.weight[:, columns].max(axis=1, initial=0)[:, None]
+
+    def _column(self, j, h):
+        one, found = self.numbers[j], []
+        for step in (-h, -h / 2, h / 2, h):
+            try:
+                found.append(self._evaluate(one, one.value + step))
+            except RunError as error:
+                raise self._state.failed(one, one.value + step, error) from None
+        self._differences(j, h, found)
+
+    def _differences(self, j, h, found):
+        far_low, low, high, far_high = found
+        one, base = self.numbers[j], self.base
+        # As the numbers were written: one.value + h is rounded.
+
+        def gap(a, b):
+            return (one.value + b) - (one.value + a)
+
+        wide, narrow = (far_high - far_low) / gap(-h, h), (high - low) / gap(-h / 2, h / 2)
+        self.matrix[:, j] = (4 * narrow - wide) / 3
+        below, above = (base - low) / gap(-h / 2, 0), (high - base) / gap(0, h / 2)
+        far = abs((far_high - base) / gap(0, h) - (base - far_low) / gap(-h, 0))
+        noise = 256 * np.finfo(float).eps * np.max(np.abs([base, *found]), axis=0) / h
+        size = np.maximum(abs(below), abs(above))
+        bend = abs(above - below)
+        self.bends[:, j] = (bend > BENT * size + noise) & (bend > 0.7 * far) | (
+            abs(wide - narrow) > BENT * np.maximum(abs(wide), abs(narrow)) + noise)
+        self.sides[:, :, j] = below, above
+        self.weight[:, j] = np.maximum(np.maximum(size, abs(wide)), bend) * one.size
+
+    def notes(self, rows: Iterable[int], columns: Iterable[int]) -> list[str]:
+        """Where the slope is not the same on both sides, of rows and numbers that count."""
+        rows, columns = list(rows), list(columns)
+        notes = []
+        most = self._most(columns)[:, 0]
+        for j in columns:
+            found = [i for i in rows if self.bends[i, j] and self.weight[i, j] > SLIGHT * most[i]]
+            if found:
+                i = max(found, key=lambda i: self.weight[i, j] / most[i])
+                below, above = self.sides[:, i, j]
+                notes.append(f"{self.rows[i]} is not smooth in {self.numbers[j].name}: its slope is {below:.6g} below "
+                             f"and {above:.6g} above" + (f"; so are {len(found) - 1} more" if found[1:] else ""))
+        return notes

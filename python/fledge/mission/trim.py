@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where a simulation is at rest: states, inputs and parameters for which rates and outputs have chosen values."""
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from fledge import _core
+from fledge.columns import columns
+from fledge.errors import RunError, SetupError, listed
+from fledge.mission.state import Number, State
+from fledge.objects.si import time_ns, to_si
+
+STEP = 1e-4     # of a number's size, for differences
+ENOUGH = 1e-9   # of what the free numbers can change by their size
+
+
+class Trim:
+    """What trim() has found.
+
+    free: path -> value; left: path -> what the rate or output still lacks; evaluations: how many; units: path -> unit
+    """
+
+    def __init__(self, free: dict[str, float], left: dict[str, float], evaluations: int, units: dict[str, str]) -> None:
+        self.free, self.left, self.evaluations, self.units = free, left, evaluations, units
+
+    def __repr__(self):
+        rows = [[name, f"{value:.9g}", self.units[name]] for name, value in self.free.items()]
+        rest = [[name, f"{value:.3g}", self.units[name]] for name, value in self.left.items()]
+        return "\n".join([f"trimmed with {self.evaluations} evaluations", *columns(rows, {1}, "  "), "left",
+                          *columns(rest, {1}, "  ")])
+
+
+def trim(simulation: Any, free: Any, rates: Any, outputs: Any, after: Any) -> Trim:
+    """See Simulation.trim()."""
+    from scipy.optimize import least_squares
+
+    fresh = simulation.kernel.now < 0
+    state = State(simulation, "trim", fresh)
+    numbers = [one for path in _paths(free, "free") for one in _free(state, path)]
+    if not numbers:
+        raise SetupError("trim: name what is free: states, inputs or parameters")
+    wanted = _wanted(state, rates, "rates", _rates) + _wanted(state, outputs, "outputs", lambda s, p: s.outputs(p))
+    if not wanted:
+        raise SetupError("trim: name the rates or outputs that are to vanish, or to have a value")
+    for what, names in (("free", [one.name for one in numbers]), ("wanted", [one.name for one, _ in wanted])):
+        if len(set(names)) < len(names):
+            raise SetupError(f"trim: {next(n for n in names if names.count(n) > 1)} is {what} twice")
+    length = time_ns(after, "trim: after")
+    if not fresh:
+        state.arrive()
+        for one in numbers:
+            state.written(one)
+    state.measure(numbers)
+    places = [one.places[0] for one, _ in wanted]
+    values = np.array([value for _, value in wanted])
+    start, sizes = (np.array(x) for x in zip(*((one.value, one.size) for one in numbers)))
+    count = 0
+
+    def data_of(x):
+        data = state.base.copy()
+        for one, value in zip(numbers, x):
+            state.put(data, one, value)
+        return data
+
+    def lacks(x):
+        nonlocal count
+        count += 1
+        state.take(data_of(x), begin=True)
+        if length:
+            state.core.run_until(max(state.core.time, state.core.now) + length, 0.0, None)
+        state.core.follow(True)
+        return state.read(state.snapshot(), places) - values
+
+    def slopes(x):
+        return np.array([(lacks(_moved(x, i, h)) - lacks(_moved(x, i, -h))) / (2 * h)
+                         for i, h in enumerate(STEP * sizes)]).T
+
+    try:
+        first = lacks(start)
+        weight = abs(slopes(start) * sizes).max(axis=1)
+        if (weight == 0).any():
+            name = wanted[int(np.argmin(weight))][0].name
+            if first[int(np.argmin(weight))]:
+                raise SetupError(f"trim: {name} does not depend on {listed([one.name for one in numbers], most=6)}")
+        weight[weight == 0] = 1
+        found = least_squares(lambda x: lacks(x) / weight, start, lambda x: slopes(x) / weight[:, None], x_scale=sizes,
+                              xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=200)
+        left = lacks(found.x)
+    except RunError as error:
+        raise SetupError(f"trim: the run ended on the way: {error}") from None
+    result = Trim({one.name: float(x) for one, x in zip(numbers, found.x)},
+                  {one.name: float(x) for (one, _), x in zip(wanted, left)}, count,
+                  {one.name: one.unit or "-" for one in (*numbers, *(one for one, _ in wanted))})
+    if not np.isfinite(left).all() or (abs(left) > ENOUGH * weight).any():
+        raise SetupError(f"trim: no such state was found, from where the simulation stands; the nearest is\n{result}")
+    simulation.restore(data_of(found.x).tobytes())
+    if fresh:
+        simulation.reset()
+    else:
+        simulation.kernel.follow(False)
+    return result
+
+
+def _moved(x, i, h):
+    x = x.copy()
+    x[i] += h
+    return x
+
+
+def _paths(paths, what):
+    found = [paths] if isinstance(paths, str) else list(paths or ())
+    for one in found:
+        if not isinstance(one, str):
+            raise SetupError(f"trim: {what}: expected paths, as in 'world.craft.sigma_BN'; found {one!r:.80}")
+    return found
+
+
+def _free(state, path) -> list[Number]:
+    if not state.fresh and (found := state.states(path)):
+        return found
+    numbers = state.inputs(path)
+    for one in numbers:
+        for view, _ in one.incoming:
+            target = _core.path(view)
+            if one.name.rpartition(".")[0] != target and one.name.partition("[")[0].rpartition(".")[0] != target:
+                raise SetupError(f"trim: {one.name} is an output, which its module writes anew")
+            if any(target == wired for _, wired, *_ in state.simulation.wires):
+                raise SetupError(f"trim: a wire writes {target}, so it cannot be free")
+            if any(target == fed for fed, *_ in state.simulation.feeds):
+                raise SetupError(f"trim: {target} is fed by hand, so it cannot be free")
+    if state.fresh and any(one.incoming for one in numbers):
+        raise SetupError(f"trim: before the first instant, parameters are free; {path} is an input")
+    return numbers
+
+
+def _rates(state, path) -> list[Number]:
+    found = state.states(path)
+    if not found:
+        raise state.unknown(path, "differential state")
+    return [Number(f"the rate of {one.name}", f"{one.unit} per s", [at]) for one, at in zip(found, state.rates(found))]
+
+
+def _wanted(state, wanted, what, numbers):
+    """(Number, value) of each."""
+    pairs = []
+    items = wanted.items() if isinstance(wanted, Mapping) else [(path, 0) for path in _paths(wanted, what)]
+    for path, value in items:
+        found = numbers(state, path)
+        dims = state.field(path).field.dims if what == "outputs" else None
+        flat = np.ravel(to_si(value, f"trim: {path}", found[0].unit,
+                        dims, "numbers") if dims else np.array(value, float))
+        if len(flat) not in (1, len(found)):
+            raise SetupError(f"trim: {path}: expected one number or {len(found)}; found {value!r:.80}")
+        pairs += [(one, float(flat[i if len(flat) > 1 else 0])) for i, one in enumerate(found)]
+    return pairs
