@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`fledge montecarlo MISSION [CAMPAIGN] --runs N`: dispersed runs, or with --only one of them.
+`fledge sweep MISSION [CAMPAIGN] --set NAME=VALUES`: the same over the points of a grid.
 
 Exit codes as of all commands: 0 every run passed; 1 some failed; 2 the command line, the mission or its dispersions
 are wrong; 130 Ctrl-C, with a report on the finished runs.
@@ -14,7 +15,7 @@ from pathlib import Path
 
 from fledge.cli.console import Plots, say, size_of
 from fledge.cli.runs import alone
-from fledge.errors import Failure
+from fledge.errors import Failure, listed
 from fledge.progress import Bar, clock
 
 FAILURES_SHOWN = 8
@@ -26,11 +27,30 @@ def add(command: Callable) -> None:
     one.add_argument("mission", help="the name of a mission, or its folder; its dispersions.py defines the dispersions")
     one.add_argument("campaign", nargs="?", help="a function of dispersions.py; default: the first")
     one.add_argument("--runs", type=int, metavar="N", help="how many")
+    _add_common(one, "montecarlo")
+
+    one = command("sweep", sweep, "fly a mission at each point of a grid of parameters",
+                  "sweep nadir_spin --set flight.control.K=1:5:9")
+    one.add_argument("mission", help="the name of a mission, or its folder; its dispersions.py says how long a run is, "
+                     "what it retains, and what must hold")
+    one.add_argument("campaign", nargs="?", help="a function of dispersions.py; default: the first")
+    one.add_argument("--set", action="append", default=[], metavar="NAME=VALUES", dest="axes", help="an axis of the "
+                     "grid: a parameter of the mission, or the path of a number in SI. VALUES: 0.1:1:10, ten at equal "
+                     "distances; 0.1:1:10:log, at equal ratios; or a list, 1,2,5")
+    one.add_argument("--runs", type=int, metavar="N", help="fly N runs at each point, with the campaign's dispersions, "
+                     "the same at each; default: one without dispersions")
+    _add_common(one, "sweep")
+
+
+def _add_common(one: argparse.ArgumentParser, name: str) -> None:
+    """The options of campaigns and sweeps."""
     one.add_argument("--seed", type=int, default=0, metavar="S", help="of all draws and random streams; default: 0")
     one.add_argument("--threads", type=int, metavar="T", help="default: all cores")
+    one.add_argument("--scheduler", metavar="ADDRESS", help="fly on the workers of this Dask scheduler, as "
+                     "tcp://127.0.0.1:8786, in place of threads")
     one.add_argument("--only", type=int, metavar="INDEX",
                      help="fly this one run, as an ordinary simulation with a record and plots")
-    one.add_argument("--out", metavar="DIR", help="default: runs/MISSION/montecarlo/CAMPAIGN, with /INDEX for --only")
+    one.add_argument("--out", metavar="DIR", help=f"default: runs/MISSION/{name}/CAMPAIGN, with /INDEX for --only")
     one.add_argument("--strict", action="store_true", help="a run with a finding about its health has failed")
     one.add_argument("--json", action="store_true", help="print the summary as JSON, and nothing else")
 
@@ -43,50 +63,108 @@ def montecarlo(options: argparse.Namespace) -> int:
         raise Failure("montecarlo: give --runs N, or --only INDEX to fly one of them")
     if options.only is not None and options.json:
         raise Failure("montecarlo: --json is for --runs")
-    campaign = Campaign(options.mission, options.campaign)
-    folder = Path(options.out) if options.out else Path("runs") / campaign.nominal.name / "montecarlo" / campaign.name
-    if options.only is not None and not options.out:
-        folder /= str(options.only)
-    with alone(folder):
-        return (_all if options.only is None else _one)(campaign, options, folder)
+    return _fly(Campaign(options.mission, options.campaign), options, options.runs, "montecarlo", [])
 
 
-def _command(campaign, options):
-    """index -> the command that flies this run alone."""
+def sweep(options: argparse.Namespace) -> int:
+    """Fly a sweep, or one run of it; returns the exit code."""
+    from fledge.montecarlo import Sweep
+
+    if options.only is not None and options.json:
+        raise Failure("sweep: --json is for all points")
+    axes = dict(map(_axis, options.axes))
+    if len(axes) < len(options.axes):
+        raise Failure("sweep: an axis is given twice")
+    found = Sweep(options.mission, axes, options.campaign, dispersed=options.runs is not None)
+    given = [word for text in options.axes for word in ("--set", text)]
+    return _fly(found, options, 1 if options.runs is None else options.runs, "sweep",
+                given + ([] if options.runs is None else ["--runs", str(options.runs)]))
+
+
+def _axis(text):
+    """(name, values) of "stiffness=0.1:1:10", "mode=SAFE,SCIENCE"."""
+    import ast
+
+    from fledge.montecarlo import lin, log
+
+    name, equals, values = text.partition("=")
+    if not equals or not name or not values:
+        raise Failure(f"--set {text}: expected NAME=VALUES, as in stiffness=0.1:1:10 or stiffness=0.1,0.2,0.5")
+
+    def value(word):
+        try:
+            return ast.literal_eval(word)
+        except (ValueError, SyntaxError):
+            return word
+
+    parts = values.split(":")
+    if len(parts) == 1:
+        found = value(values) if values[0] in "[(" else [value(word) for word in values.split(",")]
+        return name, list(found) if isinstance(found, (list, tuple)) else [found]
+    try:
+        low, high, n = float(parts[0]), float(parts[1]), int(parts[2])
+        if len(parts) > 4 or len(parts) == 4 and parts[3] not in ("lin", "log"):
+            raise ValueError
+    except (ValueError, IndexError):
+        raise Failure(f"--set {text}: expected FIRST:LAST:COUNT or FIRST:LAST:COUNT:log, as in 0.1:1:10") from None
+    return name, (log if parts[3:] == ["log"] else lin)(low, high, n)
+
+
+def _fly(campaign, options, runs, name, given):
+    """Fly all runs of a campaign, or the one of --only. given: the words that make it what it is, besides its name"""
     import shlex
 
     first = next(iter(campaign.known))
-    words = ["./fledge", "montecarlo", options.mission, *([campaign.name] if campaign.name != first else []),
+    words = ["./fledge", name, options.mission, *([campaign.name] if campaign.name != first else []), *given,
              "--seed", str(options.seed), "--only"]
-    return lambda index: shlex.join([*words, str(index)])
+    folder = Path(options.out) if options.out else Path("runs") / campaign.nominal.name / name / campaign.name
+    if options.only is not None and not options.out:
+        folder /= str(options.only)
+    with alone(folder):
+        if options.only is not None:
+            return _one(campaign, options, folder)
+        return _all(campaign, options, runs, folder, lambda index: shlex.join([*words, str(index)]))
 
 
 # --- a campaign ------------------------------------------------------------------------------------
 
-def _all(campaign, options, folder):
+def _all(campaign, options, runs, folder, command):
     import json
+    import shlex
 
     from fledge.montecarlo import cores, report
 
-    workers = min(cores() if options.threads is None else options.threads, options.runs)
-    if campaign.has_callables and workers > 0:
-        print(f"fledge: the mission calls Python, so {workers} processes fly the runs instead of threads, each "
-              "run in a mission loaded afresh", file=sys.stderr)
+    points = getattr(campaign, "points", 1)
+    workers = min(cores() if options.threads is None else options.threads, runs * points)
+    if campaign.has_callables and workers > 0 and not options.scheduler:
+        parameters = getattr(campaign, "parameters", [])
+        print(f"fledge: the mission {f'takes {listed(parameters)}' if parameters else 'calls Python'}, so {workers} "
+              "processes fly the runs instead of threads, each run in a mission loaded afresh", file=sys.stderr)
     begun = time.perf_counter()
-    with _Live(f"{campaign.nominal.name}, {campaign.name}", options.runs) as line:
-        result = campaign.fly(options.runs, options.seed, options.threads, progress=line.at, strict=options.strict)
+    with _Live(f"{campaign.nominal.name}, {campaign.name}", runs * points) as line:
+        result = campaign.fly(runs, options.seed, options.threads, progress=line.at, strict=options.strict,
+                              folder=folder, scheduler=options.scheduler)
     wall = time.perf_counter() - begun
-    data, paths = report.write(result, folder, _command(campaign, options))
+    data, paths = report.write(result, folder, command)
+    from fledge.report import campaign as page
+
+    paths.insert(0, page.write(folder / "report.html", data, [path for path in paths if path.suffix == ".png"],
+                               shlex.join(["./fledge", *options.words]), campaign.folder))
+    if not result.interrupted:
+        result.close()
     if options.json:
         print(json.dumps(data, indent=1))
     else:
         say(report.text(data, FAILURES_SHOWN))
-        say(f"\n  flown    {data['flown']} runs in {wall:.3g} s, {data['flown'] / wall:,.4g} a second, on {workers} "
-            + ("processes" if campaign.has_callables else "threads" if workers > 1 else "thread"))
+        say(f"\n  flown    {line.flown} runs in {wall:.3g} s, {line.flown / wall:,.4g} a second, on "
+            + (f"the workers of {options.scheduler}" if options.scheduler else f"{workers} processes" if
+               campaign.has_callables else f"{workers} threads" if workers > 1 else "1 thread")
+            + (f"; {data['flown'] - line.flown} were flown before" if data["flown"] > line.flown else ""))
         for path in paths:
             say(f"  {'plot' if path.suffix == '.png' else 'report':8} {path}")
     if result.interrupted:
-        print(f"fledge: interrupted; the report is about the {data['flown']} runs that were finished", file=sys.stderr)
+        print(f"fledge: interrupted; the report is about the {data['flown']} runs that were finished; the same command "
+              "flies the rest", file=sys.stderr)
         return 130
     return 1 if data["failed"] else 0
 
@@ -98,18 +176,22 @@ class _Live(Bar):
         super().__init__(title)
         self._runs = runs
         self._wanted = sys.stderr.isatty()
+        self._before: int | None = None     # flown by an earlier program
+        self.flown = 0
 
     def at(self, finished: int, failed: int) -> None:
+        self._before = finished if self._before is None else self._before
+        self.flown = finished - self._before
         if not self._wanted:
             return
         spent = time.monotonic() - self._begun
-        done = finished / self._runs
         text = f"{finished} of {self._runs}"
-        if finished:
-            text += f", {finished / spent:,.3g} a second, {clock(spent / done - spent)} left"
+        if self.flown:
+            rate = self.flown / spent
+            text += f", {rate:,.3g} a second, {clock((self._runs - finished) / rate)} left"
         if failed:
             text += f", {failed} failed"
-        self.draw(done, text)
+        self.draw(finished / self._runs, text)
 
 
 # --- one run of it ---------------------------------------------------------------------------------
@@ -145,11 +227,12 @@ def _one(campaign, options, folder):
     for path, value in drawn.items():
         nominal = campaign.drawn(campaign.nominal)[path]
         unit = f" {d.columns[path]}" if d.columns[path] else ""
-        say(f"  drawn    {path.ljust(width)}  {value:.7g}{unit}, nominal {nominal:.7g}{unit}")
+        swept = path in getattr(campaign, "parameters", ())     # of the mission, whose own value no run has
+        say(f"  drawn    {path.ljust(width)}  {value:.7g}{unit}" + ("" if swept else f", nominal {nominal:.7g}{unit}"))
     if not problem:
         result = campaign.judge(log, options.seed)
         for requirement in d.requirements:
-            values, times, holds = requirement.worst(result)
+            values, times, holds = result.reached(requirement)
             unit = f" {requirement.variable.unit}" if requirement.variable.unit else ""
             say(f"  {'holds' if holds[0] else 'FAILS':8} {requirement!r}: {values[0]:.4g}{unit} at {times[0]:g} s")
         if result.failures:

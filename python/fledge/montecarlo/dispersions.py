@@ -11,6 +11,8 @@
         d["world.craft.I_B[0, 0]"]  = d.nominal + d.normal(0, 10 * kg * m**2)
         d["world.wheels.J"]         = d.nominal * d.uniform(0.95, 1.05)
         d["flight.camera.mode"]     = d.choice("SURVEY", "STARE")
+        d.orbit("world.craft", altitude=d.nominal + d.normal(0, 2 * km), Omega=d.uniform(0, 360 * deg))
+        d.fault("world.gyro", kind=d.choice("NONE", "BIAS", "DEAD"), begin=d.uniform(1 * minute, 5 * minute))
 
         error = d.retain("flight.tracking.error.sigma_BR")
         d.check(error.norm().final < 1e-3, "the attitude did not settle")
@@ -22,13 +24,16 @@ a parameter is drawn from a stream of its own: a line more changes no other line
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from fledge import _core
-from fledge.errors import SetupError, listed
+from fledge.errors import SetupError, did_you_mean, listed
 from fledge.objects.si import enumerator, short_name, time_ns, to_number, to_si
-from fledge.montecarlo.field_path import FieldPath, index_text, names_of
+from fledge.mission.field_path import FieldPath, index_text, names_of
 from fledge.montecarlo.requirements import Requirement, Variable
+from fledge.world.attributes import given_orbit
+from fledge.world.bodies import ANGLE, LENGTH
 
 if TYPE_CHECKING:
     import numpy as np
@@ -45,8 +50,8 @@ class Draw:
     """A distribution: made by uniform(), normal(), choice() and attitude() of `d`."""
 
     def __init__(self, kind: str, numbers: tuple[Any, ...] = (), low: Any = None, high: Any = None,
-                 scale: str = "") -> None:
-        self.kind, self.numbers, self.low, self.high, self.scale = kind, numbers, low, high, scale
+                 scale: str = "", stride: int = 1) -> None:
+        self.kind, self.numbers, self.low, self.high, self.scale, self.stride = kind, numbers, low, high, scale, stride
 
     def _scaled(self, scale):
         if self.scale or self.kind == "attitude":
@@ -106,9 +111,22 @@ class Dispersions:
         self._duration: int | None = None           # [ns]
         self._every: int | None = None              # [ns]
         self.draws: dict[str, Draw] = {}            # by path, as declared
-        self.columns: dict[str, str] = {}           # path of each dispersed element -> unit, in the order of the draws
+        self.orbit_elements: dict[str, float] = {}  # path of each dispersed element of an orbit -> its nominal value
+        self._parameter_columns: dict[str, str] = {}    # axes of a sweep that the mission takes
+        self._columns: dict[str, str] = {}          # path of each dispersed element of a parameter -> unit
+        self._orbit_columns: dict[str, str] = {}    # the same for orbits
         self.retained: dict[str, Variable] = {}     # by path
         self.requirements: list[Requirement] = []
+
+    @property
+    def columns(self) -> dict[str, str]:
+        """The path of each dispersed number -> its unit, in the order of the draws."""
+        return {**self._parameter_columns, **self.drawn}
+
+    @property
+    def drawn(self) -> dict[str, str]:
+        """The same of those that the kernel draws: all but the axes of a sweep that the mission takes."""
+        return {**self._columns, **self._orbit_columns}
 
     # --- times ---
 
@@ -173,20 +191,19 @@ class Dispersions:
         counted = [f.name for f in _core.struct(target.holder).fields if f.count == target.field.name]
         if counted:
             raise SetupError(f"{path} is how many rows of {', '.join(counted)} count, and cannot be dispersed")
-        # Of a whole inertia the upper triangle is drawn; the kernel keeps it symmetric.
-        inertia = "inertia" in target.field.rule
-        whole = inertia and len(target.elements) == 9
-        kept = [k for k, e in enumerate(target.elements) if not (whole and e // 3 > e % 3)]
+        # Of whole inertias the upper triangles are drawn; the kernel keeps them symmetric.
+        across = {e: e - e % 9 + e % 3 * 3 + e % 9 // 3 if "inertia" in target.field.rule else e
+                  for e in target.elements}
+        kept = [k for k, e in enumerate(target.elements) if not (across[e] < e and across[e] in across)]
         names = target.names()
         for k in kept:
-            e = target.elements[k]
-            mirror = target.full + index_text(e % 3 * 3 + e // 3, (3, 3)) if inertia else names[k]
-            if names[k] in self.columns or mirror in self.columns:
+            mirror = target.full + index_text(across[target.elements[k]], target.field.shape)
+            if names[k] in self._columns or mirror in self._columns:
                 raise SetupError(f"{names[k]} is dispersed twice")
-        if target.field.type == "enum" and draw.kind != "choice":
+        choice = draw.kind in ("choice", "grid")
+        if target.field.type == "enum" and not choice:
             raise SetupError(f"{path} = {draw!r}: {target.field.ctype} is an enumeration; draw it by d.choice(...), of "
                              + ", ".join(short_name(target.field.ctype, name) for name, _ in target.field.enumerators))
-        choice = draw.kind == "choice"
         choices = [self._choice(value, target, draw) for value in draw.numbers] if choice else []
         if choice and not choices:
             raise SetupError(f"{path} = {draw!r}: name what to choose from")
@@ -198,9 +215,9 @@ class Dispersions:
         for k in kept:
             groups.setdefault(tuple(one[k] for one in numbers), []).append(k)
         for (a, b, low, high), group in groups.items():
-            self._plan.disperse(self.simulation.kernel, target.full, [target.elements[k] for k in group], draw.kind,
-                                a, b, low, high, draw.scale, choices)
-            self.columns.update((names[k], target.unit) for k in group)
+            self._plan.disperse(self.simulation.kernel, target.full, [target.elements[k] for k in group],
+                                _core.Distribution(draw.kind, a, b, low, high, draw.scale, choices, draw.stride))
+            self._columns.update((names[k], target.unit) for k in group)
         self.draws[target.path] = draw
 
     def _choice(self, value, target, draw):
@@ -227,6 +244,105 @@ class Dispersions:
             raise SetupError(f"{shown}: expected a number, or an array of shape {target.shape}; found one of shape "
                              f"{found}")
         return [float(x) for x in _flat(value)]
+
+    # --- orbits and faults ---
+
+    def orbit(self, path: str, **elements: Draw) -> None:
+        """Disperse elements of the orbit that the mission gives a spacecraft:
+
+            d.orbit("world.craft", altitude=d.nominal + d.normal(0, 2 * km), i=d.normal(97.4 * deg, 0.1 * deg))
+
+        The elements are those of Orbit: i, Omega, omega, f, and of a, e, p, rp, ra and altitude one or two; the
+        mission's orbit gives what is left: a, p and altitude keep its e, e keeps its a, rp and ra each other.
+        altitude is that of the periapsis. A drawn orbit that is none, or enters the body, is a failure of that run,
+        or an error at once if a bounded draw may give it. Raises SetupError.
+        """
+        process, _, name = path.partition(".")
+        craft = {p.name: p for p in self.simulation.processes}.get(process)
+        craft = craft.instances.get(name) if craft else None
+        if craft is None:
+            raise SetupError(f"d.orbit({path!r}): there is no such spacecraft"
+                             + did_you_mean(path, [_core.path(one) for one in self._crafts()]).rstrip(";")
+                             + f" there {'is' if len(self._crafts()) == 1 else 'are'} "
+                             + listed([_core.path(one) for one in self._crafts()]))
+        if craft not in self._crafts():
+            raise SetupError(f"d.orbit({path!r}): it is no spacecraft but {_core.struct(craft).name}; there are "
+                             + listed([_core.path(one) for one in self._crafts()]))
+        orbit = given_orbit(craft)
+        if orbit is None:
+            raise SetupError(f"d.orbit({path!r}): the mission gives it no orbit=Orbit(...) as its initial state; "
+                             f"disperse {path}.r_BN_N and {path}.v_BN_N, or give it one")
+        known = ("a", "e", "p", "rp", "ra", "altitude", "i", "Omega", "omega", "f")
+        for name, draw in elements.items():
+            if name not in known:
+                raise SetupError(f"d.orbit({path!r}): an orbit has no element '{name}'{did_you_mean(name, known)} "
+                                 f"it has {listed(known)}")
+            if not isinstance(draw, Draw) or draw.kind == "attitude":
+                raise SetupError(f"d.orbit({path!r}, {name}=...): expected a number drawn, such as d.normal(...), "
+                                 f"d.uniform(...) or d.choice(...); found {_short(draw)}")
+            if f"{path}.orbit.{name}" in self._orbit_columns:
+                raise SetupError(f"{path}.orbit.{name} is dispersed twice")
+        if not elements:
+            raise SetupError(f"d.orbit({path!r}): name what to draw, of {listed(known)}")
+        shape = _shape_of(set(elements) & set(known[:6]), path)
+        nominal = {"a": orbit.a, "e": orbit.e, "p": orbit.p, "rp": orbit.p / (1 + orbit.e),
+                   "ra": orbit.p / (1 - orbit.e) if orbit.e < 1 else _INFINITY,
+                   "altitude": orbit.p / (1 + orbit.e) - orbit.body.radius,
+                   "i": orbit.i, "Omega": orbit.Omega, "omega": orbit.omega, "f": orbit.f}
+        order = [*shape, "i", "Omega", "omega", "f"]
+        distributions = []
+        for name, draw in elements.items():
+            shown = f"{path}.orbit.{name}"
+            unit, dims = (("-", _NUMBER) if draw.scale == "relative" or name == "e" else
+                          ("rad", ANGLE) if name in ("i", "Omega", "omega", "f") else ("m", LENGTH))
+            numbers = [to_number(x, f"{shown} = {draw!r}", unit, dims) for x in draw.numbers]
+            low, high = (x if one is None else to_number(one, f"{shown} = {draw!r}", unit, dims)
+                         for one, x in ((draw.low, -_INFINITY), (draw.high, _INFINITY)))
+            listing = draw.kind in ("choice", "grid")
+            distributions.append(_core.Distribution(draw.kind, *([0, 0] if listing else numbers), low, high, draw.scale,
+                                                    numbers if listing else [], draw.stride))
+        body, axes = orbit.body, orbit.frame or [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+        relative = _core.orbit_state(body.mu, orbit.p, orbit.e, orbit.i, orbit.Omega, orbit.omega, orbit.f)
+        turned = [sum(x * axis[k] for x, axis in zip(part, axes)) for part in relative for k in range(3)]
+        origin = [float(x) - y for x, y in zip([*craft.r_BN_N, *craft.v_BN_N], turned)]
+        paths = {f"{path}.orbit.{name}": name for name in elements}
+        self._plan.orbit(self.simulation.kernel, path, list(paths), distributions, ", ".join(shape),
+                         [nominal[name] for name in order], [order.index(name) for name in elements], body.mu,
+                         body.radius, body.radius if body.surface is None else body.surface,
+                         [x for axis in axes for x in axis], origin)
+        for shown, name in paths.items():
+            self._orbit_columns[shown] = "" if name == "e" else "rad" if name in known[6:] else "m"
+            self.orbit_elements[shown] = nominal[name]
+            self.draws[shown] = elements[name]
+
+    def _crafts(self):
+        """All spacecraft."""
+        return [one for process in self.simulation.processes for one in process.instances.values()
+                if _core.struct(one).name == "Spacecraft"]
+
+    def fault(self, path: str, **fields: Any) -> None:
+        """Plan one more fault of a sensor or actuator, and disperse it:
+
+            d.fault("world.gyro", kind=d.choice("NONE", "BIAS", "DRIFT"), channels=d.choice(1, 2, 4),
+                    size=d.normal(0, 0.01 * deg / s), begin=d.uniform(1 * minute, 5 * minute))
+
+        The fields are those of `faults` (docs/sensors.md): kind, channels, size, begin, lasts; each is drawn, or a
+        constant for all runs. With "NONE" among the kinds some runs have no fault. Raises SetupError.
+        """
+        owner = FieldPath(self.simulation, f"{path}.n_faults").owner
+        if "kind" not in fields:
+            raise SetupError(f'd.fault({path!r}): name its kind, as in kind="BIAS" or kind=d.choice("NONE", "BIAS")')
+        known = [f.name for one in _core.struct(owner).fields if one.name == "faults" for f in one.struct.fields]
+        planned = [{name: getattr(one, name) for name in known} for one in owner.faults]
+        for name in fields:
+            if name not in known:
+                raise SetupError(f"d.fault({path!r}): a fault has no '{name}'{did_you_mean(name, known)} it has "
+                                 + listed(known))
+        constants = {name: value for name, value in fields.items() if not isinstance(value, Draw)}
+        owner.faults = [*planned, constants]
+        for name, value in fields.items():
+            if isinstance(value, Draw):
+                self[f"{path}.faults[{len(planned)}].{name}"] = value
 
     # --- retained variables and requirements ---
 
@@ -260,13 +376,61 @@ class Dispersions:
         requirement.message = message
         self.requirements.append(requirement)
 
+    # --- sweeps ---
+
+    def sweep(self, axes: Mapping[str, Sequence[Any]], parameters: Sequence[str], points: int, dispersed: bool) -> None:
+        """Make the campaign a sweep: fledge.montecarlo.Sweep. parameters: the axes that the mission itself takes."""
+        if not dispersed:
+            self._plan.clear_draws()
+            self.draws, self.orbit_elements, self._columns, self._orbit_columns = {}, {}, {}, {}
+        self._plan.points, stride = points, 1
+        for path, values in axes.items():
+            if path in parameters:
+                self._parameter_columns[path] = ""
+            else:
+                self._sweep(path, values, stride)
+            stride *= len(values)
+
+    def _sweep(self, path, values, stride):
+        """Give a parameter the values of an axis. Those of a whole array are what an assignment takes: a number may
+        stand for a multiple of the identity."""
+        import numpy as np
+
+        target = FieldPath(self.simulation, path)
+        field, shape = target.field, target.field.shape
+        if not shape or target.path != target.full or target.group != "par":
+            self[path] = Draw("grid", tuple(values), stride=stride)
+            return
+        before = getattr(target.holder, field.name).copy()
+        rows = []
+        try:
+            for value in values:
+                setattr(target.holder, field.name, value)
+                rows.append([float(x) for x in np.ravel(getattr(target.holder, field.name))])
+        finally:
+            setattr(target.holder, field.name, before)
+        number = int if field.type == "enum" else float
+        for k in target.elements:
+            mirrored = "inertia" in field.rule and k % 3 < k % 9 // 3
+            if not mirrored and any(row[k] != before.flat[k] for row in rows):
+                self[target.full + index_text(k, shape)] = Draw("grid", tuple(number(row[k]) for row in rows),
+                                                                stride=stride)
+
     # --- the whole ---
+
+    def measures(self) -> list[Variable]:
+        """A number over time for each retained variable and for each requirement."""
+        found: dict[str, Variable] = {}
+        for one in [*(variable.summary for variable in self.retained.values()),
+                    *(requirement.variable for requirement in self.requirements)]:
+            found.setdefault(one.measure_text, one)
+        return list(found.values())
 
     def _finished(self):
         """The complete plan. Raises SetupError if something is missing."""
         if self._duration is None:
             raise SetupError("d.duration is not given: how long does each run fly?")
-        if not self.draws:
+        if not self.columns:
             raise SetupError('nothing is dispersed: say what differs, as in d["world.craft.sigma_BN"] = d.attitude()')
         self._plan.duration, self._plan.every, self._plan.runs = self._duration, self._sampling(), 1
         self._plan.check(self.simulation.kernel)
@@ -290,6 +454,15 @@ class Dispersions:
         lines += [f"  retain {path}" for path in self.retained]
         lines += [f"  check {requirement!r}" for requirement in self.requirements]
         return "\n".join(lines)
+
+
+def _shape_of(given, path):
+    """The two elements that give an orbit its size and shape, of those that are drawn."""
+    for shape in (("a", "e"), ("p", "e"), ("altitude", "e"), ("rp", "ra"), ("rp", "e")):
+        if given <= set(shape):
+            return shape
+    raise SetupError(f"d.orbit({path!r}): draw of the size and shape a and e, p and e, altitude and e, rp and ra, rp "
+                     f"and e, or one of these; found {listed(sorted(given))}")
 
 
 def _positive(value, what):

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 import fledge
+from fledge import world
 from fledge.attitude import mrp_to_dcm
 from fledge.montecarlo.dispersions import Dispersions
 from fledge.montecarlo import Campaign, disperse
-from fledge.units import N, deg, kg, m, s
+from fledge.units import N, deg, kg, km, m, s
 
 
 @pytest.fixture
@@ -21,11 +22,11 @@ def d():
     return found
 
 
-def drawn(d, runs, seed=0):
+def drawn(d, runs, seed=0, of=lambda: fledge.load("nadir_spin")):
     """(runs, columns) of draws, and the simulation with the last of them."""
     plan = d._finished()
     plan.seed = seed
-    other = fledge.load("nadir_spin")
+    other = of()
     return np.array([disperse(d.simulation, other, plan, i) for i in range(runs)]), other
 
 
@@ -36,9 +37,9 @@ def drawn(d, runs, seed=0):
     ("world.craft.I_B[a]", "expected process.instance.name"),
     ("space.craft.I_B", "space.craft.I_B: there is no process 'space'; there are world, flight"),
     ("world.carft.I_B", "the process world has no 'carft'; did you mean 'craft'?"),
-    ("world.craft.I_b", "world.craft has no 'I_b'; did you mean 'I_B'? it has external, state, mass, I_B,"),
+    ("world.craft.I_b", "world.craft has no 'I_b'; did you mean 'I_B'? it has external, state, mass, center_B, I_B,"),
     ("world.craft.state", "world.craft.state is a whole message; name one of its fields: head, r_BN_N"),
-    ("world.craft.state.sigma_BN", "is no parameter, and only these can be dispersed; world.craft has mass, I_B"),
+    ("world.craft.state.sigma_BN", "is no parameter, and only these can be dispersed; world.craft has mass, center_B,"),
     ("world.craft.I_B[3, 0]", "world.craft.I_B has shape (3, 3); there is no element [3, 0]"),
     ("world.craft.mass[0]", "world.craft.mass is a single number; there is no element [0]"),
     ("world.wheels.J[4]", "world.wheels.J has shape (4,); there is no element [4]"),
@@ -198,6 +199,185 @@ def test_each_element_has_a_stream_of_its_own(d):
         assert (few[:, i] == many[:, columns.index(path)]).all(), path
     assert not (drawn(d, 50, seed=1)[0] == few).any()
     assert (other.world.craft.I_B == other.world.craft.I_B.T).all() and other.world.craft.I_B[0, 1] != 0
+
+
+def test_inertias_of_several_parts_stay_symmetric_each_by_itself():
+    def with_panels():
+        sim = fledge.load("nadir_spin")
+        sim.world.panels = world.HingedPanels(mass=[2, 3], I_B=[np.diag([4, 5, 6])] * 2, hinge_B=[[1, 0, 0]] * 2,
+                                              axes_B=[[0, 1, 0]] * 2)
+        return sim
+
+    d = Dispersions(with_panels())
+    d.duration = 20 * s
+    d["world.panels.I_B[1, 0, 1]"] = d.uniform(0.1, 0.2)
+    with pytest.raises(fledge.SetupError, match="is dispersed twice"):
+        d["world.panels.I_B[1, 1, 0]"] = d.normal(0, 1)
+    _, other = drawn(d, 1, of=with_panels)
+    assert (other.world.panels.I_B[0] == np.diag([4, 5, 6])).all()
+    assert 0.1 < other.world.panels.I_B[1, 0, 1] == other.world.panels.I_B[1, 1, 0] < 0.2
+
+    d = Dispersions(with_panels())
+    d.duration = 20 * s
+    d["world.panels.I_B"] = d.nominal + d.uniform(0.1, 0.2)
+    assert len(d.columns) == 12
+    _, other = drawn(d, 1, of=with_panels)
+    I_B = other.world.panels.I_B - np.diag([4, 5, 6])
+    assert (I_B > 0.1 - 1e-9).all() and (I_B == I_B.transpose(0, 2, 1)).all() and len(set(I_B.ravel())) == 12
+
+
+# --- orbits and faults -------------------------------------------------------------------------------
+
+def orbiter(folder, orbit="Orbit(world.EARTH, a=7000e3, e=0.01, i=1, Omega=2, omega=3, f=0.5)", more=""):
+    (folder / "mission.py").write_text(f'''
+"""A body in an orbit, and its gyro."""
+from fledge import Orbit, world
+
+
+def build(sim):
+    w = sim.add_world("world")
+    w.craft = world.Spacecraft(I_B=10, gravity=[world.EARTH], orbit={orbit})
+    w.gyro = world.Gyro()
+    {more}
+    w.connect(w.craft.state >> w.gyro.truth)
+    w.task("all", every=1, run=[w.craft, w.gyro])
+''')
+    return folder
+
+
+def elements_of(mu, r, v):
+    """a, e, i, Omega, omega, f by the vectors of angular momentum, node and eccentricity."""
+    h = np.cross(r, v)
+    node = np.cross([0, 0, 1], h)
+    e = np.cross(v, h) / mu - r / np.linalg.norm(r)
+
+    def angle(a, b):    # from a to b about h
+        return np.arctan2(np.dot(np.cross(a, b), h) / np.linalg.norm(h), np.dot(a, b)) % (2 * np.pi)
+
+    return (1 / (2 / np.linalg.norm(r) - np.dot(v, v) / mu), np.linalg.norm(e), np.arccos(h[2] / np.linalg.norm(h)),
+            np.arctan2(node[1], node[0]) % (2 * np.pi), angle(node, e), angle(e, r))
+
+
+def test_the_drawn_elements_are_those_of_the_drawn_states(tmp_path):
+    def orbits(d):
+        d.duration, d.every = 2, 1
+        d.orbit("world.craft", a=d.nominal + d.normal(0, 20 * km), e=d.nominal * d.uniform(0.5, 2),
+                i=d.uniform(10 * deg, 170 * deg), Omega=d.uniform(0, 360 * deg), omega=d.choice(1, 2), f=d.nominal +
+                d.normal(0, 0.1))
+        d.retain("world.craft.state.r_BN_N", "world.craft.state.v_BN_N")
+
+    campaign = Campaign(orbiter(tmp_path), orbits)
+    result = campaign.fly(300, seed=4, threads=2)
+    assert not result.failures
+    names = ["a", "e", "i", "Omega", "omega", "f"]
+    assert list(result.draws) == [f"world.craft.orbit.{name}" for name in names]
+    assert [campaign.dispersions.columns[path] for path in result.draws] == ["m", "", "rad", "rad", "rad", "rad"]
+    r, v = (result.retained[f"world.craft.state.{name}"][:, 0] for name in ("r_BN_N", "v_BN_N"))
+    drawn = np.array([result.draws[f"world.craft.orbit.{name}"] for name in names]).T
+    for run in range(300):
+        found = np.array(elements_of(world.EARTH.mu, r[run], v[run]))
+        assert np.abs(found / drawn[run] - 1).max() < 1e-9, run
+    error = 4 / np.sqrt(300)
+    assert abs(drawn[:, 0].mean() - 7000e3) < 20e3 * error and abs(drawn[:, 0].std() / 20e3 - 1) < error
+    assert 0.005 <= drawn[:, 1].min() < 0.0052 and 0.0197 < drawn[:, 1].max() <= 0.02
+    assert set(drawn[:, 4]) == {1, 2}
+    sim = campaign.simulation(17, seed=4)
+    assert list(campaign.drawn(sim).values()) == drawn[17].tolist()
+    assert (sim.world.craft.r_BN_N == r[17]).all()
+    assert list(campaign.drawn(campaign.nominal).values()) == pytest.approx([7000e3, 0.01, 1, 2, 3, 0.5], rel=1e-12)
+
+
+@pytest.mark.parametrize("orbit, drawn, p, e", [
+    ("Orbit(world.EARTH, altitude=500e3)", {"altitude": 600e3}, 6978136.3, 0),
+    ("Orbit(world.EARTH, a=8000e3, e=0.1)", {"altitude": 600e3}, 6978136.3 * 1.1, 0.1),
+    ("Orbit(world.EARTH, a=8000e3, e=0.1)", {"rp": 7000e3}, 7000e3 * (1 + 18 / 158), 18 / 158),
+    ("Orbit(world.EARTH, a=8000e3, e=0.1)", {"rp": 7000e3, "e": 0.2}, 8400e3, 0.2),
+    ("Orbit(world.EARTH, a=8000e3, e=0.1)", {"e": 0.2}, 8000e3 * 0.96, 0.2),
+    ("Orbit(world.EARTH, a=8000e3, e=0.1)", {"p": 9000e3}, 9000e3, 0.1),
+])
+def test_the_mission_gives_the_elements_that_are_not_drawn(tmp_path, orbit, drawn, p, e):
+    d = Dispersions(fledge.load(orbiter(tmp_path, orbit)))
+    d.duration = 1 * s
+    d.orbit("world.craft", **{name: d.choice(value) for name, value in drawn.items()})
+    sim = fledge.load(tmp_path)
+    disperse(d.simulation, sim, d._finished(), 0)
+    found = sim.process("world").craft.orbit
+    assert abs(found.p / p - 1) < 1e-12 and abs(found.e - e) < 1e-12
+
+
+@pytest.mark.parametrize("path, elements, words", [
+    ("world.carft", {"a": 1}, "there is no such spacecraft; did you mean 'world.craft'? there is world.craft"),
+    ("world.gyro", {"a": 1}, "it is no spacecraft but Gyro; there are world.craft"),
+    ("world.craft", {"omga": 1}, "an orbit has no element 'omga'; did you mean 'omega'? it has a, e, p, rp,"),
+    ("world.craft", {}, "name what to draw, of a, e, p"),
+    ("world.craft", {"a": 1, "rp": 2}, "draw of the size and shape a and e, p and e, altitude and e, rp and ra, rp"),
+    ("world.craft", {"i": 1 * m}, "world.craft.orbit.i = uniform(1 m, 1 m): expected a quantity in rad; found 1.0 m"),
+    ("world.craft", {"e": -0.1}, "world.craft.orbit.e = -0.1: world.craft.orbit: orbit: the eccentricity must be >= 0"),
+    ("world.craft", {"altitude": -1 * km}, "is inside the body, of radius "),
+])
+def test_a_wrong_dispersion_of_an_orbit_is_refused(tmp_path, path, elements, words):
+    d = Dispersions(fledge.load(orbiter(tmp_path)))
+    with pytest.raises(fledge.SetupError) as error:
+        d.orbit(path, **{name: d.uniform(value, value) for name, value in elements.items()})
+    assert words in str(error.value)
+
+
+def test_an_orbit_is_dispersed_once_and_must_be_given(tmp_path):
+    d = Dispersions(fledge.load(orbiter(tmp_path)))
+    d.duration = 1 * s
+    d.orbit("world.craft", i=d.uniform(1, 2))
+    with pytest.raises(fledge.SetupError, match="world.craft.orbit.i is dispersed twice"):
+        d.orbit("world.craft", i=d.uniform(1, 2))
+    d["world.craft.r_BN_N"] = d.nominal + d.normal(0, 1 * m)
+    with pytest.raises(fledge.SetupError, match=r"world.craft.r_BN_N\[0\] is dispersed twice"):
+        d._finished()
+    with pytest.raises(fledge.SetupError, match=r"e=...\): expected a number drawn.*found 0.1"):
+        d.orbit("world.craft", e=0.1)
+    d = Dispersions(fledge.load(orbiter(tmp_path, more="w.craft.v_BN_N[0] += 1")))
+    with pytest.raises(fledge.SetupError, match="the mission gives it no orbit=Orbit"):
+        d.orbit("world.craft", i=d.uniform(1, 2))
+
+
+def test_an_orbit_into_the_body_is_a_failure_of_its_run(tmp_path):
+    def falling(d):
+        d.duration, d.every = 1, 1
+        d.orbit("world.craft", a=d.normal(6450e3, 50e3), e=d.normal(0.01, 1e-6))
+
+    result = Campaign(orbiter(tmp_path), falling).fly(100, threads=2)
+    low = result.draws["world.craft.orbit.a"] * (1 - result.draws["world.craft.orbit.e"]) < world.EARTH.radius
+    failed = sorted(result.failures)
+    assert 20 < len(failed) < 80 and set(np.flatnonzero(low)) <= set(failed)
+    assert all(text.startswith("world.craft.orbit: its lowest point, ") for text in result.failures.values())
+
+
+def test_faults_that_the_mission_does_not_plan_are_dispersed(tmp_path):
+    def faulty(d):
+        d.duration, d.every = 10, 1
+        d.fault("world.gyro", kind=d.choice("NONE", "BIAS"), channels=d.choice(1, 2, 4),
+                size=d.normal(0, 0.1 * deg / s), begin=d.uniform(2 * s, 8 * s))
+        d.fault("world.gyro", kind="DRIFT", channels=4, size=d.choice(0, 1))
+        d.retain("world.gyro.rate.omega_BN_B")
+
+    campaign = Campaign(orbiter(tmp_path), faulty)
+    result = campaign.fly(60, seed=1, threads=2)
+    draws = {path.rpartition("gyro.")[2]: values for path, values in result.draws.items()}
+    assert list(draws) == [*(f"faults[0].{name}" for name in ("kind", "channels", "size", "begin")), "faults[1].size"]
+    rate = result.retained["world.gyro.rate.omega_BN_B"]
+    t = np.arange(11)[None, :, None]
+    for channel in range(3):
+        acts = (draws["faults[0].kind"] == 4) & (draws["faults[0].channels"] == 1 << channel)
+        assert 3 < acts.sum() < 30
+        expected = (draws["faults[0].size"] * acts)[:, None, None] * \
+            (t * 1e9 >= draws["faults[0].begin"][:, None, None])
+        if channel == 2:
+            expected = expected + draws["faults[1].size"][:, None, None] * t
+        assert np.allclose(rate[:, :, channel], expected[:, :, 0], atol=1e-12)
+    with pytest.raises(fledge.SetupError, match="a fault has no 'sise'; did you mean 'size'"):
+        campaign.dispersions.fault("world.gyro", kind="BIAS", sise=3)
+    with pytest.raises(fledge.SetupError, match="world.craft has no 'n_faults'"):
+        campaign.dispersions.fault("world.craft", kind="BIAS")
+    with pytest.raises(fledge.SetupError, match="of the rows of world.gyro.faults the mission gives 2"):
+        campaign.dispersions["world.gyro.faults[2].size"] = campaign.dispersions.uniform(0, 1)
 
 
 # --- requirements ----------------------------------------------------------------------------------

@@ -18,8 +18,12 @@ import pytest
 import fledge
 from fledge import Archive, _core, cli
 from fledge.montecarlo.dispersions_test import mission
-from fledge.montecarlo import Campaign
-from fledge.montecarlo import plots, report
+from fledge.montecarlo import Campaign, drivers, plots, report, store
+from fledge.montecarlo.counts import BOUND, Counts
+from fledge.montecarlo.result import Result
+from fledge.montecarlo.shares import fly_share
+from fledge.report import campaign as pages
+from fledge.report.report_test import Page
 from fledge.units import N, deg, kg, m, s
 
 
@@ -239,7 +243,7 @@ def test_the_command_of_a_failure_repeats_it(tmp_path, monkeypatch, capsys):
     (["--only", "-1"], "a run's index must be >= 0, found -1"),
     (["--only", "1", "--json"], "--json is for --runs"),
     (["storm", "--runs", "2"], "has no campaign 'storm'; it has release"),
-    (["--runs", "1000000000"], "more than half of this machine's memory"),
+    (["--runs", "10000000000"], "more than what is left of the disk of "),
 ])
 def test_wrong_commands(arguments, words, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -316,7 +320,7 @@ def test_the_same_report_however_it_was_flown(campaign, tmp_path):
     assert [p.name for p in paths["one"]] == [
         "summary.txt", "summary.json", "runs.csv", "runs.h5", "bands-flight_tracking_error_sigma_BR.png",
         "bands-flight_motor_command_u_0.png", "bands-world_nav_attitude_sigma_BN.png", "requirements.png",
-        *(["drivers.png"] if len(paths["one"]) == 9 else [])]
+        "final.png", *(["drivers.png"] if len(paths["one"]) == 11 else []), "draws.png"]
     for a, *others in zip(*paths.values()):
         assert all(a.read_bytes() == b.read_bytes() for b in others), a.name
 
@@ -363,7 +367,7 @@ def test_confidence_of_a_rate():
 def test_few_runs_have_a_report_too(campaign, runs, tmp_path):
     result = campaign.fly(runs)
     data, paths = report.write(result, tmp_path, str)
-    assert data["flown"] == runs and sum(p.suffix == ".png" for p in paths) == 4
+    assert data["flown"] == runs and sum(p.suffix == ".png" for p in paths) == 6
 
 
 @pytest.mark.filterwarnings("error")
@@ -382,6 +386,131 @@ def test_a_campaign_of_failures_has_a_report_too(tmp_path):
     assert "world.craft.mass must be >= 0" in report.text(data)
 
 
+def test_a_page_is_whole_and_has_no_links_outside(campaign, result, tmp_path):
+    data, paths = report.write(result, tmp_path, lambda i: f"again <{i}>")
+    page = Page(pages.write(tmp_path / "report.html", data, [p for p in paths if p.suffix == ".png"], "fledge <again>",
+                            campaign.nominal.mission.folder).read_text(encoding="utf-8"))
+    assert not {"script", "link", "iframe"} & set(page.tags)
+    for link in page.links:
+        assert link.startswith("data:image/png;base64,") or (link[:1] == "#" and link[1:] in page.ids), link[:80]
+    failed = next(iter(result.failures))
+    for words in (f"{len(result.passed) - len(result.failures)} of 40 passed", "far away", f"again <{failed}>",
+                  "norm(flight.tracking.error.sigma_BR) at the end < 0.8", "world.craft.I_B[0, 0]", "fledge <again>",
+                  "nominal + normal(0, 10 kg m^2)"):
+        assert page.says(words), words
+    assert page.source.count("<figure>") == sum(p.suffix == ".png" for p in paths)
+
+
+# --- beyond what is kept one by one ----------------------------------------------------------------
+
+def shares_of(campaign, cuts, seed=5):
+    return [fly_share(campaign, seed, first, end)[0] for first, end in cuts]
+
+
+def test_percentiles_from_counts_do_not_depend_on_the_shares(campaign, result, tmp_path, monkeypatch):
+    monkeypatch.setattr(store, "EXACT", 100)
+    results = []
+    for folder, cuts in ((None, [(0, 40)]), (tmp_path, [(33, 40), (0, 3), (10, 33), (3, 10), (0, 5)])):
+        kept = store.Store(campaign, 40, 5, folder)
+        for share in shares_of(campaign, cuts):
+            kept.add(share)
+        results.append(Result(campaign, 5, kept))
+    one, two = results
+    assert not one.exact and one.failures == two.failures == result.failures and one.unhealthy() == two.unhealthy()
+    for path, values in result.draws.items():
+        assert (one.draws[path] == values).all() and (two.draws[path] == values).all()
+    for variable in campaign.dispersions.retained.values():
+        for panel in variable.panels:
+            bands = one.bands(panel, (5, 50, 95))
+            assert (bands == two.bands(panel, (5, 50, 95))).all()
+            lower = np.percentile(panel.values(result.store.series()), (5, 50, 95), axis=0, method="lower")
+            assert (np.abs(bands - lower) <= BOUND * np.abs(lower)).all()
+        assert list(one.runs_of(panel, range(40))) == list(result.failures)[:store.LINES]
+        for run, values in one.runs_of(panel, range(40)).items():
+            assert (values == result.runs_of(panel, [run])[run]).all()
+    with pytest.raises(fledge.SetupError, match="of which the percentiles are kept"):
+        one.retained
+    data, paths = report.write(two, tmp_path, str)
+    two.close()
+    rows = np.load(tmp_path / "rows.npy")
+    assert "runs.csv" not in [p.name for p in paths] and not (tmp_path / "unfinished").exists()
+    path = "world.craft.I_B[0, 0]"
+    assert (rows[:, data["columns"].index(path)] == result.draws[path]).all()
+
+
+def test_counts_of_any_numbers_have_the_stated_bound():
+    values = np.random.default_rng(0).normal(size=(2001, 4)) * [1e-12, 1, 1e12, 0]
+    values[:, 1] = np.round(values[:, 1])
+    counts = Counts(4)
+    for part in np.array_split(values, 7):
+        counts.add(part)
+    lower = np.percentile(values, (0, 1, 50, 99, 100), axis=0, method="lower")
+    found = counts.percentiles((0, 1, 50, 99, 100))
+    assert (np.abs(found - lower) <= BOUND * np.abs(lower)).all() and (found[:, 3] == 0).all()
+    assert abs(counts.least_positive() / values[values > 0].min() - 1) <= BOUND
+
+
+@pytest.mark.parametrize("exact", [store.EXACT, 100])
+def test_a_campaign_that_was_broken_off_goes_on(campaign, result, tmp_path, monkeypatch, exact):
+    monkeypatch.setattr(store, "EXACT", exact)
+    kept = store.Store(campaign, 40, 5, tmp_path)
+    for share in shares_of(campaign, [(0, 7), (20, 25)]):
+        kept.add(share)
+    kept.save()
+    kept.add(shares_of(campaign, [(25, 30)])[0])    # a crash: this has not been saved
+    seen = []
+    again = campaign.fly(40, seed=5, folder=tmp_path, progress=lambda finished, failed: seen.append(finished))
+    assert seen[0] == 12 and seen[-1] == 40
+    assert again.failures == result.failures and again.unhealthy() == result.unhealthy()
+    assert all((again.draws[path] == values).all() for path, values in result.draws.items())
+    if exact > 100:
+        assert same(again, result)
+    else:
+        whole = campaign.fly(40, seed=5)
+        variable = campaign.dispersions.measures()[0]
+        assert (again.bands(variable, (5, 95)) == whole.bands(variable, (5, 95))).all()
+    other = campaign.fly(40, seed=6, folder=tmp_path, progress=lambda finished, failed: seen.append(finished))
+    assert seen.index(0) and other.seed == 6        # another plan begins anew
+    other.close()
+    assert not list(tmp_path.glob("unfinished"))
+
+
+# --- drivers ---------------------------------------------------------------------------------------
+
+def test_chance_makes_a_driver_as_seldom_as_it_is_said():
+    rng = np.random.default_rng(3)
+    found = 0
+    for _ in range(400):
+        flown = Drawn({f"x{i}": rng.normal(size=200) for i in range(5)})
+        found += bool(drivers.drivers(flown, rng.normal(size=200)))
+    assert found <= 4   # 0.4 are expected; so many come by chance with a probability below 1e-3
+
+
+class Drawn:
+    """Draws, without flights."""
+
+    def __init__(self, draws):
+        self.draws = draws
+        self.complete = np.ones(len(next(iter(draws.values()))), bool)
+
+
+@pytest.mark.parametrize("shape, correlation", [(lambda x: x, 1), (lambda x: -x**3, -1), (np.abs, 0), (np.cos, 0),
+                                                (np.round, 1)])
+def test_dependences_of_any_shape_are_found(shape, correlation):
+    rng = np.random.default_rng(4)
+    x = rng.permutation(np.linspace(-3, 3, 300))
+    draws = {"x": x, "n": rng.integers(0, 3, 300).astype(float), "y": rng.normal(size=300)}
+    first, *others = drivers.drivers(Drawn(draws), shape(x) + 0.1 * rng.normal(size=300))
+    assert first.path == "x" and first.share > 0.9 and abs(first.correlation - correlation) < 0.2 and not others
+    first, *others = drivers.drivers(Drawn(draws), draws["n"] == 1)
+    assert first.path == "n" and first.share == pytest.approx(1) and not others
+
+
+def test_quantiles_of_chi_squared():
+    for degrees, p, table in ((1, 0.999, 10.828), (4, 0.999, 18.467), (15, 0.999, 37.697), (15, 0.95, 24.996)):
+        assert table <= drivers.chi_squared(p, degrees) * 1.001 < 1.02 * table
+
+
 def test_the_draw_that_matters_is_found():
     def push(d):
         d.duration, d.every = 5 * s, 1 * s
@@ -392,10 +521,10 @@ def test_the_draw_that_matters_is_found():
         d.check(rate.norm().final < 1)
 
     result = Campaign("nadir_spin", push).fly(60)
-    linear, even = (plots.correlations(result, one) for one in result.campaign.dispersions.requirements)
-    assert linear[0][1:] == ("world.craft.omega_BN_B[1]", False) and linear[0][0] > 0.99
-    assert even[0][1:] == ("world.craft.omega_BN_B[1]", True) and even[0][0] > 0.7
-    assert abs(linear[1][0]) < 0.5
+    linear, even = (drivers.drivers(result, result.reached(one)[0]) for one in result.campaign.dispersions.requirements)
+    assert [one.path for one in linear] == [one.path for one in even] == ["world.craft.omega_BN_B[1]"]
+    assert linear[0].share > 0.9 and linear[0].correlation > 0.99
+    assert even[0].share > 0.5 and abs(even[0].correlation) < 0.5
 
 
 def test_a_live_line_on_a_terminal(monkeypatch, capsys):
@@ -404,6 +533,7 @@ def test_a_live_line_on_a_terminal(monkeypatch, capsys):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
     with _Live("nadir_spin, release", 200) as line:
         line._begun -= 10
+        line.at(0, 0)
         line.at(50, 2)
     assert re.search(r"nadir_spin, release \[#######\.+\]  25%  50 of 200, 5 a second, 30 s left, 2 failed",
                      capsys.readouterr().err)

@@ -5,16 +5,20 @@ from __future__ import annotations
 
 import math
 import re
-from typing import TYPE_CHECKING
+from itertools import islice
+from typing import TYPE_CHECKING, Any
 
+from fledge.montecarlo.drivers import drivers
+from fledge.montecarlo.sweep import Sweep, number, text
 from fledge.objects.measured import flat_index, unit_after
 from fledge.plot import STYLE, TITLE, axis_label, component_labels, label_time, symbol, time_unit, unit_label, used
 
 if TYPE_CHECKING:
+    import numpy as np
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from fledge.montecarlo import Result
+    from fledge.montecarlo.result import Result
     from fledge.montecarlo.requirements import Requirement, Variable
 
 PERCENTILES = (1, 5, 25, 50, 75, 95, 99)
@@ -23,17 +27,13 @@ BANDS = (("1", "99", "#e3ebf4"), ("5", "95", "#c3d5e8"), ("25", "75", "#8fb1d3")
 MEDIAN, FAILED, LIMIT = "#1f5a96", "#d1622b", "#a6394a"
 DASHED = {"color": LIMIT, "linestyle": (0, (4, 1.5))}
 LINES_MAX = 12      # single runs in a panel
+POINTS_MAX = 5000   # runs in a scatter plot, those of the lowest indices
+PANELS_MAX = 24     # histograms in a figure
 
 
 def percentiles(n: int) -> tuple[int, ...]:
     """The percentiles that n runs determine: the 5th is one of the runs only if there are at least 19."""
     return tuple(p for p in PERCENTILES if (n + 1) * min(p, 100 - p) >= 100)
-
-
-def summary_of(variable: Variable) -> Variable:
-    """A variable as one number: of a vector the norm, of another array the largest element."""
-    shape = variable.field_path.shape
-    return variable if not shape else variable.norm() if shape == (3,) else variable.max_abs()
 
 
 def figures(result: Result) -> list[Figure]:
@@ -43,8 +43,15 @@ def figures(result: Result) -> list[Figure]:
     if not result.complete.any():
         return []
     with matplotlib.style.context(STYLE):
-        return [*(_bands(result, variable) for variable in result.campaign.dispersions.retained.values()),
-                *_requirements(result), *_drivers(result)]
+        return [*_axes(result),
+                *(_bands(result, variable) for variable in result.campaign.dispersions.retained.values()),
+                *_requirements(result),
+                *_histograms(result, "final", "at the end", [(_axis_label(one), result.final(one)[result.complete])
+                                                             for one in result.campaign.dispersions.measures()]),
+                *_drivers(result),
+                *_histograms(result, "draws", "what was drawn", [
+                    (axis_label(path.partition(".")[2], result.campaign.dispersions.columns[path]), values)
+                    for path, values in result.draws.items()])]
 
 
 def _figure(rows, columns, name, title, result, sharex=False, height=2.3):
@@ -94,11 +101,10 @@ def _bands(result: Result, variable: Variable) -> Figure:
     import numpy as np
 
     path, shape = variable.field_path, variable.field_path.shape
-    panels = [summary_of(variable)]
+    panels = variable.panels
     if shape:
-        values = result.retained[variable.path][result.complete]
-        shown = used(values.reshape(-1, math.prod(shape)), shape)
-        panels += [variable[index] for index in list(np.ndindex(shape))[:shown]]
+        there = np.array([[0.0 if result.is_zero(one) else 1.0 for one in panels[1:]]])
+        panels = panels[:1 + used(there, shape)]
     columns = 1 if len(panels) == 1 else 2
     figure, axes = _figure(-(-len(panels) // columns), columns,
                            "bands-" + re.sub(r"\W+", "_", variable.path).strip("_"),
@@ -117,29 +123,31 @@ def _bands(result: Result, variable: Variable) -> Figure:
 def _band_panel(axis: Axes, variable: Variable, result: Result, factor: float) -> None:
     import numpy as np
 
-    values = variable.values(result)
-    complete = values[result.complete]
     time = result.time / factor
-    shown = percentiles(len(complete))
-    curves = dict(zip(map(str, shown), np.percentile(complete, shown, axis=0))) if shown else {}
-    logarithmic = variable._measure in ("norm", "max_abs") and _spans_decades(np.median(complete, axis=0))
+    shown = percentiles(int(result.complete.sum()))
+    median, *bands = result.bands(variable, (50, *shown))
+    curves = dict(zip(map(str, shown), bands))
+    logarithmic = variable._measure in ("norm", "max_abs") and _spans_decades(median)
     if logarithmic:
         axis.set_yscale("log")
-        floor = complete[complete > 0].min()
+        floor = result.least_positive(variable)
         curves = {p: np.maximum(curve, floor) for p, curve in curves.items()}
     for low, high, colour in BANDS:
         if low in curves:
             axis.fill_between(time, curves[low], curves[high], color=colour, linewidth=0, label=f"{low} to {high} %")
     few = "5" not in curves
     if few:
-        for i, run in enumerate(complete[:LINES_MAX]):
+        some = np.flatnonzero(result.complete)[:LINES_MAX].tolist()
+        for i, run in enumerate(result.runs_of(variable, some).values()):
             axis.plot(time, run, color="#b0b0b0", linewidth=0.7, label=None if i else "single runs")
     if "25" in curves:  # at least three runs
         axis.plot(time, curves["50"], color=MEDIAN, label="median")
-    failed = [i for i in result.failures if np.isfinite(values[i, 0])]
-    for k, i in enumerate(failed[:LINES_MAX]):
-        axis.plot(time, values[i], color=FAILED, linewidth=0.6, alpha=0.8,
-                  label=None if k else _count(min(len(failed), LINES_MAX), len(failed), "failed run"))
+    n = len(result.failures)
+    failed = [run for run in result.runs_of(variable, list(islice(result.failures, 2 * LINES_MAX))).values()
+              if np.isfinite(run[0])]
+    for k, run in enumerate(failed[:LINES_MAX]):
+        axis.plot(time, run, color=FAILED, linewidth=0.6, alpha=0.8,
+                  label=None if k else _count(min(len(failed), LINES_MAX), n, "failed run"))
     for one in result.campaign.dispersions.requirements:
         if one.variable.measure_text == variable.measure_text:
             _limit(axis, one, result, factor)
@@ -172,7 +180,7 @@ def _requirements(result: Result) -> list[Figure]:
     figure, axes = _figure(-(-len(requirements) // columns), columns, "requirements", "what the runs reached", result,
                            height=2.6)
     for axis, one in zip(axes, requirements):
-        values, _, holds = one.worst(result)
+        values, _, holds = result.reached(one)
         used = result.complete & np.isfinite(values)
         if not used.any():
             axis.set_visible(False)
@@ -211,42 +219,118 @@ def _requirements(result: Result) -> list[Figure]:
     return [figure]
 
 
-def correlations(result: Result, requirement: Requirement) -> list[tuple[float, str, bool]]:
-    """[(rank correlation, path of a draw, whether it is of the draw's distance from its median)] with the values that
-    the runs reached, the strongest first."""
+def _axes(result: Result) -> list[Figure]:
+    """Of a sweep, each measure that is judged over each axis; over two axes together as a map."""
     import numpy as np
 
-    values = requirement.worst(result)[0]
-    used = result.complete & np.isfinite(values)
-    n = int(used.sum())
-    if n < 2:
+    sweep = result.campaign
+    if not isinstance(sweep, Sweep):
         return []
+    rows, paths = judged(result), list(sweep.axes)
+    together = len(paths) == 2
+    columns = min(len(rows), 2) if together or len(paths) == 1 else len(paths)
+    n = len(rows) if together or len(paths) == 1 else len(rows) * len(paths)
+    figure, axes = _figure(-(-n // columns), columns, "axes", "over the axes", result, height=3.2 if together else 2.6)
+    for i, axis in enumerate(axes):
+        if i >= n:
+            axis.set_visible(False)
+            continue
+        which, shown = (i, paths) if together or len(paths) == 1 else (i // len(paths), [paths[i % len(paths)]])
+        variable, when, values, requirement = rows[which]
+        grid = sweep.on_grid(values)
+        bad = sweep.on_grid(result.flown & ~result.passed if requirement is None else
+                            result.flown & ~requirement.holds(values))
+        places = [np.array([number(sweep.axes[path], one) for one in sweep.axes[path]]) for path in shown]
+        if together:
+            _map(axis, places[0], places[1], grid, bad, _axis_label(variable))
+        else:
+            _curve(axis, places[0], np.moveaxis(grid, grid.ndim - 1 - paths.index(shown[0]), -1),
+                   np.moveaxis(bad, grid.ndim - 1 - paths.index(shown[0]), -1), requirement)
+            axis.set_ylabel(_axis_label(variable) + "\n" + when)
+        for path, place, side in zip(shown, places, (axis.xaxis, axis.yaxis)):
+            listed = sweep.axes[path]
+            if _is_geometric(place):
+                (axis.set_xscale if side is axis.xaxis else axis.set_yscale)("log")
+            if len(listed) <= 10 or any(isinstance(one, (str, list, tuple)) for one in listed):
+                side.set_ticks([], minor=True)
+                side.set_ticks(place, [f"{one:.3g}" if isinstance(one, float) else text(one) for one in listed])
+        axis.set_xlabel(axis_label(shown[0], sweep.unit(shown[0])))
+        if together:
+            axis.set_ylabel(axis_label(shown[1], sweep.unit(shown[1])))
+            axis.set_title(when if requirement is None else f"{when} {requirement.comparison} {requirement.limit:.4g}"
+                           + unit_after(variable.unit))
+    return [figure]
 
-    def ranks(x):
-        order = np.empty(n)
-        order[np.argsort(x, kind="stable")] = np.arange(n)
-        return order - (n - 1) / 2
 
-    own = ranks(values[used])
-    found = []
-    for path, draws in result.draws.items():
-        drawn = draws[used]
-        if drawn.min() < drawn.max():
-            both = [(float(own @ ranks(x) / (own @ own)), path, distance)
-                    for x, distance in ((drawn, False), (np.abs(drawn - np.median(drawn)), True))]
-            found.append(max(both, key=lambda one: abs(one[0])))
-    return sorted(found, key=lambda one: -abs(one[0]))
+def _is_geometric(place):
+    """Whether values stand on a logarithmic axis."""
+    return len(place) > 2 and place.min() > 0 and place[1] - place[0] < 0.6 * (place[-1] - place[-2])
+
+
+def _edges(place):
+    """The borders of the cells about values, of which each is in the middle of its cell on its axis."""
+    import numpy as np
+
+    on_axis = np.log(place) if _is_geometric(place) else place
+    gaps = np.diff(on_axis) if len(place) > 1 else np.ones(1)
+    edges = np.concatenate([on_axis[:1] - gaps[0] / 2, on_axis[:-1] + gaps[:len(place) - 1] / 2,
+                            on_axis[-1:] + gaps[-1] / 2])
+    return np.exp(edges) if _is_geometric(place) else edges
+
+
+def _map(axis, x, y, grid, bad, label):
+    """The median of the runs at each point of two axes, with a cross where a run has failed."""
+    import warnings
+
+    import numpy as np
+    from matplotlib.colors import LogNorm
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)     # of points where no run came to its end
+        median = np.nanmedian(grid, axis=0)
+    if not np.isfinite(median).any():
+        return
+    mesh = axis.pcolormesh(_edges(x), _edges(y), np.ma.masked_invalid(median), cmap="Blues",
+                           norm=LogNorm() if _spans_decades(median) and np.nanmin(median) > 0 else None)
+    axis.figure.colorbar(mesh, ax=axis, label=label)
+    row, column = np.nonzero(bad.any(axis=0))
+    axis.plot(x[column], y[row], linestyle="", marker="x", color=FAILED, markersize=5)
+    axis.grid(False)
+
+
+def _curve(axis, x, grid, bad, requirement):
+    """All runs over one axis: their median and extremes; each that has failed."""
+    import warnings
+
+    import numpy as np
+
+    runs, failed = grid.reshape(-1, len(x)), bad.reshape(-1, len(x))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)     # of points where no run came to its end
+        low, median, high = np.nanmin(runs, axis=0), np.nanmedian(runs, axis=0), np.nanmax(runs, axis=0)
+    if len(runs) > 1:
+        axis.fill_between(x, low, high, color="#c3d5e8", linewidth=0)
+    axis.plot(x, median, color=MEDIAN, marker="o", markersize=3)
+    row, column = np.nonzero(failed)
+    axis.plot(x[column], runs[row, column], linestyle="", marker="x", color=FAILED, markersize=5)
+    if _spans_decades(runs):
+        axis.set_yscale("log")
+    if requirement is not None:
+        axis.axhline(requirement.limit, **DASHED, linewidth=1.2)
+
+
+def judged(result: Result) -> list[tuple[Variable, str, np.ndarray, Requirement | None]]:
+    """(measure, when, (runs,) values, requirement) of each requirement; of each measure at the end if there is none."""
+    d = result.campaign.dispersions
+    return ([(one.variable, one.variable.when, result.reached(one)[0], one) for one in d.requirements]
+            or [(one, "at the end", result.final(one), None) for one in d.measures()])
 
 
 def _drivers(result: Result) -> list[Figure]:
-    """Of each requirement, the three draws with the strongest correlation, unless it may be chance."""
-    n = int(result.complete.sum())
-    rows = []
-    for one in result.campaign.dispersions.requirements:
-        # Without any dependence the deviation of a rank correlation is 1 / sqrt(n - 1).
-        strong = [c for c in correlations(result, one)[:3] if n >= 30 and abs(c[0]) > 4 / math.sqrt(n - 1)]
-        if strong:
-            rows.append((one, strong))
+    """Of each measure that is judged, the three draws on which it depends most."""
+    import numpy as np
+
+    rows = [(row, strong) for row in judged(result) if (strong := drivers(result, row[2])[:3])]
     if not rows:
         return []
     figure, axes = _figure(len(rows), 3, "drivers", "the draws that matter most", result, height=2.7)
@@ -254,20 +338,54 @@ def _drivers(result: Result) -> list[Figure]:
     d = result.campaign.dispersions
     for axis in axes:
         axis.set_visible(False)
-    for row, (one, strong) in enumerate(rows):
-        values, _, holds = one.worst(result)
-        for axis, (rho, path, distance) in zip(axes[3 * row:], strong):
+    for row, ((variable, when, values, requirement), strong) in enumerate(rows):
+        holds = requirement.holds(values) if requirement is not None else result.complete
+        for axis, one in zip(axes[3 * row:], strong):
             axis.set_visible(True)
             for chosen, colour, size in ((holds, "#5d8cbc", 4), (~holds, FAILED, 9)):
-                chosen = chosen & result.complete
-                axis.scatter(result.draws[path][chosen], values[chosen], s=size, color=colour, linewidths=0, alpha=0.7)
+                shown = np.flatnonzero(chosen & result.complete)[:POINTS_MAX]
+                axis.scatter(result.draws[one.path][shown], values[shown],
+                             s=size, color=colour, linewidths=0, alpha=0.7)
             if _spans_decades(values[result.complete]):
                 axis.set_yscale("log")
-            axis.axhline(one.limit, **DASHED, linewidth=1.2)
-            unit = d.columns[path]
-            axis.set_xlabel(axis_label(path.partition(".")[2], unit))
-            axis.set_title(f"rank correlation {rho:+.2f}".replace("-", "\N{MINUS SIGN}")
-                           + (" with |x \N{MINUS SIGN} median|" if distance else ""))
+            if requirement is not None:
+                axis.axhline(requirement.limit, **DASHED, linewidth=1.2)
+            axis.set_xlabel(axis_label(one.path.partition(".")[2], d.columns[one.path]))
+            axis.set_title(
+                f"explains {one.share:.0%}, correlation {one.correlation:+.2f}".replace("-", "\N{MINUS SIGN}"))
             axis.margins(x=0.03)
-        axes[3 * row].set_ylabel(_axis_label(one.variable) + "\n" + one.variable.when)
+        axes[3 * row].set_ylabel(_axis_label(variable) + "\n" + when)
+    return [figure]
+
+
+def _histograms(result: Result, name: str, title: str, shown: list[tuple[str, np.ndarray]]) -> list[Figure]:
+    """A figure of histograms. shown: (label, values of the runs)"""
+    import numpy as np
+
+    if len(shown) > PANELS_MAX:
+        title += f", the first {PANELS_MAX} of {len(shown)}"
+    shown = [(label, values[np.isfinite(values)]) for label, values in shown[:PANELS_MAX]]
+    shown = [(label, values) for label, values in shown if len(values)]
+    if not shown:
+        return []
+    columns = min(4, len(shown))
+    figure, axes = _figure(-(-len(shown) // columns), columns, name, title, result, height=1.7)
+    figure.set_figwidth(max(5.0, 2.75 * columns))
+    for axis, (label, values) in zip(axes, shown):
+        distinct = np.unique(values[:1000])
+        if len(distinct) <= 10 and len(distinct) < len(values[:1000]):     # whole numbers, enumerations, choices
+            distinct, counts = np.unique(values, return_counts=True)
+            width = 0.8 * np.diff(distinct).min() if len(distinct) > 1 else 1.0
+            axis.bar(distinct, counts, width, color="#8fb1d3")
+        else:
+            bins: Any = min(40, max(5, int(math.sqrt(len(values)))))
+            if _spans_decades(values):
+                axis.set_xscale("log")
+                bins = np.geomspace(values[values > 0].min(), values.max(), bins + 1)
+            axis.hist(values, bins, color="#8fb1d3")
+        axis.set_xlabel(label)
+        axis.yaxis.get_major_locator().set_params(integer=True)
+        axis.grid(False, axis="x")
+    for axis in axes[len(shown):]:
+        axis.set_visible(False)
     return [figure]

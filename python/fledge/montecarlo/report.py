@@ -5,14 +5,18 @@
                                 command that repeats that run
     runs.csv                    a line per run: its draws, its final values, its failure
     runs.h5                     the same, with the retained variables over time
+    rows.npy                    in place of both where the runs retain too much to be kept one by one (store.EXACT): a
+                                row per run; summary.json names the columns
     bands-*.png                 percentiles of a retained variable over time
     requirements.png            the value that each run reached, against the limit
+    final.png, draws.png        histograms of the values at the end, and of the draws
     drivers.png                 the draws that a requirement depends on most
 """
 from __future__ import annotations
 
 import csv
 import io
+import itertools
 import json
 import math
 from collections.abc import Callable
@@ -21,11 +25,15 @@ from typing import TYPE_CHECKING
 
 from fledge.columns import columns
 from fledge.files import Part
-from fledge.montecarlo.plots import PERCENTILES, figures, percentiles, summary_of
+from fledge.montecarlo.counts import BOUND
+from fledge.montecarlo.drivers import SIGNIFICANCE, drivers
+from fledge.montecarlo.sweep import Sweep, text as text_of
+from fledge.montecarlo.plots import PERCENTILES, figures, judged, percentiles
 
 if TYPE_CHECKING:
-    from fledge.montecarlo import Result
-    from fledge.montecarlo.requirements import Variable
+    from fledge.montecarlo.result import Result
+
+FAILURES_MAX = 1000     # in a summary
 
 
 def confidence(passed: int, n: int) -> tuple[float, float]:
@@ -37,15 +45,6 @@ def confidence(passed: int, n: int) -> tuple[float, float]:
     middle = (rate + spread / 2) / (1 + spread)
     half = z / (1 + spread) * math.sqrt(rate * (1 - rate) / n + spread / (4 * n))
     return (0.0 if passed == 0 else middle - half), (1.0 if passed == n else middle + half)
-
-
-def measures(result: Result) -> list[Variable]:
-    """A number over time for each retained variable and for each requirement."""
-    d = result.campaign.dispersions
-    found: dict[str, Variable] = {}
-    for variable in [*map(summary_of, d.retained.values()), *(r.variable for r in d.requirements)]:
-        found.setdefault(variable.measure_text, variable)
-    return list(found.values())
 
 
 # --- text ------------------------------------------------------------------------------------------
@@ -63,9 +62,13 @@ def summary(result: Result, command: Callable[[int], str]) -> dict:
         shown = percentiles(int(complete.sum()))
         return {str(p): float(x) for p, x in zip(shown, np.percentile(values[complete], shown))} if shown else {}
 
+    depends = []
+    for variable, when, reached, _ in judged(result):
+        depends.append({"measure": variable.measure_text, "when": when,
+                        "drivers": [one._asdict() for one in drivers(result, reached)]})
     requirements = []
     for one in d.requirements:
-        values, times, holds = one.worst(result)
+        values, times, holds = result.reached(one)
         row = {"requirement": repr(one), "message": one.message, "unit": one.variable.unit, "limit": one.limit,
                "held": int(holds[complete].sum()), "of": int(complete.sum())}
         if complete.any():
@@ -73,10 +76,10 @@ def summary(result: Result, command: Callable[[int], str]) -> dict:
             i = int(np.flatnonzero(complete)[np.argmax(key[complete])])
             row.update(worst=float(values[i]), worst_run=i, worst_time=float(times[i]))
         requirements.append(row)
-    draws = []
+    draws, nominal = [], campaign.drawn(campaign.nominal)
     for path, values in result.draws.items():
         values = values[np.isfinite(values)]
-        row = {"path": path, "unit": d.columns[path]}
+        row = {"path": path, "unit": d.columns[path], "nominal": nominal[path]}
         if len(values):
             row.update(min=float(values.min()), mean=float(values.mean()), max=float(values.max()),
                        deviation=float(values.std(ddof=1)) if len(values) > 1 else 0.0)
@@ -87,12 +90,19 @@ def summary(result: Result, command: Callable[[int], str]) -> dict:
         "interrupted": result.interrupted, "pass_rate_95_percent": [low, high],
         "duration": d.duration, "every": d.every,
         "requirements": requirements,
-        "final": [{"measure": one.measure_text, "unit": one.unit, "percentiles": describe(one.values(result)[:, -1])}
-                  for one in measures(result)],
-        "declared": {path: repr(draw) for path, draw in d.draws.items()}, "draws": draws,
-        "health": [{"kind": one.kind, "path": one.path, "runs": len(runs), "run": runs[0], "text": one.text}
-                   for one, runs in result.unhealthy()],
-        "failures": [{"run": i, "text": text, "command": command(i)} for i, text in result.failures.items()],
+        "final": [{"measure": one.measure_text, "unit": one.unit, "percentiles": describe(result.final(one))}
+                  for one in d.measures()],
+        "declared": {path: repr(draw) for path, draw in d.draws.items() if draw.kind != "grid"}, "draws": draws,
+        "health": [{"kind": one.kind, "path": one.path, "runs": n, "run": first, "text": one.text}
+                   for one, n, first in result.unhealthy()],
+        "axes": {path: {"values": [text_of(one) for one in values], "unit": campaign.unit(path)}
+                 for path, values in campaign.axes.items()} if isinstance(campaign, Sweep) else {},
+        "points": getattr(campaign, "points", 1),
+        "drivers": depends, "significance": SIGNIFICANCE,
+        "failures": [{"run": i, "text": result.failures[i], "command": command(i)}
+                     for i in itertools.islice(result.failures, FAILURES_MAX)],
+        "percentile_bound": 0.0 if result.exact else BOUND,
+        **({} if result.exact else {"columns": result.store.names}),
     }
 
 
@@ -102,7 +112,9 @@ def text(data: dict, failures: int | None = None) -> str:
     flown, passed = data["flown"], data["passed"]
     lines.append(f"  runs     {flown} of {data['duration']:g} s, seed {data['seed']}"
                  + (f"; stopped before {data['runs'] - flown} more" if flown < data["runs"] else ""))
-    if flown:
+    if data["axes"]:
+        lines.append(f"  passed   {passed} of {flown}")
+    elif flown:
         low, high = data["pass_rate_95_percent"]
         lines.append(f"  passed   {passed} of {flown}, {100 * passed / flown:.4g} %; "
                      f"the true rate is {100 * low:.4g} to {100 * high:.4g} % (95 % confidence)")
@@ -122,8 +134,12 @@ def text(data: dict, failures: int | None = None) -> str:
         lines += ["", table[0][2:], *table[1:]]
         if left:
             lines.append(f"  too few runs for the percentiles {', '.join(map(str, left))}")
-    lines += ["", "dispersed", *columns([(path, "= " + drawn)
-                                        for path, drawn in data["declared"].items()], indent="  ")]
+    if data["axes"]:
+        lines += ["", "swept", *columns([(path, "= " + ", ".join(axis["values"]), axis["unit"])
+                                         for path, axis in data["axes"].items()], indent="  ")]
+    drawn = [(path, "= " + how) for path, how in data["declared"].items()]
+    if drawn:
+        lines += ["", "dispersed", *columns(drawn, indent="  ")]
     if data["health"]:
         lines += ["", "health"]
         lines += [f"  in {one['runs']} of {flown} runs, as in run {one['run']}: {one['text']}"
@@ -134,8 +150,8 @@ def text(data: dict, failures: int | None = None) -> str:
         for one in shown:
             first, *more = one["text"].split("\n")
             lines += [f"  run {one['run']}: {first}", *(f"    {line}" for line in more), f"    {one['command']}"]
-        if len(shown) < len(data["failures"]):
-            lines.append(f"  and {len(data['failures']) - len(shown)} more")
+        if len(shown) < data["failed"]:
+            lines.append(f"  and {data['failed'] - len(shown)} more")
     return "\n".join(lines)
 
 
@@ -147,19 +163,23 @@ def write(result: Result, folder: Path | str, command: Callable[[int], str]) -> 
 
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    # Of a campaign that retained or required something else.
-    for old in [*folder.glob("bands-*.png"), folder / "requirements.png", folder / "drivers.png"]:
-        old.unlink(missing_ok=True)
+    for old in [*folder.glob("bands-*.png"), *(folder / name for name in (
+            "axes.png", "requirements.png", "final.png", "drivers.png", "draws.png", "runs.csv", "runs.h5",
+            "rows.npy"))]:
+        old.unlink(missing_ok=True)     # of a campaign that retained or required something else
     data = summary(result, command)
-    contents = {"summary.txt": text(data) + "\n", "summary.json": json.dumps(data, indent=1) + "\n",
-                "runs.csv": _csv(result)}
+    contents = {"summary.txt": text(data) + "\n", "summary.json": json.dumps(data, indent=1) + "\n"}
+    if result.exact:
+        contents["runs.csv"] = _csv(result)
     for name, content in contents.items():
         with Part(folder / name) as part:
             part.write_text(content, encoding="utf-8")
-    with Part(folder / "runs.h5") as part:
-        part.write_bytes(_hdf5(result))
-    return data, [*(folder / name for name in (*contents, "runs.h5")),
-                  *(save(figure, folder) for figure in figures(result))]
+    paths = [folder / name for name in contents]
+    if result.exact:
+        with Part(folder / "runs.h5") as part:
+            part.write_bytes(_hdf5(result))
+        paths.append(folder / "runs.h5")
+    return data, [*paths, *(save(figure, folder) for figure in figures(result))]
 
 
 def _csv(result: Result) -> str:
@@ -168,8 +188,9 @@ def _csv(result: Result) -> str:
     def head(name, unit):
         return f"{name} [{unit}]" if unit else name
 
-    reached = {repr(r.variable): (r.worst(result)[0], r.variable.unit) for r in d.requirements}
-    final = {repr(one.final): (one.values(result)[:, -1], one.unit) for one in measures(result)}
+    reached = {repr(r.variable): (result.reached(r)[0], r.variable.unit) for r in d.requirements}
+    final = {repr(one.final): (result.final(one), one.unit) for one in d.measures()}
+    draws = [*result.draws.values()]
     columns = {**final, **reached}
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
@@ -177,7 +198,7 @@ def _csv(result: Result) -> str:
                      *(head(name, unit) for name, (_, unit) in columns.items()), "failure"])
     for i in range(len(result)):
         outcome = "passed" if result.passed[i] else "failed" if result.flown[i] else "not flown"
-        numbers = [*(values[i] for values in result.draws.values()), *(values[i] for values, _ in columns.values())]
+        numbers = [*(values[i] for values in draws), *(values[i] for values, _ in columns.values())]
         writer.writerow([i, outcome, *("" if math.isnan(x) else repr(float(x)) for x in numbers),
                          result.failures.get(i, "")])
     return out.getvalue()

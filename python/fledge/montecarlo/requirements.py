@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from fledge.errors import SetupError
-from fledge.montecarlo.field_path import FieldPath, port
+from fledge.mission.field_path import FieldPath, port
 from fledge.objects.measured import Measured, unit_after
 from fledge.objects.si import short_name, time_ns
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from fledge.mission.simulation import Simulation
-    from fledge.montecarlo import Result
+    from fledge.montecarlo.shares import Series
 
 
 class Variable(Measured):
@@ -98,7 +98,21 @@ class Variable(Measured):
             [f"before {self._end / 1e9:g} s"] if self._end is not None else [])
         return " and ".join(parts)
 
-    def values(self, result: Result) -> np.ndarray:
+    @property
+    def summary(self) -> Variable:
+        """It as one number: of a vector the norm, of another array the largest element."""
+        shape = self.field_path.shape
+        return self if not shape else self.norm() if shape == (3,) else self.max_abs()
+
+    @property
+    def panels(self) -> list[Variable]:
+        """What a figure of it shows: its summary, and each element of an array."""
+        import numpy as np
+
+        shape = self.field_path.shape
+        return [self.summary, *(self[index] for index in np.ndindex(shape))] if shape else [self.summary]
+
+    def values(self, result: Series) -> np.ndarray:
         """(runs, samples): its number in each run at each sample, also outside its part of the time."""
         import numpy as np
 
@@ -131,7 +145,7 @@ class Requirement:
     def __bool__(self):
         raise TypeError(f"{self!r} is only known when the campaign has flown; hand it to d.check()")
 
-    def worst(self, result: Result) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def worst(self, result: Series) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(values, times [s], whether they hold): of each run, the sample closest to the limit or furthest beyond it.
         NaN, and not held, for runs that were not flown to their end."""
         import numpy as np
@@ -144,9 +158,14 @@ class Requirement:
         else:
             at = np.argmax(values, axis=1) if self.comparison in ("<", "<=") else np.argmin(values, axis=1)
         worst = values[np.arange(len(values)), at]
-        holds = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge,
-                 "==": operator.eq, "!=": operator.ne}[self.comparison](worst, self.limit)
-        return worst, result.ns[part][at] / 1e9, holds & ~np.isnan(worst)
+        return worst, result.ns[part][at] / 1e9, self.holds(worst)
+
+    def holds(self, values: Any) -> Any:
+        """Whether values fulfil it; what is not a number does not."""
+        import numpy as np
+
+        return {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge,
+                "==": operator.eq, "!=": operator.ne}[self.comparison](values, self.limit) & ~np.isnan(values)
 
     def failure(self, value: float, time: float) -> str:
         """The text for a run that does not fulfil it."""

@@ -1,0 +1,222 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A mission that flies many times, each time with other parameters."""
+
+from __future__ import annotations
+
+import os
+import weakref
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fledge import _core, mission as missions
+from fledge.errors import SetupError
+from fledge.mission.folder import MissionFiles, first_line, functions_of
+from fledge.montecarlo.dispersions import Dispersions
+from fledge.montecarlo.result import Result
+from fledge.montecarlo.shares import Share, by_processes, by_threads
+from fledge.montecarlo.store import Store
+from fledge.mission.field_path import FieldPath
+from fledge.progress import Bar
+
+if TYPE_CHECKING:
+    from fledge.mission.log import Log
+    from fledge.mission.simulation import Simulation
+
+
+class Campaign:
+    """A mission, and the parameters that differ between its runs.
+
+    mission: a name, or the path of a folder; name: of a function in its dispersions.py (default: the
+    first), or a function that takes `d`; `known` lists those of the file, with the first lines of their
+    docstrings.
+    Raises SetupError, or MissionError with the line of the mission's file.
+    """
+
+    def __init__(self, mission: str | os.PathLike[str],
+                 name: str | Callable[[Dispersions], Any] | None = None) -> None:
+        self._mission, self._function = mission, name
+        self.nominal, self.dispersions, self.known, self.name = self._declare(0)
+        self.plan = self.dispersions._finished()
+        self.summary = self.known.get(self.name, "")
+        # The elements of orbits as they were drawn: a state does not tell all of them.
+        self._orbits: weakref.WeakKeyDictionary[Simulation, list[float]] = weakref.WeakKeyDictionary()
+
+    @property
+    def folder(self) -> Path:
+        """The mission's folder."""
+        assert self.nominal.mission
+        return self.nominal.mission.folder
+
+    @property
+    def recipe(self) -> tuple[Any, tuple]:
+        """(class, arguments) that make this campaign in another program."""
+        path = Path(self._mission)
+        return Campaign, (str(path.resolve()) if path.is_dir() else str(path), self._function)
+
+    @property
+    def has_callables(self) -> bool:
+        """Whether the mission's events or modules call Python. Processes fly such runs, each in a mission loaded
+        afresh, because the functions of one mission may share data."""
+        return _core.has_callables(self.nominal.kernel)
+
+    def simulation(self, index: int, seed: int = 0) -> Simulation:
+        """The simulation of one run, its parameters and seed set, not yet run.
+
+        Fly it for `campaign.dispersions.duration`.
+        """
+        if index < 0:
+            raise SetupError(f"a run's index must be >= 0, found {index}")
+        sim, plan = self._load(index)
+        plan.seed = seed
+        draws = disperse(sim, sim, plan, index)
+        self._orbits[sim] = draws[len(draws) - len(self.dispersions.orbit_elements):]
+        return sim
+
+    def fly(self, runs: int, seed: int = 0, threads: int | None = None, processes: bool = False,
+            progress: Callable[[int, int], Any] | None = None, strict: bool = False,
+            folder: str | os.PathLike[str] | None = None, scheduler: str | None = None) -> Result:
+        """Fly the runs 0 to runs - 1; returns a Result.
+
+        threads: default: all cores; processes: fly by processes even where threads would do; scheduler: the address of
+        a Dask scheduler, whose workers fly in place of both;
+        progress(finished, failed) is called about ten times a second; not given: a notebook shows a bar;
+        strict: a run with a finding about its health has failed. folder: results go to disk there, in `unfinished`, so
+        that a campaign that was broken off goes on where it was; Result.close() deletes them. Ctrl-C stops the
+        campaign: the result has the runs that were finished, and `interrupted` is set.
+        Raises SetupError before the first run if something is wrong with all of them, or with the workers; RunError if
+        the scheduler goes away.
+        """
+        threads = cores() if threads is None else threads
+        for value, what in ((runs, "runs"), (threads, "threads")):
+            if value < 1:
+                raise SetupError(f"{what} must be >= 1, found {value}")
+        if not 0 <= seed < 2**64:
+            raise SetupError(f"seed must be a whole number from 0 to 2^64 - 1, found {seed}")
+        self.nominal.kernel.ready_for(self.plan.duration)  # an error of the nominal run is one of all runs
+        store = Store(self, runs, seed, Path(folder) if folder else None, strict)
+        before, bad = store.finished, len(store.errors)
+
+        live = Bar(self.name)
+
+        def report(finished: int, failed: int) -> None:
+            finished, failed = before + finished, bad + failed
+            if progress:
+                progress(finished, failed)
+            elif live.notebook:
+                live.draw(finished / runs, f"{finished} of {runs}" + (f", {failed} failed" if failed else ""))
+
+        report(0, 0)
+        if scheduler:
+            from fledge.montecarlo.scheduler import by_scheduler
+
+            shares = by_scheduler(self, store.missing(), seed, scheduler, report)
+        else:
+            fly = by_processes if processes or self.has_callables else by_threads
+            shares = fly(self, store.missing(), seed, threads, report)
+        interrupted = False
+        with live:
+            try:
+                for share in shares:
+                    store.add(share)
+                report(store.finished - before, len(store.errors) - bad)
+            except KeyboardInterrupt:
+                interrupted = True
+            except SetupError:
+                if not store.finished:      # it has not begun
+                    store.close()
+                raise
+            finally:
+                shares.close()
+                store.save()
+        return Result(self, seed, store, interrupted)
+
+    def drawn(self, simulation: Simulation) -> dict[str, float]:
+        """The dispersed numbers of a simulation that simulation() gave, or of another one of this mission, which has
+        the nominal orbit: path -> number."""
+        elements = self.dispersions.orbit_elements
+        drawn = dict(zip(elements, self._orbits.get(simulation, elements.values())))
+        return {path: drawn[path] if path in drawn else FieldPath(simulation, path).value()
+                for path in self.dispersions.drawn}
+
+    def judge(self, log: Log, seed: int = 0) -> Result:
+        """The Result of one run that was flown by hand, from its records every `every`."""
+        import numpy as np
+
+        d = self.dispersions
+        every = d.ns[1] if len(d.ns) > 1 else d.ns[0] + 1
+        retained = []
+        for path in d.retained:
+            # As the kernel keeps them: between two instants a sample is that of the first.
+            taken = np.rint(log.time_of(path) * 1e9).astype(np.int64) // every
+            at = np.searchsorted(taken, np.arange(len(d.ns)), "right") - 1
+            retained.append(np.asarray(log[path][np.maximum(at, 0)], float).reshape(1, len(d.ns), -1))
+        store = Store(self, 1, seed)
+        store.add(Share(0, [True], [""], [[]], np.full((1, len(d.columns)), np.nan), retained))
+        return Result(self, seed, store)
+
+    def _load(self, index: int) -> tuple[Simulation, Any]:
+        """A fresh simulation of the mission for a run, and the plan for it."""
+        sim, dispersions, *_ = self._declare(index)
+        return sim, dispersions._finished()
+
+    def _declare(self, index: int) -> tuple[Simulation, Dispersions, dict[str, str], str]:
+        """A fresh simulation for a run, its Dispersions, and the name and the others of its campaign."""
+        return declare(self._mission, self._function, {})
+
+    def complete(self, share: Share) -> Share:
+        """A share with the numbers of its runs that the kernel does not know."""
+        return share
+
+    def _repr_html_(self):
+        from fledge.display import table
+
+        d = self.dispersions
+        drawn = [(path, repr(draw)) for path, draw in d.draws.items()]
+        kept = [(path, variable.field_path.field.doc) for path, variable in d.retained.items()]
+        checked = [(repr(one), one.message) for one in d.requirements]
+        return table(f"{self.name} of {self.nominal.name}, runs of {d.duration:g} s",
+                     [("dispersed", drawn), ("retained", kept), ("requirements", checked)], notes=[self.summary])
+
+    def __repr__(self):
+        return f"<campaign {self.name} of {self.nominal.name}: {len(self.dispersions.columns)} numbers dispersed>"
+
+
+def cores() -> int:
+    """The cores that this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
+def declare(mission: str | os.PathLike[str], wanted: str | Callable[[Dispersions], Any] | None,
+            parameters: dict[str, Any]) -> tuple[Simulation, Dispersions, dict[str, str], str]:
+    """(a fresh simulation, its Dispersions, the campaigns that there are, the name of this one)
+
+    parameters: of the mission"""
+    sim = missions.load(mission, **parameters)
+    dispersions = Dispersions(sim)
+    if callable(wanted):
+        wanted(dispersions)
+        return sim, dispersions, {wanted.__name__: first_line(wanted.__doc__)}, wanted.__name__
+    assert sim.mission
+    path = sim.mission.folder / "dispersions.py"
+    if not path.exists():
+        raise SetupError(f"the mission {sim.name} declares no dispersions; expected them in {path}")
+    with MissionFiles(sim.mission) as files:
+        module = files.execute("dispersions")
+        known = functions_of(module)
+        if not known:
+            raise SetupError(f"{path}: expected a function that takes d, as in def release(d)")
+        name = wanted or next(iter(known))
+        if name not in known:
+            raise SetupError(f"the mission {sim.name} has no campaign '{name}'; it has {', '.join(known)}")
+        files.call(known[name], dispersions)
+        files.forget()
+    return sim, dispersions, {n: first_line(f.__doc__) for n, f in known.items()}, name
+
+
+def disperse(nominal: Simulation, simulation: Simulation, plan: Any, index: int) -> list[float]:
+    """Set the parameters and the seed of a simulation to those of the run `index`; returns the numbers drawn.
+
+    nominal: a simulation with the nominal parameters, which may be the same one
+    """
+    return _core.disperse(nominal.kernel, simulation.kernel, plan, index)
